@@ -17,18 +17,25 @@ from random import Random
 from typing import Final
 
 from bench.cut_line import BITS, WRITE_HEAD, damaged, has_whole
-from gateway.exchange.cut_through.delay import ADDRESS_KNOWN, delay_ns, guard_ns, margin_ns, write_shape
-from gateway.exchange.cut_through.forward import SPOILT_SILENCES
-from gateway.exchange.cut_through.frame import Cut, CutEvent, CutThrough, Judge, Opening, Pace
+from gateway.exchange.cut_through.delay import ADDRESS_BYTES, delay_ns, guard_ns, margin_ns, write_shape
+from gateway.exchange.cut_through.forward import ABORTED_SILENCES
+from gateway.exchange.cut_through.frame import (
+    ForwardedFrame,
+    ForwardEvent,
+    ForwardingPace,
+    ForwardState,
+    Judge,
+    Opening,
+)
 from gateway.modbus.crc import append_crc
 from gateway.modbus.rtu_arrival import BLOCK_HEAD, RequestArrival
 from gateway.modbus.rtu_line import pause_ns, silence_ns
-from gateway.simulator.ears import MERGED_NS, Ear, Hearing
+from gateway.simulator.ears import MERGED_NS, Hearing, Uart
 from gateway.simulator.wire import PacedWire
 from gateway.times import NS_PER_S
 
 SHAPE: Final = write_shape(2, 0, 2)
-ENDS: Final = (CutEvent.OVERTAKEN, CutEvent.GONE, CutEvent.MET)
+ENDS: Final = (ForwardEvent.OVERTAKEN, ForwardEvent.GONE, ForwardEvent.MET)
 ENDED: Final = 0.05
 """Share of frames that somebody ends while they leave."""
 PAUSED: Final = 0.3
@@ -44,7 +51,7 @@ class _Adds(Judge):
         self.last = WRITE_HEAD + bytes(4)
 
     def opening(self, begun: bytes, now_ns: int) -> Opening | None:
-        known = begun[:ADDRESS_KNOWN] == WRITE_HEAD[:ADDRESS_KNOWN]
+        known = begun[:ADDRESS_BYTES] == WRITE_HEAD[:ADDRESS_BYTES]
         return Opening(SHAPE, self._delay_ns, self.last) if known else None
 
     def fits(self, opening: Opening, begun: bytes) -> bool:
@@ -66,11 +73,13 @@ class Damage:
         self.rng = Random(seed)
         self.char_ns = round(BITS * NS_PER_S / baudrate)
         self.silence_ns = silence_ns(baudrate)
-        self.pace = Pace(self.char_ns, self.char_ns + pause_ns(self.silence_ns), guard_ns(self.char_ns))
+        self.pace = ForwardingPace(
+            self.char_ns, self.char_ns + pause_ns(self.silence_ns), guard_ns(self.char_ns)
+        )
         delay = delay_ns(SHAPE, self.char_ns, self.char_ns) - self.char_ns + margin_ns(self.char_ns)
         self.judge = _Adds(delay)
         self.out = PacedWire(baudrate)
-        self.ears = [Ear(hearing, baudrate) for hearing in HEARINGS]
+        self.ears = [Uart(hearing, baudrate) for hearing in HEARINGS]
         self.now_ns = NS_PER_S
         self.frames = self.damaged = self.foreign = self.forged = 0
         self.turns: Counter[str] = Counter()
@@ -87,24 +96,24 @@ class Damage:
         self.damaged += is_damaged
         why = rng.choice(ENDS) if rng.random() < ENDED else None
         ends_after = rng.randrange(1, len(frame))
-        cut = CutThrough(RequestArrival(), self.judge, self.pace)
+        forwarded = ForwardedFrame(RequestArrival(), self.judge, self.pace)
         came = 0
         for at_ns, data in self._arrivals(pieces):
-            self._tick(cut, at_ns)
+            self._tick(forwarded, at_ns)
             self.now_ns = at_ns
-            self._write(cut.feed(data, at_ns))
+            self._write(forwarded.feed(data, at_ns))
             came += len(data)
             if why is not None and came >= ends_after:
-                self._write(cut.go_on(why, at_ns))
-            if cut.is_over:
+                self._write(forwarded.go_on(why, at_ns))
+            if forwarded.is_over:
                 break
-        self._tick(cut, self.now_ns + 1000 * self.char_ns)
-        self.turns[cut.state.value] += 1
-        if cut.state is Cut.WHOLE:
-            self._sent.append(cut.left)
+        self._tick(forwarded, self.now_ns + 1000 * self.char_ns)
+        self.turns[forwarded.state.value] += 1
+        if forwarded.state is ForwardState.WHOLE:
+            self._sent.append(forwarded.left)
             self.forged += is_damaged
-        silences = SPOILT_SILENCES if cut.state is Cut.SPOILT else 1
-        left_ns = cut.empty_ns if cut.left else self.now_ns
+        silences = ABORTED_SILENCES if forwarded.state is ForwardState.ABORTED else 1
+        left_ns = forwarded.empty_ns if forwarded.left else self.now_ns
         self.now_ns = max(self.now_ns, left_ns) + silences * self.silence_ns + rng.randrange(self.char_ns)
         if rng.random() < PAUSED:
             self.now_ns += 2 * MERGED_NS
@@ -123,10 +132,10 @@ class Damage:
                     yield at_ns, gathered
                     gathered = b""
 
-    def _tick(self, cut: CutThrough, until_ns: int) -> None:
-        while (deadline_ns := cut.deadline_ns) is not None and deadline_ns <= until_ns:
+    def _tick(self, forwarded: ForwardedFrame, until_ns: int) -> None:
+        while (deadline_ns := forwarded.deadline_ns) is not None and deadline_ns <= until_ns:
             self.now_ns = max(self.now_ns, deadline_ns)
-            self._write(cut.tick(self.now_ns))
+            self._write(forwarded.tick(self.now_ns))
 
     def _write(self, data: bytes) -> None:
         if data:
@@ -134,10 +143,10 @@ class Damage:
 
     def _listen(self, until_ns: int) -> None:
         for arrival in self.out.arrivals(until_ns):
-            for hearing, ear in zip(HEARINGS, self.ears, strict=True):
-                self._take(hearing, ear.hear(arrival))
-        for hearing, ear in zip(HEARINGS, self.ears, strict=True):
-            self._take(hearing, ear.take(until_ns))
+            for hearing, uart in zip(HEARINGS, self.ears, strict=True):
+                self._take(hearing, uart.receive(arrival))
+        for hearing, uart in zip(HEARINGS, self.ears, strict=True):
+            self._take(hearing, uart.take(until_ns))
         del self._sent[:-4]
 
     def _take(self, hearing: Hearing, frame: bytes) -> None:

@@ -18,8 +18,8 @@ from typing import Final
 
 from bench.hot_path import COMMAND, plan_of_x
 from gateway.exchange.cut_through.delay import CRC_BYTES
-from gateway.exchange.cut_through.forward import Forwarder, Wire
-from gateway.exchange.cut_through.frame import CutEvent
+from gateway.exchange.cut_through.forward import Forwarder, SerialTiming
+from gateway.exchange.cut_through.frame import ForwardEvent
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan, LineTiming
 from gateway.exchange.ports import ControllerPort, DriveLink
@@ -27,7 +27,7 @@ from gateway.modbus.crc import append_crc, is_intact
 from gateway.modbus.registers import PositionField, RegisterType
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, encode_rtu
 from gateway.modbus.rtu_line import silence_ns
-from gateway.simulator.ears import Ear, Hearing, ends_ns
+from gateway.simulator.ears import Hearing, Uart, ends_ns
 from gateway.simulator.wire import AT_ONCE, Adapter, PacedWire
 from gateway.times import NS_PER_MS, NS_PER_S
 
@@ -185,7 +185,7 @@ class SimulatedLine:
         self.told = PacedWire(way.baudrate)
         self.out = PacedWire(way.out_baudrate)
         self.back = PacedWire(way.out_baudrate, adapter=replace(way.adapter, seed=way.seed + 1))
-        self.ear = Ear(way.hearing, way.out_baudrate)
+        self.uart = Uart(way.hearing, way.out_baudrate)
         self.port = _Port(self, _Sender(self.told, silences[0], char_ns[0]))
         self.requests = RtuRequestDecoder(silences[0])
         self.replies = RtuReplyDecoder(silences[1])
@@ -196,12 +196,14 @@ class SimulatedLine:
             LineTiming(response_timeout_ms=500.0, drain_ms=5.0),
             self.link,
             lambda event: self.events.update((event.kind.name,)),
-            cut_through=Wire(char_ns[1], silences[1]) if way.cuts else None,
+            cut_through=SerialTiming(char_ns[1], silences[1]) if way.cuts else None,
         )
         self.line.link_up(self.now_ns)
         forwarding = self.line.forwarding
         self.forwarder: Forwarder | None = (
-            None if forwarding is None else forwarding.follow(self.port, Wire(char_ns[0], silences[0]))
+            None
+            if forwarding is None
+            else forwarding.follow(self.port, SerialTiming(char_ns[0], silences[0]))
         )
         self._told: list[int] = []
         """When each byte of the reply was there."""
@@ -266,7 +268,7 @@ class SimulatedLine:
             self.told.deadline_ns,
             self.out.deadline_ns,
             self.back.deadline_ns,
-            self.ear.deadline_ns,
+            self.uart.deadline_ns,
         )
         first = min((each for each in due if each is not None), default=None)
         if first is None or first > until_ns:
@@ -277,8 +279,8 @@ class SimulatedLine:
             self._told.append(came_ns)
             self._heard += bytes((byte,))
         for arrival in self.out.arrivals(now_ns):
-            self._obey(self.ear.hear(arrival))
-        self._obey(self.ear.take(now_ns))
+            self._obey(self.uart.receive(arrival))
+        self._obey(self.uart.take(now_ns))
         self._hear_requests(self.asking.receive(now_ns))
         self._hear_replies(self.back.receive(now_ns))
         if gateway_ns is not None and gateway_ns <= now_ns:
@@ -413,7 +415,7 @@ def run(way: Way, count: int, damage: float = 0.0) -> tuple[Found, SimulatedLine
         else:
             kept.append(took_ns)
     found.torn = 0 if line.line.forwarding is None else line.line.forwarding.underruns
-    found.broken = line.ear.frames_broken
+    found.broken = line.uart.frames_broken
     return found, line
 
 
@@ -480,7 +482,7 @@ def main() -> None:
     sys.stdout.write(json.dumps(said) + "\n")
 
 
-def _said(events: dict[CutEvent, int]) -> dict[str, int]:
+def _said(events: dict[ForwardEvent, int]) -> dict[str, int]:
     return {event.value: number for event, number in events.items() if number}
 
 

@@ -36,8 +36,8 @@ from gateway.exchange.unit import UnitMap
 from gateway.modbus.registers import PositionField, RegisterType
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, encode_rtu
 from gateway.recording import traffic
-from gateway.recording.tap import TapeTap
-from gateway.recording.tape import Tape
+from gateway.recording.tap import TraceTap
+from gateway.recording.trace_buffer import TraceBuffer
 from gateway.relay.alarm import LineAlarm
 from gateway.relay.controller_port import RtuControllerPort
 from gateway.relay.drive_link import RtuDriveLink
@@ -170,10 +170,10 @@ def relayed_write(*, is_taped: bool) -> Callable[[int], object]:
     link = RtuDriveLink(0, RtuReplyDecoder())
     tap = None
     if is_taped:
-        tap = TapeTap("line", Tape("line", TAPE_BYTES, boot_ns(), time.time_ns()), _beginning)
+        tap = TraceTap("line", TraceBuffer("line", TAPE_BYTES, boot_ns(), time.time_ns()), _beginning)
     line = LineExchange([plan_of_x()], LineTiming(), link, lambda _: None, tap=tap)
     LineAlarm(line, lambda: 0)
-    pulse = Pulse(line.note_standstill)
+    pulse = Pulse(line.report_standstill)
     link.attach(line)
     plan = ControllerPlan("cnc", serial=True)
     port = RtuControllerPort(plan, line, RtuRequestDecoder(), 0, beats=pulse)
@@ -289,12 +289,12 @@ def measured_exchange() -> Callable[[int], object]:
     line = LineExchange([plan_of_x()], LineTiming(), link, lambda _: None)
     transaction = Transaction(port, 0, 1, b"\x10\x62\x01\x00\x02\x04\x00\x00\x00\x00", now_ns)
     echo = b"\x10\x62\x01\x00\x02"
-    note, clock = line.meter.note, time.monotonic_ns
+    add, clock = line.meter.add, time.monotonic_ns
 
     def call(i: int) -> None:
         clock()
         clock()
-        note(transaction, port, echo, now_ns + 900_000 + i)
+        add(transaction, port, echo, now_ns + 900_000 + i)
 
     return call
 

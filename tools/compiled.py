@@ -33,7 +33,7 @@ PATTERNS = (
     "exchange/*.py",
     "exchange/axis/*.py",
     "exchange/cut_through/*.py",
-    "recording/tape.py",
+    "recording/trace_buffer.py",
     "limits.py",
     "modbus/*.py",
     "relay/axis_record.py",

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from gateway.catalogue.alarms import ALARMS, HIDES
 from gateway.catalogue.entry import NOTHING_TO_DO, entries_of
 from gateway.catalogue.events import GROUPS
 from gateway.catalogue.exceptions import EXCEPTIONS, TITLES
@@ -16,7 +17,6 @@ from gateway.catalogue.refusals import REFUSALS
 from gateway.catalogue.remarks import REMARKS
 from gateway.catalogue.starts import EXIT_CODES, STARTS
 from gateway.catalogue.states import STATES
-from gateway.catalogue.troubles import HIDES, TROUBLES
 from gateway.config.reference import TABLES, rows
 from gateway.drives.described import markdown_lines
 from gateway.relay.status_unit import BLOCKS
@@ -41,7 +41,7 @@ def part(name: str) -> str:
 
 def keys(name: str) -> str:
     """Return the keys of a section of the configuration."""
-    lines = [(f"`{row.key}`", row.kind, row.default, row.meaning) for row in rows(TABLES[name])]
+    lines = [(f"`{row.key}`", row.kind, row.default, row.description) for row in rows(TABLES[name])]
     return table(("key", "type", "default", "meaning"), lines)
 
 
@@ -51,7 +51,7 @@ def events() -> str:
     for group in GROUPS:
         title = (group.__doc__ or "").split(":")[0]
         lines = [
-            (f"`{entry.name}`", severities(entry), entry.meaning, entry.cause, entry.remedy)
+            (f"`{entry.name}`", severities(entry), entry.description, entry.cause, entry.remedy)
             for entry in entries_of(group)
         ]
         texts.append(
@@ -66,11 +66,11 @@ def troubles() -> str:
         (
             f"`{entry.kind}`",
             entry.severity.value,
-            entry.meaning,
+            entry.description,
             entry.cause,
             entry.remedy,
         )
-        for entry in TROUBLES.values()
+        for entry in ALARMS.values()
     ]
     return table(("trouble", "severity", "means", "usual cause", "remedy"), lines)
 
@@ -93,7 +93,7 @@ def states() -> str:
         + table(
             ("state", "means", "what to do"),
             [
-                (f"`{state.name}`", state.meaning, "" if state.remedy == NOTHING_TO_DO else state.remedy)
+                (f"`{state.name}`", state.description, "" if state.remedy == NOTHING_TO_DO else state.remedy)
                 for state in found
             ],
         )
@@ -103,14 +103,14 @@ def states() -> str:
 
 def counters() -> str:
     """Return everything that is counted."""
-    lines = [(f"`{name}`", each.words, each.meaning, each.remedy) for name, each in COUNTERS.items()]
+    lines = [(f"`{name}`", each.words, each.description, each.remedy) for name, each in COUNTERS.items()]
     return table(("counter", "shown as", "counts", "what to do where it grows"), lines)
 
 
 def exceptions() -> str:
     """Return the exceptions of Modbus as drives answer them."""
     lines = [
-        (f"0x{each.code:02X} {each.title}", each.meaning, each.cause, each.remedy) for each in EXCEPTIONS
+        (f"0x{each.code:02X} {each.title}", each.description, each.cause, each.remedy) for each in EXCEPTIONS
     ]
     return table(("exception", "means", "usual cause", "remedy"), lines)
 
@@ -131,7 +131,7 @@ def refusals() -> str:
 
 def remarks() -> str:
     """Return every remark about a table."""
-    lines = [(each.code, each.meaning, each.severity, each.remedy) for each in REMARKS]
+    lines = [(each.code, each.description, each.severity, each.remedy) for each in REMARKS]
     return table(("code", "what", "severity", "remedy"), lines)
 
 
@@ -151,7 +151,7 @@ def status_registers() -> str:
     texts = []
     for block in BLOCKS:
         lines = [
-            (f"+{each.offset}", each.name, "1" if each.words == 1 else "2, 32 bits", each.meaning)
+            (f"+{each.offset}", each.name, "1" if each.words == 1 else "2, 32 bits", each.description)
             for each in block.registers
         ]
         title = f"From {block.first} on, {block.size} registers for {block.what}"

@@ -15,13 +15,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import Final
 
-from gateway.catalogue import troubles
-from gateway.catalogue.troubles import OF_COMPENSATION, TROUBLES
-from gateway.supervisor import page, trouble, verdict
+from gateway.catalogue import alarms
+from gateway.catalogue.alarms import ALARMS, OF_COMPENSATION
+from gateway.supervisor import active_alarms, page, verdict
 
 FOLDER: Final = Path(page.__file__).parent
 _CALL: Final = re.compile(r'\bt\(\s*"((?:[^"\\]|\\.)*)"')
-_MEANING: Final = re.compile(r"\bkinds\.([A-Z_]+)\.meaning")
+_DESCRIPTION: Final = re.compile(r"\bkinds\.([A-Z_]+)\.description")
 NAMES: Final = ("motion", "operator", "monitor", "healthy", "waiting", "warning", "error", "connecting")
 """Roles of controllers, and words of the verdict in the title: the page says what the status says."""
 PLACES: Final = ("axes", "axis", "controller", "line", "unit id")
@@ -68,19 +68,19 @@ def _of_page() -> Iterator[str]:
 
 
 def _of_alarms() -> Iterator[str]:
-    for entry in TROUBLES.values():
+    for entry in ALARMS.values():
         yield from (text for text in (entry.title, entry.remedy) if text)
-    yield from (entry.meaning for entry in OF_COMPENSATION)
-    for name in _MEANING.findall(inspect.getsource(trouble)):
-        yield getattr(troubles, name).meaning
-    yield from said_in(trouble)
+    yield from (entry.description for entry in OF_COMPENSATION)
+    for name in _DESCRIPTION.findall(inspect.getsource(active_alarms)):
+        yield getattr(alarms, name).description
+    yield from said_in(active_alarms)
     yield verdict.AWAITED
 
 
 def said_in(module: ModuleType) -> Iterator[str]:
     """Yield what a module makes sentences of."""
     for node in ast.walk(ast.parse(inspect.getsource(module))):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Said":
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Text":
             yield ast.literal_eval(node.args[0])
 
 

@@ -22,7 +22,7 @@ from gateway.exchange.axis.reference import (
     ReferenceEvent,
     ReferenceState,
 )
-from gateway.exchange.cut_through.frame import CUT_AFTER, Cut, CutEvent
+from gateway.exchange.cut_through.frame import FORWARD_AFTER, ForwardEvent, ForwardState
 from gateway.exchange.plan import Reference
 from gateway.exchange.silent_units import REACH_AFTER, Reach, Sign
 from gateway.exchange.transaction import PHASE_AFTER, STOP_AFTER, Phase, Step, StopEvent, Stopping
@@ -194,12 +194,12 @@ def references() -> str:
         table(("state", "means"), _rows_of(ReferenceState)),
         table(("event", "means"), _rows_of(ReferenceEvent)),
     ]
-    for kind, meaning in meanings(Reference).items():
+    for kind, description in meanings(Reference).items():
         assert isinstance(kind, Reference)
         rows = REFERENCE_AFTER[kind]
         events = [event for event in ReferenceEvent if any(event in row for row in rows.values())]
         parts.append(
-            f"### `{kind.value}`\n\n{meaning} At the start: `{REFERENCE_AT_START[kind].value}`.\n\n"
+            f"### `{kind.value}`\n\n{description} At the start: `{REFERENCE_AT_START[kind].value}`.\n\n"
             + _tables(list(rows), events, flat(rows), absent(rows, events))
         )
     return "\n".join(parts)
@@ -228,8 +228,8 @@ def reaches() -> str:
 
 def cuts() -> str:
     """Return how far a frame has come that leaves while it arrives, and where each event leads."""
-    events = list(CutEvent)
-    return _machine(list(Cut), events, flat(CUT_AFTER), absent(CUT_AFTER, events))
+    events = list(ForwardEvent)
+    return _machine(list(ForwardState), events, flat(FORWARD_AFTER), absent(FORWARD_AFTER, events))
 
 
 def _machine(

@@ -8,7 +8,13 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.budget.line import delay_of
-from gateway.exchange.cut_through.delay import CRC_BYTES, Shape, acknowledgement_shape, stored_ns, write_shape
+from gateway.exchange.cut_through.delay import (
+    CRC_BYTES,
+    FrameShape,
+    acknowledgement_shape,
+    stored_ns,
+    write_shape,
+)
 from gateway.modbus.rtu_arrival import BLOCK_HEAD
 from gateway.times import NS_PER_MS, NS_PER_S
 from tools.diagram import STYLE
@@ -43,7 +49,7 @@ class Frame:
 
     lane: int
     begins_ns: int
-    shape: Shape
+    shape: FrameShape
 
     @property
     def ends_ns(self) -> int:
@@ -146,7 +152,7 @@ def _frame(frame: Frame, y: float) -> Iterator[str]:
         yield f'  <rect class="{kind}" x="{x:.1f}" y="{y:g}" width="{width:.1f}" height="{BOX:g}" rx="2"/>'
 
 
-def _kind(shape: Shape, index: int) -> str:
+def _kind(shape: FrameShape, index: int) -> str:
     if index >= shape.length - CRC_BYTES:
         return "crc-byte"
     return "position-byte" if shape is REQUEST and index >= BLOCK_HEAD else "head-byte"

@@ -15,7 +15,7 @@ from gateway.simulator.wire import Adapter
 
 TITLE: Final = "Cut-through between two serial wires"
 MILLISECOND: Final = Adapter(latency_timer_ms=1.0)
-FIFO: Final = Adapter(quiet_characters=4.0, lump_bytes=8)
+FIFO: Final = Adapter(quiet_characters=4.0, burst_bytes=8)
 WAYS: Final = {
     "9 600 Bd": (Way(9_600), 0.4),
     "19 200 Bd": (Way(19_200), 0.4),

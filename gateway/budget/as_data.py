@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from gateway.budget.line import ControllerBudget, CutBudget, ExchangeBudget, LineBudget
+from gateway.budget.line import ControllerBudget, ExchangeBudget, ForwardingBudget, LineBudget
 from gateway.budget.verdict import Remedy
 from gateway.budget.wire import Wire
 from gateway.times import NS_PER_MS, NS_PER_S
@@ -61,7 +61,7 @@ def _controller_data(line: LineBudget, controller: ControllerBudget) -> dict[str
             "total_ms": _ms(cycle.total_ns),
             "direct_ms": _ms(cycle.direct_ns),
             "added_frames_ms": _ms(cycle.added_ns),
-            "cut_through_ms": _ms(cycle.cut_ns),
+            "cut_through_ms": _ms(cycle.forwarded_ns),
         },
         "behind_others_ms": _ms(line.longest_other_ns(controller.index)),
     }
@@ -86,7 +86,7 @@ def _exchange_data(controller: ControllerBudget, exchange: ExchangeBudget) -> di
             "silence": _ms(legs.silence_ns),
             "gateway_to_controller": _ms(legs.reply_out_ns),
         },
-        "cut_through": None if exchange.cut is None else _cut_data(exchange.cut),
+        "cut_through": None if exchange.forwarding is None else _forwarding_data(exchange.forwarding),
         "total_ms": _ms(legs.total_ns),
         "waited_ms": _ms(legs.waited_ns),
         "direct_ms": _ms(exchange.direct.total_ns),
@@ -96,15 +96,15 @@ def _exchange_data(controller: ControllerBudget, exchange: ExchangeBudget) -> di
     }
 
 
-def _cut_data(cut: CutBudget) -> dict[str, Any]:
-    request, reply = cut.delays
+def _forwarding_data(forwarding: ForwardingBudget) -> dict[str, Any]:
+    request, reply = forwarding.delays
     return {
         "request_lead_ms": _ms(request.delay_ns),
         "request_saves_ms": _ms(request.saves_ns),
         "reply_lead_ms": _ms(reply.delay_ns),
         "reply_saves_ms": _ms(reply.saves_ns),
-        "total_ms": _ms(cut.legs.total_ns),
-        "waited_ms": _ms(cut.legs.waited_ns),
+        "total_ms": _ms(forwarding.legs.total_ns),
+        "waited_ms": _ms(forwarding.legs.waited_ns),
     }
 
 

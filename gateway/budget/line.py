@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Final, NamedTuple
 
-from gateway.budget.sequence import AS_MAPPED, Added, Blocks, Shapes, Step, Why, added_of, round_of
-from gateway.budget.wire import Frame, Wire, wire_of
-from gateway.exchange.cut_through.delay import Shape, delay_ns, margin_ns, stored_ns
+from gateway.budget.sequence import AS_MAPPED, Added, Blocks, RoundStep, Shapes, Why, added_of, round_of
+from gateway.budget.wire import PduSizes, Wire, wire_of
+from gateway.exchange.cut_through.delay import FrameShape, delay_ns, margin_ns, stored_ns
 from gateway.exchange.plan import DEFAULT_BUDGET_US, AxisPlan, Role
 from gateway.state.plan import ControllerLink, LinePlan
 from gateway.times import NS_PER_MS, US_PER_MS
@@ -73,9 +73,9 @@ class Legs:
     """What is left of the silence that the controller's wire wants between request and reply."""
     reply_out_ns: int
     """Gateway to controller."""
-    request_cut_ns: int = 0
+    request_overlap_ns: int = 0
     """0, or less: so much of the request has left before all of it came."""
-    reply_cut_ns: int = 0
+    reply_overlap_ns: int = 0
     """The same of the reply."""
 
     @property
@@ -91,7 +91,7 @@ class Legs:
     @property
     def arriving_ns(self) -> int:
         """What passes before the request begins to leave, without the gateway's share and silences."""
-        return self.request_in_ns + self.request_tail_ns + self.request_cut_ns
+        return self.request_in_ns + self.request_tail_ns + self.request_overlap_ns
 
 
 class Delay(NamedTuple):
@@ -103,7 +103,7 @@ class Delay(NamedTuple):
     """So much sooner than stored; 0: it is not worth it, and is stored."""
 
 
-def delay_of(shape: Shape, in_ns: int, out_ns: int) -> Delay:
+def delay_of(shape: FrameShape, in_ns: int, out_ns: int) -> Delay:
     """Return how a frame leaves between two wires with so long characters, as ``MeasuredDelay`` has it.
 
     >>> from gateway.exchange.cut_through.delay import write_shape
@@ -123,7 +123,7 @@ def delays_of(route: Route, shapes: Shapes | None) -> tuple[Delay, Delay] | None
     return delay_of(shapes.request, in_ns, out_ns), delay_of(shapes.reply, out_ns, in_ns)
 
 
-def legs_of(route: Route, frame: Frame, gateway_ns: int, drive_ns: int = 0) -> Legs:
+def legs_of(route: Route, frame: PduSizes, gateway_ns: int, drive_ns: int = 0) -> Legs:
     """Return the legs of one exchange on a line that was quiet."""
     controller, drives = route.controller, route.drives
     request_tail_ns = controller.tail_ns if frame.ends_by_silence else 0
@@ -152,12 +152,12 @@ def cut_through(route: Route, quiet: Legs, request: Delay, reply: Delay) -> Legs
     return replace(
         quiet,
         silence_ns=max(route.controller.silence_ns - passed_ns, 0),
-        request_cut_ns=-request.saves_ns,
-        reply_cut_ns=-reply.saves_ns,
+        request_overlap_ns=-request.saves_ns,
+        reply_overlap_ns=-reply.saves_ns,
     )
 
 
-def drive_side_ns(route: Route, frames: Iterable[Frame], drive_ns: int = 0) -> int:
+def drive_side_ns(route: Route, frames: Iterable[PduSizes], drive_ns: int = 0) -> int:
     """Return how long frames of the gateway's own hold up what follows: each with a silence after it."""
     return sum(
         route.drives.frame_ns(frame.request_bytes)
@@ -198,7 +198,7 @@ def _one_round(route: Route, quiet: Sequence[Legs], idle_ns: int) -> tuple[tuple
         legs = _after(route, each, idle_ns)
         found.append(legs)
         back_ns = legs.gateway_ns - _there_ns(legs)
-        idle_ns = legs.reply_tail_ns + back_ns + legs.silence_ns + legs.reply_out_ns + legs.reply_cut_ns
+        idle_ns = legs.reply_tail_ns + back_ns + legs.silence_ns + legs.reply_out_ns + legs.reply_overlap_ns
         idle_ns += route.controller.silence_ns
     return tuple(found), idle_ns
 
@@ -208,10 +208,10 @@ def _after(route: Route, quiet: Legs, idle_ns: int) -> Legs:
 
     A request that would have to wait for that silence before it begins to leave is stored.
     """
-    if quiet.request_cut_ns and idle_ns + quiet.arriving_ns < route.gap_ns:
-        silence_ns = max(quiet.silence_ns + quiet.request_cut_ns, 0)
-        quiet = replace(quiet, request_cut_ns=0, silence_ns=silence_ns)
-    if quiet.request_cut_ns:
+    if quiet.request_overlap_ns and idle_ns + quiet.arriving_ns < route.gap_ns:
+        silence_ns = max(quiet.silence_ns + quiet.request_overlap_ns, 0)
+        quiet = replace(quiet, request_overlap_ns=0, silence_ns=silence_ns)
+    if quiet.request_overlap_ns:
         return quiet
     ready_ns = idle_ns + quiet.arriving_ns + _there_ns(quiet)
     held_ns = max(route.gap_ns - ready_ns, 0)
@@ -231,7 +231,7 @@ class Direct:
     waited_ns: int
 
 
-def direct_of(route: Route, frame: Frame, drive_ns: int = 0) -> Direct:
+def direct_of(route: Route, frame: PduSizes, drive_ns: int = 0) -> Direct:
     """Return what an exchange would take without the gateway."""
     wire = route.direct or Wire()
     waited_ns = drive_ns + wire.frame_ns(frame.reply_bytes)
@@ -246,12 +246,12 @@ def direct_round_ns(route: Route, exchanges: Sequence[Direct]) -> int:
 
 # --- a line and its controllers ----------------------------------------------------------------------------
 
-BROADCAST = Frame(5, 0)
+BROADCAST = PduSizes(5, 0)
 """One register for all drives."""
 
 
 @dataclass(frozen=True, slots=True)
-class CutBudget:
+class ForwardingBudget:
     """One exchange of a round whose frames leave while they arrive.
 
     No limit is held against it: whatever is not as usual is stored, and takes the time of that.
@@ -271,7 +271,7 @@ class CutBudget:
 class ExchangeBudget:
     """One exchange of a round, through the gateway and without it."""
 
-    step: Step
+    step: RoundStep
     request_bytes: int
     """On the controller's side."""
     reply_bytes: int
@@ -280,7 +280,7 @@ class ExchangeBudget:
     least_ns: int
     """What it waits on a quiet line with a gateway that takes no time: what nothing saves but the wires."""
     direct: Direct
-    cut: "CutBudget | None"
+    forwarding: "ForwardingBudget | None"
     """The same cut through, whether the line does that or not; None: it is always stored."""
     added_ns: int
     """What frames of the gateway's own can hold it up by (W8); not in ``legs``."""
@@ -298,7 +298,7 @@ class RoundBudget:
     total_ns: int
     direct_ns: int
     added_ns: int
-    cut_ns: int
+    forwarded_ns: int
     """With everything cut through that may be; ``total_ns`` where nothing may."""
 
 
@@ -416,13 +416,15 @@ def _controller_budget(
             total_ns=round_ns(route, [each.legs for each in exchanges]),
             direct_ns=direct_round_ns(route, [each.direct for each in exchanges]),
             added_ns=sum(each.added_ns for each in exchanges),
-            cut_ns=round_ns(route, [each.cut.legs if each.cut else each.legs for each in exchanges]),
+            forwarded_ns=round_ns(
+                route, [each.forwarding.legs if each.forwarding else each.legs for each in exchanges]
+            ),
         ),
     )
 
 
 def _exchange_budgets(
-    route: Route, steps: Sequence[Step], axes: Mapping[str, AxisPlan], added: tuple[AddedBudget, ...]
+    route: Route, steps: Sequence[RoundStep], axes: Mapping[str, AxisPlan], added: tuple[AddedBudget, ...]
 ) -> tuple[ExchangeBudget, ...]:
     quiet = [
         legs_of(route, step.frame, gateway_ns(axes.get(step.axis)), _drive_ns(axes.get(step.axis)))
@@ -439,18 +441,20 @@ def _exchange_budgets(
             legs=legs,
             least_ns=fastest.waited_ns,
             direct=direct_of(route, step.frame, legs.drive_ns),
-            cut=cut,
+            forwarding=forwarding,
             added_ns=_held_up_ns(
                 [each for each in added if (each.added.axis, each.added.before) == (step.axis, step.what)]
             ),
         )
-        for step, legs, fastest, cut in zip(
-            steps, in_round(route, quiet), at_once, _cuts(route, steps, quiet), strict=True
+        for step, legs, fastest, forwarding in zip(
+            steps, in_round(route, quiet), at_once, _forwardings(route, steps, quiet), strict=True
         )
     )
 
 
-def _cuts(route: Route, steps: Sequence[Step], quiet: Sequence[Legs]) -> list[CutBudget | None]:
+def _forwardings(
+    route: Route, steps: Sequence[RoundStep], quiet: Sequence[Legs]
+) -> list[ForwardingBudget | None]:
     """Return the exchanges of a round in which all is cut through that may be."""
     delays = [delays_of(route, step.shapes) for step in steps]
     early = [
@@ -458,7 +462,7 @@ def _cuts(route: Route, steps: Sequence[Step], quiet: Sequence[Legs]) -> list[Cu
         for legs, delay in zip(quiet, delays, strict=True)
     ]
     return [
-        None if delay is None else CutBudget(delay, legs)
+        None if delay is None else ForwardingBudget(delay, legs)
         for delay, legs in zip(delays, in_round(route, early), strict=True)
     ]
 
@@ -475,6 +479,6 @@ def _drive_ns(axis: AxisPlan | None) -> int:
 
 def _held_up_ns(added: Sequence[AddedBudget]) -> int:
     """Return the worst: a move is absolute or a distance, so of the reads only one is ever needed."""
-    writes = [each.hold_ns for each in added if each.added.why is Why.RESTAGE]
-    reads = [each.hold_ns for each in added if each.added.why is not Why.RESTAGE]
+    writes = [each.hold_ns for each in added if each.added.why is Why.REWRITE]
+    reads = [each.hold_ns for each in added if each.added.why is not Why.REWRITE]
     return sum(writes) + max(reads, default=0)

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final, NamedTuple
 
-from gateway.budget.wire import READ_BIT, WRITE_WORD, Frame, read_frame, write_frames
+from gateway.budget.wire import READ_BIT, WRITE_WORD, PduSizes, read_frame, write_frames
 from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import Action, Addressing, Form, TriggerPlan
 from gateway.exchange.cut_through.delay import (
-    Shape,
+    FrameShape,
     acknowledgement_shape,
     read_shape,
     reply_shape,
@@ -41,7 +41,7 @@ class Why(Enum):
 
     DIRECTION = "position, for the direction (M6)"
     BASE = "where a distance starts (M5)"
-    RESTAGE = "target anew for its trigger (M2)"
+    REWRITE = "target anew for its trigger (M2)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,18 +60,18 @@ AS_MAPPED = Blocks()
 class Shapes(NamedTuple):
     """A request and its reply, and which of their bytes wait for which."""
 
-    request: Shape
-    reply: Shape
+    request: FrameShape
+    reply: FrameShape
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class RoundStep:
     """One exchange of a round."""
 
     axis: str
     """"" on a line without axes."""
     what: What
-    frame: Frame
+    frame: PduSizes
     shapes: Shapes | None = None
     """Of frames that may be cut through; None: they are stored on every line."""
 
@@ -83,15 +83,15 @@ class Added:
     axis: str
     why: Why
     before: What
-    frames: tuple[Frame, ...]
+    frames: tuple[PduSizes, ...]
 
 
 def round_of(
     axes: Sequence[AxisPlan], blocks: Blocks = AS_MAPPED, *, may_move: bool = True
-) -> tuple[Step, ...]:
+) -> tuple[RoundStep, ...]:
     """Return one round over all axes of a line. A controller that may not move only reads."""
     if not axes and blocks.read_registers:
-        return (Step("", What.BLOCK, read_frame(Form.FC03, blocks.read_registers)),)
+        return (RoundStep("", What.BLOCK, read_frame(Form.FC03, blocks.read_registers)),)
     with_rules = {axis.unit_id for axis in axes if axis.has_rules}
     of_unit = {axis.unit_id: [each for each in axes if each.unit_id == axis.unit_id] for axis in axes}
     return tuple(
@@ -108,21 +108,23 @@ def _steps(
     of_unit: Iterable[AxisPlan],
     *,
     may_move: bool,
-) -> Iterator[Step]:
+) -> Iterator[RoundStep]:
     if may_move:
         for frame in _target_frames(axis, blocks.target_registers):
-            yield Step(axis.name, What.TARGET, frame, _target_shapes(axis, blocks, with_rules, of_unit))
+            yield RoundStep(axis.name, What.TARGET, frame, _target_shapes(axis, blocks, with_rules, of_unit))
         trigger = _trigger(axis)
         if trigger is not None:
-            yield Step(axis.name, What.TRIGGER, _trigger_frame(axis, trigger))
-    yield Step(axis.name, What.POSITION, _position_frame(axis), position_shapes(axis, _position_field(axis)))
+            yield RoundStep(axis.name, What.TRIGGER, _trigger_frame(axis, trigger))
+    yield RoundStep(
+        axis.name, What.POSITION, _position_frame(axis), position_shapes(axis, _position_field(axis))
+    )
     status = _status_frame(axis)
     if status is not None and axis.settings.setpoints is Setpoints.TARGETS:  # a stream does not wait for it
         is_word = status is not READ_BIT
-        yield Step(axis.name, What.STATUS, status, registers_shapes(axis, 1) if is_word else None)
+        yield RoundStep(axis.name, What.STATUS, status, registers_shapes(axis, 1) if is_word else None)
     if blocks.read_registers:
         form = axis.reads_with if axis.reads_with is Form.FC04 else Form.FC03
-        yield Step(axis.name, What.BLOCK, read_frame(form, blocks.read_registers))
+        yield RoundStep(axis.name, What.BLOCK, read_frame(form, blocks.read_registers))
 
 
 def least_target_registers(axis: AxisPlan) -> int:
@@ -135,7 +137,7 @@ def least_target_registers(axis: AxisPlan) -> int:
     return end - first
 
 
-def _target_frames(axis: AxisPlan, registers: int) -> tuple[Frame, ...]:
+def _target_frames(axis: AxisPlan, registers: int) -> tuple[PduSizes, ...]:
     least = least_target_registers(axis)
     if registers > least:
         return write_frames(Form.MEI if axis.writes_with is Form.MEI else Form.FC16, registers)
@@ -158,17 +160,21 @@ def _trigger(axis: AxisPlan) -> TriggerPlan | None:
         return None
     triggers = axis.motion.triggers
     if axis.settings.setpoints is Setpoints.STREAM and any(
-        deed.action in {Action.FOLLOW, Action.FOLLOW_NEXT} for t in triggers for deed in t.deeds.values()
+        operation.action in {Action.FOLLOW, Action.FOLLOW_NEXT}
+        for t in triggers
+        for operation in t.deeds.values()
     ):
         return None  # set once, each setpoint then moves as it is written
     return next((trigger for trigger in triggers if _runs(trigger)), None)
 
 
 def _runs(trigger: TriggerPlan) -> bool:
-    return trigger.otherwise.runs_target or any(deed.action.runs_target for deed in trigger.deeds.values())
+    return trigger.otherwise.runs_target or any(
+        operation.action.runs_target for operation in trigger.deeds.values()
+    )
 
 
-def _trigger_frame(axis: AxisPlan, trigger: TriggerPlan) -> Frame:
+def _trigger_frame(axis: AxisPlan, trigger: TriggerPlan) -> PduSizes:
     if trigger.is_coil:
         return WRITE_WORD
     if axis.writes_with is Form.MEI:
@@ -183,13 +189,13 @@ def _position_field(axis: AxisPlan) -> PositionField:
     return next((field for field in reported if field.is_readable), axis.command[0])
 
 
-def _position_frame(axis: AxisPlan) -> Frame:
+def _position_frame(axis: AxisPlan) -> PduSizes:
     field = _position_field(axis)
     first = field.address if field.block is None else field.block
     return read_frame(axis.reads_with, field.end - first)
 
 
-def _status_frame(axis: AxisPlan) -> Frame | None:
+def _status_frame(axis: AxisPlan) -> PduSizes | None:
     """Return the read of what says that a move has ended."""
     bit = axis.bits.get(DONE_BIT) or axis.bits.get(MOVING_BIT)
     if bit is None:
@@ -216,11 +222,11 @@ def _added(axis: AxisPlan) -> Iterator[Added]:
         yield Added(axis.name, Why.DIRECTION, runs_by, (_position_frame(axis),))
     if (reads_actual or reads_commanded) and _has_distances(axis):
         status = _status_frame(axis)
-        standing = () if status is None else (status,)
-        yield Added(axis.name, Why.BASE, runs_by, (*standing, _position_frame(axis)))
+        standstill = () if status is None else (status,)
+        yield Added(axis.name, Why.BASE, runs_by, (*standstill, _position_frame(axis)))
     if trigger is not None:
         frames = write_frames(axis.writes_with, axis.command[0].words)
-        yield Added(axis.name, Why.RESTAGE, What.TRIGGER, frames)
+        yield Added(axis.name, Why.REWRITE, What.TRIGGER, frames)
 
 
 def _has_branches(axis: AxisPlan) -> bool:
@@ -232,7 +238,7 @@ def _has_branches(axis: AxisPlan) -> bool:
 
 def _has_distances(axis: AxisPlan) -> bool:
     modes = (action for mode in axis.motion.modes if mode for action in mode.actions.values())
-    triggers = (deed.action for trigger in axis.motion.triggers for deed in trigger.deeds.values())
+    triggers = (operation.action for trigger in axis.motion.triggers for operation in trigger.deeds.values())
     return any(action.is_relative for action in (*modes, *triggers))
 
 

@@ -132,7 +132,7 @@ def _changes(plan: LinePlan, index: int, blocks: Blocks) -> Iterator[tuple[str, 
 
 # --- what cannot be met, and what is close -----------------------------------------------------------------
 
-KNOWN_MASTERS: Final = (
+MASTER_TIMEOUTS: Final = (
     (50.0, "minimalmodbus and the W1P controllers of Leadshine EL7 drives, as they come"),
 )
 """Time-outs in ms of masters that are met on machines, and whose they are."""
@@ -168,7 +168,7 @@ def judge(plan: LinePlan, blocks: Blocks = AS_MAPPED) -> tuple[Judgement, ...]:
     found = [each for controller in line.controllers for each in _timeouts(plan, controller, blocks)]
     found += (each for axis in plan.axes for each in _deadlines(line, axis))
     found += _starving(plan)
-    found += _cutting(plan, line)
+    found += _forwarding_judgements(plan, line)
     return tuple(found)
 
 
@@ -181,35 +181,35 @@ def _timeouts(plan: LinePlan, controller: ControllerBudget, blocks: Blocks) -> I
         return
     key = ("line", plan.name, "controllers", controller.index, "timeout_ms")
     limit = controller.timeout_ns
-    said = f"timeout_ms = {limit / NS_PER_MS:g}"
+    setting = f"timeout_ms = {limit / NS_PER_MS:g}"
     slowest = max(controller.exchanges, key=lambda each: each.least_ns)
     if slowest.least_ns > limit:
-        found = f"{said}, but {_reply_to(slowest)} comes {_waited(slowest)}"
+        found = f"{setting}, but {_reply_to(slowest)} comes {_waited(slowest)}"
         yield Judgement(Grade.IMPOSSIBLE, key, found, _faster(plan, controller, blocks))
         return
     slowest = max(controller.exchanges, key=_with_added)
     longest = max(controller.exchanges, key=_with_request)
     if slowest.with_added_ns > limit:
         with_own = f", with frames of the gateway's own {ms(slowest.added_ns)} ms later"
-        found = f"{said}, and {_reply_to(slowest)} comes {_waited(slowest)}"
+        found = f"{setting}, and {_reply_to(slowest)} comes {_waited(slowest)}"
         found += with_own if slowest.added_ns else ""
         yield Judgement(Grade.CLOSE, key, found, _faster(plan, controller, blocks, _with_added))
     elif longest.legs.total_ns > limit:
         found = (
-            f"{said}, and {_exchange(longest)} takes {ms(longest.legs.total_ns)} ms with its request: too "
+            f"{setting}, and {_exchange(longest)} takes {ms(longest.legs.total_ns)} ms with its request: too "
             "long for a controller that counts from the first byte it sends"
         )
         yield Judgement(Grade.CLOSE, key, found, _faster(plan, controller, blocks, _with_request))
     else:
-        yield from _known_masters(plan, controller, blocks)
+        yield from _master_timeouts(plan, controller, blocks)
 
 
-def _known_masters(plan: LinePlan, controller: ControllerBudget, blocks: Blocks) -> Iterator[Judgement]:
+def _master_timeouts(plan: LinePlan, controller: ControllerBudget, blocks: Blocks) -> Iterator[Judgement]:
     """Yield which masters would give up through the gateway that do not without it."""
     slowest = controller.slowest
     if slowest is None or not controller.wire.is_serial:
         return
-    for timeout_ms, whose in KNOWN_MASTERS:
+    for timeout_ms, whose in MASTER_TIMEOUTS:
         if slowest.direct.waited_ns <= timeout_ms * NS_PER_MS < slowest.legs.waited_ns:
             yield Judgement(
                 Grade.NOTE,
@@ -283,24 +283,23 @@ def _deadlines(line: LineBudget, axis: AxisPlan) -> Iterator[Judgement]:
     if not axis.deadline_ms:
         return
     key, limit = ("axis", axis.name, "deadline_ms"), axis.deadline_ms * NS_PER_MS
-    said = f"deadline_ms = {axis.deadline_ms:g}"
+    setting = f"deadline_ms = {axis.deadline_ms:g}"
     own_ns = gateway_ns(axis)
-    restaging_ns = sum(
-        each.hold_ns for each in line.added if (each.added.axis, each.added.why) == (axis.name, Why.RESTAGE)
+    rewriting_ns = sum(
+        each.hold_ns for each in line.added if (each.added.axis, each.added.why) == (axis.name, Why.REWRITE)
     )
-    before_ns = own_ns + restaging_ns
+    before_ns = own_ns + rewriting_ns
     if before_ns > limit:
-        terms = sum_text(((own_ns, "gateway (budget_us)"), (restaging_ns, "target anew for its trigger")))
-        what = "a trigger" if restaging_ns else "a target"
-        found = f"{said}, but {what} of this axis may go out {ms(before_ns)} ms after it came ({terms})"
+        terms = sum_text(((own_ns, "gateway (budget_us)"), (rewriting_ns, "target anew for its trigger")))
+        what = "a trigger" if rewriting_ns else "a target"
+        found = f"{setting}, but {what} of this axis may go out {ms(before_ns)} ms after it came ({terms})"
         remedy = f"allow more than {before_ns // NS_PER_MS + 1} ms, or make the drives' side faster"
         yield Judgement(Grade.IMPOSSIBLE, key, found, remedy)
         return
     there_ns, terms_there = _there(line, axis, own_ns)
     if there_ns > limit:
-        found = (
-            f"{said}, and the drive has the whole target {ms(there_ns)} ms after the gateway ({terms_there})"
-        )
+        found = f"{setting}, and the drive has the whole target {ms(there_ns)} ms "
+        found += f"after the gateway ({terms_there})"
         remedy = "a target that is not late when it goes out is older than that when it arrives: allow more, "
         remedy += "or make the drives' side faster"
         yield Judgement(Grade.CLOSE, key, found, remedy)
@@ -363,7 +362,7 @@ def _starving(plan: LinePlan) -> Iterator[Judgement]:
 # --- cut-through -------------------------------------------------------------------------------------------
 
 
-def _cutting(plan: LinePlan, line: LineBudget) -> Iterator[Judgement]:
+def _forwarding_judgements(plan: LinePlan, line: LineBudget) -> Iterator[Judgement]:
     """Yield why a line that is to be cut through must not be, or would gain nothing by it (W12)."""
     if not plan.cut_through:
         return
@@ -379,8 +378,8 @@ def _cutting(plan: LinePlan, line: LineBudget) -> Iterator[Judgement]:
             "cut_through = false",
         )
         return
-    cuts = [exchange.cut for each in line.controllers for exchange in each.exchanges]
-    if not any(cut.saves_ns for cut in cuts if cut is not None):
+    forwardings = [exchange.forwarding for each in line.controllers for exchange in each.exchanges]
+    if not any(forwarding.saves_ns for forwarding in forwardings if forwarding is not None):
         yield Judgement(
             Grade.CLOSE,
             key,

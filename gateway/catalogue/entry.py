@@ -24,7 +24,7 @@ class EventEntry:
 
     name: str
     severity: Severity
-    meaning: str
+    description: str
     """What it says, as the end of a sentence; with the keys that it carries where they need a word."""
     cause: str
     """What usually brings it about."""
@@ -47,13 +47,13 @@ def entries_of(module: ModuleType) -> Iterator[EventEntry]:
 
 
 @dataclass(frozen=True, slots=True)
-class TroubleEntry:
+class AlarmEntry:
     """Something that is wrong now, as banner, terminal and alerts show it until it is right."""
 
     kind: str
     severity: Severity
     """``error``: positions do not pass, or not corrected; ``warning``: they do, and somebody should look."""
-    meaning: str
+    description: str
     cause: str
     remedy: str
     """Begins with a verb: the page begins its sentence with it, and no key or command stands a capital."""
@@ -92,7 +92,7 @@ class ExceptionEntry:
     code: int
     title: str
     """As the standard names it."""
-    meaning: str
+    description: str
     cause: str
     remedy: str
     aliases: tuple[str, ...] = ()
@@ -107,7 +107,7 @@ class StartEntry:
     """How the sentence on standard error begins, with the names of what is filled in."""
     cause: str
     remedy: str
-    meaning: str = "the gateway does not start"
+    description: str = "the gateway does not start"
 
     @property
     def says(self) -> str:
@@ -126,7 +126,7 @@ class RemarkEntry:
     code: str
     severity: str
     """In words: an error keeps the table from being loaded, and what is refused is no table."""
-    meaning: str
+    description: str
     remedy: str
 
 
@@ -135,5 +135,5 @@ class StateEntry:
     """A word of the status."""
 
     name: str
-    meaning: str
+    description: str
     remedy: str = NOTHING_TO_DO

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from difflib import get_close_matches
 from typing import Final
 
+from gateway.catalogue.alarms import ALARMS
 from gateway.catalogue.entry import NOTHING_TO_DO, EventEntry, ExceptionEntry, RefusalEntry
 from gateway.catalogue.events import EVENTS
 from gateway.catalogue.exceptions import EXCEPTIONS, TITLES, code_in
@@ -13,7 +14,6 @@ from gateway.catalogue.refusals import REFUSALS
 from gateway.catalogue.remarks import REMARKS
 from gateway.catalogue.starts import STARTS
 from gateway.catalogue.states import STATES
-from gateway.catalogue.troubles import TROUBLES
 from gateway.status.line import LINE_COUNTERS
 from gateway.status.model import COUNTERS
 
@@ -38,7 +38,7 @@ class Explanation:
     """One entry, whatever it is about; what an entry of its kind has not is empty."""
 
     kind: str
-    """``event``, ``trouble``, ``state``, ``remark``, ``counter``, ``exception``, ``start``; the command adds
+    """``event``, ``alarm``, ``state``, ``remark``, ``counter``, ``exception``, ``start``; the command adds
     ``key``."""
     name: str
     severity: str
@@ -140,35 +140,37 @@ def code_of(entry: RefusalEntry) -> str:
 
 def _named() -> Iterator[Explanation]:
     for event in EVENTS.values():
-        yield _made("event", event.name, severities(event), event.meaning, event.cause, event.remedy)
-    for trouble in TROUBLES.values():
-        severity = trouble.severity.value
-        yield _made("trouble", trouble.kind, severity, trouble.meaning, trouble.cause, trouble.remedy)
+        yield _made("event", event.name, severities(event), event.description, event.cause, event.remedy)
+    for alarm in ALARMS.values():
+        severity = alarm.severity.value
+        yield _made("trouble", alarm.kind, severity, alarm.description, alarm.cause, alarm.remedy)
     for key, states in STATES.items():
         for state in states:
-            yield _made("state", state.name, "", f"{key}: {state.meaning}", "", state.remedy)
+            yield _made("state", state.name, "", f"{key}: {state.description}", "", state.remedy)
     for remark in REMARKS:
-        yield _made("remark", remark.code, remark.severity, remark.meaning, "", remark.remedy)
+        yield _made("remark", remark.code, remark.severity, remark.description, "", remark.remedy)
 
 
 def _counter(name: str) -> Explanation:
     entry = COUNTERS[name]
-    return _made("counter", name, "", f"{entry.words}: {entry.meaning}", "", entry.remedy or NOTHING_TO_DO)
+    return _made(
+        "counter", name, "", f"{entry.words}: {entry.description}", "", entry.remedy or NOTHING_TO_DO
+    )
 
 
 def _exception(entry: ExceptionEntry) -> Explanation:
-    meaning = f"{entry.title}: {entry.meaning}"
-    return _made("exception", f"exception 0x{entry.code:02X}", "", meaning, entry.cause, entry.remedy)
+    description = f"{entry.title}: {entry.description}"
+    return _made("exception", f"exception 0x{entry.code:02X}", "", description, entry.cause, entry.remedy)
 
 
 def _refusal(entry: RefusalEntry) -> Explanation:
-    meaning = f"{TITLES[entry.code]}, by the gateway itself" + (f": {entry.says}" if entry.says else "")
-    return _made("exception", f"exception {code_of(entry)}", "", meaning, entry.cause, entry.remedy)
+    description = f"{TITLES[entry.code]}, by the gateway itself" + (f": {entry.says}" if entry.says else "")
+    return _made("exception", f"exception {code_of(entry)}", "", description, entry.cause, entry.remedy)
 
 
 def _sentences() -> Iterator[Explanation]:
     for entry in STARTS:
-        yield _made("start", entry.says, "", entry.meaning, entry.cause, entry.remedy)
+        yield _made("start", entry.says, "", entry.description, entry.cause, entry.remedy)
     for refusal in REFUSALS:
         if refusal.says:
             what = f"exception {code_of(refusal)}: {TITLES[refusal.code]}"
@@ -176,8 +178,8 @@ def _sentences() -> Iterator[Explanation]:
 
 
 def _made(kind: str, name: str, *texts: str) -> Explanation:
-    severity, meaning, cause, remedy = (plain(_with_page(text)) for text in texts)
-    return Explanation(kind, name, severity, meaning, cause, remedy)
+    severity, description, cause, remedy = (plain(_with_page(text)) for text in texts)
+    return Explanation(kind, name, severity, description, cause, remedy)
 
 
 def _with_page(text: str) -> str:

@@ -189,7 +189,7 @@ RESTAGING_FORBIDDEN: Final = RefusalEntry(
     'the correction has changed since the target was written, and `added_frames = "never"`',
     'write the target again, then trigger; to have the gateway do it, set `added_frames = "auto"`',
 )
-REPLY_NOT_TURNED: Final = RefusalEntry(
+REPLY_NOT_NOMINAL: Final = RefusalEntry(
     0x04,
     "",
     "",
@@ -226,7 +226,7 @@ BASE_UNKNOWN: Final = RefusalEntry(
     "nobody knows where the distance starts from",
     "begin with an absolute move, map `actual` and `bits.done`, or set `relative_unknown`",
 )
-PLACE_UNTOLD: Final = RefusalEntry(
+POSITION_WITHHELD: Final = RefusalEntry(
     0x06,
     "its drive was out of reach or lost its reference, and nothing tells whether it stands at this target",
     ": read its actual position, or command another target",

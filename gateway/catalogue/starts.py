@@ -118,7 +118,7 @@ NO_ADDRESS_HERE: Final = StartEntry(
     "`tcp` of a controller",
     "listen on one that `ip address` lists",
 )
-CANNOT_TURN_AWAY: Final = StartEntry(
+CANNOT_REJECT_WAITING: Final = StartEntry(
     "{endpoint}: those who waited cannot be turned away",
     "connections that systemd kept over the restart cannot be looked at",
     "restart the unit once more; systemd then gives up what it kept",

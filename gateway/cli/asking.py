@@ -8,7 +8,7 @@ import typer
 Answer = TypeVar("Answer")
 
 
-class Asking:
+class Prompter:
     """Has every answer accepted: takes what the options gave and asks for the rest, until it is good.
 
     Where nobody can be asked a wrong option is wrong usage, and the options that are missing are noted, so

@@ -10,7 +10,7 @@ from rich.text import Text
 from gateway.budget.line import ControllerBudget, ExchangeBudget, LineBudget
 from gateway.budget.verdict import Remedy, ms
 from gateway.budget.wire import Wire
-from gateway.cli.output import Aside
+from gateway.cli.output import StderrLine
 from gateway.commissioning.budget import Budget, LineFigures
 from gateway.state.plan import LinePlan
 from gateway.times import NS_PER_MS, NS_PER_S
@@ -25,20 +25,20 @@ def lines(budget: Budget) -> Iterator[RenderableType]:
     """Yield the budget of every line for a person, and what cannot be met."""
     for line in budget.lines:
         yield from _line(line)
-    yield from (Aside(problem) for problem in budget.problems)
-    yield from (Aside(f"warning: {warning}") for warning in budget.warnings)
+    yield from (StderrLine(problem) for problem in budget.problems)
+    yield from (StderrLine(f"warning: {warning}") for warning in budget.warnings)
 
 
 def _line(figures: LineFigures) -> Iterator[RenderableType]:
     plan, line = figures.plan, figures.budget
     yield _words(f"[bold]line {plan.name}[/]: times in ms")
-    yield _words(f"  drives: {_place(plan.drives)}{_wire_text(line.drives)}")
+    yield _words(f"  drives: {_endpoint_text(plan.drives)}{_wire_text(line.drives)}")
     yield _words(f"  silence before each request to them: {ms(line.gap_ns)}{_whose(line)}")
     unknown = [axis.name for axis in plan.axes if axis.name not in line.response_ns]
-    known = [f"{ms(response_ns)} ({axis})" for axis, response_ns in line.response_ns.items()]
-    known += [f"not known, 0 assumed ({', '.join(unknown)})"] if unknown else []
-    if known:
-        yield _words(f"  time that a drive takes itself: {', '.join(known)}")
+    responses = [f"{ms(response_ns)} ({axis})" for axis, response_ns in line.response_ns.items()]
+    responses += [f"not known, 0 assumed ({', '.join(unknown)})"] if unknown else []
+    if responses:
+        yield _words(f"  time that a drive takes itself: {', '.join(responses)}")
     if line.broadcast_ns:
         yield _words(f"  a broadcast keeps the line for {ms(line.broadcast_ns)} (turnaround_ms)")
     for controller in line.controllers:
@@ -46,7 +46,7 @@ def _line(figures: LineFigures) -> Iterator[RenderableType]:
     yield from _added(line)
 
 
-def _place(endpoint: TcpEndpoint | SerialEndpoint) -> str:
+def _endpoint_text(endpoint: TcpEndpoint | SerialEndpoint) -> str:
     if isinstance(endpoint, TcpEndpoint):
         return "RTU over TCP" if endpoint.rtu else "TCP"
     return f"RTU {endpoint.baudrate} {endpoint.data_bits}{endpoint.parity}{endpoint.stop_bits}"
@@ -70,7 +70,7 @@ def _controller(figures: LineFigures, controller: ControllerBudget) -> Iterator[
     line, link = figures.budget, figures.plan.controllers[controller.index]
     yield ""
     yield _words(
-        f"[bold]controller {controller.name}[/] ({controller.role.value}): {_place(link.endpoint)}"
+        f"[bold]controller {controller.name}[/] ({controller.role.value}): {_endpoint_text(link.endpoint)}"
         f"{_wire_text(controller.wire)}, time-out {controller.timeout_ns / NS_PER_MS:g}"
     )
     if not controller.exchanges:
@@ -88,7 +88,7 @@ def _controller(figures: LineFigures, controller: ControllerBudget) -> Iterator[
     others_ns = line.longest_other_ns(controller.index)
     if others_ns:
         yield _words(f"  an exchange of another controller can come first: up to {ms(others_ns)} more")
-    yield from _cut(figures.plan, controller)
+    yield from _forwarding_rows(figures.plan, controller)
     yield from _remedies(figures.remedies[controller.name])
 
 
@@ -134,12 +134,16 @@ def _row(exchange: ExchangeBudget, timeout_ns: int, *, has_gap: bool) -> list[st
     ]
 
 
-def _cut(plan: LinePlan, controller: ControllerBudget) -> Iterator[RenderableType]:
+def _forwarding_rows(plan: LinePlan, controller: ControllerBudget) -> Iterator[RenderableType]:
     """Say what cut-through gains, between two serial ports."""
     if not (isinstance(plan.drives, SerialEndpoint) and controller.wire.is_serial):
         return
     whose = "cut_through = true" if plan.cut_through else "with cut_through = true"
-    found = [(each.step, each.cut) for each in controller.exchanges if each.cut and each.cut.saves_ns]
+    found = [
+        (each.step, each.forwarding)
+        for each in controller.exchanges
+        if each.forwarding and each.forwarding.saves_ns
+    ]
     if not found:
         yield _words(f"  {whose} no frame would be through a character sooner")
         return
@@ -147,10 +151,10 @@ def _cut(plan: LinePlan, controller: ControllerBudget) -> Iterator[RenderableTyp
     table.add_column(f"  {whose}", overflow="fold")
     for name in ("request sooner by", "reply sooner by", "sum"):
         table.add_column(name, justify="right")
-    for step, cut in found:
-        sooner = [ms(delay.saves_ns) if delay.saves_ns else "stored" for delay in cut.delays]
-        table.add_row(f"  {step.axis} {step.what.value}", *sooner, ms(cut.legs.total_ns))
-    table.add_row("  a round", "", "", ms(controller.round.cut_ns))
+    for step, forwarding in found:
+        sooner = [ms(delay.saves_ns) if delay.saves_ns else "stored" for delay in forwarding.delays]
+        table.add_row(f"  {step.axis} {step.what.value}", *sooner, ms(forwarding.legs.total_ns))
+    table.add_row("  a round", "", "", ms(controller.round.forwarded_ns))
     yield table
 
 

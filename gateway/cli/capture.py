@@ -18,13 +18,13 @@ from gateway.files import create
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from gateway.commissioning.frames import Frame, LineFrames, Taken
+    from gateway.commissioning.frames import LineEntry, LineFrames, Taken
 
 EVERY_S: Final = 0.1
 STANDARD_OUTPUT: Final = "-"
 COLOURS: Final = {"request": "cyan", "answered": "cyan", "sent": "green", "reply": "green"}
 """The side of the controllers, and that of the drives."""
-TROUBLE: Final = "red"
+ERROR_COLOUR: Final = "red"
 LOST: Final = "frames were lost: they came faster than they could be looked at"
 
 
@@ -117,16 +117,16 @@ def _follow(frames: "LineFrames", out: BinaryIO | None, *, as_json: bool) -> Non
     while True:
         if out is None:
             found = frames.new()
-            _say_lost(frames)
+            _print_lost(frames)
             _print(found, console, as_json=as_json)
             sys.stdout.flush()
         else:
             frames.write_packets(out)
-            _say_lost(frames)
+            _print_lost(frames)
         time.sleep(EVERY_S)
 
 
-def _say_lost(frames: "LineFrames") -> None:
+def _print_lost(frames: "LineFrames") -> None:
     if frames.is_lost:
         typer.echo(LOST, err=True)
 
@@ -137,7 +137,7 @@ def _console() -> "Console":
     return Console(highlight=False, soft_wrap=True)
 
 
-def _print(found: "Iterable[Frame]", console: "Console", *, as_json: bool) -> None:
+def _print(found: "Iterable[LineEntry]", console: "Console", *, as_json: bool) -> None:
     """Print frames, in words or as JSON lines."""
     from rich.text import Text
 
@@ -145,7 +145,7 @@ def _print(found: "Iterable[Frame]", console: "Console", *, as_json: bool) -> No
         if as_json:
             print_json(frame.as_data(), Format.LINE)
         else:
-            colour = TROUBLE if frame.is_trouble else COLOURS.get(frame.kind, "yellow")
+            colour = ERROR_COLOUR if frame.is_error else COLOURS.get(frame.kind, "yellow")
             console.print(Text(frame.words, colour))
 
 

@@ -60,7 +60,7 @@ def ca(
     _check_text(name, "--name")
     now = now_utc()
     with _problems():
-        _say_written(*found_authority(folder, lambda: make_authority(name, now), now))
+        _print_written(*found_authority(folder, lambda: make_authority(name, now), now))
 
 
 @app.command()
@@ -90,7 +90,7 @@ def server(
     now = now_utc()
     with _problems():
         signed = make_server(read_authority(folder, now), name, hosts, now)
-        _say_written(*write_signed(folder, name, signed))
+        _print_written(*write_signed(folder, name, signed))
 
 
 @app.command()
@@ -117,7 +117,7 @@ def controller(
     now = now_utc()
     with _problems():
         signed = make_controller(read_authority(folder, now), name, role, now)
-        _say_written(*write_signed(folder, name, signed))
+        _print_written(*write_signed(folder, name, signed))
 
 
 @app.command()
@@ -139,7 +139,7 @@ def revoke(
 
     _check_name(name)
     with _problems():
-        _say_written(revoke_in(folder, name, now_utc()))
+        _print_written(revoke_in(folder, name, now_utc()))
 
 
 @app.command()
@@ -178,7 +178,7 @@ def _check_text(text: str, option: str, longest: int = 64) -> None:
         raise typer.BadParameter(f"allowed: 1 to {longest} characters that can be seen", param_hint=option)
 
 
-def _say_written(*files: Path) -> None:
+def _print_written(*files: Path) -> None:
     for file in files:
         typer.echo(file)
 

@@ -9,7 +9,7 @@ import typer
 
 from gateway.cli.arguments import AsJson, Config
 from gateway.cli.configuration import compile_or_exit
-from gateway.cli.output import Aside, Format, show
+from gateway.cli.output import Format, StderrLine, show
 
 if TYPE_CHECKING:
     from gateway.config.load import Loaded
@@ -41,7 +41,7 @@ def check(
     """
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
-    from gateway.ipc.notes import take_standard_error
+    from gateway.ipc.log import take_standard_error
 
     take_standard_error()  # the unit of the relay checks first
     form = Format.INDENTED if as_json else Format.TEXT
@@ -84,9 +84,9 @@ class _Checked:
         """Yield it in words."""
         from gateway.config.summary import summary_lines
 
-        yield from (Aside(problem) for problem in self.problems)
+        yield from (StderrLine(problem) for problem in self.problems)
         if self.loaded is not None:
             yield from summary_lines(self.loaded.plan, self.loaded.drives)
-        yield from (Aside(f"warning: {warning}") for warning in self.warnings)
+        yield from (StderrLine(f"warning: {warning}") for warning in self.warnings)
         if self.loaded is not None:
             yield f"{self.path}: good"

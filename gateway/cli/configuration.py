@@ -34,7 +34,7 @@ def compile_for_start_or_exit(config: Path) -> Path:
 
     Where the file of a table is bad, and one of that name was good before, that one is used, and it is said.
     """
-    from gateway.config.last_good import Source, settle
+    from gateway.config.last_good import TableSource, settle
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
     from gateway.state.last_good import last_plan
@@ -53,9 +53,9 @@ def compile_for_start_or_exit(config: Path) -> Path:
     for name, reading in loaded.readings.items():
         for remark in (*reading.problems, *reading.findings.warnings):
             typer.echo(f"warning: {remark}", err=True)
-        if settled.sources[name] is Source.KEPT:
+        if settled.sources[name] is TableSource.KEPT:
             typer.echo(f"warning: {reading.path}: axis {name} starts with the last good table", err=True)
-        elif settled.sources[name] is Source.ABSENT:
+        elif settled.sources[name] is TableSource.ABSENT:
             typer.echo(f"warning: {reading.path}: axis {name} starts without correction", err=True)
     compile_or_exit(loaded, settled.plan)
     return loaded.state_folder

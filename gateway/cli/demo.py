@@ -94,12 +94,12 @@ def _perform(options: DemoOptions, *, live: bool) -> bool:
 
     from gateway.relay.errors import StartError
     from gateway.report.errors import ReportError
-    from gateway.report.writing import check_place
+    from gateway.report.writing import check_path
     from gateway.simulator.errors import SimulatorError
 
     try:
         if options.report is not None:
-            check_place(options.report, force=options.force)
+            check_path(options.report, force=options.force)
         with ExitStack() as exits:
             folder = options.keep or Path(
                 exits.enter_context(tempfile.TemporaryDirectory(prefix="pitch-gateway-demo-"))

@@ -13,7 +13,7 @@ from rich.style import Style
 from rich.table import Table
 from rich.text import Text
 
-from gateway.commissioning.demo.cycle import AxisView, Judged, Listener, View
+from gateway.commissioning.demo.cycle import AxisView, DemoObserver, Judged, View
 
 BLANK: Final = 0x2800
 DOTS: Final = ((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80))
@@ -86,7 +86,7 @@ PANEL_ROWS: Final = 5
 BAR_LABEL_COLUMNS: Final = 26
 
 
-class Narrator(Listener):
+class Narrator(DemoObserver):
     """Says on a console which step begins."""
 
     def __init__(self, console: Console) -> None:
@@ -99,7 +99,7 @@ class Narrator(Listener):
         self._console.print(line, highlight=False, soft_wrap=True)
 
 
-class Screen(Listener):
+class Screen(DemoObserver):
     """Follows rounds until it is told to stop."""
 
     def __init__(self, console: Console) -> None:
@@ -174,12 +174,12 @@ def _points(judged: list[Judged]) -> list[tuple[float, float]]:
 
 def _positions(axis: AxisView) -> Text:
     unit = axis.spec.units.value
-    places = 3 if axis.spec.mm == 1.0 else 4
-    added_um = (axis.told - axis.nominal) * axis.spec.mm * UM_PER_MM
+    decimals = 3 if axis.spec.mm == 1.0 else 4
+    added_um = (axis.commanded - axis.nominal) * axis.spec.mm * UM_PER_MM
     exact = f"{axis.inexact_readbacks} readbacks differ" if axis.inexact_readbacks else "readback exact"
     text = Text.from_markup(
-        f"told [bold]{axis.nominal:+.{places}f}[/] {unit} → {axis.told:+.{places}f} ({added_um:+.1f} µm), "
-        f"nut at {axis.nut:+.{places}f}, {exact}",
+        f"told [bold]{axis.nominal:+.{decimals}f}[/] {unit} → {axis.commanded:+.{decimals}f} "
+        f"({added_um:+.1f} µm), nut at {axis.nut:+.{decimals}f}, {exact}",
         overflow="ellipsis",
     )
     text.no_wrap = True

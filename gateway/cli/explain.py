@@ -28,8 +28,8 @@ def _keys(asked: str) -> "list[Explanation]":
     found = []
     for table, row in find_keys(asked):
         default = f"; default: {row.default}" if row.default else ""
-        meaning = plain(f"{row.meaning} ({row.kind}{default})")
-        found.append(Explanation("key", f"{table}.{row.key}", "", meaning, "", ""))
+        description = plain(f"{row.description} ({row.kind}{default})")
+        found.append(Explanation("key", f"{table}.{row.key}", "", description, "", ""))
     return found
 
 

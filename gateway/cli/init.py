@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 import typer
 
-from gateway.cli.asking import Asking, number, text, two_numbers, whole_number
+from gateway.cli.asking import Prompter, number, text, two_numbers, whole_number
 from gateway.cli.init_options import InitOptions, TargetFile, further_axis
 from gateway.cli.options import takes_options
 from gateway.cli.output import Format, print_lines, show
@@ -118,7 +118,7 @@ def init(file: TargetFile = Path("gateway.toml"), *, options: InitOptions) -> No
     """
     from gateway.commissioning.first_configuration import Serial
 
-    asking = Asking(is_on=sys.stdin.isatty() if options.ask is None else options.ask)
+    asking = Prompter(is_on=sys.stdin.isatty() if options.ask is None else options.ask)
     controller = Serial(options.controller_baudrate, options.controller_parity, options.controller_stop_bits)
     draft = _new_draft(
         file, Serial(options.baudrate, options.parity, options.stop_bits), controller, force=options.force
@@ -170,7 +170,7 @@ def _new_draft(file: Path, drives: "Serial", controller: "Serial", *, force: boo
 
 def _answer(
     draft: "Draft",
-    asking: Asking,
+    asking: Prompter,
     given: Mapping[str, Any],
     axes: "Sequence[Mapping[str, Any]]",
     *,
@@ -193,7 +193,7 @@ def _answer(
 
 
 def _settle_axis(
-    asking: Asking, draft: "Draft", given: Mapping[str, Any], *, scanned: tuple[int, ...] | None
+    asking: Prompter, draft: "Draft", given: Mapping[str, Any], *, scanned: tuple[int, ...] | None
 ) -> None:
     """Have an axis answered, and with the first one its line.
 
@@ -208,10 +208,10 @@ def _settle_axis(
     _settle_drive(asking, draft, given.get("drive"), None if before is None else before.get("drive"))
     _settle_rest(asking, draft, given, before, scanned=scanned)
     question = "Table file in the tables folder (none: leave empty)"
-    draft.note_table(asking.optional(given.get("table"), question))
+    draft.set_table(asking.optional(given.get("table"), question))
 
 
-def _settle_drive(asking: Asking, draft: "Draft", given: str | None, before: str | None) -> None:
+def _settle_drive(asking: Prompter, draft: "Draft", given: str | None, before: str | None) -> None:
     """Have the drive named; the profiles that there are stand above the first question."""
     from gateway.drives import library
     from gateway.drives.described import ProfileList
@@ -236,7 +236,7 @@ def _option(draft: "Draft", name: str) -> str:
 
 
 def _settle_rest(
-    asking: Asking,
+    asking: Prompter,
     draft: "Draft",
     given: Mapping[str, Any],
     before: Mapping[str, Any] | None,
@@ -260,15 +260,15 @@ def _settle_rest(
                 continue
             usual.setdefault(name, format_words(draft.serial(name)))
         if answer is None and asking.is_on:
-            _say_before(name, draft, ports, is_first=before is None)
+            _print_before(name, draft, ports, is_first=before is None)
         if answer is None and not asking.is_on:
             answer = usual.get(name)
         asked = partial(ask, question, usual[name]) if name in usual else partial(ask, question)
         if name.endswith("_at"):
             asked = partial(_choice, question, [port.path for port in ports])
-        said = len(draft.notes)
+        shown = len(draft.notes)
         asking.settle(answer, _option(draft, name), asked, partial(draft.take, name))
-        for note in draft.notes[said:] if asking.is_on else ():
+        for note in draft.notes[shown:] if asking.is_on else ():
             typer.echo(f"  note: {note}", err=True)
 
 
@@ -284,7 +284,7 @@ def _usual(draft: "Draft", before: Mapping[str, Any] | None) -> dict[str, str]:
     return usual | {name: str(before[name]) for name in names}
 
 
-def _scanned(asking: Asking, draft: "Draft", wanted: tuple[int, ...]) -> dict[str, str]:
+def _scanned(asking: Prompter, draft: "Draft", unit_ids: tuple[int, ...]) -> dict[str, str]:
     """Look for drives at every setting; return the one at which they answer, and the lowest unit id there."""
     from gateway.commissioning.first_configuration import format_words
     from gateway.commissioning.serial_ports import scan
@@ -300,7 +300,7 @@ def _scanned(asking: Asking, draft: "Draft", wanted: tuple[int, ...]) -> dict[st
         return {}
     try:
         found = asyncio.run(
-            scan(device, offered, address, wanted, lambda line: typer.echo(f"  {line}", err=True))
+            scan(device, offered, address, unit_ids, lambda line: typer.echo(f"  {line}", err=True))
         )
     except (TransportError, LostError) as error:
         typer.echo(f"  not scanned: {getattr(error, 'detail', error)}", err=True)
@@ -316,7 +316,7 @@ def _scanned(asking: Asking, draft: "Draft", wanted: tuple[int, ...]) -> dict[st
     return {"drives_format": format_words(found.serial), "unit_id": str(min(found.unit_ids))}
 
 
-def _say_before(name: str, draft: "Draft", ports: "Sequence[Found]", *, is_first: bool) -> None:
+def _print_before(name: str, draft: "Draft", ports: "Sequence[Found]", *, is_first: bool) -> None:
     """Say what somebody has to know for a question."""
     if name.endswith("_at"):
         listed = "  serial ports that are there (type a number to take one):"
@@ -396,7 +396,7 @@ def _fit_units(file: Path, systemd: Path, *, is_good: bool, is_quiet: bool) -> N
         print_lines(fitted.lines())
 
 
-def _measured(file: Path, asking: Asking, draft: "Draft", *, measure: bool | None) -> tuple[str, ...]:
+def _measured(file: Path, asking: Prompter, draft: "Draft", *, measure: bool | None) -> tuple[str, ...]:
     """Return the time-outs that the drives ask for, as lines of the configuration; none: not measured."""
     from gateway.commissioning.probe.timing import keys_of, measure_line
     from gateway.config.load import load
@@ -421,13 +421,13 @@ def _measured(file: Path, asking: Asking, draft: "Draft", *, measure: bool | Non
     return () if found.proposed is None else keys_of(found.proposed)
 
 
-def _is_there(place: str) -> bool:
+def _is_there(address: str) -> bool:
     """Whether a port is there, or somebody listens."""
     from gateway.commissioning.first_configuration import RTU_OVER_TCP
 
-    if place.startswith("/"):
-        return os.path.exists(place)  # noqa: PTH110 - a folder that may not be entered is no error here
-    host, _, port = place.removeprefix(RTU_OVER_TCP).rpartition(":")
+    if address.startswith("/"):
+        return os.path.exists(address)  # noqa: PTH110 - a folder that may not be entered is no error here
+    host, _, port = address.removeprefix(RTU_OVER_TCP).rpartition(":")
     try:
         socket.create_connection((host.strip("[]"), int(port)), timeout=1.0).close()
     except OSError:

@@ -83,39 +83,41 @@ def listen(
         raise typer.Exit(1)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     if to is None:
-        heard = _hear_serial(port, baudrate, parity, seconds)
+        heard = _listen_serial(port, baudrate, parity, seconds)
     else:
         if baudrate is not None or parity is not None:
             raise typer.BadParameter(
                 "TCP has neither baud rate nor parity", param_hint="--baudrate, --parity"
             )
-        heard = _hear_proxy(port, to, seconds)
-    _tell(heard, out, as_json=as_json)
+        heard = _listen_proxy(port, to, seconds)
+    _print_result(heard, out, as_json=as_json)
 
 
-def _say(text: str) -> None:
+def _print(text: str) -> None:
     typer.echo(text, err=True)
 
 
-def _tell(heard: "Heard", out: Path | None, *, as_json: bool) -> None:
+def _print_result(heard: "Heard", out: Path | None, *, as_json: bool) -> None:
     text = heard.configuration
     show(heard, Format.JSON if as_json else Format.TEXT)
     if not heard.is_understood:
-        _say("nothing was understood: let the machine move, listen longer (--for), or exchange A and B")
+        _print("nothing was understood: let the machine move, listen longer (--for), or exchange A and B")
         raise typer.Exit(1)
     if not text:
-        _say("no configuration is proposed: no unit id was told a target; let the machine go to some places")
+        _print(
+            "no configuration is proposed: no unit id was told a target; let the machine go to some places"
+        )
     elif out is not None:
         out.write_text(text, encoding="utf-8")
-        _say(f"written: {out}; fill in what nobody can hear, then pitch-gateway check {out}")
+        _print(f"written: {out}; fill in what nobody can hear, then pitch-gateway check {out}")
     elif not as_json:
         typer.echo("\n" + text)
 
 
-def _hear_serial(device: str, baudrate: int | None, parity: str | None, seconds: float | None) -> "Heard":
+def _listen_serial(device: str, baudrate: int | None, parity: str | None, seconds: float | None) -> "Heard":
     import termios
 
-    from gateway.commissioning.listen.listening import hear_serial
+    from gateway.commissioning.listen.listening import listen_serial
     from gateway.commissioning.listen.serial_line import BAUDRATES
     from gateway.transport.errors import TransportError
 
@@ -124,24 +126,24 @@ def _hear_serial(device: str, baudrate: int | None, parity: str | None, seconds:
         raise typer.BadParameter(f"no usual rate: {allowed}", param_hint="--baudrate")
     letter = None if parity is None else PARITY_LETTERS[parity]
     try:
-        return hear_serial(device, seconds or SERIAL_S, baudrate=baudrate, parity=letter, say=_say)
+        return listen_serial(device, seconds or SERIAL_S, baudrate=baudrate, parity=letter, report=_print)
     except TransportError as error:
-        _say(error.detail)
+        _print(error.detail)
         raise typer.Exit(1) from None
 
 
-def _hear_proxy(port: str, to: str, seconds: float | None) -> "Heard":
+def _listen_proxy(port: str, to: str, seconds: float | None) -> "Heard":
     from gateway.commissioning.first_configuration import RTU_OVER_TCP
-    from gateway.commissioning.listen.listening import hear_proxy
+    from gateway.commissioning.listen.listening import listen_proxy
     from gateway.transport.errors import TransportError
 
     is_rtu = to.startswith(RTU_OVER_TCP)
     near = _endpoint(port, "PORT", is_rtu=is_rtu)
     far = _endpoint(to.removeprefix(RTU_OVER_TCP), "--to", is_rtu=is_rtu)
     try:
-        return hear_proxy(near, far, seconds, say=_say)
+        return listen_proxy(near, far, seconds, report=_print)
     except TransportError as error:
-        _say(error.detail)
+        _print(error.detail)
         raise typer.Exit(1) from None
 
 

@@ -17,7 +17,7 @@ EVERY_S: Final = 0.5
 CTRL_C_ENDS: Final = "Ctrl-C ends it; the gateway goes on"
 
 
-def look(config: Path, state: Path) -> "Model":
+def read_status(config: Path, state: Path) -> "Model":
     """Return the status: the supervisor's where it answers, which knows the files, else what the relay says.
 
     Raises:
@@ -61,11 +61,11 @@ def looks(config: Path, state: Path) -> Iterator["Model | str"]:
     Raises:
         NoRelayError: there is nobody to begin with.
     """
-    yield look(config, state)
+    yield read_status(config, state)
     while True:
         time.sleep(EVERY_S)
         try:
-            yield look(config, state)
+            yield read_status(config, state)
         except NoRelayError as error:
             yield str(error)
 

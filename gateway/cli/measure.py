@@ -14,7 +14,7 @@ from gateway.cli.output import STOPPED_BY_SIGNAL, print_lines, print_words
 from gateway.commissioning.measure.options import MeasureOptions
 
 if TYPE_CHECKING:
-    from gateway.commissioning.measure.measuring import Measured, Measuring
+    from gateway.commissioning.measure.measuring import Measuring, RunResult
 
 
 @takes_options
@@ -53,7 +53,7 @@ def measure(
     loaded = load_or_exit(config)
     try:
         measuring = Measuring(loaded, options)
-        if measuring.look():
+        if measuring.check_ready():
             print_lines(measuring.preview(), err=True)
             if not yes:
                 _ask(config)
@@ -104,7 +104,7 @@ def _run(measuring: "Measuring", *, as_json: bool) -> None:
         showing.end()
 
 
-def _result(config: Path, measuring: "Measuring") -> "Measured":
+def _result(config: Path, measuring: "Measuring") -> "RunResult":
     """Return what the readings lead to; Ctrl-C ends the command. Raises MeasureError."""
     try:
         return measuring.result()
@@ -118,7 +118,7 @@ def _result(config: Path, measuring: "Measuring") -> "Measured":
         raise typer.Exit(STOPPED_BY_SIGNAL + SIGINT) from None
 
 
-def _show(measured: "Measured", *, as_json: bool) -> None:
+def _show(measured: "RunResult", *, as_json: bool) -> None:
     from gateway.cli.measure_progress import AsJson
     from gateway.cli.table_output import PLAIN_WIDTH, results_lines
 

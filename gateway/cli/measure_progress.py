@@ -22,7 +22,7 @@ class AsLines(Showing):
         self._total = 0
         self._done = 0
 
-    def say(self, text: str) -> None:
+    def show(self, text: str) -> None:
         """See :class:`Showing`."""
         typer.echo(text, err=True)
 
@@ -33,7 +33,7 @@ class AsLines(Showing):
     def took(self, reading: Reading) -> None:
         """See :class:`Showing`."""
         self._done += 1
-        self.say(line_of(self._done, self._total, reading, self._units))
+        self.show(line_of(self._done, self._total, reading, self._units))
 
 
 class AsBar(AsLines):
@@ -44,10 +44,10 @@ class AsBar(AsLines):
         self._bar: Progress | None = None
         self._task: TaskID | None = None
 
-    def say(self, text: str) -> None:
+    def show(self, text: str) -> None:
         """See :class:`Showing`."""
         if self._bar is None:
-            super().say(text)
+            super().show(text)
         else:
             self._bar.console.print(text, highlight=False, markup=False)
 

@@ -48,18 +48,18 @@ def _options_of(group: Any) -> Iterator[inspect.Parameter]:
         if is_dataclass(field.annotation):
             yield from _options_of(field.annotation)
             continue
-        kind, said = get_args(field.annotation)
-        if isinstance(said, OptionInfo):
+        kind, option = get_args(field.annotation)
+        if isinstance(option, OptionInfo):
             yield field
-        elif isinstance(said, Option):
-            yield field.replace(annotation=Annotated[kind, _of_program(field.name, said)])
+        elif isinstance(option, Option):
+            yield field.replace(annotation=Annotated[kind, _of_program(field.name, option)])
         else:
             yield from _of_table(field)
 
 
-def _of_program(field: str, said: Option) -> Any:
-    name = said.name or field.replace("_", "-")
-    return typer.Option(f"--{name}", help=said.help, metavar=said.metavar, min=said.min, max=said.max)
+def _of_program(field: str, option: Option) -> Any:
+    name = option.name or field.replace("_", "-")
+    return typer.Option(f"--{name}", help=option.help, metavar=option.metavar, min=option.min, max=option.max)
 
 
 def _of_table(field: inspect.Parameter) -> Iterator[inspect.Parameter]:
@@ -67,10 +67,12 @@ def _of_table(field: inspect.Parameter) -> Iterator[inspect.Parameter]:
     from gateway.tabfile.options import DECLARED
 
     declared = DECLARED[field.name]
-    said = declared.option
-    if not said.typed_as:
-        is_old = said.renamed is not None
-        option = typer.Option(declared.typed, metavar=said.metavar, help=said.help, hidden=is_old)
+    declaration = declared.option
+    if not declaration.typed_as:
+        is_old = declaration.renamed is not None
+        option = typer.Option(
+            declared.typed, metavar=declaration.metavar, help=declaration.help, hidden=is_old
+        )
         yield field.replace(annotation=Annotated[declared.type | None, option])
 
 

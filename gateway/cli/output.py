@@ -26,7 +26,7 @@ class Format(Enum):
     INDENTED_ASCII = (2, True)
 
 
-class Aside(str):
+class StderrLine(str):
     """A line for standard error: what a person should know beside the result."""
 
     __slots__ = ()
@@ -75,7 +75,7 @@ def print_words(words: "Iterable[RenderableType]", plain_width: int | None = Non
     """Print what a person reads; see :meth:`Result.lines`."""
     for part in words:
         if isinstance(part, str):
-            typer.echo(part, err=isinstance(part, Aside))
+            typer.echo(part, err=isinstance(part, StderrLine))
         else:
             _draw(part, plain_width)
 

@@ -66,7 +66,7 @@ def probe(
             raise typer.BadParameter("--timing measures, --scan looks: give one of them", param_hint="--scan")
         found: probing.Timed | probing.Probed = asyncio.run(probing.time_drives(lines))
     else:
-        found = asyncio.run(probing.probe(lines, axis, is_scanned=scan, on_scan=_say_scan))
+        found = asyncio.run(probing.probe(lines, axis, is_scanned=scan, on_scan=_print_scan))
     show(found, Format.JSON if as_json else Format.TEXT)
     print_lines((f"{config}: {problem}" for problem in found.problems), err=True)
     if not found.is_good:
@@ -82,9 +82,9 @@ def _lines(loaded: "Loaded", config: Path, axis: str | None) -> "list[LinePlan]"
 
 
 def _refuse_beside_gateway(loaded: "Loaded", config: Path) -> None:
+    from gateway.ipc.address import SocketError, socket_path
     from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
     from gateway.ipc.messages import Ping
-    from gateway.ipc.place import SocketError, socket_path
 
     try:
         ask(socket_path(loaded.state_folder), Ping())
@@ -101,7 +101,7 @@ def _refuse_beside_gateway(loaded: "Loaded", config: Path) -> None:
     raise typer.Exit(1)
 
 
-def _say_scan(line: "LinePlan") -> None:
+def _print_scan(line: "LinePlan") -> None:
     from gateway.commissioning.probe.readings import LAST_UNIT_ID
     from gateway.times import NS_PER_MS, NS_PER_S, span
 

@@ -18,7 +18,7 @@ from gateway.backoff import Backoff
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.process_events import RELAY_ENDED, SUPERVISOR_ENDED, SUPERVISOR_STARTED
 from gateway.ipc.children import HELD_BACK, READY, RELOADS
-from gateway.ipc.notes import LogFormat, Note, note_of, take_standard_error
+from gateway.ipc.log import LogEntry, LogFormat, log_entry, take_standard_error
 from gateway.state.folder import StateError, state_folder
 
 STOPS: Final = frozenset({signal.SIGTERM, signal.SIGINT})
@@ -61,7 +61,7 @@ def _environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join((folder, others) if others else (folder,))}
 
 
-def run_both(relay: list[str], supervisor: list[str], write: Callable[[Note], None]) -> int:
+def run_both(relay: list[str], supervisor: list[str], write: Callable[[LogEntry], None]) -> int:
     """Run both until SIGTERM, SIGINT or the end of the relay; returns the exit code.
 
     SIGHUP is passed on to the supervisor, which reads the tables anew. They write into the same log;
@@ -77,16 +77,16 @@ def run_both(relay: list[str], supervisor: list[str], write: Callable[[Note], No
         signal.pthread_sigmask(signal.SIG_UNBLOCK, HELD_BACK)
 
 
-def _unless_full(write: Callable[[Note], None]) -> Callable[[Note], None]:
+def _unless_full(write: Callable[[LogEntry], None]) -> Callable[[LogEntry], None]:
     """Drop what would have to wait for the reader of the log.
 
     Not with a thread: children get the signal of their parent's end for each of its threads (prctl(2)), and
     two of them end the relay at once.
     """
 
-    def write_or_drop(note: Note) -> None:
+    def write_or_drop(entry: LogEntry) -> None:
         if select.select((), (sys.stderr,), (), 0)[1]:
-            write(note)
+            write(entry)
 
     return write_or_drop
 
@@ -104,7 +104,7 @@ def _started(command: list[str]) -> "subprocess.Popen[bytes]":
 class _Pair:
     """The two processes, from the start of the first to the end of the last."""
 
-    def __init__(self, relay: list[str], supervisor: list[str], write: Callable[[Note], None]) -> None:
+    def __init__(self, relay: list[str], supervisor: list[str], write: Callable[[LogEntry], None]) -> None:
         self._write = write
         self._supervisor_command = supervisor
         self._relay = _started(relay)
@@ -117,7 +117,7 @@ class _Pair:
     def run(self) -> int:
         while self._relay.poll() is None:
             if self._is_relay_ready and not self._is_stopping:
-                self._look_after_supervisor()
+                self._watch_supervisor()
             found = signal.sigtimedwait(HELD_BACK, self._longest_wait_s())
             if found is not None and found.si_signo in STOPS:
                 self._stop(found.si_signo)
@@ -134,13 +134,13 @@ class _Pair:
             return LONGEST_WAIT_S  # or until a signal comes, as with the end of a child
         return max(0.0, self._supervisor_since_s + self._backoff.pause_s - time.monotonic())
 
-    def _look_after_supervisor(self) -> None:
+    def _watch_supervisor(self) -> None:
         now_s = time.monotonic()
         if self._supervisor is None:
             if now_s >= self._supervisor_since_s + self._backoff.pause_s:
                 self._backoff.next_s()
                 self._start_supervisor()
-                self._say(SUPERVISOR_STARTED)
+                self._log(SUPERVISOR_STARTED)
         elif self._supervisor.poll() is not None:
             if now_s - self._supervisor_since_s > LONG_LIFE_S:
                 self._backoff.reset()
@@ -148,7 +148,7 @@ class _Pair:
             self._supervisor = None
             self._supervisor_since_s = now_s
             detail = f"the relay goes on; it is started again in {self._backoff.pause_s:g} s"
-            self._say(SUPERVISOR_ENDED, status=status, detail=detail)
+            self._log(SUPERVISOR_ENDED, status=status, detail=detail)
 
     def _start_supervisor(self) -> None:
         if not self._is_stopping:
@@ -181,12 +181,12 @@ class _Pair:
             return 0  # it had not even begun
         if not self._is_stopping and code <= 0:
             detail = "positions pass no more: the gateway ends"
-            self._say(RELAY_ENDED, status=_status(code), detail=detail)
+            self._log(RELAY_ENDED, status=_status(code), detail=detail)
             return 1
         return code if code >= 0 else 1
 
-    def _say(self, event: EventEntry, **fields: Any) -> None:
-        self._write(note_of(event, fields, time.time()))
+    def _log(self, event: EventEntry, **fields: Any) -> None:
+        self._write(log_entry(event, fields, time.time()))
 
 
 def _status(code: int) -> str:

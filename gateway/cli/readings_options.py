@@ -165,20 +165,20 @@ def _number(source: str, name: str, stated: str, what: str, option: str) -> floa
         ) from None
 
 
-def steep_allowed(survey: Survey, told: float | None) -> float:
+def steep_allowed(survey: Survey, given: float | None) -> float:
     """Return how steep a table may be: as told, or as the readings say, or as axes have it by default.
 
     Raises:
         BadParameter: what was told is no slope below 1.
         ReadingsError: what the readings say is none.
     """
-    if told is not None:
-        if not 0.0 < told < 1.0:
+    if given is not None:
+        if not 0.0 < given < 1.0:
             raise typer.BadParameter(
-                f"{told:g}: it must be above 0 and below 1, as max_slope of the axis",
+                f"{given:g}: it must be above 0 and below 1, as max_slope of the axis",
                 param_hint="--max-slope",
             )
-        return told
+        return given
     if (stated := survey.facts.get("max_slope")) is None:
         return DEFAULT_MAX_SLOPE
     limit = _number(survey.source, "max_slope", stated, "above 0 and below 1", "max-slope")

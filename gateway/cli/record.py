@@ -8,7 +8,7 @@ import typer
 from gateway.cli.arguments import Config
 from gateway.cli.configuration import load_or_exit
 from gateway.cli.run import HowToLog, StatusEvery
-from gateway.ipc.notes import LogFormat
+from gateway.ipc.log import LogFormat
 
 if TYPE_CHECKING:
     from gateway.recording.writer import Recorder
@@ -44,7 +44,7 @@ def record(
         pitch-gateway replay monday.jsonl --show
     """
     from gateway.config.recording_header import header_of
-    from gateway.ipc.notes import note_writer
+    from gateway.ipc.log import log_writer
     from gateway.recording.writer import Recorder
     from gateway.relay.errors import StartError
     from gateway.relay.run import run_relay
@@ -59,7 +59,7 @@ def record(
     try:
         run_relay(
             loaded.plan,
-            note_writer(log_format),
+            log_writer(log_format),
             status_every,
             state=loaded.state_folder,
             recorder=recorder,

@@ -2,7 +2,7 @@
 
 from gateway.cli.arguments import Config
 from gateway.cli.run import HowToLog, StatusEvery
-from gateway.ipc.notes import LogFormat
+from gateway.ipc.log import LogFormat
 
 
 def relay(config: Config, *, log_format: HowToLog = LogFormat.AUTO, status_every: StatusEvery = 0.0) -> None:

@@ -43,7 +43,7 @@ def reload(config: Config, *, as_json: AsJson = False) -> None:
     """
     import msgspec
 
-    from gateway.ipc.notes import take_standard_error
+    from gateway.ipc.log import take_standard_error
 
     take_standard_error()  # the unit of the supervisor reloads so
     found = msgspec.convert(_outcome(config), _Reloaded)
@@ -100,8 +100,8 @@ def _outcome(config: Path) -> dict[str, Any]:
         with contextlib.suppress(NoSupervisorError):
             outcome: dict[str, Any] = ask_supervisor(state, "/reload", "POST", PATIENCE_S)
             return outcome
-    from gateway.supervisor.sights import ignore_broken_leases
-    from gateway.supervisor.tables import Keeper
+    from gateway.supervisor.file_stamps import ignore_broken_leases
+    from gateway.supervisor.tables import Reloader
 
     ignore_broken_leases()
-    return Keeper(config).reload().as_data()
+    return Reloader(config).reload().as_data()

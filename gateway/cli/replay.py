@@ -8,7 +8,7 @@ import typer
 
 from gateway.cli.arguments import AsJson, Line
 from gateway.cli.configuration import load_or_exit
-from gateway.cli.output import Aside, Format, show
+from gateway.cli.output import Format, StderrLine, show
 
 if TYPE_CHECKING:
     from gateway.exchange.events import Event
@@ -92,15 +92,15 @@ def _show_event(line: str, event: "Event") -> None:
 
 
 def _words(file: Path, result: "ReplayResult") -> Iterator[str]:
-    if result.is_cut_off:
-        yield Aside(f"warning: {file} was cut off: it is replayed as far as it goes")
+    if result.is_truncated:
+        yield StderrLine(f"warning: {file} was cut off: it is replayed as far as it goes")
     if result.before:
         entries = "1 entry" if result.before == 1 else f"{result.before} entries"
-        yield Aside(f"{file}: {entries} from before what is known: not compared")
+        yield StderrLine(f"{file}: {entries} from before what is known: not compared")
     if not result.different:
         yield f"{result.inputs} inputs, {result.outputs} outputs: all as recorded"
         return
-    yield from (Aside(f"{file}:{difference.file_line}: {difference}") for difference in result.first)
+    yield from (StderrLine(f"{file}:{difference.file_line}: {difference}") for difference in result.first)
     if more := result.different - len(result.first):
-        yield Aside(f"{file}: and {more} more")
+        yield StderrLine(f"{file}: and {more} more")
     yield f"{result.inputs} inputs, {result.outputs} outputs: {result.different} differ"

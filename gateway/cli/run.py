@@ -6,7 +6,7 @@ import typer
 
 from gateway.cli.arguments import Config
 from gateway.cli.configuration import compile_for_start_or_exit
-from gateway.ipc.notes import LogFormat
+from gateway.ipc.log import LogFormat
 
 HowToLog = Annotated[
     LogFormat, typer.Option("--log-format", help="How the log is written; auto: console on a terminal.")
@@ -39,14 +39,14 @@ def run(config: Config, *, log_format: HowToLog = LogFormat.AUTO, status_every: 
         pitch-gateway run gateway.toml --log-format json 2> gateway.log
     """
     from gateway.cli.processes import command_of, run_both
-    from gateway.ipc.notes import note_writer, take_standard_error
+    from gateway.ipc.log import log_writer, take_standard_error
 
     take_standard_error(log_format)
     compiled_into = "--state", str(compile_for_start_or_exit(config))
     code = run_both(
         command_of("gateway.relay", config, log_format, "--status-every", str(status_every), *compiled_into),
         command_of("gateway.supervisor", config, log_format, *compiled_into),
-        note_writer(log_format),
+        log_writer(log_format),
     )
     if code:
         raise typer.Exit(code)

@@ -128,14 +128,14 @@ def _judge_move(config: Path, plan: "AxisPlan", moved: float, *, as_json: bool =
 def _ask_for_a_move(config: Path, plan: "AxisPlan") -> None:
     from gateway.metrology.scale import TRIAL_MOVE
 
-    told, units = TRIAL_MOVE[plan.settings.units], plan.settings.units.value
+    commanded, units = TRIAL_MOVE[plan.settings.units], plan.settings.units.value
     typer.echo(
-        f"Axis {plan.name}: command one move up, then {told:g} {units} more. Measure this last move with a "
-        "dial gauge or a rule; it is negative where the axis went down.",
+        f"Axis {plan.name}: command one move up, then {commanded:g} {units} more. Measure this last move "
+        "with a dial gauge or a rule; it is negative where the axis went down.",
         err=True,
     )
     _judge_move(
-        config, plan, typer.prompt(f"It really moved by [{units}]", default=told, type=float, err=True)
+        config, plan, typer.prompt(f"It really moved by [{units}]", default=commanded, type=float, err=True)
     )
 
 

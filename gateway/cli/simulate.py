@@ -104,7 +104,7 @@ def simulate(
     from gateway.simulator.wire import Adapter, Cable, WireFaults
 
     try:
-        gathered = {"lump_bytes": lump_bytes} if lump_bytes else {}
+        gathered = {"burst_bytes": lump_bytes} if lump_bytes else {}
         adapter = Adapter(latency_timer_ms, jitter_ms=jitter_ms, seed=seed, **gathered)
         cable = Cable(adapter, WireFaults(noise=noise, seed=seed), _hearing(hearing))
         plan = load(config).plan
@@ -196,17 +196,17 @@ class _Serving:
 
 async def _show_until(ended: asyncio.Event, gauges: "tuple[VirtualGauge, ...]") -> None:
     """Show where axes come to rest, for readings that are typed."""
-    from gateway.simulator.gauge import LOOK_S, Display
+    from gateway.simulator.gauge import DISPLAY_EVERY_S, Display
 
-    def tell(gauge: "VirtualGauge", reading: float) -> None:
+    def print_reading(gauge: "VirtualGauge", reading: float) -> None:
         typer.echo(f"axis {gauge.axis} stands; its laser shows {reading:.5f} {gauge.units}")
 
-    displays = [Display(gauge, tell) for gauge in gauges]
+    displays = [Display(gauge, print_reading) for gauge in gauges]
     while not ended.is_set():
         for display in displays:
-            display.look()
+            display.update()
         with suppress(TimeoutError):
-            await asyncio.wait_for(ended.wait(), LOOK_S if displays else None)
+            await asyncio.wait_for(ended.wait(), DISPLAY_EVERY_S if displays else None)
 
 
 def _described(line: "ServedLine") -> Iterator[str]:

@@ -40,7 +40,7 @@ def status(
         if watch:
             looking.watch(looking.looks(config, state), as_json=as_json)
             return
-        seen = looking.look(config, state)
+        seen = looking.read_status(config, state)
     except NoRelayError as error:
         typer.echo(f"{config}: {error}", err=True)
         raise typer.Exit(1) from None

@@ -12,12 +12,12 @@ from rich.text import Text
 
 from gateway.status.axis import Position, TermsStatus, WholeAxis
 from gateway.status.line import LINE_COUNTERS, ControllerStatus, LineStatus, TlsStatus
-from gateway.status.model import GatewayStatus, Model, TroubleStatus, Verdict
+from gateway.status.model import AlarmStatus, GatewayStatus, Model, Verdict
 from gateway.status.times import GatewayTimes
 from gateway.times import span
 from gateway.transport.certificates import SOON
 
-NOT_KNOWN: Final = "–"
+UNKNOWN: Final = "–"
 ALWAYS: Final = frozenset({"exchanges", "timeouts"})
 """Counters that are shown always; the others where they count."""
 BY_CERTIFICATE: Final = "by role"
@@ -46,8 +46,8 @@ def status_parts(status: Model) -> Iterator[RenderableType]:
     """Yield what shows a status model, from top to bottom: how it is, what is wrong, gateway, lines, axes."""
     if status.verdict.state:  # not in that of a supervisor of an older release
         yield _verdict(status.verdict)
-    for trouble in status.troubles:
-        yield from _trouble(trouble)
+    for alarm in status.troubles:
+        yield from _alarm(alarm)
     if status.verdict.state or status.troubles:
         yield ""
     yield from _gateway(status.gateway)
@@ -70,13 +70,13 @@ def _verdict(verdict: Verdict) -> RenderableType:
     return _words(f"[bold {colour}]{verdict.state.upper()}[/]{since}{f': {counted}' if counted else ''}")
 
 
-def _trouble(trouble: TroubleStatus) -> Iterator[RenderableType]:
-    colour = "red" if trouble.severity == "error" else "yellow"
-    what = f"{escape(trouble.where)}: {escape(trouble.what)}"
-    yield _words(f"[bold {colour}]{escape(trouble.severity)}[/] {what}")
-    since = f"since {_time_of(trouble.since)} " if trouble.since else ""
-    yield _words(f"  {since}→ {escape(trouble.remedy)}")
-    if seen := trouble.acknowledged:
+def _alarm(alarm: AlarmStatus) -> Iterator[RenderableType]:
+    colour = "red" if alarm.severity == "error" else "yellow"
+    what = f"{escape(alarm.where)}: {escape(alarm.what)}"
+    yield _words(f"[bold {colour}]{escape(alarm.severity)}[/] {what}")
+    since = f"since {_time_of(alarm.since)} " if alarm.since else ""
+    yield _words(f"  {since}→ {escape(alarm.remedy)}")
+    if seen := alarm.acknowledged:
         yield _words(f"  acknowledged by {escape(seen.by)}, {_time_of(seen.at)}")
 
 
@@ -100,9 +100,9 @@ def _gateway(gateway: GatewayStatus) -> Iterator[RenderableType]:
 def _line(name: str, line: LineStatus) -> Iterator[RenderableType]:
     drives = line.drives
     failure = f" ({escape(drives.failure)})" if drives.failure else ""
-    place = f"drives {escape(drives.address)}{failure}"
+    drives_text = f"drives {escape(drives.address)}{failure}"
     yield ""
-    yield _words(f"[bold]line {escape(name)}[/]: {_coloured(line.state)}, {place}")
+    yield _words(f"[bold]line {escape(name)}[/]: {_coloured(line.state)}, {drives_text}")
     counts = [
         f"{declared.words} {getattr(line, key)}"
         for key, declared in LINE_COUNTERS.items()
@@ -121,14 +121,14 @@ def _line(name: str, line: LineStatus) -> Iterator[RenderableType]:
             *_gateway_took(controller.gateway_us),
             _number(None if computed is None else computed.exchange_ms, 2),
             _number(None if computed is None else computed.round_ms, 2),
-            NOT_KNOWN if computed is None else f"{computed.timeout_ms:g}",
+            UNKNOWN if computed is None else f"{computed.timeout_ms:g}",
         )
     yield table
     for controller in line.controllers:
-        yield from _strangers_and_sessions(controller)
+        yield from _unknown_ids_and_sessions(controller)
 
 
-def _strangers_and_sessions(controller: ControllerStatus) -> Iterator[RenderableType]:
+def _unknown_ids_and_sessions(controller: ControllerStatus) -> Iterator[RenderableType]:
     """Say whom a controller's listener let in by certificate, which end soon, how many it turned away."""
     tls = controller.tls or TlsStatus()
     name = escape(controller.name)
@@ -214,10 +214,10 @@ def _tables(axes: Mapping[str, WholeAxis]) -> Table:
         error = f": [red]{escape(its.error)}[/]" if its.error else ""
         table.add_row(
             escape(name),
-            escape(its.file or NOT_KNOWN),
+            escape(its.file or UNKNOWN),
             str(its.points),
             f"{escape(its.status)}{error}",
-            escape(axis.writer or NOT_KNOWN),
+            escape(axis.writer or UNKNOWN),
         )
     return table
 
@@ -232,10 +232,10 @@ def _terms(axes: Mapping[str, TermsStatus]) -> Table:
         table.add_row(
             escape(name),
             _number(terms.correction, 4),
-            NOT_KNOWN if thermal is UNSET else f"{_number(thermal.celsius, 1)} °C",
-            NOT_KNOWN if thermal is UNSET else f"{thermal.difference:+.2f} K",
-            NOT_KNOWN if thermal is UNSET else escape(thermal.state),
-            NOT_KNOWN if cross is UNSET else f"{escape(', '.join(cross.axes))}: {escape(cross.state)}",
+            UNKNOWN if thermal is UNSET else f"{_number(thermal.celsius, 1)} °C",
+            UNKNOWN if thermal is UNSET else f"{thermal.difference:+.2f} K",
+            UNKNOWN if thermal is UNSET else escape(thermal.state),
+            UNKNOWN if cross is UNSET else f"{escape(', '.join(cross.axes))}: {escape(cross.state)}",
         )
     return table
 
@@ -280,7 +280,7 @@ def _micros(us: float | None) -> str:
 
 
 def _number(value: float | None, digits: int) -> str:
-    return NOT_KNOWN if value is None else f"{value:.{digits}f}"
+    return UNKNOWN if value is None else f"{value:.{digits}f}"
 
 
 def _time_of(iso: str) -> str:

@@ -6,7 +6,7 @@ import typer
 
 from gateway.cli.arguments import Config
 from gateway.cli.run import HowToLog
-from gateway.ipc.notes import LogFormat
+from gateway.ipc.log import LogFormat
 
 
 def supervise(

@@ -9,15 +9,15 @@ import typer
 from gateway.cli import output, table_build, table_drift, table_evaluate, table_program, table_refine
 from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
-from gateway.cli.output import Aside, Format
+from gateway.cli.output import Format, StderrLine
 from gateway.cli.table_convert import convert
 from gateway.cli.table_formats import formats
-from gateway.cli.table_options import AsJson, Counts, Told
+from gateway.cli.table_options import AsJson, Counts, ReadOptions
 from gateway.cli.table_output import PLAIN_WIDTH, TableShown, explained
 from gateway.cli.table_plot import plot
 from gateway.cli.table_reading import inspect, problems
 from gateway.cli.table_template import template
-from gateway.tabfile import Lint, Problem, Severity, TabFileError
+from gateway.tabfile import FileProblem, Lint, LintSeverity, TabFileError
 from gateway.tabfile import explain as explain_at
 from gateway.tabfile.options import MAX_POSITION
 
@@ -44,7 +44,7 @@ FAILING: Final = frozenset({"L4"})
 def show(
     file: TableFile,
     *,
-    told: Told,
+    source: ReadOptions,
     counts_per_unit: Counts = None,
     limit: Annotated[int, typer.Option(min=0, help="Points to print, 0 for all.")] = 200,
     json: AsJson = False,
@@ -57,7 +57,7 @@ def show(
       pitch-gateway table show CNC7X.TAB --file-counts-per-unit 64000 --units inch
     """
     with problems():
-        loaded = inspect(file, told.context(counts_per_unit))
+        loaded = inspect(file, source.context(counts_per_unit))
     form = Format.INDENTED if json else Format.TEXT
     output.show(TableShown(loaded, limit), form, plain_width=PLAIN_WIDTH)
 
@@ -70,7 +70,7 @@ def explain(
     at: Annotated[
         float, typer.Option("--at", metavar="X", help="Machine position, in the units of the table.")
     ],
-    told: Told,
+    source: ReadOptions,
     counts_per_unit: Counts = None,
     json: AsJson = False,
 ) -> None:
@@ -89,7 +89,7 @@ def explain(
     if not abs(at) < MAX_POSITION:
         raise typer.BadParameter(f"{at}: is no position of a machine", param_hint="--at")
     with problems():
-        loaded = inspect(file, told.context(counts_per_unit))
+        loaded = inspect(file, source.context(counts_per_unit))
     found = explain_at(loaded, at, counts_per_unit)
     form = Format.INDENTED if json else Format.TEXT
     output.show(found, form, explained(found), plain_width=PLAIN_WIDTH)
@@ -100,7 +100,7 @@ def explain(
 def lint(
     file: TableFile,
     *,
-    told: Told,
+    source: ReadOptions,
     counts_per_unit: Counts = None,
     max_slope: Annotated[float | None, typer.Option(help="Limit of |slope|; default: 0.01.")] = None,
     max_correction: Annotated[
@@ -121,7 +121,7 @@ def lint(
     """
     form = Format.INDENTED if json else Format.TEXT
     with problems():
-        context = replace(told.context(counts_per_unit), max_correction=max_correction)
+        context = replace(source.context(counts_per_unit), max_correction=max_correction)
         if max_slope is not None:
             context = replace(context, max_slope=max_slope)
         try:
@@ -152,7 +152,7 @@ class _Linted:
     @property
     def failing(self) -> list[Lint]:
         """Those with which the command ends as with an error."""
-        fails = {Severity.ERROR, Severity.WARNING} if self.fails_on_warnings else {Severity.ERROR}
+        fails = {LintSeverity.ERROR, LintSeverity.WARNING} if self.fails_on_warnings else {LintSeverity.ERROR}
         return [lint for lint in self.lints if lint.severity in fails or lint.code in FAILING]
 
     def as_data(self) -> dict[str, object]:
@@ -168,11 +168,11 @@ class _Linted:
         """Yield them for a person."""
         failing = self.failing
         yield from (lint.line_in(self.file) for lint in self.lints if lint not in failing)
-        yield from (Aside(lint.line_in(self.file)) for lint in failing)
+        yield from (StderrLine(lint.line_in(self.file)) for lint in failing)
         yield f"{self.file}: {self.format}, {self.points} points"
-        yield f"{self._count(Severity.ERROR)} error(s), {self._count(Severity.WARNING)} warning(s)"
+        yield f"{self._count(LintSeverity.ERROR)} error(s), {self._count(LintSeverity.WARNING)} warning(s)"
 
-    def _count(self, severity: Severity) -> int:
+    def _count(self, severity: LintSeverity) -> int:
         return sum(lint.severity is severity for lint in self.lints)
 
 
@@ -181,7 +181,7 @@ app.command()(formats)
 app.command()(template)
 
 
-def _as_lint(problem: Problem) -> Lint:
+def _as_lint(problem: FileProblem) -> Lint:
     bare = replace(problem, code=None)
     message = str(bare).removeprefix(f"{bare.file}: ").removeprefix(f"{bare.file}:{bare.line}: ")
-    return Lint(problem.code or "", Severity.ERROR, message, problem.line)
+    return Lint(problem.code or "", LintSeverity.ERROR, message, problem.line)

@@ -9,14 +9,14 @@ import typer
 
 from gateway.cli import readings_options as given
 from gateway.cli.options import takes_options
-from gateway.cli.output import Aside, Format, print_lines, show
+from gateway.cli.output import Format, StderrLine, print_lines, show
 from gateway.cli.table_options import AsJson, AxisLetter, Counts, Force, OutFile
 from gateway.cli.table_output import PLAIN_WIDTH, PREDICTED, results_lines
 from gateway.cli.table_reading import problems
 from gateway.commissioning.tables import WrittenTable, refusal, steep_notes, written_table
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.metrology.doubts import doubts_of, json_of, notes_of
+from gateway.metrology.doubts import json_of, notes_of, plausibility_warnings
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate, results_json
 from gateway.metrology.lead import longest
@@ -30,7 +30,7 @@ from gateway.tabfile import Dialect, LoadedTable, TabFileError, axis_of_name
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from gateway.metrology.fitting import Evidence
+    from gateway.metrology.fitting import FitEvidence
 
 OWN_OPTIONS: Final = {
     "--to-axis": "--axis",
@@ -129,7 +129,7 @@ def _built(
         try:
             check_scale(survey, options.counts_per_unit, longest(periods))
         except ReadingsError:
-            _print_doubts(survey)
+            _print_warnings(survey)
             raise
     writing = options.out.writing(options.axis or _letter(survey.axis) or axis_of_name(out.name))
     unit = options.to_units or survey.units
@@ -151,7 +151,7 @@ def _built(
     try:
         written = written_table(table, target, writing, steepest, OWN_OPTIONS)
     except TabFileError:
-        _print_doubts(survey)
+        _print_warnings(survey)
         raise
     # in which order both lists stand is known here, for they come from the readings
     lints = tuple(lint for lint in written.again.lints if lint.code != "L3")
@@ -188,7 +188,7 @@ class _BuiltTable:
     predicted: Evaluation
     left_out: LeftOut | None
     survey: Survey
-    evidence: "Evidence | None"
+    evidence: "FitEvidence | None"
     lead: float | None
     """The longest length after which the error may repeat."""
 
@@ -211,14 +211,16 @@ class _BuiltTable:
 
     def lines(self) -> "Iterator[RenderableType]":
         """Yield it for a person."""
-        yield from (Aside(f"note: {note}") for note in self.notes)
+        yield from (StderrLine(f"note: {note}") for note in self.notes)
         yield from self.written.lines(self.out)
         yield from results_lines(self.before, self.predicted, ("before", PREDICTED), left_out=self.left_out)
 
 
-def _print_doubts(survey: Survey) -> None:
+def _print_warnings(survey: Survey) -> None:
     """Print what looks wrong about readings that make no table: perhaps it says why."""
-    print_lines((f"note: {doubt}" for doubt in doubts_of(survey.readings, survey.units)), err=True)
+    print_lines(
+        (f"note: {warning}" for warning in plausibility_warnings(survey.readings, survey.units)), err=True
+    )
 
 
 def _one_curve(table: CorrectionTable, again: LoadedTable, name: str) -> list[str]:

@@ -8,7 +8,7 @@ import typer
 from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
 from gateway.cli.output import Format, show
-from gateway.cli.table_options import AsJson, Force, OutFile, Target, Told, Wanted
+from gateway.cli.table_options import AsJson, Force, OutFile, OutOptions, ReadOptions, Target
 from gateway.cli.table_reading import inspect, problems
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
@@ -16,8 +16,8 @@ from gateway.compensation.units import Units
 from gateway.tabfile import (
     Dialect,
     FileContext,
+    FileProblem,
     LoadedTable,
-    Problem,
     TabFileError,
     WriteOptions,
     axis_of_name,
@@ -28,11 +28,11 @@ from gateway.tabfile.conversion import (
     Resampled,
     converted,
     is_modulo,
+    lost_modulo,
     reader_lines,
+    reader_options,
     resample,
     tidied,
-    told_to_reader,
-    turns_lost,
     write,
 )
 from gateway.tabfile.options import MAX_SCALE, MIN_SCALE
@@ -44,8 +44,8 @@ def convert(
     out: OutFile,
     *,
     to: Target,
-    wanted: Wanted,
-    told: Told,
+    out_options: OutOptions,
+    source: ReadOptions,
     force: Force = False,
     json: AsJson = False,
 ) -> None:
@@ -64,22 +64,22 @@ def convert(
     """
     target = dialect_named(to)
     with problems():
-        loaded = inspect(file, told.context())
-        scale = _scale(wanted.to_counts_per_unit)
-        table = _in_units(loaded, wanted.to_units)
-        if scale is None and target.name == "centroid-1" and told.file_counts_per_unit is not None:
-            scale = told.file_counts_per_unit * table.units.convert_factor(loaded.table.units)
-        even = None if wanted.resample is None else resample(table, wanted.resample, str(file))
-        letter = _letter(wanted.to_axis) or letter_for(loaded, told.axis, out)
+        loaded = inspect(file, source.context())
+        scale = _scale(out_options.to_counts_per_unit)
+        table = _in_units(loaded, out_options.to_units)
+        if scale is None and target.name == "centroid-1" and source.file_counts_per_unit is not None:
+            scale = source.file_counts_per_unit * table.units.convert_factor(loaded.table.units)
+        even = None if out_options.resample is None else resample(table, out_options.resample, str(file))
+        letter = _letter(out_options.to_axis) or letter_for(loaded, source.axis, out)
         table = even.table if even else table
-        if even or wanted.to_units not in (None, loaded.table.units):
+        if even or out_options.to_units not in (None, loaded.table.units):
             table = tidied(table)
         options = WriteOptions(
             axis=letter,
             file_counts_per_unit=scale,
-            v1_layout=wanted.to_v1_layout,
-            file_axis=wanted.to_file_axis,
-            sense=wanted.to_sense,
+            v1_layout=out_options.to_v1_layout,
+            file_axis=out_options.to_file_axis,
+            sense=out_options.to_sense,
             is_modulo=is_modulo(loaded, table),
         )
         result = converted(table, target, options)
@@ -88,25 +88,25 @@ def convert(
     show(found, Format.INDENTED if json else Format.TEXT)
 
 
-def _scale(told: float | None) -> float | None:
+def _scale(given: float | None) -> float | None:
     """Return the scale of OUT.
 
     Raises:
         BadParameter: 0, or of a size that no machine has.
     """
-    if told is not None and not MIN_SCALE <= abs(told) <= MAX_SCALE:
+    if given is not None and not MIN_SCALE <= abs(given) <= MAX_SCALE:
         rule = f"must be a number other than 0, its size from {MIN_SCALE:g} to {MAX_SCALE:g}"
-        raise typer.BadParameter(f"{told:g}: {rule}", param_hint="--to-counts-per-unit")
-    return told
+        raise typer.BadParameter(f"{given:g}: {rule}", param_hint="--to-counts-per-unit")
+    return given
 
 
-def _letter(told: str | None) -> str | None:
+def _letter(given: str | None) -> str | None:
     """Return the axis letter of OUT as told.
 
     Raises:
         ContextError: it is no letter.
     """
-    return FileContext(axis=told).axis
+    return FileContext(axis=given).axis
 
 
 def letter_for(loaded: LoadedTable, axis: str | None, out: Path) -> str | None:
@@ -118,7 +118,7 @@ def _in_units(loaded: LoadedTable, units: Units | None) -> CorrectionTable:
     try:
         return loaded.table.in_units(units or loaded.table.units)
     except (ValueError, TableError) as error:
-        raise TabFileError(Problem(loaded.file, str(error), "--to-units of the same kind")) from error
+        raise TabFileError(FileProblem(loaded.file, str(error), "--to-units of the same kind")) from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +141,7 @@ class _Converted:
                 f"the lost motion that {self.loaded.format} states beside the table: {line}"
                 for line in backlash
             ),
-            *turns_lost(self.loaded, self.result.modulo),
+            *lost_modulo(self.loaded, self.result.modulo),
         ]
 
     def as_data(self) -> dict[str, object]:
@@ -163,7 +163,7 @@ class _Converted:
             "largest_difference": self.result.difference,
             "largest_difference_at": self.result.at,
             "units": self.units.value,
-            "read_with": told_to_reader(self.result.written, self.target),
+            "read_with": reader_options(self.result.written, self.target),
             "usual_suffix": self.target.suffix,
         }
 

@@ -13,7 +13,7 @@ from gateway.cli.table_reading import problems
 from gateway.files import FileRefusedError, read_regular_file
 from gateway.metrology.readings import small_unit
 from gateway.metrology.warm_up import DriftTest, evaluate_drift, read_samples
-from gateway.tabfile import Problem, TabFileError
+from gateway.tabfile import FileProblem, TabFileError
 from gateway.tabfile.text import MAX_BYTES, decode
 
 
@@ -43,7 +43,7 @@ def drift(
         try:
             data = read_regular_file(file, MAX_BYTES, "a file of a drift test")
         except FileRefusedError as error:
-            raise TabFileError(Problem(str(file), str(error), "")) from None
+            raise TabFileError(FileProblem(str(file), str(error), "")) from None
         samples, units = read_samples(decode(data, str(file), "a drift test"))
         found = _Drifted(file, len(samples), evaluate_drift(samples, units))
     show(found, Format.INDENTED if json else Format.TEXT)

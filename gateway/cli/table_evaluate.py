@@ -10,8 +10,8 @@ import typer
 
 from gateway.cli import readings_options as given
 from gateway.cli.options import takes_options
-from gateway.cli.output import Aside, Format, show
-from gateway.cli.table_options import AsJson, Counts, Told
+from gateway.cli.output import Format, StderrLine, show
+from gateway.cli.table_options import AsJson, Counts, ReadOptions
 from gateway.cli.table_output import PLAIN_WIDTH, PREDICTED, results_lines
 from gateway.cli.table_reading import inspect, problems
 from gateway.metrology.doubts import json_of, notes_of
@@ -22,11 +22,11 @@ from gateway.metrology.lead import Period, longest
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import Survey, check_same_axis, check_uncorrected, understood, was_corrected
 from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
-from gateway.metrology.uncertainty import budget_of, known_of, limit_json, limit_line
+from gateway.metrology.uncertainty import budget_of, inputs_of, limit_json, limit_line
 from gateway.metrology.vdi_3441 import vdi_json, vdi_line
 from gateway.metrology.wrong_runs import settled
+from gateway.report.axis_data import AxisData, Report
 from gateway.report.findings import find, other_stretch
-from gateway.report.story import AxisStory, Report
 from gateway.tabfile import LoadedTable
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class EvaluateOptions:
         Path | None,
         typer.Option(metavar="FILE", help="Predict what this table leaves of READINGS.", readable=False),
     ] = None
-    told: Told = field(default_factory=Told)
+    source: ReadOptions = field(default_factory=ReadOptions)
     readings: given.FormatOptions = field(default_factory=given.FormatOptions)
     screw: given.ScrewOptions = field(default_factory=given.ScrewOptions)
     counts_per_unit: Counts = None
@@ -66,7 +66,7 @@ class EvaluateOptions:
     ] = 0.0
     u_alignment: Annotated[
         float,
-        typer.Option("--u-alignment", help="How far beam or scale leave the axis over its length, in mm."),
+        typer.Option("--u-alignment", help="How far gantry or scale leave the axis over its length, in mm."),
     ] = 0.0
     u_temperature: Annotated[
         float,
@@ -115,7 +115,7 @@ def _judged(files: list[Path], options: EvaluateOptions, *, is_quiet: bool) -> "
     Raises:
         TabFileError, MetrologyError, ReportError: see there.
     """
-    context = options.readings.context(options.told.units, options.told.axis)
+    context = options.readings.context(options.source.units, options.source.axis)
     screw = options.screw
     before = settled(given.read_all(files, context, screw, is_quiet=is_quiet))
     loaded = None
@@ -125,15 +125,15 @@ def _judged(files: list[Path], options: EvaluateOptions, *, is_quiet: bool) -> "
         second = settled(second.in_units(before.units))
         check_same_axis(before.source, before.axis, second.source, second.axis)
     if options.table is not None:
-        loaded = inspect(options.table, options.told.context())
+        loaded = inspect(options.table, options.source.context())
         check_same_axis(before.source, before.axis, options.table.name, loaded.source.axis)
         check_uncorrected(before.source, before.facts, NO_PREDICTION)
         second = predicted_residue(before, loaded.table)
     results = (iso_230_2(before), iso_230_2(second) if second else None)
     notes = _all_notes((before, second), results, is_predicted=loaded is not None)
     periods = screw.periods(before)
-    turn, has_scale = longest(periods), not was_corrected(before.facts)
-    notes = (*notes, *notes_of(before, options.counts_per_unit, with_scale=has_scale, lead=turn))
+    longest_period, has_scale = longest(periods), not was_corrected(before.facts)
+    notes = (*notes, *notes_of(before, options.counts_per_unit, with_scale=has_scale, lead=longest_period))
     if second is not None and loaded is None:
         notes = (*notes, *(f"after: {note}" for note in notes_of(second, with_scale=False)))
     left_out = None
@@ -143,8 +143,8 @@ def _judged(files: list[Path], options: EvaluateOptions, *, is_quiet: bool) -> "
     last = results[1] if results[1] is not None and loaded is None else results[0]
     by_others, extra = _by_others(last, options)
     if options.report is not None:
-        story = replace(_story(before, second, loaded, (*notes, *by_others)), left_out=left_out)
-        _write_report(options.report, story, force=options.force)
+        axis_data = replace(_axis_data(before, second, loaded, (*notes, *by_others)), left_out=left_out)
+        _write_report(options.report, axis_data, force=options.force)
     return _Judged(
         before,
         results,
@@ -153,7 +153,7 @@ def _judged(files: list[Path], options: EvaluateOptions, *, is_quiet: bool) -> "
         left_out=left_out,
         by_others=by_others,
         more=extra,
-        lead=turn,
+        lead=longest_period,
         report=options.report,
     )
 
@@ -165,14 +165,14 @@ def _by_others(last: Evaluation, options: EvaluateOptions) -> tuple[tuple[str, .
         lines.append(vdi_line(last))
         data["vdi_3441"] = vdi_json(last)
     if options.limit is not None:
-        known = known_of(
+        inputs = inputs_of(
             last,
             options.u_instrument,
             options.u_alignment,
             options.u_temperature,
             options.u_environment,
         )
-        budget = budget_of(last, known)
+        budget = budget_of(last, inputs)
         lines.append(limit_line(last, budget, options.limit))
         data["conformity"] = limit_json(last, budget, options.limit)
     return tuple(lines), data
@@ -214,7 +214,7 @@ class _Judged:
 
     def lines(self) -> "Iterator[RenderableType]":
         """Yield it for a person."""
-        yield from (Aside(f"note: {note}") for note in self.notes)
+        yield from (StderrLine(f"note: {note}") for note in self.notes)
         first = "measured" if self.results[1] is None else "before"
         titles = (first, PREDICTED if self.is_predicted else "after")
         yield from results_lines(*self.results, titles, left_out=self.left_out)
@@ -269,15 +269,15 @@ def _notes(before: Survey, after: Survey | None) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def _story(
+def _axis_data(
     before: Survey, after: Survey | None, loaded: LoadedTable | None, notes: tuple[str, ...]
-) -> AxisStory:
+) -> AxisData:
     # What holds of one of two surveys only, as whether the compensation was on, is no fact of both.
     facts = {k: v for k, v in before.facts.items() if after is None or after.facts.get(k) == v}
     if loaded is not None:
         facts |= {"table": loaded.file, "table SHA-256": loaded.sha256}
     named = (before.axis, after.axis if after else None, loaded.source.axis if loaded else None)
-    return AxisStory(
+    return AxisData(
         axis=next(filter(None, named), ""),
         units=before.units,
         table=loaded.table.in_units(before.units) if loaded else None,
@@ -289,8 +289,8 @@ def _story(
     )
 
 
-def _write_report(path: Path, story: AxisStory, *, force: bool) -> None:
+def _write_report(path: Path, axis_data: AxisData, *, force: bool) -> None:
     from gateway.report.writing import write_report
 
     made_at = datetime.now(UTC).astimezone().isoformat(sep=" ", timespec="minutes")
-    write_report(Report(f"Accuracy of {find(story).named}", (story,), made_at), path, force=force)
+    write_report(Report(f"Accuracy of {find(axis_data).named}", (axis_data,), made_at), path, force=force)

@@ -53,12 +53,12 @@ class _Formats:
 
 def _options(dialect: Dialect) -> list[str]:
     """Return the options that may be needed, as they are typed."""
-    told = [DECLARED[name].typed for name in OPTIONS if name in dialect.uses]
+    options = [DECLARED[name].typed for name in OPTIONS if name in dialect.uses]
     if dialect.units is not UnitsOf.FILE:
-        told.insert(0, DECLARED["file_units"].typed)
+        options.insert(0, DECLARED["file_units"].typed)
     if any(other.recognise is dialect.recognise for other in DIALECTS if other is not dialect):
-        told.insert(0, DECLARED["format"].typed)  # nothing in a text tells the two apart
-    return told
+        options.insert(0, DECLARED["format"].typed)  # nothing in a text tells the two apart
+    return options
 
 
 def _as_data(dialect: Dialect) -> dict[str, object]:

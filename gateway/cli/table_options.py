@@ -34,11 +34,11 @@ def _complete_target(incomplete: str) -> list[str]:
     return [name for name in writable_names() if name.startswith(incomplete)]
 
 
-def _known_format(name: str | None) -> str | None:
+def _check_format(name: str | None) -> str | None:
     return _one_of(format_names(), name)
 
 
-def _known_target(name: str | None) -> str | None:
+def _check_target(name: str | None) -> str | None:
     return _one_of(writable_names(), name)
 
 
@@ -66,7 +66,7 @@ Target = Annotated[
         metavar="FORMAT",
         help="Format of OUT: see 'table formats'.",
         autocompletion=_complete_target,
-        callback=_known_target,
+        callback=_check_target,
     ),
 ]
 Travel = Annotated[
@@ -84,7 +84,7 @@ AxisLetter = Annotated[
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told(TableOptions):
+class ReadOptions(TableOptions):
     """What was told about a file on the command line: every option that is declared, and the axis.
 
     ``units`` tell the ``file_units`` too, of a file that states none.
@@ -96,7 +96,7 @@ class Told(TableOptions):
             metavar=DECLARED["format"].option.metavar,
             help=DECLARED["format"].option.help,
             autocompletion=_complete_format,
-            callback=_known_format,
+            callback=_check_format,
         ),
     ] = None
     travel: Travel = None
@@ -110,7 +110,7 @@ class Told(TableOptions):
             ContextError: something of it cannot be true.
         """
         return FileContext(
-            **self.told(),
+            **self.given(),
             travel=self.travel,
             units=self.units,
             axis=self.axis,
@@ -119,7 +119,7 @@ class Told(TableOptions):
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class OutOptions:
     """What ``convert`` was told about the file to write, besides its format."""
 
     to_units: Annotated[Units | None, typer.Option(help="Units of OUT; default: those of FILE.")] = None

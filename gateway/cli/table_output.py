@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 from gateway.metrology.evaluation import NAMES, Evaluation, missing_line, missing_of, title_of, values_of
 from gateway.metrology.residue import LeftOut, left_out_line
 from gateway.report.findings import other_stretch
-from gateway.tabfile import Explanation, LoadedTable, SourceRow
+from gateway.tabfile import LoadedTable, PositionExplanation, SourceRow
 from gateway.tabfile.explanation import DirectionExplained
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class TableShown:
         }
 
 
-def explained(explanation: Explanation) -> "Iterator[RenderableType]":
+def explained(explanation: PositionExplanation) -> "Iterator[RenderableType]":
     """Yield for a person what a table does at one position."""
     loaded, table = explanation.loaded, explanation.loaded.table
     unit = table.units.value
@@ -111,12 +111,12 @@ def _direction_cells(
     ends = (direction.low, direction.high)
     values = [row.forward_value if is_forward else row.backward_value for row in ends]
     lines = [row.forward_line if is_forward else row.backward_line for row in ends]
-    places = [
+    rows_there = [
         f"{row.position:g} ({f'line {line}' if line else 'not listed'})"
         for row, line in zip(ends, lines, strict=True)
     ]
     cells = [
-        ("segment", " to ".join(places[: 1 if direction.low is direction.high else 2])),
+        ("segment", " to ".join(rows_there[: 1 if direction.low is direction.high else 2])),
         ("file values there", " to ".join(f"{value:g}" for value in values)),
         ("file value here", _with_unit(direction.file_value, file_unit)),
         ("sign rule", direction.rule),
@@ -193,11 +193,11 @@ def results_lines(
         table.add_column("left", justify="right")
     comparable = after is None or not other_stretch(before, after)
     digits = 6 if unit == "inch" else 5
-    for name, meaning in NAMES:
+    for name, description in NAMES:
         numbers = [value for _, values in shown for value in values[name]]
         cells = ["–" if number is None else f"{round(number, digits) + 0.0:.{digits}f}" for number in numbers]
         left = _left(numbers, 0.5 * 10**-digits)
-        table.add_row(f"{name}  {meaning}", *cells, *(left if comparable else ("–" for _ in left)))
+        table.add_row(f"{name}  {description}", *cells, *(left if comparable else ("–" for _ in left)))
         if name == "E" and is_predicted:
             table.add_row(*_between_row(before, left_out, digits))
     yield table

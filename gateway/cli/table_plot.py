@@ -11,15 +11,15 @@ from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
 from gateway.cli.output import Format, show
 from gateway.cli.readings_options import ScrewOptions
-from gateway.cli.table_options import AsJson, Counts, Force, Told
+from gateway.cli.table_options import AsJson, Counts, Force, ReadOptions
 from gateway.cli.table_reading import inspect, problems
 from gateway.compensation.table import CorrectionTable
 from gateway.metrology.formats import ReadingsContext, Runs, read_survey
 from gateway.metrology.readings import Survey, check_same_axis, check_uncorrected, merged
 from gateway.metrology.residue import LeftOut, predicted_residue
-from gateway.report.story import AxisStory, Report
+from gateway.report.axis_data import AxisData, Report
 from gateway.report.words import shortest
-from gateway.report.writing import check_place, place, render
+from gateway.report.writing import check_path, put_file, render
 from gateway.tabfile import LoadedTable, axis_of_name
 
 STDOUT: Final = Path("-")
@@ -30,7 +30,7 @@ DEFAULT_SUFFIX: Final = ".png"
 class PlotOptions:
     """What is drawn."""
 
-    told: Told = field(default_factory=Told)
+    source: ReadOptions = field(default_factory=ReadOptions)
     counts_per_unit: Counts = None
     readings: Annotated[
         list[Path] | None,
@@ -89,19 +89,19 @@ def plot(
     if json and out == STDOUT:
         raise typer.BadParameter("standard output takes one of both: SVG or JSON", param_hint="--json")
     with problems():
-        loaded = inspect(file, options.told.context(options.counts_per_unit))
-        story = story_of(loaded, options.told.axis)
+        loaded = inspect(file, options.source.context(options.counts_per_unit))
+        axis_data = axis_data_of(loaded, options.source.axis)
         if options.readings:
-            story = _with_readings(story, options)
-        report = Report(f"Correction table {file.name}", (story,), "")
+            axis_data = _with_readings(axis_data, options)
+        report = Report(f"Correction table {file.name}", (axis_data,), "")
         if out == STDOUT:
             typer.echo(render(report, ".svg").decode(), nl=False)
             return
         where = out or file.with_name(file.name + DEFAULT_SUFFIX)
-        check_place(where, force=options.force)
+        check_path(where, force=options.force)
         content = render(report, where.suffix.lower())
-        place(where, content, force=options.force)
-    show(_Plotted(file, where, story, len(content)), Format.INDENTED if json else Format.TEXT)
+        put_file(where, content, force=options.force)
+    show(_Plotted(file, where, axis_data, len(content)), Format.INDENTED if json else Format.TEXT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ class _Plotted:
 
     file: Path
     out: Path
-    story: AxisStory
+    axis_data: AxisData
     size: int
     """Bytes."""
 
@@ -121,9 +121,9 @@ class _Plotted:
             "out": str(self.out),
             "kind": self.out.suffix.lower().removeprefix("."),
             "bytes": self.size,
-            "axis": self.story.axis,
-            "units": self.story.units.value,
-            "points": len(self.story.table.positions) if self.story.table else 0,
+            "axis": self.axis_data.axis,
+            "units": self.axis_data.units.value,
+            "points": len(self.axis_data.table.positions) if self.axis_data.table else 0,
         }
 
     def lines(self) -> Iterator[str]:
@@ -131,7 +131,7 @@ class _Plotted:
         yield f"{self.out}: {self.size} bytes"
 
 
-def story_of(loaded: LoadedTable, axis: str | None) -> AxisStory:
+def axis_data_of(loaded: LoadedTable, axis: str | None) -> AxisData:
     """Return what there is to tell of a file: its table, where it comes from, what is odd about it."""
     table = loaded.table
     name = axis or loaded.source.axis or axis_of_name(Path(loaded.file).name) or ""
@@ -146,35 +146,35 @@ def story_of(loaded: LoadedTable, axis: str | None) -> AxisStory:
         *(f"decided: {decision}" for decision in loaded.source.decisions),
         *(lint.line_in(Path(loaded.file).name) for lint in loaded.lints),
     )
-    return AxisStory(name, table.units, table, facts=facts, notes=notes)
+    return AxisData(name, table.units, table, facts=facts, notes=notes)
 
 
-def _with_readings(story: AxisStory, options: PlotOptions) -> AxisStory:
+def _with_readings(axis_data: AxisData, options: PlotOptions) -> AxisData:
     """Return the story of a table with readings before, and what the table is predicted to leave of them.
 
     Raises:
         BadParameter: ``--runs`` is no way of making them.
         TabFileError, MetrologyError: the files are no readings of this axis.
     """
-    table = story.table
+    table = axis_data.table
     assert table is not None, "the story of a table has one"
     names = [each.value for each in Runs]
     if options.runs is not None and options.runs not in names:
         raise typer.BadParameter(f"{options.runs!r}: must be one of {', '.join(names)}", param_hint="--runs")
     runs = None if options.runs is None else Runs(options.runs)
     context = ReadingsContext(options.readings_format, None, None, runs)
-    before = merged([read_survey(file, context) for file in options.readings or ()]).in_units(story.units)
-    check_same_axis(before.source, before.axis, "the table", story.axis)
+    before = merged([read_survey(file, context) for file in options.readings or ()]).in_units(axis_data.units)
+    check_same_axis(before.source, before.axis, "the table", axis_data.axis)
     check_uncorrected(before.source, before.facts, "draw the table without them, or give those before it")
     after = predicted_residue(before, table)
     return replace(
-        story,
+        axis_data,
         before=before,
         after=after,
         is_predicted=True,
         left_out=_left_out(before, table),
-        facts={**before.facts, **story.facts, "readings": before.source},
-        notes=(*story.notes, *after.remarks),
+        facts={**before.facts, **axis_data.facts, "readings": before.source},
+        notes=(*axis_data.notes, *after.remarks),
     )
 
 

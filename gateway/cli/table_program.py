@@ -14,7 +14,7 @@ from gateway.compensation.units import Units
 from gateway.metrology import cycle as maths
 
 
-class Kind(Enum):
+class ProgramKind(Enum):
     """What is written."""
 
     CYCLE = "cycle"
@@ -31,13 +31,13 @@ def program(
     low: Annotated[float, typer.Option("--from", metavar="LO", help="Lowest target.")],
     high: Annotated[float, typer.Option("--to", metavar="HI", help="Highest target.")],
     kind: Annotated[
-        Kind,
+        ProgramKind,
         typer.Option(
             "--write",
             help="cycle: both ways with overrun; endless: TB058's loop of one step; list: the targets, for "
             "the software of the laser.",
         ),
-    ] = Kind.CYCLE,
+    ] = ProgramKind.CYCLE,
     step: Annotated[float | None, typer.Option(help="Even targets at this distance.")] = None,
     targets: Annotated[
         int | None, typer.Option(help="So many targets, moved at random against periodic errors.")
@@ -89,7 +89,7 @@ def program(
             overrun=units.from_mm(2.0) if overrun is None else overrun,
             runs=runs,
         )
-        if kind is Kind.ENDLESS:
+        if kind is ProgramKind.ENDLESS:
             text = maths.endless_steps(axis, step or 0.0, dwell, maths.DECIMALS[units])
         else:
             text = _text(kind, stops, cycle, travel)
@@ -98,7 +98,7 @@ def program(
             typer.echo(text, nl=False)
         else:
             write_file(out, text, force=force)
-            _say_written(out, stops, maths.DECIMALS[units])
+            _print_written(out, stops, maths.DECIMALS[units])
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,14 +112,14 @@ class _Targets:
     seed: int
     spread: float | None
 
-    def stops(self, kind: Kind, units: Units) -> list[float]:
+    def stops(self, kind: ProgramKind, units: Units) -> list[float]:
         """Return the targets, ascending.
 
         Raises:
             ReadingsError: they cannot be.
         """
         if self.step is not None:
-            step = abs(self.step) if kind is Kind.ENDLESS else self.step
+            step = abs(self.step) if kind is ProgramKind.ENDLESS else self.step
             return maths.even_targets(self.low, self.high, step)
         assert self.number is not None, "one of both was asked for"
         return maths.random_targets(
@@ -132,34 +132,38 @@ class _Targets:
         )
 
 
-def _check(kind: Kind, step: float | None, targets: int | None, travel: tuple[float, float] | None) -> None:
+def _check(
+    kind: ProgramKind, step: float | None, targets: int | None, travel: tuple[float, float] | None
+) -> None:
     """Refuse options that do not go together."""
     if (step is None) == (targets is None):
         raise typer.BadParameter("one of --step and --targets is needed", param_hint="--step, --targets")
-    if kind is Kind.ENDLESS and travel is not None:
+    if kind is ProgramKind.ENDLESS and travel is not None:
         raise typer.BadParameter(
             "the endless program only stops at the limit of the control: --write cycle", param_hint="--travel"
         )
-    if kind is Kind.ENDLESS and step is None:
+    if kind is ProgramKind.ENDLESS and step is None:
         raise typer.BadParameter("the endless program makes even steps: --step", param_hint="--write")
 
 
-def _text(kind: Kind, stops: list[float], cycle: maths.Cycle, travel: tuple[float, float] | None) -> str:
-    if kind is Kind.LIST:
+def _text(
+    kind: ProgramKind, stops: list[float], cycle: maths.Cycle, travel: tuple[float, float] | None
+) -> str:
+    if kind is ProgramKind.LIST:
         maths.check_targets(stops, cycle.units, travel)
         return "".join(f"{maths.fixed(stop, maths.DECIMALS[cycle.units])}\n" for stop in stops)
     return maths.cycle_program(stops, cycle, travel)
 
 
-def _say_written(out: Path, stops: list[float], decimals: int) -> None:
+def _print_written(out: Path, stops: list[float], decimals: int) -> None:
     ends = f"from {stops[0]:.{decimals}f} to {stops[-1]:.{decimals}f}"
     typer.echo(f"{out}: {len(stops)} targets {ends}")
 
 
-def _warn(stops: list[float], cycle: maths.Cycle, kind: Kind) -> None:
+def _warn(stops: list[float], cycle: maths.Cycle, kind: ProgramKind) -> None:
     """Say on stderr where the axis will go, and what the measurement lacks of the standard's."""
     unit = cycle.units.value
-    if kind is Kind.CYCLE:
+    if kind is ProgramKind.CYCLE:
         typer.echo(
             f"note: the axis goes from {stops[0] - cycle.overrun:g} to {stops[-1] + cycle.overrun:g} {unit}; "
             "it must be free to do so",
@@ -170,7 +174,7 @@ def _warn(stops: list[float], cycle: maths.Cycle, kind: Kind) -> None:
             "work and tool offsets, so that both are one",
             err=True,
         )
-    if kind is Kind.ENDLESS:
+    if kind is ProgramKind.ENDLESS:
         typer.echo("note: the program repeats itself until the software travel limit stops it", err=True)
         typer.echo(
             f"note: the step is {unit} only if the control is set so (G20 inch, G21 mm); G91 stays in force "

@@ -10,9 +10,9 @@ import typer
 from gateway.cli import readings_options as given
 from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
-from gateway.cli.output import Aside, Format, show
+from gateway.cli.output import Format, StderrLine, show
 from gateway.cli.table_convert import letter_for
-from gateway.cli.table_options import AsJson, Force, OutFile, Told
+from gateway.cli.table_options import AsJson, Force, OutFile, ReadOptions
 from gateway.cli.table_reading import inspect, problems
 from gateway.commissioning.tables import WrittenTable, refusal, steep_notes, written_table
 from gateway.metrology.doubts import notes_of
@@ -20,7 +20,7 @@ from gateway.metrology.readings import check_corrected, check_same_axis, small_u
 from gateway.metrology.refine import Points, Refined, refine_table
 from gateway.metrology.residue import left_out_json, left_out_text
 from gateway.tabfile import Dialect, LoadedTable, WriteOptions, dialect_named
-from gateway.tabfile.conversion import is_modulo, turns_lost
+from gateway.tabfile.conversion import is_modulo, lost_modulo
 
 OWN_OPTIONS: Final = {
     "--to-axis": "--axis",
@@ -43,7 +43,7 @@ class RefineOptions:
     ] = False
     shape: given.ShapeOptions = field(default_factory=given.ShapeOptions)
     max_slope: given.MaxSlope = None
-    told: Told = field(default_factory=Told)
+    source: ReadOptions = field(default_factory=ReadOptions)
     out: given.OutOptions = field(default_factory=given.OutOptions)
     readings: given.FormatOptions = field(default_factory=given.FormatOptions)
     force: Force = False
@@ -86,16 +86,16 @@ def _refined(
     file: Path, readings: list[Path], out: Path, options: RefineOptions, *, is_quiet: bool
 ) -> "_RefinedTable":
     """Refine a table and write it. Raises TabFileError, MetrologyError, TableError."""
-    told, screw = options.told, options.shape.screw
-    loaded = inspect(file, told.context())
+    source, screw = options.source, options.shape.screw
+    loaded = inspect(file, source.context())
     target = dialect_named(loaded.format) if options.to is None else given.dialect_to_write(options.to)
-    context = options.readings.context(told.units, told.axis)
+    context = options.readings.context(source.units, source.axis)
     survey = given.read_all(readings, context, screw, is_quiet=is_quiet)
     check_same_axis(survey.source, survey.axis, file.name, loaded.source.axis)
     check_corrected(survey.source, survey.facts, file.name, loaded.sha256)
     old = loaded.table.in_units(survey.units)
-    asked = options.out.writing(letter_for(loaded, told.axis, out))
-    writing = _as_old(replace(asked, is_modulo=is_modulo(loaded, loaded.table)), loaded, target, told)
+    asked = options.out.writing(letter_for(loaded, source.axis, out))
+    writing = _as_old(replace(asked, is_modulo=is_modulo(loaded, loaded.table)), loaded, target, source)
     steepest = given.steep_allowed(survey, options.max_slope)
     refined = refine_table(
         old,
@@ -113,7 +113,7 @@ def _refined(
     written = written_table(table, target, writing, steepest, OWN_OPTIONS)
     again = written.again
     refined = replace(refined, notes=(*refined.notes, *steep_notes(again.table)))
-    losses = (*written.result.losses, *turns_lost(loaded, again.source.modulo))
+    losses = (*written.result.losses, *lost_modulo(loaded, again.source.modulo))
     written = replace(written, result=replace(written.result, losses=losses))
     written.put(out, force=options.force)
     return _RefinedTable(file, out, refined, written)
@@ -148,7 +148,7 @@ class _RefinedTable:
         """Yield it in words."""
         refined = self.refined
         change, unit = refined.change, refined.table.units.value
-        yield from (Aside(f"note: {note}") for note in refined.notes)
+        yield from (StderrLine(f"note: {note}") for note in refined.notes)
         yield (
             f"changed by {change.rms:.3g} {unit} (root mean square), by {change.largest:.3g} at "
             f"most, {change.direction.name.lower()} at {change.position:.9g}"
@@ -162,13 +162,13 @@ class _RefinedTable:
             )
 
 
-def _as_old(asked: WriteOptions, loaded: LoadedTable, target: Dialect, told: Told) -> WriteOptions:
+def _as_old(asked: WriteOptions, loaded: LoadedTable, target: Dialect, source: ReadOptions) -> WriteOptions:
     """Complete how OUT is written by how FILE is read."""
     scale, sense, file_axis = asked.file_counts_per_unit, asked.sense, asked.file_axis
     if scale is None and "file_counts_per_unit" in target.writes:
-        scale = told.file_counts_per_unit
+        scale = source.file_counts_per_unit
     if target.name == loaded.format:  # whoever reads FILE reads OUT in the same way
         sense = sense or loaded.source.context.error_sense
         file_axis = file_axis or loaded.source.file_axis
-    layout = told.v1_layout if "v1_layout" in target.writes else None
+    layout = source.v1_layout if "v1_layout" in target.writes else None
     return replace(asked, file_counts_per_unit=scale, v1_layout=layout, file_axis=file_axis, sense=sense)

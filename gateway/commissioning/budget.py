@@ -69,14 +69,14 @@ def work_out(loaded: Loaded, blocks: Blocks = AS_MAPPED) -> Budget:
         MisfitError: a drive does not take such a block.
     """
     plan = loaded.plan
-    wrong = tuple(said for line in plan.lines for axis in line.axes for said in misfits(axis, blocks))
+    wrong = tuple(misfit for line in plan.lines for axis in line.axes for misfit in misfits(axis, blocks))
     if wrong:
         raise MisfitError(wrong)
     findings = Findings(loaded.document)
     for line in plan.lines:
         for judgement in judge(line, blocks):
-            note = findings.refuse if judgement.grade is Grade.IMPOSSIBLE else findings.warn
-            note(judgement.key, judgement.found, judgement.remedy)
+            report = findings.refuse if judgement.grade is Grade.IMPOSSIBLE else findings.warn
+            report(judgement.key, judgement.found, judgement.remedy)
     return Budget(
         plan.name,
         tuple(_figures(line, blocks) for line in plan.lines),

@@ -76,11 +76,11 @@ def configuration_text(answers: Answers) -> str:
 
 def serial_of(asked: Serial, profile: Profile) -> Serial:
     """Return how serial ports are set: as asked, else as the drive is when it is new."""
-    known = profile.serial
+    usual = profile.serial
     return Serial(
-        asked.baudrate or known.baudrate or USUAL.baudrate,
-        asked.parity or known.parity or USUAL.parity,
-        asked.stop_bits or known.stop_bits or USUAL.stop_bits,
+        asked.baudrate or usual.baudrate or USUAL.baudrate,
+        asked.parity or usual.parity or USUAL.parity,
+        asked.stop_bits or usual.stop_bits or USUAL.stop_bits,
     )
 
 
@@ -133,23 +133,23 @@ def _one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def endpoint(place: str, serial: Serial) -> dict[str, object]:
+def endpoint(address: str, serial: Serial) -> dict[str, object]:
     """Return the keys of a place with their values.
 
     >>> endpoint("rtu://10.0.0.5:4001", USUAL)
     {'rtu_over_tcp': '10.0.0.5:4001'}
     """
-    if place.startswith(RTU_OVER_TCP):
-        return {"rtu_over_tcp": place.removeprefix(RTU_OVER_TCP)}
-    if not place.startswith("/"):
-        return {"tcp": place}
-    return {"rtu": place, **serial._asdict()}
+    if address.startswith(RTU_OVER_TCP):
+        return {"rtu_over_tcp": address.removeprefix(RTU_OVER_TCP)}
+    if not address.startswith("/"):
+        return {"tcp": address}
+    return {"rtu": address, **serial._asdict()}
 
 
-def _endpoint(place: str, serial: Serial) -> list[str]:
+def _endpoint(address: str, serial: Serial) -> list[str]:
     return [
         f"{key} = {_quoted(value) if isinstance(value, str) else value}"
-        for key, value in endpoint(place, serial).items()
+        for key, value in endpoint(address, serial).items()
     ]
 
 
@@ -233,7 +233,7 @@ def _drive(axis: AxisAnswers) -> list[str]:
 
 LINE: Final = "main"
 CONTROLLER: Final = "controller"
-PLACES: Final = {
+GENERAL_KEYS: Final = {
     "drives_at": f"line.{LINE}.drives",
     "controller_at": f"line.{LINE}.controllers",
     "drives_format": f"line.{LINE}.drives",
@@ -243,7 +243,7 @@ PLACES: Final = {
 """Answers that are none of the axis: what keys they are about."""
 FORMATS: Final = {"drives_format": "drives_at", "controller_format": "controller_at"}
 """How the serial port is set that another answer names."""
-PLACE_RULE: Final = (
+ADDRESS_RULE: Final = (
     'allowed: "HOST:PORT", as in "192.168.0.7:502", or the full path of a serial port, as in "/dev/ttyUSB0"'
 )
 ANY_PORT: Final = "/dev/ttyUSB0"
@@ -269,7 +269,7 @@ class Draft:
         self._axis = ""
         self._profiles: dict[str, Profile] = {}
         self._serial = {"drives_format": drives, "controller_format": controller}
-        self._known: set[Problem] = set()
+        self._seen_problems: set[Problem] = set()
 
     @property
     def profile(self) -> Profile | None:
@@ -296,7 +296,7 @@ class Draft:
         for name in FORMATS:
             tables = {"line": {LINE: {"drives": endpoint(ANY_PORT, self.serial(name))}}}
             for problem in problems_of_draft(self._file, tables):
-                if problem.key.startswith(f"{PLACES['drives_at']}."):
+                if problem.key.startswith(f"{GENERAL_KEYS['drives_at']}."):
                     option = problem.key.rpartition(".")[2].replace("_", "-")
                     return f"--{'' if name == 'drives_format' else 'controller-'}{option}", problem
         return None
@@ -317,8 +317,8 @@ class Draft:
     @property
     def read_address(self) -> int:
         """Return a register that the drive can be asked for: that of its position, where that is known."""
-        places = () if self.profile is None else self.profile.registers.actual
-        return next((place.address for place in places), 0)
+        fields = () if self.profile is None else self.profile.registers.actual
+        return next((field.address for field in fields), 0)
 
     def wants_format(self, name: str) -> bool:
         """Whether how a port is set has to be asked: it is a serial one, and no option said it."""
@@ -336,22 +336,26 @@ class Draft:
         if name == "unit_id":
             self._refuse_same_unit(answer)
         answers, axes = self.answers, self.axes
-        if name in PLACES:
+        if name in GENERAL_KEYS:
             answers = {**answers, name: answer}
         else:
             axes = {**axes, self._axis: {**axes[self._axis], name: answer}}
         problems = problems_of_draft(self._file, self._tables(answers, axes))
-        new = [problem for problem in problems if problem.found != "missing" and problem not in self._known]
+        new = [
+            problem
+            for problem in problems
+            if problem.found != "missing" and problem not in self._seen_problems
+        ]
         own = [problem for problem in new if self._is_about(problem, name)]
         if own:
-            raise ValueError("\n  ".join(_said(problem, name) for problem in own))
+            raise ValueError("\n  ".join(_problem_text(problem, name) for problem in own))
         self.answers, self.axes = answers, axes
-        self._known.update(new)
+        self._seen_problems.update(new)
         self.notes += [f"{problem.key}: {problem.found}; {problem.remedy}" for problem in new]
         if name == "drive":
             self._profiles[self._axis] = _profile(str(answer), self._file.parent)
 
-    def note_table(self, file: str | None) -> None:
+    def set_table(self, file: str | None) -> None:
         """Take the table file of the axis that was named last, None for none."""
         self.tables[self._axis] = file
 
@@ -381,7 +385,7 @@ class Draft:
         if name == "drive":
             keys = [f"axis.{self._axis}.drive", f"axis.{self._axis}.registers"]
             return problem.file != str(self._file) or problem.key.startswith(tuple(keys))
-        return problem.key.startswith(PLACES.get(name, f"axis.{self._axis}.{name}"))
+        return problem.key.startswith(GENERAL_KEYS.get(name, f"axis.{self._axis}.{name}"))
 
     def _tables(self, answers: Mapping[str, Any], axes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
         """Return the configuration as far as it is known."""
@@ -407,9 +411,13 @@ def _profile(name: str, folder: Path) -> Profile:
     return library.shipped(name) if library.is_name(name) else read_profile(folder / name)
 
 
-def _said(problem: Problem, name: str) -> str:
-    if name in PLACES and problem.key.endswith(".tcp") and problem.remedy.startswith('allowed: "HOST:PORT"'):
-        return f"{problem.found}; {PLACE_RULE}"
+def _problem_text(problem: Problem, name: str) -> str:
+    if (
+        name in GENERAL_KEYS
+        and problem.key.endswith(".tcp")
+        and problem.remedy.startswith('allowed: "HOST:PORT"')
+    ):
+        return f"{problem.found}; {ADDRESS_RULE}"
     if name == "drive":
         return str(problem) if problem.line is not None else f"{problem.found}; {problem.remedy}"
     return f"{problem.found}; {problem.remedy}"

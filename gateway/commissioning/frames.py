@@ -16,9 +16,9 @@ import msgspec
 
 from gateway.config.load import Loaded
 from gateway.config.recording_header import header_of
+from gateway.ipc.address import SocketError, socket_path
 from gateway.ipc.client import ask
 from gateway.ipc.messages import Ping, Pong
-from gateway.ipc.place import SocketError, socket_path
 from gateway.recording import traffic
 from gateway.recording.capture import Capture, Timed, write_recording
 from gateway.recording.pcapng import PcapNg
@@ -27,7 +27,7 @@ from gateway.state.plan import shape_of
 from gateway.times import NS_PER_S, span
 
 FRAMES: Final = (traffic.Request, traffic.Answered, traffic.Sent, traffic.Reply)
-OF_TROUBLE: Final = frozenset({"abandoned", "stray", "down"})
+ERROR_KINDS: Final = frozenset({"abandoned", "stray", "down"})
 
 
 class NothingTakenError(Exception):
@@ -35,7 +35,7 @@ class NothingTakenError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class LineEntry:
     """A frame, or something else that happened on a line."""
 
     wall_s: float
@@ -49,9 +49,9 @@ class Frame:
         return traffic.kind_of(self.entry)
 
     @property
-    def is_trouble(self) -> bool:
+    def is_error(self) -> bool:
         """Whether something went wrong."""
-        return "exception" in self.words or self.kind in OF_TROUBLE
+        return "exception" in self.words or self.kind in ERROR_KINDS
 
     def as_data(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -117,10 +117,10 @@ class LineFrames:
         """Leave out what there is by now."""
         self._new()
 
-    def new(self) -> list[Frame]:
+    def new(self) -> list[LineEntry]:
         """Return what has come since it was asked last."""
         return [
-            Frame(self._wall_ns(t_ns) / NS_PER_S, entry, self._reader.line(entry))
+            LineEntry(self._wall_ns(t_ns) / NS_PER_S, entry, self._reader.line(entry))
             for t_ns, entry in self._new()
             if not isinstance(entry, traffic.Header | traffic.End | traffic.Port | traffic.Beginning)
         ]

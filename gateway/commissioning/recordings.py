@@ -124,8 +124,8 @@ def plan_of(header: Header) -> GatewayPlan:
         files = {PurePosixPath(TABLES_FOLDER) / n: text for n, text in header.tables.items()}
         moved = {old: f"files/{i}.toml" for i, old in enumerate(sorted(header.files))}
         files |= {PurePosixPath(new): header.files[old] for old, new in moved.items()}
-        for place, content in files.items():
-            path = folder / place.parent / place.name
+        for file, content in files.items():
+            path = folder / file.parent / file.name
             path.parent.mkdir(exist_ok=True)
             path.write_bytes(content.encode(ANY_BYTES))
         (folder / TABLES_FOLDER).mkdir(exist_ok=True)
@@ -149,19 +149,19 @@ def _plain(text: str) -> str:
 def _portable(text: str, moved: dict[str, str]) -> str:
     """Return a configuration with its files under the names that they have beside it now."""
     before: dict[str, Any] = tomllib.loads(_plain(text))
-    wanted: dict[str, Any] = tomllib.loads(_plain(text))
+    expected: dict[str, Any] = tomllib.loads(_plain(text))
     tables = before.get("gateway", {}).get("tables", TABLES_FOLDER)
     changes = {**moved, tables: TABLES_FOLDER}
     if tables != TABLES_FOLDER:
-        wanted["gateway"]["tables"] = TABLES_FOLDER
-    for axis in wanted.get("axis", {}).values():
+        expected["gateway"]["tables"] = TABLES_FOLDER
+    for axis in expected.get("axis", {}).values():
         axis["drive"] = moved.get(axis["drive"], axis["drive"]) if "drive" in axis else None
         if axis["drive"] is None:
             del axis["drive"]
     changed = _plain(text)
     for old, new in changes.items():
         changed = changed.replace(f'"{old}"', f'"{new}"').replace(f"'{old}'", f'"{new}"')
-    if tomllib.loads(changed) != wanted:
+    if tomllib.loads(changed) != expected:
         raise ReplayError(
             f"the files of its configuration cannot be laid out here (tables = {tables!r}); "
             "give the configuration with --config"

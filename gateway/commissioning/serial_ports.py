@@ -72,12 +72,12 @@ class Scanned(NamedTuple):
 
 
 async def scan(
-    device: str, offered: Serial, address: int, unit_ids: Iterable[int], say: Callable[[str], None]
+    device: str, offered: Serial, address: int, unit_ids: Iterable[int], report: Callable[[str], None]
 ) -> Scanned | None:
     """Return the first setting at which something answers, with everybody who does; None: nobody does.
 
     ``offered`` is tried first. ``address``: the register that is read. ``unit_ids`` are asked at each setting
-    too. ``say`` gets a line for each setting.
+    too. ``report`` gets a line for each setting.
 
     Raises:
         TransportError: the port is absent, in use or not allowed.
@@ -91,12 +91,12 @@ async def scan(
     for serial in dict.fromkeys((offered, *usual)):
         found = await _answering(device, serial, address, first)
         if found:
-            said = f"an answer from unit id {found[0]}; asking the others up to {LAST_UNIT_ID}"
-            say(f"{format_words(serial)}: {said}")
+            text = f"an answer from unit id {found[0]}; asking the others up to {LAST_UNIT_ID}"
+            report(f"{format_words(serial)}: {text}")
             others = [each for each in range(1, LAST_UNIT_ID + 1) if each not in first]
             found += await _answering(device, serial, address, others)
             return Scanned(serial, tuple(sorted(found)))
-        say(f"{format_words(serial)}: no answer")
+        report(f"{format_words(serial)}: no answer")
     return None
 
 

@@ -18,9 +18,9 @@ from gateway.metrology.sign_test import (
     Measurement,
     Pair,
     SignTest,
-    Verdict,
-    Way,
-    best_place,
+    SignVerdict,
+    TableUse,
+    most_telling_position,
     room,
     sign_test,
 )
@@ -51,7 +51,7 @@ NEGATIVE = (
     "the readings ask for a lost motion below 0, which no screw has: take both again, each one approached "
     "from its own side"
 )
-OF_A_TABLE = frozenset({Verdict.SENSE_INVERTED, Verdict.COLUMNS_SWAPPED, Verdict.BOTH})
+OF_A_TABLE = frozenset({SignVerdict.SENSE_INVERTED, SignVerdict.COLUMNS_SWAPPED, SignVerdict.BOTH})
 WIDTH = 50
 UNITS_RATIO = 2.0
 ROUGHLY = 0.25
@@ -75,20 +75,20 @@ class SignReport:
             return self._remedy_of_backlash()
         columns = COLUMNS.get(self.plan.table_format, "exchange the corrections of its two directions")
         return {
-            Verdict.RIGHT: "",
-            Verdict.SENSE_INVERTED: SENSE.format(file=file),
-            Verdict.COLUMNS_SWAPPED: f"in {file} {columns}",
-            Verdict.BOTH: f"{SENSE.format(file=file)}; and {columns}",
-            Verdict.DIRECTION_INVERTED: DIRECTION,
-            Verdict.CANNOT_TELL: self._better_place(),
-            Verdict.NOTHING_FITS: self._why_nothing(),
+            SignVerdict.RIGHT: "",
+            SignVerdict.SENSE_INVERTED: SENSE.format(file=file),
+            SignVerdict.COLUMNS_SWAPPED: f"in {file} {columns}",
+            SignVerdict.BOTH: f"{SENSE.format(file=file)}; and {columns}",
+            SignVerdict.DIRECTION_INVERTED: DIRECTION,
+            SignVerdict.CANNOT_TELL: self._better_position(),
+            SignVerdict.NOTHING_FITS: self._why_nothing(),
         }[self.test.verdict]
 
     def _remedy_of_backlash(self) -> str:
         """What to change where the axis has no table but a backlash, of which a sign cannot be wrong."""
         backlash = self.plan.settings.backlash
         other = None if backlash is None else HOMED.get(backlash.kind)
-        if self.test.verdict is not Verdict.BOTH or other is None:
+        if self.test.verdict is not SignVerdict.BOTH or other is None:
             return NEGATIVE
         return f'in backlash of [axis.{self.plan.name}] write kind = "{other.value}"'
 
@@ -133,16 +133,16 @@ class SignReport:
         }
 
     def _among(self) -> str:
-        if self.test.verdict is not Verdict.CANNOT_TELL:
+        if self.test.verdict is not SignVerdict.CANNOT_TELL:
             return ""
         return f": {' or '.join(way.value for way in self.test.candidates)}"
 
     def _best_nominal(self) -> float:
         return self.test.best.position - self.plan.settings.machine_offset
 
-    def _better_place(self) -> str:
+    def _better_position(self) -> str:
         best, units = self.test.best, self.plan.settings.units.value
-        wrong = "" if Way.RIGHT in self.test.candidates else "the table is used wrongly; to tell how: "
+        wrong = "" if TableUse.RIGHT in self.test.candidates else "the table is used wrongly; to tell how: "
         if best.separation <= 2.0 * self.uncertainty:
             return (
                 f"{wrong}nowhere does this table differ by more than {best.separation:.4g} {units} from "
@@ -275,7 +275,9 @@ def best_position(plan: AxisPlan) -> float:
     assert plan.table is not None
     curve = spec_of_table(plan.table, plan.settings).curve
     assert curve is not None
-    return round(best_place(curve, _inside(plan)).position - plan.settings.machine_offset, DECIMALS)
+    return round(
+        most_telling_position(curve, _inside(plan)).position - plan.settings.machine_offset, DECIMALS
+    )
 
 
 def approach_of(plan: AxisPlan) -> float:

@@ -14,8 +14,8 @@ from gateway.metrology.readings import APPROACHES
 from gateway.metrology.tables import correction_at
 from gateway.tabfile import (
     Dialect,
+    FileProblem,
     LoadedTable,
-    Problem,
     TabFileError,
     WriteOptions,
     Written,
@@ -43,7 +43,7 @@ class WrittenTable:
         return {
             "losses": list(self.result.losses),
             "largest_difference": self.difference,
-            "read_with": conversion.told_to_reader(self.result, dialect_named(self.again.format)),
+            "read_with": conversion.reader_options(self.result, dialect_named(self.again.format)),
             "lints": [lint.as_data() for lint in self.again.lints],
         }
 
@@ -97,7 +97,7 @@ def written_table(
             *(
                 _steep(table, max_slope)
                 if lint.code == STEEP
-                else Problem("the new table", lint.message, "", code=lint.code)
+                else FileProblem("the new table", lint.message, "", code=lint.code)
                 for lint in again.errors
             )
         )
@@ -110,13 +110,13 @@ def written_table(
     return WrittenTable(result, again, difference)
 
 
-def _steep(table: CorrectionTable, limit: float) -> Problem:
+def _steep(table: CorrectionTable, limit: float) -> FileProblem:
     slope = table.max_slope()
     remedy = (
         f"--max-slope {_up(slope):g}, if the screw is really so steep, and max_slope = {_up(slope):g} for "
         "the axis that uses the table"
     )
-    return Problem("the new table", f"its slope is {slope:.4g}, above {limit:g}", remedy, code=STEEP)
+    return FileProblem("the new table", f"its slope is {slope:.4g}, above {limit:g}", remedy, code=STEEP)
 
 
 def write_file(out: Path, text: str, *, force: bool, encoding: str = "utf-8") -> None:
@@ -128,7 +128,9 @@ def write_file(out: Path, text: str, *, force: bool, encoding: str = "utf-8") ->
         TabFileError: a file of this name exists, it holds readings, or the place cannot be written to.
     """
     if is_readings(out):
-        raise TabFileError(Problem(str(out), "a file of readings", "another name for OUT, the last argument"))
+        raise TabFileError(
+            FileProblem(str(out), "a file of readings", "another name for OUT, the last argument")
+        )
     conversion.write(out, text, force=force, encoding=encoding)
 
 

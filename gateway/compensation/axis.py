@@ -20,9 +20,9 @@ from gateway.compensation.direction import Direction, Travel, follow
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
 from gateway.compensation.moves import (
     Accepted,
+    EstimateKind,
     Move,
-    Place,
-    PlaceKind,
+    PositionEstimate,
     State,
     SteadyMove,
     advance_change,
@@ -64,9 +64,9 @@ class AxisCompensation:
         """The last one."""
         self._position = self._extreme = 0.0
         self._at_ns = 0
-        self._wanted = NOTHING
-        self._wanted_distance = settings.reload_distance
-        self._standing_counts: Counts | None = None
+        self._requested = NOTHING
+        self._changeover_distance = settings.reload_distance
+        self._actual_counts: Counts | None = None
         self._map_key: tuple[object, ...] = ()
         self._map = IDENTITY
         self.is_steady = False
@@ -148,13 +148,13 @@ class AxisCompensation:
     def is_passing(self) -> bool:
         """Whether nothing is corrected and nothing is asked for: words go through as they are."""
         state = self._state  # a run changes nothing of what counts here
-        return self._wanted is NOTHING and state.spec is NOTHING and state.previous is None
+        return self._requested is NOTHING and state.spec is NOTHING and state.previous is None
 
     @property
     def is_blending(self) -> bool:
         """Whether a reversal or a change-over is under way."""
         state = self._state
-        return state.previous is not None or state.spec is not self._wanted or is_reversing(state)
+        return state.previous is not None or state.spec is not self._requested or is_reversing(state)
 
     def machine_position(self, counts: Counts) -> float:
         """Machine position, in units, of a count of either frame."""
@@ -162,15 +162,15 @@ class AxisCompensation:
 
     def is_outside(self, counts: Counts) -> bool:
         """Whether the table wanted does not reach this nominal position."""
-        curve = self._wanted.curve
+        curve = self._requested.curve
         return curve is not None and not curve.covers(self.machine_position(counts))
 
     def want(self, spec: CorrectionSpec) -> None:
         """Ask for another correction; it comes into force with different targets, never by itself."""
-        if spec is not self._wanted:
-            self._wanted = spec
+        if spec is not self._requested:
+            self._requested = spec
             self._measure_change()
-            self._note_steadiness()
+            self._update_steadiness()
 
     def assume_offset(
         self, actual_counts: Counts, nominal_counts: Counts, spec: CorrectionSpec, slack: float
@@ -206,7 +206,7 @@ class AxisCompensation:
         spec = CorrectionSpec(offset=offset) if offset else NOTHING
         self._state = self.state._replace(spec=spec, previous=None, change=1.0)
         self._measure_change()
-        self._note_steadiness()
+        self._update_steadiness()
 
     def lose_reference(self) -> None:
         """Want nothing until the axis is referenced again: positions mean nothing.
@@ -228,10 +228,10 @@ class AxisCompensation:
         self._steps = 0
         self._state = State()
         self._accepted = None
-        self._wanted = NOTHING
-        self._standing_counts = None
+        self._requested = NOTHING
+        self._actual_counts = None
         self._readback = Readback(self._counts_per_unit, self._zero_counts)
-        self._note_steadiness()
+        self._update_steadiness()
 
     def end_dry_run(self) -> None:
         """What was reckoned so far was never on the drive: it holds the last target as it was commanded.
@@ -254,7 +254,7 @@ class AxisCompensation:
             approach = Direction(self.settings.home_approach)
             self._state = State(travel=Travel(approach, 0.0), progress=approach.goal)
         self.want(spec)
-        self._note_steadiness()
+        self._update_steadiness()
 
     def forget_target(self) -> None:
         """Nobody knows any more which target the drive holds; the next one is never taken for a repeat."""
@@ -262,18 +262,18 @@ class AxisCompensation:
             self._end_run()
         self._accepted = None
 
-    def doubt(self) -> None:
+    def invalidate(self) -> None:
         """The branch in force is only assumed from now on."""
         self._state = self.state._replace(is_unsure=True)
 
     @property
     def is_seen(self) -> bool:
         """Whether an actual position has come since the last target was accepted."""
-        return self._standing_counts is not None
+        return self._actual_counts is not None
 
     def observe(self, actual_counts: Counts) -> None:
         """Note where the drive says it is: a fade begins there, and one that has ended there is over."""
-        self._standing_counts = actual_counts
+        self._actual_counts = actual_counts
         if self.readback.is_faded_out(actual_counts):
             self._readback = self.readback.without_fade()
 
@@ -288,12 +288,12 @@ class AxisCompensation:
         """Note that the same setpoint came again: a blend by time stands still meanwhile."""
         self._state = self.state._replace(at_ns=now_ns)
 
-    def plan(self, nominal_counts: Counts, place: Place | None, now_ns: int) -> Move:
+    def plan(self, nominal_counts: Counts, estimate: PositionEstimate | None, now_ns: int) -> Move:
         """Work out what a target becomes. Nothing changes until :meth:`commit`.
 
         Args:
             nominal_counts: the target as commanded.
-            place: where the axis is, when that is known; only used where the drive profiles the move.
+            estimate: where the axis is, when that is known; only used where the drive profiles the move.
             now_ns: monotonic time.
 
         Raises:
@@ -301,13 +301,13 @@ class AxisCompensation:
             OutsideTravelError: the corrected position leaves the travel by more than the margin.
         """
         position = self.machine_position(nominal_counts)
-        state = self._stream(position, now_ns) if self.is_stream else self._target(position, place, now_ns)
+        state = self._stream(position, now_ns) if self.is_stream else self._target(position, estimate, now_ns)
         self._check_covered(state, position)
         correction_map = self.map_of(state)
         correction = correction_map.correction(position)
         # Where nothing is wanted a mere offset is left: the axis does not know where it is.
-        knows_place = self._wanted is not NOTHING or bool(correction_map.terms)
-        if knows_place and not correction_map.is_identity:
+        knows_position = self._requested is not NOTHING or bool(correction_map.terms)
+        if knows_position and not correction_map.is_identity:
             self._check_travel(position, correction)
         return Move(nominal_counts, correction * self.settings.counts_per_unit, correction_map, state)
 
@@ -325,19 +325,19 @@ class AxisCompensation:
             corrected_counts: what the drive was sent.
             is_reached: the axis stands at the target before, whatever was read of it on the way there.
         """
-        seen, has_target = self._standing_counts, self.accepted is not None
+        seen, has_target = self._actual_counts, self.accepted is not None
         before = self.accepted.corrected_counts if self.accepted else corrected_counts
-        standing = before if seen is None or (is_reached and has_target) else seen
+        actual = before if seen is None or (is_reached and has_target) else seen
         low, high = (before, corrected_counts) if before < corrected_counts else (corrected_counts, before)
-        low, high = min(low, standing), max(high, standing)
-        is_blind = seen is None and has_target and not is_reached and not self.is_stream
-        if is_blind:  # it may be anywhere on the way before
+        low, high = min(low, actual), max(high, actual)
+        is_way_unknown = seen is None and has_target and not is_reached and not self.is_stream
+        if is_way_unknown:  # it may be anywhere on the way before
             low, high = min(low, self.way[0]), max(high, self.way[1])
         self._way = (low, high)
         target = Accepted(move.nominal_counts, corrected_counts)
-        is_there = has_target and standing == before
+        is_there = has_target and actual == before
         self._readback = after_target(
-            self.readback, move.correction_map, target, standing, is_at_target=is_there
+            self.readback, move.correction_map, target, actual, is_at_target=is_there
         )
         goes_on = self._goes_on(move)
         is_other = move.state.spec is not self.state.spec
@@ -345,9 +345,9 @@ class AxisCompensation:
         if is_other:  # something else may have been asked for while it was on its way
             self._measure_change()
         self._accepted = target
-        self._standing_counts = None
+        self._actual_counts = None
         if not goes_on:
-            self._note_steadiness()
+            self._update_steadiness()
 
     def plan_steady(self, nominal_counts: Counts, now_ns: int, is_reached: bool) -> SteadyMove | None:
         """Work out, only while ``is_steady``, a target that goes on in its direction; None: ask :meth:`plan`.
@@ -439,7 +439,7 @@ class AxisCompensation:
             or not self.is_steady
             or steady.before is not self._state
             or steady.correction_map is not self._steady_map
-            or not (self._standing_counts is None or is_reached)
+            or not (self._actual_counts is None or is_reached)
         ):
             self.commit(self.move_of(steady), corrected_counts, is_reached=is_reached)
             return
@@ -449,7 +449,7 @@ class AxisCompensation:
             self._from_nominal, self._from_corrected = accepted
         self._to_nominal, self._to_corrected = steady.nominal_counts, corrected_counts
         self._position, self._extreme, self._at_ns = steady.position, steady.extreme, steady.now_ns
-        self._standing_counts = None
+        self._actual_counts = None
         self._steps += 1
 
     def _end_run(self) -> None:
@@ -477,20 +477,20 @@ class AxisCompensation:
         return (
             self.is_steady
             and move.correction_map is self._steady_map
-            and state.spec is self._wanted
+            and state.spec is self._requested
             and state.previous is None
             and not state.is_unsure
             and state.travel.direction is before.travel.direction
             and state.progress == before.progress
         )
 
-    def _note_steadiness(self) -> None:
+    def _update_steadiness(self) -> None:
         state = self.state
         self._steady_map = self.readback.correction_map
         self.is_steady = (
             state.position is not None
             and state.previous is None
-            and state.spec is self._wanted
+            and state.spec is self._requested
             and state.travel.direction is not Direction.UNKNOWN
             and state.progress == state.travel.direction.goal
             and not state.is_unsure
@@ -536,35 +536,37 @@ class AxisCompensation:
                 reached(self._readback, correction_map, came_from), correction_map, accepted,
                 came_from.corrected_counts, is_at_target=True,
             )  # fmt: skip
-        self._standing_counts = None
+        self._actual_counts = None
         self._measure_change()
-        self._note_steadiness()
+        self._update_steadiness()
 
     def _measure_change(self) -> None:
         if self.settings.setpoints is Setpoints.STREAM:
-            self._wanted_distance = changeover_distance(self.state.spec, self._wanted, self.settings)
+            self._changeover_distance = changeover_distance(self.state.spec, self._requested, self.settings)
 
-    def _target(self, position: float, place: Place | None, now_ns: int) -> State:
-        direction, is_unsure = self._direction(position, place)
+    def _target(self, position: float, estimate: PositionEstimate | None, now_ns: int) -> State:
+        direction, is_unsure = self._direction(position, estimate)
         travel = Travel(direction, position)
-        return State(position, travel, direction.goal, spec=self._wanted, is_unsure=is_unsure, at_ns=now_ns)
+        return State(
+            position, travel, direction.goal, spec=self._requested, is_unsure=is_unsure, at_ns=now_ns
+        )
 
-    def _direction(self, position: float, place: Place | None) -> tuple[Direction, bool]:
+    def _direction(self, position: float, estimate: PositionEstimate | None) -> tuple[Direction, bool]:
         """Direction of a move to ``position``, and whether it is only assumed (M6)."""
         kept = self.state.travel.direction
-        if place is None:
+        if estimate is None:
             return kept, True
-        if place.kind is PlaceKind.ON_DRIVE:
-            return self._direction_from_drive(position, self.machine_position(place.counts))
-        if place.kind is PlaceKind.ON_WAY:
-            return self._direction_on_way(position, self.machine_position(place.counts))
+        if estimate.kind is EstimateKind.ON_DRIVE:
+            return self._direction_from_drive(position, self.machine_position(estimate.counts))
+        if estimate.kind is EstimateKind.ON_WAY:
+            return self._direction_on_way(position, self.machine_position(estimate.counts))
         if self._is_same_again(position):
             return kept, self.state.is_unsure
-        distance = position - self.machine_position(place.counts)
-        is_short = place.kind is PlaceKind.MEASURED and abs(distance) < self._hysteresis
+        distance = position - self.machine_position(estimate.counts)
+        is_short = estimate.kind is EstimateKind.MEASURED and abs(distance) < self._hysteresis
         if distance:
             kept = Direction.FORWARD if distance > 0 else Direction.BACKWARD
-        return kept, is_short or place.kind is PlaceKind.ASSUMED
+        return kept, is_short or estimate.kind is EstimateKind.ASSUMED
 
     def _is_same_again(self, position: float) -> bool:
         """Whether a target is the last one with the noise of whoever resends it."""
@@ -580,22 +582,22 @@ class AxisCompensation:
         An axis that stands where one branch puts the target has got there on that branch. Otherwise it has to
         lie outside what the two branches make of the target for its direction to be certain.
         """
-        forward = position + self._wanted.map_at(1.0).correction(position)
-        backward = position + self._wanted.map_at(0.0).correction(position)
-        stands_forward = abs(actual - forward) <= self._hysteresis
-        stands_backward = abs(actual - backward) <= self._hysteresis
-        if stands_forward and stands_backward:
+        forward = position + self._requested.map_at(1.0).correction(position)
+        backward = position + self._requested.map_at(0.0).correction(position)
+        is_at_forward = abs(actual - forward) <= self._hysteresis
+        is_at_backward = abs(actual - backward) <= self._hysteresis
+        if is_at_forward and is_at_backward:
             return self.state.travel.direction, False
-        if stands_forward or stands_backward:  # before the rest: whole counts may lie just outside of both
-            return (Direction.FORWARD if stands_forward else Direction.BACKWARD), False
+        if is_at_forward or is_at_backward:  # before the rest: whole counts may lie just outside of both
+            return (Direction.FORWARD if is_at_forward else Direction.BACKWARD), False
         if min(forward, backward) <= actual <= max(forward, backward):
             return self.state.travel.direction, True
         return (Direction.FORWARD if actual < forward else Direction.BACKWARD), False
 
     def _direction_on_way(self, position: float, actual: float) -> tuple[Direction, bool]:
         """The same where the axis does not stand: no branch has brought it to a place that it passes."""
-        forward = position + self._wanted.map_at(1.0).correction(position)
-        backward = position + self._wanted.map_at(0.0).correction(position)
+        forward = position + self._requested.map_at(1.0).correction(position)
+        backward = position + self._requested.map_at(0.0).correction(position)
         if actual < min(forward, backward) - self._hysteresis:
             return Direction.FORWARD, False
         if actual > max(forward, backward) + self._hysteresis:
@@ -622,12 +624,15 @@ class AxisCompensation:
             if state.spec.curve:
                 share = share_of(state.spec.reversal, distance, elapsed_ms if was_reversing else 0.0)
             return state._replace(progress=towards(state.progress, travel.direction.goal, share))
-        if state.spec is not self._wanted:
-            if state.spec.is_kin_of(self._wanted):
-                most = steepest_change(state.spec, self._wanted, self.settings.max_slope) * distance
-                return state._replace(spec=towards_line(state.spec, self._wanted, position, most))
+        if state.spec is not self._requested:
+            if state.spec.is_kin_of(self._requested):
+                most = steepest_change(state.spec, self._requested, self.settings.max_slope) * distance
+                return state._replace(spec=towards_line(state.spec, self._requested, position, most))
             return state._replace(
-                previous=state.spec, spec=self._wanted, change=0.0, change_distance=self._wanted_distance
+                previous=state.spec,
+                spec=self._requested,
+                change=0.0,
+                change_distance=self._changeover_distance,
             )
         return state
 

@@ -89,27 +89,29 @@ def with_line(spec: CorrectionSpec, offset: float, tilt: float) -> CorrectionSpe
 
 
 def towards_line(
-    spec: CorrectionSpec, wanted: CorrectionSpec, position: float, most: float
+    spec: CorrectionSpec, requested: CorrectionSpec, position: float, most: float
 ) -> CorrectionSpec:
-    """Return ``wanted``, or a line on the way to it: it changes ``most`` at ``position``.
+    """Return ``requested``, or a line on the way to it: it changes ``most`` at ``position``.
 
-    ``spec`` and ``wanted`` are kin. Where the lines cross the change is over at once: nothing moves there.
+    ``spec`` and ``requested`` are kin. Where the lines cross the change is over at once: nothing moves there.
     """
-    change = abs(wanted.line_at(position) - spec.line_at(position))
+    change = abs(requested.line_at(position) - spec.line_at(position))
     if change <= most:
-        return wanted
+        return requested
     share = most / change
-    offset = spec.offset + share * (wanted.offset - spec.offset)
-    return replace(spec, offset=offset, tilt=spec.tilt + share * (wanted.tilt - spec.tilt))
+    offset = spec.offset + share * (requested.offset - spec.offset)
+    return replace(spec, offset=offset, tilt=spec.tilt + share * (requested.tilt - spec.tilt))
 
 
-def steepest_change(spec: CorrectionSpec, wanted: CorrectionSpec, max_slope: float) -> float:
-    """Return how fast a line may go over to another one, per unit of travel; ``spec`` and ``wanted`` are kin.
+def steepest_change(spec: CorrectionSpec, requested: CorrectionSpec, max_slope: float) -> float:
+    """Return how fast a line may go over to another one, per unit of travel.
+
+    ``spec`` and ``requested`` are kin.
 
     As fast as a table may change, and with curve and line never so fast that the axis would turn round.
     """
     steepest = 0.0 if spec.curve is None else spec.curve.max_slope
-    room = 1.0 - steepest - max(abs(spec.tilt), abs(wanted.tilt))
+    room = 1.0 - steepest - max(abs(spec.tilt), abs(requested.tilt))
     return min(max_slope, 0.5 * room)
 
 

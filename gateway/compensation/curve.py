@@ -84,10 +84,10 @@ class Curve:
     def piece(self, position: float) -> Piece:
         """Return the straight stretch around a machine position; at a knot, the one that begins there."""
         table = self.table
-        turn = 0.0
+        offset = 0.0
         if self._modulo:
-            turn = floor((position - table.first) / self._modulo) * self._modulo
-            position -= turn
+            offset = floor((position - table.first) / self._modulo) * self._modulo
+            position -= offset
         elif not table.first <= position <= table.last:
             return self._piece_outside(position)
         i = table.segment(position)
@@ -97,9 +97,9 @@ class Curve:
         forward = table.forward[i]
         backward = table.backward[i]
         return (
-            low + turn,
-            high + turn,
-            low + turn,
+            low + offset,
+            high + offset,
+            low + offset,
             forward,
             backward,
             (table.forward[i + 1] - forward) / width,
@@ -170,7 +170,7 @@ class Curve:
             slope = (values[index + 1] - value) / (high - low)
             return value + slope * (position - low)
 
-        def turned(position: float) -> float:
+        def wrapped(position: float) -> float:
             position -= floor((position - first) / self._modulo) * self._modulo
             index = self.table.segment(position)  # rounding may leave it a hair beyond the end of the turn
             low, value = positions[index], values[index]
@@ -182,7 +182,7 @@ class Curve:
             return value + slope * (position - piece[2])
 
         if self._modulo:
-            return turned
+            return wrapped
         return even if step else free
 
     def _piece_outside(self, position: float) -> Piece:

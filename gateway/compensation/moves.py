@@ -11,7 +11,7 @@ from gateway.compiled import mypyc_attr
 from gateway.counts import Counts
 
 
-class PlaceKind(Enum):
+class EstimateKind(Enum):
     """How well the place of an axis is known, and on which scale."""
 
     REACHED = "reached"
@@ -26,11 +26,11 @@ class PlaceKind(Enum):
     """The same of an axis that is on its way from a place that was assumed."""
 
 
-class Place(NamedTuple):
+class PositionEstimate(NamedTuple):
     """Where an axis is."""
 
     counts: Counts
-    kind: PlaceKind
+    kind: EstimateKind
 
 
 class State(NamedTuple):

@@ -100,7 +100,7 @@ def after_target(
     previous: Readback,
     correction_map: CorrectionMap,
     target: Accepted,
-    standing_counts: Counts,
+    actual_counts: Counts,
     *,
     is_at_target: bool,
 ) -> Readback:
@@ -110,21 +110,21 @@ def after_target(
         previous: the readback in force until now.
         correction_map: the correction that the target was given.
         target: what the controller commanded, and what the drive was told in whole steps of its register.
-        standing_counts: where the axis is, as the drive reports it.
+        actual_counts: where the axis is, as the drive reports it.
         is_at_target: that is exactly where the target of ``previous`` was.
     """
     counts_per_unit, zero_counts = previous.counts_per_unit, previous.zero_counts
     end, anchor = _end_and_anchor(previous, correction_map, target)
-    if standing_counts == target.corrected_counts:
+    if actual_counts == target.corrected_counts:
         return Readback(counts_per_unit, zero_counts, correction_map, anchor, None, end)
     if is_at_target and previous.end is not None and correction_map is previous.correction_map:
         # The same place through the same map, where a fade has ended: nothing needs to be solved again.
         start, difference = previous.end, anchor - previous.anchor_counts
     else:
-        standing = (standing_counts - zero_counts) / counts_per_unit
-        start, correction = correction_map.solve(standing, standing - correction_map.correction(standing))
+        actual = (actual_counts - zero_counts) / counts_per_unit
+        start, correction = correction_map.solve(actual, actual - correction_map.correction(actual))
         now_read = correction * counts_per_unit + anchor
-        difference = now_read - previous.correction_counts(standing_counts)
+        difference = now_read - previous.correction_counts(actual_counts)
     fade = None
     if abs(difference) >= NEGLIGIBLE_COUNTS:
         away = max(abs(end - start), AWAY_PER_DIFFERENCE * abs(difference / counts_per_unit))

@@ -99,7 +99,7 @@ class AxisSection(StrictModel):
     unit_id: Planned[UnitId] = Field(
         description="Modbus unit id of its drive",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "Modbus unit id of its drive; 0 only on Modbus TCP (on a serial line it "
                 "is the broadcast). Several axes may share one if their registers do not"
             )
@@ -109,7 +109,7 @@ class AxisSection(StrictModel):
         default=None,
         description="a drive profile",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 'a profile that comes with the gateway (`"oriental-az"`; `pitch-gateway drives` lists '
                 'them), or a file (`"./my-drive.toml"`, relative to this file); see '
                 "[drives.md](drives.md). Warned of: a kind of line that the drive does not have"
@@ -127,7 +127,7 @@ class AxisSection(StrictModel):
     units: Planned[ByName[Units]] = Field(
         description="unit of every length of this axis",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "unit of every length of this axis. A table in the other unit of length "
                 "is converted; angles and lengths never are"
             )
@@ -136,7 +136,7 @@ class AxisSection(StrictModel):
     counts_per_unit: Planned[CountsPerUnit] = Field(
         description="counts of the drive in one unit, negative where it counts down",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "counts of the drive in one unit, negative where the drive counts down "
                 "while the axis goes forward"
             )
@@ -150,9 +150,7 @@ class AxisSection(StrictModel):
         default=None,
         description="[lowest, highest] machine position",
         json_schema_extra=documented(
-            meaning=(
-                "machine positions between which the axis moves. Its ends must fit the command registers"
-            ),
+            text=("machine positions between which the axis moves. Its ends must fit the command registers"),
             default="none, warned of",
         ),
     )
@@ -160,7 +158,7 @@ class AxisSection(StrictModel):
         default=None,
         description="travel of one turn of its screw, in units",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "travel of one turn of its screw. `measure` spreads random targets over it, warns of "
                 "targets that always meet one angle of the screw, and looks for an error that repeats "
                 "once and twice a turn"
@@ -172,7 +170,7 @@ class AxisSection(StrictModel):
         default=None,
         description="name of its table file",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "table file in the tables folder, in any case of letters, without a path. A file that "
                 "is renamed to `.bak`, or taken away while the gateway runs, switches the correction "
                 "off; so does `compensation`, without touching the file"
@@ -190,7 +188,7 @@ class AxisSection(StrictModel):
         default=CompensationMode.ON,
         description="on, shadow or off",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "`on` corrects. `shadow` computes and shows corrections and passes positions "
                 "unchanged: begin with it. `off` does neither. Write the key: an axis with a table "
                 "that leaves it out is corrected, and `check` and each start warn"
@@ -208,7 +206,7 @@ class AxisSection(StrictModel):
         default=HomeApproach.NONE,
         description="direction of the last movement of homing",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "direction of the last movement of homing: the branch in force after it. "
                 "`none`: half way between the branches until the first move"
             )
@@ -218,7 +216,7 @@ class AxisSection(StrictModel):
         default=Setpoints.TARGETS,
         description="targets or a stream of setpoints",
         json_schema_extra=documented(
-            meaning=("`targets`: the drive profiles each move; `stream`: a setpoint in every cycle")
+            text=("`targets`: the drive profiles each move; `stream`: a setpoint in every cycle")
         ),
     )
     max_speed: Planned[LengthOrZero] = Field(
@@ -230,7 +228,7 @@ class AxisSection(StrictModel):
         default=None,
         description="smallest reversal of a stream; jitter of measured positions",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "`stream`: how far the setpoint must come back before the branch changes. `targets`: "
                 "how far a measured position may lie beside another and still be the same place; "
                 "every different target counts as a motion, however short. Refused if as long as "
@@ -243,7 +241,7 @@ class AxisSection(StrictModel):
         default=None,
         description="distance from its target within which an axis has arrived",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "an axis has arrived if its done bit says so and its actual position is within this "
                 "of its target. One that was not seen for `unseen_ms` and is within it is still at "
                 "its target. Never less than `hysteresis`"
@@ -255,7 +253,7 @@ class AxisSection(StrictModel):
         default=0.0,
         description="counts by which a target may differ from the last one and keep its branch",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "`targets`: counts by which a target may differ from the last one and still be a "
                 "noisy repeat, which keeps its branch. The event `branch-hunts` reports a branch that "
                 "changes more than five times in ten seconds"
@@ -268,7 +266,7 @@ class AxisSection(StrictModel):
         default=None,
         description="blend from one table to the next",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "`stream`: setpoint travel over which one table gives way to another; "
                 "made longer where it must be. No effect in `targets` (warned of)"
             ),
@@ -281,7 +279,7 @@ class AxisSection(StrictModel):
         default=None,
         description="length of one turn of a rotary axis",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "one turn of a rotary axis. The table must cover exactly one turn with "
                 "equal corrections at both ends; without a table `units` must be "
                 '`"degree"`'
@@ -292,7 +290,7 @@ class AxisSection(StrictModel):
         default=None,
         description="largest correction allowed",
         json_schema_extra=documented(
-            meaning="larger corrections, with backlash, are refused",
+            text="larger corrections, with backlash, are refused",
             default="`0.5` mm, or 0.3 mm/m of `travel` where that is more",
         ),
     )
@@ -300,7 +298,7 @@ class AxisSection(StrictModel):
         default=None,
         description="how far a corrected position may lie outside travel",
         json_schema_extra=documented(
-            meaning=("how far a corrected position may lie outside `travel` before it is refused"),
+            text=("how far a corrected position may lie outside `travel` before it is refused"),
             default="`max_correction`",
         ),
     )
@@ -308,13 +306,13 @@ class AxisSection(StrictModel):
         default=settings.DEFAULT_MAX_SLOPE,
         description="steepest table allowed",
         json_schema_extra=documented(
-            meaning="steeper tables are refused: change of the correction per unit of travel"
+            text="steeper tables are refused: change of the correction per unit of travel"
         ),
     )
     fresh_ms: Planned[Milliseconds] = Field(
         default=settings.DEFAULT_FRESH_MS,
         description="age in milliseconds up to which a reading counts",
-        json_schema_extra=documented(meaning="age up to which a measured position counts"),
+        json_schema_extra=documented(text="age up to which a measured position counts"),
     )
     backlash: BacklashSpec | None = Field(
         default=None,
@@ -342,7 +340,7 @@ class AxisSection(StrictModel):
         default=DEFAULT_BUDGET_US,
         description="microseconds that the gateway itself may take for one exchange",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "the gateway's own time for one exchange of this axis, request and reply together: "
                 "from the last byte in to the first byte out, without wires and drives"
             )
@@ -352,7 +350,7 @@ class AxisSection(StrictModel):
         default=None,
         description="age in milliseconds at which a target or its trigger is late",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "age at which a target or its trigger is late: from its last byte from the controller "
                 "to its first byte to the drive. A stop is never late"
             ),
@@ -363,7 +361,7 @@ class AxisSection(StrictModel):
         default=None,
         description="what happens to a late target",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "a late target goes all the same, because a move must not end short; or it is "
                 "refused, because a stale setpoint is worse than none. Refused without `deadline_ms`"
             ),
@@ -374,7 +372,7 @@ class AxisSection(StrictModel):
         default=Unmapped.REFUSE,
         description="writes to unmapped positions",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "writes to `position_like` registers while the axis is corrected: exception 2, or "
                 "they pass as they are"
             )
@@ -384,7 +382,7 @@ class AxisSection(StrictModel):
         default=StoredMoves.REFUSE,
         description="moves kept by the drive",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "moves to positions that the drive keeps, and triggers of targets that did not pass "
                 "through the gateway: exception 4, or they run as they are and the axis is flagged"
             )
@@ -394,16 +392,14 @@ class AxisSection(StrictModel):
         default=Unmapped.REFUSE,
         description="relative moves from an unknown place",
         json_schema_extra=documented(
-            meaning=(
-                "distances from an unknown place: exception 6, or they pass as they are and are reported"
-            )
+            text=("distances from an unknown place: exception 6, or they pass as they are and are reported")
         ),
     )
     lost_ms: Planned[Milliseconds] = Field(
         default=1000.0,
         description="silence in milliseconds after which the drive may have been switched off",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "a drive that left requests unanswered for longer than this, from the first to the "
                 "last, may have been switched off. Base, modes and registers are forgotten, and "
                 "`referenced` has to be shown again. Its last target keeps its words only if a "
@@ -415,7 +411,7 @@ class AxisSection(StrictModel):
         default=DEFAULT_UNSEEN_MS,
         description="time in milliseconds without a word of the axis after which it is looked at again",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "`targets`: if the axis was neither read nor commanded for longer than this, its "
                 "actual position is read once before the next target, repeat or distance: it may have "
                 "been jogged at the drive's panel. That read does not count towards `deadline_ms`. A "
@@ -428,7 +424,7 @@ class AxisSection(StrictModel):
         default=AddedFrames.AUTO,
         description="frames that the gateway adds by itself",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "`never`: the gateway adds no frame. A trigger whose target would have to be written "
                 "anew, and a distance whose start would have to be read, are refused. A direction "
                 "that only a reading would tell is kept and flagged"
@@ -439,7 +435,7 @@ class AxisSection(StrictModel):
         default=Writers.ONE,
         description="how many controllers may move the axis at a time: one or any",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "`one`: the controller that moves the axis holds it; moves from another controller or "
                 "host get exception 6 (event `second-writer`). Stops always pass. `any`: all may move "
                 "it at any time"
@@ -450,7 +446,7 @@ class AxisSection(StrictModel):
         default=DEFAULT_WRITER_HOLD_S,
         description="seconds without a move after which another controller may move the axis",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "how long a writer holds the axis after its last frame that moves it; at most 2 s "
                 "after its last connection has closed"
             )

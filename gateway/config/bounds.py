@@ -15,13 +15,13 @@ def bounds_text(field: FieldInfo) -> str:
     >>> bounds_text(ControllerSection.model_fields["timeout_ms"])
     'greater than 0, at most 3600000'
     """
-    said = {
+    texts = {
         attribute: f"{words} {_number(limit)}"
         for constraint in _constraints(field)
         for attribute, words in _WORDS.items()
         if isinstance(limit := getattr(constraint, attribute, None), int | float)
     }
-    return ", ".join(said[attribute] for attribute in _WORDS if attribute in said)
+    return ", ".join(texts[attribute] for attribute in _WORDS if attribute in texts)
 
 
 def _constraints(part: Any) -> Iterator[Any]:

@@ -88,11 +88,11 @@ def _other_units(line: LineSection, axis_ids: set[int]) -> OtherUnits:
     is_alone = line.drives.tcp is not None and len(axis_ids) == 1
     unit_ids = frozenset(line.other_units)
     odd = unit_ids - {BROADCAST_UNIT_ID} if line.drives.rtu is not None else frozenset()
-    return OtherUnits(unit_ids, odd, known_stops() if is_alone else frozenset())
+    return OtherUnits(unit_ids, odd, shipped_stops() if is_alone else frozenset())
 
 
 @cache
-def known_stops() -> frozenset[StopWord]:
+def shipped_stops() -> frozenset[StopWord]:
     """Return what stops the drives of all shipped profiles."""
     triggers = (
         trigger for name in library.names() for trigger in library.shipped(name).registers.motion().triggers
@@ -100,8 +100,8 @@ def known_stops() -> frozenset[StopWord]:
     return frozenset(
         StopWord(trigger.address, trigger.mask, value, trigger.is_coil)
         for trigger in triggers
-        for value, deed in trigger.deeds.items()
-        if deed.action is Action.STOP
+        for value, operation in trigger.deeds.items()
+        if operation.action is Action.STOP
     )
 
 

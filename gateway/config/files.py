@@ -188,7 +188,7 @@ def server_context(tls: HttpTlsSection, folder: Path, *, needs_client: bool) -> 
         _trust(context, pem_path((*TLS_KEY, "clients"), tls.clients, folder), tls.clients)
         context.verify_mode = ssl.CERT_REQUIRED if needs_client else ssl.CERT_OPTIONAL
     if tls.revoked is not None:
-        _turn_away(context, pem_path((*TLS_KEY, "revoked"), tls.revoked, folder))
+        _load_revocations(context, pem_path((*TLS_KEY, "revoked"), tls.revoked, folder))
     return context
 
 
@@ -199,7 +199,7 @@ def _trust(context: ssl.SSLContext, authorities: Path, name: str) -> None:
         raise no_certificates((*TLS_KEY, "clients"), name, error) from None
 
 
-def _turn_away(context: ssl.SSLContext, revoked: Path) -> None:
+def _load_revocations(context: ssl.SSLContext, revoked: Path) -> None:
     try:
         load_revoked(context, revoked)
     except TlsFileError as error:

@@ -22,7 +22,7 @@ from gateway.state.folder import LARGEST_CONFIGURATION
 
 # --- One configuration file as text: its tables, and the lines its keys stand on
 
-_PLACE: Final = re.compile(
+_SYNTAX_ERROR: Final = re.compile(
     r"(?P<what>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)"
 )
 DEEPEST: Final = 50
@@ -109,12 +109,12 @@ def _read_text(path: Path, what: str) -> tuple[str, str]:
 
 
 def _syntax_error(path: Path, text: str, error: ValueError) -> ConfigErrors:
-    place = _PLACE.fullmatch(str(error))
-    if place is None:
+    match = _SYNTAX_ERROR.fullmatch(str(error))
+    if match is None:
         return _refuse(path, f"not TOML: {error}", GRAMMAR)
-    line, column = place["line"], place["column"]
+    line, column = match["line"], match["column"]
     last_line = text.count("\n") + 1
-    what = f"{place['what'][:1].lower()}{place['what'][1:]}"
+    what = f"{match['what'][:1].lower()}{match['what'][1:]}"
     number = int(line) if line else last_line
     remedy = in_words(text.split("\n")[number - 1], int(column) if column else None)
     duplicate = KeyLines(text).duplicate
@@ -244,15 +244,17 @@ def explain(
 
 def existing(raw: object, detail: ErrorDetails) -> KeyPath:
     """Return the place of an error as far as it exists in the file; a missing key still counts."""
-    place = detail["loc"]
+    key_path = detail["loc"]
     here = raw
-    for depth, part in enumerate(place):
+    for depth, part in enumerate(key_path):
         try:
             here = here[part]  # type: ignore[index]
         except (TypeError, KeyError, IndexError):
-            is_missing_key = detail["type"] == "missing" and depth == len(place) - 1 and isinstance(part, str)
-            return place[: depth + 1] if is_missing_key else place[:depth]
-    return place
+            is_missing_key = (
+                detail["type"] == "missing" and depth == len(key_path) - 1 and isinstance(part, str)
+            )
+            return key_path[: depth + 1] if is_missing_key else key_path[:depth]
+    return key_path
 
 
 def _is_aftermath(detail: ErrorDetails) -> bool:
@@ -267,63 +269,63 @@ def _is_aftermath(detail: ErrorDetails) -> bool:
 
 def _words(root: type[BaseModel], detail: ErrorDetails) -> tuple[str, str]:
     kind = detail["type"]
-    place = detail["loc"]
-    if kind == "missing" and isinstance(place[-1], str):
-        return "missing", f"needed: {_description(root, place)}"
+    key_path = detail["loc"]
+    if kind == "missing" and isinstance(key_path[-1], str):
+        return "missing", f"needed: {_description(root, key_path)}"
     if kind == "missing":
-        return f"found {shown(detail['input'])}", f"allowed: a list of {int(place[-1]) + 1} or more"
+        return f"found {shown(detail['input'])}", f"allowed: a list of {int(key_path[-1]) + 1} or more"
     if kind == "extra_forbidden":
-        return UNKNOWN_KEY, suggest(str(place[-1]), keys_at(root, place[:-1]))
+        return UNKNOWN_KEY, suggest(str(key_path[-1]), keys_at(root, key_path[:-1]))
     found = f"found {shown(detail['input'])}"
     if kind == "value_error":
         return found, str(detail["ctx"]["error"])
     if kind in _OUT_OF_BOUNDS:
-        field = field_at(root, place)
+        field = field_at(root, key_path)
         return found, f"allowed: {bounds_text(field) if field is not None else detail['msg']}"
     if kind in _WITH_CONTEXT:
         return found, "allowed: " + _WITH_CONTEXT[kind].format(**detail["ctx"]).replace("'", '"')
     return found, "allowed: " + _ALLOWED.get(kind, detail["msg"])
 
 
-def suggest(unknown: str, known: Sequence[str]) -> str:
+def suggest(unknown: str, allowed: Sequence[str]) -> str:
     """Say what an unknown key was probably meant to be, or what may stand there.
 
     >>> suggest("counts_per_units", ["counts_per_unit", "units"])
     'did you mean counts_per_unit?'
     """
-    near = get_close_matches(unknown.lower(), known, n=1, cutoff=0.6)
-    return f"did you mean {near[0]}?" if near else f"allowed: {', '.join(known)}"
+    near = get_close_matches(unknown.lower(), allowed, n=1, cutoff=0.6)
+    return f"did you mean {near[0]}?" if near else f"allowed: {', '.join(allowed)}"
 
 
-def keys_at(root: type[BaseModel], place: KeyPath) -> list[str]:
-    """Return the keys that may stand in the table at ``place`` of a section."""
-    model = _model_at(root, place)
+def keys_at(root: type[BaseModel], key_path: KeyPath) -> list[str]:
+    """Return the keys that may stand in the table at ``key_path`` of a section."""
+    model = _model_at(root, key_path)
     return list(model.model_fields) if model is not None else []
 
 
-def _description(root: type[BaseModel], place: KeyPath) -> str:
-    field = field_at(root, place)
+def _description(root: type[BaseModel], key_path: KeyPath) -> str:
+    field = field_at(root, key_path)
     return (field.description or "") if field is not None else ""
 
 
-def field_at(root: type[BaseModel], place: KeyPath) -> FieldInfo | None:
-    """Return the field of the key at ``place`` of a section; None where it knows none."""
-    names = [part for part in place if isinstance(part, str)]
+def field_at(root: type[BaseModel], key_path: KeyPath) -> FieldInfo | None:
+    """Return the field of the key at ``key_path`` of a section; None where it knows none."""
+    names = [part for part in key_path if isinstance(part, str)]
     model = _model_at(root, tuple(names[:-1]))
     return model.model_fields.get(names[-1]) if model is not None and names else None
 
 
-def marks_at(root: type[BaseModel], place: KeyPath) -> frozenset[Mark]:
-    """Return what the key at ``place`` of a section declares in its type; nothing where it knows none."""
-    names = [part for part in place if isinstance(part, str)]
+def marks_at(root: type[BaseModel], key_path: KeyPath) -> frozenset[Mark]:
+    """Return what the key at ``key_path`` of a section declares in its type; nothing where it knows none."""
+    names = [part for part in key_path if isinstance(part, str)]
     model = _model_at(root, tuple(names[:-1]))
     return marks_of(model).get(names[-1], frozenset()) if model is not None and names else frozenset()
 
 
-def _model_at(root: type[BaseModel], place: KeyPath) -> type[BaseModel] | None:
+def _model_at(root: type[BaseModel], key_path: KeyPath) -> type[BaseModel] | None:
     model = root
     names_follow = False
-    for part in place:
+    for part in key_path:
         if isinstance(part, int):
             continue
         if names_follow:  # a name that the file chose; the keys of its table come next

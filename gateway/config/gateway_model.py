@@ -36,7 +36,7 @@ class GatewaySection(StrictModel):
         description="folder of what the gateway keeps: the compiled configuration and tables, the records of "
         "the axes, and its socket while it runs; relative to the configuration file",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "folder of what the gateway keeps, relative to the configuration file: the compiled "
                 "configuration and tables, the records of the axes, and `relay.sock` while it runs (see "
                 "[services.md](services.md)). Made if it is missing; one for each gateway"

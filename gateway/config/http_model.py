@@ -62,7 +62,7 @@ class HttpSection(StrictModel):
         default="127.0.0.1:8480",
         description='address of the page, "" for none',
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "address of the page and of everything else that is served over HTTP "
                 '([http](http.md)); `""`: none over TCP. `[::]` takes IPv6 connections '
                 "alone. Changes nothing at the machine"
@@ -75,7 +75,7 @@ class HttpSection(StrictModel):
         default=(),
         description="tokens with which somebody may look; none: the page asks for none",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 '`[{ name = "prometheus", file = "prometheus.token" }]`: who shows one of these '
                 "tokens may look; with `acknowledge = true` also acknowledge alarms "
                 "([http](http.md#post-acknowledge)). `file` holds the token on one line; "
@@ -90,7 +90,7 @@ class HttpSection(StrictModel):
         default=None,
         description="encrypt; needed beyond this machine",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "`certificate` and its `key`, both in PEM, the key not encrypted. `clients`: "
                 "authorities whose clients may look by certificate, with or without a token, except "
                 "those listed in `revoked`. Read anew by `reload`"

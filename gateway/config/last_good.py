@@ -16,7 +16,7 @@ from gateway.state.plan import GatewayPlan
 from gateway.tabfile import TableState
 
 
-class Source(Enum):
+class TableSource(Enum):
     """Where the table of an axis comes from."""
 
     FILE = "file"
@@ -34,13 +34,13 @@ class Settled:
     """A plan with the table that each axis is to have, and where that comes from."""
 
     plan: GatewayPlan
-    sources: Mapping[str, Source]
+    sources: Mapping[str, TableSource]
     """Of each axis whose configuration names a table."""
 
     @property
     def refused(self) -> tuple[str, ...]:
         """Axes without which nothing may be changed, or started."""
-        return tuple(name for name, source in self.sources.items() if source is Source.REFUSED)
+        return tuple(name for name, source in self.sources.items() if source is TableSource.REFUSED)
 
 
 def settle(
@@ -72,25 +72,25 @@ def settle(
     return Settled(_with_tables(loaded.plan, old, sources), sources)
 
 
-def _source(reading: TableReading, old: AxisPlan | None, new: AxisPlan, *, is_start: bool) -> Source:
+def _source(reading: TableReading, old: AxisPlan | None, new: AxisPlan, *, is_start: bool) -> TableSource:
     if reading.table is not None:
-        return Source.FILE
+        return TableSource.FILE
     is_known = old is not None and old.table_name.lower() == reading.name.lower()
     if reading.is_absent:
         is_missing = reading.state is TableState.MISSING
-        return Source.REFUSED if is_missing and is_start and not is_known else Source.ABSENT
+        return TableSource.REFUSED if is_missing and is_start and not is_known else TableSource.ABSENT
     if old is None or (is_start and not is_known) or not _still_fits(old, new):
-        return Source.REFUSED
-    return Source.KEPT
+        return TableSource.REFUSED
+    return TableSource.KEPT
 
 
 def _source_of_moving(
     reading: TableReading, old: AxisPlan | None, new: AxisPlan, *, is_start: bool
-) -> Source:
+) -> TableSource:
     """Return where the table comes from as long as its file counts for nothing."""
     if old is not None:
-        return Source.KEPT if _still_fits(old, new) else Source.REFUSED
-    return _source(reading, old, new, is_start=is_start) if reading.is_absent else Source.REFUSED
+        return TableSource.KEPT if _still_fits(old, new) else TableSource.REFUSED
+    return _source(reading, old, new, is_start=is_start) if reading.is_absent else TableSource.REFUSED
 
 
 def _still_fits(old: AxisPlan, new: AxisPlan) -> bool:
@@ -105,27 +105,27 @@ def _still_fits(old: AxisPlan, new: AxisPlan) -> bool:
 
 
 def _together(
-    sources: Mapping[str, Source], old: Mapping[str, AxisPlan], new: Mapping[str, AxisPlan]
-) -> dict[str, Source]:
+    sources: Mapping[str, TableSource], old: Mapping[str, AxisPlan], new: Mapping[str, AxisPlan]
+) -> dict[str, TableSource]:
     """Return what the axes of one group get."""
-    for decides in (Source.REFUSED, Source.ABSENT, Source.KEPT):
+    for decides in (TableSource.REFUSED, TableSource.ABSENT, TableSource.KEPT):
         if decides in sources.values():
             break
     else:
         return dict(sources)
-    if decides is Source.KEPT and not all(
+    if decides is TableSource.KEPT and not all(
         name in old and _still_fits(old[name], new[name]) for name in sources
     ):
-        decides = Source.REFUSED
+        decides = TableSource.REFUSED
     return dict.fromkeys(sources, decides)
 
 
 def _with_tables(
-    plan: GatewayPlan, old: Mapping[str, AxisPlan], sources: Mapping[str, Source]
+    plan: GatewayPlan, old: Mapping[str, AxisPlan], sources: Mapping[str, TableSource]
 ) -> GatewayPlan:
     def settled(axis: AxisPlan) -> AxisPlan:
         match sources.get(axis.name):
-            case Source.KEPT:
+            case TableSource.KEPT:
                 was = old[axis.name]
                 return replace(
                     axis,
@@ -134,7 +134,7 @@ def _with_tables(
                     table_format=was.table_format,
                     table_digest=was.table_digest,
                 )
-            case Source.ABSENT | Source.REFUSED:
+            case TableSource.ABSENT | TableSource.REFUSED:
                 return replace(axis, table=None, table_format="", table_digest="")
             case _:
                 return axis

@@ -73,7 +73,7 @@ class _SerialSettings(StrictModel):
         default=_SERIAL.low_latency,
         description="make the serial port's driver hand bytes over at once, where it can",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "only with `rtu`: the driver of the port hands bytes over immediately, if it can (see "
                 "[operations.md](operations.md)); `false`: left as it is, and only shown"
             )
@@ -87,7 +87,7 @@ class _SerialSettings(StrictModel):
         default=_SERIAL.rs485,
         description="set the RS-485 mode of the serial port's driver: it switches RTS",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "only with `rtu`: the kernel switches the direction of the line with RTS, before and "
                 "after each frame (TIOCSRS485), with the delays of the device tree. If the driver "
                 "cannot, the gateway does not start; most USB adapters cannot, and switch by "
@@ -137,7 +137,7 @@ class DrivesEndpoint(_SerialSettings):
         default=None,
         description="path of a serial port that carries Modbus RTU",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "serial port with Modbus RTU. A name from `/dev/serial/by-id` stays the same when adapters "
                 "are replugged"
             )
@@ -147,7 +147,7 @@ class DrivesEndpoint(_SerialSettings):
         default=_SERIAL.echo,
         description="the RS-485 adapter hears what it sends: it comes back, and is taken out",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "only with `rtu`: the RS-485 adapter hears what it sends; the echo is taken out. On a "
                 "controller's port the first reply shows it without this key"
             )
@@ -160,9 +160,9 @@ class DrivesEndpoint(_SerialSettings):
     @property
     def endpoint(self) -> TcpEndpoint | SerialEndpoint:
         """The place in plain data."""
-        place = self.tcp or self.rtu_over_tcp
-        if place is not None:
-            return place
+        tcp_endpoint = self.tcp or self.rtu_over_tcp
+        if tcp_endpoint is not None:
+            return tcp_endpoint
         return self.serial_endpoint(self.rtu or "")
 
 
@@ -172,13 +172,13 @@ class ControllerSection(RightsKeys, _SerialSettings):
     rtu: Device | None = Field(
         default=None,
         description="path of a serial port that carries Modbus RTU",
-        json_schema_extra=documented(meaning="serial port that the controller is wired to"),
+        json_schema_extra=documented(text="serial port that the controller is wired to"),
     )
     tcp: Tcp | None = Field(
         default=None,
         description="HOST:PORT of Modbus TCP",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "address to listen on. `0.0.0.0` is all IPv4 addresses of this machine, `[::]` its "
                 "IPv6 addresses alone. For both write two controllers, each with its `allow` networks"
             )
@@ -189,7 +189,7 @@ class ControllerSection(RightsKeys, _SerialSettings):
         default=None,
         description="HOST:PORT to listen on for who sends raw RTU frames over TCP",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "address to listen on for a controller that sends RTU frames over TCP: a device "
                 "server that connects (often called TCP client), or a program. One connection has one "
                 "request at a time"
@@ -204,9 +204,7 @@ class ControllerSection(RightsKeys, _SerialSettings):
         default=(),
         description="networks that may connect; none named: whoever reaches the port",
         json_schema_extra=documented(
-            meaning=(
-                'who may connect, as in `["192.168.0.0/24", "fd00::/8"]`; `[]`: everyone. Not with `rtu`'
-            )
+            text=('who may connect, as in `["192.168.0.0/24", "fd00::/8"]`; `[]`: everyone. Not with `rtu`')
         ),
     )
     max_connections: Planned[Annotated[int, Field(ge=1, le=1024)]] = Field(
@@ -218,7 +216,7 @@ class ControllerSection(RightsKeys, _SerialSettings):
         default=DEFAULT_LIMITS.connects_per_s,
         description="connections without an answer that one host may open in a second over tcp, in the mean",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "connections that one host may open in a second, in the mean; after a pause as many "
                 "as `max_connections`. One that got an answer does not count, up to a thousand a "
                 "second; with `tls` each counts. Not with `rtu`"
@@ -229,7 +227,7 @@ class ControllerSection(RightsKeys, _SerialSettings):
         default=None,
         description="seconds after which a connection over tcp is closed that asks for nothing; none: never",
         json_schema_extra=documented(
-            meaning=("a connection that sent no whole request for so long is closed. Not with `rtu`"),
+            text=("a connection that sent no whole request for so long is closed. Not with `rtu`"),
             default="never",
         ),
     )
@@ -238,7 +236,7 @@ class ControllerSection(RightsKeys, _SerialSettings):
         description="seconds without a request after which this controller is missed and its axes are not "
         "healthy; 0: it comes and goes",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "after so many seconds without its request the axes are not healthy any more "
                 "(troubles `controller-absent`, `controller-silent`). Set it longer than the "
                 "controller ever stays away: `90000` for one that comes once a day. `0`: no warning. "
@@ -314,7 +312,7 @@ class LineSection(StrictModel):
         description="milliseconds of silence after a time-out before the next request, on RTU drives; "
         "response_timeout_ms when not given",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "RTU drives: silence after a time-out before its unit id is asked again, so that a "
                 "late reply answers nothing else. Reads of other unit ids need not wait; writes wait, "
                 "unless the silent drive is dead (`retry_ms`) and was never late. A drive that was "
@@ -331,7 +329,7 @@ class LineSection(StrictModel):
         description="milliseconds after which a unit id that left three requests unanswered is tried again, "
         "doubling to 10 s; 0: it is always asked",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "a unit id that left three requests in a row unanswered is dead: what is for it, or "
                 "its group, gets 0x0B immediately, on RTU too. After `retry_ms`, then twice as late "
                 "each time up to 10 s, the next request is a trial, behind a read if it might move "
@@ -345,7 +343,7 @@ class LineSection(StrictModel):
         default=Connect.ALWAYS,
         description="when there is a connection to the drives, over tcp: always, or on-demand",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 '`"on-demand"`, for servers with few connections: the connection to the drives is '
                 "made for a request, and closed after a second without one, if nothing is staged, "
                 "moving or unproven. With the next one homed bits and actual positions are read "
@@ -358,7 +356,7 @@ class LineSection(StrictModel):
         default=_TIMING.connect_delay_ms,
         description="milliseconds between a connection to the drives and the first request on it, over tcp",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "for servers that stay mute when they are asked as soon as they have accepted: pause "
                 "before the first request on a connection, for stops too. Keep it below half of the "
                 "controllers' `timeout_ms`"
@@ -369,7 +367,7 @@ class LineSection(StrictModel):
         default=_TIMING.max_connection_s,
         description="seconds after which a connection to the drives is made anew, over tcp; 0: never",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "for servers that end long connections: it is made anew after this time, once nothing "
                 "is outstanding, staged, moving or unproven. `0`: it stays"
             )
@@ -384,7 +382,7 @@ class LineSection(StrictModel):
         default=_TIMING.gap_ms,
         description="milliseconds of silence before each request",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "silence before each request, beyond the standard's 3.5 characters. The longest of "
                 "this and of the `registers.gap_ms` of its axes counts"
             )
@@ -394,7 +392,7 @@ class LineSection(StrictModel):
         default=_TIMING.quiet_ms,
         description="milliseconds without a motion exchange after which a monitor's exchange may start",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "a request of a `monitor` goes directly after a motion exchange, or after `quiet_ms` "
                 "without one. Make it longer than the pauses inside one cycle of the motion "
                 "controller, shorter than its cycle"
@@ -405,7 +403,7 @@ class LineSection(StrictModel):
         default=(),
         description="unit ids of further devices on the line, which have no axis",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "unit ids of further devices on the line, whose frames pass as they are. On "
                 "Modbus/TCP with one axis a write to an unnamed unit id gets 0x0A if it would reach a "
                 "position, trigger, mode or limit of the axis: many drives do not look at the unit "
@@ -421,7 +419,7 @@ class LineSection(StrictModel):
         default=None,
         description="the unit id that the one Modbus/TCP drive answers with, where it is not its own",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "unit id in the replies of a Modbus/TCP drive that always answers with 0, 1 or 255; "
                 "ends the event `wrong-unit`"
             ),
@@ -432,7 +430,7 @@ class LineSection(StrictModel):
         default=False,
         description="let frames leave while they still arrive, between serial ports (RTU to RTU)",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "`true`: between two serial ports a known request, and its reply, begins to leave "
                 "while it still arrives. Everything else is stored and forwarded. A frame that turns "
                 "out to be damaged or refused ends with both bytes of its check sum wrong: only for "
@@ -445,7 +443,7 @@ class LineSection(StrictModel):
         default=_TIMING.monitor_max_wait_ms,
         description="milliseconds after which a monitor's request no longer waits for a gap that it fits",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "a `monitor`'s request that has waited for so long goes at the next gap, even if it "
                 "does not fit. All monitors of a line share one such request in this time, and a "
                 "tenth of the line's time. If many do not fit, give them a longer `timeout_ms` or let "

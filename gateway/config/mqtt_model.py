@@ -83,7 +83,7 @@ class MqttSection(StrictModel):
         default="pitch-gateway",
         description="what every topic begins with",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "what every topic begins with, followed by the name of the gateway. "
                 "Levels between slashes; refused: `+`, `#`, control characters, an empty "
                 "level, a `$` in front"
@@ -98,7 +98,7 @@ class MqttSection(StrictModel):
         default=MqttVersion.V311,
         description="of MQTT, as it is spoken with the broker",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "Every broker speaks 3.1.1. Version 5 says more exactly why it refuses something, and "
                 "lets a sender of commands say where the answer shall go"
             )
@@ -108,7 +108,7 @@ class MqttSection(StrictModel):
         default="",
         description='what the gateway calls itself at the broker, "" for pitch-gateway-NAME',
         json_schema_extra=documented(
-            meaning=("what the gateway calls itself; a broker lets only one client of a name in"),
+            text=("what the gateway calls itself; a broker lets only one client of a name in"),
             default='`"pitch-gateway-NAME"`',
         ),
     )
@@ -116,7 +116,7 @@ class MqttSection(StrictModel):
         default=15,
         description="silence after which the broker and the gateway ask whether the other is there",
         json_schema_extra=documented(
-            meaning=("after one and a half times this without a word the broker takes the gateway for dead")
+            text=("after one and a half times this without a word the broker takes the gateway for dead")
         ),
     )
     username: Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")] | None = Field(
@@ -129,7 +129,7 @@ class MqttSection(StrictModel):
         description="file that holds the password and nothing else, relative to the configuration file, or "
         "credential:NAME",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "file with the password on one line and nothing else, relative to this "
                 "file; or `credential:NAME`; read anew for each connection. Needs "
                 "`username`"
@@ -141,7 +141,7 @@ class MqttSection(StrictModel):
         default=None,
         description="encrypt, and check who the broker is",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 '`{}` trusts the authorities of the system; `{ ca = "ca.pem" }` those in a file. With '
                 "`cert` and `key`, both in PEM, the key not encrypted, the gateway shows a "
                 "certificate. Paths are relative to this file, or `credential:NAME`"
@@ -153,7 +153,7 @@ class MqttSection(StrictModel):
         default="",
         description='topic prefix of Home Assistant\'s discovery, "homeassistant" there; "" for none',
         json_schema_extra=documented(
-            meaning=('prefix of Home Assistant\'s discovery, `"homeassistant"` unless it was changed there'),
+            text=('prefix of Home Assistant\'s discovery, `"homeassistant"` unless it was changed there'),
             kind='topic or `""`',
             default='`""`: off',
         ),
@@ -163,7 +163,7 @@ class MqttSection(StrictModel):
         description="whether the broker's clients may reload, enable, disable and set gains; nothing "
         "that they can say moves an axis",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "`true`: who may write to the broker's `BASE/NAME/command/…` may reload, "
                 "enable, disable and set gains. Nothing moves an axis by itself"
             )

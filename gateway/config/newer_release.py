@@ -19,10 +19,10 @@ def with_newer_release(errors: ConfigErrors, document: Document) -> ConfigErrors
     release = newer_release(document.path.parent / named)
     if not release:
         return errors
-    return ConfigErrors([_told(each, release) for each in errors.problems], errors.warnings)
+    return ConfigErrors([_with_release(each, release) for each in errors.problems], errors.warnings)
 
 
-def _told(problem: Problem, release: str) -> Problem:
+def _with_release(problem: Problem, release: str) -> Problem:
     if problem.found != UNKNOWN_KEY:
         return problem
     hint = f"or a key of release {release}, which ran here before: install that again, or take the key out"

@@ -28,9 +28,9 @@ class Problem:
         return self.line is None and not self.key
 
     def __str__(self) -> str:
-        place = ":".join(str(part) for part in (self.file, self.line, self.column) if part is not None)
+        location = ":".join(str(part) for part in (self.file, self.line, self.column) if part is not None)
         what = "; ".join(part for part in (self.found, self.remedy) if part)
-        return ": ".join(part for part in (place, self.key, what) if part)
+        return ": ".join(part for part in (location, self.key, what) if part)
 
     def as_dict(self) -> dict[str, Any]:
         """Return it for ``--json``."""

@@ -53,13 +53,13 @@ class KeyTable:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class KeyRow:
     """A key, as the reference shows it."""
 
     key: str
     kind: str
     default: str
-    meaning: str
+    description: str
 
 
 _SERIAL: Final = frozenset({"baudrate", "parity", "stop_bits", "data_bits", "low_latency"})
@@ -93,27 +93,27 @@ TABLES: Final[Mapping[str, KeyTable]] = {
 """By the name of their markers in the document."""
 
 
-def rows(table: KeyTable) -> list[Row]:
+def rows(table: KeyTable) -> list[KeyRow]:
     """Return what a table lists."""
     found = []
     for model, key in table.fields():
         field = model.model_fields[key]
         extra = field.json_schema_extra
-        said: dict[str, Any] = extra if isinstance(extra, dict) else documented()
+        texts: dict[str, Any] = extra if isinstance(extra, dict) else documented()
         is_brief = table.is_brief and key not in model.__annotations__
-        meaning, more = ("", "") if is_brief else (said["meaning"], said["more"])
+        description, more = ("", "") if is_brief else (texts["text"], texts["more"])
         found.append(
-            Row(
+            KeyRow(
                 key,
-                said["kind"] or kind_text(model, key),
-                said["default"] or default_text(field),
-                meaning or ". ".join(filter(None, (field.description, more))),
+                texts["kind"] or kind_text(model, key),
+                texts["default"] or default_text(field),
+                description or ". ".join(filter(None, (field.description, more))),
             )
         )
     return found
 
 
-def find_keys(asked: str) -> list[tuple[str, Row]]:
+def find_keys(asked: str) -> list[tuple[str, KeyRow]]:
     """Return the keys that are called so, each with the name of its table; a path names the section first.
 
     >>> [name for name, _ in find_keys("axis.x.gain")], [name for name, _ in find_keys("gap_ms")]
@@ -178,8 +178,8 @@ def kind_text(model: type[BaseModel], key: str) -> str:
 
 def _without_marks(hint: Any) -> Any:
     """Return a type as if the key were not marked."""
-    inside, *said = get_args(hint) if get_origin(hint) is Annotated else (hint,)
-    rest = tuple(each for each in said if not isinstance(each, Mark))
+    inside, *annotations = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+    rest = tuple(each for each in annotations if not isinstance(each, Mark))
     return Annotated[(inside, *rest)] if rest else inside
 
 
@@ -251,10 +251,10 @@ def _plain_kind(hint: Any, field: FieldInfo, key: str) -> str:
 
 def _number(field: FieldInfo, key: str) -> str:
     """Say between which numbers a value lies, with the unit that the key ends in."""
-    said = bounds_text(field)
+    limits_text = bounds_text(field)
     bounds: Mapping[str, str] = {
         sign: part.removeprefix(words)
-        for part in said.split(", ")
+        for part in limits_text.split(", ")
         for words, sign in _SIGNS.items()
         if part.startswith(words)
     }

@@ -34,7 +34,7 @@ class RelaySection(StrictModel):
         default=_DEFAULT.fifo,
         description="real-time priority (SCHED_FIFO), 0 for none",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "real-time priority (SCHED_FIFO): goes before everything without one. 0: "
                 "as the process was started"
             )
@@ -44,7 +44,7 @@ class RelaySection(StrictModel):
         default=_DEFAULT.cpus,
         description="CPUs that the relay runs on; none named: any",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "CPUs to run on, each once; `[]`: any. When one of them is not there, at "
                 "the start, none of them is kept to"
             )

@@ -48,7 +48,7 @@ class RightsKeys(StrictModel):
         default=Role.MOTION,
         description="what the controller may do",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "`motion` may do everything and goes first; `operator` may read, and stop "
                 "the axes; `monitor` may only read. What a role may not do is answered "
                 "with exception 1"
@@ -64,7 +64,7 @@ class RightsKeys(StrictModel):
         default=(),
         description="unit ids that may be spoken to; none: all",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "unit ids that it may speak to. On a serial line a broadcast (0) reaches "
                 "every drive: it takes 0 and the unit ids of all axes of the line"
             ),
@@ -74,13 +74,13 @@ class RightsKeys(StrictModel):
     function_codes: ListOf[FunctionCode] = Field(
         default=(),
         description="function codes that may be used; none: all",
-        json_schema_extra=documented(meaning="function codes that it may use", default="all"),
+        json_schema_extra=documented(text="function codes that it may use", default="all"),
     )
     readable: ListOf[Span] = Field(
         default=(),
         description="addresses that may be read, each one or FIRST-LAST; none: all",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 'addresses that it may read, as in `[0x0520, "0x0606-0x0607"]`; a request '
                 "has to stay inside one of them. Registers, coils and inputs alike"
             ),
@@ -92,7 +92,7 @@ class RightsKeys(StrictModel):
         default=(),
         description="addresses that may be written, each one or FIRST-LAST; none: all",
         json_schema_extra=documented(
-            meaning="addresses that it may write; in the same way", kind="list of addresses", default="all"
+            text="addresses that it may write; in the same way", kind="list of addresses", default="all"
         ),
     )
     requests_per_s: Annotated[float, Field(gt=0.0, le=1e6)] | None = Field(
@@ -100,7 +100,7 @@ class RightsKeys(StrictModel):
         description="requests in a second, in the mean; not given: no limit",
         json_schema_extra=documented(
             kind="number > 0",
-            meaning=(
+            text=(
                 "requests in a second over all its connections, in the mean; after a "
                 "pause as many at once as in one second"
             ),
@@ -127,7 +127,7 @@ class RoleKeys(RightsKeys):
     role: ByName[Role] = Field(
         description="what a controller with this role may do",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "`motion` may do everything and goes first; `operator` may read, and stop "
                 "the axes; `monitor` may only read. What a role may not do is answered "
                 "with exception 1"

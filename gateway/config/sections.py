@@ -150,11 +150,11 @@ def is_live(key: str) -> bool:
     >>> is_live("axis.x.unit_id"), is_live("gateway.state"), is_live("unknown.key")
     (False, False, False)
     """
-    kind, *place = re.sub(r"\[\d+\]", "", key).split(".")
+    kind, *key_path = re.sub(r"\[\d+\]", "", key).split(".")
     model = {**SINGLE, **NAMED}.get(kind)
     if kind in LIVE or model is None:
         return kind in LIVE
-    inside = tuple(place[kind in NAMED :])
+    inside = tuple(key_path[kind in NAMED :])
     return any(Mark.LIVE in marks_at(model, inside[:depth]) for depth in range(1, len(inside) + 1))
 
 
@@ -179,31 +179,31 @@ def _as_far_as_good(model: type[Model], raw: dict[str, Any], stand_ins: Mapping[
     try:
         return model.model_validate(raw)
     except ValidationError as error:
-        wrong = [place for detail in error.errors() if (place := _to_drop(raw, detail))]
-    for places in (wrong, [place[:1] for place in wrong]):
+        wrong = [key_path for detail in error.errors() if (key_path := _to_drop(raw, detail))]
+    for key_paths in (wrong, [key_path[:1] for key_path in wrong]):
         try:
-            return model.model_validate({**stand_ins, **_without(raw, places)})
+            return model.model_validate({**stand_ins, **_without(raw, key_paths)})
         except ValidationError:
             continue
     return None
 
 
 def _to_drop(raw: object, detail: Any) -> KeyPath:
-    place = existing(raw, detail)
-    return place[:-1] if detail["type"] == "missing" else place
+    key_path = existing(raw, detail)
+    return key_path[:-1] if detail["type"] == "missing" else key_path
 
 
-def _without(raw: dict[str, Any], places: list[KeyPath]) -> dict[str, Any]:
+def _without(raw: dict[str, Any], key_paths: list[KeyPath]) -> dict[str, Any]:
     """Return a copy without these places; the last of a list goes first, so that indexes hold."""
     copy = deepcopy(raw)
-    for place in sorted(
-        set(places), key=lambda p: [(isinstance(part, int), part) for part in p], reverse=True
+    for key_path in sorted(
+        set(key_paths), key=lambda p: [(isinstance(part, int), part) for part in p], reverse=True
     ):
         here: Any = copy
         try:
-            for part in place[:-1]:
+            for part in key_path[:-1]:
                 here = here[part]
-            del here[place[-1]]
+            del here[key_path[-1]]
         except (KeyError, IndexError, TypeError):
             continue  # something around it has gone already
     return copy

@@ -54,8 +54,8 @@ def _step_counts(axis: AxisSection, settings: AxisSettings) -> float:
     if axis.registers is None:
         return 1.0
     largest_counts = settings.largest_counts or SOME_COUNTS
-    places = (*axis.registers.command, *axis.registers.actual)
-    return min(1.0, max((each.field().step_counts(largest_counts) for each in places), default=1.0))
+    fields = (*axis.registers.command, *axis.registers.actual)
+    return min(1.0, max((each.field().step_counts(largest_counts) for each in fields), default=1.0))
 
 
 def thermal_of(thermal: ThermalSpec) -> ThermalSettings:

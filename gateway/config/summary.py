@@ -116,8 +116,10 @@ def summary(plan: GatewayPlan, drives: Mapping[str, NamedProfile]) -> Summary:
 
 def _line_summary(line: LinePlan) -> LineSummary:
     return LineSummary(
-        drives=_place(line.drives),
-        controllers={link.plan.name: f"{_place(link.endpoint)}, {_roles(link)}" for link in line.controllers},
+        drives=_endpoint_text(line.drives),
+        controllers={
+            link.plan.name: f"{_endpoint_text(link.endpoint)}, {_roles(link)}" for link in line.controllers
+        },
         groups=[list(group) for group in line.groups],
     )
 
@@ -129,7 +131,7 @@ def _roles(link: ControllerLink) -> str:
     return f"TLS, by certificate: {', '.join(roles)}"
 
 
-def _place(endpoint: TcpEndpoint | SerialEndpoint) -> str:
+def _endpoint_text(endpoint: TcpEndpoint | SerialEndpoint) -> str:
     if isinstance(endpoint, TcpEndpoint):
         return f"{'RTU over TCP' if endpoint.rtu else 'TCP'} {endpoint}"
     character = f"{endpoint.data_bits}{endpoint.parity}{endpoint.stop_bits}"

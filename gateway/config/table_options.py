@@ -42,7 +42,7 @@ def _field(declared: Declared) -> Any:
     kind = declared.quantity.rule if declared.quantity and declared.quantity not in _NUMBERS else ""
     return (
         _type(declared) | None,
-        Field(default=None, description=declared.option.meaning, json_schema_extra=documented(kind=kind)),
+        Field(default=None, description=declared.option.description, json_schema_extra=documented(kind=kind)),
     )
 
 

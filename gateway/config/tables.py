@@ -15,8 +15,8 @@ from gateway.tabfile import (
     DIALECTS,
     FileContext,
     FoundTable,
+    LintSeverity,
     LoadedTable,
-    Severity,
     TabFileError,
     TableState,
     WriteOptions,
@@ -97,17 +97,19 @@ def table_in(
             code = f"{problem.code} " if problem.code else ""
             found = "; ".join((f"{code}{problem.found}", *_numbered(problem.readings)))
             allowed = f"allowed: {problem.allowed}" if problem.allowed else ""
-            place = Problem(str(path), key_text(key), found, allowed, problem.line)
-            findings.refuse_elsewhere(key, place)
+            located = Problem(str(path), key_text(key), found, allowed, problem.line)
+            findings.refuse_elsewhere(key, located)
         return None
     for lint in loaded.lints:
         remark = Problem(str(path), key_text(key), f"{lint.code} {lint.message}", "", lint.line)
-        if lint.severity is Severity.ERROR:
+        if lint.severity is LintSeverity.ERROR:
             findings.refuse_elsewhere(key, remark)
         elif lint.code == LOST_MOTION_LINT:
             if not lost_motion_is_taken_up:
                 findings.warnings.append(replace(remark, remedy=_backlash_of(loaded)))
-        elif lint.code == OLD_NAME_LINT or (lint.severity is Severity.WARNING and lint.code != COVERAGE_LINT):
+        elif lint.code == OLD_NAME_LINT or (
+            lint.severity is LintSeverity.WARNING and lint.code != COVERAGE_LINT
+        ):
             findings.warnings.append(remark)
     return loaded
 
@@ -143,7 +145,7 @@ def context_of(axis: AxisSection, name: str) -> FileContext:
     """Return what the configuration knows about a table file that the file does not say itself."""
     settings = settings_of(axis)
     return FileContext(
-        **axis.table_options.options().told(),
+        **axis.table_options.options().given(),
         axis=_letter(name),
         units=axis.units,
         travel=None if axis.modulo else axis.travel,

@@ -25,7 +25,7 @@ class TemperatureSource(StrictModel):
         default=None,
         description="topic of the broker of [mqtt] that carries it",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "topic of the broker of `[mqtt]`. A message is a number in °C, or JSON "
                 "with a number under `temperature`, `celsius` or `value`"
             ),
@@ -70,7 +70,7 @@ class ThermalSpec(StrictModel):
     alpha: Planned[Annotated[float, Field(gt=0.0, le=LARGEST_ALPHA)]] = Field(
         description="expansion of the screw per kelvin, about 11.5e-6 for steel",
         json_schema_extra=documented(
-            meaning=("how much longer the screw becomes with each kelvin: about `11.5e-6` for steel"),
+            text=("how much longer the screw becomes with each kelvin: about `11.5e-6` for steel"),
             kind="per kelvin, 0 to 0.001",
         ),
     )
@@ -81,7 +81,7 @@ class ThermalSpec(StrictModel):
         default=0.0,
         description="machine position that stays where it is when the screw grows",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "machine position that stays where it is when the screw grows: where its "
                 "fixed bearing is, on the scale of `travel`. It may lie outside `travel`"
             )
@@ -100,7 +100,7 @@ class ThermalSpec(StrictModel):
         default=600.0,
         description="seconds for which the last temperature is held after that",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "so long after `timeout_s` the last temperature is held; then what is "
                 "added goes back to 0, by `rate_per_min`"
             )
@@ -110,16 +110,14 @@ class ThermalSpec(StrictModel):
         default=settings.DEFAULT_KELVIN_PER_MIN,
         description="kelvins per minute that are followed at most",
         json_schema_extra=documented(
-            meaning=(
-                "what is added follows the temperature no faster, so that a sensor that jumps does no harm"
-            )
+            text=("what is added follows the temperature no faster, so that a sensor that jumps does no harm")
         ),
     )
     largest_dt: Planned[Annotated[float, Field(gt=0.0, le=200.0)]] = Field(
         default=settings.DEFAULT_LARGEST_DT,
         description="kelvins from the reference beyond which a value is no temperature of the screw",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "a value that lies farther from `reference` is no temperature of a screw: "
                 "it is refused, told, and counts as silence"
             )
@@ -134,7 +132,7 @@ class CrossSpec(StrictModel):
     table: str = Field(
         description="table file: corrections of this axis over machine positions of the other one",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "table file in the tables folder, of any format and of one direction: "
                 "corrections of this axis at machine positions of the other one. It is "
                 "read with the configuration and not watched"

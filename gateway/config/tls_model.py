@@ -36,7 +36,7 @@ class ControllerTls(StrictModel):
     key: FileName = Field(
         description='file with the key of that certificate, or "credential:NAME" of the service manager',
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "file with the key of that certificate, not encrypted, readable by the "
                 'gateway\'s user only; or `"credential:NAME"`, as systemd hands it over '
                 "with `LoadCredential=`"
@@ -53,9 +53,9 @@ class ControllerTls(StrictModel):
     def files(self, folder: Path) -> TlsFiles:
         """Return the files by paths from the root; ``folder`` is that of the configuration file."""
 
-        def place(name: str) -> str:
+        def resolved(name: str) -> str:
             return os.fspath((folder / name).absolute())
 
-        key = self.key if self.key.startswith(CREDENTIAL) else place(self.key)
-        revoked = "" if self.revoked is None else place(self.revoked)
-        return TlsFiles(place(self.certificate), key, place(self.clients), revoked)
+        key = self.key if self.key.startswith(CREDENTIAL) else resolved(self.key)
+        revoked = "" if self.revoked is None else resolved(self.revoked)
+        return TlsFiles(resolved(self.certificate), key, resolved(self.clients), revoked)

@@ -104,7 +104,7 @@ class _Scanner:
         elif path in self._counts:
             path = (*path, self._counts[path] - 1)
         self._give(path, line, self._headers)
-        self._note(path, line)
+        self._set_line(path, line)
         return path
 
     def _in_last_element(self, keys: list[str]) -> KeyPath:
@@ -123,7 +123,7 @@ class _Scanner:
             self.duplicate = Duplicate(path, first, line)
         given.setdefault(path, line)
 
-    def _note(self, path: KeyPath, line: int) -> None:
+    def _set_line(self, path: KeyPath, line: int) -> None:
         for length in range(1, len(path)):
             self.lines.setdefault(path[:length], line)
         self.lines[path] = line
@@ -132,7 +132,7 @@ class _Scanner:
         line = self._line_here()
         path = (*table, *self._dotted())
         self._give(path, line, self._values)
-        self._note(path, line)
+        self._set_line(path, line)
         self.at += 1  # the equals sign
         self._skip(_BLANK)
         self._value(path)

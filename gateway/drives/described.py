@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from gateway.drives import library
-from gateway.drives.meanings import rule_meaning
 from gateway.drives.motion import Action
 from gateway.drives.profile import Evidence, Profile, entries, evidence_of
-from gateway.drives.public import Kind, public_traffic
+from gateway.drives.public import SequenceKind, public_traffic
+from gateway.drives.rule_keys import rule_key
 
 WIDTH: Final = 110
 ADDRESSES: Final = ("address", "block", "coil")
@@ -82,7 +82,7 @@ class ProfileShown:
         data = {"name": self.name, **self.profile.model_dump(mode="json", exclude_unset=True)}
         if library.is_name(self.name):
             kinds = [each.kind for each in public_traffic(self.name)]
-            data["public_traffic"] = {kind.value: kinds.count(kind) for kind in Kind}
+            data["public_traffic"] = {kind.value: kinds.count(kind) for kind in SequenceKind}
         return data
 
     def lines(self) -> Iterator[str]:
@@ -135,12 +135,12 @@ def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
 def _traffic_lines(name: str) -> Iterator[str]:
     """Yield the kinds of sequences that were found, with their sources, and those that nobody published."""
     found = public_traffic(name)
-    for kind in Kind:
+    for kind in SequenceKind:
         sources = sorted({each.source for each in found if each.kind is kind})
         if sources:
             number = sum(each.kind is kind for each in found)
             yield f"  {kind.value:<12}  {number} [{', '.join(sources)}]"
-    never = [kind.value for kind in Kind if all(each.kind is not kind for each in found)]
+    never = [kind.value for kind in SequenceKind if all(each.kind is not kind for each in found)]
     if never:
         yield from _wrapped(", ".join(never), "  never seen in public traffic: ")
 
@@ -156,19 +156,19 @@ def _facts(profile: Profile) -> Iterator[str]:
         "functions": ", ".join(map(str, profile.function_codes)),
         "serial": _in_words(profile.serial.model_dump(exclude_none=True)),
     }
-    for what, said in facts.items():
-        if said:
-            yield from _wrapped(said, f"{what:<11} ")
+    for what, text in facts.items():
+        if text:
+            yield from _wrapped(text, f"{what:<11} ")
 
 
 def _map_lines(profile: Profile) -> Iterator[str]:
     """Yield each entry of the map with how well it is known, its meaning and its sources."""
     rows = list(_rows(profile))
     widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
-    for key, confidence, said in rows:
+    for key, confidence, text in rows:
         first = f"  {key:<{widths[0]}}  {confidence:<{widths[1]}}  "
         lines = textwrap.wrap(
-            said.replace("/", "/ "),  # a list of values is broken between two of them
+            text.replace("/", "/ "),  # a list of values is broken between two of them
             WIDTH,
             initial_indent=first,
             subsequent_indent=" " * len(first),
@@ -180,15 +180,15 @@ def _map_lines(profile: Profile) -> Iterator[str]:
 def _consequence_lines(profile: Profile) -> Iterator[str]:
     """Yield why something is refused, passed or corrected, as far as this map has it."""
     registers = profile.registers
-    for key, said in CONSEQUENCES.items():
+    for key, text in CONSEQUENCES.items():
         if key in LISTS_OF_VALUES:
-            is_there = rule_meaning(registers, Action(key)) is not None
-            is_there |= key == "home" and rule_meaning(registers, Action.SET_POSITION) is not None
+            is_there = rule_key(registers, Action(key)) is not None
+            is_there |= key == "home" and rule_key(registers, Action.SET_POSITION) is not None
             name = f'"{key}"'
         else:
             is_there, name = bool(getattr(registers, key)), key
         if is_there:
-            yield from _wrapped(f"{name} {said}", "  ")
+            yield from _wrapped(f"{name} {text}", "  ")
     if registers.mode is not None or registers.trigger:
         yield from _wrapped(NOT_LISTED, "  ")
 
@@ -196,19 +196,19 @@ def _consequence_lines(profile: Profile) -> Iterator[str]:
 def _rows(profile: Profile) -> Iterator[tuple[str, str, str]]:
     written = profile.written()
     for key in entries(written):
-        yield _row(key, _said_at(written, key), evidence_of(profile, key))
+        yield _row(key, _value_text(written, key), evidence_of(profile, key))
         for inner, own in profile.evidence.items():
             if inner.startswith(f"{key}."):
                 yield _row(f"  {inner.removeprefix(f'{key}.')}", "", own)
 
 
-def _row(key: str, said: str, evidence: Evidence | None) -> tuple[str, str, str]:
+def _row(key: str, text: str, evidence: Evidence | None) -> tuple[str, str, str]:
     if evidence is None:
-        return key, "", said
-    return key, evidence.confidence.value, f"{said} [{', '.join(evidence.sources)}]".strip()
+        return key, "", text
+    return key, evidence.confidence.value, f"{text} [{', '.join(evidence.sources)}]".strip()
 
 
-def _said_at(written: Mapping[str, Any], key: str) -> str:
+def _value_text(written: Mapping[str, Any], key: str) -> str:
     value = _value_at(written, key)
     return _in_words(value) if isinstance(value, Mapping) else _in_words(value, key)
 
@@ -223,9 +223,9 @@ def _value_at(written: Mapping[str, Any], key: str) -> Any:
 
 def _in_words(value: Any, key: str = "") -> str:
     if isinstance(value, Mapping):
-        places_first = sorted(value, key=lambda name: name not in FIRST)
-        said = ", ".join(f"{name} {_in_words(value[name], name)}" for name in places_first)
-        return f"({said})" if key else said
+        ordered = sorted(value, key=lambda name: name not in FIRST)
+        text = ", ".join(f"{name} {_in_words(value[name], name)}" for name in ordered)
+        return f"({text})" if key else text
     if isinstance(value, list):
         return "/".join(_in_words(found, key) for found in value)
     if isinstance(value, bool):
@@ -240,8 +240,8 @@ def _source_lines(profile: Profile) -> Iterator[str]:
         yield ""
         yield "sources"
     for name, source in profile.sources.items():
-        said = ". ".join(part for part in (source.title, source.place, source.note) if part)
-        yield from _wrapped(said, f"  {name}: ")
+        text = ". ".join(part for part in (source.title, source.place, source.note) if part)
+        yield from _wrapped(text, f"  {name}: ")
         if source.url:
             yield f"    {source.url}"
 

@@ -90,7 +90,7 @@ class ModePlan:
         return self.actions.get(word & self.mask, self.otherwise)
 
 
-class Deed(NamedTuple):
+class Operation(NamedTuple):
     """An action, and the command field that it runs; None: the one written last."""
 
     action: Action
@@ -108,34 +108,38 @@ class TriggerPlan:
     mask: int = 0xFFFF
     rising: int = 0
     """Bits of which one must rise from 0 to 1 for the drive to act; 0: every write acts."""
-    deeds: Mapping[int, Deed] = field(default_factory=dict)
+    deeds: Mapping[int, Operation] = field(default_factory=dict)
     """By masked value; a coil that is set has the value 1."""
     otherwise: Action = Action.UNKNOWN
     block: int | None = None
     """It acts only in frames that begin at this address."""
 
-    def deed(self, word: int, before: int | None) -> Deed:
+    def operation(self, word: int, before: int | None) -> Operation:
         """Return what writing ``word`` does, where the register held ``before`` (None: not known).
 
         A stop needs no rising bit, and a bit that may have risen is taken as risen.
         """
-        deed = self.deeds.get(word & self.mask) or Deed(self.otherwise)
-        if not self.rising or deed.action is Action.STOP:
-            return deed
+        operation = self.deeds.get(word & self.mask) or Operation(self.otherwise)
+        if not self.rising or operation.action is Action.STOP:
+            return operation
         risen = word & self.rising & ~(before or 0)
-        return deed if risen else NOTHING_DONE
+        return operation if risen else NOTHING_DONE
 
     def stops_surely(self, word: int, certain: int) -> bool:
         """Whether a word stops the drive of which only the bits ``certain`` are known."""
         open_bits = self.mask & ~certain
-        met = [deed.action for value, deed in self.deeds.items() if not (value ^ word) & self.mask & certain]
+        met = [
+            operation.action
+            for value, operation in self.deeds.items()
+            if not (value ^ word) & self.mask & certain
+        ]
         is_all = len(met) == 1 << open_bits.bit_count()
         return all(action is Action.STOP for action in met) and (is_all or self.otherwise is Action.STOP)
 
     def is_following(self, word: int) -> bool:
         """Whether the drive goes to each position as it is written while the register holds ``word``."""
-        deed = self.deeds.get(word & self.mask)
-        return deed is not None and deed.action in _FOLLOWING
+        operation = self.deeds.get(word & self.mask)
+        return operation is not None and operation.action in _FOLLOWING
 
     def holds_unknown(self, word: int) -> bool:
         """Whether nobody knows what the register's content means."""
@@ -144,10 +148,10 @@ class TriggerPlan:
     @property
     def can_follow(self) -> bool:
         """Whether one of its values makes the drive follow each position written."""
-        return any(deed.action in _FOLLOWING for deed in self.deeds.values())
+        return any(operation.action in _FOLLOWING for operation in self.deeds.values())
 
 
-NOTHING_DONE: Final = Deed(Action.IGNORE)
+NOTHING_DONE: Final = Operation(Action.IGNORE)
 
 
 @dataclass(frozen=True, slots=True)

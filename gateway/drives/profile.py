@@ -7,9 +7,9 @@ from typing import Annotated, Any, Final
 
 from pydantic import Field
 
-from gateway.drives.meanings import rule_meaning
 from gateway.drives.motion import Action, Form
 from gateway.drives.registers import RegisterMap, clashes, position_spans
+from gateway.drives.rule_keys import rule_key
 from gateway.drives.strict import ByName, ListOf, StrictModel
 
 KeyPath = tuple[str | int, ...]
@@ -102,7 +102,7 @@ class Profile(StrictModel):
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class ProfileFault:
     """Something wrong with a profile: the key, what was found, what to do."""
 
     path: KeyPath
@@ -110,7 +110,7 @@ class Fault:
     remedy: str
 
 
-def faults(profile: Profile, *, is_shipped: bool = False) -> Iterator[Fault]:
+def faults(profile: Profile, *, is_shipped: bool = False) -> Iterator[ProfileFault]:
     """Yield everything in a profile that does not fit together.
 
     A shipped one must give a reason for every value; in a user's own file evidence and sources may be
@@ -119,26 +119,26 @@ def faults(profile: Profile, *, is_shipped: bool = False) -> Iterator[Fault]:
     yield from _overlaps(profile.registers)
     yield from _too_long(profile.registers)
     for fault in motion_faults(profile.registers):
-        yield Fault(("registers", *fault.path), fault.found, fault.remedy)
+        yield ProfileFault(("registers", *fault.path), fault.found, fault.remedy)
     yield from _wrong_evidence(profile)
     if is_shipped:
         yield from _missing_evidence(profile)
         yield from _missing_words(profile)
 
 
-def _overlaps(registers: RegisterMap) -> Iterator[Fault]:
+def _overlaps(registers: RegisterMap) -> Iterator[ProfileFault]:
     for one, other in clashes(registers):
-        yield Fault(
+        yield ProfileFault(
             ("registers", *other.key),
             f"{other} overlaps {one} of {key_name(one.key)}",
             "a register belongs to one position: check addresses and types",
         )
 
 
-def _too_long(registers: RegisterMap) -> Iterator[Fault]:
+def _too_long(registers: RegisterMap) -> Iterator[ProfileFault]:
     longest = max(position_spans(registers), key=lambda span: span.words)
     if longest.words > registers.max_registers:
-        yield Fault(
+        yield ProfileFault(
             ("registers", "max_registers"),
             f"max_registers = {registers.max_registers}, "
             f"but {key_name(longest.key)} has {longest.words} registers",
@@ -146,29 +146,29 @@ def _too_long(registers: RegisterMap) -> Iterator[Fault]:
         )
 
 
-def motion_faults(registers: RegisterMap) -> Iterator[Fault]:
+def motion_faults(registers: RegisterMap) -> Iterator[ProfileFault]:
     """Yield why the drive cannot be moved the way its registers say; keys inside the map."""
     longer = next((position for position in registers.command if position.type.words > 1), None)
     if registers.write is Form.FC06 and longer is not None and not registers.staged:
         # Words that are written one by one must not move the axis one by one.
-        yield Fault(
+        yield ProfileFault(
             ("write",),
             f'write = "fc06", a command of {longer.type.words} registers ({longer.type.value}) and '
             "staged = false",
             "the first word alone would move the axis; allowed: staged = true with the trigger that runs the "
             'target, a type of one register, or "fc16"',
         )
-    following = rule_meaning(registers, Action.FOLLOW, Action.FOLLOW_NEXT)
+    following = rule_key(registers, Action.FOLLOW, Action.FOLLOW_NEXT)
     if registers.write is Form.FC06 and longer is not None and following is not None:
-        yield Fault(
+        yield ProfileFault(
             following,
             f'write = "fc06", a command of {longer.type.words} registers ({longer.type.value}) and a value '
             "with which the drive follows each position written",
             'each word alone would move the axis; allowed: "fc16", a type of one register, or no such value',
         )
-    key = rule_meaning(registers, Action.RELATIVE_TO_ACTUAL)
+    key = rule_key(registers, Action.RELATIVE_TO_ACTUAL)
     if key is not None and not registers.actual:
-        yield Fault(
+        yield ProfileFault(
             key,
             "distances from the measured position, and registers.actual is not mapped",
             "map actual; without it none of these moves could be corrected",
@@ -179,11 +179,11 @@ DESCRIBED: Final = ("unit_ids", "function_codes", "serial", "counts")
 """Keys beside the register map for which a source may be named."""
 
 
-def _wrong_evidence(profile: Profile) -> Iterator[Fault]:
-    known = {*_all_keys(profile.written()), *DESCRIBED}
+def _wrong_evidence(profile: Profile) -> Iterator[ProfileFault]:
+    allowed = {*_all_keys(profile.written()), *DESCRIBED}
     for key, evidence in profile.evidence.items():
-        if key not in known:
-            yield Fault(
+        if key not in allowed:
+            yield ProfileFault(
                 ("evidence", key),
                 f'"{key}" is no key of [registers]',
                 'name it as in "command", "command[1]" or "bits.homed" (lists count from 1), or one of '
@@ -191,20 +191,20 @@ def _wrong_evidence(profile: Profile) -> Iterator[Fault]:
             )
         for name in evidence.sources:
             if name not in profile.sources:
-                yield Fault(
+                yield ProfileFault(
                     ("evidence", key, "sources"),
                     f'there is no [sources] "{name}"',
                     f"allowed: {', '.join(profile.sources) or 'none, as [sources] is empty'}",
                 )
 
 
-def _missing_evidence(profile: Profile) -> Iterator[Fault]:
+def _missing_evidence(profile: Profile) -> Iterator[ProfileFault]:
     for key in entries(profile.written()):
         if evidence_of(profile, key) is None:
-            yield Fault(("evidence",), f'nothing is said about "{key}"', "say why it is believed")
+            yield ProfileFault(("evidence",), f'nothing is said about "{key}"', "say why it is believed")
     for key, evidence in profile.evidence.items():
         if not evidence.sources:
-            yield Fault(("evidence", key), "no sources", "name at least one key of [sources]")
+            yield ProfileFault(("evidence", key), "no sources", "name at least one key of [sources]")
 
 
 SHIPPED_NEEDS: Final = (
@@ -220,12 +220,12 @@ SHIPPED_NEEDS: Final = (
 )
 
 
-def _missing_words(profile: Profile) -> Iterator[Fault]:
+def _missing_words(profile: Profile) -> Iterator[ProfileFault]:
     for name in SHIPPED_NEEDS:
         if not getattr(profile, name):
-            yield Fault((name,), "missing", "a shipped profile has it")
+            yield ProfileFault((name,), "missing", "a shipped profile has it")
     if profile.tier is Tier.OWN:
-        yield Fault(("tier",), 'tier = "own"', 'allowed: "A" or "B"')
+        yield ProfileFault(("tier",), 'tier = "own"', 'allowed: "A" or "B"')
 
 
 def entries(written: Mapping[str, Any]) -> list[str]:

@@ -21,7 +21,7 @@ from gateway.modbus.registers import RegisterType, WordOrder
 FOLDER: Final = "traffic"
 
 
-class Kind(Enum):
+class SequenceKind(Enum):
     """What a sequence of frames makes the motor do."""
 
     ABSOLUTE = "absolute"
@@ -35,7 +35,7 @@ class Kind(Enum):
     FAULT_RESET = "fault-reset"
 
 
-class Target(StrictModel):
+class SequenceTarget(StrictModel):
     """Where a sequence writes the place that the motor goes to, or how far it goes."""
 
     address: Address = Field(description="first register, as in the frames")
@@ -48,11 +48,11 @@ class Target(StrictModel):
 class Sequence(StrictModel):
     """Frames that a controller sends one after the other, and what comes of them."""
 
-    kind: ByName[Kind] = Field(description="what the motor does")
+    kind: ByName[SequenceKind] = Field(description="what the motor does")
     what: str = Field(description="the same in words")
     source: str = Field(description="where it was read: a key of [sources] in the profile")
     frames: ListOf[str] = Field(description="PDUs in hexadecimal, without unit id and check sum")
-    target: Target | None = Field(default=None, description="for absolute and relative moves")
+    target: SequenceTarget | None = Field(default=None, description="for absolute and relative moves")
     refused: str = Field(default="", description="why the gateway refuses it on a corrected axis")
 
 

@@ -76,7 +76,7 @@ class PositionSpec(StrictModel):
         default=FieldAccess.BOTH,
         description="where something else is read at this address than was written: read or write",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "where a drive shows something else at an address than was written there, "
                 'two positions share the address: one is `"read"`, the other `"write"`'
             )
@@ -86,7 +86,7 @@ class PositionSpec(StrictModel):
         default=None,
         description="the position stands only in frames that begin at this address",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "the position stands only in frames that begin at this address. For "
                 "drives whose addresses are commands: a frame of four registers at 0x00F5 "
                 "is one command, and one at 0x00F4 is another, although the registers "
@@ -132,7 +132,7 @@ class RepeatedSpec(PositionSpec):
         default=None,
         description="further positions at even distances",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "only in `command` (as its only entry), `position_like` and `remap`: "
                 "`count` (1 to 256) positions of the same kind, each `stride` registers "
                 "after the one before; in `command` the address of `mode` moves along "
@@ -201,7 +201,7 @@ class BitSpec(StrictModel):
         default=BitTable.REGISTER,
         description="register, coil or input",
         json_schema_extra=documented(
-            meaning=("a coil (function code 1) or a discrete input (function code 2) has no `bit`")
+            text=("a coil (function code 1) or a discrete input (function code 2) has no `bit`")
         ),
     )
     inverted: bool = Field(default=False, description="0 means yes")
@@ -252,7 +252,7 @@ class RegisterMap(StrictModel):
         default=(),
         description="measured positions",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "measured positions. Where writing one tells the drive that it stands "
                 "somewhere else, it has `set_position = true`"
             )
@@ -265,7 +265,7 @@ class RegisterMap(StrictModel):
         default=(),
         description="positions that the drive compares its own with: software limits, areas",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "positions that the drive compares its own with: software limits, areas. They are "
                 "corrected half way between the two directions. A limit of 0 passes as it is: for "
                 "many drives it means none. A part of a limit that is written alone is refused"
@@ -276,7 +276,7 @@ class RegisterMap(StrictModel):
         default=(),
         description="further addresses at which the same positions are read",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "further addresses at which positions are read, corrected like `actual`. Writing one "
                 "while the axis is corrected gets exception 2"
             )
@@ -286,7 +286,7 @@ class RegisterMap(StrictModel):
         default=(),
         description="positions that are not mapped; writing them is refused",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "positions that are not mapped (mirrors, stored targets, home offsets). Writing one "
                 "while the axis is corrected gets exception 2 (see `unmapped`); reads pass as they "
                 "are"
@@ -297,7 +297,7 @@ class RegisterMap(StrictModel):
         default=(),
         description="registers that move other registers about; writing one ends the compensation",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "registers that move other registers, or change the order of their words. Writing one "
                 "ends the compensation of its unit until the gateway is started again"
             )
@@ -324,7 +324,7 @@ class RegisterMap(StrictModel):
         default=DoneMeans.MOVE_ENDED,
         description="what bits.done says: move-ended or in-position",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "`move-ended`: `bits.done` falls when a move begins and comes back when it has ended. "
                 "`in-position`: it only says that the axis is near where it should be at the moment, "
                 "perhaps on the way; then an actual position has to show that it has arrived"
@@ -335,7 +335,7 @@ class RegisterMap(StrictModel):
         default=1000.0,
         description="milliseconds that bits.done may still be that of the move before",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "how long after an acknowledged target `bits.done` may still be that of the move "
                 "before. Sooner it counts as arrival, or as rest before a distance, only after it was "
                 "seen to fall"
@@ -346,7 +346,7 @@ class RegisterMap(StrictModel):
         default=NextTarget.AT_ONCE,
         description="what a target does that comes while the axis moves: at-once or queued",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "`at-once`: a target that comes while the axis moves is gone to from where the axis "
                 "is. `queued`: the axis first goes to the one before, as CiA 402 drives with "
                 "set-points in a row do; its direction then follows from the order of the targets"
@@ -357,7 +357,7 @@ class RegisterMap(StrictModel):
         default=False,
         description="a written position waits for a trigger",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "`true`: a written position waits for a trigger, and is corrected for the "
                 "moment of the trigger, see below. Needs a `trigger`"
             )
@@ -367,7 +367,7 @@ class RegisterMap(StrictModel):
         default=(),
         description="words of a position that start the motion",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "words that start the motion as soon as they are written: a word of a position, or a "
                 "speed beside it. The other words wait for it"
             )
@@ -377,7 +377,7 @@ class RegisterMap(StrictModel):
         default=Addressing.REGISTERS,
         description="whether an address is a register or an object of its own width",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 '`"objects"`: an address is the index of an object with its own width. Two registers '
                 "at 0x6064 do not touch 0x6065, and a frame holds whole objects one after the other"
             )
@@ -387,7 +387,7 @@ class RegisterMap(StrictModel):
         default=(),
         description="widths of objects that are no positions, where frames hold several objects",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 'with `addressing = "objects"`: registers (1 to 4) of an object that is not a '
                 "position, as in `{ address = 0x6081, words = 2 }`. Needed only if a frame holds "
                 "several objects; 1 if not given"
@@ -404,7 +404,7 @@ class RegisterMap(StrictModel):
         default=Form.FC16,
         description="how the gateway writes a position by itself: fc16, fc06 or mei",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "how the gateway itself writes a position; `fc06` writes a longer one word by word, "
                 "and then needs `staged = true`: otherwise the first word would already move the axis"
             ),
@@ -415,7 +415,7 @@ class RegisterMap(StrictModel):
         default=0,
         description="function byte with which the drive refuses every read; 0: the usual one",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "function byte with which the drive refuses every read, as Kinco with `0x81`; `0`: "
                 "the standard's, the request's with bit 7 set. On RTU any other is no answer"
             )
@@ -441,7 +441,7 @@ class RegisterMap(StrictModel):
         default=None,
         description="milliseconds that the drive takes before it answers; only the budget reckons with it",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "what this drive takes before it answers. Only `pitch-gateway budget` and "
                 "`check` reckon with it"
             ),
@@ -505,7 +505,7 @@ POSITION_KEYS: Final = ("command", "actual", "commanded", "limits", "aliases", "
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class ClaimedSpan:
     """Registers that one key of a register map claims. ``key`` is its path inside the map."""
 
     key: tuple[str | int, ...]
@@ -523,45 +523,45 @@ class Span:
         return f"{self.first:#06x}" if self.words == 1 else f"{self.first:#06x}..{self.last:#06x}"
 
 
-def position_spans(registers: RegisterMap) -> list[Span]:
+def position_spans(registers: RegisterMap) -> list[ClaimedSpan]:
     """Return the registers of every mapped position; an object takes one address, whatever its width."""
     is_object = registers.addressing is Addressing.OBJECTS
     return [
-        Span((key, index), field.address, 1 if is_object else field.words, field.access, field.block)
+        ClaimedSpan((key, index), field.address, 1 if is_object else field.words, field.access, field.block)
         for key in POSITION_KEYS
         for index, position in enumerate(getattr(registers, key))
         for field in (position.fields() if isinstance(position, RepeatedSpec) else (position.field(),))
     ]
 
 
-def bit_spans(registers: RegisterMap) -> list[Span]:
+def bit_spans(registers: RegisterMap) -> list[ClaimedSpan]:
     """Return the registers that hold mapped bits."""
     return [
-        Span(("bits", name), bit.address, 1, FieldAccess.READ)
+        ClaimedSpan(("bits", name), bit.address, 1, FieldAccess.READ)
         for name, bit in registers.bits.named()
         if bit.table is BitTable.REGISTER
     ]
 
 
-def rule_spans(registers: RegisterMap) -> list[Span]:
+def rule_spans(registers: RegisterMap) -> list[ClaimedSpan]:
     """Return the registers that decide what a position means, and those that make the drive act."""
     motion = registers.motion()
-    modes = [Span(("mode",), mode.address, 1, FieldAccess.WRITE) for mode in motion.modes if mode]
+    modes = [ClaimedSpan(("mode",), mode.address, 1, FieldAccess.WRITE) for mode in motion.modes if mode]
     triggers = [
-        Span(("trigger", index), trigger.address, 1, FieldAccess.WRITE, trigger.block)
+        ClaimedSpan(("trigger", index), trigger.address, 1, FieldAccess.WRITE, trigger.block)
         for index, trigger in enumerate(motion.triggers)
         if not trigger.is_coil
     ]
     return list(dict.fromkeys((*modes, *triggers)))
 
 
-def share_register(one: Span, other: Span) -> bool:
+def share_register(one: ClaimedSpan, other: ClaimedSpan) -> bool:
     """Whether two spans have a register in common that the same request can reach.
 
-    >>> share_register(Span(("command", 0), 10, 2), Span(("actual", 0), 11, 2))
+    >>> share_register(ClaimedSpan(("command", 0), 10, 2), ClaimedSpan(("actual", 0), 11, 2))
     True
-    >>> written = Span(("command", 0), 10, 2, FieldAccess.WRITE)
-    >>> share_register(written, Span(("actual", 0), 10, 2, FieldAccess.READ))
+    >>> written = ClaimedSpan(("command", 0), 10, 2, FieldAccess.WRITE)
+    >>> share_register(written, ClaimedSpan(("actual", 0), 10, 2, FieldAccess.READ))
     False
     """
     if one.first > other.last or other.first > one.last or one.block != other.block:
@@ -569,7 +569,7 @@ def share_register(one: Span, other: Span) -> bool:
     return {one.access, other.access} != {FieldAccess.READ, FieldAccess.WRITE}
 
 
-def clashes(registers: RegisterMap) -> list[tuple[Span, Span]]:
+def clashes(registers: RegisterMap) -> list[tuple[ClaimedSpan, ClaimedSpan]]:
     """Return the pairs of one map that share a register; bits may share theirs, and rules too.
 
     Of the many positions that one key can stand for only the first pair is told.
@@ -578,19 +578,19 @@ def clashes(registers: RegisterMap) -> list[tuple[Span, Span]]:
     spans = [*positions, *bit_spans(registers), *rule_spans(registers)]
     found: list[tuple[bool, int, int]] = []
     reaching: list[int] = []
-    for place in sorted(range(len(spans)), key=lambda place: spans[place].first):
-        reaching = [each for each in reaching if spans[each].last >= spans[place].first]
+    for index in sorted(range(len(spans)), key=lambda index: spans[index].first):
+        reaching = [each for each in reaching if spans[each].last >= spans[index].first]
         for each in reaching:
-            one, other = sorted((each, place))
+            one, other = sorted((each, index))
             if one < len(positions) and share_register(spans[one], spans[other]):
                 found.append((other >= len(positions), one, other))
-        reaching.append(place)
+        reaching.append(index)
     return first_of_keys((spans[one], spans[other]) for _, one, other in sorted(found))
 
 
-def first_of_keys(pairs: Iterable[tuple[Span, Span]]) -> list[tuple[Span, Span]]:
+def first_of_keys(pairs: Iterable[tuple[ClaimedSpan, ClaimedSpan]]) -> list[tuple[ClaimedSpan, ClaimedSpan]]:
     """Return the first pair of each two keys."""
-    found: dict[tuple[object, object], tuple[Span, Span]] = {}
+    found: dict[tuple[object, object], tuple[ClaimedSpan, ClaimedSpan]] = {}
     for one, other in pairs:
         found.setdefault((one.key, other.key), (one, other))
     return list(found.values())

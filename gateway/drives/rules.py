@@ -6,7 +6,7 @@ from typing import Final
 
 from pydantic import Field, model_validator
 
-from gateway.drives.motion import Action, Deed, ModePlan, TriggerPlan
+from gateway.drives.motion import Action, ModePlan, Operation, TriggerPlan
 from gateway.drives.strict import ByName, ListOf, StrictModel, documented
 from gateway.drives.words import Address, Word
 
@@ -65,7 +65,7 @@ class _Values(StrictModel):
         default=(),
         description="values that mean a distance from the drive's own commanded position",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "a distance from where the drive's own profile stands at that moment. "
                 "Right also where the manual does not say what a distance counts from: "
                 "the gateway then wants a standing axis, at which all three are the same"
@@ -81,18 +81,14 @@ class _Values(StrictModel):
     stop: ListOf[Word] = Field(
         default=(),
         description="values that stop the axis",
-        json_schema_extra=documented(
-            meaning="it stops the axis, and the position in the frame means nothing"
-        ),
+        json_schema_extra=documented(text="it stops the axis, and the position in the frame means nothing"),
     )
     home: ListOf[Word] = Field(default=(), description="values that mean homing")
     stored: ListOf[Word] = Field(default=(), description="values that run positions kept by the drive")
     other_motion: ListOf[Word] = Field(
         default=(),
         description="values that mean jog, velocity or torque",
-        json_schema_extra=documented(
-            meaning="jog, velocity, torque: the position in the frame means nothing"
-        ),
+        json_schema_extra=documented(text="jog, velocity, torque: the position in the frame means nothing"),
     )
     otherwise: ByName[Action] = Field(
         default=Action.UNKNOWN,
@@ -127,7 +123,7 @@ class ModeSpec(_Values):
     source: ByName[ModeSource] = Field(
         description="where the mode is decided",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "`fixed`: every position is absolute. `sticky`: a register says so, as it "
                 "stands at the trigger. `in-frame`: a register that counts only in the "
                 "frame that holds the position. `trigger`: the trigger says so"
@@ -138,7 +134,7 @@ class ModeSpec(_Values):
         default=None,
         description="the register that holds the mode",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "the register that holds the mode: needed with `sticky` and `in-frame`, "
                 "not allowed with the others"
             )
@@ -188,13 +184,13 @@ class TriggerSpec(_Values):
     coil: Address | None = Field(
         default=None,
         description="the coil, in place of a register; it is 0 or 1",
-        json_schema_extra=documented(meaning="the coil; its values are 0 and 1"),
+        json_schema_extra=documented(text="the coil; its values are 0 and 1"),
     )
     rising: Word = Field(
         default=0,
         description="bits of which one must rise for the drive to act; 0: every write acts",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "bits of which one must rise from 0 to 1 for the drive to act; 0: every "
                 "write acts. A stop acts always"
             )
@@ -209,7 +205,7 @@ class TriggerSpec(_Values):
         default=(),
         description="as follow, for values that run nothing themselves, only what is written later",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "as `follow`, for values that run nothing themselves: only what is "
                 "written from then on. While the register holds a value that is not "
                 "listed, positions pass unchanged and are counted as unknown"
@@ -221,7 +217,7 @@ class TriggerSpec(_Values):
         default=False,
         description="value + P runs the position of path P, for values under absolute, relative and start",
         json_schema_extra=documented(
-            meaning=(
+            text=(
                 "`command` has `paths`: value + P runs the position of path P, for the "
                 "values under `absolute`, the three `relative` and `start`"
             )
@@ -261,13 +257,13 @@ class TriggerSpec(_Values):
 
     def plan(self, paths: int = 1) -> TriggerPlan:
         """Return it as the exchange uses it, for a drive with so many paths."""
-        deeds: dict[int, Deed] = {}
+        deeds: dict[int, Operation] = {}
         for value, action in self.listed(TRIGGER_ACTIONS):
             if self.paths and action.runs_target:
                 for number in range(paths):
-                    deeds[value + number] = Deed(action, number)
+                    deeds[value + number] = Operation(action, number)
             else:
-                deeds[value] = Deed(action, is_letting_go=action is Action.STOP and self._lets_go(value))
+                deeds[value] = Operation(action, is_letting_go=action is Action.STOP and self._lets_go(value))
         address = self.coil if self.address is None else self.address
         assert address is not None
         return TriggerPlan(

@@ -64,13 +64,13 @@ def planned(plan: type[Any], *models: StrictModel) -> dict[str, Any]:
     }
 
 
-def documented(meaning: str = "", more: str = "", kind: str = "", default: str = "") -> dict[str, JsonValue]:
+def documented(text: str = "", more: str = "", kind: str = "", default: str = "") -> dict[str, JsonValue]:
     """Return what the reference says of a key beyond its description, for ``json_schema_extra``.
 
     Args:
-        meaning: in place of the description, which is short because errors show it.
+        text: in place of the description, which is short because errors show it.
         more: behind the description, as a sentence of its own.
         kind: what may stand there, where the type of the field does not say it well.
         default: what holds without the key, where the field does not know it: it depends on others.
     """
-    return {"meaning": meaning, "more": more, "kind": kind, "default": default}
+    return {"text": text, "more": more, "kind": kind, "default": default}

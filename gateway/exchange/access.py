@@ -53,9 +53,9 @@ def swapped(data: bytes) -> bytes:
     """
     if len(data) % 2:
         data += b"\x00"
-    turned = bytearray(data)
-    turned[0::2], turned[1::2] = data[1::2], data[0::2]
-    return bytes(turned)
+    result = bytearray(data)
+    result[0::2], result[1::2] = data[1::2], data[0::2]
+    return bytes(result)
 
 
 def _u16(pdu: bytes, offset: int) -> int:
@@ -140,18 +140,18 @@ ACCESS: Final[dict[int, Callable[[bytes], Access | None]]] = {
 
 def access_of(pdu: bytes) -> Access | None:
     """Return the registers that a request touches; None for none, and where it is too short to tell."""
-    look = ACCESS.get(pdu[0])
-    return None if look is None else look(pdu)
+    parse = ACCESS.get(pdu[0])
+    return None if parse is None else parse(pdu)
 
 
 _FORMS: Final = {1: 5, 2: 5, 3: 5, 4: 5, 5: 5, 6: 5, 15: 6, 16: 6, 22: 7, 23: 10}
 """By function code: bytes of a request that are always there; the last of 6 and 10 says how many follow."""
 
 
-def is_cut_short(pdu: bytes) -> bool:
+def is_truncated(pdu: bytes) -> bool:
     """Whether a request lacks bytes that its own function code asks for: no drive can make sense of it.
 
-    >>> is_cut_short(bytes.fromhex("10 01 00")), is_cut_short(bytes.fromhex("10 0100 0001 02 1234"))
+    >>> is_truncated(bytes.fromhex("10 01 00")), is_truncated(bytes.fromhex("10 0100 0001 02 1234"))
     (True, False)
     """
     form = _FORMS.get(pdu[0], 0)

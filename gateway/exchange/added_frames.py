@@ -18,10 +18,10 @@ from gateway.exchange.access import MEI_HEAD, swapped
 from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import Actual
-from gateway.exchange.axis.sight import Told
+from gateway.exchange.axis.readability import PositionAnswer
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.plan import DONE_BIT, MOVING_BIT
-from gateway.exchange.request import Known, Standing
+from gateway.exchange.request import Prefetched, Standstill
 from gateway.exchange.unit import FieldHit
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import MEI_CANOPEN_GENERAL_REFERENCE, ExceptionCode, FunctionCode, is_exception
@@ -40,24 +40,24 @@ class Purpose(Enum):
     """Why a frame is added."""
 
     ACTUAL = "actual"
-    LOOK = "look"
+    POLL = "look"
     """The actual position too: whether an axis that was not seen for a while still stands at its target."""
     COMMANDED = "commanded"
     COMMAND = "command"
     KEPT = "kept"
     """The same: whether the drive still holds the target of before a close, which a trigger runs."""
     HOMED = "homed"
-    STANDING = "standing"
+    STANDSTILL = "standing"
     RULE = "rule"
-    RESTAGE = "restage"
+    REWRITE = "restage"
     TRIAL = "trial"
     """Something of a drive that does not answer: whether it is there again."""
 
 
-_PLACES: Final = frozenset({Purpose.ACTUAL, Purpose.LOOK})
+_POSITION_READS: Final = frozenset({Purpose.ACTUAL, Purpose.POLL})
 LATER: Final = frozenset({ExceptionCode.ACKNOWLEDGE, ExceptionCode.SERVER_DEVICE_BUSY})
 """Exceptions which say that the same may be had later."""
-LOOKS: Final = 2
+POLLS: Final = 2
 """So often the place of an axis is read at the start, to tell whether it went to its last target."""
 _WRITABLE: Final = frozenset({Purpose.COMMAND, Purpose.KEPT, Purpose.RULE})
 
@@ -197,7 +197,7 @@ def reads_at_start(axes: Sequence[Axis]) -> list[AddedFrame]:
     return [read for read in reads if read is not None]
 
 
-def next_look(read: AddedFrame, now_ns: int) -> AddedFrame | None:
+def next_poll(read: AddedFrame, now_ns: int) -> AddedFrame | None:
     """Return what is read next at the start, until an axis is known to have gone to its last target or not.
 
     A drive that may be on its way is watched. Else its status bit, and where it stands, twice at most: the
@@ -205,57 +205,57 @@ def next_look(read: AddedFrame, now_ns: int) -> AddedFrame | None:
     """
     axis, record = read.axis, read.axis.record
     actual = axis.asked_actual
-    if record is None or actual is None or read.purpose not in (Purpose.ACTUAL, Purpose.STANDING):
+    if record is None or actual is None or read.purpose not in (Purpose.ACTUAL, Purpose.STANDSTILL):
         return None
-    if record.wants_look:
+    if record.wants_poll:
         return read
-    if record.looks > LOOKS or not axis.motion.looks_wanted(now_ns):
+    if record.polls > POLLS or not axis.motion.polls_needed(now_ns):
         return None
-    record.look_again()
-    bit = standing_bit(axis) if record.looks == 1 else None
+    record.count_poll()
+    bit = standstill_bit(axis) if record.polls == 1 else None
     return read_field(axis, Purpose.ACTUAL, actual) if bit is None else bit
 
 
-def standing_bit(axis: Axis) -> AddedFrame | None:
+def standstill_bit(axis: Axis) -> AddedFrame | None:
     """Return the read of the bit that says whether an axis stands, where it has one."""
     bits = axis.plan.bits
     for name in (DONE_BIT, MOVING_BIT):
         if name in bits:
-            return read_bit(axis, Purpose.STANDING, bits[name])
+            return read_bit(axis, Purpose.STANDSTILL, bits[name])
     return None
 
 
-def restaging(axis: Axis, rendering: Rendering) -> AddedFrame | None:
+def next_rewrite(axis: Axis, rendering: Rendering) -> AddedFrame | None:
     """Return the next write that brings the drive's words in line with a rendering, if any (M2)."""
-    addresses = addresses_to_restage(axis, rendering)
+    addresses = addresses_to_rewrite(axis, rendering)
     if not addresses:
         return None
-    address, wanted = addresses[0], rendering.corrected_words
+    address, corrected_words = addresses[0], rendering.corrected_words
     if axis.plan.writes_with is not Form.FC06:
-        return _restaging(axis, rendering, address, wanted)
+        return _rewrite_frame(axis, rendering, address, corrected_words)
     start = 2 * (address - axis.plan.command[rendering.number].address)
-    return _restaging(axis, rendering, address, wanted[start : start + 2])
+    return _rewrite_frame(axis, rendering, address, corrected_words[start : start + 2])
 
 
-def addresses_to_restage(axis: Axis, rendering: Rendering) -> list[int]:
+def addresses_to_rewrite(axis: Axis, rendering: Rendering) -> list[int]:
     """Return the registers that have to be written for that, however many frames it takes."""
-    image, wanted = axis.fields[rendering.number], rendering.corrected_words
-    if image.holds(0, wanted):
+    image, corrected_words = axis.fields[rendering.number], rendering.corrected_words
+    if image.holds(0, corrected_words):
         return []
-    place = axis.plan.command[rendering.number]
+    field = axis.plan.command[rendering.number]
     if axis.plan.writes_with is not Form.FC06:
-        return list(range(place.address, place.end))
+        return list(range(field.address, field.end))
     return [
-        place.address + word
-        for word in range(place.words)
-        if not image.holds(word, wanted[2 * word : 2 * word + 2])
+        field.address + word
+        for word in range(field.words)
+        if not image.holds(word, corrected_words[2 * word : 2 * word + 2])
     ]
 
 
-def _restaging(axis: Axis, rendering: Rendering, address: int, words: bytes) -> AddedFrame:
+def _rewrite_frame(axis: Axis, rendering: Rendering, address: int, words: bytes) -> AddedFrame:
     return AddedFrame(
         axis,
-        Purpose.RESTAGE,
+        Purpose.REWRITE,
         address,
         len(words) // 2,
         words=words,
@@ -264,32 +264,32 @@ def _restaging(axis: Axis, rendering: Rendering, address: int, words: bytes) -> 
     )
 
 
-def note_restaged(frame: AddedFrame) -> None:
+def acknowledge_rewritten(frame: AddedFrame) -> None:
     """Take note of an acknowledged write of a staged target."""
     rendering = frame.rendering
     assert rendering is not None
     first = frame.address - frame.axis.plan.command[rendering.number].address
-    frame.axis.restage(rendering, first, frame.words, frame.epoch)
+    frame.axis.acknowledge_rewrite(rendering, first, frame.words, frame.epoch)
 
 
-def is_asked_again(read: AddedFrame, reply: bytes, known: Known) -> bool:
+def is_asked_again(read: AddedFrame, reply: bytes, prefetched: Prefetched) -> bool:
     """Whether a read of where an axis is was refused and may be had by asking once more (W8).
 
     After "busy" it is asked once more for each request; after any other exception until the drive has refused
-    twice in a row (``SIGHT_AFTER``).
+    twice in a row (``READABILITY_AFTER``).
     """
-    if read.purpose not in _PLACES or not is_exception(reply):
+    if read.purpose not in _POSITION_READS or not is_exception(reply):
         return False
     axis, name = read.axis, read.axis.plan.name
-    is_first = not read.is_again and name not in known.refused
-    known.refused.add(name)
+    is_first = not read.is_again and name not in prefetched.refused
+    prefetched.refused.add(name)
     if len(reply) > 1 and reply[1] in LATER:
         return is_first
-    axis.hear_place(Told.REFUSAL)
-    return is_first and not axis.is_out_of_sight
+    axis.update_readability(PositionAnswer.REFUSAL)
+    return is_first and not axis.is_unreadable
 
 
-def learn(read: AddedFrame, reply: bytes, known: Known, asked_ns: int) -> None:
+def learn(read: AddedFrame, reply: bytes, prefetched: Prefetched, asked_ns: int) -> None:
     """Take note of the reply to an added read, which says what held when it was asked for.
 
     A refused one is not tried again for this request, but for :func:`is_asked_again`.
@@ -300,56 +300,56 @@ def learn(read: AddedFrame, reply: bytes, known: Known, asked_ns: int) -> None:
         return  # that it came is all
     axis, name, words = read.axis, read.axis.plan.name, read.words_of(reply)
     if read.purpose is Purpose.HOMED:
-        known.references.add(name)
+        prefetched.references.add(name)
         assert read.bit is not None
         axis.observe_bit(
             axis.reference.bit, asked_ns, is_set=words is not None and read.bit.is_set(_word(words))
         )
-    elif read.purpose in (Purpose.ACTUAL, Purpose.LOOK):
+    elif read.purpose in (Purpose.ACTUAL, Purpose.POLL):
         field = axis.plan.actual[0]
-        known.looks[name] = known.looks.get(name, 0) + 1
+        prefetched.polls[name] = prefetched.polls.get(name, 0) + 1
         if words is not None:
-            axis.hear_place(Told.PLACE)
-        known.actual[name] = None if words is None else axis.observe_actual(field, words, asked_ns)
-        actual = known.actual[name]
-        if read.purpose is Purpose.LOOK and actual is not None:
-            axis.motion.look(actual, is_for_distance=read.is_for_distance)
+            axis.update_readability(PositionAnswer.POSITION)
+        prefetched.actual[name] = None if words is None else axis.observe_actual(field, words, asked_ns)
+        actual = prefetched.actual[name]
+        if read.purpose is Purpose.POLL and actual is not None:
+            axis.motion.take_poll(actual, is_for_distance=read.is_for_distance)
     elif read.purpose is Purpose.COMMANDED:
         field = axis.plan.commanded[0]
-        counts = known.commanded[name] = None if words is None else counts_of(field, field.unpack(words))
+        counts = prefetched.commanded[name] = None if words is None else counts_of(field, field.unpack(words))
         if counts is not None and not axis.plan.actual:
             axis.prove_distance(Actual(counts, asked_ns))
     elif read.purpose is Purpose.RULE:
-        known.rule_words.setdefault(name, {})[read.address] = None if words is None else _word(words)
+        prefetched.rule_words.setdefault(name, {})[read.address] = None if words is None else _word(words)
         if words is not None:
-            axis.note_rule(read.address, _word(words))
-    elif read.purpose is Purpose.STANDING:
-        _learn_standing(read, words, known, asked_ns)
+            axis.observe_rule(read.address, _word(words))
+    elif read.purpose is Purpose.STANDSTILL:
+        _learn_standstill(read, words, prefetched, asked_ns)
     else:
         assert read.hit is not None
         if words is not None and read.purpose is Purpose.KEPT:
-            axis.read_back(read.hit.place.number, words)
-        known.command_words[axis.plan.name, read.hit.place.number] = _nominal_command(read.hit, words)
+            axis.read_back(read.hit.mapped.number, words)
+        prefetched.command_words[axis.plan.name, read.hit.mapped.number] = _nominal_command(read.hit, words)
 
 
-def _learn_standing(read: AddedFrame, words: bytes | None, known: Known, asked_ns: int) -> None:
+def _learn_standstill(read: AddedFrame, words: bytes | None, prefetched: Prefetched, asked_ns: int) -> None:
     axis = read.axis
     assert read.bit is not None
     if words is None:
-        known.standing[axis.plan.name] = Standing.UNTOLD
+        prefetched.standstill[axis.plan.name] = Standstill.UNKNOWN
         return
     is_set = read.bit.is_set(_word(words))
     is_done = read.bit is axis.plan.bits.get(DONE_BIT)
     if is_done:
         axis.motion.observe_done(asked_ns, is_done=is_set)
     else:
-        axis.motion.hear(asked_ns, moves=is_set)
+        axis.motion.observe_motion(asked_ns, moves=is_set)
     if is_set is not is_done:
-        known.standing[axis.plan.name] = Standing.MOVES
+        prefetched.standstill[axis.plan.name] = Standstill.MOVES
     elif axis.motion.has_started(asked_ns):
-        known.standing[axis.plan.name] = Standing.STANDS
+        prefetched.standstill[axis.plan.name] = Standstill.CONFIRMED
     else:
-        known.standing[axis.plan.name] = Standing.SAYS_SO
+        prefetched.standstill[axis.plan.name] = Standstill.SAYS_SO
 
 
 def _word(words: bytes) -> int:
@@ -359,8 +359,8 @@ def _word(words: bytes) -> int:
 def _nominal_command(hit: FieldHit, words: bytes | None) -> bytes | None:
     if words is None:
         return None
-    axis = hit.place.axis
+    axis = hit.mapped.axis
     try:
-        return axis.nominal_words(hit.place.field, words, axis.compensation.readback)
+        return axis.nominal_words(hit.mapped.field, words, axis.compensation.readback)
     except RegisterRangeError:
         return None

@@ -7,7 +7,7 @@ from gateway.catalogue import exchange_events
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.registers import Loss
 from gateway.exchange.decode import AxisCommand
-from gateway.exchange.dispatch import Units
+from gateway.exchange.dispatch import UnitMaps
 from gateway.exchange.events import Event
 from gateway.exchange.gate import UNSEEN, Denial, Gate
 from gateway.exchange.ownership import Ownership
@@ -25,7 +25,7 @@ NO_ROOM: Final = Denial(
 """Why a request is refused that has no room left to wait in."""
 
 
-def judge(units: Units, transaction: Transaction, *, is_free: bool) -> tuple[bool, list[AxisCommand]]:
+def judge(units: UnitMaps, transaction: Transaction, *, is_free: bool) -> tuple[bool, list[AxisCommand]]:
     """Return whether a controller's role allows a request, and what it stops as far as that matters.
 
     A motion controller's stop on a free line need not be told from its other requests.
@@ -54,7 +54,7 @@ class Admission:
 
     def __init__(
         self,
-        units: Units,
+        units: UnitMaps,
         transactions: Transactions,
         ownership: Ownership,
         on_event: Callable[[Event], None],
@@ -64,7 +64,7 @@ class Admission:
         self._ownership = ownership
         self._on_event = on_event
         self._gates: dict[ControllerPlan, Gate] = {}
-        self._told: Reports[tuple[str, str]] = Reports(others=others_of_pairs)
+        self._reports: Reports[tuple[str, str]] = Reports(others=others_of_pairs)
 
     def denial(self, transaction: Transaction, now_ns: int) -> Denial | None:
         """Return why the rights of its controller do not allow a request that comes now; None: they do."""
@@ -101,11 +101,11 @@ class Admission:
             port.gate = UNSEEN
             self._ownership.gone(port, now_ns, is_broken=is_broken)
 
-    def tell(self, transaction: Transaction, denial: Denial, now_ns: int) -> None:
+    def report(self, transaction: Transaction, denial: Denial, now_ns: int) -> None:
         """Tell that a request is not allowed, and of many like it how many there were."""
         port = transaction.port
         assert port is not None
-        count = self._told.due((port.plan.name, denial.key), now_ns)
+        count = self._reports.due((port.plan.name, denial.key), now_ns)
         if not count:
             return
         more = (

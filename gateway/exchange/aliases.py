@@ -16,7 +16,7 @@ from gateway.catalogue import refusals
 from gateway.catalogue.entry import RefusalEntry
 from gateway.drives.motion import Action
 from gateway.exchange.access import access_of, coils_written
-from gateway.exchange.decode import NO_ACCESS, AxisCommand, Frame, decode
+from gateway.exchange.decode import NO_ACCESS, AxisCommand, DecodedRequest, decode
 from gateway.exchange.plan import OtherUnits, StopWord
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, FunctionCode
@@ -43,7 +43,7 @@ class Aliases:
         return {str(unit_id): count for unit_id, count in self.requests.items()}
 
     @property
-    def known(self) -> frozenset[int]:
+    def expected_unit_ids(self) -> frozenset[int]:
         """Unit ids that have an axis, that the configuration names, or that reach every drive."""
         axes = {axis.plan.unit_id for unit in self._units for axis in unit.axes}
         return (
@@ -61,17 +61,17 @@ class Aliases:
             and unit_id not in self._other.unit_ids
         )
 
-    def note(self, unit_id: int) -> bool:
+    def count_request(self, unit_id: int) -> bool:
         """Count a request to a unit id of which nobody knows anything; return whether it is the first one."""
         count = self.requests[unit_id] = self.requests.get(unit_id, 0) + 1
         return count == 1
 
-    def frames(self, pdu: bytes) -> list[Frame]:
+    def frames(self, pdu: bytes) -> list[DecodedRequest]:
         """Return a request as each axis unit id would have it."""
         access, coils = access_of(pdu) or NO_ACCESS, coils_written(pdu)
-        return [Frame(unit, pdu, access, coils) for unit in self._units]
+        return [DecodedRequest(unit, pdu, access, coils) for unit in self._units]
 
-    def is_stop(self, pdu: bytes, frames: Iterable[Frame]) -> bool:
+    def is_stop(self, pdu: bytes, frames: Iterable[DecodedRequest]) -> bool:
         """Whether a request is the stop of some drive that is known, and nothing else to the axes here."""
         word = _only_word(pdu)
         is_coil = pdu[0] == FunctionCode.WRITE_SINGLE_COIL
@@ -96,7 +96,7 @@ def why_not_passed(aliases: Aliases, unit_id: int, pdu: bytes) -> RefusalEntry |
     return None
 
 
-def _touches(frames: Iterable[Frame]) -> bool:
+def _touches(frames: Iterable[DecodedRequest]) -> bool:
     """Whether a request writes a position of a corrected axis, sets its mode or makes its drive act.
 
     Stops may pass.
@@ -106,21 +106,21 @@ def _touches(frames: Iterable[Frame]) -> bool:
     )
 
 
-def _writes_position(frames: Iterable[Frame]) -> bool:
+def _writes_position(frames: Iterable[DecodedRequest]) -> bool:
     """Whether a request writes what is a position of a corrected axis."""
     return any(own.fields and not own.axis.passes_unchanged for frame in frames for own in frame.by_axis)
 
 
-def _reads_position(frames: Iterable[Frame]) -> bool:
+def _reads_position(frames: Iterable[DecodedRequest]) -> bool:
     """Whether a request reads what is a position of a corrected axis."""
     return any(
-        not hit.place.axis.passes_unchanged
+        not hit.mapped.axis.passes_unchanged
         for frame in frames
         for hit in frame.unit.read(frame.access.read_address, frame.access.read_quantity).fields
     )
 
 
-def _commands(frames: Iterable[Frame]) -> list[AxisCommand]:
+def _commands(frames: Iterable[DecodedRequest]) -> list[AxisCommand]:
     return [
         command for frame in frames if frame.unit.has_rules for command in decode(frame, may_have_risen=True)
     ]

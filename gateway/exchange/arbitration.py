@@ -41,19 +41,19 @@ class _Shortest:
         self._before_ns: int | None = None
         self._window_ends_ns = 0
 
-    def note(self, gap_ns: int, now_ns: int) -> None:
-        self._turn(now_ns)
+    def add(self, gap_ns: int, now_ns: int) -> None:
+        self._advance_window(now_ns)
         if self._now_ns is None or gap_ns < self._now_ns:
             self._now_ns = gap_ns
 
     def get(self, now_ns: int) -> int | None:
         """Return it; None where there was none."""
-        self._turn(now_ns)
+        self._advance_window(now_ns)
         if self._now_ns is None or self._before_ns is None:
             return self._before_ns if self._now_ns is None else self._now_ns
         return min(self._now_ns, self._before_ns)
 
-    def _turn(self, now_ns: int) -> None:
+    def _advance_window(self, now_ns: int) -> None:
         if now_ns < self._window_ends_ns:
             return
         is_next = now_ns < self._window_ends_ns + WINDOW_NS
@@ -88,9 +88,9 @@ class Gaps:
         if self._ended_ns is None:
             return
         gap_ns = now_ns - self._ended_ns
-        self._any.note(gap_ns, now_ns)
+        self._any.add(gap_ns, now_ns)
         if gap_ns >= self._quiet_ns:
-            self._long.note(gap_ns, now_ns)
+            self._long.add(gap_ns, now_ns)
 
     def ended(self, transaction: Transaction, now_ns: int, rests_until_ns: int | None = None) -> None:
         """Note the end of a transaction, answered or not, and the rest of the line that it leaves."""

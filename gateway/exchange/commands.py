@@ -1,7 +1,7 @@
 """Commands to a running line: one struct for each, which the socket, MQTT, recordings and the line pass on.
 
 :func:`gateway.exchange.control.carry_out` carries them out. A new command needs its struct and its
-place in :data:`Command` here, a case there, a case in ``relay.gateway.Relay._note_command`` for its event,
+place in :data:`Command` here, a case there, a case in ``relay.gateway.Relay._log_command`` for its event,
 and a command line.
 """
 

@@ -52,7 +52,7 @@ def carry_out(
     [name] = axes_of(command)
     match command:
         case Enable() | Disable():
-            return dict.fromkeys(switch(axes, name, is_wanted=isinstance(command, Enable)), "")
+            return dict.fromkeys(switch(axes, name, is_on=isinstance(command, Enable)), "")
         case EndDryRun():
             return end_dry_run(axes, name)
         case SetReference():
@@ -68,7 +68,7 @@ def carry_out(
             return dict.fromkeys(set_temperature(axes, name, command.celsius, now_ns), "")
 
 
-def switch(axes: Sequence[Axis], name: str, *, is_wanted: bool) -> tuple[str, ...]:
+def switch(axes: Sequence[Axis], name: str, *, is_on: bool) -> tuple[str, ...]:
     """Apply the table of an axis and of its whole group, or stop to; return their names.
 
     Nothing moves by itself: it comes into force with the next different target, or blended over setpoints.
@@ -78,15 +78,15 @@ def switch(axes: Sequence[Axis], name: str, *, is_wanted: bool) -> tuple[str, ..
     """
     members = _group_of(axes, name)
     for axis in members:
-        if is_wanted and axis.plan.table is None:
+        if is_on and axis.plan.table is None:
             raise ControlError(f"axis {axis.plan.name} has no table: name one in the configuration first")
-        if is_wanted and axis.reference.is_remapped:
+        if is_on and axis.reference.is_remapped:
             raise ControlError(
                 f"the registers of axis {axis.plan.name} were moved about on its drive: check the drive, "
                 "then restart the gateway"
             )
     for axis in members:
-        axis.enable(is_wanted=is_wanted)
+        axis.enable(is_on=is_on)
     return tuple(axis.plan.name for axis in members)
 
 
@@ -131,7 +131,7 @@ def declare(axes: Sequence[Axis], name: str) -> tuple[str, ...]:
 
 
 def set_tables(
-    axes: Sequence[Axis], wanted: Sequence[TableFor], tables: Sequence[CorrectionTable]
+    axes: Sequence[Axis], requested: Sequence[TableFor], tables: Sequence[CorrectionTable]
 ) -> dict[str, str]:
     """Give axes other tables, all of them or none; return how each comes into force, by name.
 
@@ -140,11 +140,11 @@ def set_tables(
     Raises:
         ControlError: which axis cannot have its table, and why; nothing has changed then.
     """
-    members = [_group_of(axes, each.axis)[0] for each in wanted]
+    members = [_group_of(axes, each.axis)[0] for each in requested]
     for axis, table in zip(members, tables, strict=True):
         _check_fits(axis, table)
     _check_whole(members)
-    for axis, each, table in zip(members, wanted, tables, strict=True):
+    for axis, each, table in zip(members, requested, tables, strict=True):
         axis.adopt(
             replace(
                 axis.plan,

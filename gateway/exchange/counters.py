@@ -37,12 +37,12 @@ class LineCounters:
     internal_faults: int = 0
     """Events that cannot be in the state of an axis in which they came: bugs of the gateway."""
 
-    def note_reply(self, reply: bytes) -> None:
+    def count_reply(self, reply: bytes) -> None:
         """Count a transaction that a drive answered."""
         self.exchanges += 1
         self.exceptions += is_exception(reply)
 
-    def note_refusal(self, controller: str | None) -> None:
+    def count_refusal(self, controller: str | None) -> None:
         """Count a request that the gateway refused to a controller."""
         self.refused += 1
         if controller is not None:

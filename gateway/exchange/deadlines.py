@@ -10,14 +10,14 @@ from typing import Final
 from gateway.catalogue import exchange_events, refusals
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.counters import LineCounters
-from gateway.exchange.dispatch import Units, is_acting_on
+from gateway.exchange.dispatch import UnitMaps, is_acting_on
 from gateway.exchange.events import Event
 from gateway.exchange.plan import Late
 from gateway.exchange.refusal import refused
 from gateway.exchange.transaction import Transaction
 from gateway.times import NS_PER_MS, NS_PER_S
 
-TOLD_EVERY_NS: Final = NS_PER_S
+REPORT_EVERY_NS: Final = NS_PER_S
 """How often late targets of one axis that are forwarded are reported; all are counted."""
 
 
@@ -27,7 +27,7 @@ class Deadlines:
     def __init__(
         self,
         axes: Sequence[Axis],
-        units: Units,
+        units: UnitMaps,
         counters: LineCounters,
         on_event: Callable[[Event], None],
     ) -> None:
@@ -36,7 +36,7 @@ class Deadlines:
         self._units = units
         self._counters = counters
         self._on_event = on_event
-        self._told_ns: dict[str, int] = {}
+        self._reported_ns: dict[str, int] = {}
 
     def may_be_late(self, transaction: Transaction, now_ns: int) -> bool:
         """Whether a request has waited longer than any axis allows."""
@@ -62,8 +62,8 @@ class Deadlines:
                 raise refused(
                     refusals.LATE, name, exchange_events.LATE_TARGET, age_ms=age_ms, deadline_ms=deadline_ms
                 )
-            if now_ns - self._told_ns.get(axis.plan.name, -TOLD_EVERY_NS) >= TOLD_EVERY_NS:
-                self._told_ns[axis.plan.name] = now_ns
+            if now_ns - self._reported_ns.get(axis.plan.name, -REPORT_EVERY_NS) >= REPORT_EVERY_NS:
+                self._reported_ns[axis.plan.name] = now_ns
                 detail = (
                     f"it waited {age_ms:.1f} ms, deadline_ms = {deadline_ms:g}: sent all the same "
                     '(late = "forward")'

@@ -72,7 +72,7 @@ Nothing is changed here.
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from gateway.drives.motion import NOTHING_DONE, Action, Deed, ModePlan
+from gateway.drives.motion import NOTHING_DONE, Action, ModePlan, Operation
 from gateway.exchange.access import Access
 from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import Axis
@@ -83,27 +83,31 @@ NO_ACCESS: Final = Access()
 NOTHING_READ: Final[Mapping[str, Mapping[int, int | None]]] = {}
 
 PRECEDENCE: Final = (
-    Deed(Action.STOP),
-    Deed(Action.HOME),
-    Deed(Action.SET_POSITION),
-    Deed(Action.STORED),
-    Deed(Action.UNKNOWN),
-    Deed(Action.FOLLOW),
-    Deed(Action.ABSOLUTE),
-    Deed(Action.RELATIVE),
-    Deed(Action.RELATIVE_TO_COMMANDED),
-    Deed(Action.RELATIVE_TO_ACTUAL),
-    Deed(Action.START),
-    Deed(Action.OTHER_MOTION),
-    Deed(Action.STOP, is_letting_go=True),  # a jog let go of in the frame that starts something is no stop
-    Deed(Action.FOLLOW_NEXT),
-    Deed(Action.IGNORE),
+    Operation(Action.STOP),
+    Operation(Action.HOME),
+    Operation(Action.SET_POSITION),
+    Operation(Action.STORED),
+    Operation(Action.UNKNOWN),
+    Operation(Action.FOLLOW),
+    Operation(Action.ABSOLUTE),
+    Operation(Action.RELATIVE),
+    Operation(Action.RELATIVE_TO_COMMANDED),
+    Operation(Action.RELATIVE_TO_ACTUAL),
+    Operation(Action.START),
+    Operation(Action.OTHER_MOTION),
+    Operation(
+        Action.STOP, is_letting_go=True
+    ),  # a jog let go of in the frame that starts something is no stop
+    Operation(Action.FOLLOW_NEXT),
+    Operation(Action.IGNORE),
 )
 """Which one counts where a request does several things to one axis."""
-_RANK: Final = {(deed.action, deed.is_letting_go): rank for rank, deed in enumerate(PRECEDENCE)}
+_RANK: Final = {
+    (operation.action, operation.is_letting_go): rank for rank, operation in enumerate(PRECEDENCE)
+}
 
 
-class Frame:
+class DecodedRequest:
     """A request to one unit, as its bytes say: which registers and coils it touches, by axis."""
 
     __slots__ = ("access", "by_axis", "coils", "is_clear", "pdu", "unit")
@@ -175,10 +179,8 @@ class AxisCommand:
     __slots__ = (
         "action",
         "axis",
-        "blind",
         "buffered_parts",
         "coils",
-        "cut",
         "epoch",
         "epochs",
         "goes_unknown",
@@ -190,6 +192,7 @@ class AxisCommand:
         "modes_written",
         "needs_word",
         "number",
+        "partly_written",
         "parts",
         "peer_runs",
         "remaps",
@@ -200,6 +203,7 @@ class AxisCommand:
         "stagings",
         "targets",
         "unclear_words",
+        "untracked",
         "words",
         "writes",
         "written",
@@ -227,7 +231,7 @@ class AxisCommand:
         """The command field that runs, of an action that runs a target; also where nobody knows its mode."""
         self.hits = hits
         """The command fields that it writes."""
-        self.written = tuple([hit.place.number for hit in hits])
+        self.written = tuple([hit.mapped.number for hit in hits])
         """Their numbers."""
         self.words = words
         """Mode and trigger registers, as the request leaves them."""
@@ -251,7 +255,7 @@ class AxisCommand:
         self.epoch = axis.interlock.epoch
         # --- what it writes
         self.writes: list[FieldWrite] = []
-        self.cut: list[FieldImage] = []
+        self.partly_written: list[FieldImage] = []
         """Fields of which a part is written where there are no parts: addresses are commands, or objects."""
         self.is_again = False
         """It makes the drive go nowhere but where it was told already (M4)."""
@@ -267,7 +271,7 @@ class AxisCommand:
         """What it writes of command fields, all of it."""
         self.buffered_parts: list[Part] = []
         """Parts of staged targets whose other parts are not known yet: they pass as they come (M1)."""
-        self.blind: list[FieldImage] = []
+        self.untracked: list[FieldImage] = []
         """Command fields that were written 1:1 in a way that leaves their content unknown."""
         self.goes_unknown = False
         """The axis goes somewhere nobody knows: a distance passed unchanged."""
@@ -309,7 +313,7 @@ class AxisCommand:
         if not self.runs_target:
             return ()
         if self.axis.plan.motion.waits_for_trigger:
-            return tuple([hit for hit in self.hits if hit.place.number == self.number])
+            return tuple([hit for hit in self.hits if hit.mapped.number == self.number])
         return self.hits
 
     # --- what is sent
@@ -335,14 +339,14 @@ class AxisCommand:
     @property
     def sends_somewhere(self) -> bool:
         """Whether it makes the axis go to a position."""
-        return bool(self.targets or self.runs or self.blind)
+        return bool(self.targets or self.runs or self.untracked)
 
 
 # --- what it means -----------------------------------------------------------------------------------------
 
 
 def decode(
-    frame: Frame,
+    frame: DecodedRequest,
     read_words: Mapping[str, Mapping[int, int | None]] = NOTHING_READ,
     *,
     may_have_risen: bool = False,
@@ -357,7 +361,7 @@ def decode(
     """
     if not frame.unit.has_rules:  # of a unit without triggers and modes each command field runs
         return [
-            AxisCommand(hits.axis, Action.ABSOLUTE, hits.commands[0].place.number, hits.commands)
+            AxisCommand(hits.axis, Action.ABSOLUTE, hits.commands[0].mapped.number, hits.commands)
             for hits in frame.by_axis
             if hits.commands
         ]
@@ -374,7 +378,12 @@ class _Decoder:
     """One request, decoded for one axis."""
 
     def __init__(
-        self, frame: Frame, hits: AxisHits, read_words: Mapping[int, int | None], *, may_have_risen: bool
+        self,
+        frame: DecodedRequest,
+        hits: AxisHits,
+        read_words: Mapping[int, int | None],
+        *,
+        may_have_risen: bool,
     ) -> None:
         axis = hits.axis
         self.axis = axis
@@ -391,7 +400,7 @@ class _Decoder:
         if hits.rules:
             data = frame.access.words(frame.pdu)
             for hit in hits.rules:
-                self._note_word(hit, data)
+                self._add_word(hit, data)
         self.is_doubtful = any(
             trigger.rising & self.words.get(trigger.address, 0) and axis.rules.word(trigger.address) is None
             for trigger in self.plan.triggers
@@ -402,7 +411,7 @@ class _Decoder:
             own = axis.rules.coils
             self.coils = {address: value for address, value in frame.coils.items() if address in own}
 
-    def _note_word(self, hit: RuleHit, data: bytes) -> None:
+    def _add_word(self, hit: RuleHit, data: bytes) -> None:
         if not self.access.is_consistent or len(data) < 2 * hit.word + 2:
             self.unclear.add(hit.address)
             return
@@ -421,25 +430,25 @@ class _Decoder:
         """Return what the request means; None: nothing."""
         if not (self.hits or self.words or self.unclear or self.coils or self.sets_position):
             return None
-        deeds = self._deeds()
-        deed = min(deeds, key=_rank, default=NOTHING_DONE)
-        if deed.action is Action.STOP:
-            sets_position = any(each.action is Action.SET_POSITION for each in deeds)
+        operations = self._operations()
+        operation = min(operations, key=_rank, default=NOTHING_DONE)
+        if operation.action is Action.STOP:
+            sets_position = any(each.action is Action.SET_POSITION for each in operations)
             return self._command(Action.STOP, None, sets_position_too=sets_position)
         following = self._unknown_following()
         if following is not None:
             return self._command(Action.UNKNOWN, None, needs_word=following)
-        if deed.action is Action.FOLLOW_NEXT:
-            deed = Deed(Action.FOLLOW) if self.hits else NOTHING_DONE
-        if not deed.action.runs_target:
-            return self._command(deed.action, None)
-        number = self._number(deed)
+        if operation.action is Action.FOLLOW_NEXT:
+            operation = Operation(Action.FOLLOW) if self.hits else NOTHING_DONE
+        if not operation.action.runs_target:
+            return self._command(operation.action, None)
+        number = self._number(operation)
         mode = None if number is None else self.plan.mode(number)
         if mode is None:
-            return self._command(_run_as(deed.action, Action.ABSOLUTE), number)
+            return self._command(_run_as(operation.action, Action.ABSOLUTE), number)
         word = self._mode_word(mode)
         if word is not None:
-            return self._command(_run_as(deed.action, mode.action(word)), number)
+            return self._command(_run_as(operation.action, mode.action(word)), number)
         is_asked = mode.is_in_frame or mode.address in self.read_words or mode.address in self.unclear
         if is_asked or not self.axis.may_read:
             return self._command(Action.UNKNOWN, number)
@@ -466,37 +475,39 @@ class _Decoder:
             sets_position_too=sets_position_too,
         )
 
-    def _deeds(self) -> list[Deed]:
+    def _operations(self) -> list[Operation]:
         rules = self.axis.rules
         before = (lambda _: None) if self.may_have_risen else rules.word
-        deeds = []
+        operations = []
         for trigger in self.plan.triggers:
             if trigger.is_coil:
                 if trigger.address in self.coils:
-                    deeds.append(trigger.deed(self.coils[trigger.address], rules.coil(trigger.address)))
+                    operations.append(
+                        trigger.operation(self.coils[trigger.address], rules.coil(trigger.address))
+                    )
             elif trigger.block is not None and trigger.block != self.access.write_address:
                 continue
             elif trigger.address in self.words:
-                deeds.append(trigger.deed(self.words[trigger.address], before(trigger.address)))
+                operations.append(trigger.operation(self.words[trigger.address], before(trigger.address)))
             elif trigger.address in self.unclear:
                 word, certain = self.certain_bits.get(trigger.address, (0, 0))
                 is_certain = not (trigger.mask | trigger.rising) & ~certain
                 if is_certain:
-                    deeds.append(trigger.deed(word, None))
+                    operations.append(trigger.operation(word, None))
                 else:
                     is_stop = trigger.stops_surely(word, certain)
-                    deeds.append(Deed(Action.STOP if is_stop else Action.UNKNOWN))
+                    operations.append(Operation(Action.STOP if is_stop else Action.UNKNOWN))
         if self.sets_position:
-            deeds.append(Deed(Action.SET_POSITION))
+            operations.append(Operation(Action.SET_POSITION))
         if any(address in self.words or address in self.unclear for address in self.plan.starts_on) or (
             self.hits and self._moves_at_once()
         ):
-            deeds.append(Deed(Action.START))
+            operations.append(Operation(Action.START))
         if self.hits and self._may_follow():
-            deeds.append(Deed(Action.UNKNOWN))
+            operations.append(Operation(Action.UNKNOWN))
         if any(self._sets_other_motion(mode) for mode in self.plan.modes if mode is not None):
-            deeds.append(Deed(Action.OTHER_MOTION))
-        return deeds
+            operations.append(Operation(Action.OTHER_MOTION))
+        return operations
 
     def _sets_other_motion(self, mode: ModePlan) -> bool:
         """Whether a mode is set in which the drive moves without targets, perhaps at once."""
@@ -509,21 +520,21 @@ class _Decoder:
             return None
         asked = self.unclear | set(self.read_words)
         for trigger in self.axis.rules.following:
-            if trigger.address not in asked and self._known(trigger.address) is None:
+            if trigger.address not in asked and self._word_at(trigger.address) is None:
                 return trigger.address
         return None
 
-    def _known(self, address: int) -> int | None:
+    def _word_at(self, address: int) -> int | None:
         """Return the content of a register as it is, or as this request leaves it."""
         if address in self.words:
             return self.words[address]
-        known = self.axis.rules.word(address)
-        return self.read_words.get(address) if known is None else known
+        word = self.axis.rules.word(address)
+        return self.read_words.get(address) if word is None else word
 
     def _may_follow(self) -> bool:
         """Whether a register that may make the drive go to each position holds nobody knows what."""
         for trigger in self.axis.rules.following:
-            word = self._known(trigger.address)
+            word = self._word_at(trigger.address)
             if word is None or trigger.holds_unknown(word):
                 return True
         return False
@@ -531,7 +542,7 @@ class _Decoder:
     def _is_following(self) -> bool:
         """Whether the drive goes to each position as soon as it is written."""
         for trigger in self.axis.rules.following:
-            word = self._known(trigger.address)
+            word = self._word_at(trigger.address)
             if word is not None and trigger.is_following(word):
                 return True
         return False
@@ -540,15 +551,15 @@ class _Decoder:
         """Whether a written position is gone to without anything else."""
         if not (self.plan.is_staged or self.plan.starts_on) or self._is_following():
             return True
-        mode = self.plan.mode(self.hits[0].place.number)
+        mode = self.plan.mode(self.hits[0].mapped.number)
         word = None if mode is None else self._mode_word(mode)
         return mode is not None and word is not None and mode.action(word) is Action.FOLLOW
 
-    def _number(self, deed: Deed) -> int | None:
-        if deed.number is not None:
-            return deed.number
+    def _number(self, operation: Operation) -> int | None:
+        if operation.number is not None:
+            return operation.number
         if self.hits:
-            return self.hits[0].place.number
+            return self.hits[0].mapped.number
         if self.axis.rules.staged is not None:
             return self.axis.rules.staged
         return 0 if len(self.axis.plan.command) == 1 else None
@@ -556,11 +567,11 @@ class _Decoder:
     def _mode_word(self, mode: ModePlan) -> int | None:
         if mode.address in self.unclear or (mode.is_in_frame and mode.address not in self.words):
             return None
-        return self._known(mode.address)
+        return self._word_at(mode.address)
 
 
-def _rank(deed: Deed) -> int:
-    return _RANK[deed.action, deed.is_letting_go]
+def _rank(operation: Operation) -> int:
+    return _RANK[operation.action, operation.is_letting_go]
 
 
 def _run_as(trigger: Action, mode: Action) -> Action:

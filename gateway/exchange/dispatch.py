@@ -5,18 +5,18 @@ from typing import Final
 
 from gateway.catalogue import refusals
 from gateway.drives.motion import Action
-from gateway.exchange.access import HEAD_BYTES, access_of, coils_written, is_cut_short
+from gateway.exchange.access import HEAD_BYTES, access_of, coils_written, is_truncated
 from gateway.exchange.added_frames import AddedFrame
 from gateway.exchange.aliases import Aliases, why_not_passed
 from gateway.exchange.axis.axis import Axis
-from gateway.exchange.decode import NO_ACCESS, AxisCommand, Frame, decode
+from gateway.exchange.decode import NO_ACCESS, AxisCommand, DecodedRequest, decode
 from gateway.exchange.fast_path import find_path
 from gateway.exchange.group import next_of_groups, settle_group, settle_groups
 from gateway.exchange.plan import NO_OTHER_UNITS, OtherUnits
 from gateway.exchange.prepare import prepare
 from gateway.exchange.prerequisites import next_frame, run_beside_stop
 from gateway.exchange.refusal import refused
-from gateway.exchange.request import NOTHING_KNOWN, has_a_stop, understand
+from gateway.exchange.request import NOTHING_PREFETCHED, has_a_stop, understand
 from gateway.exchange.transaction import FastPath, Transaction
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
@@ -28,7 +28,7 @@ SHORTEST_REQUEST: Final = 5
 """Bytes of the PDU of a request that has a fast path."""
 
 
-class Units:
+class UnitMaps:
     """The mapped unit ids of one line."""
 
     def __init__(
@@ -118,18 +118,18 @@ class Units:
         """
         return self._partners.get(unit_id) or (unit_id,)
 
-    def frames_of(self, transaction: Transaction) -> tuple[Frame, ...]:
+    def frames_of(self, transaction: Transaction) -> tuple[DecodedRequest, ...]:
         """Return a request as each mapped unit has it that it reaches: parsed once, the first time."""
         frames = transaction.frames
         if frames is None:
             pdu, reached = transaction.pdu, self._reached.get(transaction.unit_id, ())
             access, coils = access_of(pdu) or NO_ACCESS, coils_written(pdu)
-            frames = tuple([Frame(unit, pdu, access, coils) for unit in reached])
-            transaction.note_frames(frames)
+            frames = tuple([DecodedRequest(unit, pdu, access, coils) for unit in reached])
+            transaction.set_frames(frames)
         return frames
 
     @staticmethod
-    def stops_of(frames: Iterable[Frame]) -> list[AxisCommand]:
+    def stops_of(frames: Iterable[DecodedRequest]) -> list[AxisCommand]:
         """Return what a request stops; it goes before everything else (M3)."""
         return [
             command
@@ -140,7 +140,7 @@ class Units:
         ]
 
     @staticmethod
-    def given_targets(frames: Iterable[Frame]) -> list[Axis]:
+    def given_targets(frames: Iterable[DecodedRequest]) -> list[Axis]:
         """Return the axes whose targets a request writes or runs."""
         return [
             command.axis
@@ -151,7 +151,7 @@ class Units:
         ]
 
     @staticmethod
-    def only_stops(frames: Iterable[Frame]) -> bool:
+    def only_stops(frames: Iterable[DecodedRequest]) -> bool:
         """Whether a request does nothing to any axis but stop it, whenever it is sent and however often."""
         for frame in frames:
             # A bit that is set now may have been cleared before it leaves, or before it leaves once more.
@@ -173,21 +173,23 @@ class Units:
         frames = self.frames_of(transaction)
         port = transaction.port
         may_be_short = transaction.is_odd and port is not None and port.ends_by_silence
-        if is_cut_short(transaction.pdu) and not may_be_short and not self.stops_of(frames):
+        if is_truncated(transaction.pdu) and not may_be_short and not self.stops_of(frames):
             raise refused(refusals.TOO_SHORT, "")
         if transaction.unit_id not in self._units and not (self.have_rules and self.stops_of(frames)):
             refusal = why_not_passed(self.aliases, transaction.unit_id, transaction.pdu)
             if refusal is not None:
                 raise refused(refusal, "", unit_id=transaction.unit_id)
-        known = transaction.knowledge() if self.have_rules else transaction.known or NOTHING_KNOWN
+        prefetched = (
+            transaction.knowledge() if self.have_rules else transaction.prefetched or NOTHING_PREFETCHED
+        )
         requests = []
         for frame in frames:
             for axis in frame.unit.axes:
                 settle_group(axis, now_ns)
             arrived_ns, follows_ns = transaction.arrived_ns, transaction.follows_ns
-            request = understand(frame, known, now_ns, arrived_ns, follows_ns)
+            request = understand(frame, prefetched, now_ns, arrived_ns, follows_ns)
             if settle_groups(request):
-                request = understand(frame, known, now_ns, arrived_ns, follows_ns)
+                request = understand(frame, prefetched, now_ns, arrived_ns, follows_ns)
             if frame.access is NO_ACCESS and not request.commands:
                 continue
             requests.append(request)
@@ -204,7 +206,7 @@ class Units:
                 return added, b""
         for request in requests:
             prepare(request, has_stop=has_stop)
-        transaction.note_requests(tuple(requests))
+        transaction.set_requests(tuple(requests))
         return None, requests[0].sent_pdu if len(requests) == 1 else transaction.pdu
 
 
@@ -212,12 +214,12 @@ def _partners(axes: Sequence[Axis]) -> tuple[int, ...]:
     return tuple(dict.fromkeys(each.plan.unit_id for axis in axes for each in (axis, *axis.peers)))
 
 
-def is_acting_on(units: Units, transaction: Transaction, axes: Sequence[Axis]) -> bool:
+def is_acting_on(units: UnitMaps, transaction: Transaction, axes: Sequence[Axis]) -> bool:
     """Whether a request, which is no stop, would move one of these axes or give it a target."""
     return not transaction.is_stop and moves_one_of(units, transaction, axes)
 
 
-def moves_one_of(units: Units, transaction: Transaction, axes: Sequence[Axis]) -> bool:
+def moves_one_of(units: UnitMaps, transaction: Transaction, axes: Sequence[Axis]) -> bool:
     """Whether a request would move one of these axes or give it a target, whatever else it stops."""
     if transaction.port is None:
         return False

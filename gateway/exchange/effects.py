@@ -12,7 +12,7 @@ from gateway.exchange.axis.axis import MOVES_OTHERWISE, Axis
 from gateway.exchange.axis.reference import ReferenceEvent
 from gateway.exchange.axis.registers import Loss
 from gateway.exchange.decode import AxisCommand, Part
-from gateway.exchange.group import end_in_group, leave_in_group, note_skew
+from gateway.exchange.group import end_in_group, leave_in_group, report_skew
 from gateway.exchange.request import Request
 
 # --- as it leaves ------------------------------------------------------------------------------------------
@@ -33,28 +33,28 @@ def _leave_to(command: AxisCommand, now_ns: int) -> bool:
     for rendering in (*command.targets, *command.runs):
         axis.send_target(rendering)
     if command.is_stop:  # an axis found on its way counts as stopped in any case (``Axis.may_have_stopped``)
-        is_untold = command.sets_position_too or axis.acknowledgement.pending is not None
+        is_target_unknown = command.sets_position_too or axis.acknowledgement.pending is not None
     else:
         runs_unknown = command.runs_alone and not command.runs
-        is_untold = command.action in MOVES_OTHERWISE or command.is_doubtful or runs_unknown
-    if is_untold:
+        is_target_unknown = command.action in MOVES_OTHERWISE or command.is_doubtful or runs_unknown
+    if is_target_unknown:
         axis.send_motion()
-    if command.blind or command.goes_unknown or command.remaps:
+    if command.untracked or command.goes_unknown or command.remaps:
         axis.send_motion()
     is_unknown = command.action is Action.UNKNOWN and not axis.passes_unchanged
     if is_unknown:
-        _tell_unknown(command)
+        _report_unknown(command)
     return is_unknown
 
 
-def _tell_unknown(command: AxisCommand) -> None:
+def _report_unknown(command: AxisCommand) -> None:
     """Report a frame that means something the register map does not know: once for the same contents."""
     axis, words = command.axis, dict(command.words)
     mode = None if command.number is None else axis.rules.plan.mode(command.number)
     word = None if mode is None else axis.rules.word(mode.address)
     if mode is not None and word is not None:
         words.setdefault(mode.address, word)
-    axis.tell_unknown(tuple(sorted(words.items())))
+    axis.report_unknown(tuple(sorted(words.items())))
 
 
 # --- as it ends --------------------------------------------------------------------------------------------
@@ -84,33 +84,33 @@ def _obeyed(request: Request, command: AxisCommand, now_ns: int) -> None:
         part.image.buffer(part.first, part.words, request.arrived_ns, request.follows_ns)
     for rendering in (*command.targets, *command.runs):
         axis.acknowledge(rendering, now_ns, command.epochs.get(rendering.number))
-        axis.tell_beginning()
+        axis.report_beginning()
     _write_blindly(request, command, now_ns)
     if command.goes_unknown:
         _go_unknown(command, now_ns)
     rules, action = axis.rules, command.action
     if command.words or command.coils or command.unclear_words:
-        rules.note_words(dict(command.words), command.epoch)
-        rules.note_coils(dict(command.coils))
-        rules.doubt(dict.fromkeys(command.unclear_words, 0), {})
+        rules.store_words(dict(command.words), command.epoch)
+        rules.store_coils(dict(command.coils))
+        rules.invalidate(dict.fromkeys(command.unclear_words, 0), {})
     for number in command.written:
         rules.stage(number)
     if command.runs_target:
-        axis.note_run(action)
+        axis.mark_run(action)
         mode = None if command.number is None else rules.plan.mode(command.number)
         if mode is not None and mode.resets_to is not None:
-            rules.note_words({mode.address: mode.resets_to}, command.epoch)
+            rules.store_words({mode.address: mode.resets_to}, command.epoch)
     elif command.written:
-        axis.note_staged()
+        axis.mark_staged()
     if action in MOVES_OTHERWISE:
         _move_otherwise(axis, action, now_ns, is_certain=True)
         if command.runs_stored and not axis.passes_unchanged:
-            axis.compensation.doubt()  # with words that nobody corrected for it
+            axis.compensation.invalidate()  # with words that nobody corrected for it
         if command.sets_position_too:
             _move_otherwise(axis, Action.SET_POSITION, now_ns, is_certain=True)
     elif command.is_doubtful:
         axis.motion.displace(now_ns, keeps_branch=True)  # the reading counts on it already
-    is_whole = not any(axis.fields[number].is_torn for number in command.written)
+    is_whole = not any(axis.fields[number].is_incomplete for number in command.written)
     if command.written and is_whole:
         axis.release_triggers(command.epoch)
     if command.runs_alone and not command.is_run_known and not _runs_superseded(command):
@@ -134,11 +134,11 @@ def _not_obeyed(request: Request, command: AxisCommand, outcome: Outcome, code: 
     is_undone = is_refusal and axis.writes_nothing(code, reads_too=request.reads_too)
     if not is_undone:
         for rendering in command.targets:
-            axis.leave_unproven(rendering, now_ns)
+            axis.leave_unacknowledged(rendering, now_ns)
         for rendering in command.runs:
-            axis.leave_run_unproven(rendering, now_ns)
+            axis.leave_run_unacknowledged(rendering, now_ns)
         for part in command.buffered_parts:
-            part.image.doubt()
+            part.image.invalidate()
         for staging in command.stagings:
             staging.image.leave(staging.nominal_words, staging.corrected_words)
             staging.image.forget()
@@ -150,11 +150,11 @@ def _not_obeyed(request: Request, command: AxisCommand, outcome: Outcome, code: 
         _go_unknown(command, now_ns)
     if not is_undone:
         unclear = dict.fromkeys(command.unclear_words, 0)
-        axis.rules.doubt({**command.words, **unclear}, dict(command.coils))
+        axis.rules.invalidate({**command.words, **unclear}, dict(command.coils))
         if command.action in MOVES_OTHERWISE:
             _move_otherwise(axis, command.action, now_ns, is_certain=False)
             if command.runs_stored and not axis.passes_unchanged:
-                axis.compensation.doubt()
+                axis.compensation.invalidate()
             if command.sets_position_too:
                 _move_otherwise(axis, Action.SET_POSITION, now_ns, is_certain=False)
         elif command.runs_alone and not command.is_run_known and not _runs_superseded(command):
@@ -168,16 +168,16 @@ def _go_unknown(command: AxisCommand, now_ns: int) -> None:
     axis = command.axis
     axis.motion.displace(now_ns)
     if command.is_uncorrected and not axis.passes_unchanged:
-        axis.compensation.doubt()
+        axis.compensation.invalidate()
 
 
 def _write_blindly(request: Request, command: AxisCommand, now_ns: int) -> None:
     """Nobody knows what command fields hold that were written, nor where the axis goes with them."""
-    for image in command.blind:
+    for image in command.untracked:
         command.axis.motion.displace(now_ns)
         image.forget()
-        if image.is_torn:  # words that were lost before are older than what has gone out by now
-            image.tear(request.arrived_ns)
+        if image.is_incomplete:  # words that were lost before are older than what has gone out by now
+            image.lose_all_words(request.arrived_ns)
 
 
 def _move_otherwise(axis: Axis, action: Action, now_ns: int, *, is_certain: bool) -> None:
@@ -213,14 +213,14 @@ def lose(
     _lose(parts, loss, arrived_ns, follows_ns, arrived_ns)
     if command is not None:
         if command.runs_target:
-            note_skew(axis, code)
+            report_skew(axis, code)
         _block_for(command, code)
 
 
 def _lose(parts: Sequence[Part], loss: Loss, arrived_ns: int, follows_ns: int, now_ns: int) -> None:
     for image, first, words in parts:
         if first < 0:
-            image.tear(arrived_ns)
+            image.lose_all_words(arrived_ns)
         else:
             image.lose(loss, first, words, arrived_ns=arrived_ns, follows_ns=follows_ns, now_ns=now_ns)
 
@@ -229,13 +229,13 @@ def _block_for(command: AxisCommand, code: int) -> None:
     """A target, its mode or a part of it was lost: its triggers are refused from now on (M3)."""
     axis = command.axis
     # The others of a beam must not go alone (M11); a run refused for their sake holds nobody up.
-    is_run_of_beam = bool(axis.peers) and command.runs_target and axis.blocked_by_peer is None
+    is_run_of_gantry = bool(axis.peers) and command.runs_target and axis.blocked_by_peer is None
     may_stand = axis.plan.motion.waits_for_trigger or bool(axis.peers)
-    if not may_stand or not (command.written or command.writes_mode or is_run_of_beam):
+    if not may_stand or not (command.written or command.writes_mode or is_run_of_gantry):
         return
     for address in command.modes_written:
         axis.lose_mode(address, code)
-    if command.written or is_run_of_beam:
+    if command.written or is_run_of_gantry:
         why = (
             f"a target or its mode was lost (exception {code:#04x}): triggers are refused until a "
             "complete one was accepted; stops always pass"

@@ -15,13 +15,13 @@ from gateway.exchange.aliases import ANY_TCP_DRIVE
 from gateway.exchange.axis.acknowledge import Rendering, SteadyTarget
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, MotionState
-from gateway.exchange.decode import Frame, Part, decode
+from gateway.exchange.decode import DecodedRequest, Part, decode
 from gateway.exchange.field_counts import nearest
 from gateway.exchange.plan import writes_alone
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.render import nominal_limit
-from gateway.exchange.reply import READS_BITS, note_bits
-from gateway.exchange.request import NOTHING_KNOWN, Request
+from gateway.exchange.reply import READS_BITS, observe_bits
+from gateway.exchange.request import NOTHING_PREFETCHED, Request
 from gateway.exchange.transaction import FastPath, Transaction
 from gateway.exchange.unit import FieldHit, FieldRole, Hits, UnitMap
 from gateway.modbus.errors import RegisterRangeError
@@ -61,13 +61,13 @@ class ReadPath(FastPath):
         self._access = access
         self._hits = hits
         self._asks_for_bits = unit.asks_for_bits
-        self._reads = tuple(_read(hit) for hit in hits.fields if hit.place.role.is_position)
+        self._reads = tuple(_read(hit) for hit in hits.fields if hit.mapped.role.is_position)
 
     def sent(self, transaction: Transaction, now_ns: int) -> bytes | None:
         """See ``FastPath``."""
         for axis in self.axes:
             record = axis.record
-            if axis.silent_since_ns is not None or (record is not None and record.recalled is not None):
+            if axis.silent_since_ns is not None or (record is not None and record.saved is not None):
                 return None
             if axis.fixed is not None:
                 return None  # what was fixed may have ended by now
@@ -78,7 +78,7 @@ class ReadPath(FastPath):
         readbacks = [
             None if read.axis.reads_unchanged else read.axis.compensation.readback for read in self._reads
         ]
-        transaction.note_readbacks(readbacks)
+        transaction.set_readbacks(readbacks)
         return transaction.pdu
 
     def answered(self, transaction: Transaction, reply: bytes, now_ns: int) -> bytes | None:
@@ -105,7 +105,7 @@ class ReadPath(FastPath):
         except RegisterRangeError:
             return exception_pdu(reply[0], ExceptionCode.SERVER_DEVICE_FAILURE)
         if self._hits.bits:
-            note_bits(self._hits.bits, data[2:], NOBODY, transaction.sent_ns)
+            observe_bits(self._hits.bits, data[2:], NOBODY, transaction.sent_ns)
         return bytes(data)
 
     @property
@@ -114,7 +114,7 @@ class ReadPath(FastPath):
         return self._access.read_quantity
 
     @property
-    def places(self) -> tuple[tuple[int, int], ...]:
+    def byte_ranges(self) -> tuple[tuple[int, int], ...]:
         """Where in the PDU of a reply each position begins and ends."""
         return tuple((read.start, read.end) for read in self._reads)
 
@@ -125,11 +125,11 @@ class ReadPath(FastPath):
             record = read.axis.record
             if read.axis.motion.unacknowledged is not None:
                 return False
-            if record is not None and record.recalled is not None:
+            if record is not None and record.saved is not None:
                 return False
         return True
 
-    def turned(self, transaction: Transaction, which: int, words: bytes) -> bytes | None:
+    def nominal_words(self, transaction: Transaction, which: int, words: bytes) -> bytes | None:
         """Return what ``answered`` would make of the words of one position; None: that cannot be said yet.
 
         Nothing is changed by it.
@@ -168,8 +168,8 @@ class ReadPath(FastPath):
             if there is not None and there.startswith(begun):
                 candidates.append(there)
         for words in candidates:
-            turned = self.turned(transaction, which, words)
-            if turned is None or turned[0] != byte:
+            nominal_words = self.nominal_words(transaction, which, words)
+            if nominal_words is None or nominal_words[0] != byte:
                 return False
         return True
 
@@ -198,18 +198,18 @@ class WritePath(FastPath):
 
     def __init__(self, pdu: bytes, unit: UnitMap, access: Access, hit: FieldHit) -> None:
         super().__init__(len(pdu), unit.axes)
-        assert hit.place.image is not None
+        assert hit.mapped.image is not None
         self._unit, self._access = unit, access
-        self._axis = hit.place.axis
+        self._axis = hit.mapped.axis
         self._hold = self._axis.hold
         self._terms = self._axis.terms
-        self._image = hit.place.image
-        self._number = hit.place.number
-        codec = hit.place.field.codec
+        self._image = hit.mapped.image
+        self._number = hit.mapped.number
+        codec = hit.mapped.field.codec
         assert isinstance(codec, Integer), "a path is found for whole numbers only"
-        self._codec, self._scale = codec, hit.place.field.scale
+        self._codec, self._scale = codec, hit.mapped.field.scale
         self._start = access.data_offset + 2 * hit.word
-        self._end = self._start + 2 * hit.place.field.words
+        self._end = self._start + 2 * hit.mapped.field.words
         self._is_last = self._start == access.data_offset and self._end == len(pdu)
         """The target is all that is written; else other words stand beside it."""
         self._head = pdu[: access.data_offset]
@@ -217,8 +217,8 @@ class WritePath(FastPath):
         self._echo = pdu[:5]
         self._asks_for_bits = unit.asks_for_bits
         is_first = self._start == access.data_offset
-        is_alone = writes_alone((axis.plan for axis in unit.axes), hit.place.field)
-        self.is_early = is_first and is_alone and hit.place.field.is_high_first_pair
+        is_alone = writes_alone((axis.plan for axis in unit.axes), hit.mapped.field)
+        self.is_early = is_first and is_alone and hit.mapped.field.is_high_first_pair
         """Whether it may begin to leave by the first byte of its address, and its position by all but the
         last byte: see ``cut_through.delay.write_shape``."""
 
@@ -231,11 +231,11 @@ class WritePath(FastPath):
         target = self.judged(transaction.port, pdu[start:end], now_ns)
         if target is None:
             return None
-        self.keep(transaction, target)
+        self.write_ahead(transaction, target)
         words = target.corrected_words
         return self._head + words if self._is_last else pdu[:start] + words + pdu[end:]
 
-    def keep(self, transaction: Transaction, target: SteadyTarget) -> None:
+    def write_ahead(self, transaction: Transaction, target: SteadyTarget) -> None:
         """A target goes out next: what has to be known of it after a kill is written."""
         axis = self._axis
         transaction.carry(self, target)
@@ -249,7 +249,7 @@ class WritePath(FastPath):
         return self._axis.compensation.is_steady and self._is_usual(now_ns)
 
     @property
-    def place(self) -> tuple[int, int]:
+    def byte_range(self) -> tuple[int, int]:
         """Where in the PDU the position begins and ends."""
         return self._start, self._end
 
@@ -323,12 +323,12 @@ class WritePath(FastPath):
         axis = self._axis
         for each in self.axes:
             record = each.record
-            if each.silent_since_ns is not None or (record is not None and record.recalled is not None):
+            if each.silent_since_ns is not None or (record is not None and record.saved is not None):
                 return False
         if not axis.compensation.is_stream and axis.has_branches and axis.motion.is_unseen(now_ns):
             return False
         motion = axis.motion
-        if motion.unacknowledged is not None or motion.state in MAY_BE_ELSEWHERE or self._image.is_torn:
+        if motion.unacknowledged is not None or motion.state in MAY_BE_ELSEWHERE or self._image.is_incomplete:
             return False
         return not (self._asks_for_bits and axis.needs_reference(now_ns, is_target=True))
 
@@ -358,9 +358,9 @@ class WritePath(FastPath):
         rendering = transaction.rendering()
         self._axis.acknowledgement.name(rendering)
         pdu, words = transaction.pdu, rendering.corrected_words
-        frame = Frame(self._unit, pdu, self._access, {})
+        frame = DecodedRequest(self._unit, pdu, self._access, {})
         sent_ns, arrived_ns = transaction.sent_ns, transaction.arrived_ns
-        request = Request(frame, decode(frame), NOTHING_KNOWN, sent_ns, arrived_ns=arrived_ns)
+        request = Request(frame, decode(frame), NOTHING_PREFETCHED, sent_ns, arrived_ns=arrived_ns)
         request.send_instead(pdu[: self._start] + words + pdu[self._end :])
         command = request.of(self._axis)
         command.targets.append(rendering)
@@ -385,7 +385,7 @@ def find_path(unit: UnitMap | None, unit_id: int, pdu: bytes) -> FastPath | None
     hits = unit.read(access.read_address, access.read_quantity)
     if not (hits.fields or hits.bits):
         return FastPath(len(pdu), unit.axes)
-    if all(hit.is_whole and hit.place.role.is_position for hit in hits.fields):
+    if all(hit.is_whole and hit.mapped.role.is_position for hit in hits.fields):
         return ReadPath(unit, access, hits)
     return None
 
@@ -397,8 +397,8 @@ def _write_path(unit: UnitMap, pdu: bytes, access: Access) -> FastPath | None:
     if not hits.fields:
         return FastPath(len(pdu), unit.axes)
     hit = hits.fields[0]
-    is_target = len(hits.fields) == 1 and hit.is_whole and hit.place.role is FieldRole.COMMAND
-    is_plain = not (unit.has_rules or hit.place.axis.is_dry_run or hit.place.field.type.is_float)
+    is_target = len(hits.fields) == 1 and hit.is_whole and hit.mapped.role is FieldRole.COMMAND
+    is_plain = not (unit.has_rules or hit.mapped.axis.is_dry_run or hit.mapped.field.type.is_float)
     is_block = pdu[0] == FunctionCode.WRITE_MULTIPLE_REGISTERS
     return WritePath(pdu, unit, access, hit) if is_target and is_plain and is_block else None
 
@@ -410,7 +410,7 @@ def _has_bits(unit: UnitMap, pdu: bytes) -> bool:
 
 
 def _read(hit: FieldHit) -> _Read:
-    axis, role, number, field, _ = hit.place
+    axis, role, number, field, _ = hit.mapped
     start = 2 + 2 * hit.word
     is_first_actual = role is FieldRole.ACTUAL and number == 0
     return _Read(axis, role, is_first_actual, number, field, start, start + 2 * field.words)

@@ -81,7 +81,7 @@ class Gate:
             size, denial = verdicts[head]
             if size == len(pdu):
                 return denial
-        return self._look(unit_id, pdu, head, is_odd=is_odd)
+        return self._judge_and_cache(unit_id, pdu, head, is_odd=is_odd)
 
     def is_too_often(self, now_ns: int) -> bool:
         """Count a request; return whether it is one more than ``requests_per_s`` allows."""
@@ -93,7 +93,7 @@ class Gate:
         detail = f"more than {self._rights.requests_per_s:g} requests in a second"
         return Denial(ExceptionCode.SERVER_DEVICE_BUSY, "requests_per_s", detail)
 
-    def _look(self, unit_id: int, pdu: bytes, head: bytes, *, is_odd: bool) -> Denial | None:
+    def _judge_and_cache(self, unit_id: int, pdu: bytes, head: bytes, *, is_odd: bool) -> Denial | None:
         denial = self._judge(unit_id, pdu, is_odd=is_odd)
         if head:
             if not self._verdicts_left:

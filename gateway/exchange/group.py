@@ -1,6 +1,6 @@
 """The axes of a group: what the first trigger fixes, takes before it leaves, and what it leaves behind (M11).
 
-``axis.beam`` has the machine: what is fixed, and how long. Here is what a request makes of it as it leaves
+``axis.gantry`` has the machine: what is fixed, and how long. Here is what a request makes of it as it leaves
 (:func:`leave_in_group`) and as it ends (:func:`end_in_group`).
 
 The other axes may be refused nothing once the first has gone. So what their triggers would need is done
@@ -16,13 +16,13 @@ from gateway.drives.motion import Action
 from gateway.exchange.added_frames import AddedFrame, Purpose, homed_read, read_word
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.axis import MOVES_OTHERWISE, Axis
-from gateway.exchange.axis.beam import Beam, BeamEvent, Fixed
+from gateway.exchange.axis.gantry import Fixed, Gantry, GantryEvent
 from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.axis.registers import JOIN_NS
 from gateway.exchange.decode import AxisCommand
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.prepare import check_may_act, may_run_distances, target_lost
-from gateway.exchange.prerequisites import read_for_staged, render_run, restage_for_run, staged_words
+from gateway.exchange.prerequisites import read_for_staged, render_run, rewrite_for_run, staged_words
 from gateway.exchange.refusal import RefusedRequestError, refused
 from gateway.exchange.request import Request, written_part
 
@@ -32,9 +32,9 @@ def join_groups(axes: Sequence[Axis], groups: Iterable[Iterable[str]]) -> None:
     by_name = {axis.plan.name: axis for axis in axes}
     for names in groups:
         members = [by_name[name] for name in names if name in by_name]
-        beam = Beam([axis.release for axis in members])
+        gantry = Gantry([axis.release for axis in members])
         for axis in members:
-            axis.join(tuple([other for other in members if other is not axis]), beam)
+            axis.join(tuple([other for other in members if other is not axis]), gantry)
 
 
 # --- what is fixed -----------------------------------------------------------------------------------------
@@ -42,26 +42,26 @@ def join_groups(axes: Sequence[Axis], groups: Iterable[Iterable[str]]) -> None:
 
 def settle_group(axis: Axis, now_ns: int) -> None:
     """Bring its group up to date: one reference for all, and no decision of before that has ended."""
-    if axis.beam is None:
+    if axis.gantry is None:
         return
     axis.follow_group()
-    if axis.beam.is_over(now_ns):
-        axis.beam.happens(BeamEvent.EXPIRED)
-    elif axis.beam.is_under_way and _is_group_through(axis, now_ns):
-        axis.beam.happens(BeamEvent.WHOLE)
+    if axis.gantry.is_over(now_ns):
+        axis.gantry.happens(GantryEvent.EXPIRED)
+    elif axis.gantry.is_under_way and _is_group_through(axis, now_ns):
+        axis.gantry.happens(GantryEvent.WHOLE)
 
 
 def leave_in_group(command: AxisCommand, now_ns: int) -> None:
     """A request leaves to an axis of a group: it fixes what all go by, or goes by that, or ends it."""
-    axis, beam = command.axis, command.axis.beam
-    if beam is None:
+    axis, gantry = command.axis, command.axis.gantry
+    if gantry is None:
         return
     if command.action in MOVES_OTHERWISE:
-        beam.happens(BeamEvent.ENDED)
+        gantry.happens(GantryEvent.ENDED)
     elif command.targets or command.runs or command.runs_target:
-        is_first = beam.is_open
+        is_first = gantry.is_open
         if is_first:
-            beam.fix(axis.plan.name, now_ns)
+            gantry.fix(axis.plan.name, now_ns)
             keeps_words = _keeps_other_words(command)
             for member in (axis, *axis.peers):
                 run = None if member is axis else command.peer_runs.get(member.plan.name)
@@ -69,23 +69,23 @@ def leave_in_group(command: AxisCommand, now_ns: int) -> None:
         elif not _keeps_other_words(command):
             for member in (axis, *axis.peers):
                 member.keep_no_other_words()
-        if not is_first and beam.has_put_off and axis.fixed is not None and not axis.fixed.has_gone:
-            detail = f"it goes as {beam.led_by} has gone; what was asked for since comes into force then"
-            axis.tell(exchange_events.GROUP_HELD, detail)
-        beam.happens(BeamEvent.LEFT)
+        if not is_first and gantry.has_put_off and axis.fixed is not None and not axis.fixed.has_gone:
+            detail = f"it goes as {gantry.led_by} has gone; what was asked for since comes into force then"
+            axis.report(exchange_events.GROUP_HELD, detail)
+        gantry.happens(GantryEvent.LEFT)
 
 
 def end_in_group(request: Request, command: AxisCommand, outcome: Outcome, code: int, now_ns: int) -> None:
     """A request to an axis of a group has ended: it has gone, was refused, or was given a target."""
-    axis, beam, fixed = command.axis, command.axis.beam, command.axis.fixed
-    if beam is None or fixed is None:
+    axis, gantry, fixed = command.axis, command.axis.gantry, command.axis.fixed
+    if gantry is None or fixed is None:
         return
     if command.targets or command.runs or command.runs_target:
         if outcome is Outcome.ACKNOWLEDGED or outcome is Outcome.BROADCAST:
             missing = _missing_words(command, fixed, now_ns)
             axis.go_as_fixed(missing, now_ns)
             is_whole = _is_group_through(axis, now_ns)
-            beam.happens(BeamEvent.WHOLE if is_whole else BeamEvent.WENT)
+            gantry.happens(GantryEvent.WHOLE if is_whole else GantryEvent.WENT)
         else:
             is_refusal = outcome is Outcome.EXCEPTION
             is_undone = is_refusal and axis.writes_nothing(code, reads_too=request.reads_too)
@@ -93,19 +93,19 @@ def end_in_group(request: Request, command: AxisCommand, outcome: Outcome, code:
                 member.fixed is not None and member.fixed.has_gone for member in (axis, *axis.peers)
             ):
                 axis.may_go_as_fixed()
-                _tell_unproven_first(axis, beam, code)
+                _report_unconfirmed_first(axis, gantry, code)
             else:
-                note_skew(axis, code)
-            beam.happens(BeamEvent.REFUSED if is_undone else BeamEvent.UNPROVEN)
+                report_skew(axis, code)
+            gantry.happens(GantryEvent.REFUSED if is_undone else GantryEvent.UNCONFIRMED)
     elif outcome is Outcome.ACKNOWLEDGED:
         is_distance = axis.last_run.is_relative
         if fixed.has_gone:
             is_other = any(is_distance or not axis.motion.holds_target(each) for each in command.written)
         else:
             is_other = fixed.may_have_gone
-            is_other = is_other and any(not _holds_unproven(axis, each) for each in command.written)
+            is_other = is_other and any(not _holds_unconfirmed(axis, each) for each in command.written)
         if is_other:
-            beam.happens(BeamEvent.AGAIN)
+            gantry.happens(GantryEvent.AGAIN)
 
 
 def _keeps_other_words(command: AxisCommand) -> bool:
@@ -119,10 +119,10 @@ def _keeps_other_words(command: AxisCommand) -> bool:
     return False
 
 
-def _holds_unproven(axis: Axis, number: int) -> bool:
+def _holds_unconfirmed(axis: Axis, number: int) -> bool:
     """Whether a command field holds the target to which it may have gone, or not all of one."""
     image = axis.fields[number]
-    if image.nominal_words is None or image.is_torn:
+    if image.nominal_words is None or image.is_incomplete:
         return True  # the rest of it is to come
     return axis.may_have_gone_to(number, image.nominal_words)
 
@@ -159,20 +159,20 @@ def _is_group_through(axis: Axis, now_ns: int) -> bool:
     return True
 
 
-def _tell_unproven_first(axis: Axis, beam: Beam, code: int) -> None:
+def _report_unconfirmed_first(axis: Axis, gantry: Gantry, code: int) -> None:
     """It is the first of its group, and nobody knows whether it goes."""
-    beam.skew_by(None)
+    gantry.skew_by(None)
     detail = (
         f"its trigger was sent, and the drive may have obeyed it (exception {code:#04x}): the skew is "
         "not known"
     )
-    axis.tell(exchange_events.GROUP_SKEWED, detail)
+    axis.report(exchange_events.GROUP_SKEWED, detail)
 
 
-def note_skew(axis: Axis, code: int) -> None:
+def report_skew(axis: Axis, code: int) -> None:
     """It is refused after another axis of its group has gone: nothing of ours stops that one (M3)."""
-    beam, fixed = axis.beam, axis.fixed
-    if beam is None or not beam.is_under_way or fixed is None or fixed.has_gone:
+    gantry, fixed = axis.gantry, axis.fixed
+    if gantry is None or not gantry.is_under_way or fixed is None or fixed.has_gone:
         return
     skew: float | None = 0.0
     gone = [member for member in axis.peers if member.fixed is not None and member.fixed.has_gone]
@@ -184,11 +184,11 @@ def note_skew(axis: Axis, code: int) -> None:
             skew = way
     if skew == 0.0:
         return  # nothing has moved
-    beam.skew_by(skew)
+    gantry.skew_by(skew)
     names, units = " and ".join(member.plan.name for member in gone), axis.plan.settings.units.value
     by = "by a way that nobody knows" if skew is None else f"by {skew:+.6g} {units}"
     detail = f"{names} has gone, and its own target was refused (exception {code:#04x}): skewed {by}"
-    axis.tell(exchange_events.GROUP_SKEWED, detail)
+    axis.report(exchange_events.GROUP_SKEWED, detail)
 
 
 def _way_in_group(axis: Axis) -> float | None:
@@ -209,12 +209,12 @@ def settle_groups(request: Request) -> bool:
         RefusedRequestError: the axis must not be given it, so it stays where the round has sent it.
     """
     for command in request.commands:
-        beam, fixed = command.axis.beam, command.axis.fixed
-        if beam is None or fixed is None or not (fixed.has_gone or fixed.may_have_gone):
+        gantry, fixed = command.axis.gantry, command.axis.fixed
+        if gantry is None or fixed is None or not (fixed.has_gone or fixed.may_have_gone):
             continue
         if command.runs_target and _goes_elsewhere(request, command):
             check_may_act(command)
-            beam.happens(BeamEvent.AGAIN)
+            gantry.happens(GantryEvent.AGAIN)
             return True
     return False
 
@@ -241,7 +241,7 @@ def next_of_groups(requests: Sequence[Request]) -> AddedFrame | None:
                 return added
     for request, command in firsts:
         for member in (command.axis, *command.axis.peers):
-            added = _look_at_kept(request, member)
+            added = _poll_at_superseded(request, member)
             if added is not None:
                 return added
     going = [command.axis for _, command in firsts]
@@ -253,32 +253,32 @@ def next_of_groups(requests: Sequence[Request]) -> AddedFrame | None:
     return None
 
 
-def _look_at_kept(request: Request, axis: Axis) -> AddedFrame | None:
+def _poll_at_superseded(request: Request, axis: Axis) -> AddedFrame | None:
     """Return the look that tells whether the target of before a loss counts: of a group all do, or none."""
     actual = axis.asked_actual
-    retained = axis.motion.superseded
-    is_open = retained is not None and not retained.is_declared and axis.motion.seen_at_superseded is None
-    if not is_open or actual is None or axis.plan.name in request.known.actual:
+    superseded = axis.motion.superseded
+    is_open = superseded is not None and not superseded.is_declared and axis.motion.seen_at_superseded is None
+    if not is_open or actual is None or axis.plan.name in request.prefetched.actual:
         return None
-    return AddedFrame(axis, Purpose.LOOK, actual.address, actual.words)
+    return AddedFrame(axis, Purpose.POLL, actual.address, actual.words)
 
 
 def _is_first(command: AxisCommand) -> bool:
-    beam = command.axis.beam
-    return beam is not None and beam.is_open and command.runs_target
+    gantry = command.axis.gantry
+    return gantry is not None and gantry.is_open and command.runs_target
 
 
 def _goes_elsewhere(request: Request, command: AxisCommand) -> bool:
     """Whether a request sends an axis that has gone to another place than where it went."""
     axis = command.axis
-    accepted, is_unproven = axis.compensation.accepted, axis.fixed is not None and axis.fixed.may_have_gone
-    if command.action.is_relative or (accepted is None and not is_unproven):
+    accepted, is_unconfirmed = axis.compensation.accepted, axis.fixed is not None and axis.fixed.may_have_gone
+    if command.action.is_relative or (accepted is None and not is_unconfirmed):
         return True
     if command.runs_alone:
         words = None if command.number is None else axis.fields[command.number].nominal_words
         return words is None or not _is_at(axis, command.number or 0, words)
     for hit, words, is_run in command.writes:
-        if not is_run or (words and _is_at(axis, hit.place.number, words)):
+        if not is_run or (words and _is_at(axis, hit.mapped.number, words)):
             continue
         access = request.frame.access
         if hit.is_whole or access.is_mask or not access.is_consistent:
@@ -299,21 +299,21 @@ def _is_at(axis: Axis, number: int, words: bytes) -> bool:
 
 def _decide_anew(request: Request, axis: Axis) -> None:
     """Forget what was worked out for this request where something else has come into force meanwhile."""
-    known, members = request.known, (axis, *axis.peers)
+    prefetched, members = request.prefetched, (axis, *axis.peers)
     is_other = False
     for member in members:
-        name, is_referenced, wanted = member.plan.name, member.goes_as_referenced, member.wanted
-        keeps, before = member.keeps_other_words, known.decided_by.get(name)
+        name, is_referenced, requested = member.plan.name, member.goes_as_referenced, member.requested
+        keeps, before = member.keeps_other_words, prefetched.decided_by.get(name)
         if before is not None:
-            is_other |= before[0] is not is_referenced or before[1] is not wanted or before[2] is not keeps
-        known.decided_by[name] = (is_referenced, wanted, keeps)
+            is_other |= before[0] is not is_referenced or before[1] is not requested or before[2] is not keeps
+        prefetched.decided_by[name] = (is_referenced, requested, keeps)
     for member in members if is_other else ():
-        known.runs.pop(member.plan.name, None)
-        known.peer_runs.pop(member.plan.name, None)
+        prefetched.runs.pop(member.plan.name, None)
+        prefetched.peer_runs.pop(member.plan.name, None)
 
 
 def _reference_of(request: Request, axis: Axis) -> AddedFrame | None:
-    is_asked = axis.plan.name in request.known.references
+    is_asked = axis.plan.name in request.prefetched.references
     if is_asked or not axis.needs_reference(request.now_ns, is_target=True):
         return None
     return homed_read(axis)
@@ -334,10 +334,12 @@ def _prepare_peer(request: Request, axis: Axis, first: AxisCommand) -> AddedFram
     if first.number is not None and 1 < count > first.number:
         number = first.number
     words = None if number is None else axis.fields[number].nominal_words
-    is_torn = any(field.is_torn for field in (axis.fields if number is None else (axis.fields[number],)))
-    if number is None or words is None or is_torn:
+    is_incomplete = any(
+        field.is_incomplete for field in (axis.fields if number is None else (axis.fields[number],))
+    )
+    if number is None or words is None or is_incomplete:
         may_pass = axis.passes_unchanged or motion.passes_stored_moves
-        if (axis.holds_unrun or is_torn) and not may_pass:
+        if (axis.holds_unrun or is_incomplete) and not may_pass:
             why = "its target was lost or forgotten, write it again"
             raise refused(refusals.GROUP_CANNOT_FOLLOW, axis.plan.name, exchange_events.STORED_MOVE, why=why)
         return None
@@ -355,8 +357,8 @@ def _prepare_peer(request: Request, axis: Axis, first: AxisCommand) -> AddedFram
 def _prepare_staged(
     request: Request, axis: Axis, number: int, words: bytes, first: Action
 ) -> AddedFrame | None:
-    known, name = request.known, axis.plan.name
-    run = known.peer_runs.get(name)
+    prefetched, name = request.prefetched, axis.plan.name
+    run = prefetched.peer_runs.get(name)
     if run is None:
         mode, action = axis.plan.motion.mode(number), first
         lost_mode = axis.rules.lost_mode(number)
@@ -369,7 +371,7 @@ def _prepare_staged(
         else:
             word = axis.rules.word(mode.address)
             if word is None:
-                is_asked = not axis.may_read or mode.address in known.rule_words.get(name, {})
+                is_asked = not axis.may_read or mode.address in prefetched.rule_words.get(name, {})
                 return None if is_asked else read_word(axis, mode.address)
             action = mode.action(word)
         action = Action.ABSOLUTE if action is Action.START else action
@@ -381,5 +383,5 @@ def _prepare_staged(
         run = render_run(request, axis, number, words, action)
         if run is None:
             return None
-        known.peer_runs[name] = run
-    return restage_for_run(axis, run)
+        prefetched.peer_runs[name] = run
+    return rewrite_for_run(axis, run)

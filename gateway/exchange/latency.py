@@ -106,7 +106,7 @@ class HighMark:
         if span_ns > self.ever_ns:
             self.ever_ns = span_ns
 
-    def turn(self, now_ns: int) -> None:
+    def tick(self, now_ns: int) -> None:
         """Begin a new slot when the last one is full; to be called at least once in ten seconds."""
         if now_ns >= self._slot_ends_ns:
             self._slots.append(self.slot_ns)

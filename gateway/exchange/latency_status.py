@@ -54,7 +54,7 @@ class LatencyStatus:
         self._figures: dict[Key, Figures] = {}
         self._below: dict[Key, list[int]] = {}
         """Gateway times up to each of :data:`BOUNDS_US`, and all; by line or axis."""
-        self._turn: deque[Key] = deque()
+        self._round_robin: deque[Key] = deque()
         self._at_first = AT_FIRST
         self._pairs: dict[tuple[str, str], list[Measured]] = {}
         self._pairs_seen = 0
@@ -63,9 +63,9 @@ class LatencyStatus:
 
     def refresh(self, now_ns: int) -> None:
         """Take a few steps; to be called before the figures are shown."""
-        self._meter.turn(now_ns)
+        self._meter.tick(now_ns)
         self._at_first = AT_FIRST
-        for _ in range(STEPS if self._turn else 0):
+        for _ in range(STEPS if self._round_robin else 0):
             self._step()
 
     def fill_line(self, status: LineStatus) -> None:
@@ -116,7 +116,7 @@ class LatencyStatus:
             return self._figures[key]
         columns = self._columns(key)
         if len(columns) > 1 or self._at_first:
-            self._turn.append(key)
+            self._round_robin.append(key)
             self._figures[key] = NOT_WORKED_OUT if len(columns) > 1 else self._worked_out(key, columns)
             self._at_first -= len(columns) <= 1
             return self._figures[key]
@@ -124,18 +124,18 @@ class LatencyStatus:
 
     def _step(self) -> None:
         """Begin with the next figures, or go on adding for those that are in hand."""
-        key = self._turn[0]
+        key = self._round_robin[0]
         if not self._to_add:
             columns = self._columns(key)
             if len(columns) <= 1:
                 self._figures[key] = self._worked_out(key, columns)
-                self._turn.rotate(-1)
+                self._round_robin.rotate(-1)
                 return
             self._sum, self._to_add = columns[0], deque(columns[1:])
         self._sum = list(map(add, self._sum, self._to_add.popleft()))
         if not self._to_add:
             self._figures[key] = self._worked_out(key, [self._sum])
-            self._turn.rotate(-1)
+            self._round_robin.rotate(-1)
 
     def _worked_out(self, key: Key, columns: Sequence[Iterable[int]]) -> Figures:
         """Return the percentiles, 0 of none; of the gateway time of lines and axes keep the histogram too."""

@@ -9,7 +9,7 @@ States of the line:
   either), or the silence after a frame that nobody asked for (W6).
 
 Decided elsewhere is whether a frame leaves and how its request ends (``transaction``), who goes next
-(``turns``), who is silent and answered for (``silent_units``), and what an end of the link means
+(``scheduler``), who is silent and answered for (``silent_units``), and what an end of the link means
 (``link_state``).
 """
 
@@ -22,10 +22,10 @@ from gateway.compiled import mypyc_attr
 from gateway.exchange.added_frames import (
     AddedFrame,
     Purpose,
+    acknowledge_rewritten,
     is_asked_again,
     learn,
-    next_look,
-    note_restaged,
+    next_poll,
     once_more,
 )
 from gateway.exchange.admission import NO_ROOM, Admission, judge, role_denial
@@ -35,12 +35,12 @@ from gateway.exchange.axis.registers import Loss
 from gateway.exchange.commands import Command, EndDryRun, SetLimits
 from gateway.exchange.control import ControlError, carry_out
 from gateway.exchange.counters import LineCounters
-from gateway.exchange.cut_through.forward import Forwarding, Wire
-from gateway.exchange.cut_through.frame import CutEvent
+from gateway.exchange.cut_through.forward import Forwarding, SerialTiming
+from gateway.exchange.cut_through.frame import ForwardEvent
 from gateway.exchange.cut_through.line import ForwardingLine
 from gateway.exchange.deadlines import Deadlines
 from gateway.exchange.decode import AxisCommand
-from gateway.exchange.dispatch import REMEMBERED_PATHS, Units
+from gateway.exchange.dispatch import REMEMBERED_PATHS, UnitMaps
 from gateway.exchange.effects import leave
 from gateway.exchange.events import Event
 from gateway.exchange.gate import Denial
@@ -53,8 +53,9 @@ from gateway.exchange.ports import Alarm, ControllerPort, DriveLink, OwnUnit
 from gateway.exchange.queue import WaitingQueue
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.renewal import Renewal, longest_lost_ns
-from gateway.exchange.request import Known
+from gateway.exchange.request import Prefetched
 from gateway.exchange.rest import Rest
+from gateway.exchange.scheduler import NO_DEADLINE_NS, Scheduler
 from gateway.exchange.silent_units import SilentUnits
 from gateway.exchange.tap import Tap
 from gateway.exchange.transaction import (
@@ -68,11 +69,10 @@ from gateway.exchange.transaction import (
     Transactions,
     outcome_of_reply,
 )
-from gateway.exchange.turns import HAS_NO_TURN, Turns
 from gateway.limits import Reports, others_of_pairs, times
 from gateway.modbus.lengths import is_odd_request
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, EXCEPTION_BIT, MAX_PDU, ExceptionCode, is_exception
-from gateway.status.axis import RivalsStatus
+from gateway.status.axis import WriterConflictStatus
 from gateway.status.line import UnitIds
 from gateway.times import NS_PER_MS, NS_PER_S
 
@@ -80,11 +80,11 @@ ACKNOWLEDGED: Final = Outcome.ACKNOWLEDGED
 EXCEPTION: Final = Outcome.EXCEPTION
 FRAME: Final = Step.FRAME
 ADDED_FRAME: Final = Step.ADDED_FRAME
-WANTED_AGAIN_NS: Final = 100 * NS_PER_MS
+DEMAND_EVERY_NS: Final = 100 * NS_PER_MS
 """So often a connection is asked for while something waits for it."""
 NO_UNIT_ID: Final = -1
 ON_THE_WIRE: Final = "a request that may move it is on the wire; let it arrive at a target, and reload again"
-REFUSALS_TOLD: Final = 10
+REFUSALS_REPORTED: Final = 10
 """So many refusals of a kind are told of an axis in a second; of more how many there were."""
 
 
@@ -104,7 +104,7 @@ class LineExchange:
         other_units: OtherUnits = NO_OTHER_UNITS,
         what_ran: Callable[[int, int], str] = lambda _since_ns, _until_ns: "",
         own_unit: OwnUnit | None = None,
-        cut_through: Wire | None = None,
+        cut_through: SerialTiming | None = None,
         tap: Tap | None = None,
     ) -> None:
         self._tap = tap
@@ -114,7 +114,7 @@ class LineExchange:
         join_terms(self.axes)
         join_groups(self.axes, groups)
         self.counters = LineCounters()
-        self._units = Units(
+        self._units = UnitMaps(
             self.axes, is_serial=link.is_serial, remembered_paths=remembered_paths, other_units=other_units
         )
         self._link = link
@@ -155,8 +155,10 @@ class LineExchange:
             on_event=on_event,
             report=self._report,
         )
-        self._refusals: Reports[tuple[str, str]] = Reports(NS_PER_S, REFUSALS_TOLD, others=others_of_pairs)
-        self._turns = Turns(
+        self._refusals: Reports[tuple[str, str]] = Reports(
+            NS_PER_S, REFUSALS_REPORTED, others=others_of_pairs
+        )
+        self._scheduler = Scheduler(
             self.axes,
             timing,
             self._units,
@@ -178,7 +180,7 @@ class LineExchange:
                 link,
                 self._waiting,
                 transactions=self._transactions,
-                turns=self._turns,
+                scheduler=self._scheduler,
                 silent_units=self.silent_units,
                 link_state=self.link_state,
                 rest=self.rest,
@@ -193,8 +195,8 @@ class LineExchange:
                 gap_ns=gap_ns,
                 stored_units=other_units.unit_ids,
                 on_change=self._settle,
-                tell_no_gain=lambda why: on_event(Event(exchange_events.CUT_THROUGH_OFF, None, why)),
-                tell_fault=self._transactions.tell_fault,
+                report_no_gain=lambda why: on_event(Event(exchange_events.CUT_THROUGH_OFF, None, why)),
+                report_fault=self._transactions.report_fault,
                 tap=tap,
             )
 
@@ -203,10 +205,10 @@ class LineExchange:
         """When :meth:`tick` wants to be called; a few milliseconds late does no harm."""
         if self._transactions.current is not None:
             return self._transactions.current.deadline_ns
-        rests_until_ns, waits_until_ns = self.rest.until_ns, self._turns.waits_until_ns
+        rests_until_ns, waits_until_ns = self.rest.until_ns, self._scheduler.waits_until_ns
         if not self.link_state.is_up or self.link_state.closes_ns or self._renewal.holds:
             due_ns = self.link_state.deadline_ns
-            if due_ns < HAS_NO_TURN and (waits_until_ns is None or due_ns < waits_until_ns):
+            if due_ns < NO_DEADLINE_NS and (waits_until_ns is None or due_ns < waits_until_ns):
                 waits_until_ns = due_ns
         if self.silent_units.silences:
             quiet_ns = self.silent_units.quiet_ns
@@ -237,9 +239,9 @@ class LineExchange:
         )
 
     @property
-    def owes_silence(self) -> bool:
+    def needs_silence(self) -> bool:
         """Whether a reply may still come that is not for whoever uses the line next."""
-        return self.rest.owes_silence or self.silent_units.owes
+        return self.rest.needs_silence or self.silent_units.awaits_late_reply
 
     @property
     def unit_ids(self) -> UnitIds:
@@ -247,7 +249,7 @@ class LineExchange:
         aliases = self._units.aliases
         return UnitIds(
             heard=sorted(self._units.heard),
-            strangers=sorted(self._units.heard.difference(aliases.known)),
+            strangers=sorted(self._units.heard.difference(aliases.expected_unit_ids)),
             requests=aliases.requests_by_name,
         )
 
@@ -265,9 +267,9 @@ class LineExchange:
         found.drives = {str(unit_id): self.silent_units.status(unit_id, now_ns) for unit_id in shown}
         return found
 
-    def rivals_status(self, axis: str, now_ns: int) -> RivalsStatus | None:
+    def writer_conflict(self, axis: str, now_ns: int) -> WriterConflictStatus | None:
         """Return who moves an axis beside its writer, or tries to; None: nobody does."""
-        return self._ownership.rivals.status(axis, now_ns)
+        return self._ownership.writer_conflicts.status(axis, now_ns)
 
     @property
     def is_idle(self) -> bool:
@@ -324,8 +326,8 @@ class LineExchange:
             self._answer_as_own(transaction, why_given_up, now_ns)
             return
         is_motion = port.is_motion
-        if is_motion and self._turns.gaps.is_watching:
-            self._turns.note_motion(now_ns)
+        if is_motion and self._scheduler.gaps.is_watching:
+            self._scheduler.motion_came(now_ns)
         is_free = (
             self._transactions.current is None
             and self.rest.until_ns is None
@@ -368,7 +370,7 @@ class LineExchange:
         elif self.silent_units.is_too_late(transaction, now_ns) and not self._is_behind(port):
             self.silent_units.answer_unasked(transaction, now_ns)
         else:
-            self._turns.gaps.is_watching |= not transaction.is_motion
+            self._scheduler.gaps.is_watching |= not transaction.is_motion
             if self.link_state.holds_up:
                 transaction.hold_up()
             is_behind = self._waiting.has(port)
@@ -381,7 +383,7 @@ class LineExchange:
         """Refuse a request: behind the answers before it, which keep their order, but not in a flood."""
         port = transaction.port
         assert port is not None
-        self._admission.tell(transaction, denial, now_ns)
+        self._admission.report(transaction, denial, now_ns)
         if self._is_behind(port) and not port.is_serial and not self._waiting.is_full(port, 2):
             transaction.deny()
             self._waiting.add(transaction)
@@ -392,11 +394,11 @@ class LineExchange:
         """Put a stop at the head of the queue, before everything that it overtakes (M3)."""
         current = self._transactions.current
         if current is not None and current.phase is Phase.LEAVING:
-            self._spoil(current, CutEvent.OVERTAKEN, now_ns)
-        self._turns.overtake(stop, stops, now_ns)
+            self._abort(current, ForwardEvent.OVERTAKEN, now_ns)
+        self._scheduler.overtake(stop, stops, now_ns)
         if not self.link_state.is_up or self.rest.is_opening:
             stop.hold_up()
-        if not self._turns.add_stop(stop, now_ns):
+        if not self._scheduler.add_stop(stop, now_ns):
             self._transactions.refuse(stop, ExceptionCode.SERVER_DEVICE_BUSY, now_ns, loss=None)
         self._next(now_ns)
 
@@ -410,7 +412,7 @@ class LineExchange:
         if self.forwarding is not None:
             self.forwarding.gone(port, now_ns)
             if self._transactions.current is not None and self._transactions.current.port is port:
-                self._end_reply(CutEvent.LOST, now_ns)
+                self._end_reply(ForwardEvent.LOST, now_ns)
         self._give_up(port, "its connection closed", now_ns)
         self._admission.gone(port, now_ns, is_broken=is_broken)
         if is_broken and self._transactions.current is not None and self._transactions.current.port is port:
@@ -422,10 +424,10 @@ class LineExchange:
         for transaction in self._waiting.give_up(port):
             self._transactions.withdraw(transaction, reason, now_ns)
         if self._transactions.current and self._transactions.current.port is port:
-            self._end_reply(CutEvent.ANEW, now_ns)
+            self._end_reply(ForwardEvent.ANEW, now_ns)
             self._transactions.current.give_up()
 
-    def note_standstill(self, gap_ns: int) -> None:
+    def report_standstill(self, gap_ns: int) -> None:
         """Report that nobody looked for a while."""
         detail = f"the relay stood still for {gap_ns / NS_PER_S:.2f} s; what controllers gave up is not sent"
         self._on_event(Event(exchange_events.STOOD_STILL, None, detail))
@@ -466,18 +468,18 @@ class LineExchange:
             return
         if len(pdu) > MAX_PDU:  # it cannot be passed on
             self._transactions.free_wire()
-            self._renewal.hear()
+            self._renewal.mark_alive()
             self.counters.oversized += 1
             self._end_unanswered(transaction, now_ns)
-            self._turns.gaps.ended(transaction, now_ns)
+            self._scheduler.gaps.ended(transaction, now_ns)
             self._next(now_ns)
             return
-        if transaction.stopping is Stopping.EARLY and not self._turns.is_answer(transaction, pdu):
-            self._renewal.hear()
+        if transaction.stopping is Stopping.EARLY and not self._scheduler.is_answer(transaction, pdu):
+            self._renewal.mark_alive()
             self.silent_units.disturb(unit_id, now_ns)
-            self.silent_units.owe(unit_id, transaction.sent_ns + self._response_timeout_ns)
+            self.silent_units.expect_late_reply(unit_id, transaction.sent_ns + self._response_timeout_ns)
             self._transactions.free_wire()
-            self._turns.go_again(transaction, now_ns)
+            self._scheduler.go_again(transaction, now_ns)
             self._report(self._units.axes_of(unit_id))
             self._next(now_ns)
             return
@@ -485,20 +487,20 @@ class LineExchange:
             self.link_state.see_whether_it_closes(transaction, now_ns)
         self.silent_units.answered_ns[unit_id] = now_ns
         if self.silent_units.silences:
-            if transaction.stopping is Stopping.AGAIN and self.silent_units.owes_of(unit_id):
+            if transaction.stopping is Stopping.AGAIN and self.silent_units.awaits_late_reply_of(unit_id):
                 # Of the same stop, sent twice, one answer has come; nobody knows which.
-                self.silent_units.owe(unit_id, transaction.sent_ns + self._response_timeout_ns)
-            self._renewal.hear_answer(unit_id)
-            self._renewal.hear()
-            self.silent_units.hear(unit_id, now_ns)
+                self.silent_units.expect_late_reply(unit_id, transaction.sent_ns + self._response_timeout_ns)
+            self._renewal.mark_answered(unit_id)
+            self._renewal.mark_alive()
+            self.silent_units.mark_alive(unit_id, now_ns)
         path, forwarding = transaction.path, self.forwarding
         if path is None:
-            turned = None
+            nominal_reply = None
         elif forwarding is None:
-            turned = path.answered(transaction, pdu, now_ns)
+            nominal_reply = path.answered(transaction, pdu, now_ns)
         else:
-            turned = forwarding.answered(path, transaction, pdu, now_ns)
-        if path is None or turned is None:
+            nominal_reply = forwarding.answered(path, transaction, pdu, now_ns)
+        if path is None or nominal_reply is None:
             axes = self._take_reply(transaction, pdu, now_ns)
         else:
             axes = path.axes
@@ -506,15 +508,15 @@ class LineExchange:
             self.counters.exceptions += pdu[0] >= EXCEPTION_BIT
             outcome = ACKNOWLEDGED if pdu[0] < EXCEPTION_BIT else EXCEPTION
             self._transactions.go_on(transaction, outcome)
-            self._transactions.reply(transaction, turned)
+            self._transactions.reply(transaction, nominal_reply)
             path.settle(transaction, now_ns)
             self._transactions.free_wire()
             assert transaction.port is not None
-            self.meter.note(transaction, transaction.port, pdu, now_ns)
+            self.meter.add(transaction, transaction.port, pdu, now_ns)
         if forwarding is not None:
-            forwarding.note(transaction, pdu, turned, now_ns)
-        if self._turns.gaps.is_watching:
-            self._turns.gaps.ended(transaction, now_ns)
+            forwarding.add(transaction, pdu, nominal_reply, now_ns)
+        if self._scheduler.gaps.is_watching:
+            self._scheduler.gaps.ended(transaction, now_ns)
         if axes:
             self._report(axes)
         if self._waiting.total or self._renewal.holds:
@@ -535,7 +537,7 @@ class LineExchange:
         if self._broken_off is not None:
             self._forget_parts_of(transaction)
         if transaction.port is not None:
-            self.meter.note(transaction, transaction.port, pdu, now_ns)
+            self.meter.add(transaction, transaction.port, pdu, now_ns)
         return axes
 
     def _take_added(self, transaction: Transaction, pdu: bytes, now_ns: int) -> None:
@@ -546,13 +548,13 @@ class LineExchange:
             self._renewal.answered(now_ns)
         if transaction.port is None:
             self.counters.added_reads += 1
-            known = Known()
-            is_again = is_asked_again(frame, pdu, known)
+            prefetched = Prefetched()
+            is_again = is_asked_again(frame, pdu, prefetched)
             if not is_again:
-                learn(frame, pdu, known, transaction.sent_ns)
+                learn(frame, pdu, prefetched, transaction.sent_ns)
             outcome = Outcome.EXCEPTION if is_exception(pdu) else Outcome.ACKNOWLEDGED
             self._transactions.finish(transaction, outcome, now_ns)
-            following = None if is_exception(pdu) else next_look(frame, transaction.sent_ns)
+            following = None if is_exception(pdu) else next_poll(frame, transaction.sent_ns)
             self._waiting.add_own(once_more(frame) if is_again else following, now_ns)
             return
         self._transactions.go_on(transaction, Step.ANSWERED)
@@ -573,24 +575,24 @@ class LineExchange:
         Returns:
             The exception code with which the request that it was for is refused; None when it can go on.
         """
-        known = transaction.knowledge()
+        prefetched = transaction.knowledge()
         rendering = frame.rendering
         if rendering is None:
             self.counters.added_reads += 1
-            if frame.purpose is Purpose.LOOK:
+            if frame.purpose is Purpose.POLL:
                 transaction.excuse(now_ns - transaction.sent_ns)
-            if is_asked_again(frame, pdu, known) and now_ns <= transaction.leave_by_ns:
+            if is_asked_again(frame, pdu, prefetched) and now_ns <= transaction.leave_by_ns:
                 return None  # it is read again, if nothing else goes first
-            learn(frame, pdu, known, transaction.sent_ns)
+            learn(frame, pdu, prefetched, transaction.sent_ns)
             return None
         if frame.is_acknowledged(pdu):
             self.counters.restaged += 1
-            note_restaged(frame)
-            frame.axis.tell_restaged(self.counters.restaged, now_ns)
+            acknowledge_rewritten(frame)
+            frame.axis.report_rewritten(self.counters.restaged, now_ns)
             return None
         code = pdu[1] if len(pdu) == 2 and is_exception(pdu) else ExceptionCode.SERVER_DEVICE_FAILURE
         why = "the drive refused the staged target when it was written anew"
-        frame.axis.lose_restaged(rendering, code, why)
+        frame.axis.lose_rewritten(rendering, code, why)
         return code
 
     def stray(self, now_ns: int, *, unit_id: int = -1) -> None:
@@ -606,9 +608,9 @@ class LineExchange:
 
     def _stray(self, now_ns: int, unit_id: int) -> None:
         self.counters.late += 1
-        self._renewal.hear()
+        self._renewal.mark_alive()
         if self._transactions.current is not None and self._transactions.current.phase is Phase.LEAVING:
-            self._spoil(self._transactions.current, CutEvent.MET, now_ns)
+            self._abort(self._transactions.current, ForwardEvent.MET, now_ns)
         is_awaited = self.silent_units.disturb(unit_id, now_ns)
         if self.rest.is_draining:
             self.rest.disturb(now_ns)
@@ -617,7 +619,7 @@ class LineExchange:
             detail = f"a frame that answers nothing: waiting for {self.rest.drain_ms:g} ms of silence"
             self._on_event(Event(exchange_events.LATE_REPLY, None, detail))
         if unit_id >= 0 and self.silent_units.silences:
-            self.silent_units.hear(unit_id, now_ns)
+            self.silent_units.mark_alive(unit_id, now_ns)
         if is_awaited and self._transactions.current is None:
             self._next(now_ns)
 
@@ -625,7 +627,7 @@ class LineExchange:
         """Note bytes of the drives of which no frame was made yet: the connection lives."""
         if self._tap is not None:
             self._tap.unframed(now_ns)
-        self._renewal.hear()
+        self._renewal.mark_alive()
 
     def link_up(self, now_ns: int) -> None:
         """Note that the drives can be reached. What that means, :data:`~.link_loss.LINK_LOSS` says."""
@@ -651,16 +653,16 @@ class LineExchange:
         current = self._transactions.free_wire()
         self.link_state.end(current, reason, now_ns, is_orderly=is_orderly)
         if current is not None and current.phase is Phase.LEAVING:
-            self._spoil(current, CutEvent.LOST, now_ns)
+            self._abort(current, ForwardEvent.LOST, now_ns)
             self._transactions.never_left(current, now_ns)
         elif current is not None and self._may_begin_anew(current):
             self._transactions.go_on(current, Step.ANSWERED)
             current.begin_anew()
             self._waiting.put_back(current)
         elif current is not None:
-            self._end_reply(CutEvent.GONE, now_ns)
+            self._end_reply(ForwardEvent.GONE, now_ns)
             self._end_unanswered(current, now_ns)
-        self._keep_waiting(now_ns)
+        self._hold_up_waiting(now_ns)
         self._report(self.axes)
 
     # --- what waits for the next link ------------------------------------------------------------------
@@ -671,20 +673,20 @@ class LineExchange:
         is_read = transaction.phase is Phase.PREREQUISITE and frame is not None and frame.rendering is None
         return is_read and self._link.connects and not self.link_state.is_stopping
 
-    def _keep_waiting(self, now_ns: int) -> None:
+    def _hold_up_waiting(self, now_ns: int) -> None:
         """Let what waits wait for the next connection; where there will be none, nothing is to be had."""
         for transaction in self._waiting.withdraw(lambda each: each.port is None or not self._link.connects):
             self._transactions.refuse_absent(transaction, now_ns)
         is_lost = bool(self.link_state.lost)
         for transaction in self._waiting:
             transaction.hold_up()
-            if is_lost and transaction.known is not None:
+            if is_lost and transaction.prefetched is not None:
                 transaction.begin_anew()
         self._next(now_ns)
 
     def _wait_for_link(self, now_ns: int) -> int:
         """Answer what has waited for the link for too long; return when the next one has."""
-        until_ns = HAS_NO_TURN
+        until_ns = NO_DEADLINE_NS
         for transaction in tuple(self._waiting):
             if transaction.port is None or (self.link_state.is_up and not transaction.is_held_up):
                 continue
@@ -699,7 +701,7 @@ class LineExchange:
                 self._transactions.refuse_absent(transaction, now_ns)
         if not self.link_state.is_up and self._waiting.total:
             self._link.want()
-            until_ns = min(until_ns, now_ns + WANTED_AGAIN_NS)
+            until_ns = min(until_ns, now_ns + DEMAND_EVERY_NS)
         return until_ns
 
     def _has_waited_too_long(self, transaction: Transaction, now_ns: int) -> bool:
@@ -713,7 +715,7 @@ class LineExchange:
         """Begin with a silence: the drives may still answer what was asked before (W6)."""
         if self._tap is not None:
             self._tap.rest_first(now_ns)
-        self.rest.owe()
+        self.rest.expect_late_reply()
 
     def _settle(self) -> None:
         """Have the line woken at its deadline, which may be another one now."""
@@ -734,7 +736,7 @@ class LineExchange:
         if self._transactions.current is not None:
             self._time_out(self._transactions.current, now_ns)
         # What comes too late to the end of a silence has to see that there was one.
-        if self.link_state.is_up and self.silent_units.owes:
+        if self.link_state.is_up and self.silent_units.awaits_late_reply:
             self.silent_units.answer_waiting(now_ns)
         # Only here: a caller that comes late has read by then what had come (W6).
         rests_until_ns = self.rest.until_ns
@@ -743,10 +745,10 @@ class LineExchange:
         self.rest.settle(now_ns)
         self.silent_units.settle(now_ns)
         if self._renewal.holds and self.link_state.is_up and self._renewal.settle(now_ns):
-            self._turns.release_stops()
+            self._scheduler.release_stops()
         self.link_state.watch(now_ns)
         if is_timed_out and self.link_state.is_up and self._link.connects and self.link_state.renews(now_ns):
-            self._keep_waiting(now_ns)
+            self._hold_up_waiting(now_ns)
         self._next(now_ns)
 
     def stop(self, now_ns: int) -> None:
@@ -761,19 +763,19 @@ class LineExchange:
 
     def _next(self, now_ns: int) -> None:
         """Start what waits, as long as the line is free."""
-        turns = self._turns
-        turns.waits_until_ns = None
+        scheduler = self._scheduler
+        scheduler.waits_until_ns = None
         if self.link_state.holds_up:
-            turns.wake_at(self._wait_for_link(now_ns))
+            scheduler.wake_at(self._wait_for_link(now_ns))
             if not self.link_state.is_up:
                 return
         while self._waiting.total and self._transactions.current is None:
-            chosen = turns.next(now_ns)
+            chosen = scheduler.next(now_ns)
             if chosen is None:
                 break
             self._start(chosen, now_ns)
         if self._renewal.holds and self._transactions.current is None and self.rest.until_ns is None:
-            read = turns.held_read(now_ns)
+            read = scheduler.held_read(now_ns)
             if read is not None:
                 self._put_on_wire(read, read.pdu, read.unit_id, now_ns)
 
@@ -815,7 +817,7 @@ class LineExchange:
                 if transaction.added is not None:
                     self._put_on_wire(transaction, transaction.added.pdu, dead.unit_id, now_ns)
                     return
-        if transaction.known is None and not self._deadlines.may_be_late(transaction, now_ns):
+        if transaction.prefetched is None and not self._deadlines.may_be_late(transaction, now_ns):
             path = self._units.path_of(transaction.unit_id, transaction.pdu)
             sent_pdu = None if path is None else path.sent(transaction, now_ns)
             if path is not None and sent_pdu is not None:
@@ -825,7 +827,7 @@ class LineExchange:
                     path.left(transaction)
                 return
         if transaction.unit_id not in self._units and self._units.aliases.is_unknown(transaction.unit_id):
-            self._note_unknown_unit(transaction.unit_id)
+            self._count_unknown_unit(transaction.unit_id)
             if transaction.port is not None:
                 self.silent_units.askers.add((transaction.port.plan.name, transaction.unit_id))
         if not self._ownership.may_move(transaction, now_ns):
@@ -837,7 +839,7 @@ class LineExchange:
             self._deadlines.check(transaction, now_ns)
             added, pdu = self._units.next_to_send(transaction, now_ns)
         except RefusedRequestError as refusal:
-            self._tell_refusal(refusal, now_ns)
+            self._report_refusal(refusal, now_ns)
             loss = Loss.TOO_EARLY if refusal.is_too_early else Loss.DENIED
             self._transactions.refuse(transaction, refusal.code, now_ns, loss=loss)
             return
@@ -850,15 +852,15 @@ class LineExchange:
         self._put_on_wire(transaction, pdu, transaction.unit_id, now_ns)
         self._ownership.moved(transaction, now_ns)
 
-    def _tell_refusal(self, refusal: RefusedRequestError, now_ns: int) -> None:
+    def _report_refusal(self, refusal: RefusedRequestError, now_ns: int) -> None:
         """Tell why a request was refused, and of many like it how many there were."""
         count = self._refusals.due((refusal.kind.name, refusal.axis), now_ns)
         if count:
             self._on_event(Event(refusal.kind, refusal.axis or None, refusal.reason + times(count)))
 
-    def _note_unknown_unit(self, unit_id: int) -> None:
+    def _count_unknown_unit(self, unit_id: int) -> None:
         """Count a request to a unit id of which nobody knows anything, and tell of the first one."""
-        if self._units.aliases.note(unit_id):
+        if self._units.aliases.count_request(unit_id):
             mapped = ", ".join(f"{axis.plan.name} (unit id {axis.plan.unit_id})" for axis in self.axes)
             detail = f"a controller talks to unit id {unit_id}, which has no axis; there are {mapped}"
             self._on_event(Event(exchange_events.UNKNOWN_UNIT, None, detail))
@@ -872,11 +874,11 @@ class LineExchange:
         elif port is not None and port.patience_ns > patience_ns and transaction.added is None:
             patience_ns = port.patience_ns
         if port is not None and self.silent_units.silences and not transaction.is_stop:
-            self.silent_units.had_turn(id(port))
-        if transaction.is_stop and self._turns.is_early(transaction, now_ns):
+            self.silent_units.note_served(id(port))
+        if transaction.is_stop and self._scheduler.is_early(transaction, now_ns):
             self._transactions.stop_goes_on(transaction, StopEvent.LEAVES_EARLY)
         if self._renewal.holds and transaction.is_stop:
-            self._turns.note_early(transaction)
+            self._scheduler.add_early_stop(transaction)
         is_broadcast = unit_id == BROADCAST_UNIT_ID and self._link.is_serial
         if self.forwarding is not None and not is_broadcast:
             self.forwarding.expect(transaction)
@@ -887,12 +889,12 @@ class LineExchange:
 
     # --- requests that leave while they arrive ---------------------------------------------------------
 
-    def _end_reply(self, why: CutEvent, now_ns: int) -> None:
+    def _end_reply(self, why: ForwardEvent, now_ns: int) -> None:
         """Let no more leave of a reply that is leaving."""
         if self.forwarding is not None:
             self.forwarding.end_reply(why, now_ns)
 
-    def _spoil(self, transaction: Transaction, why: CutEvent, now_ns: int) -> None:
+    def _abort(self, transaction: Transaction, why: ForwardEvent, now_ns: int) -> None:
         """Let no more leave of a request that is leaving."""
         assert self.forwarding is not None
         self.forwarding.end_request(transaction, why, now_ns)
@@ -900,10 +902,10 @@ class LineExchange:
     def _end_broadcast(self, transaction: Transaction, now_ns: int) -> None:
         """Give the drives time to obey what all of them heard, and none of them answers."""
         self.counters.broadcasts += 1
-        self.rest.turn_around(now_ns)
-        self._turns.gaps.ended(transaction, now_ns, self.rest.until_ns)
+        self.rest.begin_turnaround(now_ns)
+        self._scheduler.gaps.ended(transaction, now_ns, self.rest.until_ns)
         if transaction.stopping is Stopping.EARLY:
-            self._turns.wait_again(transaction)
+            self._scheduler.wait_again(transaction)
         self._transactions.finish(transaction, Outcome.BROADCAST, now_ns)
         self._report(self.axes)
 
@@ -937,7 +939,7 @@ class LineExchange:
             outcome = Outcome.NEVER_SENT
             if frame is not None and frame.rendering is not None:
                 why = "nobody knows whether the staged target was written anew"
-                frame.axis.lose_restaged(frame.rendering, NO_RESPONSE, why)
+                frame.axis.lose_rewritten(frame.rendering, NO_RESPONSE, why)
         self._transactions.finish(transaction, outcome, now_ns, code=NO_RESPONSE, answer=Answer.ABSENCE)
         if self._broken_off is not None:
             self._forget_parts_of(transaction)
@@ -956,7 +958,7 @@ class LineExchange:
         if self._tap is not None:
             self._tap.abandoned()
         self._link.abandon()
-        self._end_reply(CutEvent.STALLED, now_ns)
+        self._end_reply(ForwardEvent.STALLED, now_ns)
         self._transactions.free_wire()
         self.counters.timeouts += 1
         unit_id = transaction.wire_unit_id
@@ -974,7 +976,7 @@ class LineExchange:
             self.silent_units.miss_stop(unit_id, transaction.pdu, others, now_ns)
             self.silent_units.thin_out(transaction, now_ns)
         if transaction.stopping is Stopping.EARLY:
-            self._turns.go_again(transaction, now_ns)
+            self._scheduler.go_again(transaction, now_ns)
         else:
             self._end_unanswered(transaction, now_ns)
         axes = self._units.axes_of(unit_id)
@@ -984,4 +986,4 @@ class LineExchange:
         if has_died and self.silent_units.backs_off:
             self._on_event(Event(exchange_events.DRIVE_BACKED_OFF, None, self._unanswered_by(unit_id)))
             self.silent_units.answer_waiting(now_ns)
-        self._turns.gaps.ended(transaction, now_ns, silence.quiet_ns or None)
+        self._scheduler.gaps.ended(transaction, now_ns, silence.quiet_ns or None)

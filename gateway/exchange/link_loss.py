@@ -48,18 +48,18 @@ class Words(Enum):
     AS_RECORDED = "as in the record, until a reading proves or disproves them"
 
 
-class Base(Enum):
+class BaseAfterLoss(Enum):
     """What becomes of the base of relative moves, the modes and the registers."""
 
     KEPT = "kept"
     FORGOTTEN = "forgotten"
 
 
-class Reference(Enum):
+class ReferenceAfterLoss(Enum):
     """What becomes of the reference."""
 
     KEPT = "kept"
-    IN_DOUBT = "a homed bit is read; else kept up to `lost_ms` of silence"
+    UNCONFIRMED = "a homed bit is read; else kept up to `lost_ms` of silence"
     LOST = "a homed bit is read; else lost"
     AS_RECORDED = "as in the record"
 
@@ -93,8 +93,8 @@ class LossRow(NamedTuple):
     """What a kind of lost link does."""
 
     words: Words
-    base: Base
-    reference: Reference
+    base: BaseAfterLoss
+    reference: ReferenceAfterLoss
     reach: Reached
     silence: Silent
     record: Recorded
@@ -102,8 +102,8 @@ class LossRow(NamedTuple):
 
 _CLOSED: Final = LossRow(
     Words.UNTIL_READ,
-    Base.FORGOTTEN,
-    Reference.IN_DOUBT,
+    BaseAfterLoss.FORGOTTEN,
+    ReferenceAfterLoss.UNCONFIRMED,
     Reached.ASKED_AGAIN,
     Silent.UNTIL_UP,
     Recorded.PAUSED,
@@ -111,26 +111,31 @@ _CLOSED: Final = LossRow(
 
 LINK_LOSS: Final = {
     LinkLoss.BLINK: LossRow(
-        Words.KEPT, Base.KEPT, Reference.KEPT, Reached.KEPT, Silent.NONE, Recorded.GOES_ON
+        Words.KEPT, BaseAfterLoss.KEPT, ReferenceAfterLoss.KEPT, Reached.KEPT, Silent.NONE, Recorded.GOES_ON
     ),
     LinkLoss.IDLE_CLOSE: _CLOSED,
     LinkLoss.OWN_CLOSE: _CLOSED,
     LinkLoss.RENEWAL: LossRow(
-        Words.KEPT, Base.KEPT, Reference.KEPT, Reached.KEPT, Silent.GOES_ON, Recorded.GOES_ON
+        Words.KEPT,
+        BaseAfterLoss.KEPT,
+        ReferenceAfterLoss.KEPT,
+        Reached.KEPT,
+        Silent.GOES_ON,
+        Recorded.GOES_ON,
     ),
     LinkLoss.LOSS: _CLOSED,
     LinkLoss.SILENCE: LossRow(
         Words.UNTIL_READ,
-        Base.FORGOTTEN,
-        Reference.LOST,
+        BaseAfterLoss.FORGOTTEN,
+        ReferenceAfterLoss.LOST,
         Reached.KEPT,
         Silent.UNTIL_FRAME,
         Recorded.GOES_ON,
     ),
     LinkLoss.RESTART: LossRow(
         Words.AS_RECORDED,
-        Base.FORGOTTEN,
-        Reference.AS_RECORDED,
+        BaseAfterLoss.FORGOTTEN,
+        ReferenceAfterLoss.AS_RECORDED,
         Reached.ASKED_AGAIN,
         Silent.ENDED,
         Recorded.READ,

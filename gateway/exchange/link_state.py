@@ -15,8 +15,8 @@ from gateway.catalogue import exchange_events
 from gateway.exchange.added_frames import reads_at_start, trial_read
 from gateway.exchange.axis.acknowledge import OnWire
 from gateway.exchange.axis.axis import Axis
-from gateway.exchange.axis.motion import MotionState, Said
-from gateway.exchange.dispatch import Units
+from gateway.exchange.axis.motion import MotionState, Reported
+from gateway.exchange.dispatch import UnitMaps
 from gateway.exchange.events import Event
 from gateway.exchange.link_loss import BLINK_NS, CLOSES_SOON_NS, HEARD_NS, LINK_LOSS, LinkLoss, Reached
 from gateway.exchange.plan import DONE_BIT, LineTiming
@@ -54,13 +54,13 @@ def is_at_rest(axis: Axis, up_ns: int, now_ns: int) -> bool:
     """
     has_arrived = axis.motion.state in AT_REST
     if axis.motion.state is MotionState.UNKNOWN:
-        has_arrived = axis.motion.sent_off_ns <= up_ns or axis.motion.said is Said.STOOD
+        has_arrived = axis.motion.sent_off_ns <= up_ns or axis.motion.reported is Reported.STOOD
     if axis.compensation.is_stream and now_ns - axis.motion.heard_ns < STREAM_ENDED_NS:
         return False
     if axis.motion.state is MotionState.IN_WINDOW:
         has_arrived = DONE_BIT not in axis.plan.bits  # it has no other way to say so
-    is_standing = has_arrived and not axis.motion.is_moving and not axis.reference.is_homing
-    if not is_standing or axis.acknowledgement.on_wire is not OnWire.NOTHING:
+    is_stationary = has_arrived and not axis.motion.is_moving and not axis.reference.is_homing
+    if not is_stationary or axis.acknowledgement.on_wire is not OnWire.NOTHING:
         return False
     staged = axis.rules.staged if axis.plan.motion.waits_for_trigger else None
     if staged is None:
@@ -89,7 +89,7 @@ class LinkState:
     def __init__(
         self,
         axes: Sequence[Axis],
-        units: Units,
+        units: UnitMaps,
         timing: LineTiming,
         link: DriveLink,
         waiting: WaitingQueue,
@@ -134,11 +134,11 @@ class LinkState:
         """Whether the server may close its connection behind an answer: it was not seen yet that it stays."""
         self.has_closed_soon = False
         """Whether it did so the last time."""
-        self._told: Reports[tuple[str, str]] = Reports(others=others_of_pairs)
-        self._is_told = True
+        self._reports: Reports[tuple[str, str]] = Reports(others=others_of_pairs)
+        self._is_reported = True
         """Whether somebody knows that it is down: then that it is up is told, too."""
         self._detail = ""
-        self._tell_ns = 0
+        self._report_ns = 0
         """When it is told that it is still down; 0: it was told."""
 
     @property
@@ -160,7 +160,7 @@ class LinkState:
     def deadline_ns(self) -> int:
         """When it is to be told, or looked whether it is to be closed; :data:`NEVER`: nothing is due."""
         if not self.is_up:
-            return min(self.blinks_until_ns or NEVER, self._tell_ns or NEVER)
+            return min(self.blinks_until_ns or NEVER, self._report_ns or NEVER)
         due_ns = self.closes_ns or NEVER
         if self._renewal.held is Held.WRITES:
             due_ns = min(due_ns, self._renewal.held_until_ns)
@@ -175,9 +175,9 @@ class LinkState:
         row = LINK_LOSS[loss]
         self.is_up = True
         self.up_ns = now_ns
-        self.blinks_until_ns = self._tell_ns = 0
-        if self._is_told:
-            self._is_told = False
+        self.blinks_until_ns = self._report_ns = 0
+        if self._is_reported:
+            self._is_reported = False
             self._on_event(Event(exchange_events.LINE_UP))
         self._rest.resume(now_ns)
         delay_ns = self._delay_ns
@@ -218,11 +218,11 @@ class LinkState:
             now_ns: when.
             is_orderly: the other end has closed it, and nothing broke.
         """
-        owes_nothing = current is None and self._renewal.owes_nothing
-        is_idle = is_orderly and owes_nothing and self._connects
+        awaits_nothing = current is None and self._renewal.awaits_nothing
+        is_idle = is_orderly and awaits_nothing and self._connects
         detail = reason
         if is_orderly:
-            detail = IDLE if owes_nothing else ASKED
+            detail = IDLE if awaits_nothing else ASKED
         self._go_down(LinkLoss.IDLE_CLOSE if is_idle else LinkLoss.LOSS, detail, current, now_ns)
 
     def stop(self) -> None:
@@ -234,8 +234,8 @@ class LinkState:
         self.is_up = False
         self.closes_ns = 0
         is_under_way = any(axis.motion.state is MotionState.MOVING for axis in self._axes)
-        is_busy = current is not None or self._rest.is_draining or self._silent_units.owes
-        self._rest.break_off(owes_silence=self._link.is_serial and is_busy)
+        is_busy = current is not None or self._rest.is_draining or self._silent_units.awaits_late_reply
+        self._rest.break_off(needs_silence=self._link.is_serial and is_busy)
         self.loss = loss
         self.down_ns = now_ns
         is_closed = loss is LinkLoss.IDLE_CLOSE or loss is LinkLoss.OWN_CLOSE
@@ -250,11 +250,11 @@ class LinkState:
         elif is_closed:
             self.lost = tuple([axis for axis in self._axes if not self._was_heard(axis, now_ns)])
         if self.is_stopping or (self.is_on_demand and is_closed):
-            self._is_told, self._tell_ns = False, 0  # closing it ourselves is no event
+            self._is_reported, self._report_ns = False, 0  # closing it ourselves is no event
         elif is_by_us:
-            self._tell_later(detail, now_ns)
+            self._report_later(detail, now_ns)
         else:
-            self._tell_down(detail, now_ns, is_under_way=bool(self.lost) and is_under_way)
+            self._report_down(detail, now_ns, is_under_way=bool(self.lost) and is_under_way)
         for axis in self.lost:
             axis.lose_link(now_ns, was_closed=is_closed)
 
@@ -274,7 +274,7 @@ class LinkState:
             axis.lose_link(self.down_ns, was_closed=True)
         if kept:
             for transaction in self._waiting:
-                if transaction.known is not None:
+                if transaction.prefetched is not None:
                     transaction.begin_anew()
             self._report(kept)
 
@@ -284,9 +284,9 @@ class LinkState:
         """Do what has fallen due."""
         if not self.is_up:
             self._end_blink(now_ns)
-            if self._tell_ns and now_ns >= self._tell_ns:
-                self._tell_ns = 0
-                self._is_told = True
+            if self._report_ns and now_ns >= self._report_ns:
+                self._report_ns = 0
+                self._is_reported = True
                 if self._detail:
                     self._on_event(Event(exchange_events.LINE_DOWN, None, self._detail))
         elif self.closes_ns and now_ns >= self.closes_ns:
@@ -351,24 +351,24 @@ class LinkState:
 
     # --- what is told ----------------------------------------------------------------------------------
 
-    def _tell_down(self, detail: str, now_ns: int, *, is_under_way: bool) -> None:
+    def _report_down(self, detail: str, now_ns: int, *, is_under_way: bool) -> None:
         """Tell of the end of the link, if that is to be told. A loss under way always is.
 
         What stands behind a colon does not make it another reason. A serial port that was unplugged is told
         of each time.
         """
         if not self._connects:
-            self._is_told = True
+            self._is_reported = True
             self._on_event(Event(exchange_events.LINE_DOWN, None, detail))
             return
-        count = self._told.due(("line-down", detail.partition(":")[0]), now_ns)
+        count = self._reports.due(("line-down", detail.partition(":")[0]), now_ns)
         self._detail = detail
         if count or is_under_way:
-            self._is_told = True
+            self._is_reported = True
             self._on_event(Event(exchange_events.LINE_DOWN, None, detail + times(count)))
         else:
-            self._tell_later(detail, now_ns)
+            self._report_later(detail, now_ns)
 
-    def _tell_later(self, detail: str, now_ns: int) -> None:
+    def _report_later(self, detail: str, now_ns: int) -> None:
         """It is told only if it lasts."""
-        self._is_told, self._detail, self._tell_ns = False, detail, now_ns + LASTS_NS
+        self._is_reported, self._detail, self._report_ns = False, detail, now_ns + LASTS_NS

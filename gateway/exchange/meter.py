@@ -93,7 +93,7 @@ class AxisBudget:
         self.is_over = True
         return not was_over
 
-    def keep(self, now_ns: int) -> int:
+    def count_within(self, now_ns: int) -> int:
         """Note a transaction within the budget; return how many there were if they end an overrun, else 0."""
         self.within += 1
         if self.within < WITHIN_TO_END or now_ns - self.exceeded_ns < CALM_NS:
@@ -142,12 +142,12 @@ class LineMeter:
         for key, measured in self.measured.items():
             measured.budget_ns = self._smallest_ns(key)
 
-    def turn(self, now_ns: int) -> None:
+    def tick(self, now_ns: int) -> None:
         """Let high marks of the last minute grow old; to be called every few seconds."""
         for measured in self.measured.values():
-            measured.high.turn(now_ns)
+            measured.high.tick(now_ns)
 
-    def note(self, transaction: Transaction, port: ControllerPort, reply: bytes, reply_ns: int) -> None:
+    def add(self, transaction: Transaction, port: ControllerPort, reply: bytes, reply_ns: int) -> None:
         """Measure a transaction whose reply has been passed on."""
         sent, replied = self._link.stamps, port.stamps
         sent_ns, started_ns = sent.sent_ns, transaction.started_ns
@@ -179,7 +179,7 @@ class LineMeter:
         if gateway_ns > measured.high.slot_ns:
             measured.high.raise_to(gateway_ns)
         if started_ns:
-            self._note_waiting(transaction, measured)
+            self._add_waiting(transaction, measured)
         if gateway_ns > measured.budget_ns or self._axes_over:
             self._judge(transaction, port, gateway_ns, reply_ns)
 
@@ -196,7 +196,7 @@ class LineMeter:
         budgets = [budget.budget_ns for budget in self.axes.values() if is_any or budget.unit_id == unit_id]
         return min(budgets, default=NO_BUDGET)
 
-    def _note_waiting(self, transaction: Transaction, measured: Measured) -> None:
+    def _add_waiting(self, transaction: Transaction, measured: Measured) -> None:
         """Note what came between a request's arrival and its turn."""
         self.added_ns += transaction.added_ns
         if transaction.queue_ns:
@@ -236,7 +236,7 @@ class LineMeter:
         self._on_event(Event(exchange_events.BUDGET_OVERRUN, budget.axis, detail))
 
     def _kept(self, budget: AxisBudget, now_ns: int) -> None:
-        within = budget.keep(now_ns)
+        within = budget.count_within(now_ns)
         if within:
             self._axes_over -= 1
             detail = f"{within} exchanges in a row within budget_us; {budget.overruns} over it so far"

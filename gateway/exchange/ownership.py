@@ -12,15 +12,15 @@ from gateway.drives.motion import Action
 from gateway.exchange.access import MONITOR_FUNCTIONS
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.registers import Loss
-from gateway.exchange.decode import AxisCommand, Frame, decode
-from gateway.exchange.dispatch import Units
+from gateway.exchange.decode import AxisCommand, DecodedRequest, decode
+from gateway.exchange.dispatch import UnitMaps
 from gateway.exchange.effects import lose
 from gateway.exchange.events import Event
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.request import Request, has_a_stop, part_of, written_part
-from gateway.exchange.rivals import Rivals
 from gateway.exchange.transaction import Transaction
 from gateway.exchange.unit import FieldHit
+from gateway.exchange.writer_conflicts import WriterConflicts
 from gateway.limits import Reports, others_of_pairs, times
 from gateway.modbus.pdu import ExceptionCode
 
@@ -38,7 +38,7 @@ class Unsent(NamedTuple):
     """A request that never reached the drive."""
 
     pdu: bytes
-    frames: tuple[Frame, ...]
+    frames: tuple[DecodedRequest, ...]
     arrived_ns: int
     follows_ns: int
 
@@ -46,15 +46,15 @@ class Unsent(NamedTuple):
 class Ownership:
     """Who moves which axis of one line."""
 
-    def __init__(self, axes: Sequence[Axis], units: Units, on_event: Callable[[Event], None]) -> None:
+    def __init__(self, axes: Sequence[Axis], units: UnitMaps, on_event: Callable[[Event], None]) -> None:
         self._axes = axes
         self._units = units
         self._on_event = on_event
         self._connections: dict[str, int] = {}
         self._lost: dict[tuple[str, str], dict[tuple[int, bytes], Unsent]] = {}
         """By axis and writer; the newest of each head."""
-        self._told: Reports[tuple[str, str]] = Reports(others=others_of_pairs)
-        self.rivals = Rivals()
+        self._reports: Reports[tuple[str, str]] = Reports(others=others_of_pairs)
+        self.writer_conflicts = WriterConflicts()
 
     def came(self, port: ControllerPort) -> None:
         """Note a connection that asks for something the first time."""
@@ -106,9 +106,9 @@ class Ownership:
                 if command.is_empty:
                     continue
                 _hold_on(command.axis, port.writer, now_ns)
-                _note_jog(command, port.writer)
+                _set_jog(command, port.writer)
                 if has_stop and request.frame.unit.has_rules:
-                    _note_beside_stop(command, request, port)
+                    _mark_beside_stop(command, request, port)
 
     def lose(self, transaction: Transaction, code: int, loss: Loss) -> None:
         """Note that a request never reached the drive: at once for its own axes, else for later."""
@@ -122,9 +122,9 @@ class Ownership:
                 if hold.is_shared or hold.writer in ("", port.writer):
                     _lose_of_axis(own.axis, unsent, code, loss)
                 else:
-                    self._keep((own.axis.plan.name, port.writer), transaction.unit_id, unsent)
+                    self._remember((own.axis.plan.name, port.writer), transaction.unit_id, unsent)
 
-    def _keep(self, whose: tuple[str, str], unit_id: int, unsent: Unsent) -> None:
+    def _remember(self, whose: tuple[str, str], unit_id: int, unsent: Unsent) -> None:
         lost = self._lost.get(whose)
         if lost is None:
             if len(self._lost) >= KEPT:
@@ -137,10 +137,10 @@ class Ownership:
         """Judge a request to axes that another one moved last, or nobody."""
         if transaction.pdu[0] in MONITOR_FUNCTIONS:
             return True
-        wanted = self._wanted(transaction)
+        claims = self._claims(transaction)
         if self._units.stops_of(self._units.frames_of(transaction)):
-            wanted = [each for each in wanted if self._is_free(*each, port.writer, now_ns)]
-        for axis, command in wanted:
+            claims = [each for each in claims if self._is_free(*each, port.writer, now_ns)]
+        for axis, command in claims:
             for member in (axis, *axis.peers):
                 hold = member.hold
                 if hold.is_barred(port.writer, now_ns):
@@ -151,7 +151,7 @@ class Ownership:
                 why = f"it would run what {whose} wrote: write the whole target again"
                 self._refuse(transaction, port, axis, why, now_ns)
                 return False
-        for axis, command in wanted:
+        for axis, command in claims:
             for member in (axis, *axis.peers):
                 self._take_over(member, port.writer, now_ns)
             if command is not None and command.hits:
@@ -167,26 +167,26 @@ class Ownership:
         is_barred = any(member.hold.is_barred(writer, now_ns) for member in members)
         return not is_barred and not _runs_of_another(axis, command, writer)
 
-    def _wanted(self, transaction: Transaction) -> list[tuple[Axis, AxisCommand | None]]:
+    def _claims(self, transaction: Transaction) -> list[tuple[Axis, AxisCommand | None]]:
         """Return the axes that a request would move or prepare to move; not those that it stops.
 
         To let go of a jog, as a button is let go of, is a stop for whoever jogged.
         """
         writer = "" if transaction.port is None else transaction.port.writer
-        wanted: list[tuple[Axis, AxisCommand | None]] = []
+        claims: list[tuple[Axis, AxisCommand | None]] = []
         for frame in self._units.frames_of(transaction):
             found = decode(frame) if frame.unit.has_rules else []
             for own in frame.by_axis:
                 command = next((each for each in found if each.axis is own.axis), None)
                 if command is None or not (command.is_stop or _lets_go(command, writer)):
-                    wanted.append((own.axis, command))
-        return wanted
+                    claims.append((own.axis, command))
+        return claims
 
     def _refuse(
         self, transaction: Transaction, port: ControllerPort, axis: Axis, why: str, now_ns: int
     ) -> None:
-        self.rivals.refused(axis.plan.name, axis.hold.writer, port.writer, now_ns)
-        count = self._told.due((axis.plan.name, port.writer), now_ns)
+        self.writer_conflicts.refused(axis.plan.name, axis.hold.writer, port.writer, now_ns)
+        count = self._reports.due((axis.plan.name, port.writer), now_ns)
         if count:
             more = (
                 ("holder", axis.hold.writer),
@@ -204,7 +204,7 @@ class Ownership:
         hold.move(writer, now_ns)
         if former != writer:
             if former:
-                self.rivals.changed(axis.plan.name, former, writer, now_ns)
+                self.writer_conflicts.changed(axis.plan.name, former, writer, now_ns)
             if former and not hold.is_shared:
                 axis.take_over(former, _BUSY)
             self._apply_lost(axis, writer)
@@ -230,7 +230,7 @@ def _lose_of_axis(axis: Axis, lost: Unsent, code: int, loss: Loss) -> None:
     for frame in lost.frames:
         for own in frame.by_axis:
             if own.axis is axis:
-                written = [hit for hit in own.fields if hit.place.image is not None]
+                written = [hit for hit in own.fields if hit.mapped.image is not None]
                 parts = [part_of(hit, lost.pdu, frame.access) for hit in written]
                 found = decode(frame) if frame.unit.has_rules else []
                 command = next((command for command in found if command.axis is axis), None)
@@ -246,12 +246,12 @@ def _runs_of_another(axis: Axis, command: AxisCommand | None, writer: str) -> bo
     return command.runs_alone or (command.action is Action.UNKNOWN and not command.hits)
 
 
-def _note_jog(command: AxisCommand, writer: str) -> None:
+def _set_jog(command: AxisCommand, writer: str) -> None:
     hold, action = command.axis.hold, command.action
     if action is Action.OTHER_MOTION:
-        hold.note_jog(writer)
+        hold.set_jog(writer)
     elif command.is_stop or command.runs_target or action is Action.HOME:
-        hold.note_jog("")
+        hold.set_jog("")
 
 
 def _lets_go(command: AxisCommand, writer: str) -> bool:
@@ -259,7 +259,7 @@ def _lets_go(command: AxisCommand, writer: str) -> bool:
     return command.is_idle and command.axis.hold.jogged_by == writer
 
 
-def _note_beside_stop(command: AxisCommand, request: Request, port: ControllerPort) -> None:
+def _mark_beside_stop(command: AxisCommand, request: Request, port: ControllerPort) -> None:
     """A stop of somebody who does not move the axis changed more: its writer has to write that again (M3).
 
     So it is where another axis is stopped in the same frame: for the sake of that it has passed.
@@ -273,15 +273,15 @@ def _note_beside_stop(command: AxisCommand, request: Request, port: ControllerPo
     for address in command.modes_written:
         if address in command.unclear_words or command.words[address] != axis.rules.word(address):
             axis.lose_mode(address, _BUSY)
-    changed = [hit.place.number for hit in command.hits if _is_changed(hit, request)]
+    changed = [hit.mapped.number for hit in command.hits if _is_changed(hit, request)]
     axis.overwrite(changed, port.writer, _BUSY)
 
 
 def _is_changed(hit: FieldHit, request: Request) -> bool:
     """Whether a request writes other words into a command field than its writer believes there."""
-    image, access = hit.place.image, request.frame.access
+    image, access = hit.mapped.image, request.frame.access
     assert image is not None
-    if image.is_torn or image.nominal_words is None or access.is_mask or not access.is_consistent:
+    if image.is_incomplete or image.nominal_words is None or access.is_mask or not access.is_consistent:
         return True
     first, words = written_part(hit, request.frame.pdu, access)
     return image.nominal_words[2 * first : 2 * first + len(words)] != words

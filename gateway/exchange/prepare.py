@@ -10,32 +10,32 @@ from gateway.drives.motion import Action, Form
 from gateway.exchange.access import Access
 from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import MOVES_OTHERWISE, Axis
-from gateway.exchange.axis.motion import Keeping
+from gateway.exchange.axis.motion import RepeatKind
 from gateway.exchange.axis.registers import Completeness, NextPart
 from gateway.exchange.decode import AxisCommand, Staging
 from gateway.exchange.refusal import RefusedRequestError, refused
 from gateway.exchange.render import (
     RefusedPositionError,
-    Seen,
+    RenderContext,
     base_of,
-    is_place_untold,
-    lacks_look,
+    is_position_withheld,
+    lacks_poll,
     render,
     render_distance,
     render_limit,
     render_repeat,
 )
 from gateway.exchange.request import (
-    Known,
+    Prefetched,
     Request,
     Span,
-    Standing,
+    Standstill,
     key_of,
     mask_written,
     part_of,
     written_part,
 )
-from gateway.exchange.unit import FieldHit, FieldPlace, FieldRole
+from gateway.exchange.unit import FieldHit, FieldRole, MappedField
 from gateway.modbus.pdu import (
     MAX_READ_REGISTERS,
     MAX_READ_WRITE_WRITE_REGISTERS,
@@ -60,7 +60,7 @@ def prepare(request: Request, *, has_stop: bool = False) -> None:
         RefusedRequestError: the request must not reach the drive.
     """
     access = request.frame.access
-    runs = request.known.runs
+    runs = request.prefetched.runs
     for command in request.commands:
         if not has_stop:
             check_may_act(command)
@@ -73,7 +73,7 @@ def prepare(request: Request, *, has_stop: bool = False) -> None:
         if axis.plan.name in runs:
             command.runs.append(_leaving(runs[axis.plan.name], request.now_ns))
         if axis.peers:
-            command.peer_runs = request.known.peer_runs
+            command.peer_runs = request.prefetched.peer_runs
         for target in (*command.targets, *command.runs):
             command.epochs[target.number] = axis.fields[target.number].epoch
     if access.read_quantity:
@@ -94,7 +94,7 @@ def _prepare_write(request: Request, *, has_stop: bool) -> None:
     for own in frame.by_axis:
         axis = own.axis
         for hit in own.fields:
-            role = hit.place.role
+            role = hit.mapped.role
             if role is FieldRole.REMAPPING:
                 _check_counts(hit, access)
                 for each in frame.unit.axes:
@@ -113,7 +113,7 @@ def _prepare_write(request: Request, *, has_stop: bool) -> None:
         if own.commands:
             request.of(own.axis).parts.extend([part_of(hit, frame.pdu, access) for hit in own.commands])
     for command in request.commands:
-        command.blind.extend(command.cut)
+        command.untracked.extend(command.partly_written)
         try:
             changed += _prepare_targets(request, command)
         except RefusedRequestError:
@@ -137,21 +137,21 @@ def _send_rendered(request: Request, changed: list[tuple[FieldHit, bytes]], *, h
 
 def _prepare_other(request: Request, hit: FieldHit) -> list[tuple[FieldHit, bytes]]:
     """Render a limit, or refuse to write a position around the correction; return what goes out changed."""
-    place = hit.place
-    if place.role is FieldRole.LIMIT:
+    mapped = hit.mapped
+    if mapped.role is FieldRole.LIMIT:
         return [(hit, _stage_limit(hit, request))]
-    if not (place.role is FieldRole.ACTUAL and place.number in place.axis.plan.settable):
+    if not (mapped.role is FieldRole.ACTUAL and mapped.number in mapped.axis.plan.settable):
         _refuse_guarded(hit)
     return []
 
 
 def _pass_blindly(request: Request, hit: FieldHit) -> None:
     """Let a field go out as it came beside a stop: nobody knows what that makes of its axis (M3)."""
-    written, image = request.of(hit.place.axis), hit.place.image
+    written, image = request.of(hit.mapped.axis), hit.mapped.image
     written.forget_targets()
     written.run_uncorrected()
     if image is not None:
-        written.blind.append(image)
+        written.untracked.append(image)
 
 
 def _pass_targets(request: Request, command: AxisCommand) -> None:
@@ -169,19 +169,19 @@ def _check_counts(hit: FieldHit, access: Access) -> None:
     Raises:
         RefusedRequestError: the counts of the request contradict each other, and its axis is corrected.
     """
-    if not access.is_consistent and not hit.place.axis.passes_unchanged:
-        raise refused(refusals.COUNTS_CONTRADICT, hit.place.axis.plan.name, register=_at(hit))
+    if not access.is_consistent and not hit.mapped.axis.passes_unchanged:
+        raise refused(refusals.COUNTS_CONTRADICT, hit.mapped.axis.plan.name, register=_at(hit))
 
 
 def _stage_limit(hit: FieldHit, request: Request) -> bytes:
     """Render a limit; one of which a part is written alone is refused."""
-    axis, image = hit.place.axis, hit.place.image
+    axis, image = hit.mapped.axis, hit.mapped.image
     assert image is not None
     if not (hit.is_whole and request.frame.access.is_consistent) or request.frame.access.is_mask:
         raise refused(refusals.PART_OF_LIMIT, axis.plan.name, register=_at(hit))
     _, words = written_part(hit, request.frame.pdu, request.frame.access)
     try:
-        corrected_words = render_limit(axis, hit.place.number, words)
+        corrected_words = render_limit(axis, hit.mapped.number, words)
     except RefusedPositionError as error:
         raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, axis.plan.name, str(error)) from error
     request.of(axis).stagings.append(Staging(image, words, corrected_words, image.epoch))
@@ -194,37 +194,37 @@ def _refuse_guarded(hit: FieldHit) -> None:
     Raises:
         RefusedRequestError: unless the axis lets such writes pass.
     """
-    plan = hit.place.axis.plan
-    address = hit.place.field.address
-    if hit.place.role is not FieldRole.GUARDED:
+    plan = hit.mapped.axis.plan
+    address = hit.mapped.field.address
+    if hit.mapped.role is not FieldRole.GUARDED:
         raise refused(refusals.REPORTS_A_POSITION, plan.name, address=address)
     if not plan.passes_unmapped:
         raise refused(refusals.NOT_MAPPED, plan.name, address=address)
 
 
 def _at(hit: FieldHit) -> str:
-    return f"register {hit.place.field.address:#06x}"
+    return f"register {hit.mapped.field.address:#06x}"
 
 
 def _written_pdu(pdu: bytes, access: Access, rendered: list[tuple[FieldHit, bytes]]) -> bytes:
     """Put rendered words into a request, widening it where it cuts a position (M1)."""
-    axis = rendered[0][0].place.axis
+    axis = rendered[0][0].mapped.axis
     if not access.is_mask and (axis.writes_words_alone or all(hit.is_whole for hit, _ in rendered)):
         patched = bytearray(access.words(pdu))
         for hit, corrected_words in rendered:
-            cut = max(0, -2 * hit.word)
+            skipped = max(0, -2 * hit.word)
             at = 2 * max(0, hit.word)
-            part = corrected_words[cut : cut + len(patched) - at]
+            part = corrected_words[skipped : skipped + len(patched) - at]
             patched[at : at + len(part)] = part
         return access.with_words(pdu, bytes(patched))
     span = Span(access.write_address, access.write_quantity)
-    whole = span.widened([hit.place.field for hit, _ in rendered])
+    whole = span.widened([hit.mapped.field for hit, _ in rendered])
     words = bytearray(2 * whole.quantity)
     if not access.is_mask:
         at = 2 * (span.address - whole.address)
         words[at : at + 2 * span.quantity] = access.words(pdu)
     for hit, corrected_words in rendered:
-        at = 2 * (hit.place.field.address - whole.address)
+        at = 2 * (hit.mapped.field.address - whole.address)
         words[at : at + len(corrected_words)] = corrected_words
     return _build_write(pdu, whole, bytes(words), axis)
 
@@ -254,16 +254,16 @@ def _prepare_read(request: Request) -> None:
         raise refused(refusals.UNKNOWN_WIDTH, name, access="read", address=span.address)
     if not hits.fields:
         return
-    active: list[FieldPlace] = []
+    active: list[MappedField] = []
     for hit in hits.fields:
-        axis = hit.place.axis
-        if not axis.reads_unchanged and hit.place.role.is_position:
-            active.append(hit.place)
+        axis = hit.mapped.axis
+        if not axis.reads_unchanged and hit.mapped.role.is_position:
+            active.append(hit.mapped)
             request.readbacks[axis.plan.name] = axis.compensation.readback
-    whole = span.widened([place.field for place in active])
+    whole = span.widened([mapped.field for mapped in active])
     if whole == span or access.is_mei:
         return
-    limit = min(MAX_READ_REGISTERS, *(place.axis.plan.max_registers for place in active))
+    limit = min(MAX_READ_REGISTERS, *(mapped.axis.plan.max_registers for mapped in active))
     if whole.quantity > limit:
         raise refused(refusals.READ_CUTS, active[0].axis.plan.name, quantity=whole.quantity, limit=limit)
     pdu = request.sent_pdu
@@ -337,16 +337,16 @@ def _prepare_targets(request: Request, command: AxisCommand) -> list[tuple[Field
     for hit, words, is_run in command.writes:
         if not is_run:
             continue
-        number, image = hit.place.number, hit.place.image
+        number, image = hit.mapped.number, hit.mapped.image
         assert image is not None
         # What was refused before would run with it (M3): the trigger is in this frame, or is this word.
-        runs_lost_part = image.is_torn and not hit.is_whole and axis.plan.motion.waits_for_trigger
+        runs_lost_part = image.is_incomplete and not hit.is_whole and axis.plan.motion.waits_for_trigger
         if words is None or (runs_lost_part and image.completeness is Completeness.PART_REFUSED):
             _refuse_unknown(request, hit)
             continue
         rendering: Rendering | None
         try:
-            if command.is_again and not lacks_look(axis, seen(request, axis)):
+            if command.is_again and not lacks_poll(axis, seen(request, axis)):
                 rendering = render_repeat(axis, number)
             elif action.is_relative:
                 rendering = render_relative(request, axis, number, words, action)
@@ -354,7 +354,7 @@ def _prepare_targets(request: Request, command: AxisCommand) -> list[tuple[Field
                 rendering = render(axis, number, words, seen(request, axis))
         except RefusedPositionError as error:
             if axis.passes_unchanged:
-                command.blind.append(image)
+                command.untracked.append(image)
                 continue
             name = axis.plan.name
             raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
@@ -374,10 +374,10 @@ def _prepare_targets(request: Request, command: AxisCommand) -> list[tuple[Field
     return changed
 
 
-def seen(request: Request, axis: Axis) -> Seen:
+def seen(request: Request, axis: Axis) -> RenderContext:
     """Return what a target is rendered with: the time, and an actual position that was read for it."""
-    fresh = request.known.actual.get(axis.plan.name)
-    return Seen(request.now_ns, fresh, is_place_untold(axis, request.known))
+    fresh = request.prefetched.actual.get(axis.plan.name)
+    return RenderContext(request.now_ns, fresh, is_position_withheld(axis, request.prefetched))
 
 
 def render_relative(
@@ -389,16 +389,16 @@ def render_relative(
         RefusedPositionError: where it would end must not be gone to (M8).
         RefusedRequestError: nobody knows where it starts (M5).
     """
-    base = base_of(axis, action, request.known)
+    base = base_of(axis, action, request.prefetched)
     is_passing = axis.passes_unchanged
     if base is not None:
         return render_distance(axis, number, words, base, seen(request, axis), is_passing=is_passing)
     if is_passing:
         return None
-    is_moving = request.known.standing.get(axis.plan.name) is Standing.MOVES
+    is_moving = request.prefetched.standstill.get(axis.plan.name) is Standstill.MOVES
     why = "the axis moves" if is_moving else "nothing tells where the axis is"
     if axis.plan.motion.passes_unknown_relative:
-        axis.tell(exchange_events.BASE_UNKNOWN, f"a relative move passed unchanged: {why}")
+        axis.report(exchange_events.BASE_UNKNOWN, f"a relative move passed unchanged: {why}")
         return None
     raise refused(refusals.BASE_UNKNOWN, axis.plan.name, exchange_events.BASE_UNKNOWN, why=why)
 
@@ -408,10 +408,10 @@ def render_relative(
 
 def _pass_raw(request: Request, hit: FieldHit, words: bytes | None) -> None:
     """Let words go out as they came: in a stop, homing or unknown frame they are no target (M2)."""
-    axis, image = hit.place.axis, hit.place.image
+    axis, image = hit.mapped.axis, hit.mapped.image
     assert image is not None
     if words is None:
-        request.of(axis).blind.append(image)
+        request.of(axis).untracked.append(image)
         return
     access, in_drive = request.frame.access, None
     is_whole = hit.is_whole and not access.is_mask
@@ -429,17 +429,17 @@ def _is_complete(hit: FieldHit, access: Access) -> bool:
     What a part or a mask leaves as it is has to stand there as the controller wrote it: not corrected, and
     no word of it lost.
     """
-    image = hit.place.image
+    image = hit.mapped.image
     assert image is not None
     is_whole = hit.is_whole and not access.is_mask
-    return is_whole or not (image.may_be_corrected or image.is_torn)
+    return is_whole or not (image.may_be_corrected or image.is_incomplete)
 
 
 def _stage(
     request: Request, command: AxisCommand, hit: FieldHit, words: bytes | None
 ) -> list[tuple[FieldHit, bytes]]:
     """Render a staged target as well as it can be foreseen; its trigger computes it anew (M2)."""
-    axis, image = hit.place.axis, hit.place.image
+    axis, image = hit.mapped.axis, hit.mapped.image
     assert image is not None
     if words is None:
         is_refused = image.next_part(request.arrived_ns) is NextPart.REFUSED
@@ -451,7 +451,9 @@ def _stage(
         return []
     mask = mask_written(hit, request.frame.pdu, request.frame.access)
     motion = axis.motion
-    kept = motion.superseded if motion.keeping(hit.place.number, words) is Keeping.SAME_WORDS else None
+    kept = (
+        motion.superseded if motion.repeat_kind(hit.mapped.number, words) is RepeatKind.SAME_WORDS else None
+    )
     waits_for_other_words = bool(axis.plan.motion.starts_on) and not hit.is_whole
     is_complete = _is_complete(hit, request.frame.access) or axis.writes_words_alone
     if waits_for_other_words or (axis.passes_unchanged and is_complete and kept is None):
@@ -472,21 +474,26 @@ def _stage(
 
 
 def _foreseen(request: Request, command: AxisCommand, hit: FieldHit, words: bytes) -> bytes:
-    axis, number, image = hit.place.axis, hit.place.number, hit.place.image
+    axis, number, image = hit.mapped.axis, hit.mapped.number, hit.mapped.image
     assert image is not None
-    now = Seen(request.now_ns, None)
+    now = RenderContext(request.now_ns, None)
     spec = axis.spec_of_words(number, words)
     is_kept = spec is None or axis.may_keep_words(spec)
     # Its trigger would write it anew; one that may not runs what is written now, so that is made anew here.
     is_kept &= axis.plan.added_frames
-    if is_kept and image.nominal_words == words and image.corrected_words is not None and not image.is_torn:
+    if (
+        is_kept
+        and image.nominal_words == words
+        and image.corrected_words is not None
+        and not image.is_incomplete
+    ):
         return image.corrected_words
-    if axis.motion.keeping(number, words) is Keeping.UNSEEN:
+    if axis.motion.repeat_kind(number, words) is RepeatKind.UNSEEN:
         return words  # its trigger is refused until a reading tells what it is
     action, is_certain = _expected(command, number)
     try:
         if action.is_relative:
-            base = base_of(axis, action, Known())
+            base = base_of(axis, action, Prefetched())
             if base is None:
                 return words
             return render_distance(axis, number, words, base, now, is_passing=False).corrected_words
@@ -503,7 +510,7 @@ def _foreseen(request: Request, command: AxisCommand, hit: FieldHit, words: byte
 def may_run_distances(axis: Axis) -> bool:
     """Whether a trigger of an axis may run what it holds as a distance."""
     triggers = axis.plan.motion.triggers
-    return any(deed.action.is_relative for trigger in triggers for deed in trigger.deeds.values())
+    return any(operation.action.is_relative for trigger in triggers for operation in trigger.deeds.values())
 
 
 def _expected(command: AxisCommand, number: int) -> tuple[Action, bool]:
@@ -536,11 +543,11 @@ def _refuse_unknown(request: Request, hit: FieldHit) -> None:
     Raises:
         RefusedRequestError: unless it may pass.
     """
-    axis, image = hit.place.axis, hit.place.image
+    axis, image = hit.mapped.axis, hit.mapped.image
     assert image is not None
     is_whole = hit.is_whole and not request.frame.access.is_mask
     if axis.passes_unchanged and (is_whole or not image.may_be_corrected):
-        request.of(axis).blind.append(image)
+        request.of(axis).untracked.append(image)
         return
     if not request.frame.access.is_consistent:
         raise refused(refusals.COUNTS_CONTRADICT, axis.plan.name, register=_at(hit))
@@ -553,8 +560,8 @@ def _refuse_unknown(request: Request, hit: FieldHit) -> None:
 
 
 def _why_incomplete(hit: FieldHit, request: Request) -> RefusalEntry:
-    if hit.place.image is not None and hit.place.image.is_torn:
+    if hit.mapped.image is not None and hit.mapped.image.is_incomplete:
         return refusals.PART_LOST
-    if request.frame.access.is_mask or key_of(hit) not in request.known.command_words:
+    if request.frame.access.is_mask or key_of(hit) not in request.prefetched.command_words:
         return refusals.REST_UNKNOWN
     return refusals.REST_UNCERTAIN

@@ -3,15 +3,15 @@
 from gateway.catalogue import exchange_events, refusals
 from gateway.drives.motion import Action
 from gateway.exchange.added_frames import (
-    LOOKS,
+    POLLS,
     AddedFrame,
     Purpose,
-    addresses_to_restage,
+    addresses_to_rewrite,
     homed_read,
+    next_rewrite,
     read_field,
     read_word,
-    restaging,
-    standing_bit,
+    standstill_bit,
 )
 from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import Axis
@@ -25,13 +25,13 @@ from gateway.exchange.render import (
     as_it_came,
     base_of,
     counts_from_commanded,
-    is_place_untold,
+    is_position_withheld,
     needs_actual,
-    needs_look,
+    needs_poll,
     render,
 )
-from gateway.exchange.request import Known, Request, key_of
-from gateway.exchange.unit import FieldHit, FieldPlace, FieldRole
+from gateway.exchange.request import Prefetched, Request, key_of
+from gateway.exchange.unit import FieldHit, FieldRole, MappedField
 from gateway.modbus.pdu import ExceptionCode
 from gateway.modbus.registers import FieldAccess
 
@@ -78,7 +78,7 @@ def run_beside_stop(request: Request) -> None:
         except RefusedRequestError:
             is_right = False
         if not is_right:
-            request.known.runs.pop(command.axis.plan.name, None)
+            request.prefetched.runs.pop(command.axis.plan.name, None)
 
 
 def _reference_read(request: Request) -> AddedFrame | None:
@@ -87,10 +87,10 @@ def _reference_read(request: Request) -> AddedFrame | None:
     written = [hit for own in request.frame.by_axis for hit in own.fields]
     read = unit.read(access.read_address, access.read_quantity).fields
     targets = [command.axis for command in request.commands if command.runs_target]
-    targets += [hit.place.axis for hit in written if hit.place.role is FieldRole.COMMAND]
-    others = [hit.place.axis for hit in (*written, *read)]
+    targets += [hit.mapped.axis for hit in written if hit.mapped.role is FieldRole.COMMAND]
+    others = [hit.mapped.axis for hit in (*written, *read)]
     for axis, is_target in (*((a, True) for a in targets), *((a, False) for a in others)):
-        is_asked = axis.plan.name in request.known.references
+        is_asked = axis.plan.name in request.prefetched.references
         if not is_asked and axis.needs_reference(request.now_ns, is_target=is_target):
             added = homed_read(axis)
             if added is not None:
@@ -103,24 +103,24 @@ def _command_read(request: Request) -> AddedFrame | None:
 
     That is the rest of a position of which a part is written (M1), and what a target that runs needs.
     """
-    access, known = request.frame.access, request.known
+    access, prefetched = request.frame.access, request.prefetched
     for command in request.commands:
         axis, action = command.axis, command.action
         if not axis.may_read:
             continue
         for hit, words, is_run in command.writes:
-            number, field, image = hit.place.number, hit.place.field, hit.place.image
+            number, field, image = hit.mapped.number, hit.mapped.field, hit.mapped.image
             assert image is not None
             if words is None:
                 passes_raw = axis.passes_unchanged and not image.may_be_corrected
-                is_of_use = not (passes_raw or image.is_torn or access.is_mask)
-                is_asked = key_of(hit) in known.command_words
+                is_of_use = not (passes_raw or image.is_incomplete or access.is_mask)
+                is_asked = key_of(hit) in prefetched.command_words
                 if is_of_use and not is_asked and field.access is not FieldAccess.WRITE:
                     return AddedFrame(axis, Purpose.COMMAND, field.address, field.words, hit)
             elif is_run and (
                 not command.is_again
                 or axis.motion.state in MAY_BE_ELSEWHERE
-                or needs_look(axis, request.now_ns, action)
+                or needs_poll(axis, request.now_ns, action)
             ):
                 added = read_for_run(request, axis, number, words, action)
                 if added is not None:
@@ -132,18 +132,18 @@ def read_for_run(
     request: Request, axis: Axis, number: int, words: bytes, action: Action
 ) -> AddedFrame | None:
     """Return what must be read before a whole target can be rendered."""
-    known, name = request.known, axis.plan.name
+    prefetched, name = request.prefetched, axis.plan.name
     actual = axis.asked_actual
-    retained = axis.motion.superseded_as(number, words)
-    if not action.is_relative and retained is not None:
+    superseded = axis.motion.superseded_as(number, words)
+    if not action.is_relative and superseded is not None:
         is_seen = axis.motion.is_seen_at_superseded and not axis.motion.is_unseen(request.now_ns)
-        if retained.is_declared or is_seen or actual is None or name in known.actual:
+        if superseded.is_declared or is_seen or actual is None or name in prefetched.actual:
             return None
-        return AddedFrame(axis, Purpose.LOOK, actual.address, actual.words)
-    if name not in known.actual and needs_look(axis, request.now_ns, action):
+        return AddedFrame(axis, Purpose.POLL, actual.address, actual.words)
+    if name not in prefetched.actual and needs_poll(axis, request.now_ns, action):
         if actual is not None:
             return AddedFrame(
-                axis, Purpose.LOOK, actual.address, actual.words, is_for_distance=action.is_relative
+                axis, Purpose.POLL, actual.address, actual.words, is_for_distance=action.is_relative
             )
         _go_unseen(request, axis, action)
     field = axis.plan.command[number]
@@ -151,12 +151,12 @@ def read_for_run(
     if action.is_relative:
         if axis.passes_unchanged:
             return None
-        added = _next_base_read(axis, action, known, request.now_ns)
-        base = base_of(axis, action, known)
-        if added is not None or base is None or base.is_standing or not counts:
+        added = _next_base_read(axis, action, prefetched, request.now_ns)
+        base = base_of(axis, action, prefetched)
+        if added is not None or base is None or base.is_at_rest or not counts:
             return added
         counts += base.nominal_counts
-    if name in known.actual or not needs_actual(axis, counts, request.now_ns):
+    if name in prefetched.actual or not needs_actual(axis, counts, request.now_ns):
         return None
     if actual is None:
         _go_unseen(request, axis, action)
@@ -176,7 +176,7 @@ def read_for_staged(
 def _go_unseen(request: Request, axis: Axis, action: Action) -> None:
     """Its drive refuses to tell where the axis is: for a distance that counts as asked in vain (M5)."""
     if action.is_relative:
-        request.known.actual[axis.plan.name] = None
+        request.prefetched.actual[axis.plan.name] = None
 
 
 def _prepare_run(request: Request, command: AxisCommand) -> AddedFrame | None:
@@ -187,10 +187,10 @@ def _prepare_run(request: Request, command: AxisCommand) -> AddedFrame | None:
     """
     axis, name = command.axis, command.axis.plan.name
     check_may_act(command)
-    known = request.known
-    rendering = known.runs.get(name)
+    prefetched = request.prefetched
+    rendering = prefetched.runs.get(name)
     if rendering is None and (fixed := _fixed_run(command)) is not None:
-        rendering = known.runs[name] = fixed
+        rendering = prefetched.runs[name] = fixed
     if rendering is None:
         added = _read_back(request, command)
         if added is not None:
@@ -205,8 +205,8 @@ def _prepare_run(request: Request, command: AxisCommand) -> AddedFrame | None:
         rendering = render_run(request, axis, command.number, words, command.action)
         if rendering is None:
             return None
-        known.runs[name] = rendering
-    return restage_for_run(axis, rendering)
+        prefetched.runs[name] = rendering
+    return rewrite_for_run(axis, rendering)
 
 
 def _read_back(request: Request, command: AxisCommand) -> AddedFrame | None:
@@ -215,21 +215,21 @@ def _read_back(request: Request, command: AxisCommand) -> AddedFrame | None:
     It runs only where its drive holds the very words that it was told (``Axis.read_back``).
     """
     axis, number = command.axis, command.number
-    retained = axis.motion.superseded
-    if number is None or retained is None or retained.number != number or not axis.may_read:
+    superseded = axis.motion.superseded
+    if number is None or superseded is None or superseded.number != number or not axis.may_read:
         return None
     # After any other loss its drive may have been switched off, and hold what it had before.
-    if retained.over is not KeptOver.ORDERLY_CLOSE:
+    if superseded.over is not KeptOver.ORDERLY_CLOSE:
         return None
     image, field = axis.fields[number], axis.plan.command[number]
-    is_known = image.nominal_words is not None or image.is_torn
-    hit = FieldHit(FieldPlace(axis, FieldRole.COMMAND, number, field, image), 0, is_whole=True)
-    if is_known or not field.is_readable or key_of(hit) in request.known.command_words:
+    is_known = image.nominal_words is not None or image.is_incomplete
+    hit = FieldHit(MappedField(axis, FieldRole.COMMAND, number, field, image), 0, is_whole=True)
+    if is_known or not field.is_readable or key_of(hit) in request.prefetched.command_words:
         return None
     return AddedFrame(axis, Purpose.KEPT, field.address, field.words, hit)
 
 
-def restage_for_run(axis: Axis, rendering: Rendering) -> AddedFrame | None:
+def rewrite_for_run(axis: Axis, rendering: Rendering) -> AddedFrame | None:
     """Return the next write by which the drive comes to hold the words that its trigger runs, if any (M2).
 
     Raises:
@@ -239,7 +239,7 @@ def restage_for_run(axis: Axis, rendering: Rendering) -> AddedFrame | None:
     may_be_corrected = axis.fields[rendering.number].may_be_corrected
     if axis.passes_unchanged and is_as_written and not may_be_corrected:
         return None
-    return _restage(axis, rendering)
+    return _next_rewrite(axis, rendering)
 
 
 def _fixed_run(command: AxisCommand) -> Rendering | None:
@@ -252,13 +252,13 @@ def _fixed_run(command: AxisCommand) -> Rendering | None:
     if fixed is None or run is None or run.number != command.number:
         return None
     image = axis.fields[run.number]
-    is_same = image.nominal_words == run.nominal_words and not image.is_torn
+    is_same = image.nominal_words == run.nominal_words and not image.is_incomplete
     is_held = (
         is_same and run.is_distance is command.action.is_relative and image.holds(0, run.corrected_words)
     )
     motion = axis.motion
     is_there = motion.state in TARGETED or (
-        motion.state is fixed.place and motion.has_reported_done is fixed.had_reported_done
+        motion.state is fixed.motion_state and motion.has_reported_done is fixed.had_reported_done
     )
     return run if is_held and is_there else None
 
@@ -281,14 +281,14 @@ def _prepare_unknown(command: AxisCommand) -> AddedFrame | None:
     image = axis.fields[number]
     if not image.may_be_corrected:
         return None
-    if image.nominal_words is None or image.is_torn:
+    if image.nominal_words is None or image.is_incomplete:
         if command.number is None:  # a value that nobody knows may be anything; this one runs the target
             return None
         raise refused(refusals.NOT_OURS, axis.plan.name, exchange_events.STORED_MOVE)
-    return _restage(axis, as_it_came(axis, number))
+    return _next_rewrite(axis, as_it_came(axis, number))
 
 
-def _restage(axis: Axis, rendering: Rendering) -> AddedFrame | None:
+def _next_rewrite(axis: Axis, rendering: Rendering) -> AddedFrame | None:
     """Return the next write of a staged target for its trigger, if any; never of a word that starts (M2).
 
     Nor of any word while the drive goes to each position as it is written, or may. That would move the axis
@@ -297,10 +297,10 @@ def _restage(axis: Axis, rendering: Rendering) -> AddedFrame | None:
     Raises:
         RefusedRequestError: the target has to be written anew and must not be.
     """
-    added = restaging(axis, rendering)
+    added = next_rewrite(axis, rendering)
     if added is None:
         return None
-    starts = not axis.plan.motion.starts_on.isdisjoint(addresses_to_restage(axis, rendering))
+    starts = not axis.plan.motion.starts_on.isdisjoint(addresses_to_rewrite(axis, rendering))
     if starts or axis.rules.may_go_at_once(rendering.number):
         raise refused(refusals.RESTAGING_STARTS, axis.plan.name)
     if not axis.plan.added_frames:
@@ -316,10 +316,10 @@ def staged_words(command: AxisCommand) -> bytes | None:
     """
     axis, number = command.axis, command.number
     image = None if number is None else axis.fields[number]
-    if image is not None and image.nominal_words is not None and not image.is_torn:
+    if image is not None and image.nominal_words is not None and not image.is_incomplete:
         return image.nominal_words
     is_as_written = axis.passes_unchanged and not (image and image.may_be_corrected)
-    is_lost = image is not None and image.is_torn  # what the drive holds in its place nobody meant (M3)
+    is_lost = image is not None and image.is_incomplete  # what the drive holds in its place nobody meant (M3)
     if is_as_written or (axis.plan.motion.passes_stored_moves and not is_lost):
         return None
     raise refused(refusals.NOT_OURS, axis.plan.name, exchange_events.STORED_MOVE)
@@ -343,23 +343,27 @@ def render_run(request: Request, axis: Axis, number: int, words: bytes, action: 
         raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
 
 
-def _next_base_read(axis: Axis, action: Action, known: Known, now_ns: int) -> AddedFrame | None:
+def _next_base_read(axis: Axis, action: Action, prefetched: Prefetched, now_ns: int) -> AddedFrame | None:
     """Return what must be read next to know where a relative move starts; None when no reading helps."""
-    if not axis.may_read or is_place_untold(axis, known) or base_of(axis, action, known) is not None:
+    if (
+        not axis.may_read
+        or is_position_withheld(axis, prefetched)
+        or base_of(axis, action, prefetched) is not None
+    ):
         return None
     name = axis.plan.name
-    bit = None if name in known.standing else standing_bit(axis)
+    bit = None if name in prefetched.standstill else standstill_bit(axis)
     if bit is not None:
         return bit
     actual, commanded = axis.asked_actual, axis.asked_commanded
-    if axis.motion.is_distance_unproven and actual is not None:
-        is_told = name in known.actual and not (
-            known.looks[name] < LOOKS and axis.motion.looks_wanted(now_ns)
+    if axis.motion.is_distance_unconfirmed and actual is not None:
+        is_answered = name in prefetched.actual and not (
+            prefetched.polls[name] < POLLS and axis.motion.polls_needed(now_ns)
         )
-        return None if is_told else read_field(axis, Purpose.ACTUAL, actual)
+        return None if is_answered else read_field(axis, Purpose.ACTUAL, actual)
     if counts_from_commanded(axis, action):
-        if commanded is not None and name not in known.commanded:
+        if commanded is not None and name not in prefetched.commanded:
             return read_field(axis, Purpose.COMMANDED, commanded)
-    elif actual is not None and name not in known.actual:
+    elif actual is not None and name not in prefetched.actual:
         return read_field(axis, Purpose.ACTUAL, actual)
     return None

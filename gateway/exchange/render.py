@@ -14,16 +14,16 @@ from typing import NamedTuple
 from gateway.catalogue import refusals
 from gateway.compensation.correction_spec import NOTHING
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
-from gateway.compensation.moves import Accepted, Move, Place, PlaceKind
+from gateway.compensation.moves import Accepted, EstimateKind, Move, PositionEstimate
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
 from gateway.drives.motion import Action
 from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import Axis
-from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, ON_BRANCH, Actual, Keeping, MotionState
+from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, ON_BRANCH, Actual, MotionState, RepeatKind
 from gateway.exchange.field_counts import counts_of, steps_of
 from gateway.exchange.refusal import refused
-from gateway.exchange.request import Known, Standing
+from gateway.exchange.request import Prefetched, Standstill
 from gateway.modbus.errors import RegisterRangeError
 from gateway.times import NS_PER_MS, NS_PER_S
 
@@ -32,7 +32,7 @@ class RefusedPositionError(Exception):
     """A position that must not reach the drive (M8); the message says why."""
 
 
-class Seen(NamedTuple):
+class RenderContext(NamedTuple):
     """What a target is rendered with: monotonic time, and an actual position that was read for it."""
 
     now_ns: int
@@ -46,7 +46,7 @@ class Base(NamedTuple):
 
     nominal_counts: Counts
     corrected_counts: Counts
-    is_standing: bool
+    is_at_rest: bool
     """The axis is known to stand there."""
     is_assumed: bool = False
     """Nobody knows on which branch it stands there."""
@@ -72,7 +72,7 @@ def render(
     axis: Axis,
     number: int,
     nominal_words: bytes,
-    seen: Seen,
+    seen: RenderContext,
 ) -> Rendering:
     """Render a whole target with the correction in force.
 
@@ -92,27 +92,27 @@ def render(
     is_passing = axis.passes_unchanged
     spec = axis.spec_of_words(number, nominal_words)
     is_kept = spec is None or axis.may_keep_words(spec)
-    unproven = axis.motion.unacknowledged if is_kept else None
-    if unproven is not None and not _is_unproven(unproven, number, nominal_words):
-        unproven = None
-    if unproven is not None and axis.compensation.is_stream and not is_passing:
-        return unproven  # the drive may hold it: the same setpoint is the same words (M4)
+    unacknowledged = axis.motion.unacknowledged if is_kept else None
+    if unacknowledged is not None and not _is_unacknowledged(unacknowledged, number, nominal_words):
+        unacknowledged = None
+    if unacknowledged is not None and axis.compensation.is_stream and not is_passing:
+        return unacknowledged  # the drive may hold it: the same setpoint is the same words (M4)
     if needs_offset(axis):
         axis.begin_stream(number, nominal_words, seen.fresh, seen.now_ns)
         is_passing = axis.passes_unchanged
-    keeping = axis.motion.keeping(number, nominal_words) if is_kept else Keeping.NEW
-    if keeping is Keeping.SAME_WORDS:
+    repeat_kind = axis.motion.repeat_kind(number, nominal_words) if is_kept else RepeatKind.NEW
+    if repeat_kind is RepeatKind.SAME_WORDS:
         return _again(axis)
-    if keeping is Keeping.UNSEEN:
-        raise refused(refusals.PLACE_UNTOLD, axis.plan.name)
+    if repeat_kind is RepeatKind.UNSEEN:
+        raise refused(refusals.POSITION_WITHHELD, axis.plan.name)
     if not isfinite(raw):
         if is_passing:
             return Rendering(number, nominal_words, nominal_words, 0.0, None)
         raise RefusedPositionError(refusals.NO_POSITION.sentence(raw=raw))
     try:
         move = _plan_move(axis, counts_of(field_, raw), seen, is_kept=is_kept)
-        if move.state.is_unsure and unproven is not None:
-            return _flagged(unproven)  # nothing tells better: the same target is the same words (M4)
+        if move.state.is_unsure and unacknowledged is not None:
+            return _flagged(unacknowledged)  # nothing tells better: the same target is the same words (M4)
         corrected_words = nominal_words
         if move.correction_counts:
             corrected_words = field_.pack(raw + steps_of(field_, move.correction_counts))
@@ -128,7 +128,7 @@ def render_distance(
     number: int,
     distance_words: bytes,
     base: Base,
-    seen: Seen,
+    seen: RenderContext,
     *,
     is_passing: bool,
 ) -> Rendering:
@@ -144,9 +144,9 @@ def render_distance(
     if not raw:
         return Rendering(number, distance_words, distance_words, 0.0, None, is_distance=True)
     nominal_counts = base.nominal_counts + counts_of(field_, raw)
-    place = Place(base.nominal_counts, PlaceKind.REACHED) if base.is_standing else None
+    estimate = PositionEstimate(base.nominal_counts, EstimateKind.REACHED) if base.is_at_rest else None
     try:
-        move = _plan_move(axis, nominal_counts, seen, place)
+        move = _plan_move(axis, nominal_counts, seen, estimate)
         is_unsure = move.state.is_unsure or base.is_assumed
         move = move._replace(state=move.state._replace(is_unsure=is_unsure, at_ns=seen.now_ns))
         corrected_counts = nominal_counts + move.correction_counts
@@ -176,11 +176,11 @@ def needs_actual(axis: Axis, nominal_counts: Counts, now_ns: int) -> bool:
 
     That holds too where its drive refuses to tell it.
     """
-    if axis.asked_actual is None and not axis.is_out_of_sight:
+    if axis.asked_actual is None and not axis.is_unreadable:
         return False
     if needs_offset(axis):
         return True
-    if axis.wanted is NOTHING or not axis.goes_as_referenced:
+    if axis.requested is NOTHING or not axis.goes_as_referenced:
         return False
     accepted = axis.compensation.accepted
     is_same = accepted is not None and accepted.nominal_counts == nominal_counts
@@ -190,23 +190,23 @@ def needs_actual(axis: Axis, nominal_counts: Counts, now_ns: int) -> bool:
         return False
     if is_same:
         return axis.has_branches and not axis.motion.has_arrived
-    return axis.has_branches and _known_place(axis, nominal_counts, now_ns) is None
+    return axis.has_branches and _estimated_position(axis, nominal_counts, now_ns) is None
 
 
-def needs_look(axis: Axis, now_ns: int, action: Action) -> bool:
+def needs_poll(axis: Axis, now_ns: int, action: Action) -> bool:
     """Whether to look first if the axis still stands at its target: nobody has seen it for a while (M5, M6).
 
     Never in a stream, and not where it makes no difference: a correction of one branch, an absolute target.
     """
-    is_asked = axis.asked_actual is not None or axis.is_out_of_sight
+    is_asked = axis.asked_actual is not None or axis.is_unreadable
     return is_asked and _is_doubtful(axis, now_ns, action)
 
 
-def lacks_look(axis: Axis, seen: Seen) -> bool:
+def lacks_poll(axis: Axis, seen: RenderContext) -> bool:
     """Whether a target goes out once more unseen, because the drive does not say where the axis is (M6)."""
     if axis.compensation.is_stream:
         return False
-    if not axis.is_out_of_sight:
+    if not axis.is_unreadable:
         return seen.is_refused
     return axis.motion.state in MAY_BE_ELSEWHERE or _is_doubtful(axis, seen.now_ns, Action.ABSOLUTE)
 
@@ -232,7 +232,7 @@ def render_limit(axis: Axis, number: int, nominal_words: bytes) -> bytes:
         return nominal_words
     settings = axis.plan.settings
     position = axis.compensation.machine_position(counts_of(field_, raw))
-    correction = axis.wanted.map_at(0.5).correction(position) * settings.counts_per_unit
+    correction = axis.requested.map_at(0.5).correction(position) * settings.counts_per_unit
     try:
         return field_.pack(raw + steps_of(field_, correction))
     except RegisterRangeError as error:
@@ -250,7 +250,7 @@ def nominal_limit(axis: Axis, number: int, words: bytes) -> bytes:
         return words
     counts = counts_of(field_, raw)
     position = axis.compensation.machine_position(counts)
-    correction = axis.wanted.map_at(0.5).solve(position, position).correction
+    correction = axis.requested.map_at(0.5).solve(position, position).correction
     return field_.pack(raw - steps_of(field_, correction * axis.plan.settings.counts_per_unit))
 
 
@@ -269,27 +269,32 @@ def _again(axis: Axis) -> Rendering:
     return Rendering(number, nominal_words, corrected_words, corrected_counts, move)
 
 
-def _is_unproven(unproven: Rendering, number: int, nominal_words: bytes) -> bool:
-    is_same = unproven.number == number and unproven.nominal_words == nominal_words
-    return is_same and not unproven.is_distance
+def _is_unacknowledged(unacknowledged: Rendering, number: int, nominal_words: bytes) -> bool:
+    is_same = unacknowledged.number == number and unacknowledged.nominal_words == nominal_words
+    return is_same and not unacknowledged.is_distance
 
 
-def _flagged(unproven: Rendering) -> Rendering:
+def _flagged(unacknowledged: Rendering) -> Rendering:
     """Return the same words as before, whose branch is no more than assumed by now."""
-    move = unproven.move
+    move = unacknowledged.move
     assert move is not None
-    return unproven._replace(move=move._replace(state=move.state._replace(is_unsure=True)))
+    return unacknowledged._replace(move=move._replace(state=move.state._replace(is_unsure=True)))
 
 
 def _plan_move(
-    axis: Axis, nominal_counts: Counts, seen: Seen, place: Place | None = None, *, is_kept: bool = True
+    axis: Axis,
+    nominal_counts: Counts,
+    seen: RenderContext,
+    estimate: PositionEstimate | None = None,
+    *,
+    is_kept: bool = True,
 ) -> Move:
     compensation = axis.compensation
     accepted = compensation.accepted
     now_ns, fresh, _ = seen
     if is_kept and accepted is not None and accepted.nominal_counts == nominal_counts:
         again = compensation.again()  # the same target, perhaps through another register of the axis
-        return again._replace(state=again.state._replace(is_unsure=True)) if lacks_look(axis, seen) else again
+        return again._replace(state=again.state._replace(is_unsure=True)) if lacks_poll(axis, seen) else again
     if axis.terms is not None and axis.terms.is_due(now_ns):
         axis.follow_terms(now_ns)
     if axis.plan.settings.setpoints is Setpoints.STREAM:
@@ -298,29 +303,38 @@ def _plan_move(
     is_doubtful |= accepted is None and axis.plan.queues_targets  # other targets may wait before this one
     if accepted is not None and accepted.nominal_counts == nominal_counts:
         # Made anew, of a group: by how much its words change is all that it goes (M11).
-        place = Place(accepted.corrected_counts, PlaceKind.ON_DRIVE) if axis.motion.has_arrived else place
+        estimate = (
+            PositionEstimate(accepted.corrected_counts, EstimateKind.ON_DRIVE)
+            if axis.motion.has_arrived
+            else estimate
+        )
     else:
-        place = place or _known_place(axis, nominal_counts, now_ns)
-    if place is None and fresh is not None:
-        place = _measured(axis, fresh)
+        estimate = estimate or _estimated_position(axis, nominal_counts, now_ns)
+    if estimate is None and fresh is not None:
+        estimate = _measured(axis, fresh)
         is_doubtful |= _may_have_passed(axis, nominal_counts, fresh, now_ns)
-    if place is None and accepted is not None and not axis.plan.actual and "done" not in axis.plan.bits:
+    if estimate is None and accepted is not None and not axis.plan.actual and "done" not in axis.plan.bits:
         # Nothing tells where this axis is; the order of its targets is the best there is, and flagged.
-        place = Place(accepted.nominal_counts, PlaceKind.ASSUMED)
-    if place is None and axis.motion.superseded is not None:
+        estimate = PositionEstimate(accepted.nominal_counts, EstimateKind.ASSUMED)
+    if estimate is None and axis.motion.superseded is not None:
         # Where nobody could look, its target of before the loss is the best there is, and flagged.
-        place, is_doubtful = Place(axis.motion.superseded.corrected_counts, PlaceKind.ON_DRIVE), True
-    move = compensation.plan(nominal_counts, place, now_ns)
+        estimate, is_doubtful = (
+            PositionEstimate(axis.motion.superseded.corrected_counts, EstimateKind.ON_DRIVE),
+            True,
+        )
+    move = compensation.plan(nominal_counts, estimate, now_ns)
     return move._replace(state=move.state._replace(is_unsure=True)) if is_doubtful else move
 
 
-def _known_place(axis: Axis, nominal_counts: Counts, now_ns: int) -> Place | None:
+def _estimated_position(axis: Axis, nominal_counts: Counts, now_ns: int) -> PositionEstimate | None:
     """Where the axis is, as far as passing traffic told it (M6)."""
     accepted = axis.compensation.accepted
     if accepted is not None and (axis.motion.has_arrived or axis.plan.queues_targets):
-        return Place(accepted.nominal_counts, PlaceKind.REACHED)  # there, or there before it goes on
+        return PositionEstimate(
+            accepted.nominal_counts, EstimateKind.REACHED
+        )  # there, or there before it goes on
     if accepted is not None and axis.motion.state is MotionState.DONE_REPORTED and axis.asked_actual is None:
-        return Place(accepted.nominal_counts, PlaceKind.ASSUMED)
+        return PositionEstimate(accepted.nominal_counts, EstimateKind.ASSUMED)
     actual = axis.motion.actual
     settings = axis.plan.settings
     if actual is None or not settings.max_speed:
@@ -328,8 +342,8 @@ def _known_place(axis: Axis, nominal_counts: Counts, now_ns: int) -> Place | Non
     age_ns = now_ns - actual.seen_ns
     if age_ns > settings.fresh_ms * NS_PER_MS:
         return None
-    place = _measured(axis, actual)
-    return None if abs(nominal_counts - place.counts) <= _reach_counts(axis, age_ns) else place
+    estimate = _measured(axis, actual)
+    return None if abs(nominal_counts - estimate.counts) <= _reach_counts(axis, age_ns) else estimate
 
 
 def _reach_counts(axis: Axis, age_ns: int) -> float:
@@ -349,51 +363,53 @@ def _may_have_passed(axis: Axis, nominal_counts: Counts, fresh: Actual, now_ns: 
     return _may_run(axis, fresh) and away_counts <= _reach_counts(axis, now_ns - fresh.seen_ns)
 
 
-def _measured(axis: Axis, actual: Actual) -> Place:
+def _measured(axis: Axis, actual: Actual) -> PositionEstimate:
     """Turn a measured position back where its branch is known; else leave it on the drive's scale."""
     if axis.is_dry_run:
-        return Place(actual.counts, PlaceKind.MEASURED)
+        return PositionEstimate(actual.counts, EstimateKind.MEASURED)
     if axis.motion.state not in ON_BRANCH:
-        return Place(actual.counts, PlaceKind.ON_WAY if _may_run(axis, actual) else PlaceKind.ON_DRIVE)
+        return PositionEstimate(
+            actual.counts, EstimateKind.ON_WAY if _may_run(axis, actual) else EstimateKind.ON_DRIVE
+        )
     if not axis.motion.knows_branch:
-        return Place(actual.counts, PlaceKind.ON_WAY)
+        return PositionEstimate(actual.counts, EstimateKind.ON_WAY)
     # Nobody knows where it set out: a reading that still fades from there is no position, nor at its target.
     fades = axis.compensation.readback.fade is not None
     is_start_unknown = axis.motion.state is MotionState.MOVING and not axis.motion.is_start_known
     if is_start_unknown and (fades or not axis.motion.is_at_target(actual.counts)):
-        return Place(actual.counts, PlaceKind.ON_WAY)
-    return Place(axis.motion.nominal_of(actual.counts), PlaceKind.MEASURED)
+        return PositionEstimate(actual.counts, EstimateKind.ON_WAY)
+    return PositionEstimate(axis.motion.nominal_of(actual.counts), EstimateKind.MEASURED)
 
 
 # --- where a distance starts -------------------------------------------------------------------------------
 
 
-def base_of(axis: Axis, action: Action, known: Known) -> Base | None:
+def base_of(axis: Axis, action: Action, prefetched: Prefetched) -> Base | None:
     """Return where a relative move starts, as far as is known by now; None where it is not."""
-    if axis.motion.is_distance_unproven or is_place_untold(axis, known):
+    if axis.motion.is_distance_unconfirmed or is_position_withheld(axis, prefetched):
         return None
     accepted = axis.compensation.accepted
     is_certain = axis.motion.has_arrived and action is not Action.RELATIVE_TO_ACTUAL
     if accepted is not None and (action is Action.RELATIVE or is_certain):
-        return Base(accepted.nominal_counts, accepted.corrected_counts, is_standing=axis.motion.has_arrived)
+        return Base(accepted.nominal_counts, accepted.corrected_counts, is_at_rest=axis.motion.has_arrived)
     name = axis.plan.name
-    standing = known.standing.get(name, Standing.UNTOLD)
+    standstill = prefetched.standstill.get(name, Standstill.UNKNOWN)
     if counts_from_commanded(axis, action):
-        counts = known.commanded.get(name)
-        return None if counts is None else _base_at(axis, counts, standing, tolerance=0.0)
-    actual = known.actual.get(name)
+        counts = prefetched.commanded.get(name)
+        return None if counts is None else _base_at(axis, counts, standstill, tolerance=0.0)
+    actual = prefetched.actual.get(name)
     if actual is None:
         return None
     settings = axis.plan.settings
     tolerance = settings.hysteresis_counts
     if action is Action.RELATIVE_TO_ACTUAL:
-        return _base_at(axis, actual.counts, standing, tolerance=0.0)
-    return _base_at(axis, actual.counts, standing, tolerance=tolerance)
+        return _base_at(axis, actual.counts, standstill, tolerance=0.0)
+    return _base_at(axis, actual.counts, standstill, tolerance=tolerance)
 
 
-def is_place_untold(axis: Axis, known: Known) -> bool:
+def is_position_withheld(axis: Axis, prefetched: Prefetched) -> bool:
     """Whether the drive was asked where it is, and did not say: it may have been jogged (M6)."""
-    return axis.plan.name in known.actual and known.actual[axis.plan.name] is None
+    return axis.plan.name in prefetched.actual and prefetched.actual[axis.plan.name] is None
 
 
 def counts_from_commanded(axis: Axis, action: Action) -> bool:
@@ -401,18 +417,18 @@ def counts_from_commanded(axis: Axis, action: Action) -> bool:
     return axis.asked_commanded is not None and action is not Action.RELATIVE_TO_ACTUAL
 
 
-def _base_at(axis: Axis, counts: Counts, standing: Standing, *, tolerance: float) -> Base | None:
+def _base_at(axis: Axis, counts: Counts, standstill: Standstill, *, tolerance: float) -> Base | None:
     """Return the base at a position that the drive reported.
 
     A bit that may be that of the time before the last move counts only beside a position at the end of it.
     """
     accepted = axis.compensation.accepted
     if accepted is not None and abs(counts - accepted.corrected_counts) <= tolerance:
-        return Base(accepted.nominal_counts, accepted.corrected_counts, is_standing=True)
-    is_certain = standing is Standing.STANDS or (
-        standing is Standing.SAYS_SO and axis.motion.is_at_target(counts)
+        return Base(accepted.nominal_counts, accepted.corrected_counts, is_at_rest=True)
+    is_certain = standstill is Standstill.CONFIRMED or (
+        standstill is Standstill.SAYS_SO and axis.motion.is_at_target(counts)
     )
     if not is_certain:
         return None
     nominal_counts = round(axis.motion.nominal_of(counts))
-    return Base(nominal_counts, counts, is_standing=True, is_assumed=not axis.motion.knows_branch)
+    return Base(nominal_counts, counts, is_at_rest=True, is_assumed=not axis.motion.knows_branch)

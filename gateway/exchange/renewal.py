@@ -70,14 +70,14 @@ class Renewal:
         if not is_read:
             self._open_writes.add(unit_id)
 
-    def hear(self) -> None:
+    def mark_alive(self) -> None:
         """Bytes came, whatever they are: the connection lives."""
         self.timeouts = 0
         self._silent.clear()
         self._asked.clear()
         self._backoff.reset()
 
-    def hear_answer(self, unit_id: int) -> None:
+    def mark_answered(self, unit_id: int) -> None:
         """A unit id answers what it was asked: whatever it was sent before is done, or never will be."""
         self._open_writes.discard(unit_id)
 
@@ -87,7 +87,7 @@ class Renewal:
         return bool(self._open_writes)
 
     @property
-    def owes_nothing(self) -> bool:
+    def awaits_nothing(self) -> bool:
         """Whether nothing that was sent on the connection may still be answered or executed."""
         return not self.timeouts and not self._open_writes
 

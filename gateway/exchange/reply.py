@@ -62,18 +62,18 @@ def _acknowledges(request: Request, reply: bytes) -> bool:
     return reply == sent
 
 
-def turned_back(request: Request, reply: bytes) -> bytes:
+def nominal_reply(request: Request, reply: bytes) -> bytes:
     """Return a reply to a read with every position on the controller's scale."""
     access = request.frame.access
     head = MEI_HEAD if access.is_mei else 2
     data = bytearray(swapped(reply[head:]) if access.is_mei else reply[head:])
     try:
         for hit in request.read_hits.fields:
-            if hit.is_whole and hit.place.role.is_position:
-                _turn_field_back(hit, request, data)
+            if hit.is_whole and hit.mapped.role.is_position:
+                _make_field_nominal(hit, request, data)
     except RegisterRangeError:
         return exception_pdu(request.frame.pdu[0], ExceptionCode.SERVER_DEVICE_FAILURE)
-    note_bits(request.read_hits.bits, data, sent_somewhere(request), request.now_ns)
+    observe_bits(request.read_hits.bits, data, sent_somewhere(request), request.now_ns)
     if access.is_mei:
         return reply[:head] + swapped(bytes(data)) if request.read_hits.fields else reply
     skip = 2 * (access.read_address - request.read_span.address)
@@ -81,26 +81,26 @@ def turned_back(request: Request, reply: bytes) -> bytes:
     return bytes((reply[0], len(asked))) + bytes(asked)
 
 
-def _turn_field_back(hit: FieldHit, request: Request, data: bytearray) -> None:
-    place = hit.place
-    axis, at, end = place.axis, 2 * hit.word, 2 * (hit.word + place.field.words)
+def _make_field_nominal(hit: FieldHit, request: Request, data: bytearray) -> None:
+    mapped = hit.mapped
+    axis, at, end = mapped.axis, 2 * hit.word, 2 * (hit.word + mapped.field.words)
     words = bytes(data[at:end])
     readback = request.readbacks.get(axis.plan.name)
     if readback is not None and any(each.targets for each in request.commands):
         readback = axis.compensation.readback  # FC23 writes before it reads
-    if place.role is FieldRole.ACTUAL and place.number == 0:
+    if mapped.role is FieldRole.ACTUAL and mapped.number == 0:
         was_undecided = axis.is_recalling
-        axis.observe_actual(place.field, words, request.now_ns)  # as old as its request
+        axis.observe_actual(mapped.field, words, request.now_ns)  # as old as its request
         if was_undecided and readback is not None:
             readback = axis.compensation.readback  # nothing else was in force when the request was sent
     if readback is None:
         return
-    if place.role is FieldRole.COMMAND and place.image is not None:
-        data[at:end] = axis.read_command_words(place.number, place.field, words, readback)
-    elif place.role is FieldRole.LIMIT and place.image is not None:
-        data[at:end] = nominal_limit(axis, place.number, words)
+    if mapped.role is FieldRole.COMMAND and mapped.image is not None:
+        data[at:end] = axis.read_command_words(mapped.number, mapped.field, words, readback)
+    elif mapped.role is FieldRole.LIMIT and mapped.image is not None:
+        data[at:end] = nominal_limit(axis, mapped.number, words)
     else:
-        data[at:end] = axis.nominal_words(place.field, words, readback)
+        data[at:end] = axis.nominal_words(mapped.field, words, readback)
 
 
 def sent_somewhere(request: Request) -> set[str]:
@@ -108,7 +108,7 @@ def sent_somewhere(request: Request) -> set[str]:
     return {each.axis.plan.name for each in request.commands if each.sends_somewhere}
 
 
-def note_discrete(unit: UnitMap | None, request: bytes, reply: bytes, asked_ns: int) -> None:
+def observe_discrete(unit: UnitMap | None, request: bytes, reply: bytes, asked_ns: int) -> None:
     """Take note of status bits among coils or discrete inputs that were read (6.1, 6.2)."""
     if unit is None or request[0] not in READS_BITS or len(request) != 5:
         return
@@ -119,10 +119,10 @@ def note_discrete(unit: UnitMap | None, request: bytes, reply: bytes, asked_ns: 
     hits = unit.read_bits(table, address, min(quantity, 8 * reply[1]))
     if hits:
         words = b"".join(bytes((0, reply[2 + i // 8] >> i % 8 & 1)) for i in range(8 * reply[1]))
-        note_bits(hits, words, set(), asked_ns)
+        observe_bits(hits, words, set(), asked_ns)
 
 
-def note_bits(
+def observe_bits(
     hits: Iterable[BitHit], data: bytes | bytearray, written: AbstractSet[str], asked_ns: int
 ) -> None:
     """Take note of status bits, a word for each in ``data``: as old as their request.

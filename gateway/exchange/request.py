@@ -21,35 +21,35 @@ from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import Actual
 from gateway.exchange.axis.registers import ALL_WORDS, mask_of
-from gateway.exchange.decode import AxisCommand, FieldWrite, Frame, Part, decode
-from gateway.exchange.unit import NO_HITS, FieldHit, FieldPlace, FieldRole, Hits
+from gateway.exchange.decode import AxisCommand, DecodedRequest, FieldWrite, Part, decode
+from gateway.exchange.unit import NO_HITS, FieldHit, FieldRole, Hits, MappedField
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.registers import PositionField, WordOrder
 
 
-class Standing(Enum):
+class Standstill(Enum):
     """What a drive's status bit says of an axis that is to go a distance."""
 
-    UNTOLD = "untold"
+    UNKNOWN = "untold"
     MOVES = "moves"
     SAYS_SO = "says-so"
     """It stands, but the bit may still be that of the time before its last move."""
-    STANDS = "stands"
+    CONFIRMED = "stands"
 
 
 @dataclass(slots=True)
-class Known:
+class Prefetched:
     """What was read for one request before it could be rendered. None: asked for, and not to be had."""
 
     actual: dict[str, Actual | None] = field(default_factory=dict)
     """By axis."""
-    looks: dict[str, int] = field(default_factory=dict)
+    polls: dict[str, int] = field(default_factory=dict)
     """How often that was told, or not to be had, by axis."""
     refused: set[str] = field(default_factory=set)
     """Axes of which that was refused."""
     commanded: dict[str, float | None] = field(default_factory=dict)
     """The drive's own commanded position in counts, by axis."""
-    standing: dict[str, Standing] = field(default_factory=dict)
+    standstill: dict[str, Standstill] = field(default_factory=dict)
     """By axis."""
     command_words: dict[tuple[str, int], bytes | None] = field(default_factory=dict)
     """Nominal words, by axis and number of the command field."""
@@ -66,7 +66,7 @@ class Known:
     whether it keeps words of another one."""
 
 
-NOTHING_KNOWN: Final = Known()
+NOTHING_PREFETCHED: Final = Prefetched()
 """For requests that need nothing read; it stays empty."""
 
 
@@ -95,8 +95,8 @@ class Request:
         "commands",
         "follows_ns",
         "frame",
-        "known",
         "now_ns",
+        "prefetched",
         "read_hits",
         "read_span",
         "readbacks",
@@ -105,9 +105,9 @@ class Request:
 
     def __init__(
         self,
-        frame: Frame,
+        frame: DecodedRequest,
         commands: list[AxisCommand],
-        known: Known,
+        prefetched: Prefetched,
         now_ns: int,
         *,
         arrived_ns: int,
@@ -116,7 +116,7 @@ class Request:
         self.frame = frame
         self.commands = commands
         """What it does to each axis that it does something to, in the order of the axes."""
-        self.known = known
+        self.prefetched = prefetched
         self.now_ns = now_ns
         self.arrived_ns = arrived_ns
         """When it came from its controller; no two requests of a line came at the same instant."""
@@ -155,7 +155,7 @@ class Request:
     @property
     def reads_unmapped(self) -> bool:
         """Whether it reads a position that is not mapped, and so passes as it is (M10)."""
-        return any(hit.place.role is FieldRole.GUARDED for hit in self.read_hits.fields)
+        return any(hit.mapped.role is FieldRole.GUARDED for hit in self.read_hits.fields)
 
 
 def has_a_stop(requests: Sequence[Request]) -> bool:
@@ -163,14 +163,16 @@ def has_a_stop(requests: Sequence[Request]) -> bool:
     return any(command.is_stop for request in requests for command in request.commands)
 
 
-def understand(frame: Frame, known: Known, now_ns: int, arrived_ns: int, follows_ns: int = 0) -> Request:
+def understand(
+    frame: DecodedRequest, prefetched: Prefetched, now_ns: int, arrived_ns: int, follows_ns: int = 0
+) -> Request:
     """Work out what a request means now that it is its turn, with what was read for it.
 
     This is done anew each time that it is its turn: while it waited, or waited for a frame that it needs
     first, the drive may have acknowledged another mode, a stop or another part of a position.
     """
-    commands = decode(frame, known.rule_words)
-    request = Request(frame, commands, known, now_ns, arrived_ns=arrived_ns, follows_ns=follows_ns)
+    commands = decode(frame, prefetched.rule_words)
+    request = Request(frame, commands, prefetched, now_ns, arrived_ns=arrived_ns, follows_ns=follows_ns)
     for command in request.commands:
         if command.hits:
             _complete(request, command)
@@ -188,18 +190,18 @@ def _complete(request: Request, command: AxisCommand) -> None:
     is_again = not (axis.plan.motion.waits_for_trigger or is_distance)
     has_last = False
     for hit in command.hits:
-        place = hit.place
-        if not hit.is_whole and (is_object or place.field.block is not None):
-            assert place.image is not None
-            command.cut.append(place.image)
+        mapped = hit.mapped
+        if not hit.is_whole and (is_object or mapped.field.block is not None):
+            assert mapped.image is not None
+            command.partly_written.append(mapped.image)
             continue
         words = nominal_words(request, hit) if access.is_consistent else None
         is_run = hit in running
         command.writes.append(FieldWrite(hit, words, is_run))
         if is_run and is_again:
-            is_again = words is not None and axis.is_repeat(place.number, words)
+            is_again = words is not None and axis.is_repeat(mapped.number, words)
             is_again = is_again and axis.may_keep_words(axis.compensation.state.spec)
-            has_last = has_last or place.number == axis.motion.last_number
+            has_last = has_last or mapped.number == axis.motion.last_number
     command.is_again = is_again and has_last
 
 
@@ -207,8 +209,8 @@ def _complete(request: Request, command: AxisCommand) -> None:
 
 
 def key_of(hit: FieldHit) -> tuple[str, int]:
-    """Return by which name ``Known`` has a command field."""
-    return hit.place.axis.plan.name, hit.place.number
+    """Return by which name ``Prefetched`` has a command field."""
+    return hit.mapped.axis.plan.name, hit.mapped.number
 
 
 def written_part(hit: FieldHit, pdu: bytes, access: Access) -> tuple[int, bytes]:
@@ -216,12 +218,12 @@ def written_part(hit: FieldHit, pdu: bytes, access: Access) -> tuple[int, bytes]
     data = access.words(pdu)
     first = max(0, -hit.word)
     start = 2 * max(0, hit.word)
-    return first, data[start : start + 2 * (hit.place.field.words - first)]
+    return first, data[start : start + 2 * (hit.mapped.field.words - first)]
 
 
 def nominal_words(request: Request, hit: FieldHit) -> bytes | None:
     """Return all words of a command field once a request is applied, or None when some are not known."""
-    image, pdu, access = hit.place.image, request.frame.pdu, request.frame.access
+    image, pdu, access = hit.mapped.image, request.frame.pdu, request.frame.access
     assert image is not None
     if access.is_mask:
         return _masked(hit, pdu, access, request.arrived_ns)
@@ -229,17 +231,17 @@ def nominal_words(request: Request, hit: FieldHit) -> bytes | None:
     if hit.is_whole:
         return words
     completed = image.completed(first, words, request.arrived_ns, request.follows_ns)
-    read = request.known.command_words.get(key_of(hit))
-    if completed is None and read is not None and not image.is_torn:
+    read = request.prefetched.command_words.get(key_of(hit))
+    if completed is None and read is not None and not image.is_incomplete:
         merged = bytearray(read)
         merged[2 * first : 2 * first + len(words)] = words
-        if kept_words_are_certain(hit.place, read, first, len(words) // 2):
+        if kept_words_are_certain(hit.mapped, read, first, len(words) // 2):
             completed = bytes(merged)
     return completed
 
 
 def _masked(hit: FieldHit, pdu: bytes, access: Access, arrived_ns: int) -> bytes | None:
-    image = hit.place.image
+    image = hit.mapped.image
     base = None if image is None else image.base(arrived_ns)
     if base is None:
         return None  # a mask needs the exact word that it is laid over
@@ -252,23 +254,23 @@ def _masked(hit: FieldHit, pdu: bytes, access: Access, arrived_ns: int) -> bytes
     return bytes(merged)
 
 
-def kept_words_are_certain(place: FieldPlace, words: bytes, first: int, count: int) -> bool:
+def kept_words_are_certain(mapped: MappedField, words: bytes, first: int, count: int) -> bool:
     """Whether the words that a partial write keeps are the same for every position that they may stand for.
 
     The drive's register holds a corrected position, and which correction it was given may not be known any
     more: the nominal one lies within ``max_correction`` of it, perhaps across a word's border.
     """
-    settings = place.axis.plan.settings
-    margin = settings.max_correction * abs(settings.counts_per_unit) / place.field.scale
-    raw = place.field.unpack(words)
-    if place.field.type.is_float:
+    settings = mapped.axis.plan.settings
+    margin = settings.max_correction * abs(settings.counts_per_unit) / mapped.field.scale
+    raw = mapped.field.unpack(words)
+    if mapped.field.type.is_float:
         return False
     try:
-        ends = [place.field.pack(round(raw + sign * margin)) for sign in (-1.0, 1.0)]
+        ends = [mapped.field.pack(round(raw + sign * margin)) for sign in (-1.0, 1.0)]
     except RegisterRangeError:
         return False
-    kept = [i for i in range(place.field.words) if not first <= i < first + count]
-    least = 0 if place.field.order is WordOrder.LOW_FIRST else place.field.words - 1
+    kept = [i for i in range(mapped.field.words) if not first <= i < first + count]
+    least = 0 if mapped.field.order is WordOrder.LOW_FIRST else mapped.field.words - 1
     return least not in kept and all(
         end[2 * i : 2 * i + 2] == words[2 * i : 2 * i + 2] for end in ends for i in kept
     )
@@ -276,7 +278,7 @@ def kept_words_are_certain(place: FieldPlace, words: bytes, first: int, count: i
 
 def part_of(hit: FieldHit, pdu: bytes, access: Access) -> Part:
     """Return what a request writes of one command field or limit."""
-    image = hit.place.image
+    image = hit.mapped.image
     assert image is not None
     if not access.is_consistent:
         return Part(image, -1, b"")

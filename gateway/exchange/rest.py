@@ -25,13 +25,13 @@ class Resting(Enum):
     """The drives get the time to obey a broadcast."""
     SILENCE = "silence"
     """A reply may come that answers nothing any more: the line waits until it is silent."""
-    OWED = "owed"
+    SILENCE_PENDING = "owed"
     """The same, and there is no link yet: the silence begins with it."""
     CLOSING = "closing"
     """The server may close the connection behind its answer: what is sent then would be lost."""
     OPENED = "opened"
     """A connection was made, and the drives get the time to serve it."""
-    SPOILT = "spoilt"
+    ABORTED = "spoilt"
     """A frame left that is none (``cut_through``): the drives have to see that it has ended."""
 
 
@@ -51,7 +51,7 @@ class Rest:
         """There exactly in TURNAROUND, SILENCE, CLOSING, OPENED and SPOILT: the line rests until then."""
         self.opened_until_ns = 0
         """Nothing is sent before, not even a stop: the drives would not serve it."""
-        self.spoilt_until_ns = 0
+        self.aborted_until_ns = 0
         """Not even a stop is sent before: it would be taken for the rest of a spoilt frame."""
 
     @property
@@ -75,21 +75,21 @@ class Rest:
         return self._resting is Resting.OPENED
 
     @property
-    def owes_silence(self) -> bool:
+    def needs_silence(self) -> bool:
         """Whether a reply may still come that is not for whoever uses the line next."""
-        return self._resting is Resting.SILENCE or self._resting is Resting.OWED
+        return self._resting is Resting.SILENCE or self._resting is Resting.SILENCE_PENDING
 
-    def turn_around(self, now_ns: int) -> None:
+    def begin_turnaround(self, now_ns: int) -> None:
         """Give the drives time to obey a broadcast; a silence that lasts longer goes on."""
         until_ns = now_ns + self._turnaround_ns
         if self.until_ns is None or until_ns > self.until_ns:
             self._resting = Resting.TURNAROUND
             self.until_ns = until_ns
 
-    def spoil(self, until_ns: int) -> None:
+    def hold_after_abort(self, until_ns: int) -> None:
         """Let the drives see that a spoilt frame has ended; nothing else kept the line when it began."""
-        self._resting = Resting.SPOILT
-        self.until_ns = self.spoilt_until_ns = until_ns
+        self._resting = Resting.ABORTED
+        self.until_ns = self.aborted_until_ns = until_ns
 
     def await_close(self, now_ns: int) -> None:
         """See whether the server closes the connection behind its answer."""
@@ -107,13 +107,13 @@ class Rest:
     def drain(self, now_ns: int) -> None:
         """Wait for silence, so that a late reply never answers the next request."""
         self._resting = Resting.SILENCE
-        least_ns = max(self.spoilt_until_ns, self.opened_until_ns)
+        least_ns = max(self.aborted_until_ns, self.opened_until_ns)
         self.until_ns = max(now_ns + self._drain_ns, least_ns)
         self._drained_at_last_ns = max(now_ns + LONGEST_DRAIN * self._drain_ns, least_ns)
 
     def disturb(self, now_ns: int) -> None:
         """Bytes came in the middle of the silence: it begins anew, but not for ever."""
-        until_ns = max(now_ns + self._drain_ns, self.spoilt_until_ns, self.opened_until_ns)
+        until_ns = max(now_ns + self._drain_ns, self.aborted_until_ns, self.opened_until_ns)
         self.until_ns = min(until_ns, self._drained_at_last_ns)
 
     def settle(self, now_ns: int) -> None:
@@ -121,19 +121,19 @@ class Rest:
         if self.until_ns is not None and now_ns >= self.until_ns:
             self._resting = Resting.NOT
             self.until_ns = None
-            self.spoilt_until_ns = self.opened_until_ns = 0
+            self.aborted_until_ns = self.opened_until_ns = 0
 
-    def owe(self) -> None:
+    def expect_late_reply(self) -> None:
         """A reply may come that nobody here has asked for: the line rests first when its link comes up."""
-        self._resting = Resting.OWED
+        self._resting = Resting.SILENCE_PENDING
 
-    def break_off(self, *, owes_silence: bool) -> None:
+    def break_off(self, *, needs_silence: bool) -> None:
         """The link went down; a reply may be on its way still."""
-        self._resting = Resting.OWED if owes_silence else Resting.NOT
+        self._resting = Resting.SILENCE_PENDING if needs_silence else Resting.NOT
         self.until_ns = None
-        self.spoilt_until_ns = self.opened_until_ns = 0
+        self.aborted_until_ns = self.opened_until_ns = 0
 
     def resume(self, now_ns: int) -> None:
         """The link is up again."""
-        if self._resting is Resting.OWED:
+        if self._resting is Resting.SILENCE_PENDING:
             self.drain(now_ns)

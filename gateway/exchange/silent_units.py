@@ -26,7 +26,7 @@ from gateway.catalogue import exchange_events
 from gateway.exchange.added_frames import trial_read
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.axis import Axis
-from gateway.exchange.dispatch import Units, is_acting_on
+from gateway.exchange.dispatch import UnitMaps, is_acting_on
 from gateway.exchange.events import Event
 from gateway.exchange.plan import LineTiming
 from gateway.exchange.queue import WaitingQueue
@@ -43,7 +43,7 @@ LATE_FOR_NS: Final = 600 * NS_PER_S
 """So long the whole line waits after each time-out of a unit that was late once."""
 UNASKED_AT_MOST: Final = 2
 """So many requests in one silence are answered unasked; the next read waits for its end, and goes late."""
-STOPS_KNOWN: Final = 16
+MOST_STOPS: Final = 16
 """Different stops of one silent unit that are told apart; all others count as new."""
 
 
@@ -111,7 +111,7 @@ class Silence:
     """Until then a frame of it may come that answers nothing any more; 0: none may."""
     quiet_at_last_ns: int = 0
     """No such frame puts that off for longer."""
-    owed_ns: int = 0
+    late_reply_until_ns: int = 0
     """Until then a stop may be answered that was given up early: stops go before that, nothing else."""
     unasked: int = 0
     """Requests that were answered in its place in this silence, for they could only have left too late;
@@ -126,8 +126,8 @@ class Silence:
     """While it is dead: an odd frame goes there from then on."""
     stops: dict[bytes, int] = field(default_factory=dict)
     """Stops that it did not answer, each with when the same may be sent again."""
-    turns: set[int] = field(default_factory=set)
-    """Controllers that get an exchange before the next of these stops; see ``Turns``."""
+    unserved_ports: set[int] = field(default_factory=set)
+    """Controllers that get an exchange before the next of these stops; see ``Scheduler``."""
 
     def miss(self, sent_ns: int, now_ns: int, drain_ns: int, first_retry_ns: int) -> None:
         """A request that was sent at ``sent_ns`` was not answered."""
@@ -144,12 +144,12 @@ class Silence:
         self.due_ns = max(now_ns + self.retry_ns, self.quiet_ns)
         self.odd_due_ns = max(now_ns + first_retry_ns, self.quiet_ns)
 
-    def hear(self) -> Reach:
+    def mark_alive(self) -> Reach:
         """A whole frame of it came; return how far away it was before."""
         before, self.reach = self.reach, REACH_AFTER[self.reach, Sign.FRAME]
         self.timeouts = 0
         self.stops.clear()
-        self.turns.clear()
+        self.unserved_ports.clear()
         return before
 
     def be_late(self, now_ns: int, drain_ns: int) -> None:
@@ -161,21 +161,21 @@ class Silence:
     @property
     def ends_ns(self) -> int:
         """Until then nothing but stops goes to it; 0: it owes nothing."""
-        return max(self.owed_ns, self.quiet_ns)
+        return max(self.late_reply_until_ns, self.quiet_ns)
 
     def link_up(self) -> None:
         """The link came up: it is asked again, and owes nothing."""
         self.reach = REACH_AFTER[self.reach, Sign.LINK_UP]
-        self.quiet_ns = self.owed_ns = 0
+        self.quiet_ns = self.late_reply_until_ns = 0
         self.stops.clear()
-        self.turns.clear()
+        self.unserved_ports.clear()
 
     def settle(self, now_ns: int) -> None:
         """It has been quiet until now."""
         if self.quiet_ns <= now_ns:
             self.quiet_ns = 0
-        if self.owed_ns <= now_ns:
-            self.owed_ns = 0
+        if self.late_reply_until_ns <= now_ns:
+            self.late_reply_until_ns = 0
         if not self.ends_ns:
             self.unasked = 0
 
@@ -191,12 +191,12 @@ class Silence:
         """
         return self.odd_due_ns if is_odd else self.due_ns
 
-    def miss_stop(self, pdu: bytes, until_ns: int, turns: set[int]) -> None:
+    def miss_stop(self, pdu: bytes, until_ns: int, unserved_ports: set[int]) -> None:
         """It did not answer a stop, which may be sent again then, after those who wait for a turn."""
-        if len(self.stops) >= STOPS_KNOWN:
+        if len(self.stops) >= MOST_STOPS:
             self.stops.clear()
         self.stops[pdu] = until_ns
-        self.turns = turns
+        self.unserved_ports = unserved_ports
 
 
 class SilentUnits:
@@ -215,7 +215,7 @@ class SilentUnits:
     def __init__(
         self,
         timing: LineTiming,
-        units: Units,
+        units: UnitMaps,
         waiting: WaitingQueue,
         transactions: Transactions,
         *,
@@ -252,12 +252,12 @@ class SilentUnits:
         silence.miss(sent_ns, now_ns, self._drain_ns, self._retry_ns)
         return silence, silence.reach is Reach.DEAD and not was_dead
 
-    def hear(self, unit_id: int, now_ns: int) -> None:
+    def mark_alive(self, unit_id: int, now_ns: int) -> None:
         """Note a whole frame of a unit id, while something on the line is silent."""
         silence = self.silences.get(unit_id)
         if silence is None:
             return
-        before = silence.hear()
+        before = silence.mark_alive()
         self._forget(silence)
         if before is Reach.ANSWERS:
             return
@@ -284,17 +284,17 @@ class SilentUnits:
                 silence.be_late(now_ns, self._drain_ns)
         return is_awaited
 
-    def owe(self, unit_id: int, until_ns: int) -> None:
+    def expect_late_reply(self, unit_id: int, until_ns: int) -> None:
         """A stop was given up before its drive had the time to answer: that may come until then (W6)."""
         if not self._drain_ns:
             return
         silence = self.silences.get(unit_id)
         if silence is None:
             silence = self.silences[unit_id] = Silence(unit_id)
-        silence.owed_ns = max(silence.owed_ns, until_ns + self._drain_ns)
+        silence.late_reply_until_ns = max(silence.late_reply_until_ns, until_ns + self._drain_ns)
 
     def link_up(self) -> None:
-        """The link has come up: what was silent is asked again. What it owes begins anew (``Rest.owe``)."""
+        """The link has come up: silent units are asked again, and late replies expected anew (``Rest``)."""
         for silence in self.silences.values():
             silence.link_up()
         self.settle(0)
@@ -349,11 +349,13 @@ class SilentUnits:
     @property
     def quiet_ns(self) -> int | None:
         """When the first of them has been quiet for long enough; None: nobody owes anything."""
-        ends = [ns for each in self.silences.values() for ns in (each.quiet_ns, each.owed_ns) if ns]
+        ends = [
+            ns for each in self.silences.values() for ns in (each.quiet_ns, each.late_reply_until_ns) if ns
+        ]
         return min(ends, default=None)
 
     @property
-    def owes(self) -> bool:
+    def awaits_late_reply(self) -> bool:
         """Whether a late frame may come from anybody."""
         return self.quiet_ns is not None
 
@@ -362,7 +364,7 @@ class SilentUnits:
         """When any unit id answered last; 0: none ever did."""
         return max(self.answered_ns)
 
-    def owes_of(self, unit_id: int) -> bool:
+    def awaits_late_reply_of(self, unit_id: int) -> bool:
         """Whether a late frame may come from a unit id."""
         silence = self.silences.get(unit_id)
         return silence is not None and silence.ends_ns > 0
@@ -489,9 +491,9 @@ class SilentUnits:
 
     # --- stops -----------------------------------------------------------------------------------------
 
-    def miss_stop(self, unit_id: int, pdu: bytes, turns: set[int], now_ns: int) -> None:
+    def miss_stop(self, unit_id: int, pdu: bytes, unserved_ports: set[int], now_ns: int) -> None:
         """Note a stop that was not answered, after :meth:`miss`, and who waits while it may not be sent."""
-        self.silences[unit_id].miss_stop(pdu, now_ns + self._retry_ns, turns)
+        self.silences[unit_id].miss_stop(pdu, now_ns + self._retry_ns, unserved_ports)
 
     def thin_out(self, stop: Transaction, now_ns: int) -> None:
         """Of a stop that its drive does not answer the newest of each controller waits, for all before it."""
@@ -510,10 +512,10 @@ class SilentUnits:
             self._waiting.take(each)
             self.answer_for(each, now_ns)
 
-    def had_turn(self, port: int) -> None:
+    def note_served(self, port: int) -> None:
         """A controller gets an exchange."""
         for silence in self.silences.values():
-            silence.turns.discard(port)
+            silence.unserved_ports.discard(port)
 
     # --- status ----------------------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ from msgspec import UNSET
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
 from gateway.exchange.axis.axis import Axis
-from gateway.exchange.axis.beam import BeamState
+from gateway.exchange.axis.gantry import GantryState
 from gateway.exchange.axis.motion import Actual
 from gateway.exchange.line import LineExchange
 from gateway.status.axis import AxisStatus, GroupStatus, Reading, Shares, TableStatus
@@ -41,7 +41,7 @@ def axes_status(line: LineExchange, now_ns: int) -> dict[str, AxisStatus]:
     found: dict[str, AxisStatus] = {}
     for axis in line.axes:
         status = found[axis.plan.name] = axis_status(axis, now_ns)
-        status.rivals = line.rivals_status(axis.plan.name, now_ns)
+        status.rivals = line.writer_conflict(axis.plan.name, now_ns)
     return found
 
 
@@ -122,16 +122,16 @@ def compensation_state(axis: Axis) -> str:
 
 def _group_status(axis: Axis, now_ns: int) -> GroupStatus | None:
     """Return what its group goes by (M11); None: it is in none."""
-    beam = axis.beam
-    if beam is None:
+    gantry = axis.gantry
+    if gantry is None:
         return None
-    fixed = None if beam.is_over(now_ns) else axis.fixed
+    fixed = None if gantry.is_over(now_ns) else axis.fixed
     return GroupStatus(
-        state=BeamState.OPEN.value if fixed is None else beam.state.value,
+        state=GantryState.OPEN.value if fixed is None else gantry.state.value,
         has_gone=fixed is not None and fixed.has_gone,
-        is_put_off=fixed is not None and beam.has_put_off,
-        is_skewed=beam.is_skewed,
-        skew=beam.skew,
+        is_put_off=fixed is not None and gantry.has_put_off,
+        is_skewed=gantry.is_skewed,
+        skew=gantry.skew,
     )
 
 

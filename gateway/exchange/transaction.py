@@ -38,12 +38,12 @@ from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.impossible import IGNORED, sentence_of
 from gateway.exchange.axis.registers import Loss
 from gateway.exchange.counters import LineCounters
-from gateway.exchange.decode import Frame
+from gateway.exchange.decode import DecodedRequest
 from gateway.exchange.effects import finish
 from gateway.exchange.events import Event
 from gateway.exchange.ports import ControllerPort, DriveLink
-from gateway.exchange.reply import note_discrete, outcome_of, reply_without_positions, turned_back
-from gateway.exchange.request import Known, Request
+from gateway.exchange.reply import nominal_reply, observe_discrete, outcome_of, reply_without_positions
+from gateway.exchange.request import Prefetched, Request
 from gateway.exchange.tap import Tap
 from gateway.exchange.unit import UnitMap
 from gateway.limits import Reports, others_of_pairs, times
@@ -269,9 +269,9 @@ class Transaction:
     stopping = _NO_STOP
     added: AddedFrame | None = None
     """A frame of the gateway's own that goes first, or alone."""
-    frames: tuple[Frame, ...] | None = None
+    frames: tuple[DecodedRequest, ...] | None = None
     """What its bytes say to each unit that it reaches, as soon as that was asked for."""
-    known: Known | None = None
+    prefetched: Prefetched | None = None
     path: FastPath | None = None
     """The fast path on which it was sent; None: it went the slow one."""
     target: SteadyTarget | None = None
@@ -314,19 +314,19 @@ class Transaction:
             self._requests = (self.path.request(self),)
         return self._requests
 
-    def note_frames(self, frames: tuple[Frame, ...]) -> None:
+    def set_frames(self, frames: tuple[DecodedRequest, ...]) -> None:
         """Note what its bytes say."""
         self.frames = frames
 
-    def note_requests(self, requests: tuple[Request, ...]) -> None:
+    def set_requests(self, requests: tuple[Request, ...]) -> None:
         """Note what is sent for it."""
         self._requests = requests
 
-    def knowledge(self) -> Known:
+    def knowledge(self) -> Prefetched:
         """Return what was read for it, to be added to."""
-        if self.known is None:
-            self.known = Known()
-        return self.known
+        if self.prefetched is None:
+            self.prefetched = Prefetched()
+        return self.prefetched
 
     def become_odd(self) -> None:
         """Note that it is an odd frame: it counts as a write."""
@@ -372,7 +372,7 @@ class Transaction:
 
     def start(self, now_ns: int) -> None:
         """Note that it is its turn: after it waited for the line, or for a frame that goes first."""
-        if self.added is not None or self.known is not None:
+        if self.added is not None or self.prefetched is not None:
             self.added_ns += now_ns - (self.started_ns or self.arrived_ns)
         else:
             self.queue_ns = now_ns - self.arrived_ns
@@ -384,7 +384,7 @@ class Transaction:
 
     def begin_anew(self) -> None:
         """Something else goes first: what it needs is found out anew when its turn comes, and read again."""
-        self.known = Known()
+        self.prefetched = Prefetched()
 
     def carry(self, path: FastPath, target: SteadyTarget) -> None:
         """Note the target that it carries on a fast path."""
@@ -394,7 +394,7 @@ class Transaction:
         """Note the fast path on which it leaves."""
         self.path = path
 
-    def note_readbacks(self, readbacks: Sequence[Readback | None]) -> None:
+    def set_readbacks(self, readbacks: Sequence[Readback | None]) -> None:
         """Note how the positions that it reads on a fast path are turned back."""
         self.readbacks = readbacks
 
@@ -495,7 +495,7 @@ class Transactions:
         """Take a step of :data:`PHASE_AFTER`; return whether there is one. If not, nothing has changed."""
         after = PHASE_AFTER[transaction.phase].get(event)
         if after is None:
-            self.tell_fault(sentence_of("transaction", transaction.phase, event))
+            self.report_fault(sentence_of("transaction", transaction.phase, event))
             return False
         transaction.phase = after
         return True
@@ -578,11 +578,11 @@ class Transactions:
     def _after_stop(self, stop: Transaction, event: StopEvent) -> Stopping | None:
         row = STOP_AFTER[stop.stopping]
         if event not in row:
-            self.tell_fault(sentence_of("stop", stop.stopping, event))
+            self.report_fault(sentence_of("stop", stop.stopping, event))
             return None
         return row[event]
 
-    def tell_fault(self, sentence: str) -> None:
+    def report_fault(self, sentence: str) -> None:
         """Tell of something that cannot be: a bug of this program."""
         self._counters.internal_faults += 1
         self._on_event(Event(exchange_events.INTERNAL_FAULT, None, sentence))
@@ -624,7 +624,7 @@ class Transactions:
             if loss is not None and transaction.port is not None and not transaction.only_reads:
                 self._lose(transaction, code, loss)
             if withdrawn:
-                self._note_withdrawn(transaction, withdrawn, now_ns)
+                self._count_withdrawn(transaction, withdrawn, now_ns)
         elif reply:
             self._pass_back(transaction, outcome, code, reply, now_ns)
         else:
@@ -675,19 +675,19 @@ class Transactions:
         The controller waits for its reply, so it is sent as soon as it is known: before the state of the axis
         is worked out, unless the same frame also reads positions, which that state turns back.
         """
-        self._counters.note_reply(reply)
+        self._counters.count_reply(reply)
         requests = transaction.requests
         if not requests:
             self.reply(transaction, reply)
             unit = self._unit_of(transaction.unit_id)
-            note_discrete(unit, transaction.pdu, reply, transaction.sent_ns)
+            observe_discrete(unit, transaction.pdu, reply, transaction.sent_ns)
             return
         is_acknowledged = outcome is Outcome.ACKNOWLEDGED
         for request in requests:
             is_read = request.reads_too
             if is_acknowledged and is_read:
                 finish(request, outcome, code, now_ns)
-                self.reply(transaction, turned_back(request, reply))
+                self.reply(transaction, nominal_reply(request, reply))
             else:
                 passed = reply_without_positions(request, reply, is_acknowledged=is_acknowledged)
                 self.reply(transaction, passed)
@@ -702,14 +702,14 @@ class Transactions:
         elif answer is Answer.TOO_LATE:
             self._counters.too_late += 1
         elif answer is not Answer.ABSENCE:
-            self._counters.note_refusal(None if port is None else port.plan.name)
+            self._counters.count_refusal(None if port is None else port.plan.name)
         is_absent = answer is Answer.ABSENCE or (
             answer is Answer.DENIAL and code == ExceptionCode.GATEWAY_PATH_UNAVAILABLE
         )
         if not (is_absent and (port is None or port.is_serial)):
             self.reply(transaction, exception_pdu(transaction.pdu[0], code))
 
-    def _note_withdrawn(self, transaction: Transaction, why: str, now_ns: int) -> None:
+    def _count_withdrawn(self, transaction: Transaction, why: str, now_ns: int) -> None:
         """Count it; tell of one for each controller and reason in a second, and how many there were."""
         self._counters.withdrawn += 1
         if transaction.port is None:

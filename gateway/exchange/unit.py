@@ -40,7 +40,7 @@ _POSITIONS: Final = frozenset(
 )
 
 
-class FieldPlace(NamedTuple):
+class MappedField(NamedTuple):
     """A position field where it stands in one unit id; ``number`` counts within its role."""
 
     axis: Axis
@@ -56,7 +56,7 @@ class FieldHit(NamedTuple):
     ``word`` is its first word's index in the span; negative when the span begins inside the field.
     """
 
-    place: FieldPlace
+    mapped: MappedField
     word: int
     is_whole: bool
 
@@ -114,7 +114,7 @@ class UnitMap:
         """Whether a frame may mean something else than positions to be gone to at once, or for its group."""
         self.asks_for_bits = any(axis.reference.hangs_on_a_bit for axis in self.axes)
         """Whether a status bit may have to be read before positions pass."""
-        self._places = tuple(place for axis in self.axes for place in _places(axis))
+        self._mapped_fields = tuple(mapped for axis in self.axes for mapped in _mapped_fields(axis))
         self._bits = tuple((axis, name, bit) for axis in self.axes for name, bit in axis.plan.bits.items())
         self._rules = tuple((axis, address) for axis in self.axes for address in axis.rules.addresses)
         self._widths = _object_widths(self.axes)
@@ -127,12 +127,12 @@ class UnitMap:
     def written(self, address: int, quantity: int) -> Hits:
         """Return what a write of ``address`` to ``address + quantity - 1`` touches."""
         hits = self._writes.get(address << 16 | quantity)
-        return hits or self._look(self._writes, address, quantity, FieldAccess.READ)
+        return hits or self._find_and_cache(self._writes, address, quantity, FieldAccess.READ)
 
     def read(self, address: int, quantity: int) -> Hits:
         """Return what a read of these registers touches."""
         hits = self._reads.get(address << 16 | quantity)
-        return hits or self._look(self._reads, address, quantity, FieldAccess.WRITE)
+        return hits or self._find_and_cache(self._reads, address, quantity, FieldAccess.WRITE)
 
     def read_bits(self, table: BitTable, address: int, quantity: int) -> list[BitHit]:
         """Return the status bits among these coils or discrete inputs."""
@@ -142,33 +142,35 @@ class UnitMap:
             if bit.table is table and address <= bit.address < address + quantity
         ]
 
-    def _look(self, known: dict[int, Hits], address: int, quantity: int, other: FieldAccess) -> Hits:
+    def _find_and_cache(
+        self, cache: dict[int, Hits], address: int, quantity: int, other: FieldAccess
+    ) -> Hits:
         hits = self._find(address, quantity, other)
-        if len(known) >= CACHE_LIMIT:
-            known.clear()
-        known[address << 16 | quantity] = hits
+        if len(cache) >= CACHE_LIMIT:
+            cache.clear()
+        cache[address << 16 | quantity] = hits
         return hits
 
     def _find(self, address: int, quantity: int, other: FieldAccess) -> Hits:
         if not quantity:
             return NO_HITS
-        places = [place for place in self._places if place.field.access is not other]
+        mapped_fields = [mapped for mapped in self._mapped_fields if mapped.field.access is not other]
         is_read = other is FieldAccess.WRITE
         bits = [(a, n, b) for a, n, b in self._bits if b.table is BitTable.REGISTER] if is_read else []
         rules = () if is_read else self._rules
         if self._widths is not None:
-            return self._find_objects(address, quantity, places, bits, rules)
+            return self._find_objects(address, quantity, mapped_fields, bits, rules)
         end = address + quantity
         fields = tuple(
             FieldHit(
-                place,
-                place.field.address - address,
-                address <= place.field.address and place.field.end <= end,
+                mapped,
+                mapped.field.address - address,
+                address <= mapped.field.address and mapped.field.end <= end,
             )
-            for place in places
-            if place.field.address < end
-            and place.field.end > address
-            and (place.field.block is None or place.field.block == address)
+            for mapped in mapped_fields
+            if mapped.field.address < end
+            and mapped.field.end > address
+            and (mapped.field.block is None or mapped.field.block == address)
         )
         hit_rules = tuple(RuleHit(a, at, at - address) for a, at in rules if address <= at < end)
         return Hits(
@@ -182,7 +184,7 @@ class UnitMap:
         self,
         address: int,
         quantity: int,
-        places: list[FieldPlace],
+        mapped_fields: list[MappedField],
         bits: list[tuple[Axis, str, BitField]],
         rules: tuple[tuple[Axis, int], ...],
     ) -> Hits:
@@ -196,12 +198,14 @@ class UnitMap:
             if width is None:
                 break
             index, word = index + 1, word + width
-        mapped = {p.field.address for p in places} | {b.address for _, _, b in bits} | {a for _, a in rules}
+        mapped = (
+            {p.field.address for p in mapped_fields} | {b.address for _, _, b in bits} | {a for _, a in rules}
+        )
         is_unclear = word < quantity and any(index < at < index + quantity - word for at in mapped)
         fields = tuple(
-            FieldHit(place, at, at + place.field.words <= quantity)
-            for place in places
-            if (at := layout.get(place.field.address)) is not None
+            FieldHit(mapped_field, at, at + mapped_field.field.words <= quantity)
+            for mapped_field in mapped_fields
+            if (at := layout.get(mapped_field.field.address)) is not None
         )
         hit_rules = tuple(RuleHit(a, at, layout[at]) for a, at in rules if at in layout)
         return Hits(
@@ -215,13 +219,13 @@ class UnitMap:
     def _by_axis(self, fields: tuple[FieldHit, ...], rules: tuple[RuleHit, ...]) -> tuple[AxisHits, ...]:
         found = []
         for axis in self.axes:
-            own = tuple(hit for hit in fields if hit.place.axis is axis)
+            own = tuple(hit for hit in fields if hit.mapped.axis is axis)
             own_rules = tuple(hit for hit in rules if hit.axis is axis)
             if own or own_rules:
-                commands = tuple(hit for hit in own if hit.place.role is FieldRole.COMMAND)
+                commands = tuple(hit for hit in own if hit.mapped.role is FieldRole.COMMAND)
                 settable = axis.plan.settable
                 sets_position = any(
-                    hit.place.role is FieldRole.ACTUAL and hit.place.number in settable for hit in own
+                    hit.mapped.role is FieldRole.ACTUAL and hit.mapped.number in settable for hit in own
                 )
                 found.append(AxisHits(axis, own, commands, own_rules, sets_position))
         return tuple(found)
@@ -236,11 +240,11 @@ def _object_widths(axes: tuple[Axis, ...]) -> dict[int, int] | None:
         widths.update(dict.fromkeys(axis.rules.addresses, 1))
         widths.update({bit.address: 1 for bit in axis.plan.bits.values() if bit.table is BitTable.REGISTER})
         widths.update(axis.plan.object_words)
-        widths.update({place.field.address: place.field.words for place in _places(axis)})
+        widths.update({mapped.field.address: mapped.field.words for mapped in _mapped_fields(axis)})
     return widths
 
 
-def _places(axis: Axis) -> list[FieldPlace]:
+def _mapped_fields(axis: Axis) -> list[MappedField]:
     plan = axis.plan
     read_or_guarded = (
         (FieldRole.ACTUAL, plan.actual),
@@ -249,10 +253,12 @@ def _places(axis: Axis) -> list[FieldPlace]:
         (FieldRole.GUARDED, plan.guarded),
         (FieldRole.REMAPPING, plan.remapping),
     )
-    places = [FieldPlace(axis, FieldRole.COMMAND, i, f, axis.fields[i]) for i, f in enumerate(plan.command)]
-    places += [
-        FieldPlace(axis, FieldRole.LIMIT, i, f, axis.limit_fields[i]) for i, f in enumerate(plan.limits)
+    mapped_fields = [
+        MappedField(axis, FieldRole.COMMAND, i, f, axis.fields[i]) for i, f in enumerate(plan.command)
+    ]
+    mapped_fields += [
+        MappedField(axis, FieldRole.LIMIT, i, f, axis.limit_fields[i]) for i, f in enumerate(plan.limits)
     ]
     for role, fields in read_or_guarded:
-        places += [FieldPlace(axis, role, i, f, None) for i, f in enumerate(fields)]
-    return places
+        mapped_fields += [MappedField(axis, role, i, f, None) for i, f in enumerate(fields)]
+    return mapped_fields

@@ -33,7 +33,7 @@ def follow_parent(parent_pid: int, number: signal.Signals) -> None:
         sys.exit(1)
 
 
-def tell_parent(parent_pid: int) -> None:
+def notify_parent(parent_pid: int) -> None:
     """Tell the parent that the work has begun; nobody where ``parent_pid`` is 0."""
     if parent_pid and os.getppid() == parent_pid:
         os.kill(parent_pid, READY)

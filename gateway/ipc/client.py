@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from gateway.ipc.address import ROOT_UID, SocketError, peer_uid, socket_path
 from gateway.ipc.messages import (
     MAX_REPLY_BYTES,
     Refused,
@@ -17,7 +18,6 @@ from gateway.ipc.messages import (
     decode_reply,
     encode,
 )
-from gateway.ipc.place import ROOT_UID, SocketError, peer_uid, socket_path
 
 TIMEOUT_S: Final = 5.0
 CHUNK_BYTES: Final = 65536
@@ -47,7 +47,7 @@ def ask(
         NoGatewayError: that, or somebody else's; no permission, no answer in time, or one that is
             not understood.
     """
-    line, lent = _said(path, request, timeout_s, descriptors)
+    line, lent = _answer(path, request, timeout_s, descriptors)
     _close(lent)
     return _understood(path, line)
 
@@ -74,7 +74,7 @@ def borrow(path: Path, request: Request, timeout_s: float = TIMEOUT_S) -> tuple[
     Raises:
         NoGatewayError: as :func:`ask`.
     """
-    line, lent = _said(path, request, timeout_s, ())
+    line, lent = _answer(path, request, timeout_s, ())
     try:
         return _understood(path, line), lent
     except NoGatewayError:
@@ -87,7 +87,7 @@ def _close(descriptors: Sequence[int]) -> None:
         os.close(descriptor)
 
 
-def _said(
+def _answer(
     path: Path, request: Request, timeout_s: float, descriptors: Sequence[int]
 ) -> tuple[bytes, list[int]]:
     """Send a request; return the line that comes back, and the descriptors with it."""

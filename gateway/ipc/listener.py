@@ -10,22 +10,22 @@ from typing import Final
 import msgspec
 
 from gateway.broadcast import NewestQueue
-from gateway.ipc.desk import ASKED_AGAIN_S, LONGEST_WAIT_S, Desk
+from gateway.ipc.handlers import ASKED_AGAIN_S, LONGEST_WAIT_S, RequestHandlers
 from gateway.ipc.messages import DEFAULT_INTERVAL_S, Happened, Snapshot, encode
 from gateway.ipc.outbox import Outbox
 
 EVENTS_KEPT: Final = 256
-SENT_A_TURN: Final = 8
+SENT_PER_PASS: Final = 8
 """So many messages go in one turn of the loop: frames must not wait for a burst of events."""
 
 
-class Listener:
-    """Events and snapshots on their way to one connection; ``desk`` has the model as it is now."""
+class Subscriber:
+    """Events and snapshots on their way to one connection; ``handlers`` has the model as it is now."""
 
-    def __init__(self, outbox: Outbox, interval_s: float, desk: Desk) -> None:
+    def __init__(self, outbox: Outbox, interval_s: float, handlers: RequestHandlers) -> None:
         self._outbox = outbox
         self._interval_s = interval_s
-        self._desk = desk
+        self._handlers = handlers
         self._events: NewestQueue[Happened] = NewestQueue(EVENTS_KEPT)
         self._is_snapshot_due = True
         self._snapshots_dropped = 0
@@ -37,7 +37,7 @@ class Listener:
         self._timer: asyncio.Handle = self._loop.call_soon(self._tick)
         self._more = self._timer
 
-    def tell(self, happened: Happened) -> None:
+    def publish_event(self, happened: Happened) -> None:
         """Take an event; :meth:`pump` sends it."""
         self._events.put(happened)
         soon_s = self._since_s + DEFAULT_INTERVAL_S
@@ -51,7 +51,7 @@ class Listener:
 
     def pump(self) -> None:
         """Send what can be sent now. Events are older than a snapshot that has not been made yet."""
-        for _ in range(SENT_A_TURN):
+        for _ in range(SENT_PER_PASS):
             if self._outbox.waiting_bytes or not (self._events.items or self._is_snapshot_due):
                 return
             if not self._events.items and self._has_to_wait():
@@ -64,7 +64,7 @@ class Listener:
                 self._outbox.write(encode(msgspec.structs.replace(happened, dropped=dropped)))
             else:
                 self._is_snapshot_due = False
-                self._outbox.write(encode(Snapshot(status=self._desk.status(), dropped=dropped)))
+                self._outbox.write(encode(Snapshot(status=self._handlers.status(), dropped=dropped)))
         self._more.cancel()
         self._more = self._loop.call_soon(self.pump)
 
@@ -76,7 +76,7 @@ class Listener:
         self._is_snapshot_due = False
 
     def _has_to_wait(self) -> bool:
-        return self._desk.has_to_wait() and self._loop.time() < self._since_s + LONGEST_WAIT_S
+        return self._handlers.has_to_wait() and self._loop.time() < self._since_s + LONGEST_WAIT_S
 
     def _tick(self) -> None:
         self._since_s = self._loop.time()

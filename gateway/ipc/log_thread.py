@@ -14,7 +14,7 @@ from itertools import count
 from typing import Final, Self
 
 from gateway.catalogue.process_events import NOTES_DROPPED
-from gateway.ipc.notes import Note, note_of
+from gateway.ipc.log import LogEntry, log_entry
 
 CAPACITY: Final = 1000
 """Notes that wait for the reader; of more the newest are kept."""
@@ -29,10 +29,10 @@ class LogThread:
     notes; a context, too, in which it writes.
     """
 
-    def __init__(self, write: Callable[[Note], None]) -> None:
+    def __init__(self, write: Callable[[LogEntry], None]) -> None:
         self._write = write
         self._numbers = count(1)
-        self._notes: deque[tuple[int, Note]] = deque(maxlen=CAPACITY)
+        self._notes: deque[tuple[int, LogEntry]] = deque(maxlen=CAPACITY)
         """Numbered: a gap tells how many were dropped, without a counter that two threads change."""
         self._last = 0
         self._nothing_to_do = threading.Lock()
@@ -64,18 +64,18 @@ class LogThread:
         self._nothing_to_do.acquire()
         self._thread.start()
 
-    def put(self, note: Note) -> None:
+    def put(self, entry: LogEntry) -> None:
         """Take a note for the price of an append; it is written after the next :meth:`wake`."""
-        self._notes.append((next(self._numbers), note))
+        self._notes.append((next(self._numbers), entry))
 
     def wake(self) -> None:
         """Have everything written that was put, soon."""
         if self._notes:
             self._let_go()
 
-    def write(self, note: Note) -> None:
+    def write(self, entry: LogEntry) -> None:
         """Take a note and have it written at once; never blocks."""
-        self.put(note)
+        self.put(entry)
         self._let_go()
 
     def close(self, wait_s: float = CLOSE_S) -> None:
@@ -98,8 +98,8 @@ class LogThread:
             self._nothing_to_do.acquire()
 
     def _write_oldest(self) -> None:
-        number, note = self._notes.popleft()
+        number, entry = self._notes.popleft()
         if dropped := number - self._last - 1:
-            self._write(note_of(NOTES_DROPPED, {"count": dropped}, note.wall_s))
+            self._write(log_entry(NOTES_DROPPED, {"count": dropped}, entry.wall_s))
         self._last = number
-        self._write(note)
+        self._write(entry)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gateway.ipc.notes import LogFormat
+from gateway.ipc.log import LogFormat
 
 
 @dataclass(frozen=True, slots=True)

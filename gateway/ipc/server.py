@@ -7,13 +7,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from gateway.ipc.desk import Desk
+from gateway.ipc.address import SocketFile, peer_uid
+from gateway.ipc.handlers import RequestHandlers
 from gateway.ipc.messages import Happened, Refused, Reply, Request, encode
-from gateway.ipc.place import SocketPlace, peer_uid
 from gateway.ipc.session import MAX_CLIENTS, Clients, Session
 from gateway.transport.listener import Listener
 
-NO_PLACE: Final = (
+ALL_TAKEN: Final = (
     f"all {MAX_CLIENTS} places are taken, by listeners and by requests under way; try again in a moment, or "
     "end one of the programs that are connected"
 )
@@ -24,21 +24,25 @@ IDLE_S: Final = 30.0
 class ControlServer:
     """Listens in a state folder and answers each request in the call in which it is read."""
 
-    def __init__(self, state: Path, desk: Desk | Callable[[Request], Reply], idle_s: float = IDLE_S) -> None:
-        self._place = SocketPlace(state)
-        self._clients = Clients(desk if isinstance(desk, Desk) else Desk(desk), idle_s)
+    def __init__(
+        self, state: Path, handlers: RequestHandlers | Callable[[Request], Reply], idle_s: float = IDLE_S
+    ) -> None:
+        self._socket_file = SocketFile(state)
+        self._clients = Clients(
+            handlers if isinstance(handlers, RequestHandlers) else RequestHandlers(handlers), idle_s
+        )
         self._listener = Listener(self._accepted, self._nobody_can_connect)
         self._is_pump_due = False
 
     @property
     def path(self) -> Path:
         """Where it listens."""
-        return self._place.path
+        return self._socket_file.path
 
     @property
-    def is_after_a_cut(self) -> bool:
+    def is_after_crash(self) -> bool:
         """Whether the gateway before this one did not finish; known once this one is open."""
-        return self._place.is_after_a_cut
+        return self._socket_file.is_after_crash
 
     @property
     def clients(self) -> int:
@@ -56,7 +60,7 @@ class ControlServer:
         Raises:
             SocketError: another gateway has the place, or it cannot be made; with the remedy.
         """
-        self._listener.open([self._place.take()])
+        self._listener.open([self._socket_file.take()])
 
     def hang_up(self) -> None:
         """Drop every client and take no other; the place stays taken until :meth:`close`."""
@@ -65,14 +69,14 @@ class ControlServer:
             session.drop()
 
     async def close(self, *, is_finished: bool = True) -> None:
-        """Drop every client and leave; see ``SocketPlace.leave``."""
+        """Drop every client and leave; see ``SocketFile.leave``."""
         self.hang_up()
-        self._place.leave(is_finished=is_finished)
+        self._socket_file.leave(is_finished=is_finished)
 
-    def tell(self, happened: Happened) -> None:
+    def publish_event(self, happened: Happened) -> None:
         """Tell all listeners that something happened; costs an append for each, and is sent a turn later."""
         for listener in self._clients.listeners:
-            listener.tell(happened)
+            listener.publish_event(happened)
             if not self._is_pump_due:
                 self._is_pump_due = True
                 asyncio.get_running_loop().call_soon(self._pump)
@@ -85,9 +89,9 @@ class ControlServer:
     def _accepted(self, connection: socket.socket, _address: object) -> None:
         if not self._clients.make_room():
             with contextlib.suppress(OSError):
-                connection.send(encode(Refused(reason=NO_PLACE)))
+                connection.send(encode(Refused(reason=ALL_TAKEN)))
             connection.close()
-            self._clients.complain("clients", f"a client was refused: {NO_PLACE}")
+            self._clients.complain("clients", f"a client was refused: {ALL_TAKEN}")
             return
         self._clients.sessions.add(Session(self._clients, connection, peer_uid(connection)))
 

@@ -45,30 +45,30 @@ class ServiceManager:
     def ready(self, status: str = "") -> None:
         """Tell that the service does its work now; at once, or along with what is told next."""
         self._owes_ready = True
-        self._tell(*self._new_status(status))
+        self._notify(*self._new_status(status))
 
     def alive(self, status: str = "") -> None:
         """Feed the watchdog; to be called only where the work got on."""
-        self._tell("WATCHDOG=1", *self._new_status(status))
+        self._notify("WATCHDOG=1", *self._new_status(status))
 
-    def say(self, status: str) -> None:
+    def show_status(self, status: str) -> None:
         """Show a sentence in the manager's status; the same as before costs nothing."""
         if (news := self._new_status(status)) or self._owes_ready:
-            self._tell(*news)
+            self._notify(*news)
 
     def stopping(self, patience_s: float = 0.0) -> None:
         """Tell that the service ends, and how much longer than usual that may take."""
         self._owes_ready = False
         more = [f"EXTEND_TIMEOUT_USEC={int(patience_s * US_PER_S)}"] if patience_s > 0 else []
-        self._tell("STOPPING=1", *more)
+        self._notify("STOPPING=1", *more)
 
-    def keep(self, name: str, descriptor: int) -> None:
+    def store(self, name: str, descriptor: int) -> None:
         """Have a descriptor kept over the next start; the manager must allow it (FileDescriptorStoreMax=)."""
-        self._tell("FDSTORE=1", f"FDNAME={name}", descriptors=[descriptor])
+        self._notify("FDSTORE=1", f"FDNAME={name}", descriptors=[descriptor])
 
     def drop(self, name: str) -> None:
         """Have everything that is kept under a name closed."""
-        self._tell("FDSTOREREMOVE=1", f"FDNAME={name}")
+        self._notify("FDSTOREREMOVE=1", f"FDNAME={name}")
 
     def close(self) -> None:
         """Tell nothing any more; twice is harmless."""
@@ -83,7 +83,7 @@ class ServiceManager:
         self._status = status
         return [f"STATUS={status}"]
 
-    def _tell(self, *assignments: str, descriptors: Sequence[int] = ()) -> None:
+    def _notify(self, *assignments: str, descriptors: Sequence[int] = ()) -> None:
         if self._socket is None:
             return
         if self._owes_ready:
@@ -99,17 +99,17 @@ class ServiceManager:
 def manager_of(environment: MutableMapping[str, str]) -> ServiceManager:
     """Return the manager that the environment names, and take its name out: children do not speak for us."""
     address = environment.pop("NOTIFY_SOCKET", "")
-    wanted_by = environment.pop("WATCHDOG_PID", str(os.getpid()))
+    for_pid = environment.pop("WATCHDOG_PID", str(os.getpid()))
     every_us = environment.pop("WATCHDOG_USEC", "")
-    is_watched = wanted_by == str(os.getpid()) and every_us.isdecimal()
+    is_watched = for_pid == str(os.getpid()) and every_us.isdecimal()
     return ServiceManager(address, int(every_us) * NS_PER_US if is_watched else 0)
 
 
 def handed_over(environment: MutableMapping[str, str]) -> Iterator[tuple[str, int]]:
     """Yield what the manager kept for this process, as name and descriptor (sd_listen_fds(3)); once."""
-    wanted_by, number = environment.pop("LISTEN_PID", ""), environment.pop("LISTEN_FDS", "")
+    for_pid, number = environment.pop("LISTEN_PID", ""), environment.pop("LISTEN_FDS", "")
     names = environment.pop("LISTEN_FDNAMES", "").split(":")
-    if wanted_by != str(os.getpid()) or not number.isdecimal():
+    if for_pid != str(os.getpid()) or not number.isdecimal():
         return
     for offset in range(int(number)):
         descriptor = FIRST_DESCRIPTOR + offset

@@ -6,7 +6,7 @@ import shlex
 from pathlib import Path
 
 from gateway.catalogue import starts
-from gateway.ipc.place import ROOT_UID
+from gateway.ipc.address import ROOT_UID
 from gateway.state.folder import ANOTHER, FolderProblem
 
 

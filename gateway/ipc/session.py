@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from gateway.exchange.commands import MAX_TABLES, SetTable
-from gateway.ipc.desk import ASKED_AGAIN_S, LONGEST_WAIT_S, Desk
-from gateway.ipc.listener import Listener
+from gateway.ipc.handlers import ASKED_AGAIN_S, LONGEST_WAIT_S, RequestHandlers
+from gateway.ipc.listener import Subscriber
 from gateway.ipc.messages import (
     MAX_REQUEST_BYTES,
     GetStatus,
@@ -30,7 +30,7 @@ from gateway.ipc.messages import (
 )
 from gateway.ipc.outbox import Outbox
 from gateway.limits import Reports
-from gateway.transport.places import longest
+from gateway.transport.connections import longest
 
 MAX_CLIENTS: Final = 8
 """At once. When they are all there, the one that has been silent longest makes room for the next; where
@@ -49,21 +49,21 @@ _ANCILLARY_BYTES: Final = socket.CMSG_SPACE((MAX_TABLES + 1) * _DESCRIPTOR_BYTES
 class Clients:
     """Everybody who is connected, and what they share: the desk, and how many they may be."""
 
-    def __init__(self, desk: Desk, idle_s: float) -> None:
-        self.desk = desk
+    def __init__(self, handlers: RequestHandlers, idle_s: float) -> None:
+        self.handlers = handlers
         self.idle_s = idle_s
         self._complaints: Reports[str] = Reports()
         self.sessions: set[Session] = set()
-        self.turns = itertools.count()
+        self.activity_numbers = itertools.count()
         """Tells which client was heard last."""
 
     def complain(self, kind: str, detail: str) -> None:
         """Log the first complaint of a kind, and then one a minute with how many there were."""
         if sentence := self._complaints.sentence(kind, detail, time.monotonic_ns()):
-            self.desk.complain(sentence)
+            self.handlers.complain(sentence)
 
     @property
-    def listeners(self) -> list[Listener]:
+    def listeners(self) -> list[Subscriber]:
         """Of those who are told what happens."""
         return [session.listener for session in self.sessions if session.listener is not None]
 
@@ -76,7 +76,7 @@ class Clients:
         """Whether one more may connect; of too many, the idle one heard longest ago gives up its place."""
         if len(self.sessions) < MAX_CLIENTS:
             return True
-        silent = longest(self.sessions, lambda one: None if one.is_busy else one.last_turn)
+        silent = longest(self.sessions, lambda one: None if one.is_busy else one.last_activity)
         if silent is None:
             return False
         silent.give_way()
@@ -87,7 +87,7 @@ class Session:
     """Serves one client from its first byte to its last."""
 
     def __init__(self, clients: Clients, connection: socket.socket, uid: int) -> None:
-        self.listener: Listener | None = None
+        self.listener: Subscriber | None = None
         self._clients = clients
         self._connection = connection
         self._uid = uid
@@ -96,7 +96,7 @@ class Session:
         self._outbox = Outbox(connection, self._emptied, self.drop)
         self._is_open = True
         self._is_ending = False
-        self.last_turn = next(clients.turns)
+        self.last_activity = next(clients.activity_numbers)
         """When it was heard last, by the count of all clients."""
         self._loop = asyncio.get_running_loop()
         self._is_reading = False
@@ -172,7 +172,7 @@ class Session:
         elif flags & socket.MSG_CTRUNC or len(self._descriptors) > MAX_TABLES:
             self._refuse("descriptor", f"more than {MAX_TABLES} descriptors")
         else:
-            self.last_turn = next(self._clients.turns)
+            self.last_activity = next(self._clients.activity_numbers)
             self._data += data
             self._next()
 
@@ -224,14 +224,14 @@ class Session:
             return
         if (
             not isinstance(request, Ping | GetStatus | Subscribe)
-            and self._uid not in self._clients.desk.masters
+            and self._uid not in self._clients.handlers.masters
         ):
             self._refuse("user", f"user {self._uid} may look, and change nothing")
             return
-        wanted = len(request.tables) if isinstance(request, SetTable) else 0
-        if len(self._descriptors) != wanted:
+        expected = len(request.tables) if isinstance(request, SetTable) else 0
+        if len(self._descriptors) != expected:
             self._refuse(
-                "descriptor", f"{len(self._descriptors)} descriptors where {wanted} belong to the message"
+                "descriptor", f"{len(self._descriptors)} descriptors where {expected} belong to the message"
             )
             return
         if self.listener is None:
@@ -239,19 +239,19 @@ class Session:
         self._answer(request)
 
     def _answer(self, request: Request) -> None:
-        desk = self._clients.desk
+        handlers = self._clients.handlers
         if isinstance(request, Subscribe):
             self._subscribe(request)
         elif isinstance(request, SetTable):
             self._idle.cancel()
             descriptors, self._descriptors = self._descriptors, []
             self._handing_over = self._loop.create_task(self._hand_over(request, descriptors))
-        elif isinstance(request, GetStatus) and desk.has_to_wait():
+        elif isinstance(request, GetStatus) and handlers.has_to_wait():
             self._handing_over = self._loop.create_task(self._answer_later(request))
         elif isinstance(request, GetTapes):
-            self._lend(desk.tapes())
+            self._lend(handlers.tapes())
         else:
-            self._send(desk.answer(request))
+            self._send(handlers.answer(request))
 
     def _lend(self, tapes: Mapping[str, int]) -> None:
         """Let it look into tapes: their descriptors go with the first byte of the reply."""
@@ -269,17 +269,17 @@ class Session:
     async def _answer_later(self, request: Request) -> None:
         """Answer as soon as that disturbs no frame, or it has waited for too long."""
         latest_s = self._loop.time() + LONGEST_WAIT_S
-        while self._clients.desk.has_to_wait() and self._loop.time() < latest_s:  # noqa: ASYNC110 - no event
+        while self._clients.handlers.has_to_wait() and self._loop.time() < latest_s:  # noqa: ASYNC110 - no event
             await asyncio.sleep(ASKED_AGAIN_S)
         self._handing_over = None
         if self._is_open:
-            self._send(self._clients.desk.answer(request))
+            self._send(self._clients.handlers.answer(request))
             self._next()
 
     async def _hand_over(self, request: SetTable, descriptors: list[int]) -> None:
         reply: Reply | None = None
         try:
-            reply = await self._clients.desk.hand_over(request, tuple(descriptors))
+            reply = await self._clients.handlers.hand_over(request, tuple(descriptors))
         finally:
             _close(descriptors)
             self._handing_over = None
@@ -301,7 +301,7 @@ class Session:
         else:
             self._idle.cancel()  # it may be silent from now on
             self._send(Subscribed(interval_s=request.interval_s))
-            self.listener = Listener(self._outbox, request.interval_s, self._clients.desk)
+            self.listener = Subscriber(self._outbox, request.interval_s, self._clients.handlers)
 
     def _refuse(self, kind: str, reason: str) -> None:
         """Say why, close what came with it, and end."""

@@ -7,10 +7,10 @@ import socket
 from pathlib import Path
 from typing import Any, Final
 
+from gateway.ipc.address import SUPERVISOR_SOCKET_NAME, SocketError, socket_path
 from gateway.ipc.client import NoGatewayError, check_owner
-from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketError, socket_path
 
-LOOK_S: Final = 2.0
+ANSWER_WITHIN_S: Final = 2.0
 """For a look: who is stopped or hung is not waited for."""
 LARGEST_ANSWER: Final = 64_000_000
 
@@ -39,7 +39,7 @@ class _LocalConnection(http.client.HTTPConnection):
         self.sock = connection
 
 
-def ask_supervisor(state: Path, target: str, method: str = "GET", timeout_s: float = LOOK_S) -> Any:
+def ask_supervisor(state: Path, target: str, method: str = "GET", timeout_s: float = ANSWER_WITHIN_S) -> Any:
     """Return what the supervisor with this state folder answers to a request, as plain data.
 
     Raises:

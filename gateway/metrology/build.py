@@ -190,11 +190,11 @@ def with_estimated_ends(means: MeanCorrections) -> MeanCorrections:
     return MeanCorrections(means.targets, tuple(forward), tuple(backward))
 
 
-def _estimate(wanted: list[float | None], other: list[float | None], end: int, neighbour: int) -> None:
+def _estimate(curve: list[float | None], other: list[float | None], end: int, neighbour: int) -> None:
     """``LastReverse = LastForward - (NextToLastForward - NextToLastReverse)``, for either end and way."""
-    here, beside, wanted_beside = other[end], other[neighbour], wanted[neighbour]
-    if wanted[end] is None and here is not None and beside is not None and wanted_beside is not None:
-        wanted[end] = here - (beside - wanted_beside)
+    here, beside, curve_beside = other[end], other[neighbour], curve[neighbour]
+    if curve[end] is None and here is not None and beside is not None and curve_beside is not None:
+        curve[end] = here - (beside - curve_beside)
 
 
 def _complete(

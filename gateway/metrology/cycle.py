@@ -150,12 +150,12 @@ def remaining(stops: Sequence[Stop], done: int) -> list[Stop]:
     >>> remaining(stops, 4)
     []
     """
-    turn, measured = 0, 0
+    turnaround, measured = 0, 0
     for index, stop in enumerate(stops):
         if not stop.measure:
-            turn = index
+            turnaround = index
         elif measured == done:
-            return [stops[turn], *stops[index:]]
+            return [stops[turnaround], *stops[index:]]
         else:
             measured += 1
     return []

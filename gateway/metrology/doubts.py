@@ -6,8 +6,8 @@ from typing import Final
 from gateway.compensation.units import Units
 from gateway.metrology.drift import drift_line, drift_of, e_with_and_without
 from gateway.metrology.readings import MeanCorrections, Reading, Survey, mean_corrections, small_unit
-from gateway.metrology.scale import LEAST_TURNS, is_short, told_scale
-from gateway.metrology.wrong_runs import aside_notes
+from gateway.metrology.scale import LEAST_TURNS, is_short, reliable_scale
+from gateway.metrology.wrong_runs import offset_notes
 
 TINY_MM: Final = 0.0002
 """No screw is as good: the deviations are given in a larger unit than they are said to be in."""
@@ -20,7 +20,7 @@ WORTH_MM: Final = 0.001
 """Over all targets: a linear part that makes less is not worth a word."""
 
 
-def doubts_of(readings: Sequence[Reading], units: Units) -> list[str]:
+def plausibility_warnings(readings: Sequence[Reading], units: Units) -> list[str]:
     """Return a sentence for each doubt; none keeps a table from being made.
 
     Raises:
@@ -77,7 +77,7 @@ def notes_of(
     Raises:
         ReadingsError: see :func:`gateway.metrology.readings.mean_corrections`.
     """
-    notes = aside_notes(survey)
+    notes = offset_notes(survey)
     notes += _scale_notes(survey, counts_per_unit, lead) if with_scale else []
     drift = drift_of(survey)
     if drift is not None:
@@ -86,23 +86,23 @@ def notes_of(
 
 
 def _scale_notes(survey: Survey, counts_per_unit: float | None, lead: float | None) -> list[str]:
-    scale = told_scale(survey, lead)
+    scale = reliable_scale(survey, lead)
     if scale is not None:
         is_worth_it = abs(scale.share) * survey.span > survey.units.from_mm(WORTH_MM)
         return [scale.describe(counts_per_unit)] if is_worth_it else []
     if survey.units is Units.DEGREE or not is_short(survey, lead):
         return []
-    told = "" if lead is not None else ", or tell the lead (--lead) if that is so many turns"
-    said = (
+    hint = "" if lead is not None else ", or tell the lead (--lead) if that is so many turns"
+    text = (
         f"the readings span {survey.span:.6g} {survey.units.value}, a few turns of the screw: they tell no "
-        f"scale. For it, measure over {LEAST_TURNS} turns and more{told}"
+        f"scale. For it, measure over {LEAST_TURNS} turns and more{hint}"
     )
-    return [said]
+    return [text]
 
 
 def json_of(survey: Survey, lead: float | None = None) -> dict[str, object]:
     """Return the same as plain data; null where there is nothing."""
-    scale, drift, small = told_scale(survey, lead), drift_of(survey), small_unit(survey.units)
+    scale, drift, small = reliable_scale(survey, lead), drift_of(survey), small_unit(survey.units)
     was, steady = (0.0, 0.0) if drift is None else e_with_and_without(survey, drift)
     return {
         "scale": None

@@ -53,17 +53,17 @@ class Drift:
 
     def describe(self, small: Small) -> str:
         """Say what grows and what moves."""
-        said = []
+        parts = []
         if self.is_growing:
-            said.append(
+            parts.append(
                 f"{self.growth * _PER_METRE_UM:+.3g} µm/m over the runs, as {self.kelvin_of_steel:+.2g} K of "
                 "steel make"
             )
         if self.is_shifting:
-            said.append(
+            parts.append(
                 f"{self.offset * small.factor:+.3g} {small.name} over the runs at {self.fixed_at:.9g}"
             )
-        return " and ".join(said)
+        return " and ".join(parts)
 
 
 def drift_of(survey: Survey) -> Drift | None:
@@ -74,7 +74,7 @@ def drift_of(survey: Survey) -> Drift | None:
         return None
     targets = survey.targets
     low, high = targets[0], targets[-1]
-    found = _fit([(time, place - low, rest) for time, place, rest in rows])
+    found = _fit([(time, position - low, rest) for time, position, rest in rows])
     if found is None:
         return None
     (offset, growth), (offset_s, growth_s) = found

@@ -21,7 +21,7 @@ from gateway.metrology.build import Fit, Recipe, Shape
 from gateway.metrology.lead import lead_warnings
 from gateway.metrology.readings import small_unit
 from gateway.metrology.resample import DIGITS, at_positions, fewest_points, grid_positions
-from gateway.metrology.screw import Harmonic, Jump, Screw
+from gateway.metrology.screw import Harmonic, Jump, MeasuredScrew
 
 LEAST_FITTED: Final = 9
 """Through fewer targets lines are as good as any curve, and what was read stays in the table as it was."""
@@ -29,7 +29,7 @@ AS_GOOD: Final = 1.05
 """Of the least that any table leaves: a plainer one that leaves no more than this is taken."""
 NOTHING_MM: Final = 0.00005
 """A difference that no instrument shows."""
-TURN_PARTS: Final = (8, 10, 16, 20)
+PERIOD_PARTS: Final = (8, 10, 16, 20)
 """Points in the shortest turn, from coarse to fine: of fewer straight lines make another wave."""
 GAP_PARTS: Final = (1, 2, 4, 8)
 """Points from one target to the next."""
@@ -59,7 +59,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class FitEvidence:
     """What speaks for the table that was made."""
 
     chosen: Candidate
@@ -69,7 +69,7 @@ class Evidence:
     warnings: tuple[str, ...]
     unheld: Candidate | None = None
     """What would leave clearly less, but cannot be written."""
-    is_told: bool = True
+    has_left_out: bool = True
     """Whether the readings tell what is left; otherwise a candidate's ``left_out`` only compares."""
 
     def described(self, units: Units, subject: str) -> list[str]:
@@ -89,7 +89,7 @@ class Evidence:
         if self.unheld is not None:
             other = self.unheld
             less = "less"
-            if self.is_told:
+            if self.has_left_out:
                 less = f"E = {small.text(other.left_out)} instead of {small.text(chosen.left_out)}"
             notes.append(
                 f"{other.shape.words} in {len(other.table.positions)} points would leave {less}, but cannot "
@@ -111,7 +111,7 @@ class Evidence:
                     "follows": each.shape.value,
                     "points": len(each.table.positions),
                     f"left_out_rms_{small.key}": each.misses * small.factor,
-                    f"left_out_e_{small.key}": each.left_out * small.factor if self.is_told else None,
+                    f"left_out_e_{small.key}": each.left_out * small.factor if self.has_left_out else None,
                 }
                 for each in self.candidates
             ],
@@ -131,7 +131,7 @@ class Evidence:
         }
 
 
-def choose(screw: Screw, lines: CorrectionTable, recipe: Recipe) -> Evidence:
+def choose(screw: MeasuredScrew, lines: CorrectionTable, recipe: Recipe) -> FitEvidence:
     """Make a table of each shape that is allowed, and choose; ``lines`` is the one that is there already.
 
     The home of a recipe takes nothing off here but moves the knots: the error at the place of the drive is
@@ -150,8 +150,8 @@ def choose(screw: Screw, lines: CorrectionTable, recipe: Recipe) -> Evidence:
     better = min(unheld, key=lambda each: each.left_out, default=None)
     if better is not None and better.left_out * CLEARLY > chosen.left_out:
         better = None
-    return Evidence(
-        chosen, tuple(held), screw.harmonics, warnings_of(screw), better, is_told=not screw.unseen
+    return FitEvidence(
+        chosen, tuple(held), screw.harmonics, warnings_of(screw), better, has_left_out=not screw.unseen
     )
 
 
@@ -166,7 +166,7 @@ def _of_harmonic(harmonic: Harmonic, units: Units) -> str:
     return f"{found} (p = {harmonic.significance:.2g})"
 
 
-def warnings_of(screw: Screw) -> tuple[str, ...]:
+def warnings_of(screw: MeasuredScrew) -> tuple[str, ...]:
     """Say what the targets cannot show."""
     return (
         *lead_warnings(screw.means.targets, screw.periods, screw.units),
@@ -185,12 +185,12 @@ def _jump_warning(jump: Jump, units: Units) -> str:
     )
 
 
-def _shapes(screw: Screw, recipe: Recipe) -> tuple[Shape, ...]:
+def _shapes(screw: MeasuredScrew, recipe: Recipe) -> tuple[Shape, ...]:
     # Lines that were smoothed stay as they are.
-    wish = Fit.LINES if recipe.smooth is not None else recipe.fit or Fit.LINES
-    if wish is Fit.AUTO:
+    fit = Fit.LINES if recipe.smooth is not None else recipe.fit or Fit.LINES
+    if fit is Fit.AUTO:
         return screw.shapes if len(screw.means.targets) >= LEAST_FITTED else (Shape.LINES,)
-    shape = Shape(wish.value)
+    shape = Shape(fit.value)
     return (shape,) if shape in screw.shapes else ()
 
 
@@ -202,7 +202,7 @@ def _plainest(found: Sequence[Candidate], units: Units) -> Candidate:
 
 
 def _of(
-    screw: Screw,
+    screw: MeasuredScrew,
     shape: Shape,
     lines: CorrectionTable,
     recipe: Recipe,
@@ -220,7 +220,7 @@ def _of(
 
 
 def _tables(
-    screw: Screw,
+    screw: MeasuredScrew,
     shape: Shape,
     lines: CorrectionTable,
     recipe: Recipe,
@@ -254,11 +254,11 @@ def _tables(
         yield fewest_points(finest, recipe.tolerance)[0], None, False
 
 
-def _steps(screw: Screw, shape: Shape) -> Iterator[float]:
+def _steps(screw: MeasuredScrew, shape: Shape) -> Iterator[float]:
     if shape is Shape.HARMONICS:
         telling = [each.period.length for each in screw.harmonics if each.is_significant]
         shortest = min(telling or [each.period.length for each in screw.harmonics])
-        yield from (shortest / parts for parts in TURN_PARTS)
+        yield from (shortest / parts for parts in PERIOD_PARTS)
         return
     span = screw.means.targets[-1] - screw.means.targets[0]
     gap = span / (len(screw.means.targets) - 1)
@@ -281,15 +281,18 @@ def _round_down(length: float) -> float:
     )
 
 
-def _at_nut(screw: Screw, lines: CorrectionTable, recipe: Recipe) -> CorrectionTable | None:
+def _at_nut(screw: MeasuredScrew, lines: CorrectionTable, recipe: Recipe) -> CorrectionTable | None:
     """Return the lines with their points where the nut stood; None where that changes nothing."""
     if tuple(lines.positions) != screw.means.targets:
         return None
     offset = _offset(screw, Shape.LINES, lines, recipe)
-    places = screw.nut_positions(offset)
+    positions = screw.nut_positions(offset)
     try:
         moved = screw.table(
-            Shape.LINES, [round(place, DIGITS) for place in places], offset=offset, one_way=recipe.one_way
+            Shape.LINES,
+            [round(position, DIGITS) for position in positions],
+            offset=offset,
+            one_way=recipe.one_way,
         )
     except TableError:
         return None
@@ -304,7 +307,7 @@ def _at_nut(screw: Screw, lines: CorrectionTable, recipe: Recipe) -> CorrectionT
 
 
 def _table(
-    screw: Screw,
+    screw: MeasuredScrew,
     shape: Shape,
     positions: Sequence[float],
     recipe: Recipe,
@@ -322,7 +325,7 @@ def _table(
     return at_positions(table, positions)
 
 
-def _offset(screw: Screw, shape: Shape, table: CorrectionTable, recipe: Recipe) -> float:
+def _offset(screw: MeasuredScrew, shape: Shape, table: CorrectionTable, recipe: Recipe) -> float:
     """Return the correction at home, which is 0 by definition."""
     reference = recipe.reference(table)
     if reference is None:

@@ -46,7 +46,7 @@ class Period:
     name: str
 
 
-def periods_of(lead: float | None, turns: Iterable[float] = ()) -> tuple[Period, ...]:
+def periods_of(lead: float | None, lengths: Iterable[float] = ()) -> tuple[Period, ...]:
     """Return what may repeat: one turn of the screw and half of one, and each further turn that is named.
 
     Raises:
@@ -60,9 +60,9 @@ def periods_of(lead: float | None, turns: Iterable[float] = ()) -> tuple[Period,
         _check("lead", lead)
         found[lead] = Period(lead, f"lead {lead:g}")
         found[lead / 2] = Period(lead / 2, f"half of lead {lead:g}")
-    for turn in turns:
-        _check("period", turn)
-        found.setdefault(turn, Period(turn, f"period {turn:g}"))
+    for period in lengths:
+        _check("period", period)
+        found.setdefault(period, Period(period, f"period {period:g}"))
     return tuple(found.values())
 
 
@@ -85,13 +85,16 @@ def is_aliased(targets: Sequence[float], period: float) -> bool:
     turns = [(high - low) / period for low, high in pairwise(targets)]
     if _is_resolved(turns):
         return False
-    near = sum(turn > 0.5 and abs(turn - round(turn)) < NEAR_MULTIPLE for turn in turns)
+    near = sum(
+        periods_apart > 0.5 and abs(periods_apart - round(periods_apart)) < NEAR_MULTIPLE
+        for periods_apart in turns
+    )
     return _narrowness(targets, period) > NARROW or near >= SAME_ANGLES * len(turns)
 
 
-def _narrowness(places: Sequence[float], period: float) -> float:
+def _narrowness(positions: Sequence[float], period: float) -> float:
     """Return the mean of the angles as vectors: 1 where all are the same, near 0 where all are met."""
-    angles = [2 * pi * place / period for place in places]
+    angles = [2 * pi * position / period for position in positions]
     return hypot(sum(map(cos, angles)), sum(map(sin, angles))) / len(angles)
 
 
@@ -102,8 +105,8 @@ def _is_resolved(turns: Iterable[float]) -> bool:
     (True, False)
     """
     reach = 0.0
-    for turn in turns:
-        reach = reach + turn if turn <= RESOLVED else 0.0
+    for periods_apart in turns:
+        reach = reach + periods_apart if periods_apart <= RESOLVED else 0.0
         if reach >= 1.0:
             return True
     return False
@@ -113,9 +116,9 @@ def shown_by(
     targets: Sequence[float], periods: Iterable[Period]
 ) -> tuple[tuple[Period, ...], tuple[Period, ...]]:
     """Return which periods the targets can show, and which are aliased."""
-    known = list(periods)
-    aliased = tuple(each for each in known if is_aliased(targets, each.length))
-    return tuple(each for each in known if each not in aliased), aliased
+    given = list(periods)
+    aliased = tuple(each for each in given if is_aliased(targets, each.length))
+    return tuple(each for each in given if each not in aliased), aliased
 
 
 def even_step(targets: Sequence[float]) -> float | None:
@@ -156,8 +159,12 @@ def looks_slow(targets: Sequence[float], period: float) -> bool:
     if len(targets) < LEAST_EVEN or _is_resolved((high - low) / period for low, high in pairwise(targets)):
         return False
     step, moved = _grid(targets)
-    turn = step / period
-    return turn > 0.5 and abs(turn - round(turn)) <= SLOW and _narrowness(moved, period) > NARROW
+    periods_apart = step / period
+    return (
+        periods_apart > 0.5
+        and abs(periods_apart - round(periods_apart)) <= SLOW
+        and _narrowness(moved, period) > NARROW
+    )
 
 
 def unseen(targets: Sequence[float], periods: Iterable[Period], units: Units) -> tuple[Period, ...]:
@@ -174,18 +181,18 @@ def unseen(targets: Sequence[float], periods: Iterable[Period], units: Units) ->
     >>> unseen([0.0, 1.5, 3.0, 4.5], (), Units.MM)
     ()
     """
-    known = tuple(periods)
-    told = tuple(
+    given = tuple(periods)
+    hidden = tuple(
         each
-        for each in known
+        for each in given
         if is_aliased(targets, each.length)
         or looks_slow(targets, each.length)
         or meets_two_angles(targets, each.length)
     )
-    return told + _of_the_step(targets, known, units)
+    return hidden + _of_the_step(targets, given, units)
 
 
-def _of_the_step(targets: Sequence[float], known: Sequence[Period], units: Units) -> tuple[Period, ...]:
+def _of_the_step(targets: Sequence[float], given: Sequence[Period], units: Units) -> tuple[Period, ...]:
     """Return the step of the grid that targets lie on, where they do and nothing else shows what it hides."""
     if len(targets) < LEAST_EVEN:
         return ()
@@ -193,8 +200,8 @@ def _of_the_step(targets: Sequence[float], known: Sequence[Period], units: Units
     if _is_fine(step, units):
         return ()
     longest = step
-    if known:
-        longest = step / ceil(step / max(each.length for each in known) - 1e-9)
+    if given:
+        longest = step / ceil(step / max(each.length for each in given) - 1e-9)
     is_shown = _is_resolved((high - low) / longest for low, high in pairwise(targets))
     if is_shown or _narrowness(moved, longest) <= NARROW:
         return ()
@@ -267,8 +274,8 @@ def slow_warning(targets: Sequence[float], slow: Sequence[Period], unit: str) ->
     step, _ = _grid(targets)
     looks = []
     for each in slow:
-        turn = step / each.length
-        looks.append(f"{each.name} like one of {step / abs(turn - round(turn)):.4g} {unit}")
+        periods_apart = step / each.length
+        looks.append(f"{each.name} like one of {step / abs(periods_apart - round(periods_apart)):.4g} {unit}")
     spread = max(each.length for each in slow)
     return (
         f"the targets lie {_about(targets, step)} {unit} apart: there an error that repeats looks like a "
@@ -283,21 +290,21 @@ def _about(targets: Sequence[float], step: float) -> str:
 
 def lead_warnings(targets: Sequence[float], periods: Iterable[Period], units: Units) -> list[str]:
     """Say what targets will not show of what is told, and of what is not."""
-    known, unit = tuple(periods), units.value
-    hidden = unseen(targets, known, units)
-    aliased = shown_by(targets, known)[1]
+    given, unit = tuple(periods), units.value
+    hidden = unseen(targets, given, units)
+    aliased = shown_by(targets, given)[1]
     if aliased:
         return [aliased_warning(targets, aliased, unit)]
-    slow = [each for each in hidden if each in known]
+    slow = [each for each in hidden if each in given]
     if slow:
         return [slow_warning(targets, slow, unit)]
-    return [step_warning(targets, each.length, unit, is_told=bool(known)) for each in hidden]
+    return [step_warning(targets, each.length, unit, is_given=bool(given)) for each in hidden]
 
 
-def step_warning(targets: Sequence[float], step: float, unit: str, *, is_told: bool) -> str:
-    """Say of a grid which errors it does not show, and what to do; ``is_told``: a lead is."""
+def step_warning(targets: Sequence[float], step: float, unit: str, *, is_given: bool) -> str:
+    """Say of a grid which errors it does not show, and what to do; ``is_given``: a lead is."""
     remedy = f"Take random targets with --spread {step:.6g}"
-    if not is_told:
+    if not is_given:
         remedy += ", and tell the lead of the screw: --lead"
     return (
         f"the targets lie {_about(targets, step)} {unit} apart: an error that repeats every {step:.6g}, "

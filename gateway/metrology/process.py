@@ -49,7 +49,7 @@ JUMP_WORTH: Final = 3.0
 """A further jump is worth as much as a joint."""
 JUMP_NAMED: Final = 0.5
 """By so much a jump has to explain the samples better before its place is named."""
-JUMP_PLACES: Final = 8
+JUMP_POSITIONS: Final = 8
 """A jump may be anywhere between its two targets, as likely: so many places stand for all."""
 _FINEST: Final = 0.08
 _FIRST: Final = 1.2
@@ -66,7 +66,7 @@ class Samples:
     0 where it is known, infinity where it has to be found too (then ``variance`` says the proportions).
     """
 
-    places: Array
+    positions: Array
     values: Array
     variance: Array
     noise_spread: float = 0.0
@@ -74,16 +74,16 @@ class Samples:
     @property
     def span(self) -> float:
         """From the first place to the last."""
-        return float(self.places[-1] - self.places[0])
+        return float(self.positions[-1] - self.positions[0])
 
     @property
     def gap(self) -> float:
         """Mean distance of the places."""
-        return self.span / (len(self.places) - 1)
+        return self.span / (len(self.positions) - 1)
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class CurveKind:
     """Which parts a curve has. ``periods`` repeat; ``changes``: their sizes change slowly along the screw.
 
     ``joint`` is a place at which the slope changes, as where two screws or two scales meet, ``jumps`` are
@@ -102,7 +102,7 @@ class Kind:
 class Process:
     """A curve with its sizes, given the samples."""
 
-    kind: Kind
+    kind: CurveKind
     samples: Samples
     sizes: Mapping[str, float]
     """Logarithms."""
@@ -124,12 +124,14 @@ class Process:
 
     def draws(self, at: Array, count: int, random: np.random.Generator) -> Array:
         """Return curves, one a column, that the samples allow, all as likely (Matheron's rule)."""
-        places = self.samples.places
-        all_places = np.concatenate((places, at))
-        curves = self._free_curves(all_places, count, random)
-        noise = np.sqrt(self._noise())[:, None] * random.standard_normal((len(places), count))
-        rest = (self.samples.values - self._straight(places))[:, None] - curves[: len(places)] - noise
-        drawn = self._straight(at)[:, None] + curves[len(places) :] + self._reach(at) @ (self._inverse @ rest)
+        positions = self.samples.positions
+        all_positions = np.concatenate((positions, at))
+        curves = self._free_curves(all_positions, count, random)
+        noise = np.sqrt(self._noise())[:, None] * random.standard_normal((len(positions), count))
+        rest = (self.samples.values - self._straight(positions))[:, None] - curves[: len(positions)] - noise
+        drawn = (
+            self._straight(at)[:, None] + curves[len(positions) :] + self._reach(at) @ (self._inverse @ rest)
+        )
         mean = self.mean(at)[:, None]
         result: Array = mean + self.surprise(at)[:, None] * (drawn - mean)
         return result
@@ -145,7 +147,7 @@ class Process:
         squares = missed**2 / expected
         around = np.convolve(squares, np.ones(3) / 3, mode="same")
         here = np.sqrt(np.maximum(squares.mean(), around / LOCAL**2))
-        result: Array = np.maximum(np.interp(at, self.samples.places, here), 1.0)
+        result: Array = np.maximum(np.interp(at, self.samples.positions, here), 1.0)
         return result
 
     def without_periods(self) -> Array:
@@ -154,14 +156,14 @@ class Process:
         return _Covariance.of(self.samples, bare, self._free).at(self.sizes)
 
     def _straight(self, at: Array) -> Array:
-        middle = self.samples.places.mean()
+        middle = self.samples.positions.mean()
         result: Array = self._line[0] + self._line[1] * (at - middle)
         return result
 
     def _reach(self, at: Array) -> Array:
-        places = self.samples.places
-        distances = _Distances.of(self.kind, at[:, None] - places[None, :])
-        trend = _trend(self.samples, self.kind, at) @ _trend(self.samples, self.kind, places).T
+        positions = self.samples.positions
+        distances = _Distances.of(self.kind, at[:, None] - positions[None, :])
+        trend = _trend(self.samples, self.kind, at) @ _trend(self.samples, self.kind, positions).T
         result: Array = _kernel(self.kind, self.sizes, distances) + self._free * trend
         return result
 
@@ -197,7 +199,7 @@ class Process:
         return total
 
 
-def fitted(samples: Samples, kind: Kind, start: Mapping[str, float] | None = None) -> Process:
+def fitted(samples: Samples, kind: CurveKind, start: Mapping[str, float] | None = None) -> Process:
     """Find the sizes with which a kind of curve explains the samples best; ``start`` is where to begin."""
     _, rest, typical = _about_line(samples)
     search = _Search(_thinned(samples, rest), kind, typical)
@@ -208,21 +210,21 @@ def fitted(samples: Samples, kind: Kind, start: Mapping[str, float] | None = Non
     return _with_sizes(samples, kind, sizes)
 
 
-def _with_sizes(samples: Samples, kind: Kind, sizes: Mapping[str, float]) -> Process:
+def _with_sizes(samples: Samples, kind: CurveKind, sizes: Mapping[str, float]) -> Process:
     """Return a process of known sizes, with how well it explains the samples."""
     line, rest, typical = _about_line(samples)
     free = TREND * typical**2
     inverse: Array = np.linalg.inv(_Covariance.of(samples, kind, free).at(sizes)).astype(np.float64)
     score = _Search(_thinned(samples, rest), kind, typical).cost(sizes)
     count = len(sizes) + (kind.joint is not None) + len(kind.jumps)
-    score += 0.5 * log(len(samples.places)) * count  # Schwarz's: what is added must be worth it
+    score += 0.5 * log(len(samples.positions)) * count  # Schwarz's: what is added must be worth it
     return Process(kind, samples, sizes, score, line, free, inverse, inverse @ rest)
 
 
 def _about_line(samples: Samples) -> tuple[Array, Array, float]:
     """Return the straight line through the samples, what it leaves of them, and how large that is."""
-    middle = samples.places.mean()
-    design = np.column_stack((np.ones_like(samples.places), samples.places - middle))
+    middle = samples.positions.mean()
+    design = np.column_stack((np.ones_like(samples.positions), samples.positions - middle))
     line, *_ = np.linalg.lstsq(design, samples.values, rcond=None)
     rest = samples.values - design @ line
     typical = max(float(rest.std()), float(np.sqrt(samples.variance.mean())), 1e-12 * samples.span)
@@ -237,19 +239,20 @@ def jointed(samples: Samples, smooth: Sequence[Process]) -> list[Process]:
     smooth part found anew beside it; all places at which it is likely stay, each for itself.
     """
     best = min(smooth, key=lambda each: each.score)
-    places = _between(samples)
+    positions = _between(samples)
     found: dict[float, Process] = {}
     process = best
     for _ in range(JOINT_ROUNDS):
-        at = max(places, key=lambda place: _gain(process, place))
+        at = max(positions, key=lambda position: _gain(process, position))
         order = ANALYTIC if process is best else process.kind.order
         tried = [
-            fitted(samples, Kind(each, best.kind.has_short, joint=at), best.sizes) for each in {order, 1.5}
+            fitted(samples, CurveKind(each, best.kind.has_short, joint=at), best.sizes)
+            for each in {order, 1.5}
         ]
         process = min(tried, key=lambda each: each.score)
         found[at] = process
     chosen = min(found.values(), key=lambda each: each.score)
-    if chosen.score + log(len(places)) > best.score - JOINT_WORTH:
+    if chosen.score + log(len(positions)) > best.score - JOINT_WORTH:
         return []
     wide = samples.gap / JOINT_PARTS
     near = _likely(chosen, [chosen.kind.joint or 0.0], _between(samples, JOINT_PARTS))
@@ -261,39 +264,43 @@ def jointed(samples: Samples, smooth: Sequence[Process]) -> list[Process]:
     least = min(each.score for each in near)
     # One joint, which is at one of these places: together they are as likely as it.
     share = log(sum(np.exp(least - each.score) for each in near)) - (least - chosen.score)
-    return [replace(each, score=each.score + max(share, 0.0) + log(len(places))) for each in near]
+    return [replace(each, score=each.score + max(share, 0.0) + log(len(positions))) for each in near]
 
 
-def jumped(samples: Samples, known: Sequence[Process]) -> list[Process]:
+def jumped(samples: Samples, candidates: Sequence[Process]) -> list[Process]:
     """Return what explains the samples with jumps between neighbours.
 
     A jump shows in the samples that are left out: both of its neighbours are missed, to opposite sides. It is
     looked for where a step explains most of what is left, with the sizes found anew beside it. Few samples
     hardly tell one from a short wave: then both have a say in what may be between them.
     """
-    best = min((each for each in known if each.kind.joint is None), key=lambda each: each.score)
-    middles = ((samples.places[1:-2] + samples.places[2:-1]) / 2).tolist()
+    best = min((each for each in candidates if each.kind.joint is None), key=lambda each: each.score)
+    middles = ((samples.positions[1:-2] + samples.positions[2:-1]) / 2).tolist()
     chosen = _with_jump(best, best, middles)
     for _ in range(MOST_JUMPS - 1):
         further = _with_jump(chosen, best, middles)
         if further.score > chosen.score - JUMP_WORTH:
             break
         chosen = further
-    edges = [samples.places[index : index + 2] for index in _gaps(samples, chosen.kind.jumps)]
+    edges = [samples.positions[index : index + 2] for index in _gaps(samples, chosen.kind.jumps)]
     spread = []
-    for index in range(JUMP_PLACES // 2, JUMP_PLACES // 2 + JUMP_PLACES):
-        shares = [((index + 3 * number) % JUMP_PLACES + 0.5) / JUMP_PLACES for number in range(len(edges))]
-        places = (float(low + share * (high - low)) for share, (low, high) in zip(shares, edges, strict=True))
-        spread.append(_with_sizes(samples, replace(chosen.kind, jumps=tuple(places)), chosen.sizes))
+    for index in range(JUMP_POSITIONS // 2, JUMP_POSITIONS // 2 + JUMP_POSITIONS):
+        shares = [
+            ((index + 3 * number) % JUMP_POSITIONS + 0.5) / JUMP_POSITIONS for number in range(len(edges))
+        ]
+        positions = (
+            float(low + share * (high - low)) for share, (low, high) in zip(shares, edges, strict=True)
+        )
+        spread.append(_with_sizes(samples, replace(chosen.kind, jumps=tuple(positions)), chosen.sizes))
     # Wherever between its targets it is, it explains them as well: all places together are one jump.
-    return [replace(each, score=chosen.score + log(JUMP_PLACES)) for each in spread]
+    return [replace(each, score=chosen.score + log(JUMP_POSITIONS)) for each in spread]
 
 
 def _with_jump(process: Process, best: Process, middles: Sequence[float]) -> Process:
     """Return the process with one jump more, where it explains most; ``best`` is the one without any."""
     samples, found, bare = process.samples, process, process
     for _ in range(JUMP_ROUNDS):
-        gains = {place: _explains(bare, _step(samples.places, place)) for place in middles}
+        gains = {position: _explains(bare, _step(samples.positions, position)) for position in middles}
         at = max(gains, key=gains.__getitem__)
         if at in found.kind.jumps:
             break
@@ -307,60 +314,60 @@ def _with_jump(process: Process, best: Process, middles: Sequence[float]) -> Pro
     return replace(found, score=found.score + log(len(middles)))
 
 
-def likely_jumps(known: Sequence[Process]) -> list[tuple[float, float, float]]:
+def likely_jumps(candidates: Sequence[Process]) -> list[tuple[float, float, float]]:
     """Return between which two samples the curve jumps, and by how much it rises there.
 
     Empty where the samples are explained as well without a jump.
     """
-    with_jumps = [each for each in known if each.kind.jumps]
+    with_jumps = [each for each in candidates if each.kind.jumps]
     if not with_jumps:
         return []
     process = with_jumps[0]
-    least = min(each.score for each in known if not each.kind.jumps)
-    if process.score - log(JUMP_PLACES) > least - JUMP_NAMED:
+    least = min(each.score for each in candidates if not each.kind.jumps)
+    if process.score - log(JUMP_POSITIONS) > least - JUMP_NAMED:
         return []
-    places = process.samples.places
+    positions = process.samples.positions
     found = []
-    for index, place in zip(_gaps(process.samples, process.kind.jumps), process.kind.jumps, strict=True):
+    for index, position in zip(_gaps(process.samples, process.kind.jumps), process.kind.jumps, strict=True):
         near = 1e-9 * process.samples.span
-        before, behind = process.mean(np.array([place - near, place + near])).tolist()
-        found.append((float(places[index]), float(places[index + 1]), behind - before))
+        before, behind = process.mean(np.array([position - near, position + near])).tolist()
+        found.append((float(positions[index]), float(positions[index + 1]), behind - before))
     return found
 
 
 def _gaps(samples: Samples, jumps: Sequence[float]) -> list[int]:
     """Return behind which sample each jump lies."""
-    return [int(np.searchsorted(samples.places, place)) - 1 for place in jumps]
+    return [int(np.searchsorted(samples.positions, position)) - 1 for position in jumps]
 
 
-def _step(at: Array, place: float) -> Array:
-    result: Array = (at > place).astype(np.float64)
+def _step(at: Array, position: float) -> Array:
+    result: Array = (at > position).astype(np.float64)
     return result
 
 
-def _likely(process: Process, known: list[float], places: list[float]) -> list[Process]:
+def _likely(process: Process, joints: list[float], positions: list[float]) -> list[Process]:
     """Return the same curve with its joint at each of these places at which it is likely."""
     bare = _moved(process, None)
-    gains = {place: _gain(bare, place) / 2 for place in {*known, *places}}
+    gains = {position: _gain(bare, position) / 2 for position in {*joints, *positions}}
     most = max(gains.values())
     # What a change of slope gains costs little to find, and differs little from the likelihood itself.
-    worth = {place for place, gain in gains.items() if gain > most - 2 * JOINT_WORTH}
-    found = [_moved(process, place) for place in sorted({*known, *worth})]
+    worth = {position for position, gain in gains.items() if gain > most - 2 * JOINT_WORTH}
+    found = [_moved(process, position) for position in sorted({*joints, *worth})]
     least = min(each.score for each in found)
     return [each for each in found if each.score < least + JOINT_WORTH]
 
 
 def _between(samples: Samples, parts: int = 3) -> list[float]:
     """Return places between the inner samples: a change of slope beyond them nothing shows."""
-    inner = samples.places[1:-1]
+    inner = samples.positions[1:-1]
     shares = (np.arange(parts) + 0.5) / parts
     result: list[float] = (inner[:-1, None] + shares * np.diff(inner)[:, None]).ravel().tolist()
     return result
 
 
-def _gain(process: Process, place: float) -> float:
+def _gain(process: Process, position: float) -> float:
     """Return by how much a change of slope at a place would explain the samples better."""
-    return _explains(process, np.maximum(process.samples.places - place, 0.0))
+    return _explains(process, np.maximum(process.samples.positions - position, 0.0))
 
 
 def _explains(process: Process, column: Array) -> float:
@@ -369,24 +376,24 @@ def _explains(process: Process, column: Array) -> float:
     return float((process._weights @ column) ** 2 / (column @ whitened))  # noqa: SLF001
 
 
-def _moved(process: Process, place: float | None) -> Process:
+def _moved(process: Process, position: float | None) -> Process:
     """Return the same curve with its joint elsewhere, or without."""
-    return _with_sizes(process.samples, replace(process.kind, joint=place), process.sizes)
+    return _with_sizes(process.samples, replace(process.kind, joint=position), process.sizes)
 
 
 def _thinned(samples: Samples, rest: Array) -> Samples:
     """Return the samples by which the sizes are found; those of many are drawn, so that no period is met."""
-    count = len(samples.places)
+    count = len(samples.positions)
     chosen = np.arange(count)
     if count > MOST_TUNED:
         chosen = np.sort(np.random.default_rng(count).choice(count, MOST_TUNED, replace=False))
-    return Samples(samples.places[chosen], rest[chosen], samples.variance[chosen], samples.noise_spread)
+    return Samples(samples.positions[chosen], rest[chosen], samples.variance[chosen], samples.noise_spread)
 
 
 class _Search:
     """The likelihood of sizes, and a walk to where it is largest."""
 
-    def __init__(self, samples: Samples, kind: Kind, typical: float) -> None:
+    def __init__(self, samples: Samples, kind: CurveKind, typical: float) -> None:
         self._samples = samples
         self._kind = kind
         self._typical = typical
@@ -481,7 +488,7 @@ class _Distances:
     """The cosine of each period."""
 
     @classmethod
-    def of(cls, kind: Kind, signed: Array) -> "_Distances":
+    def of(cls, kind: CurveKind, signed: Array) -> "_Distances":
         waves = tuple(np.cos(2 * pi * signed / period) for period in kind.periods)
         return cls(signed, np.abs(signed), waves)
 
@@ -491,16 +498,16 @@ class _Covariance:
     """The covariance of samples, for one set of sizes after the other: what is the same for all is kept."""
 
     samples: Samples
-    kind: Kind
+    kind: CurveKind
     free: float
     distances: _Distances
     trend: Array
 
     @classmethod
-    def of(cls, samples: Samples, kind: Kind, free: float) -> "_Covariance":
-        places = samples.places
-        trend = _trend(samples, kind, places)
-        distances = _Distances.of(kind, places[:, None] - places[None, :])
+    def of(cls, samples: Samples, kind: CurveKind, free: float) -> "_Covariance":
+        positions = samples.positions
+        trend = _trend(samples, kind, positions)
+        distances = _Distances.of(kind, positions[:, None] - positions[None, :])
         return cls(samples, kind, free, distances, free * (trend @ trend.T))
 
     def at(self, sizes: Mapping[str, float]) -> Array:
@@ -522,7 +529,7 @@ def _noise_variance(samples: Samples, sizes: Mapping[str, float]) -> Array:
     return result
 
 
-def _kernel(kind: Kind, sizes: Mapping[str, float], distances: _Distances) -> Array:
+def _kernel(kind: CurveKind, sizes: Mapping[str, float], distances: _Distances) -> Array:
     ratio = distances.absolute / np.exp(sizes[_LENGTH])
     covariance: Array = np.exp(2 * sizes[_SMOOTH]) * _matern(kind.order, ratio)
     if kind.periods:
@@ -559,19 +566,19 @@ def _random_waves(at: Array, waves: Array, count: int, random: np.random.Generat
     return curves
 
 
-def _trend(samples: Samples, kind: Kind, at: Array) -> Array:
+def _trend(samples: Samples, kind: CurveKind, at: Array) -> Array:
     """Return what is free to be as large as it likes, a column each: offset, slope, and its change."""
     unit = _unit(samples, at)
     columns = [np.ones_like(at), unit]
     if kind.joint is not None:
         columns.append(np.maximum(unit - _unit(samples, np.array([kind.joint]))[0], 0.0))
-    columns += [_step(at, place) for place in kind.jumps]
+    columns += [_step(at, position) for position in kind.jumps]
     result: Array = np.column_stack(columns)
     return result
 
 
 def _unit(samples: Samples, at: Array) -> Array:
-    middle = samples.places.mean()
+    middle = samples.positions.mean()
     result: Array = (at - middle) / (samples.span / 2)
     return result
 
@@ -580,6 +587,6 @@ def _period(index: int) -> str:
     return f"period {index}"
 
 
-def best_of(samples: Samples, kinds: Sequence[Kind]) -> list[Process]:
+def best_of(samples: Samples, kinds: Sequence[CurveKind]) -> list[Process]:
     """Return a process for each kind of curve, the one that explains the samples best first."""
     return sorted((fitted(samples, kind) for kind in kinds), key=lambda each: each.score)

@@ -156,12 +156,12 @@ def checked_approaches(readings: Iterable[Reading]) -> dict[tuple[float, Directi
     Raises:
         ReadingsError: no readings, a number that is not finite, or a reading without a direction.
     """
-    known = tuple(readings)
-    for number, reading in enumerate(known, start=1):
+    all_readings = tuple(readings)
+    for number, reading in enumerate(all_readings, start=1):
         check_reading(reading, number)
-    if not known:
+    if not all_readings:
         raise ReadingsError("no readings: measure every target from both sides")
-    return by_approach(known)
+    return by_approach(all_readings)
 
 
 def check_reading(reading: Reading, number: int) -> None:

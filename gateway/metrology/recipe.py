@@ -16,17 +16,17 @@ from gateway.metrology.build import (
     referenced,
     with_estimated_ends,
 )
-from gateway.metrology.doubts import doubts_of
+from gateway.metrology.doubts import plausibility_warnings
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.outliers import Outlier, find_outliers, without_outliers
 from gateway.metrology.readings import APPROACHES, Reading, Survey, mean_corrections
 from gateway.metrology.resample import fewest_points, on_grid, smoothed, with_point
-from gateway.metrology.tables import Change, Loss
+from gateway.metrology.tables import Change, ResamplingLoss
 from gateway.metrology.wrong_runs import settled
 
 if TYPE_CHECKING:
-    from gateway.metrology.fitting import Evidence
-    from gateway.metrology.screw import Screw
+    from gateway.metrology.fitting import FitEvidence
+    from gateway.metrology.screw import MeasuredScrew
 
 __all__ = ["Built", "Recipe", "build_from"]
 
@@ -43,12 +43,12 @@ class Built:
     home: HomeReference | None
     change: Change | None
     """By smoothing."""
-    loss: Loss | None
+    loss: ResamplingLoss | None
     """By other points."""
     notes: tuple[str, ...]
-    screw: "Screw | None" = None
+    screw: "MeasuredScrew | None" = None
     """What the readings say about the places between the targets; None where it was not asked, or too few."""
-    evidence: "Evidence | None" = None
+    evidence: "FitEvidence | None" = None
     """Why the table follows the curve that it follows; None where nothing was to be chosen."""
 
 
@@ -81,7 +81,7 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
         )
     except (ReadingsError, TableError) as error:
         raise type(error)(f"{survey.source}: {error}" if survey.source else str(error)) from None
-    notes.extend(doubts_of(readings, survey.units))
+    notes.extend(plausibility_warnings(readings, survey.units))
     if recipe.estimate_ends and not recipe.one_way:
         notes.extend(_estimated(Survey(readings, survey.units)))
     change = None
@@ -143,7 +143,9 @@ def _with_home(survey: Survey, recipe: Recipe) -> tuple[Survey, list[str]]:
     return replace(survey, readings=(*at_home, *survey.readings)), [note]
 
 
-def _screw(readings: Sequence[Reading], survey: Survey, recipe: Recipe, notes: list[str]) -> "Screw | None":
+def _screw(
+    readings: Sequence[Reading], survey: Survey, recipe: Recipe, notes: list[str]
+) -> "MeasuredScrew | None":
     if recipe.fit is None:
         return None
     from gateway.metrology.screw import screw_of
@@ -157,7 +159,7 @@ def _screw(readings: Sequence[Reading], survey: Survey, recipe: Recipe, notes: l
         return None
 
 
-def _choose(screw: "Screw", table: CorrectionTable, recipe: Recipe) -> "Evidence":
+def _choose(screw: "MeasuredScrew", table: CorrectionTable, recipe: Recipe) -> "FitEvidence":
     """Choose the curve.
 
     Raises:
@@ -187,7 +189,7 @@ def _check(recipe: Recipe) -> None:
 
 def _with_points(
     table: CorrectionTable, recipe: Recipe, home: HomeReference | None
-) -> tuple[CorrectionTable, Loss | None]:
+) -> tuple[CorrectionTable, ResamplingLoss | None]:
     if recipe.step is not None:
         return on_grid(table, recipe.step, recipe.travel)
     if recipe.tolerance is None:

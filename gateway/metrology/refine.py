@@ -19,7 +19,7 @@ from gateway.metrology.tables import Change, change, correction_at
 from gateway.metrology.wrong_runs import settled
 
 if TYPE_CHECKING:
-    from gateway.metrology.screw import Screw
+    from gateway.metrology.screw import MeasuredScrew
 
 MOSTLY_GONE: Final = 1 / 3
 """Of the scatter of all deviations: a table that would leave less than this was hardly in use."""
@@ -27,7 +27,7 @@ CLEARLY: Final = 1.25
 """So many times as much must be left before a table gets other points than the old one."""
 DONE: Final = 0.8
 """Share of what the old table left: a new one that leaves more has nothing to gain from such readings."""
-SAME_PLACE: Final = 1e-9
+SAME_POSITION: Final = 1e-9
 """Of the longest position: what two places in different units may differ by and be one."""
 
 
@@ -96,12 +96,12 @@ def refine_table(
     old = table.in_units(survey.units)
     survey = settled(survey)
     rest = build_table(survey.readings, survey.units, one_way=one_way)
-    said: list[str] = []
+    remarks: list[str] = []
     screw = None
     if fit is not None:
-        rest, screw, said = _followed(survey, rest, fit, periods, one_way=one_way)
+        rest, screw, remarks = _followed(survey, rest, fit, periods, one_way=one_way)
     new, more = _at_points(old, rest, points, screw, refusal)
-    said += more
+    remarks += more
     if home is not None:
         new = _home_kept(new, old, home)
     unit = survey.units.value
@@ -112,7 +112,7 @@ def refine_table(
             "these readings look as if they were taken WITHOUT the table: it would take away most of what "
             "they show. Then the new table corrects twice: make it with table build instead"
         )
-    notes.extend(said)
+    notes.extend(remarks)
     before = after = None
     if screw is not None:
         before, after = screw.left_out(_less(old, old)), screw.left_out(_less(new, old))
@@ -129,7 +129,7 @@ def refine_table(
 
 def _followed(
     survey: Survey, rest: CorrectionTable, fit: Fit, periods: tuple[Period, ...], *, one_way: bool
-) -> "tuple[CorrectionTable, Screw | None, list[str]]":
+) -> "tuple[CorrectionTable, MeasuredScrew | None, list[str]]":
     """Return the rest along the curve that leaves least, what the readings say, and why."""
     from gateway.metrology.fitting import choose
     from gateway.metrology.screw import screw_of
@@ -148,7 +148,7 @@ def _at_points(
     old: CorrectionTable,
     rest: CorrectionTable,
     points: Points,
-    screw: "Screw | None",
+    screw: "MeasuredScrew | None",
     refusal: Refusal | None,
 ) -> tuple[CorrectionTable, list[str]]:
     """Return the sum at the points that are wanted, or at more where harmonics need them; and say so."""
@@ -162,16 +162,16 @@ def _at_points(
         return new, []
     refused = None if refusal is None else refusal(wider)
     if refused is not None:
-        said = (
+        remarks = (
             f"the points of the old table lie too far apart for what repeats, and {len(wider.positions)} "
             f"points cannot be written: {refused}"
         )
-        return new, [said]
-    said = (
+        return new, [remarks]
+    remarks = (
         f"{len(wider.positions)} points instead of {len(new.positions)}: those of the old table lie too far "
         "apart for what repeats"
     )
-    return wider, [said]
+    return wider, [remarks]
 
 
 def _home_kept(new: CorrectionTable, old: CorrectionTable, home: HomeReference) -> CorrectionTable:
@@ -207,7 +207,7 @@ def _looks_uncorrected(old: CorrectionTable, survey: Survey) -> bool:
 
 def _union(points: Sequence[float], targets: Sequence[float]) -> list[float]:
     """Both in order; a target that is a point but for the rounding of its units is that point."""
-    nearer = SAME_PLACE * max(abs(place) for place in (*points, *targets))
+    nearer = SAME_POSITION * max(abs(position) for position in (*points, *targets))
     others = []
     for target in targets:
         index = bisect_left(points, target)

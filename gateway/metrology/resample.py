@@ -14,7 +14,7 @@ from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.readings import APPROACHES
-from gateway.metrology.tables import Change, Loss, change, correction_at, loss
+from gateway.metrology.tables import Change, ResamplingLoss, change, correction_at, loss
 
 GRID_TOLERANCE: Final = 1e-9
 """Share of a step by which a target may miss a multiple and still be on it."""
@@ -72,7 +72,7 @@ def _value(
 
 def on_grid(
     table: CorrectionTable, step: float, span: tuple[float, float] | None = None
-) -> tuple[CorrectionTable, Loss]:
+) -> tuple[CorrectionTable, ResamplingLoss]:
     """Return the table at the multiples of a step (TB058: "an even multiple of the StepSize").
 
     They are those inside ``span``, the travel, or without one those inside the table. Beyond the table its
@@ -112,7 +112,7 @@ def at_positions(table: CorrectionTable, positions: Sequence[float]) -> Correcti
 
 def fewest_points(
     table: CorrectionTable, tolerance: float, keep: Iterable[float] = ()
-) -> tuple[CorrectionTable, Loss]:
+) -> tuple[CorrectionTable, ResamplingLoss]:
     """Return the table with the fewest of its points that stays within a tolerance in both directions.
 
     No smaller choice of points, both ends among them, does: each stretch that may be left out is an edge, and
@@ -168,7 +168,7 @@ def _reachable(table: CorrectionTable, start: int, margin: float, kept: set[floa
             return
 
 
-def _at(table: CorrectionTable, positions: Sequence[float]) -> tuple[CorrectionTable, Loss]:
+def _at(table: CorrectionTable, positions: Sequence[float]) -> tuple[CorrectionTable, ResamplingLoss]:
     forward, backward = ([correction_at(table, x, way) for x in positions] for way in APPROACHES)
     result = make_table(positions, forward, backward, table.units)
     return result, loss(table, result)

@@ -56,11 +56,11 @@ class ScaleError:
         >>> ScaleError(0.00025).describe(1000.0)
         'linear part +250 µm/m: counts_per_unit 999.750062 instead of 1000 would remove it'
         """
-        said = f"linear part {self.share * _PER_METRE_UM:+.4g} µm/m: counts_per_unit "
+        text = f"linear part {self.share * _PER_METRE_UM:+.4g} µm/m: counts_per_unit "
         if counts_per_unit is None:
-            return f"{said}times {self.counts_factor:.8f} would remove it"
+            return f"{text}times {self.counts_factor:.8f} would remove it"
         right = counts_per_unit * self.counts_factor
-        return f"{said}{right:.9g} instead of {counts_per_unit:.9g} would remove it"
+        return f"{text}{right:.9g} instead of {counts_per_unit:.9g} would remove it"
 
 
 def fault_of_trial(moved: float, counts_per_unit: float, units: Units) -> str:
@@ -80,17 +80,17 @@ def fault_of_trial(moved: float, counts_per_unit: float, units: Units) -> str:
     """
     if not isfinite(moved):
         raise ReadingsError(f"--moved {moved}: it must be a finite number")
-    told = TRIAL_MOVE[units]
-    said = f"it moved by {moved:.6g} {units.value}, not by {told:g} {units.value}"
-    ratio = moved / told
+    commanded = TRIAL_MOVE[units]
+    text = f"it moved by {moved:.6g} {units.value}, not by {commanded:g} {units.value}"
+    ratio = moved / commanded
     if abs(ratio - 1.0) <= ROUGHLY:
         return ""
     if abs(ratio) < LEAST_MOVED:
-        return f"{said}: is the drive enabled? is counts_per_unit, {counts_per_unit:.9g}, large enough?"
+        return f"{text}: is the drive enabled? is counts_per_unit, {counts_per_unit:.9g}, large enough?"
     if abs(ratio + 1.0) <= ROUGHLY:
-        return f"{said}: turn the sign of counts_per_unit, {-counts_per_unit:.9g}"
+        return f"{text}: turn the sign of counts_per_unit, {-counts_per_unit:.9g}"
     right = counts_per_unit * ScaleError(ratio - 1.0).counts_factor
-    return f"{said}: counts_per_unit should be about {right:.6g}, not {counts_per_unit:.9g}"
+    return f"{text}: counts_per_unit should be about {right:.6g}, not {counts_per_unit:.9g}"
 
 
 def scale_of(readings: Iterable[Reading]) -> ScaleError | None:
@@ -107,16 +107,16 @@ def scale_of(readings: Iterable[Reading]) -> ScaleError | None:
         return None
     sums = [0.0, 0.0]
     for values in (means.forward, means.backward):
-        known = [(x, -c) for x, c in zip(means.targets, values, strict=True) if c is not None]
-        if len(known) < LEAST_TARGETS:
+        points = [(x, -c) for x, c in zip(means.targets, values, strict=True) if c is not None]
+        if len(points) < LEAST_TARGETS:
             continue
-        middle, mean = fmean(x for x, _ in known), fmean(d for _, d in known)
-        sums[0] += sum((x - middle) * (d - mean) for x, d in known)
-        sums[1] += sum((x - middle) ** 2 for x, _ in known)
+        middle, mean = fmean(x for x, _ in points), fmean(d for _, d in points)
+        sums[0] += sum((x - middle) * (d - mean) for x, d in points)
+        sums[1] += sum((x - middle) ** 2 for x, _ in points)
     return ScaleError(sums[0] / sums[1]) if sums[1] else None
 
 
-def told_scale(survey: Survey, lead: float | None = None) -> ScaleError | None:
+def reliable_scale(survey: Survey, lead: float | None = None) -> ScaleError | None:
     """Return the linear part of readings that tell it: None where they span only a few turns of the screw.
 
     ``lead`` is the longest length after which the error may repeat, where one is told.
@@ -125,14 +125,14 @@ def told_scale(survey: Survey, lead: float | None = None) -> ScaleError | None:
     if found is None or survey.units is Units.DEGREE:  # a turn is a turn
         return None
     made = abs(found.share) * survey.span
-    is_told = not is_short(survey, lead) or made > survey.units.from_mm(NO_WAVE_MM)
-    return found if is_told else None
+    is_reliable = not is_short(survey, lead) or made > survey.units.from_mm(NO_WAVE_MM)
+    return found if is_reliable else None
 
 
 def is_short(survey: Survey, lead: float | None = None) -> bool:
     """Whether readings span only a few turns of the screw."""
-    turn = survey.units.from_mm(USUAL_LEAD_MM) if lead is None else lead
-    return survey.span < LEAST_TURNS * turn * (1 - 1e-9)
+    period = survey.units.from_mm(USUAL_LEAD_MM) if lead is None else lead
+    return survey.span < LEAST_TURNS * period * (1 - 1e-9)
 
 
 def _one_reading(readings: Sequence[Reading]) -> str | None:
@@ -148,9 +148,9 @@ def _one_reading(readings: Sequence[Reading]) -> str | None:
             continue
         means = mean_corrections(of_way)
         curve = means.forward if way is Direction.FORWARD else means.backward
-        known = [(x, -c) for x, c in zip(means.targets, curve, strict=True) if c is not None]
-        slope = median((d1 - d0) / (x1 - x0) for (x0, d0), (x1, d1) in combinations(known, 2))
-        offset = median(d - slope * x for x, d in known)
+        points = [(x, -c) for x, c in zip(means.targets, curve, strict=True) if c is not None]
+        slope = median((d1 - d0) / (x1 - x0) for (x0, d0), (x1, d1) in combinations(points, 2))
+        offset = median(d - slope * x for x, d in points)
         usual.append(slope)
         for each in of_way:
             away = abs(each.deviation - offset - slope * each.target)
@@ -174,10 +174,10 @@ def check_scale(survey: Survey, counts_per_unit: float | None = None, lead: floa
     Raises:
         ReadingsError: the linear part is larger than 0.3 mm/m, of all readings or because of a single one.
     """
-    found = told_scale(survey, lead)
+    found = reliable_scale(survey, lead)
     if found is not None and found.is_large:
-        if (said := _one_reading(survey.readings)) is not None:
-            raise ReadingsError(f"{survey.source}: {said}")
+        if (fault := _one_reading(survey.readings)) is not None:
+            raise ReadingsError(f"{survey.source}: {fault}")
         raise ReadingsError(
             f"{survey.source}: {found.describe(counts_per_unit)}. More than 0.3 mm/m is no screw but a wrong "
             "scale: put it right first and measure again, or --keep-scale where the screw is really so long "

@@ -23,7 +23,7 @@ from gateway.metrology.process import (
     KERNELS,
     ROUGH,
     Array,
-    Kind,
+    CurveKind,
     Process,
     Samples,
     fitted,
@@ -55,18 +55,18 @@ QUANTILES: Final = (0.05, 0.5, 0.95)
 """Of the draws: between the outer two lie nine of ten."""
 LEAST_SPREAD: Final = 1.75
 """By so much at least the bounds lie from the middle: the draws know nothing of kinds that were not tried."""
-PLACES: Final = 2000
-MOST_PLACES: Final = 8000
-PLACES_A_PERIOD: Final = 16
+POSITIONS: Final = 2000
+MOST_POSITIONS: Final = 8000
+POSITIONS_A_PERIOD: Final = 16
 SPREAD: Final = 0.3
 """How well the scatter of the runs tells the scatter of a reversal, as a share."""
 LEAST_SCATTER_MM: Final = 1e-6
 """Readings without any scatter are computed ones, or those of a file with few digits."""
 WORTH: Final = 4.0
 """Kinds whose logarithmic likelihood is worse by more have no say in what may be between targets."""
-DOUBT: Final = 8.0
+PLAUSIBLE: Final = 8.0
 """Kinds that repeat and are worse by more have no say in its bounds: few targets choose one by luck."""
-DOUBT_DRAWS: Final = 32
+PLAUSIBLE_DRAWS: Final = 32
 SIGNIFICANT: Final = 0.01
 TELLING: Final = 1000.0
 """A period of which one half is known so many times less well than the other, or both than they were without
@@ -108,7 +108,7 @@ class Jump(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Screw:
+class MeasuredScrew:
     """Readings of one axis as curves. Corrections are in ``units``; positions are those of the drive."""
 
     units: Units
@@ -130,9 +130,9 @@ class Screw:
     """Runs that do not fit the others, in words."""
     scatter: float | None
     """Standard deviation of one reading; None where nothing tells it."""
-    _places: Array
+    _positions: Array
     _likely: "_Draws"
-    _doubtful: "tuple[_Draws, ...]"
+    _plausible: "tuple[_Draws, ...]"
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -149,8 +149,8 @@ class Screw:
                 for each in (ways[::-1] if direction is Direction.BACKWARD else ways)
                 if any(value is not None for value in each)
             )
-            known = [(x, c) for x, c in zip(self.means.targets, values, strict=True) if c is not None]
-            result: Array = np.interp(at, [x for x, _ in known], [c for _, c in known])
+            points = [(x, c) for x, c in zip(self.means.targets, values, strict=True) if c is not None]
+            result: Array = np.interp(at, [x for x, _ in points], [c for _, c in points])
             return result
         middle = self.harmonic if shape is Shape.HARMONICS else self.smooth
         assert middle is not None, "harmonics are fitted"
@@ -185,9 +185,9 @@ class Screw:
 
     def nut_positions(self, offset: float = 0.0) -> list[float]:
         """Return where the nut stood at each target, the mean of both directions, with ``offset`` at home."""
-        places = np.asarray(self.means.targets)
-        both = [self.correction(Shape.LINES, way, places) for way in APPROACHES]
-        nut: list[float] = (places - (both[0] + both[1]) / 2 + offset).tolist()
+        positions = np.asarray(self.means.targets)
+        both = [self.correction(Shape.LINES, way, positions) for way in APPROACHES]
+        nut: list[float] = (positions - (both[0] + both[1]) / 2 + offset).tolist()
         return nut
 
     def misses(self, shape: Shape) -> float:
@@ -198,17 +198,17 @@ class Screw:
         errors: list[float] = []
         if shape is Shape.LINES:
             for values in (self.means.forward, self.means.backward):
-                known = [(x, c) for x, c in zip(self.means.targets, values, strict=True) if c is not None]
-                for (x0, c0), (x, c), (x1, c1) in zip(known, known[1:], known[2:], strict=False):
+                points = [(x, c) for x, c in zip(self.means.targets, values, strict=True) if c is not None]
+                for (x0, c0), (x, c), (x1, c1) in zip(points, points[1:], points[2:], strict=False):
                     errors.append(c - (c0 + (c1 - c0) * (x - x0) / (x1 - x0)))
         else:
             middle = self.harmonic if shape is Shape.HARMONICS else self.smooth
             assert middle is not None, "harmonics are fitted"
             missed, _ = middle.left_out()
-            turned = np.zeros_like(missed)
-            if self.reversal is not None and len(self.reversal.samples.places) == len(missed):
-                turned, _ = self.reversal.left_out()
-            errors = [*(missed + turned)[1:-1].tolist(), *(missed - turned)[1:-1].tolist()]
+            reversal_error = np.zeros_like(missed)
+            if self.reversal is not None and len(self.reversal.samples.positions) == len(missed):
+                reversal_error, _ = self.reversal.left_out()
+            errors = [*(missed + reversal_error)[1:-1].tolist(), *(missed - reversal_error)[1:-1].tolist()]
         return float(np.sqrt(np.mean(np.square(errors))))
 
     def leaves(self, table: CorrectionTable) -> float:
@@ -226,7 +226,7 @@ class Screw:
     def left_out(self, table: CorrectionTable) -> LeftOut:
         """Return E of what a table leaves everywhere between the first and the last target."""
         low, middle, high = self._quantiles(table, self._likely)
-        for each in self._doubtful:
+        for each in self._plausible:
             least, _, most = self._quantiles(table, each)
             low, high = min(low, least), max(high, most)
         low, high = min(low, middle / LEAST_SPREAD), max(high, middle * LEAST_SPREAD)
@@ -246,13 +246,13 @@ class Screw:
         """
         here = table.in_units(self.units)
         added = [
-            np.interp(self._places, np.asarray(here.positions), np.asarray(curve))
+            np.interp(self._positions, np.asarray(here.positions), np.asarray(curve))
             for curve in (here.forward, here.backward)
         ]
         ways = [0, 1]
         if self.reversal is None:
             ways = [0] if any(value is not None for value in self.means.forward) else [1]
-        left = np.vstack([added[way][:, None] - _at(drawn[way], self._places, added[way]) for way in ways])
+        left = np.vstack([added[way][:, None] - _at(drawn[way], self._positions, added[way]) for way in ways])
         low, middle, high = np.quantile(left.max(axis=0) - left.min(axis=0), QUANTILES).tolist()
         return low, middle, high
 
@@ -264,52 +264,55 @@ class _Draws(NamedTuple):
     backward: Array
 
 
-def _at(curves: Array, places: Array, moved: Array) -> Array:
+def _at(curves: Array, positions: Array, moved: Array) -> Array:
     """Return the curves where the drive stands: at each place and ``moved`` from it."""
-    step = places[1] - places[0]
-    exact = np.clip((places + moved - places[0]) / step, 0.0, len(places) - 1.0)
-    below = np.minimum(exact.astype(np.intp), len(places) - 2)
+    step = positions[1] - positions[0]
+    exact = np.clip((positions + moved - positions[0]) / step, 0.0, len(positions) - 1.0)
+    below = np.minimum(exact.astype(np.intp), len(positions) - 2)
     share = (exact - below)[:, None]
     result: Array = curves[below] * (1.0 - share) + curves[below + 1] * share
     return result
 
 
-def screw_of(readings: Iterable[Reading], units: Units, periods: Iterable[Period] = ()) -> Screw:
+def screw_of(readings: Iterable[Reading], units: Units, periods: Iterable[Period] = ()) -> MeasuredScrew:
     """Fit the curves.
 
     Raises:
         ReadingsError: readings without a number or a direction; fewer than five targets, or so many that
             nothing is gained.
     """
-    known = tuple(readings)
-    means = mean_corrections(known)
+    all_readings = tuple(readings)
+    means = mean_corrections(all_readings)
     count = len(means.targets)
     if not LEAST_TARGETS <= count <= MOST_TARGETS:
         raise ReadingsError(
             f"{count} targets: what lies between targets is judged with {LEAST_TARGETS} to {MOST_TARGETS}"
         )
-    wrong = wrong_runs(Survey(known, units))
+    wrong = wrong_runs(Survey(all_readings, units))
     unsettled = "; ".join(each.describe(units) for each in wrong)
-    scatter, counts = _scatter(known), {place: len(group) for place, group in by_approach(known).items()}
+    scatter, counts = (
+        _scatter(all_readings),
+        {position: len(group) for position, group in by_approach(all_readings).items()},
+    )
     if scatter is not None:
         scatter = max(scatter, units.from_mm(LEAST_SCATTER_MM))
     reversal = _reversal(means, counts, scatter)
     middle, is_guessed = _middle(means, counts, scatter, reversal)
-    told = tuple(periods)
-    shown, aliased = shown_by(means.targets, told)
+    given = tuple(periods)
+    shown, aliased = shown_by(means.targets, given)
     kinds = _fit_all(middle, tuple(period.length for period in shown), has_scatter=scatter is not None)
     # The deviation is what the correction takes away.
     jumps = tuple(Jump(low, high, -rise) for low, high, rise in likely_jumps(kinds))
     smooth = min((each for each in kinds if not each.kind.periods), key=lambda each: each.score)
     repeating = [each for each in kinds if each.kind.periods]
     harmonic = min(repeating, key=lambda each: each.score) if repeating else None
-    places = _places(middle, [period.length for period in shown])
-    likely, doubtful = _draw(kinds, reversal, places)
+    positions = _positions(middle, [period.length for period in shown])
+    likely, plausible = _draw(kinds, reversal, positions)
     if scatter is None and is_guessed and reversal is not None:
         scatter = float(np.exp(reversal.sizes["noise"])) * 2**0.5
-    return Screw(
-        units, means, smooth, harmonic, reversal, _harmonics(harmonic, shown), told, aliased, jumps,
-        unsettled, scatter, places, likely, doubtful,
+    return MeasuredScrew(
+        units, means, smooth, harmonic, reversal, _harmonics(harmonic, shown), given, aliased, jumps,
+        unsettled, scatter, positions, likely, plausible,
     )  # fmt: skip
 
 
@@ -323,9 +326,9 @@ def _scatter(readings: Sequence[Reading]) -> float | None:
             runs.setdefault((each.run, each.direction), []).append((each.target, each.deviation - mean))
     left, lines = 0.0, 0
     for rests in runs.values():
-        places, values = (np.array(column) for column in zip(*rests, strict=True))
+        positions, values = (np.array(column) for column in zip(*rests, strict=True))
         if len(rests) >= LEAST_TARGETS:
-            values = values - np.polyval(np.polyfit(places, values, 1), places)
+            values = values - np.polyval(np.polyfit(positions, values, 1), positions)
             lines += 1
         left += float(values @ values)
     # The lines of all runs of a direction sum up to nothing, as their rests do.
@@ -346,13 +349,13 @@ def _reversal(
     ]
     if len(both) < LEAST_TARGETS - 1:
         return None
-    places, values, shares = (np.array(column) for column in zip(*both, strict=True))
+    positions, values, shares = (np.array(column) for column in zip(*both, strict=True))
     if scatter is None:
-        samples = Samples(places, values, shares * _guess(values), noise_spread=inf)
-        kinds = [Kind(order) for order in KERNELS]
+        samples = Samples(positions, values, shares * _guess(values), noise_spread=inf)
+        kinds = [CurveKind(order) for order in KERNELS]
     else:
-        samples = Samples(places, values, shares * scatter**2, noise_spread=SPREAD)
-        kinds = [Kind(order) for order in KERNELS]
+        samples = Samples(positions, values, shares * scatter**2, noise_spread=SPREAD)
+        kinds = [CurveKind(order) for order in KERNELS]
     return min((fitted(samples, kind) for kind in kinds), key=lambda each: each.score)
 
 
@@ -374,8 +377,8 @@ def _middle(
     reversal: Process | None,
 ) -> tuple[Samples, bool]:
     """Return the mean of both directions at all targets; where one is missing the reversal stands in."""
-    places = np.asarray(means.targets)
-    half = reversal.mean(places) if reversal is not None else np.zeros_like(places)
+    positions = np.asarray(means.targets)
+    half = reversal.mean(positions) if reversal is not None else np.zeros_like(positions)
     values = np.array(
         [
             fmean(
@@ -391,27 +394,31 @@ def _middle(
     )
     shares = np.array([_variance(counts, x) for x in means.targets])
     if scatter is not None:
-        return Samples(places, values, shares * scatter**2), False
+        return Samples(positions, values, shares * scatter**2), False
     if reversal is not None and "noise" in reversal.sizes:
         # One run: the scatter of the reversal is that of the readings, for no screw has a short wave in it.
         noise = float(np.exp(2 * reversal.sizes["noise"]))
-        spread = 1.0 / (2.0 * max(len(reversal.samples.places) - 3, 2)) ** 0.5
-        return Samples(places, values, noise * shares / shares.mean(), noise_spread=spread), True
-    return Samples(places, values, shares * _guess(values), noise_spread=inf), True
+        spread = 1.0 / (2.0 * max(len(reversal.samples.positions) - 3, 2)) ** 0.5
+        return Samples(positions, values, noise * shares / shares.mean(), noise_spread=spread), True
+    return Samples(positions, values, shares * _guess(values), noise_spread=inf), True
 
 
 def _fit_all(samples: Samples, periods: tuple[float, ...], *, has_scatter: bool) -> list[Process]:
     shorts = (False, True) if has_scatter or samples.noise_spread < inf else (False,)
-    smooth = [fitted(samples, Kind(order, short)) for order in KERNELS for short in shorts]
-    if LEAST_JOINTED <= len(samples.places) <= MOST_JOINTED:
+    smooth = [fitted(samples, CurveKind(order, short)) for order in KERNELS for short in shorts]
+    if LEAST_JOINTED <= len(samples.positions) <= MOST_JOINTED:
         smooth += jointed(samples, smooth)
     if not periods:
         return [*smooth, *_jumped(samples, smooth)]
     orders = [order for order in KERNELS if order != ROUGH]
-    known = {(each.kind.order, each.kind.has_short): each.sizes for each in smooth if each.kind.joint is None}
-    several = len(samples.places) >= 3 * (3 + 2 * len(periods))
+    smooth_sizes = {
+        (each.kind.order, each.kind.has_short): each.sizes for each in smooth if each.kind.joint is None
+    }
+    several = len(samples.positions) >= 3 * (3 + 2 * len(periods))
     repeating = [
-        fitted(samples, Kind(order, short, periods, changes), _usual(known[order, short], samples))
+        fitted(
+            samples, CurveKind(order, short, periods, changes), _usual(smooth_sizes[order, short], samples)
+        )
         for order in orders
         for short in shorts
         for changes in ((False, True) if several else (False,))
@@ -420,23 +427,23 @@ def _fit_all(samples: Samples, periods: tuple[float, ...], *, has_scatter: bool)
 
 
 def _jumped(samples: Samples, kinds: Sequence[Process]) -> list[Process]:
-    return jumped(samples, kinds) if LEAST_JOINTED <= len(samples.places) <= MOST_JOINTED else []
+    return jumped(samples, kinds) if LEAST_JOINTED <= len(samples.positions) <= MOST_JOINTED else []
 
 
 def _usual(sizes: object, samples: Samples) -> dict[str, float] | None:
     """Begin anew where a smooth curve went through every wave."""
-    known = dict(sizes) if isinstance(sizes, dict) else {}
-    return None if known.get("length", 0.0) < np.log(samples.gap * 3) else known
+    usual = dict(sizes) if isinstance(sizes, dict) else {}
+    return None if usual.get("length", 0.0) < np.log(samples.gap * 3) else usual
 
 
-def _places(samples: Samples, periods: Sequence[float]) -> Array:
+def _positions(samples: Samples, periods: Sequence[float]) -> Array:
     """Return where curves are drawn: so near to each other that every period is followed."""
-    wanted = max(PLACES, PLACES_A_PERIOD * samples.span / min(periods, default=samples.span))
-    return np.linspace(samples.places[0], samples.places[-1], int(min(wanted, MOST_PLACES)))
+    count = max(POSITIONS, POSITIONS_A_PERIOD * samples.span / min(periods, default=samples.span))
+    return np.linspace(samples.positions[0], samples.positions[-1], int(min(count, MOST_POSITIONS)))
 
 
 def _draw(
-    kinds: Sequence[Process], reversal: Process | None, places: Array
+    kinds: Sequence[Process], reversal: Process | None, positions: Array
 ) -> tuple[_Draws, tuple[_Draws, ...]]:
     """Draw curves from every kind that is nearly as good as the best, each as often as it is likely.
 
@@ -449,16 +456,16 @@ def _draw(
     shares = np.floor(np.cumsum(weights / weights.sum()) * DRAWS + 0.5).astype(int)
     random = np.random.default_rng(SEED)
     counts = zip(near, np.diff(shares, prepend=0), strict=True)
-    middle = np.hstack([each.draws(places, int(count), random) for each, count in counts if count])
+    middle = np.hstack([each.draws(positions, int(count), random) for each, count in counts if count])
 
-    half = np.zeros_like(middle) if reversal is None else reversal.draws(places, middle.shape[1], random)
+    half = np.zeros_like(middle) if reversal is None else reversal.draws(positions, middle.shape[1], random)
     may_be = [
-        (each.draws(places, DOUBT_DRAWS, random), half[:, :DOUBT_DRAWS])
+        (each.draws(positions, PLAUSIBLE_DRAWS, random), half[:, :PLAUSIBLE_DRAWS])
         for each in kinds
-        if each.kind.periods and each.score - best < DOUBT
+        if each.kind.periods and each.score - best < PLAUSIBLE
     ]
-    likely, *doubtful = [_Draws(each + side, each - side) for each, side in ((middle, half), *may_be)]
-    return likely, tuple(doubtful)
+    likely, *plausible = [_Draws(each + side, each - side) for each, side in ((middle, half), *may_be)]
+    return likely, tuple(plausible)
 
 
 def _harmonics(process: Process | None, periods: Sequence[Period]) -> tuple[Harmonic, ...]:
@@ -468,7 +475,7 @@ def _harmonics(process: Process | None, periods: Sequence[Period]) -> tuple[Harm
     samples = process.samples
     columns = []
     for period in periods:
-        angle = 2 * pi * samples.places / period.length
+        angle = 2 * pi * samples.positions / period.length
         columns += [np.sin(angle), np.cos(angle)]
     design = np.column_stack(columns)
     inverse = np.linalg.inv(process.without_periods())
@@ -476,7 +483,7 @@ def _harmonics(process: Process | None, periods: Sequence[Period]) -> tuple[Harm
     # The deviation is what the correction takes away. Of what targets do not tell apart nothing is used.
     parts = -np.linalg.pinv(information, rcond=SAME, hermitian=True) @ (design.T @ inverse @ samples.values)
     rest = samples.values + design @ parts
-    free = max(len(samples.places) - 2 - len(columns), 1)
+    free = max(len(samples.positions) - 2 - len(columns), 1)
     scale = max(float(rest @ inverse @ rest) / free, 1.0)
     found = []
     for index, period in enumerate(periods):

@@ -33,7 +33,7 @@ BEYOND: Final = 0.5
 """A best guess that leaves more than this share of the table unexplained is none."""
 
 
-class Way(Enum):
+class TableUse(Enum):
     """How a table may be used; the value is what reports call it."""
 
     RIGHT = "right"
@@ -42,7 +42,7 @@ class Way(Enum):
     BOTH = "sense inverted and columns swapped"
 
 
-class Verdict(Enum):
+class SignVerdict(Enum):
     """What the readings say."""
 
     RIGHT = "right"
@@ -105,7 +105,7 @@ class Measurement:
 
 
 @dataclass(frozen=True, slots=True)
-class BestPlace:
+class BestPosition:
     """Where a table tells the ways apart best: the smallest difference between any two of them there."""
 
     position: float
@@ -116,19 +116,19 @@ class BestPlace:
 class SignTest:
     """Result of a sign test; all numbers in units."""
 
-    verdict: Verdict
+    verdict: SignVerdict
     position: float
     measured: Pair
     """The correction that the readings ask for: position less reading."""
     table: Pair
     """The correction that the table makes there, as it is used now."""
-    expected: Mapping[Way, Pair]
+    expected: Mapping[TableUse, Pair]
     """The readings that each way predicts."""
-    off_by: Mapping[Way, float]
+    off_by: Mapping[TableUse, float]
     """How far the readings are from them."""
-    candidates: tuple[Way, ...]
+    candidates: tuple[TableUse, ...]
     """The ways that the readings do not exclude, the nearest first."""
-    best: BestPlace
+    best: BestPosition
     share: float | None
     """Share of the table that explains the readings best (least squares); None where the table is 0."""
     tells_direction: bool
@@ -137,7 +137,7 @@ class SignTest:
     @property
     def is_right(self) -> bool:
         """Whether the table is used as it should be."""
-        return self.verdict is Verdict.RIGHT
+        return self.verdict is SignVerdict.RIGHT
 
 
 def sign_test(curve: Curve, at: Measurement, inside: tuple[float, float] | None = None) -> SignTest:
@@ -160,16 +160,16 @@ def sign_test(curve: Curve, at: Measurement, inside: tuple[float, float] | None 
         expected=expected,
         off_by=off_by,
         candidates=tuple(sorted(near, key=lambda way: off_by[way])),
-        best=best_place(curve, inside),
+        best=most_telling_position(curve, inside),
         share=_share(table, at.measured),
-        tells_direction=all(abs(place - at.position) > 2.0 * at.largest for place in at.mirrored),
+        tells_direction=all(abs(position - at.position) > 2.0 * at.largest for position in at.mirrored),
     )
 
 
-def room(table: CorrectionTable, travel: tuple[float, float] | None, keep_away: float) -> tuple[float, float]:
+def room(table: CorrectionTable, travel: tuple[float, float] | None, clearance: float) -> tuple[float, float]:
     """Return from where to where a sign test finds room: inside the table, and away from the ends of travel.
 
-    The axis needs ``keep_away`` on both sides of the place, to come to it from below and from above. Where no
+    The axis needs ``clearance`` on both sides of the place, to come to it from below and from above. Where no
     travel is known the table's ends count as its ends. In a travel that is too short only its middle is left.
 
     >>> from gateway.compensation.table import make_table
@@ -179,13 +179,13 @@ def room(table: CorrectionTable, travel: tuple[float, float] | None, keep_away: 
     ((-298.99, -1.01), (-300.0, 0.0), (0.0, 0.0))
     """
     low, high = (table.first, table.last) if travel is None else travel
-    low, high = low + keep_away, high - keep_away
+    low, high = low + clearance, high - clearance
     if low > high:
         low = high = (low + high) / 2.0
     return max(min(low, table.last), table.first), min(max(high, table.first), table.last)
 
 
-def best_place(curve: Curve, inside: tuple[float, float] | None = None) -> BestPlace:
+def most_telling_position(curve: Curve, inside: tuple[float, float] | None = None) -> BestPosition:
     """Return the place at which a sign test tells most: a point of the table, or an end of ``inside``.
 
     Right and inverted differ by twice the larger correction; right and swapped by forward - backward; right
@@ -194,13 +194,13 @@ def best_place(curve: Curve, inside: tuple[float, float] | None = None) -> BestP
     """
     table = curve.table
     low, high = (table.first, table.last) if inside is None else inside
-    places = sorted({low, high, *(x for x in table.positions if low <= x <= high)})
+    positions = sorted({low, high, *(x for x in table.positions if low <= x <= high)})
     return max(
         (
-            BestPlace(x, _separation(_corrections(curve, x), is_one_way=table.is_unidirectional))
-            for x in places
+            BestPosition(x, _separation(_corrections(curve, x), is_one_way=table.is_unidirectional))
+            for x in positions
         ),
-        key=lambda place: place.separation,
+        key=lambda position: position.separation,
     )
 
 
@@ -218,26 +218,28 @@ def _separation(correction: Pair, *, is_one_way: bool) -> float:
     return inverted if is_one_way else min(inverted, abs(forward - backward), abs(forward + backward))
 
 
-def _ways(table: CorrectionTable) -> tuple[Way, ...]:
+def _ways(table: CorrectionTable) -> tuple[TableUse, ...]:
     """Return what can be wrong: where both directions are the same, nothing can be swapped."""
-    return (Way.RIGHT, Way.SENSE_INVERTED) if table.is_unidirectional else tuple(Way)
+    return (TableUse.RIGHT, TableUse.SENSE_INVERTED) if table.is_unidirectional else tuple(TableUse)
 
 
-def _expected(curve: Curve, way: Way, position: float) -> Pair:
-    sign = -1.0 if way in (Way.SENSE_INVERTED, Way.BOTH) else 1.0
+def _expected(curve: Curve, way: TableUse, position: float) -> Pair:
+    sign = -1.0 if way in (TableUse.SENSE_INVERTED, TableUse.BOTH) else 1.0
     first, second = Term(curve, sign, 0.0), Term(curve, 0.0, sign)
-    if way in (Way.COLUMNS_SWAPPED, Way.BOTH):
+    if way in (TableUse.COLUMNS_SWAPPED, TableUse.BOTH):
         first, second = second, first
     return Pair(CorrectionMap((first,)).nominal(position), CorrectionMap((second,)).nominal(position))
 
 
-def _verdict(at: Measurement, near: list[Way], nearest: float, table: Pair) -> Verdict:
+def _verdict(at: Measurement, near: list[TableUse], nearest: float, table: Pair) -> SignVerdict:
     if at.measured.distance(NOTHING) > at.largest:
-        is_mirrored = any(at.readings.distance(Pair(place, place)) <= at.largest for place in at.mirrored)
-        return Verdict.DIRECTION_INVERTED if is_mirrored else Verdict.NOTHING_FITS
+        is_mirrored = any(
+            at.readings.distance(Pair(position, position)) <= at.largest for position in at.mirrored
+        )
+        return SignVerdict.DIRECTION_INVERTED if is_mirrored else SignVerdict.NOTHING_FITS
     if nearest > max(2.0 * at.uncertainty, BEYOND * table.distance(NOTHING)):
-        return Verdict.NOTHING_FITS
-    return Verdict.CANNOT_TELL if len(near) > 1 else Verdict(near[0].value)
+        return SignVerdict.NOTHING_FITS
+    return SignVerdict.CANNOT_TELL if len(near) > 1 else SignVerdict(near[0].value)
 
 
 def _share(table: Pair, measured: Pair) -> float | None:

@@ -48,7 +48,7 @@ def change(before: CorrectionTable, after: CorrectionTable) -> Change:
 
 
 @dataclass(frozen=True, slots=True)
-class Loss:
+class ResamplingLoss:
     """The largest difference that other points make, between the points too, and where it is."""
 
     size: float
@@ -56,15 +56,15 @@ class Loss:
     direction: Direction
 
 
-def loss(before: CorrectionTable, after: CorrectionTable) -> Loss:
+def loss(before: CorrectionTable, after: CorrectionTable) -> ResamplingLoss:
     """Return the largest difference of two tables over the range of the first; outside a table is held."""
     low, high = before.first, before.last
-    places = sorted({*before.positions, *(x for x in after.positions if low <= x <= high)})
+    positions = sorted({*before.positions, *(x for x in after.positions if low <= x <= high)})
     return max(
         (
-            Loss(abs(correction_at(before, x, way) - correction_at(after, x, way)), x, way)
+            ResamplingLoss(abs(correction_at(before, x, way) - correction_at(after, x, way)), x, way)
             for way in APPROACHES
-            for x in places
+            for x in positions
         ),
         key=lambda found: found.size,
     )

@@ -28,7 +28,7 @@ RANGE: Final = 0.6
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class UncertaintyInputs:
     """What is known beside the readings; lengths in their units, temperatures in kelvin."""
 
     instrument: float = 0.0
@@ -54,7 +54,7 @@ class Known:
 
 
 @dataclass(frozen=True, slots=True)
-class Budget:
+class UncertaintyBudget:
     """The contributions by name, and all of them together; expanded, k = 2."""
 
     parts: tuple[tuple[str, float], ...]
@@ -65,19 +65,19 @@ class Budget:
         return hypot(*(part for _, part in self.parts))
 
 
-def budget_of(found: Evaluation, known: Known) -> Budget:
+def budget_of(found: Evaluation, inputs: UncertaintyInputs) -> UncertaintyBudget:
     """Return the budget of A for the length that was measured."""
     length = found.targets[-1].target - found.targets[0].target
     approaches = [way for each in found.targets for way in (each.forward, each.backward) if way is not None]
     means = [2 * way.s / sqrt(len(way.deviations)) for way in approaches if way.s is not None]
-    cosine = known.misalignment**2 / (2 * length) if length else 0.0
-    return Budget(
+    cosine = inputs.misalignment**2 / (2 * length) if length else 0.0
+    return UncertaintyBudget(
         (
-            ("instrument", known.instrument),
+            ("instrument", inputs.instrument),
             ("alignment", RANGE * cosine),
-            ("temperature", RANGE * known.expansion * length * known.temperature_range),
-            ("expansion", RANGE * known.off_20 * length * known.expansion_range),
-            ("environment", RANGE * known.environment),
+            ("temperature", RANGE * inputs.expansion * length * inputs.temperature_range),
+            ("expansion", RANGE * inputs.off_20 * length * inputs.expansion_range),
+            ("environment", RANGE * inputs.environment),
             ("repeatability", max(means, default=0.0)),
         )
     )
@@ -94,16 +94,16 @@ def verdict(value: float, expanded: float, limit: float) -> str:
     return "not kept" if value - expanded > limit else "undecided"
 
 
-def known_of(
+def inputs_of(
     found: Evaluation, instrument_um: float, misalignment_mm: float, temperature: float, environment_um: float
-) -> Known:
+) -> UncertaintyInputs:
     """Return what was told, in the units of the readings.
 
     Raises:
         ReadingsError: a number below 0.
     """
     factor = small_unit(found.units).factor
-    return Known(
+    return UncertaintyInputs(
         instrument=instrument_um / factor,
         misalignment=found.units.from_mm(misalignment_mm),
         temperature_range=temperature,
@@ -111,7 +111,7 @@ def known_of(
     )
 
 
-def limit_line(found: Evaluation, budget: Budget, limit_um: float) -> str:
+def limit_line(found: Evaluation, budget: UncertaintyBudget, limit_um: float) -> str:
     """Say whether A keeps a limit, with the budget.
 
     Raises:
@@ -120,14 +120,14 @@ def limit_line(found: Evaluation, budget: Budget, limit_um: float) -> str:
     small = small_unit(found.units)
     parts = ", ".join(f"{name} {small.text(part)}" for name, part in budget.parts if part)
     accuracy = _accuracy(found, limit_um)
-    said = verdict(accuracy, budget.expanded, limit_um / small.factor)
+    text = verdict(accuracy, budget.expanded, limit_um / small.factor)
     return (
         f"A = {small.text(accuracy)} with U = {small.text(budget.expanded)} (k = 2; {parts}): the limit of "
-        f"{limit_um:g} {small.name} is {said}"
+        f"{limit_um:g} {small.name} is {text}"
     )
 
 
-def limit_json(found: Evaluation, budget: Budget, limit_um: float) -> dict[str, object]:
+def limit_json(found: Evaluation, budget: UncertaintyBudget, limit_um: float) -> dict[str, object]:
     """Return the same as plain data. Raises ReadingsError: see :func:`limit_line`."""
     small = small_unit(found.units)
     accuracy = _accuracy(found, limit_um)

@@ -14,7 +14,7 @@ from statistics import fmean
 from typing import Final
 
 from gateway.compensation.units import Units
-from gateway.metrology.formats.cells import decimal, heading_of, sheet_of, unit_of, units_of, words
+from gateway.metrology.formats.cells import decimal, heading_of, unit_of, units_of, words, worksheet_of
 from gateway.tabfile.text import SourceText, shown
 
 HEADING: Final = "time_min,measured_um (or _mm, _inch),temperature_c"
@@ -98,30 +98,30 @@ def read_samples(source: SourceText) -> tuple[list[Sample], Units]:
     """
     if heading_of(source) is None:
         raise source.error("no heading with a separator in it", HEADING, line=source.lines[0].number)
-    sheet = sheet_of(source, HEADING)
-    places = {(words(name) or ("",))[0]: index for index, name in enumerate(sheet.names)}
-    value = "measured" if "measured" in places else "deviation"
-    missing = [name for name in ("time", value) if name not in places]
-    units = units_of(source, sheet)
+    worksheet = worksheet_of(source, HEADING)
+    columns = {(words(name) or ("",))[0]: index for index, name in enumerate(worksheet.names)}
+    value = "measured" if "measured" in columns else "deviation"
+    missing = [name for name in ("time", value) if name not in columns]
+    units = units_of(source, worksheet)
     if missing or units is None:
         found = f"no {' and no '.join(missing)} in the heading" if missing else "no unit in the heading"
-        raise source.error(found, HEADING, line=sheet.heading.number)
-    time_name = sheet.names[places["time"]]
+        raise source.error(found, HEADING, line=worksheet.heading.number)
+    time_name = worksheet.names[columns["time"]]
     if words(time_name)[1:] not in {("min",), ("minutes",)}:
         raise source.error(
-            f"{shown(time_name)} in the heading", "time_min: minutes", line=sheet.heading.number
+            f"{shown(time_name)} in the heading", "time_min: minutes", line=worksheet.heading.number
         )
-    scale = (unit_of(sheet.names[places[value]]) or (units, 1.0))[1]
+    scale = (unit_of(worksheet.names[columns[value]]) or (units, 1.0))[1]
     samples = []
-    for line, cells in sheet.lines:
+    for line, cells in worksheet.lines:
         warm = (
-            decimal(source, line, cells[places["temperature"]], "temperature")
-            if "temperature" in places
+            decimal(source, line, cells[columns["temperature"]], "temperature")
+            if "temperature" in columns
             else None
         )
-        minutes = decimal(source, line, cells[places["time"]], "time")
-        samples.append(Sample(minutes, decimal(source, line, cells[places[value]], value) * scale, warm))
-    for (line, _), (before, after) in zip(sheet.lines[1:], pairwise(samples), strict=True):
+        minutes = decimal(source, line, cells[columns["time"]], "time")
+        samples.append(Sample(minutes, decimal(source, line, cells[columns[value]], value) * scale, warm))
+    for (line, _), (before, after) in zip(worksheet.lines[1:], pairwise(samples), strict=True):
         if after.minutes <= before.minutes:
             raise source.error(
                 f"time {after.minutes:g} after {before.minutes:g}", "times that ascend", line=line

@@ -22,24 +22,24 @@ CLEARLY: Final = 3.0
 """So many times as well a run has to fit the others once its fault is taken away."""
 LEAST_MM: Final = 0.002
 """A run that is nearer to the others is none that went wrong."""
-LEAST_PLACES: Final = 4
+LEAST_READINGS: Final = 4
 """Of a run: fewer readings say nothing of all of it."""
 WIDER: Final = 2.0
 """A run aside is farther from the others than so many times what these differ by."""
 BEYOND_SCATTER: Final = 4.0
 
 
-class Fault(Enum):
+class RunFault(Enum):
     """What is wrong with a run."""
 
     SWAPPED = "directions swapped"
-    TURNED = "sign turned"
-    ASIDE = "aside"
+    INVERTED = "sign turned"
+    OFFSET = "aside"
 
     @property
     def is_mistake(self) -> bool:
         """Whether no machine does so: the readings are wrong as they stand."""
-        return self is not Fault.ASIDE
+        return self is not RunFault.OFFSET
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +47,9 @@ class WrongRun:
     """A run that is wrong as a whole."""
 
     run: int
-    fault: Fault
+    fault: RunFault
     away: float
-    """How far it lies from the others, in the units of the readings: of ``ASIDE`` with its sign."""
+    """How far it lies from the others, in the units of the readings: of ``OFFSET`` with its sign."""
     fits: float = 0.0
     """How far it would lie with the fault taken away."""
     other: int | None = None
@@ -63,11 +63,11 @@ class WrongRun:
     def describe(self, units: Units) -> str:
         """Say it in a few words.
 
-        >>> WrongRun(3, Fault.ASIDE, 0.005).describe(Units.MM)
+        >>> WrongRun(3, RunFault.OFFSET, 0.005).describe(Units.MM)
         'run 3: 5.00 µm aside of the other runs'
         """
         small = small_unit(units)
-        if self.fault is Fault.ASIDE:
+        if self.fault is RunFault.OFFSET:
             return f"{self.named}: {small.text(abs(self.away))} aside of the other runs"
         return (
             f"{self.named}: {self.fault.value} ({small.text(self.away)} from the other runs as it stands, "
@@ -79,10 +79,10 @@ def wrong_runs(survey: Survey) -> tuple[WrongRun, ...]:
     """Return the runs that are wrong as a whole, in order."""
     mistaken = _mistaken(survey)
     sound = without_runs(survey, mistaken)
-    aside = _aside(sound)
-    if not aside and (drift := drift_of(sound)) is not None:
-        aside = _aside(without_drift(sound, drift))
-    return tuple(sorted([*mistaken, *aside], key=lambda each: each.run))
+    offset_runs = _offset_runs(sound)
+    if not offset_runs and (drift := drift_of(sound)) is not None:
+        offset_runs = _offset_runs(without_drift(sound, drift))
+    return tuple(sorted([*mistaken, *offset_runs], key=lambda each: each.run))
 
 
 def without_runs(survey: Survey, wrong: Iterable[WrongRun]) -> Survey:
@@ -101,35 +101,35 @@ def settled(survey: Survey, *, drop: bool = False) -> Survey:
     mistaken = [each for each in wrong if each.fault.is_mistake]
     is_open = any(each.other is not None for each in mistaken)
     if mistaken and (is_open or not drop):
-        said = "; ".join(each.describe(survey.units) for each in mistaken)
+        text = "; ".join(each.describe(survey.units) for each in mistaken)
         remedy = "Put that right in the file, or measure again"
         if not is_open:
             remedy += "; table build --drop-outliers leaves that run out"
-        raise ReadingsError(f"{survey.source}: {said}. {remedy}" if survey.source else f"{said}. {remedy}")
+        raise ReadingsError(f"{survey.source}: {text}. {remedy}" if survey.source else f"{text}. {remedy}")
     if not drop or not wrong:
         return survey
-    said_of = [f"left out: {each.describe(survey.units)}" for each in wrong]
-    return replace(without_runs(survey, wrong), remarks=(*survey.remarks, *said_of))
+    left_out = [f"left out: {each.describe(survey.units)}" for each in wrong]
+    return replace(without_runs(survey, wrong), remarks=(*survey.remarks, *left_out))
 
 
-def aside_notes(survey: Survey) -> list[str]:
+def offset_notes(survey: Survey) -> list[str]:
     """Say of each run that lies aside what may be the reason, and what to do."""
     return [
         f"{each.describe(survey.units)}: the instrument moved or was set to 0 anew, or the axis was colder "
         "or warmer. Measure again, or leave that run out (table build --drop-outliers)"
         for each in wrong_runs(survey)
-        if each.fault is Fault.ASIDE
+        if each.fault is RunFault.OFFSET
     ]
 
 
-_Place = tuple[float, Direction]
+_Point = tuple[float, Direction]
 
 
-def _by_place(readings: Iterable[Reading]) -> dict[_Place, dict[int, Reading]]:
-    places: dict[_Place, dict[int, Reading]] = {}
+def _by_point(readings: Iterable[Reading]) -> dict[_Point, dict[int, Reading]]:
+    points: dict[_Point, dict[int, Reading]] = {}
     for each in readings:
-        places.setdefault((each.target, each.direction), {})[each.run] = each
-    return places
+        points.setdefault((each.target, each.direction), {})[each.run] = each
+    return points
 
 
 def _deviation(each: Reading) -> float:
@@ -137,28 +137,28 @@ def _deviation(each: Reading) -> float:
 
 
 def _mistaken(survey: Survey) -> list[WrongRun]:
-    places = _by_place(survey.readings)
+    points = _by_point(survey.readings)
     runs = sorted({each.run for each in survey.readings})
     least = survey.units.from_mm(LEAST_MM)
     found = []
     for run in runs:
         others = {
-            place: median(each.deviation for number, each in group.items() if number != run)
-            for place, group in places.items()
+            point: median(each.deviation for number, each in group.items() if number != run)
+            for point, group in points.items()
             if len(group) - (run in group) >= (2 if len(runs) > 2 else 1)
         }
-        own = [group[run] for group in places.values() if run in group]
+        own = [group[run] for group in points.values() if run in group]
         away = _distance(own, others, _deviation)
         tries = [
-            (_distance(own, _exchanged(others), _deviation), Fault.SWAPPED),
-            (_distance(own, others, lambda each: -each.deviation), Fault.TURNED),
+            (_distance(own, _exchanged(others), _deviation), RunFault.SWAPPED),
+            (_distance(own, others, lambda each: -each.deviation), RunFault.INVERTED),
             # An instrument that counts down.
-            (_distance(own, others, lambda each: -each.measured - each.target), Fault.TURNED),
+            (_distance(own, others, lambda each: -each.measured - each.target), RunFault.INVERTED),
         ]
-        known = [(fits, fault) for fits, fault in tries if fits is not None]
-        if away is None or not known:
+        tried = [(fits, fault) for fits, fault in tries if fits is not None]
+        if away is None or not tried:
             continue
-        fits, fault = min(known, key=lambda each: each[0])
+        fits, fault = min(tried, key=lambda each: each[0])
         if away > least and away > CLEARLY * fits:
             found.append(WrongRun(run, fault, away, fits))
     if len(runs) == 2 and found:
@@ -166,13 +166,13 @@ def _mistaken(survey: Survey) -> list[WrongRun]:
     return found
 
 
-def _exchanged(others: Mapping[_Place, float]) -> dict[_Place, float]:
+def _exchanged(others: Mapping[_Point, float]) -> dict[_Point, float]:
     up, down = APPROACHES
     return {(target, down if way is up else up): value for (target, way), value in others.items()}
 
 
 def _distance(
-    own: Sequence[Reading], others: Mapping[_Place, float], value: Callable[[Reading], float]
+    own: Sequence[Reading], others: Mapping[_Point, float], value: Callable[[Reading], float]
 ) -> float | None:
     """Return the mean distance from the others, without what all of the run is aside by; None: too few."""
     rests = [
@@ -180,20 +180,20 @@ def _distance(
         for each in own
         if (each.target, each.direction) in others
     ]
-    if len(rests) < LEAST_PLACES:
+    if len(rests) < LEAST_READINGS:
         return None
     middle = median(rests)
     return fmean(abs(rest - middle) for rest in rests)
 
 
-def _aside(survey: Survey) -> list[WrongRun]:
+def _offset_runs(survey: Survey) -> list[WrongRun]:
     rests: dict[int, list[float]] = {}
-    for group in _by_place(survey.readings).values():
+    for group in _by_point(survey.readings).values():
         if len(group) >= 3:
             middle = median(each.deviation for each in group.values())
             for run, each in group.items():
                 rests.setdefault(run, []).append(each.deviation - middle)
-    offsets = {run: median(each) for run, each in rests.items() if len(each) >= LEAST_PLACES}
+    offsets = {run: median(each) for run, each in rests.items() if len(each) >= LEAST_READINGS}
     if len(offsets) < 3:
         return []
     scatter = fmean(abs(rest - offsets[run]) for run in offsets for rest in rests[run])
@@ -201,7 +201,7 @@ def _aside(survey: Survey) -> list[WrongRun]:
     for run, offset in offsets.items():
         others = [each for number, each in offsets.items() if number != run]
         gap = max(min(others) - offset, offset - max(others))
-        apart = WIDER * (max(others) - min(others))
-        if gap > max(survey.units.from_mm(LEAST_MM), apart, BEYOND_SCATTER * scatter):
-            found.append(WrongRun(run, Fault.ASIDE, offset - median(others)))
+        clear_gap = WIDER * (max(others) - min(others))
+        if gap > max(survey.units.from_mm(LEAST_MM), clear_gap, BEYOND_SCATTER * scatter):
+            found.append(WrongRun(run, RunFault.OFFSET, offset - median(others)))
     return found

@@ -13,7 +13,7 @@ from gateway.modbus.lengths import NEEDS_MORE, UNTIL_SILENCE, asked_bytes, reply
 from gateway.modbus.pdu import FunctionCode
 
 
-class Known(Enum):
+class Progress(Enum):
     """What the bytes so far say."""
 
     __hash__ = object.__hash__
@@ -50,18 +50,18 @@ class RequestArrival:
 
     >>> arrival = RequestArrival()
     >>> for piece in ("01 03 02 00 00", "02", "C5 B3 01"):
-    ...     print(arrival.feed(bytes.fromhex(piece)), arrival.known.value, arrival.length)
+    ...     print(arrival.feed(bytes.fromhex(piece)), arrival.progress.value, arrival.length)
     5 begun 8
     1 head 8
     2 good 8
     """
 
-    __slots__ = ("data", "known", "length", "residue")
+    __slots__ = ("data", "length", "progress", "residue")
 
     def __init__(self) -> None:
         self.data = b""
         """What came of it."""
-        self.known = Known.BEGUN
+        self.progress = Progress.BEGUN
         self.length = 0
         """How long it will be, with unit id and check sum; 0: that is not known yet, or never will be."""
         self.residue = SEAM
@@ -70,34 +70,34 @@ class RequestArrival:
     @property
     def is_over(self) -> bool:
         """Whether nothing more can be learned of it."""
-        return self.known in (Known.GOOD, Known.BAD, Known.ODD)
+        return self.progress in (Progress.GOOD, Progress.BAD, Progress.ODD)
 
     def feed(self, data: bytes) -> int:
         """Take what belongs to it; return how many bytes that were. What follows it begins another frame."""
         taken = 0
         while taken < len(data) and not self.is_over:
             # Up to the next byte at which more is known: one at a time until the length is.
-            wanted = (self.length or len(self.data) + 1) - len(self.data)
-            piece = data[taken : taken + wanted]
+            needed = (self.length or len(self.data) + 1) - len(self.data)
+            piece = data[taken : taken + needed]
             self.data += piece
             self.residue = residue_after(piece, self.residue)
             taken += len(piece)
-            self._look()
+            self._update()
         return taken
 
-    def _look(self) -> None:
-        length = self._told_length()
+    def _update(self) -> None:
+        length = self._stated_length()
         if length < NEEDS_MORE:
-            self.known, self.length = Known.ODD, 0
+            self.progress, self.length = Progress.ODD, 0
         elif length and len(self.data) >= length:
             self.length = length
-            self.known = Known.GOOD if self.residue == INTACT else Known.BAD
+            self.progress = Progress.GOOD if self.residue == INTACT else Progress.BAD
         elif length:
             self.length = length
             if len(self.data) >= self._head_bytes():
-                self.known = Known.HEAD
+                self.progress = Progress.HEAD
 
-    def _told_length(self) -> int:
+    def _stated_length(self) -> int:
         if len(self.data) >= 2 and self.data[1] not in REQUEST_HEADS:
             return UNTIL_SILENCE
         return request_length(self.data)
@@ -114,7 +114,7 @@ class ReplyArrival(RequestArrival):
 
     >>> arrival = ReplyArrival(1, bytes.fromhex("03 02 00 00 02"))
     >>> for piece in ("01 03", "04", "00 B1 1F 40 A3 D4"):
-    ...     print(arrival.feed(bytes.fromhex(piece)), arrival.known.value, arrival.length)
+    ...     print(arrival.feed(bytes.fromhex(piece)), arrival.progress.value, arrival.length)
     2 begun 0
     1 head 9
     6 good 9
@@ -128,7 +128,7 @@ class ReplyArrival(RequestArrival):
         self._request = request_pdu
         self._asked = asked_bytes(request_pdu)
 
-    def _told_length(self) -> int:
+    def _stated_length(self) -> int:
         data = self.data
         if data[0] != self._unit_id:
             return UNTIL_SILENCE

@@ -30,14 +30,14 @@ class Echo(Enum):
 class ReplyEcho:
     """Takes the echo of replies out of what a serial port receives.
 
-    With ``is_told`` the configuration says that there is one. Else the first reply tells: what comes back of
-    it byte for byte within :data:`LATEST_NS` is its echo. Any other byte, or none, and there is no echo.
+    With ``is_configured`` the configuration says that there is one. Else the first reply tells. What comes
+    back of it byte for byte within :data:`LATEST_NS` is its echo. Any other byte, or none: there is no echo.
     """
 
-    __slots__ = ("_held", "_is_told", "_pending", "_until_ns", "echo", "echoes", "is_expected")
+    __slots__ = ("_held", "_is_configured", "_pending", "_until_ns", "echo", "echoes", "is_expected")
 
-    def __init__(self, *, is_told: bool = False) -> None:
-        self._is_told = is_told
+    def __init__(self, *, is_configured: bool = False) -> None:
+        self._is_configured = is_configured
         self.echoes = 0
         """Replies that came back and were taken out."""
         self.echo = Echo.UNKNOWN
@@ -49,12 +49,12 @@ class ReplyEcho:
 
     def begin_anew(self) -> None:
         """The port was opened: another adapter may be there."""
-        self._enter(Echo.PRESENT if self._is_told else Echo.UNKNOWN)
+        self._enter(Echo.PRESENT if self._is_configured else Echo.UNKNOWN)
 
     @property
     def is_undeclared(self) -> bool:
         """Whether there is an echo that the configuration does not name."""
-        return self.echo is Echo.PRESENT and not self._is_told
+        return self.echo is Echo.PRESENT and not self._is_configured
 
     def sent(self, data: bytes, now_ns: int, wire_ns: int) -> None:
         """Note that a reply leaves, or a piece of one, which takes ``wire_ns`` on its wire."""
@@ -105,7 +105,7 @@ class ReplyEcho:
 
     def _miss(self) -> None:
         """Note that other bytes came: where there was an echo they may have met it on the wire."""
-        if self._is_told:
+        if self._is_configured:
             self._enter(Echo.PRESENT)
         else:
             self._enter(Echo.UNKNOWN if self.echo is Echo.PRESENT else Echo.ABSENT)

@@ -221,7 +221,7 @@ class RtuReplyDecoder(RtuDecoder):
         had_bytes = len(self._buffer)
         self._buffer += data
         if had_bytes < TELLING_ADU <= len(self._buffer) and not self._has_echo:
-            self._note_return()
+            self._take_return()
         frames = self._take_reply() if self._pass_echo() else []
         most = MAX_ADU + len(self._echo)
         if len(self._buffer) > most:
@@ -235,7 +235,7 @@ class RtuReplyDecoder(RtuDecoder):
         request = self._request
         return len(request) == TELLING_PDU and request[0] in TELLING and request[1] != THREE_BYTES
 
-    def _note_return(self) -> None:
+    def _take_return(self) -> None:
         """Take out what was sent, where that has come first and can be no reply."""
         sent = append_crc(bytes((self._unit_id,)) + self._request)
         if self._tells() and self._buffer[:TELLING_ADU] == sent:

@@ -56,7 +56,7 @@ class RtuRequestDecoder(RtuDecoder):
     [(1, b'\x061\x00\x00\x0f')]
     """
 
-    __slots__ = ("_after_silence", "_frame_end_ns", "_is_behind_frame", "_is_torn", "_odd_units")
+    __slots__ = ("_after_silence", "_frame_end_ns", "_is_behind_frame", "_is_truncated", "_odd_units")
 
     def __init__(
         self,
@@ -72,7 +72,7 @@ class RtuRequestDecoder(RtuDecoder):
         self._frame_end_ns = -silence_ns
         self._is_behind_frame = False
         """Whether the waiting bytes follow a good frame without a silence."""
-        self._is_torn = False
+        self._is_truncated = False
         """Whether the first waiting byte is any byte of a burst that was too long."""
 
     def one(self, data: bytes, now_ns: int) -> bytes:
@@ -101,7 +101,7 @@ class RtuRequestDecoder(RtuDecoder):
         if not self._buffer:
             self._after_silence = 0
             self._is_behind_frame = now_ns - self._frame_end_ns < self._silence_ns
-            self._is_torn = False
+            self._is_truncated = False
         elif was_silent:
             self._after_silence = len(self._buffer)
         self._buffer += data
@@ -111,7 +111,7 @@ class RtuRequestDecoder(RtuDecoder):
         if len(self._buffer) > MAX_ADU and not self._awaits_end():
             self.counters.oversized += 1
             self._drop(len(self._buffer) - MAX_ADU)
-            self._is_torn = True
+            self._is_truncated = True
         self._await_silence(now_ns)
         return frames
 
@@ -148,7 +148,7 @@ class RtuRequestDecoder(RtuDecoder):
     def _may_be_odd(self, start: int) -> bool:
         """Whether an odd frame may begin at ``start``, which is behind a silence or a good frame."""
         data = self._buffer
-        if len(data) <= start or data[start] not in self._odd_units or (start == 0 and self._is_torn):
+        if len(data) <= start or data[start] not in self._odd_units or (start == 0 and self._is_truncated):
             return False
         return len(data) == start + 1 or data[start + 1] != 0
 
@@ -218,7 +218,7 @@ class RtuRequestDecoder(RtuDecoder):
         self._buffer = self._buffer[length:]
         self._after_silence = max(0, self._after_silence - length)
         self._is_behind_frame = True
-        self._is_torn = False
+        self._is_truncated = False
         return frame
 
     def _drop(self, count: int) -> None:

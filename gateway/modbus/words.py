@@ -138,7 +138,7 @@ class _Words(Integer):
     def pack(self, raw: Raw) -> bytes:
         """See ``Codec``."""
         number = self._checked(raw)
-        low_first = [number >> WORD_BITS * place & WORD_MASK for place in range(self.words - 1)]
+        low_first = [number >> WORD_BITS * index & WORD_MASK for index in range(self.words - 1)]
         low_first.append(number >> WORD_BITS * (self.words - 1))
         return self._struct.pack(*(low_first if self._low_first else reversed(low_first)))
 

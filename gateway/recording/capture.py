@@ -9,7 +9,17 @@ from gateway.files import create
 from gateway.ipc.client import NoGatewayError, borrow
 from gateway.ipc.messages import GetTapes, Tapes
 from gateway.recording import traffic
-from gateway.recording.tape import ABANDONED, ANSWERED, REPLY, REQUEST, SENT, TEXT, Look, NoTapeError, Raw
+from gateway.recording.trace_buffer import (
+    ABANDONED,
+    ANSWERED,
+    REPLY,
+    REQUEST,
+    SENT,
+    TEXT,
+    NoTraceBufferError,
+    Raw,
+    RingReader,
+)
 
 Timed = tuple[int, traffic.Entry]
 """An entry with its time in ns since boot; an output has that of the input that caused it."""
@@ -42,19 +52,19 @@ def frame_entry(line: str, ports: Mapping[int, tuple[str, str, str]], raw: Raw) 
 class _Line:
     """The tape of one line, read as it grows."""
 
-    def __init__(self, name: str, look: Look) -> None:
+    def __init__(self, name: str, reader: RingReader) -> None:
         self.name = name
-        self.look = look
+        self.reader = reader
         self._ports: dict[int, tuple[str, str, str]] = {}
 
     def new(self) -> tuple[list[Timed], bool]:
         """Return what is new, and whether something before it is lost."""
-        raws, is_lost = self.look.new()
+        raws, is_lost = self.reader.new()
         return list(self._entries(raws)), is_lost
 
     def newest(self, count: int) -> list[Timed]:
         """Return the newest entries."""
-        return list(self._entries(self.look.newest(count)))[-count:]
+        return list(self._entries(self.reader.newest(count)))[-count:]
 
     def _entries(self, raws: Iterable[Raw]) -> Iterator[Timed]:
         for raw in raws:
@@ -93,8 +103,8 @@ class Capture:
             if only is not None and only not in reply.lines:
                 raise NoCaptureError(f"there is no line {only}; there are {', '.join(reply.lines)}")
             chosen = zip(reply.lines, descriptors, strict=True)
-            self._lines = [_Line(name, Look(fd)) for name, fd in chosen if only in (None, name)]
-        except NoTapeError as error:
+            self._lines = [_Line(name, RingReader(fd)) for name, fd in chosen if only in (None, name)]
+        except NoTraceBufferError as error:
             raise NoCaptureError(str(error)) from None
         finally:
             for descriptor in descriptors:
@@ -112,12 +122,12 @@ class Capture:
 
     def wall_ns(self, t_ns: int) -> int:
         """Return the time of day of an entry, in ns since 1970."""
-        return self._lines[0].look.wall_ns(t_ns)
+        return self._lines[0].reader.wall_ns(t_ns)
 
     def close(self) -> None:
         """Give the memory back."""
         for line in self._lines:
-            line.look.close()
+            line.reader.close()
 
 
 def write_recording(path: Path, header: traffic.Header, entries: Iterable[traffic.Entry]) -> int:

@@ -65,7 +65,7 @@ class PcapNg:
 
     def __init__(self, plan: GatewayPlan, only: str | None = None) -> None:
         self._lines = {line.name: line for line in plan.lines if only in (None, line.name)}
-        self._front: dict[tuple[str, str], _Interface] = {}
+        self._controller_side: dict[tuple[str, str], _Interface] = {}
         self._back: dict[str, _Interface] = {}
         self._streams: dict[tuple[str, int], _Stream] = {}
         self._senders: dict[tuple[str, int], str] = {}
@@ -79,7 +79,7 @@ class PcapNg:
         for name, line in self._lines.items():
             for link in line.controllers:
                 where = self._interface(link.endpoint)
-                self._front[name, link.plan.name] = where
+                self._controller_side[name, link.plan.name] = where
                 blocks.append(
                     _interface(where, f"{name}: {link.plan.name}", f"controller at {link.endpoint}")
                 )
@@ -92,15 +92,15 @@ class PcapNg:
         match entry:
             case traffic.Request(line=line, port=port) if line in self._lines:
                 self._senders[line, port] = entry.controller
-                front = self._front.get((line, entry.controller))
+                interface = self._controller_side.get((line, entry.controller))
                 stream = self._stream(line, port, entry.peer)
                 ids = entry.transaction, entry.unit
-                return _packet(front, stream, ids, bytes.fromhex(entry.pdu), wall_ns, is_request=True)
+                return _packet(interface, stream, ids, bytes.fromhex(entry.pdu), wall_ns, is_request=True)
             case traffic.Answered(line=line, port=port) if line in self._lines:
-                front = self._front.get((line, self._senders.get((line, port), "")))
+                interface = self._controller_side.get((line, self._senders.get((line, port), "")))
                 stream = self._stream(line, port, "")
                 ids = entry.transaction, entry.unit
-                return _packet(front, stream, ids, bytes.fromhex(entry.pdu), wall_ns, is_request=False)
+                return _packet(interface, stream, ids, bytes.fromhex(entry.pdu), wall_ns, is_request=False)
             case traffic.Sent(line=line) | traffic.Reply(line=line) if line in self._lines:
                 is_request = isinstance(entry, traffic.Sent)
                 self._asked[line] = self._asked.get(line, 0) + is_request
@@ -112,7 +112,7 @@ class PcapNg:
                 return b""
 
     def _interface(self, endpoint: TcpEndpoint | SerialEndpoint) -> _Interface:
-        number = len(self._front) + len(self._back)
+        number = len(self._controller_side) + len(self._back)
         if isinstance(endpoint, SerialEndpoint):
             return _Interface(number, False, HERE)
         return _Interface(number, not endpoint.rtu, _address(endpoint.host))

@@ -136,8 +136,8 @@ class Reader:
 
     def _positions(self, line: str, unit: int, pdu: bytes, asked: bytes, kind: str) -> Iterator[str]:
         """Yield the positions that a frame holds whole."""
-        look = ACCESS.get(asked[0]) if asked else None
-        access = None if look is None else look(asked)
+        parse = ACCESS.get(asked[0]) if asked else None
+        access = None if parse is None else parse(asked)
         if access is None or not access.is_consistent or not pdu or pdu[0] & EXCEPTION_BIT:
             return
         axes = [axis for axis in self._axes.get(line, ()) if axis.unit_id == unit]

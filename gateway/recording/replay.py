@@ -75,7 +75,7 @@ class ReplayResult:
     """Recorded outputs that were compared."""
     different: int = 0
     first: list[Difference] = field(default_factory=list)
-    is_cut_off: bool = False
+    is_truncated: bool = False
     before: int = 0
     """Entries of a capture from before it is known what holds: they are not compared."""
 
@@ -85,7 +85,7 @@ class ReplayResult:
             "inputs": self.inputs,
             "outputs": self.outputs,
             "different": self.different,
-            "is_cut_off": self.is_cut_off,
+            "is_cut_off": self.is_truncated,
             "before": self.before,
             "first": [difference.as_data() for difference in self.first],
         }
@@ -185,7 +185,7 @@ class _Line(DriveLink):
             case traffic.Commanded():
                 self._command(entry)
 
-    def begin(self, known: traffic.Beginning) -> None:
+    def begin(self, beginning: traffic.Beginning) -> None:
         """Go on from what is known at one moment, as a gateway goes on after a restart.
 
         What the gateway asks at a start is answered by what its axes are known to be; nothing of it counts.
@@ -193,35 +193,37 @@ class _Line(DriveLink):
         Raises:
             ReplayError: a record of an axis is of another release or another configuration.
         """
-        places = {at.axis: at for at in known.axes}
+        axes_at = {at.axis: at for at in beginning.axes}
         for axis in self.axes:
-            if axis.plan.name in places:
-                _recall(axis, places[axis.plan.name], known.boot)
-        for entry in known.controls:
+            if axis.plan.name in axes_at:
+                _recall(axis, axes_at[axis.plan.name], beginning.boot)
+        for entry in beginning.controls:
             self._command(traffic.as_command(entry))
-        for at in known.axes:
+        for at in beginning.axes:
             if at.is_referenced and at.axis in {axis.plan.name for axis in self.axes}:
                 with contextlib.suppress(ControlError):  # a drive's homed bit tells it
-                    self._exchange.command(SetReference(axis=at.axis), known.t)
-        if known.is_up:
+                    self._exchange.command(SetReference(axis=at.axis), beginning.t)
+        if beginning.is_up:
             # The first read, of a homed bit, is as old as it was then: by that it is asked for again.
-            seen_ns = [at.reference_seen_ns for at in known.axes if at.reference_seen_ns]
-            began_ns = min([known.t, *seen_ns])
+            seen_ns = [at.reference_seen_ns for at in beginning.axes if at.reference_seen_ns]
+            began_ns = min([beginning.t, *seen_ns])
             self._exchange.link_up(began_ns - int(self.plan.timing.connect_delay_ms * NS_PER_MS))
             self._exchange.tick(began_ns)
-            self._exchange.link_state.resume(known.up_ns, closes_soon=False, has_closed_soon=False)
-        drives = _Drives(self.axes, places)
+            self._exchange.link_state.resume(beginning.up_ns, closes_soon=False, has_closed_soon=False)
+        drives = _Drives(self.axes, axes_at)
         while self.outputs:
             sent = self.outputs.popleft()
             if isinstance(sent, traffic.Sent):
-                self._exchange.reply(sent.unit, drives.answer(sent.unit, bytes.fromhex(sent.pdu)), known.t)
+                self._exchange.reply(
+                    sent.unit, drives.answer(sent.unit, bytes.fromhex(sent.pdu)), beginning.t
+                )
         self._exchange.link_state.resume(
-            known.up_ns, closes_soon=known.closes_soon, has_closed_soon=known.has_closed_soon
+            beginning.up_ns, closes_soon=beginning.closes_soon, has_closed_soon=beginning.has_closed_soon
         )
 
     def _reach(self, entry: traffic.RestFirst | traffic.Up | traffic.Down) -> None:
         if isinstance(entry, traffic.RestFirst):
-            self._exchange.rest.owe()
+            self._exchange.rest.expect_late_reply()
         elif isinstance(entry, traffic.Up):
             self._exchange.link_up(entry.t)
         else:
@@ -259,18 +261,18 @@ class _Line(DriveLink):
 class _Drives:
     """Drives that say where they were, and that they were homed."""
 
-    def __init__(self, axes: Sequence[Axis], places: Mapping[str, traffic.AxisAt]) -> None:
+    def __init__(self, axes: Sequence[Axis], axes_at: Mapping[str, traffic.AxisAt]) -> None:
         self._words: dict[tuple[int, int], int] = {}
         for axis in axes:
-            at, unit_id, field_ = places.get(axis.plan.name), axis.plan.unit_id, axis.asked_actual
+            at, unit_id, field_ = axes_at.get(axis.plan.name), axis.plan.unit_id, axis.asked_actual
             if at is None:
                 continue
             if at.actual is not None and field_ is not None:
                 raw = at.actual / field_.scale
                 data = field_.pack(raw if field_.type.is_float else round(raw))
                 for word in range(field_.words):
-                    place = unit_id, field_.address + word
-                    self._words[place] = int.from_bytes(data[2 * word : 2 * word + 2], "big")
+                    key = unit_id, field_.address + word
+                    self._words[key] = int.from_bytes(data[2 * word : 2 * word + 2], "big")
             bit = axis.plan.bits.get(axis.reference.bit)
             if bit is not None and at.is_referenced is not bit.is_inverted:
                 is_word = bit.table is BitTable.REGISTER
@@ -303,10 +305,10 @@ def _recall(axis: Axis, at: traffic.AxisAt, boot: bytes) -> None:
     if len(content) != RECORD_SIZE:
         raise ReplayError(f"the record of axis {at.axis} is of another release; replay it with its own")
     slots = RecordSlots(memoryview(bytearray(content)), digest_of_axis(axis.plan), boot)
-    recalled = slots.read()
-    if recalled is not None and recalled.scale_digest != digest_of_axis(axis.plan):
-        recalled = None  # what a count means has changed in this configuration
-    axis.keep_record(Record(slots, recalled))
+    saved = slots.read()
+    if saved is not None and saved.scale_digest != digest_of_axis(axis.plan):
+        saved = None  # what a count means has changed in this configuration
+    axis.attach_record(Record(slots, saved))
 
 
 class Replay:
@@ -324,11 +326,13 @@ class Replay:
         names = [line.name for line in plan.lines]
         if only is not None and only not in names:
             raise ReplayError(f"there is no line {only}; there are {', '.join(names)}")
-        self.result = ReplayResult(is_cut_off=True)
-        tell = on_event or _tell_nobody
+        self.result = ReplayResult(is_truncated=True)
+        report = on_event or _ignore
         own = self._own_unit_id = plan.status_unit
-        self._lines = {line.name: _Line(line, tell, own) for line in plan.lines if only in (None, line.name)}
-        self._others = {line.name: _Line(line, _tell_nobody, own) for line in _acting_on(plan, only)}
+        self._lines = {
+            line.name: _Line(line, report, own) for line in plan.lines if only in (None, line.name)
+        }
+        self._others = {line.name: _Line(line, _ignore, own) for line in _acting_on(plan, only)}
         """Lines that do not count, with axes that act on one that does."""
         lines = (*self._lines.values(), *self._others.values())
         join_terms(axis for line in lines for axis in line.axes)
@@ -358,7 +362,7 @@ class Replay:
                 return False
             case traffic.End():
                 self._settle()
-                self.result.is_cut_off = False
+                self.result.is_truncated = False
                 return False
             case traffic.Answered(unit=unit) if unit and unit == self._own_unit_id:
                 return False
@@ -380,11 +384,11 @@ class Replay:
                 line.feed(entry)
         return True
 
-    def _begin(self, known: traffic.Beginning) -> None:
-        self._begun.add(known.line)
-        line = self._others.get(known.line) or self._line(known.line)
+    def _begin(self, beginning: traffic.Beginning) -> None:
+        self._begun.add(beginning.line)
+        line = self._others.get(beginning.line) or self._line(beginning.line)
         if line is not None:
-            line.begin(known)
+            line.begin(beginning)
 
     def _is_early(self, line: str) -> bool:
         """Whether it is not known yet what holds: a capture begins anywhere."""
@@ -435,5 +439,5 @@ def _acting_on(plan: GatewayPlan, only: str | None) -> list[LinePlan]:
         found |= {line.name: line for line in more}
 
 
-def _tell_nobody(line: str, event: Event) -> None:
+def _ignore(line: str, event: Event) -> None:
     pass

@@ -9,13 +9,24 @@ from gateway.exchange.ports import ControllerPort
 from gateway.exchange.tap import Tap
 from gateway.recording import traffic
 from gateway.recording.capture import frame_entry
-from gateway.recording.tape import ABANDONED, ANSWERED, REPLY, REQUEST, SENT, TEXT, TICK, Raw, Tape, ids_of
+from gateway.recording.trace_buffer import (
+    ABANDONED,
+    ANSWERED,
+    REPLY,
+    REQUEST,
+    SENT,
+    TEXT,
+    TICK,
+    Raw,
+    TraceBuffer,
+    ids_of,
+)
 from gateway.recording.writer import Recorder
 from gateway.state.tables import compiled
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
-class KeepingTap(Tap):
+class RecordingTap(Tap):
     """Makes one entry of each thing that it hears. Ports are numbered as they first ask for something."""
 
     def __init__(self, line: str) -> None:
@@ -25,7 +36,7 @@ class KeepingTap(Tap):
         """What controllers were answered of a reply that has not come in whole yet."""
 
     def frame(self, kind: int, t_ns: int, ids: int, pdu: bytes) -> None:
-        """Keep what comes often, as ``recording.tape`` has it; outputs have no ``t_ns`` (0)."""
+        """Keep what comes often, as ``recording.trace_buffer`` has it; outputs have no ``t_ns`` (0)."""
 
     def entry(self, entry: traffic.Entry) -> None:
         """Keep what comes seldom."""
@@ -124,7 +135,7 @@ class KeepingTap(Tap):
         self.entry(traffic.Commanded(self.line, now_ns, command, tuple(map(compiled, tables))))
 
 
-class FileTap(KeepingTap):
+class FileTap(RecordingTap):
     """Into a recording: everything from the start, as entries."""
 
     def __init__(self, line: str, recorder: Recorder) -> None:
@@ -133,67 +144,69 @@ class FileTap(KeepingTap):
         self._ports: dict[int, tuple[str, str, str]] = {}
 
     def frame(self, kind: int, t_ns: int, ids: int, pdu: bytes) -> None:
-        """See ``KeepingTap``."""
+        """See ``RecordingTap``."""
         self._recorder.put(frame_entry(self.line, self._ports, Raw(kind, t_ns, ids, pdu)))
 
     def entry(self, entry: traffic.Entry) -> None:
-        """See ``KeepingTap``."""
+        """See ``RecordingTap``."""
         self._recorder.put(entry)
 
     def came(self, port: ControllerPort) -> None:
-        """See ``KeepingTap``."""
+        """See ``RecordingTap``."""
         self._ports[port.number] = port.plan.name, port.peer, port.plan.certified
 
     def forget(self, number: int) -> None:
-        """See ``KeepingTap``."""
+        """See ``RecordingTap``."""
         self._ports.pop(number, None)
 
 
-class TapeTap(KeepingTap):
+class TraceTap(RecordingTap):
     """Onto the tape of a line: bytes over the oldest ones.
 
     Each segment of the tape tells by itself who asks, and once what holds (``beginning``; None: something is
     on the wire, waits or is due): a replay may begin in any of them.
     """
 
-    def __init__(self, line: str, tape: Tape, beginning: Callable[[int], traffic.Beginning | None]) -> None:
+    def __init__(
+        self, line: str, trace_buffer: TraceBuffer, beginning: Callable[[int], traffic.Beginning | None]
+    ) -> None:
         super().__init__(line)
-        self._tape = tape
+        self._trace_buffer = trace_buffer
         self._beginning = beginning
         self._begun_in = 0
         self._ports: dict[int, traffic.Port] = {}
-        self._told_in: dict[int, int] = {}
+        self._named_in: dict[int, int] = {}
         self._t_ns = 0
 
     def frame(self, kind: int, t_ns: int, ids: int, pdu: bytes) -> None:
-        """See ``KeepingTap``. An output has the time of the input that caused it."""
-        tape = self._tape
+        """See ``RecordingTap``. An output has the time of the input that caused it."""
+        trace_buffer = self._trace_buffer
         if t_ns:
             self._t_ns = t_ns
-        if kind == REQUEST and self._told_in.get(ids >> 24) != tape.number:
+        if kind == REQUEST and self._named_in.get(ids >> 24) != trace_buffer.number:
             self.entry(self._ports[ids >> 24])
-            self._told_in[ids >> 24] = tape.number
-        tape.put(kind, self._t_ns, ids, pdu)
+            self._named_in[ids >> 24] = trace_buffer.number
+        trace_buffer.put(kind, self._t_ns, ids, pdu)
 
     def entry(self, entry: traffic.Entry) -> None:
-        """See ``KeepingTap``."""
+        """See ``RecordingTap``."""
         self._t_ns = getattr(entry, "t", self._t_ns)  # outputs, and who a port is, have no time of their own
-        self._tape.put(TEXT, self._t_ns, 0, traffic.encode(entry))
+        self._trace_buffer.put(TEXT, self._t_ns, 0, traffic.encode(entry))
 
     def came(self, port: ControllerPort) -> None:
-        """See ``KeepingTap``."""
+        """See ``RecordingTap``."""
         plan = port.plan
         self._ports[port.number] = traffic.Port(self.line, port.number, plan.name, port.peer, plan.certified)
 
     def forget(self, number: int) -> None:
-        """See ``KeepingTap``."""
+        """See ``RecordingTap``."""
         self._ports.pop(number, None)
-        self._told_in.pop(number, None)
+        self._named_in.pop(number, None)
 
     def begin(self, now_ns: int) -> None:
-        """See ``KeepingTap``."""
-        if self._begun_in != self._tape.number:
+        """See ``RecordingTap``."""
+        if self._begun_in != self._trace_buffer.number:
             beginning = self._beginning(now_ns)
             if beginning is not None:
                 self.entry(beginning)
-                self._begun_in = self._tape.number
+                self._begun_in = self._trace_buffer.number

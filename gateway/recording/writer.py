@@ -31,7 +31,7 @@ class Recorder:
         self, path: Path, header: Header, max_bytes: int = DEFAULT_MAX_BYTES, capacity: int = CAPACITY
     ) -> None:
         self.path = path
-        self.on_lost: Callable[[str], None] = _tell_nobody
+        self.on_lost: Callable[[str], None] = _ignore
         self.entries = 0
         """Written so far, the header not counted."""
         self._header = header
@@ -164,5 +164,5 @@ class Recorder:
             )
 
 
-def _tell_nobody(why: str) -> None:
+def _ignore(why: str) -> None:
     pass

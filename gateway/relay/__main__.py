@@ -9,8 +9,8 @@ import signal
 import sys
 from functools import partial
 
-from gateway.ipc.children import follow_parent, tell_parent
-from gateway.ipc.notes import note_writer, take_standard_error
+from gateway.ipc.children import follow_parent, notify_parent
+from gateway.ipc.log import log_writer, take_standard_error
 from gateway.ipc.program_options import options_of
 from gateway.ipc.service_manager import handed_over, manager_of
 from gateway.relay.errors import StartError
@@ -37,10 +37,10 @@ def main() -> int:
         compiled = read_plan(state, config, is_compared=options.state is None)
         run_relay(
             compiled.plan,
-            note_writer(options.log_format),
+            log_writer(options.log_format),
             options.status_every_s,
             state=state,
-            on_ready=partial(tell_parent, options.parent),
+            on_ready=partial(notify_parent, options.parent),
             service=service,
             shape=compiled.shape,
         )

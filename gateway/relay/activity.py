@@ -34,9 +34,9 @@ class Activity:
         try:
             yield
         finally:
-            self.note(name, began_ns, boot_ns())
+            self.add(name, began_ns, boot_ns())
 
-    def note(self, name: str, began_ns: int, ended_ns: int) -> None:
+    def add(self, name: str, began_ns: int, ended_ns: int) -> None:
         """Note something that ran."""
         self._newest.append((name, began_ns, ended_ns))
         if ended_ns - began_ns > self._longest_ns:

@@ -22,7 +22,7 @@ from gateway.exchange.plan import CompensationMode
 
 SUFFIX: Final = ".record"
 BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
-Tell = Callable[[str], None]
+Report = Callable[[str], None]
 
 
 def record_path(state: Path, axis: str) -> Path:
@@ -53,7 +53,7 @@ class AxisRecord:
     def __init__(self, axis: Axis, path: Path) -> None:
         self.path = path
         self._axis = axis
-        self._tell: Tell = _tell_nobody
+        self._report: Report = _ignore
         self._find_table: FindTable | None = None
         self._fd = -1
         self._map: mmap.mmap | None = None
@@ -61,16 +61,16 @@ class AxisRecord:
         self._is_lost = False
         """It was cut, and cannot be made whole again."""
 
-    def open(self, tell: Tell, find_table: FindTable | None = None, *, is_used: bool = True) -> None:
+    def open(self, report: Report, find_table: FindTable | None = None, *, is_used: bool = True) -> None:
         """Map the file, made where it is missing, and let the axis keep its record in it.
 
         Args:
-            tell: gets why the record of the run before does not count, or why none is kept.
+            report: gets why the record of the run before does not count, or why none is kept.
             find_table: finds a table by its digest; without it only the configured one is found.
             is_used: the record of the run before may count.
         """
         axis = self._axis
-        self._tell, self._find_table = tell, find_table
+        self._report, self._find_table = report, find_table
         why_none = why_not_kept(axis)
         if why_none and not self.path.exists():
             return
@@ -78,28 +78,28 @@ class AxisRecord:
             self._fd, mapped, wrong = _mapped(self.path, axis.plan.name)
         except OSError as error:
             why = error.strerror or str(error)
-            tell(f"{self.path}: {why}; no record is kept, and a restart begins without one")
+            report(f"{self.path}: {why}; no record is kept, and a restart begins without one")
             return
         if wrong:
-            tell(f"{self.path}: {wrong}; it is made anew, and the axis starts without its record")
+            report(f"{self.path}: {wrong}; it is made anew, and the axis starts without its record")
         self._map = mapped
         digest = digest_of_axis(axis.plan)
         slots = self._slots = RecordSlots(memoryview(mapped), digest, boot_id(), self._may_store)
-        recalled, reason = slots.read(), ""
-        if recalled is None and slots.is_damaged and not wrong:
+        saved, reason = slots.read(), ""
+        if saved is None and slots.is_damaged and not wrong:
             reason = "both of its copies are damaged"
-        elif recalled is not None and recalled.scale_digest != digest:
+        elif saved is not None and saved.scale_digest != digest:
             reason = "what a count means, or a register of the axis, was changed in the configuration"
-        elif recalled is not None and why_none:
+        elif saved is not None and why_none:
             reason = why_none
-        elif recalled is not None and not is_used:
+        elif saved is not None and not is_used:
             reason = "this run is recorded, and a recording begins with nothing"
         if reason:
-            tell(f"{self.path}: {reason}; the axis starts without its record")
-            recalled = None
-        record = Record(slots, recalled, find_table)  # empties the record where it does not count
+            report(f"{self.path}: {reason}; the axis starts without its record")
+            saved = None
+        record = Record(slots, saved, find_table)  # empties the record where it does not count
         if not why_none:
-            axis.keep_record(record)
+            axis.attach_record(record)
 
     def content(self) -> bytes:
         """Return it as it is now, compressed; empty where none is kept."""
@@ -109,13 +109,13 @@ class AxisRecord:
     def begin(self) -> None:
         """Let an axis of which none was kept so far keep its record, from now on; nothing old counts."""
         if self._slots is None:
-            self.open(self._tell, self._find_table, is_used=False)
+            self.open(self._report, self._find_table, is_used=False)
         else:
-            self._axis.keep_record(Record(self._slots, None, self._find_table))
+            self._axis.attach_record(Record(self._slots, None, self._find_table))
 
     def close(self) -> None:
         """Keep the record as it is and let go of the file."""
-        self._axis.keep_record(None)
+        self._axis.attach_record(None)
         if self._slots is not None and self._map is not None:
             self._slots.release()
             with suppress(OSError):
@@ -138,16 +138,18 @@ class AxisRecord:
         except OSError as error:
             self._is_lost = True
             why = error.strerror or str(error)
-            self._tell(f"{self.path} was cut, and {why}: no record is kept, and a restart begins without one")
+            self._report(
+                f"{self.path} was cut, and {why}: no record is kept, and a restart begins without one"
+            )
             return False
         name = header(self._axis.plan.name)
         self._map[: len(name)] = name
         self._slots.begin_anew()
-        self._tell(f"{self.path} was cut while it was in use; it is made anew, and holds from now on")
+        self._report(f"{self.path} was cut while it was in use; it is made anew, and holds from now on")
         return True
 
 
-def _tell_nobody(why: str) -> None:
+def _ignore(why: str) -> None:
     """Nothing is open yet."""
 
 

@@ -103,8 +103,8 @@ class Collecting:
 
     @property
     def _is_full_due(self) -> bool:
-        is_wanted = self._found_garbage or self._young_since_full >= FULL_AFTER
-        return is_wanted and (self._last_full_ns <= LONG_FULL_NS or self._quiet_checks >= QUIET_CHECKS)
+        is_needed = self._found_garbage or self._young_since_full >= FULL_AFTER
+        return is_needed and (self._last_full_ns <= LONG_FULL_NS or self._quiet_checks >= QUIET_CHECKS)
 
     def _is_due(self, young: int) -> bool:
         return young >= WORTHWHILE or self._is_full_due

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import Final
 
 from gateway.clock import boot_ns
-from gateway.exchange.cut_through.forward import Forwarder, Wire
-from gateway.exchange.cut_through.frame import CutEvent
+from gateway.exchange.cut_through.forward import Forwarder, SerialTiming
+from gateway.exchange.cut_through.frame import ForwardEvent
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort, writer_name
@@ -152,7 +152,7 @@ class RtuControllerPort(ControllerPort):
         exchange: LineExchange,
         decoder: RtuRequestDecoder,
         gap_ns: int,
-        wire: Wire | None = None,
+        wire: SerialTiming | None = None,
         *,
         beats: Beats,
         asked: Asked | None = None,
@@ -162,7 +162,7 @@ class RtuControllerPort(ControllerPort):
         super().__init__(plan)
         self._echo = echo
         self._on_echo = on_echo
-        self._has_told_echo = False
+        self._has_reported_echo = False
         self._asked = asked or Asked()
         self._exchange = exchange
         self._beats = beats
@@ -309,15 +309,15 @@ class RtuControllerPort(ControllerPort):
             wire_ns = 2 * len(data) * self.stamps.wire_ns_per_byte
             soonest_ns = self.stamps.sent_ns + wire_ns + self._gap_ns if wire_ns else 0
             data = b"" if echo.came_back(data, now_ns, soonest_ns) else data
-        if echo.is_undeclared and not self._has_told_echo:
-            self._has_told_echo = True
+        if echo.is_undeclared and not self._has_reported_echo:
+            self._has_reported_echo = True
             self._on_echo()
         return data
 
     def _forward(self, forwarder: Forwarder, data: bytes, now_ns: int) -> bool:
         """Let bytes leave that may; return whether they ended a request that has left with them."""
         if self._beats.stood_still(now_ns, self.patience_ns):
-            forwarder.end(CutEvent.STALLED, now_ns)
+            forwarder.end(ForwardEvent.STALLED, now_ns)
             return False
         has_left = forwarder.feed(data, now_ns, is_fresh=self._decoder.is_between_frames)
         self._arm_forwarding(forwarder)

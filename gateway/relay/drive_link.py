@@ -44,7 +44,7 @@ class Instead:
     newest: int = 0
     """A bit for each of the newest requests without a reply, the last one lowest: whether that was so."""
 
-    def note(self, *, came: bool) -> None:
+    def add(self, *, came: bool) -> None:
         """Note a request without a reply."""
         self.total += came
         self.newest = (self.newest << 1 | came) & NEWEST_MASK
@@ -163,7 +163,7 @@ class RtuDriveLink(Link):
     ) -> None:
         super().__init__(is_serial=True)
         self._on_return = on_return
-        self._has_told_return = False
+        self._has_reported_return = False
         self._decoder = decoder
         self._sender = PacedSender(gap_ns, wire_gap_ns)
         self._timer = Timer(self._silent)
@@ -230,7 +230,7 @@ class RtuDriveLink(Link):
             self._timer.arm(None)
             self._sender.discard()
             damage = self.damage.setdefault(self._asked_unit_id, Instead())
-            damage.note(came=self._decoder.counters.damaged != self._damaged_before)
+            damage.add(came=self._decoder.counters.damaged != self._damaged_before)
 
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
@@ -256,8 +256,8 @@ class RtuDriveLink(Link):
         counters = decoder.counters
         stray_bytes, frames = counters.stray_bytes, counters.stray_frames + counters.foreign
         replies = decoder.feed(data, now_ns)
-        if decoder.returned >= RETURNED_OFTEN and not self._has_told_return:
-            self._has_told_return = True
+        if decoder.returned >= RETURNED_OFTEN and not self._has_reported_return:
+            self._has_reported_return = True
             self._on_return()
         is_frame = counters.stray_frames + counters.foreign != frames
         if is_frame or counters.stray_bytes != stray_bytes:
@@ -352,7 +352,7 @@ class RtuDriveLink(Link):
 
 
 @dataclass(frozen=True, slots=True)
-class UnitIds:
+class ReplyUnitIds:
     """Which unit id the replies of a Modbus/TCP line carry.
 
     Where several drives stand behind one connection, another unit id is another drive. Where there is one,
@@ -374,7 +374,7 @@ class MbapDriveLink(Link):
     def __init__(
         self,
         gap_ns: int,
-        unit_ids: UnitIds = UnitIds(),
+        unit_ids: ReplyUnitIds = ReplyUnitIds(),
         on_wrong_unit: Callable[[int, int], None] = lambda _asked, _answered: None,
         on_other_id: Callable[[int, OtherIds], None] = lambda _unit_id, _other_ids: None,
     ) -> None:
@@ -383,7 +383,7 @@ class MbapDriveLink(Link):
         self._gap_ns = gap_ns
         self._unit_ids = unit_ids
         self._on_wrong_unit = on_wrong_unit
-        self._told: set[tuple[int, int]] = set()
+        self._reported: set[tuple[int, int]] = set()
         self._wrong_units = 0
         self._sender = PacedSender(gap_ns)
         self._decoder = MbapDecoder(longest_length=LARGEST_SENT)
@@ -419,7 +419,7 @@ class MbapDriveLink(Link):
         self._unanswered[self._awaited_id] = self._awaited_unit_id
         if len(self._unanswered) > UNANSWERED_LIMIT:
             del self._unanswered[next(iter(self._unanswered))]
-        self._note_unanswered(self._awaited_id, self._awaited_unit_id)
+        self._count_unanswered(self._awaited_id, self._awaited_unit_id)
         self._awaited_id = NONE
         self._sender.discard()
 
@@ -499,8 +499,8 @@ class MbapDriveLink(Link):
             return True
         self._wrong_units += 1
         pair = self._awaited_unit_id, unit_id
-        if pair not in self._told:
-            self._told.add(pair)
+        if pair not in self._reported:
+            self._reported.add(pair)
             self._on_wrong_unit(*pair)
         return not self._unit_ids.are_many
 
@@ -513,7 +513,7 @@ class MbapDriveLink(Link):
             return False
         return transaction_id == 0 or transaction_id != self._awaited_id - 1
 
-    def _note_unanswered(self, asked_id: int, unit_id: int) -> None:
+    def _count_unanswered(self, asked_id: int, unit_id: int) -> None:
         """Note what came in the place of a reply."""
         came = self._other_for == asked_id
         other_ids = self.other_ids.get(unit_id)
@@ -522,7 +522,7 @@ class MbapDriveLink(Link):
             if not came:
                 return
             other_ids = self.other_ids[unit_id] = OtherIds()
-        other_ids.note(came=came)
+        other_ids.add(came=came)
         if came:
             other_ids.asked_id, other_ids.answered_id = asked_id, self._other_id
         if is_first:

@@ -39,7 +39,9 @@ from gateway.exchange.control import ControlError
 from gateway.exchange.latency_status import BOUNDS_US
 from gateway.exchange.limits import values_of
 from gateway.exchange.line import LineExchange
-from gateway.ipc.desk import ASKED_AGAIN_S, LONGEST_WAIT_S, Desk
+from gateway.ipc.address import ROOT_UID, SocketError
+from gateway.ipc.handlers import ASKED_AGAIN_S, LONGEST_WAIT_S, RequestHandlers
+from gateway.ipc.log import LogEntry
 from gateway.ipc.messages import (
     Done,
     GetStatus,
@@ -53,8 +55,6 @@ from gateway.ipc.messages import (
     Status,
     Subscribe,
 )
-from gateway.ipc.notes import Note
-from gateway.ipc.place import ROOT_UID, SocketError
 from gateway.ipc.sealed_memory import NotSealedError, map_sealed
 from gateway.ipc.server import ControlServer
 from gateway.limits import Reports
@@ -62,8 +62,8 @@ from gateway.recording.writer import Recorder
 from gateway.relay.activity import Activity
 from gateway.relay.collecting import Collecting
 from gateway.relay.errors import StartError
+from gateway.relay.fd_store import FdStore
 from gateway.relay.journal import Journal
-from gateway.relay.keeping import Keeping
 from gateway.relay.line import Line
 from gateway.relay.pulse import Pulse
 from gateway.relay.scheduling import in_force, schedule
@@ -76,7 +76,7 @@ from gateway.status.model import GatewayStatus, RelayModel
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import TcpEndpoint
 
-TURN_EVERY_S: Final = 5.0
+TICK_EVERY_S: Final = 5.0
 """Each line lets its marks of the last minute grow old, whether somebody looks at them or not."""
 LARGEST_BYTES: Final = HEADER_BYTES + MAX_POINTS * POINT_BYTES
 """Of the table of one axis."""
@@ -90,34 +90,34 @@ class Relay:
     (``ipc.log_thread.LogThread.put``). Without it the newest notes can be looked at with :meth:`recent`.
     ``state`` is the folder of its socket and of the records of its axes; without it there are none. With a
     ``recorder`` everything that passes is recorded. ``find_table`` finds a table that was in force in an
-    earlier run, by its ``compensation.fingerprint.table_digest``. ``keeping`` is what a service manager keeps
-    of its sockets and ports, ``shape`` that of the plan where it was compiled. A relay lives once: make
+    earlier run, by its ``compensation.fingerprint.table_digest``. ``fd_store`` is what a service manager
+    keeps of its sockets and ports, ``shape`` that of the plan where it was compiled. A relay lives once: make
     another one to start again.
     """
 
     def __init__(
         self,
         plan: GatewayPlan,
-        write: Callable[[Note], None] | None = None,
+        write: Callable[[LogEntry], None] | None = None,
         *,
         state: Path | None = None,
         recorder: Recorder | None = None,
         find_table: FindTable | None = None,
-        keeping: Keeping | None = None,
+        fd_store: FdStore | None = None,
         shape: str = "",
     ) -> None:
         self._plan = plan
         self._journal = Journal(write)
         self._lines: list[Line] = []
-        self._keeping = keeping
+        self._fd_store = fd_store
         self._started_ns = 0
         self._state = state
         self._control: ControlServer | None = None
         self._recorder = recorder
         self._activity = Activity()
-        self._looks = self._turns = 0
-        self._turning: asyncio.TimerHandle | None = None
-        self._turn_due_s = 0.0
+        self._looks = self._ticks = 0
+        self._next_tick: asyncio.TimerHandle | None = None
+        self._tick_due_s = 0.0
         self._collecting = Collecting(lambda: not self.busy_lines, self._activity)
         self._pulse: Pulse | None = None
         """Beats from the start on; None: not started, or closed."""
@@ -186,8 +186,8 @@ class Relay:
         self._take_over()
         for line in () if problems else self._lines:
             if self._state is not None:
-                line.keep_records(self._state, self._find_table)
-            if self._control is not None and self._control.is_after_a_cut:
+                line.attach_records(self._state, self._find_table)
+            if self._control is not None and self._control.is_after_crash:
                 line.rest_first()
             problems += await line.open()
         if problems:
@@ -195,10 +195,10 @@ class Relay:
                 await line.close()
             if self._recorder is not None:
                 await self._recorder.discard()
-            owes_silence = self._control is not None and self._control.is_after_a_cut
-            await self._close_rest(owes_silence=owes_silence)
+            needs_silence = self._control is not None and self._control.is_after_crash
+            await self._close_rest(needs_silence=needs_silence)
             raise StartError(problems)
-        self._turn()
+        self._tick()
 
     def take_process(self) -> None:
         """Make the process the relay's own, once everything is open: its scheduling, its garbage.
@@ -207,7 +207,7 @@ class Relay:
         """
         self._collecting.start()
         for refused in schedule(self._plan.relay, self._scheduling_withdrawn):
-            self._journal.note(
+            self._journal.log(
                 processes.SCHEDULING_REFUSED,
                 key=refused.key,
                 asked=refused.asked,
@@ -215,7 +215,7 @@ class Relay:
                 remedy=refused.remedy,
             )
         if self._plan.relay != RelayOptions():
-            self._journal.note(processes.SCHEDULING, **asdict(in_force()))
+            self._journal.log(processes.SCHEDULING, **asdict(in_force()))
         self._scheduling = in_force()
 
     async def stop(self) -> None:
@@ -223,7 +223,7 @@ class Relay:
         if self._control is not None:
             self._control.hang_up()  # its place stays ours as long as its lines are
         await asyncio.gather(*(line.stop() for line in self._lines))
-        await self._close_rest(owes_silence=any(line.owes_silence for line in self._lines))
+        await self._close_rest(needs_silence=any(line.needs_silence for line in self._lines))
 
     def answer(self, request: Request) -> Reply:
         """Do what a request of the socket asks for."""
@@ -258,21 +258,21 @@ class Relay:
         try:
             with self._activity.of("a table"):
                 pairs = zip(command.tables, descriptors, strict=True)
-                found = [self._mapped(wanted, descriptor) for wanted, descriptor in pairs]
-            for wanted, (_, data) in zip(command.tables, found, strict=True):
-                with _refused_for(wanted.axis):
+                found = [self._mapped(requested, descriptor) for requested, descriptor in pairs]
+            for requested, (_, data) in zip(command.tables, found, strict=True):
+                with _refused_for(requested.axis):
                     await asyncio.to_thread(check_points, data)
             with self._activity.of("a table"):
                 comes = self.command(command, [table for table, _ in found])
         except ControlError as error:
-            self._note_refused(str(error))
+            self._log_refused(str(error))
             return Done(problems=(str(error),))
         return Done(changed=tuple(comes), comes=comes)
 
-    def _mapped(self, wanted: TableFor, descriptor: int) -> tuple[CorrectionTable, memoryview]:
+    def _mapped(self, requested: TableFor, descriptor: int) -> tuple[CorrectionTable, memoryview]:
         """Return a table by its header, and its bytes: the points have still to be looked at."""
-        self._line_of(wanted.axis)
-        with _refused_for(wanted.axis):
+        self._line_of(requested.axis)
+        with _refused_for(requested.axis):
             data = map_sealed(descriptor, LARGEST_BYTES)
             return mapped(data), data
 
@@ -291,10 +291,10 @@ class Relay:
         [line] = lines.values()
         changed = line.command(command, tables)
         if changed:
-            self._note_command(command, changed, tables)
+            self._log_command(command, changed, tables)
         return changed
 
-    def _note_command(
+    def _log_command(
         self, command: Command, changed: dict[str, str], loaded: Sequence[CorrectionTable]
     ) -> None:
         """Put it on record that a command changed something; not of each temperature."""
@@ -316,24 +316,24 @@ class Relay:
             case SetLimits():
                 what, more = tables.LIMITS_CHANGED, {**values_of(command)}
             case SetTable():
-                for wanted, table in zip(command.tables, loaded, strict=True):
-                    self._journal.note(
+                for requested, table in zip(command.tables, loaded, strict=True):
+                    self._journal.log(
                         tables.TABLE_ACTIVATED,
-                        axis=wanted.axis,
-                        table=wanted.file,
+                        axis=requested.axis,
+                        table=requested.file,
                         points=len(table.positions),
-                        comes=changed[wanted.axis],
+                        comes=changed[requested.axis],
                         detail="handed over",
                     )
                 return
             case SetTemperature():
                 return
-        self._journal.note(what, axes=list(changed), **more, detail=by)
+        self._journal.log(what, axes=list(changed), **more, detail=by)
 
-    def _note_refused(self, detail: str) -> None:
+    def _log_refused(self, detail: str) -> None:
         """Put it on record that a table was refused; not more than once a minute."""
         if sentence := self._refused_tables.sentence("table", detail, time.monotonic_ns()):
-            self._journal.note(tables.TABLE_REFUSED, detail=sentence)
+            self._journal.log(tables.TABLE_REFUSED, detail=sentence)
 
     @property
     def busy_lines(self) -> dict[str, float]:
@@ -341,13 +341,13 @@ class Relay:
         return {line.plan.name: line.longest_stop_s for line in self._lines if not line.is_idle}
 
     def why_stuck(self, now_ns: int) -> str:
-        """Say what does not get on, "" where everything does; see ``watchdog.Heart``."""
+        """Say what does not get on, "" where everything does; see ``watchdog.WatchdogFeeder``."""
         with self._activity.of("the watchdog"):
             return next((why for line in self._lines if (why := line.why_stuck(now_ns))), "")
 
-    def note_stuck(self, why: str) -> None:
+    def log_stuck(self, why: str) -> None:
         """Put it on record that the watchdog is not fed."""
-        self._journal.note(processes.NO_PROGRESS, detail=why)
+        self._journal.log(processes.NO_PROGRESS, detail=why)
 
     @property
     def summary(self) -> str:
@@ -355,7 +355,7 @@ class Relay:
         up = sum(line.is_up for line in self._lines)
         return f"{up} of {len(self._lines)} lines up, {len(self.axes)} axes"
 
-    def recent(self) -> tuple[Note, ...]:
+    def recent(self) -> tuple[LogEntry, ...]:
         """Return the newest notes where nobody writes them, oldest first."""
         return self._journal.recent()
 
@@ -385,49 +385,49 @@ class Relay:
             axes={name: axis for line in self._lines for name, axis in line.axes_status().items()},
         )
 
-    def _turn(self) -> None:
+    def _tick(self) -> None:
         """Turn one line each time, as with looks; not while a frame is leaving."""
         loop = asyncio.get_running_loop()
-        if self._lines and self._is_forwarding() and loop.time() < self._turn_due_s + LONGEST_WAIT_S:
-            self._turning = loop.call_later(ASKED_AGAIN_S, self._turn)
+        if self._lines and self._is_forwarding() and loop.time() < self._tick_due_s + LONGEST_WAIT_S:
+            self._next_tick = loop.call_later(ASKED_AGAIN_S, self._tick)
         elif self._lines:
             # Before the work: a mistake in it must not end the turning.
-            pause_s = TURN_EVERY_S / len(self._lines)
-            self._turn_due_s = loop.time() + pause_s
-            self._turning = loop.call_later(pause_s, self._turn)
-            self._turns += 1
+            pause_s = TICK_EVERY_S / len(self._lines)
+            self._tick_due_s = loop.time() + pause_s
+            self._next_tick = loop.call_later(pause_s, self._tick)
+            self._ticks += 1
             self._scheduling = in_force()
-            self._lines[self._turns % len(self._lines)].turn()
+            self._lines[self._ticks % len(self._lines)].tick()
 
     def _is_forwarding(self) -> bool:
         return any(line.is_forwarding for line in self._lines)
 
     def _stood_still(self, gap_ns: int) -> None:
         for line in self._lines:
-            line.exchange.note_standstill(gap_ns)
+            line.exchange.report_standstill(gap_ns)
 
     def _scheduling_withdrawn(self, why: str) -> None:
         self._scheduling = in_force()
-        self._journal.note(processes.SCHEDULING_WITHDRAWN, key="relay.fifo", detail=why)
+        self._journal.log(processes.SCHEDULING_WITHDRAWN, key="relay.fifo", detail=why)
 
-    def _tell(self, note: Note) -> None:
+    def _publish_entry(self, entry: LogEntry) -> None:
         """Let those who listen know."""
         if self._control is not None and self._control.has_listeners:
-            self._control.tell(
+            self._control.publish_event(
                 Happened(
-                    event=note.event,
-                    severity=note.severity.value,
-                    fields=dict(note.fields),
-                    wall_s=note.wall_s,
+                    event=entry.event,
+                    severity=entry.severity.value,
+                    fields=dict(entry.fields),
+                    wall_s=entry.wall_s,
                 )
             )
 
     def _tapes(self) -> dict[str, int]:
         """Return the descriptors of the tapes, each with all that is on it until now."""
-        tapes = {line.plan.name: line.tape for line in self._lines if line.tape is not None}
-        for tape in tapes.values():
-            tape.show()
-        return {name: tape.descriptor for name, tape in tapes.items()}
+        tapes = {line.plan.name: line.trace_buffer for line in self._lines if line.trace_buffer is not None}
+        for trace_buffer in tapes.values():
+            trace_buffer.show()
+        return {name: trace_buffer.descriptor for name, trace_buffer in tapes.items()}
 
     def _exchanges(self) -> list[LineExchange]:
         return [line.exchange for line in self._lines]
@@ -448,58 +448,58 @@ class Relay:
         except OSError as error:
             found = starts.RECORDING_NOT_WRITTEN.begin(file=self._recorder.path)
             return [f"{found}: {error.strerror or error}"]
-        self._recorder.on_lost = lambda why: self._journal.note(processes.RECORDING_ENDED, detail=why)
+        self._recorder.on_lost = lambda why: self._journal.log(processes.RECORDING_ENDED, detail=why)
         return []
 
     async def _open_control(self) -> list[str]:
         if self._state is None:
             return []
         try:
-            desk = Desk(
+            handlers = RequestHandlers(
                 answer=partial(self._named, "a command", self.answer),
                 hand_over=self.take_tables,
                 status=self.status,
                 has_to_wait=self._is_forwarding,
                 tapes=self._tapes,
-                complain=lambda detail: self._journal.note(processes.SOCKET_REFUSED, detail=detail),
+                complain=lambda detail: self._journal.log(processes.SOCKET_REFUSED, detail=detail),
             )
-            self._control = ControlServer(self._state, desk)
-            self._journal.on_note = self._tell
+            self._control = ControlServer(self._state, handlers)
+            self._journal.on_entry = self._publish_entry
             await self._control.open()
-            self._look_at_folder(self._state)
+            self._check_folder(self._state)
         except SocketError as error:
             return [f"gateway.state: {error}"]
         return []
 
     def _take_over(self) -> None:
         """Have the lines take what was kept for them, and let go of the rest before anything is opened."""
-        if self._keeping is None:
+        if self._fd_store is None:
             return
         for line in self._lines:
-            line.keep_descriptors(self._keeping)
-        if number := self._keeping.drop_rest():
+            line.use_fd_store(self._fd_store)
+        if number := self._fd_store.drop_rest():
             detail = f"{number} sockets or ports that the configuration does not have any more were closed"
-            self._journal.note(processes.DESCRIPTORS_DROPPED, detail=detail)
+            self._journal.log(processes.DESCRIPTORS_DROPPED, detail=detail)
 
-    def _look_at_folder(self, state: Path) -> None:
+    def _check_folder(self, state: Path) -> None:
         problem = why_open_to_others(state, frozenset((os.geteuid(), ROOT_UID)))
         if problem is not None:
-            self._journal.note(processes.STATE_FOLDER_OPEN, detail=problem.found, remedy=problem.remedy)
+            self._journal.log(processes.STATE_FOLDER_OPEN, detail=problem.found, remedy=problem.remedy)
 
     def _named(self, name: str, work: Callable[..., _Result], *arguments: Any) -> _Result:
         """Do something for a client, and note how long it took."""
         with self._activity.of(name):
             return work(*arguments)
 
-    async def _close_rest(self, *, owes_silence: bool) -> None:
-        if self._turning is not None:
-            self._turning.cancel()
+    async def _close_rest(self, *, needs_silence: bool) -> None:
+        if self._next_tick is not None:
+            self._next_tick.cancel()
         if self._pulse is not None:
             self._pulse.close()
             self._pulse = None
         self._collecting.stop()
         if self._control is not None:
-            await self._control.close(is_finished=not owes_silence)
+            await self._control.close(is_finished=not needs_silence)
         if self._recorder is not None:
             await self._recorder.stop()
 

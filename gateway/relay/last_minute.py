@@ -18,7 +18,7 @@ class LastMinute:
         self._read = read
         self._samples: deque[tuple[int, Mapping[str, int]]] = deque(maxlen=KEPT)
 
-    def turn(self, now_ns: int) -> None:
+    def tick(self, now_ns: int) -> None:
         """Take a sample; to be called at least once in ten seconds."""
         self._samples.append((now_ns, dict(self._read())))
 

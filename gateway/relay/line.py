@@ -30,7 +30,7 @@ from gateway.exchange.commands import (
     SetTable,
     axes_of,
 )
-from gateway.exchange.cut_through.forward import Wire
+from gateway.exchange.cut_through.forward import SerialTiming
 from gateway.exchange.latency_status import LatencyStatus
 from gateway.exchange.limits import limits_of, values_of
 from gateway.exchange.line import LineExchange
@@ -39,17 +39,17 @@ from gateway.exchange.ports import OwnUnit
 from gateway.exchange.status import axes_status, line_status
 from gateway.exchange.tap import Tap
 from gateway.recording import traffic
-from gateway.recording.tap import FileTap, TapeTap
-from gateway.recording.tape import Tape
+from gateway.recording.tap import FileTap, TraceTap
+from gateway.recording.trace_buffer import TraceBuffer
 from gateway.recording.writer import Recorder
 from gateway.relay.activity import Activity
 from gateway.relay.alarm import LineAlarm
 from gateway.relay.axis_record import AxisRecord, boot_id, record_path
 from gateway.relay.computed import computed
-from gateway.relay.drive_link import Instead, Link, MbapDriveLink, OtherIds, RtuDriveLink, UnitIds
-from gateway.relay.front import Front, make_front, wire_of
+from gateway.relay.controller import Controller, make_controller, wire_of
+from gateway.relay.drive_link import Instead, Link, MbapDriveLink, OtherIds, ReplyUnitIds, RtuDriveLink
+from gateway.relay.fd_store import FdStore, store_port
 from gateway.relay.journal import Journal
-from gateway.relay.keeping import Keeping, keep_port
 from gateway.relay.last_minute import LastMinute
 from gateway.relay.pulse import Pulse
 from gateway.relay.watchdog import STUCK_NS
@@ -86,10 +86,12 @@ class Line:
     ) -> None:
         self.plan = plan
         self._pulse = pulse
-        self.tape = _make_tape(plan, journal) if recorder is None and plan.tape_bytes else None
+        self.trace_buffer = (
+            _make_trace_buffer(plan, journal) if recorder is None and plan.tape_bytes else None
+        )
         """What is kept of its last minutes."""
-        if self.tape is not None:
-            pulse.on_beat.append(self.tape.show)
+        if self.trace_buffer is not None:
+            pulse.on_beat.append(self.trace_buffer.show)
         self._journal = journal
         self._link = _make_link(plan, self._wrong_unit, self._other_id, self._returned)
         self._drives = self._make_drives()
@@ -102,7 +104,7 @@ class Line:
             other_units=plan.other_units,
             what_ran=activity.between,
             own_unit=own_unit,
-            cut_through=_cut_wire(plan),
+            cut_through=_forwarding_wire(plan),
             tap=self._make_tap(recorder),
         )
         self._latency = LatencyStatus(self._exchange.meter)
@@ -119,15 +121,19 @@ class Line:
         """Gain, limits and mode as the configuration has them; a command may have changed the gain since."""
         self._is_recorded = recorder is not None
         odd_units = plan.other_units.odd
-        self._fronts = [
-            make_front(plan.name, link, self._exchange, journal, beats=pulse, odd_units=odd_units)
+        self._controllers = [
+            make_controller(plan.name, link, self._exchange, journal, beats=pulse, odd_units=odd_units)
             for link in plan.controllers
         ]
 
     @property
     def addresses(self) -> dict[str, tuple[TcpEndpoint, ...]]:
         """Where each controller that connects over TCP finds its listener."""
-        return {front.plan.name: front.addresses for front in self._fronts if front.addresses}
+        return {
+            controller.plan.name: controller.addresses
+            for controller in self._controllers
+            if controller.addresses
+        }
 
     @property
     def exchange(self) -> LineExchange:
@@ -160,7 +166,7 @@ class Line:
         """So long a stop waits for the exchange on the wire, at most."""
         return self._longest_exchange_s() + STOP_MARGIN_S
 
-    def keep_records(self, state: Path, find_table: FindTable | None = None) -> None:
+    def attach_records(self, state: Path, find_table: FindTable | None = None) -> None:
         """Keep a record of each axis in this folder, and let those of the run before count where they do.
 
         In a run that is recorded they do not, so that its replay begins as it began.
@@ -174,14 +180,14 @@ class Line:
             )
             self._records[axis.plan.name] = record
 
-    def keep_descriptors(self, keeping: Keeping) -> None:
+    def use_fd_store(self, fd_store: FdStore) -> None:
         """Take over what the service manager kept of this line, and have it kept; before :meth:`open`."""
-        for front in self._fronts:
-            front.keep_at(keeping.place(self.plan.name, front.plan.name, front.endpoint))
+        for controller in self._controllers:
+            controller.use_slot(fd_store.slot(self.plan.name, controller.plan.name, controller.endpoint))
         if isinstance(self._drives, SerialPort) and isinstance(self.plan.drives, SerialEndpoint):
-            place = keeping.place(self.plan.name, "", self.plan.drives)
+            slot = fd_store.slot(self.plan.name, "", self.plan.drives)
             # It was open all the time: a drive may answer what the gateway before this one asked.
-            if keep_port(self._drives, self.plan.drives, place):
+            if store_port(self._drives, self.plan.drives, slot):
                 self._exchange.rest_first(boot_ns())
 
     def why_stuck(self, now_ns: int) -> str:
@@ -191,19 +197,19 @@ class Line:
         if not self._drives.is_kept_up:
             return f"line {self.plan.name}: {self.plan.drives} is not kept open any more"
         return next(
-            (f"line {self.plan.name}: {why}" for each in self._fronts if (why := each.why_stuck())), ""
+            (f"line {self.plan.name}: {why}" for each in self._controllers if (why := each.why_stuck())), ""
         )
 
     @property
-    def owes_silence(self) -> bool:
+    def needs_silence(self) -> bool:
         """Whether a drive may still answer what the next gateway never asked; ask when the line is closed."""
-        return self._exchange.owes_silence
+        return self._exchange.needs_silence
 
     def rest_first(self) -> None:
         """Wait for silence before anything is sent; before :meth:`open`. Modbus/TCP needs none (W6)."""
         if self._link.is_serial:
             self._exchange.rest_first(boot_ns())
-            self._journal.note(
+            self._journal.log(
                 LINE_RESTS,
                 line=self.plan.name,
                 detail="the gateway before this one left something unanswered, and a drive may still answer "
@@ -216,22 +222,22 @@ class Line:
         Drives and serial ports that are not there (yet) are no problem: they are waited for.
         """
         problems: list[str] = []
-        for number, (front, link) in enumerate(
-            zip(self._fronts, self.plan.controllers, strict=True), start=1
+        for number, (controller, link) in enumerate(
+            zip(self._controllers, self.plan.controllers, strict=True), start=1
         ):
-            place = f"controllers[{number}].{endpoint_key(link.endpoint)}"
-            await self._open(front, f"line.{self.plan.name}.{place} ({link.plan.name})", problems)
+            listener_key = f"controllers[{number}].{endpoint_key(link.endpoint)}"
+            await self._open(controller, f"line.{self.plan.name}.{listener_key} ({link.plan.name})", problems)
         key = endpoint_key(self.plan.drives)
         await self._open(self._drives, f"line.{self.plan.name}.drives.{key}", problems)
         return problems
 
     async def stop(self) -> None:
         """Stop cleanly: the exchange on the wire is finished, nothing is left half sent."""
-        for front in self._fronts:
-            front.stop_accepting()
+        for controller in self._controllers:
+            controller.stop_accepting()
         self._exchange.stop(boot_ns())
         await self._alarm.idle(self.longest_stop_s)
-        for way in (self._link, *self._fronts):
+        for way in (self._link, *self._controllers):
             await way.drained()
         await self.close()
 
@@ -239,15 +245,15 @@ class Line:
         """Close everything as it stands."""
         for record in self._records.values():
             record.close()  # first: that the way to the drives is closed now is no news of the axes
-        for front in self._fronts:
-            await front.close()
+        for controller in self._controllers:
+            await controller.close()
         await self._drives.close()
         self._alarm.close()
         self._link.close()
-        if self.tape is not None:
-            self._pulse.on_beat.remove(self.tape.show)
-            self.tape.close()
-            self.tape = None
+        if self.trace_buffer is not None:
+            self._pulse.on_beat.remove(self.trace_buffer.show)
+            self.trace_buffer.close()
+            self.trace_buffer = None
 
     def status(self) -> LineStatus:
         """Return this line's part of the status model."""
@@ -275,7 +281,7 @@ class Line:
             notes=list(self._drives.notes),
             latency=self._drives.latency,
         )
-        status.controllers = [self._controller_status(front) for front in self._fronts]
+        status.controllers = [self._controller_status(controller) for controller in self._controllers]
         return status
 
     def _add_damage(self, drive: UnitStatus, unit_id: int) -> None:
@@ -288,26 +294,26 @@ class Line:
             drive.other_ids_in_a_row = other_ids.among(drive.timeouts_in_a_row)
             drive.answers_with = str(other_ids)
 
-    def _controller_status(self, front: Front) -> ControllerStatus:
-        status = front.status()
-        status.refused = self._exchange.counters.refused_by.get(front.plan.name, 0)
+    def _controller_status(self, controller: Controller) -> ControllerStatus:
+        status = controller.status()
+        status.refused = self._exchange.counters.refused_by.get(controller.plan.name, 0)
         self._latency.fill_controller(status)
         return status
 
-    def turn(self) -> None:
+    def tick(self) -> None:
         """Let high marks of the last minute grow old; tell of silent sensors and of certificates that end.
 
         To be called at least once in ten seconds.
         """
         now_ns = boot_ns()
-        self._exchange.meter.turn(now_ns)
-        self._minute.turn(now_ns)
+        self._exchange.meter.tick(now_ns)
+        self._minute.tick(now_ns)
         for axis in self._exchange.axes:
             for event in () if axis.terms is None else axis.terms.events(axis.plan.name, now_ns):
                 self._journal.exchange_event(self.plan.name, event)
         now = now_utc()
-        for front in self._fronts:
-            front.turn(now)
+        for controller in self._controllers:
+            controller.tick(now)
 
     def refresh_latency(self) -> None:
         """Work some of the measured times out anew."""
@@ -325,8 +331,8 @@ class Line:
     def command(self, command: Command, tables: Sequence[CorrectionTable] = ()) -> dict[str, str]:
         """Do what a command asks for; see ``exchange.control.carry_out``. Raises ControlError."""
         changed = self._exchange.command(command, boot_ns(), tables)
-        if self.tape is not None and command.stays:
-            self._keep_in_force(command, tables)
+        if self.trace_buffer is not None and command.stays:
+            self._remember_in_force(command, tables)
         match command:
             case SetTable():
                 self._loaded_at |= dict.fromkeys(changed, _now())
@@ -344,7 +350,7 @@ class Line:
                 self._configured[axis] |= values_of(command)
         return changed
 
-    async def _open(self, way: Front | SerialPort | TcpConnector, key: str, problems: list[str]) -> None:
+    async def _open(self, way: Controller | SerialPort | TcpConnector, key: str, problems: list[str]) -> None:
         try:
             await way.open()
         except TransportError as error:
@@ -353,7 +359,11 @@ class Line:
     def _make_tap(self, recorder: Recorder | None) -> Tap | None:
         if recorder is not None:
             return FileTap(self.plan.name, recorder)
-        return None if self.tape is None else TapeTap(self.plan.name, self.tape, self._beginning)
+        return (
+            None
+            if self.trace_buffer is None
+            else TraceTap(self.plan.name, self.trace_buffer, self._beginning)
+        )
 
     def _beginning(self, now_ns: int) -> traffic.Beginning | None:
         """Return what a replay has to know that begins here; None: none can begin in the middle of this."""
@@ -384,7 +394,7 @@ class Line:
             state.has_closed_soon,
         )
 
-    def _keep_in_force(self, command: Command, tables: Sequence[CorrectionTable]) -> None:
+    def _remember_in_force(self, command: Command, tables: Sequence[CorrectionTable]) -> None:
         """Keep what was changed last, of each kind for each axis."""
         key = command.stays, axes_of(command)
         self._in_force.pop(key, None)
@@ -421,33 +431,33 @@ class Line:
 
     def _wrong_unit(self, asked: int, answered: int) -> None:
         detail = f"asked for unit id {asked}, the drive answered as unit id {answered}"
-        self._journal.note(WRONG_UNIT, line=self.plan.name, detail=detail)
+        self._journal.log(WRONG_UNIT, line=self.plan.name, detail=detail)
 
     def _other_id(self, unit_id: int, other_ids: OtherIds) -> None:
         detail = f"unit id {unit_id} {other_ids}: its replies answer nothing"
-        self._journal.note(OTHER_TRANSACTION_ID, line=self.plan.name, detail=detail)
+        self._journal.log(OTHER_TRANSACTION_ID, line=self.plan.name, detail=detail)
 
     def _returned(self) -> None:
         detail = f"{self.plan.drives}: {returns_requests(self.plan.drives)}"
-        self._journal.note(ADAPTER_ECHOES, line=self.plan.name, detail=detail)
+        self._journal.log(ADAPTER_ECHOES, line=self.plan.name, detail=detail)
 
     def _drives_failed(self, why: str) -> None:
-        self._journal.note(DRIVES_NOT_REACHED, line=self.plan.name, detail=why)
+        self._journal.log(DRIVES_NOT_REACHED, line=self.plan.name, detail=why)
 
     def _drives_slow(self, why: str) -> None:
-        self._journal.note(SERIAL_LATENCY, line=self.plan.name, detail=why)
+        self._journal.log(SERIAL_LATENCY, line=self.plan.name, detail=why)
 
     def _longest_exchange_s(self) -> float:
         patience_ms = [link.plan.timeout_ms for link in self.plan.controllers]
         return max(self.plan.timing.response_timeout_ms, *patience_ms, 0.0) / 1000.0
 
 
-def _make_tape(plan: LinePlan, journal: Journal) -> Tape | None:
+def _make_trace_buffer(plan: LinePlan, journal: Journal) -> TraceBuffer | None:
     try:
-        return Tape(plan.name, plan.tape_bytes, boot_ns(), time.time_ns())
+        return TraceBuffer(plan.name, plan.tape_bytes, boot_ns(), time.time_ns())
     except OSError as error:
         why = error.strerror or str(error)
-        journal.note(FRAMES_NOT_KEPT, line=plan.name, detail=f"no memory for them: {why}")
+        journal.log(FRAMES_NOT_KEPT, line=plan.name, detail=f"no memory for them: {why}")
         return None
 
 
@@ -472,8 +482,10 @@ def _make_link(
 ) -> Link:
     gap_ns = int(plan.timing.gap_ms * NS_PER_MS)
     if isinstance(plan.drives, TcpEndpoint) and not plan.drives.rtu:
-        known = {axis.unit_id for axis in plan.axes}.union(plan.other_units.unit_ids)
-        return MbapDriveLink(gap_ns, UnitIds(len(known) > 1, plan.answers_as), on_wrong_unit, on_other_id)
+        unit_ids = {axis.unit_id for axis in plan.axes}.union(plan.other_units.unit_ids)
+        return MbapDriveLink(
+            gap_ns, ReplyUnitIds(len(unit_ids) > 1, plan.answers_as), on_wrong_unit, on_other_id
+        )
     wire_gap_ns = frame_silence_ns(plan.drives) if isinstance(plan.drives, SerialEndpoint) else 0
     refused_reads = {axis.unit_id: 0 for axis in plan.axes}
     refused_reads |= {axis.unit_id: axis.refused_read for axis in plan.axes if axis.refused_read}
@@ -482,7 +494,7 @@ def _make_link(
     return RtuDriveLink(gap_ns, decoder, wire_gap_ns, has_echo=has_echo, on_return=on_return)
 
 
-def _cut_wire(plan: LinePlan) -> Wire | None:
+def _forwarding_wire(plan: LinePlan) -> SerialTiming | None:
     """Return the wire of the drives, where frames may leave on it while they still arrive."""
     if plan.cut_through and isinstance(plan.drives, SerialEndpoint):
         return wire_of(plan.drives)

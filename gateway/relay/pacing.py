@@ -21,7 +21,7 @@ class PacedSender:
     """
 
     def __init__(self, gap_ns: int, wire_gap_ns: int = 0) -> None:
-        self._wanted_gap_ns = gap_ns
+        self._requested_gap_ns = gap_ns
         self._wire_gap_ns = wire_gap_ns
         self._gap_ns = gap_ns
         self._channel: Channel | None = None
@@ -35,7 +35,7 @@ class PacedSender:
         """Write to ``channel`` from now on. What went before on its wire is unknown: begin with a silence."""
         self._channel = channel
         wire_ns_per_byte = self.stamps.wire_ns_per_byte = channel.wire_ns_per_byte
-        self._gap_ns = max(self._wanted_gap_ns, self._wire_gap_ns if wire_ns_per_byte else 0)
+        self._gap_ns = max(self._requested_gap_ns, self._wire_gap_ns if wire_ns_per_byte else 0)
         self._quiet_from_ns = now_ns
 
     def closed(self) -> None:

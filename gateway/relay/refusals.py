@@ -7,7 +7,7 @@ from typing import Final
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.line_events import CONNECTION_REFUSED
 from gateway.limits import MOST_KEYS, Reports, times
-from gateway.transport.places import Closing
+from gateway.transport.connections import Closing
 from gateway.transport.tcp import Refusal
 
 HOSTS: Final = MOST_KEYS
@@ -30,12 +30,12 @@ class Refusals:
 
     def __init__(
         self,
-        note: Callable[[EventEntry, str], None],
+        log: Callable[[EventEntry, str], None],
         clock_ns: Callable[[], int] = time.monotonic_ns,
         *,
         event: EventEntry = CONNECTION_REFUSED,
     ) -> None:
-        self._note = note
+        self._log = log
         self._event = event
         self._clock_ns = clock_ns
         self._reports: Reports[tuple[EventEntry, str, str]] = Reports(others=_others)
@@ -48,4 +48,4 @@ class Refusals:
         """As :meth:`add`, under another name; ``more`` is of this one alone, and is not counted by."""
         key = self._reports.counted_as((event, host, why))
         if count := self._reports.due(key, self._clock_ns()):
-            self._note(event, f"{key[1]}: {why}{times(count)}{more}")
+            self._log(event, f"{key[1]}: {why}{times(count)}{more}")

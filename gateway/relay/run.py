@@ -19,13 +19,13 @@ from gateway.catalogue.exchange_events import RECORD_NOT_USED, RESTORED, STREAM_
 from gateway.compiled import is_compiled
 from gateway.exchange.plan import CompensationMode
 from gateway.ipc.children import RELOADS
+from gateway.ipc.log import LogEntry, log_entry
 from gateway.ipc.log_thread import LogThread
-from gateway.ipc.notes import Note, note_of
 from gateway.ipc.service_manager import ServiceManager
 from gateway.recording.writer import Recorder
+from gateway.relay.fd_store import FdStore
 from gateway.relay.gateway import Relay
-from gateway.relay.keeping import Keeping
-from gateway.relay.watchdog import Heart
+from gateway.relay.watchdog import WatchdogFeeder
 from gateway.state.plan import GatewayPlan
 from gateway.status.line import LINE_COUNTERS
 from gateway.status.model import RelayModel
@@ -61,12 +61,12 @@ class Service:
 
     def __init__(self, manager: ServiceManager, handed: Sequence[tuple[str, int]] = ()) -> None:
         self.manager = manager
-        self.keeping = Keeping(manager, handed) if manager.is_there or handed else None
+        self.fd_store = FdStore(manager, handed) if manager.is_there or handed else None
 
 
 def run_relay(
     plan: GatewayPlan,
-    write: Callable[[Note], None],
+    write: Callable[[LogEntry], None],
     status_every_s: float = 0.0,
     *,
     state: Path | None = None,
@@ -92,12 +92,14 @@ def run_relay(
     with asyncio.Runner(loop_factory=RelayLoop) as runner:
         log = LogThread(write)
         service = service or Service(ServiceManager())
-        relay = Relay(plan, noting(log), state=state, recorder=recorder, keeping=service.keeping, shape=shape)
+        relay = Relay(
+            plan, noting(log), state=state, recorder=recorder, fd_store=service.fd_store, shape=shape
+        )
         serving = _serve(relay, plan, _Log(log), service, status_every_s=status_every_s, on_ready=on_ready)
         runner.run(_with_log(log, serving))
 
 
-def noting(log: LogThread) -> Callable[[Note], None]:
+def noting(log: LogThread) -> Callable[[LogEntry], None]:
     """Return what takes the notes of a relay: for the price of an append, and at once what a start is about.
 
     A relay that is killed in its first tenth of a second would else not say what it made of its records. The
@@ -105,7 +107,7 @@ def noting(log: LogThread) -> Callable[[Note], None]:
     """
     is_due = False
 
-    def note(made: Note) -> None:
+    def take(made: LogEntry) -> None:
         nonlocal is_due
         log.put(made)
         if made.event in AT_ONCE:
@@ -119,7 +121,7 @@ def noting(log: LogThread) -> Callable[[Note], None]:
         is_due = False
         log.wake()
 
-    return note
+    return take
 
 
 async def _serve(
@@ -152,15 +154,15 @@ async def _serve(
     if on_ready is not None:
         on_ready()
     service.manager.ready(relay.summary)
-    heart = Heart(service.manager, relay.why_stuck, relay.note_stuck, lambda: relay.summary)
+    feeder = WatchdogFeeder(service.manager, relay.why_stuck, relay.log_stuck, lambda: relay.summary)
     status = asyncio.create_task(_status_lines(relay, log, status_every_s))
     await stopping.wait()
-    heart.stop()
+    feeder.stop()
     status.cancel()
     with contextlib.suppress(asyncio.CancelledError):
         await status
     await relay.stop()
-    log.say(events.STOPPED)
+    log.log(events.STOPPED)
 
 
 async def _with_log(thread: LogThread, serving: Coroutine[None, None, None]) -> None:
@@ -179,7 +181,7 @@ def _end_at_once(relay: Relay, log: "_Log") -> None:
     """End the process without waiting for anything; the system closes sockets and ports."""
     lines = list(relay.busy_lines)
     detail = f"a second signal; {UNFINISHED}" if lines else "a second signal"
-    log.say(events.STOPPED_AT_ONCE, lines=lines, detail=detail)
+    log.log(events.STOPPED_AT_ONCE, lines=lines, detail=detail)
     log.thread.close(AT_ONCE_S)
     # Leaving the loop in order would wait for tasks, and for a thread that looks up a host name.
     os._exit(1)
@@ -191,32 +193,32 @@ class _Log:
     def __init__(self, thread: LogThread) -> None:
         self.thread = thread
 
-    def say(self, event: EventEntry, **fields: Any) -> None:
-        self.thread.write(note_of(event, fields, time.time()))
+    def log(self, event: EventEntry, **fields: Any) -> None:
+        self.thread.write(log_entry(event, fields, time.time()))
 
     def unexpected(self, _loop: asyncio.AbstractEventLoop, context: Mapping[str, Any]) -> None:
         """Say what the loop would print itself, and block: a bug of ours, or no more descriptors."""
         error = context.get("exception")
         where = "".join(traceback.format_exception(error)) if isinstance(error, BaseException) else ""
-        self.say(events.UNEXPECTED, detail=context.get("message", ""), traceback=where)
+        self.log(events.UNEXPECTED, detail=context.get("message", ""), traceback=where)
 
     def hangup(self) -> None:
-        self.say(events.HANGUP_IGNORED, detail=HANGUP_MEANS)
+        self.log(events.HANGUP_IGNORED, detail=HANGUP_MEANS)
 
     def stopping(self, relay: Relay) -> None:
         busy = relay.busy_lines
         waits = "no exchange is on a wire"
         if busy:
             waits = f"waits up to {max(busy.values()):g} s for the exchange on {', '.join(busy)} to end"
-        self.say(events.STOPPING, lines=list(busy), detail=f"{waits}; a second signal ends at once")
+        self.log(events.STOPPING, lines=list(busy), detail=f"{waits}; a second signal ends at once")
 
     def plan(self, plan: GatewayPlan) -> None:
-        self.say(events.STARTING, gateway=plan.name, compiled=is_compiled())
+        self.log(events.STARTING, gateway=plan.name, compiled=is_compiled())
         for line in plan.lines:
             controllers = [f"{link.plan.name} ({link.plan.role.value})" for link in line.controllers]
-            self.say(events.LINE, line=line.name, drives=str(line.drives), controllers=controllers)
+            self.log(events.LINE, line=line.name, drives=str(line.drives), controllers=controllers)
             for axis in line.axes:
-                self.say(
+                self.log(
                     events.AXIS,
                     line=line.name,
                     axis=axis.name,
@@ -225,7 +227,7 @@ class _Log:
                     table=axis.table_name or None,
                 )
                 if axis.compensation is CompensationMode.SHADOW:
-                    self.say(events.SHADOW, axis=axis.name, detail=SHADOW_MEANS)
+                    self.log(events.SHADOW, axis=axis.name, detail=SHADOW_MEANS)
 
     def ready(self, relay: Relay) -> None:
         addresses = {
@@ -234,14 +236,14 @@ class _Log:
         }
         socket = {"socket": str(relay.control_socket)} if relay.control_socket else {}
         recording = {"recording": str(relay.recording)} if relay.recording else {}
-        self.say(events.READY, addresses=addresses, **socket, **recording)
+        self.log(events.READY, addresses=addresses, **socket, **recording)
 
     def status(self, status: RelayModel) -> None:
         for name, axis in status.axes.items():
-            self.say(events.STATUS, axis=name, **_picked(axis, AXIS_FIELDS))
+            self.log(events.STATUS, axis=name, **_picked(axis, AXIS_FIELDS))
         for name, line in status.lines.items():
             heard = {each.name: _picked(each, CONTROLLER_FIELDS) for each in line.controllers}
-            self.say(events.STATUS, line=name, **_picked(line, LINE_FIELDS), controllers=heard)
+            self.log(events.STATUS, line=name, **_picked(line, LINE_FIELDS), controllers=heard)
 
 
 def _picked(part: Struct, names: tuple[str, ...]) -> dict[str, Any]:

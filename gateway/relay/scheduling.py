@@ -42,7 +42,7 @@ MEMORY_REMEDY: Final = (
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class RefusedSetting:
     """One key of ``[relay]`` that the system did not grant."""
 
     key: str
@@ -51,7 +51,7 @@ class Refused:
     remedy: str
 
 
-def schedule(options: RelayOptions, on_withdrawn: Callable[[str], None]) -> tuple[Refused, ...]:
+def schedule(options: RelayOptions, on_withdrawn: Callable[[str], None]) -> tuple[RefusedSetting, ...]:
     """Ask the system for everything that ``options`` want; returns what it refused.
 
     To be called by the thread of the loop, when everything is loaded and open. ``on_withdrawn`` is told when
@@ -100,7 +100,7 @@ def numbers_text(numbers: Iterable[int]) -> str:
     return ",".join(f"{first}" if first == last else f"{first}-{last}" for first, last in runs)
 
 
-def _refusals(options: RelayOptions, on_withdrawn: Callable[[str], None]) -> Iterator[Refused]:
+def _refusals(options: RelayOptions, on_withdrawn: Callable[[str], None]) -> Iterator[RefusedSetting]:
     # The priority comes last: what is done before it is done as everybody else.
     if options.cpus and (refused := _pin(options.cpus)):
         yield refused
@@ -110,7 +110,7 @@ def _refusals(options: RelayOptions, on_withdrawn: Callable[[str], None]) -> Ite
         yield refused
 
 
-def _pin(cpus: tuple[int, ...]) -> Refused | None:
+def _pin(cpus: tuple[int, ...]) -> RefusedSetting | None:
     before = os.sched_getaffinity(0)
     missing = set(cpus)
     why = ""
@@ -124,7 +124,7 @@ def _pin(cpus: tuple[int, ...]) -> Refused | None:
             return None
         # The kernel takes those that there are and says nothing of the others.
         os.sched_setaffinity(0, before)
-    return Refused(
+    return RefusedSetting(
         "relay.cpus",
         list(cpus),
         why or f"no CPU {numbers_text(missing)} for this process",
@@ -140,7 +140,7 @@ def _online_cpus() -> str:
         return f"0-{(os.cpu_count() or 1) - 1}"
 
 
-def _lock_memory() -> Refused | None:
+def _lock_memory() -> RefusedSetting | None:
     limit_bytes, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     is_capable = bool(_status_number("CapEff", 16) >> CAP_IPC_LOCK & 1)
     why = memory_problem(limit_bytes, _status_number("VmSize") << 10, is_capable=is_capable)
@@ -149,7 +149,7 @@ def _lock_memory() -> Refused | None:
     if not why and libc.mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT):
         why = os.strerror(ctypes.get_errno())
     if why:
-        return Refused("relay.lock_memory", True, why, MEMORY_REMEDY)
+        return RefusedSetting("relay.lock_memory", True, why, MEMORY_REMEDY)
     for start, size in _mapped_files():
         libc.mlock(ctypes.c_void_p(start), ctypes.c_size_t(size))  # read in now what code was not run yet
     return None
@@ -169,13 +169,13 @@ def _mapped_files() -> list[tuple[int, int]]:
     return [(int(first, 16), int(end, 16) - int(first, 16)) for first, end in ranges]
 
 
-def _go_first(priority: int, on_withdrawn: Callable[[str], None]) -> Refused | None:
+def _go_first(priority: int, on_withdrawn: Callable[[str], None]) -> RefusedSetting | None:
     try:
         # Threads that start later (host names, recordings) must not inherit it.
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
     except OSError as error:
         if in_force().fifo != priority:  # else systemd gave it, and lets nobody ask
-            return Refused(
+            return RefusedSetting(
                 "relay.fifo", priority, _why_not_first(error), REALTIME_REMEDY.format(priority=priority)
             )
     _limit_spinning(on_withdrawn)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, Generic, TypeVar
 
-from gateway.catalogue import troubles as kinds
+from gateway.catalogue import alarms as kinds
 from gateway.catalogue.entry import Severity
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.line import LineExchange
@@ -129,12 +129,12 @@ class Register(Generic[_Of]):
     offset: int
     name: str
     words: int
-    meaning: str
+    description: str
     read: Callable[[_Of], int]
 
 
 @dataclass(frozen=True, slots=True)
-class Block(Generic[_Of]):
+class RegisterBlock(Generic[_Of]):
     """Registers for each of ``of``, ``size`` for each, from ``first`` on; those without a name are 0."""
 
     first: int
@@ -162,7 +162,7 @@ def _codes(codes: dict[str, int]) -> str:
     return ", ".join(f"{code} `{name}`" for name, code in codes.items())
 
 
-GATEWAY: Final[Block[Whole]] = Block(
+GATEWAY: Final[RegisterBlock[Whole]] = RegisterBlock(
     0,
     10,
     "the gateway",
@@ -203,7 +203,7 @@ GATEWAY: Final[Block[Whole]] = Block(
     ),
     lambda whole: (whole,),
 )
-LINES: Final[Block[OfLine]] = Block(
+LINES: Final[RegisterBlock[OfLine]] = RegisterBlock(
     100,
     10,
     "each line, in the order of the configuration",
@@ -242,7 +242,7 @@ LINES: Final[Block[OfLine]] = Block(
     ),
     lambda whole: whole.lines,
 )
-AXES: Final[Block[OfAxis]] = Block(
+AXES: Final[RegisterBlock[OfAxis]] = RegisterBlock(
     1000,
     10,
     "each axis, line by line, in the order of the configuration",

@@ -51,10 +51,10 @@ class Accepting:
         return f"{listener.addresses[0]}: connections wait, and none is accepted"
 
 
-class Heart:
+class WatchdogFeeder:
     """Feeds the watchdog as long as ``why_stuck``, which is given the time in ns, has nothing to say.
 
-    ``on_stuck`` is told once each time that it has. ``say`` returns the sentence for the manager's status.
+    ``on_stuck`` is called once each time that it has. ``show_status`` returns the manager's status text.
     """
 
     def __init__(
@@ -62,13 +62,13 @@ class Heart:
         manager: ServiceManager,
         why_stuck: Callable[[int], str],
         on_stuck: Callable[[str], None],
-        say: Callable[[], str],
+        status: Callable[[], str],
     ) -> None:
         self._manager = manager
         self._why_stuck = why_stuck
         self._on_stuck = on_stuck
-        self._say = say
-        self._told = ""
+        self._status = status
+        self._reported = ""
         self._every_ns = manager.watchdog_ns // BEATS or UNWATCHED_NS
         self._timer = Timer(self._beat) if manager.is_there else None
         if self._timer is not None:
@@ -84,12 +84,12 @@ class Heart:
         assert self._timer is not None
         why = self._why_stuck(now_ns)
         if not why and self._manager.watchdog_ns:
-            self._manager.alive(self._say())
+            self._manager.alive(self._status())
         else:
-            self._manager.say(why or self._say())
-        if why and not self._told:
+            self._manager.show_status(why or self._status())
+        if why and not self._reported:
             self._on_stuck(why)
-        self._told = why
+        self._reported = why
         self._timer.arm(now_ns + self._every_ns)
 
 

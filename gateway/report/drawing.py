@@ -13,13 +13,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from gateway.report.findings import Findings
+from gateway.report.findings import AxisResults
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INK: Final = "#1b2129"
+FOREGROUND: Final = "#1b2129"
 QUIET: Final = "#57606c"
 GRID: Final = "#dfe3e8"
 ZERO: Final = "#949ca8"
@@ -29,7 +29,7 @@ BOTH: Final = "#00795a"
 PAPER: Final = "#ffffff"
 
 VARIABLES: Final = {
-    INK: "--ink",
+    FOREGROUND: "--ink",
     QUIET: "--quiet",
     GRID: "--grid",
     ZERO: "--zero",
@@ -48,8 +48,8 @@ _SETTINGS: Final[Any] = {
     "font.family": ["DejaVu Sans"],  # matplotlib brings it along
     "font.size": 8.5,
     "text.parse_math": False,  # a dollar sign in the name of a machine is no formula
-    "text.color": INK,
-    "axes.labelcolor": INK,
+    "text.color": FOREGROUND,
+    "axes.labelcolor": FOREGROUND,
     "axes.edgecolor": ZERO,
     "axes.linewidth": 0.8,
     "axes.titlesize": 9.5,
@@ -132,7 +132,7 @@ class Panel:
                 artist.set_gid(f"{prefix}-{self.name}-{gid}")
 
 
-def dress(axes: "Axes", found: Findings, quantity: str, unit: str | None = None) -> None:
+def dress(axes: "Axes", found: AxisResults, quantity: str, unit: str | None = None) -> None:
     """Label both axes with their units and draw the line of no deviation."""
     axes.set_xlabel(f"position of {found.named} / {found.scale.position}")
     axes.set_ylabel(f"{quantity} / {unit or found.scale.deviation}")
@@ -152,11 +152,11 @@ def curve(
     if len(positions) > MOST_MARKS:
         style["marker"] = ""
     if len(shown_x) < len(positions):
-        say_thinned(axes, len(positions))
+        draw_thinning(axes, len(positions))
     axes.plot(shown_x, shown_y, gid=gid, **style)
 
 
-def say_thinned(axes: "Axes", count: int) -> None:
+def draw_thinning(axes: "Axes", count: int) -> None:
     """Say in the picture itself that it does not show every point."""
     label = axes.get_xlabel().partition(";")[0]
     axes.set_xlabel(f"{label}; extremes of each {stretch_of(count)} points")
@@ -202,7 +202,7 @@ def stretch_of(count: int) -> int:
     return -(-count // ((MOST_POINTS - 2) // 2))
 
 
-def thinning_note(count: int) -> str:
+def thinning_text(count: int) -> str:
     """Say that a curve of ``count`` points was thinned; empty where it was not."""
     if count <= MOST_POINTS:
         return ""

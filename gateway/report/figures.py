@@ -11,19 +11,19 @@ from gateway.report.drawing import (
     BACKWARD_STYLE,
     BOTH,
     BOTH_STYLE,
+    FOREGROUND,
     FORWARD,
     FORWARD_STYLE,
-    INK,
     QUIET,
     Panel,
     curve,
+    draw_thinning,
     dress,
     legend,
-    say_thinned,
     thinned,
-    thinning_note,
+    thinning_text,
 )
-from gateway.report.findings import Findings, count_of_readings
+from gateway.report.findings import AxisResults, count_of_readings
 from gateway.report.words import GAP
 
 if TYPE_CHECKING:
@@ -44,10 +44,15 @@ _BEFORE: Final[dict[str, Any]] = {
     "linestyle": (0, (1, 1.5)),
 }
 """Hollow: the points of the table often lie in the same places."""
-_AFTER: Final[dict[str, Any]] = {"color": INK, "marker": "D", "markerfacecolor": BOTH, "linewidth": 0.9}
+_AFTER: Final[dict[str, Any]] = {
+    "color": FOREGROUND,
+    "marker": "D",
+    "markerfacecolor": BOTH,
+    "linewidth": 0.9,
+}
 
 
-def panels(found: Findings) -> list[Panel]:
+def panels(found: AxisResults) -> list[Panel]:
     """Return the pictures for which there are data, in the order in which one reads them."""
     made = (
         *readings_panels(found),
@@ -62,7 +67,7 @@ def panels(found: Findings) -> list[Panel]:
 # --- Readings, before and after
 
 
-def readings_panels(found: Findings) -> list[Panel]:
+def readings_panels(found: AxisResults) -> list[Panel]:
     """Return the readings before and those after, on the same scale."""
     measured = [each for each in (found.before, found.after) if each is not None]
     # The line of no deviation is always in it.
@@ -81,7 +86,7 @@ def readings_panels(found: Findings) -> list[Panel]:
 
 
 def _readings_panel(
-    found: Findings, evaluation: Evaluation, when: str, title: str, limits: tuple[float, float] | None
+    found: AxisResults, evaluation: Evaluation, when: str, title: str, limits: tuple[float, float] | None
 ) -> Panel:
     def draw(axes: "Axes") -> None:
         dress(axes, found, "deviation")
@@ -99,14 +104,14 @@ def _readings_panel(
             "too far. Dots are single readings, the line is their mean"
         )
         about += ", the band two standard deviations (2s) to either side." if _has_bands(evaluation) else "."
-    if when == "after" and found.story.is_predicted:
+    if when == "after" and found.axis_data.is_predicted:
         about += " These readings are predicted: nobody measured them."
     is_half = found.before is not None and found.after is not None
     return Panel(f"readings-{when}", title, about, draw, is_half)
 
 
 def _draw_approach(
-    axes: "Axes", found: Findings, evaluation: Evaluation, what: tuple[str, str, dict[str, Any]]
+    axes: "Axes", found: AxisResults, evaluation: Evaluation, what: tuple[str, str, dict[str, Any]]
 ) -> None:
     """Draw one direction: band, single readings, mean."""
     way, colour, style = what
@@ -165,7 +170,7 @@ def _limits(values: Sequence[float], share: float) -> tuple[float, float] | None
     return (low - room, high + room) if room else None
 
 
-def _edges(evaluation: Evaluation, found: Findings) -> list[float]:
+def _edges(evaluation: Evaluation, found: AxisResults) -> list[float]:
     """Return everything that a picture of readings must have room for, as it is shown."""
     lengths: list[float] = []
     for target in evaluation.targets:
@@ -179,7 +184,7 @@ def _edges(evaluation: Evaluation, found: Findings) -> list[float]:
 # --- What is left, magnified
 
 
-def residue_panel(found: Findings) -> Panel | None:
+def residue_panel(found: AxisResults) -> Panel | None:
     """Return the residue magnified, if there are readings before to compare it with."""
     after = found.after
     if after is None or found.before is None:
@@ -192,8 +197,8 @@ def residue_panel(found: Findings) -> Panel | None:
             _draw_approach(axes, found, after, (way, colour, style))
         bounds = _bounds(found)
         if bounds is not None:
-            for place, edge in zip(("low", "high"), bounds, strict=True):
-                axes.axhline(edge, color=QUIET, linewidth=0.9, linestyle=(0, (6, 3)), gid=f"accuracy-{place}")
+            for end, edge in zip(("low", "high"), bounds, strict=True):
+                axes.axhline(edge, color=QUIET, linewidth=0.9, linestyle=(0, (6, 3)), gid=f"accuracy-{end}")
         if limits is not None:
             axes.set_ylim(*limits)
         legend(axes)
@@ -209,7 +214,7 @@ def residue_panel(found: Findings) -> Panel | None:
     return Panel("residue", f"Residue after compensation, magnified ({found.after_word})", about, draw)
 
 
-def _bounds(found: Findings) -> tuple[float, float] | None:
+def _bounds(found: AxisResults) -> tuple[float, float] | None:
     """Return the two lines whose distance is A."""
     if found.after is None or found.after.accuracy is None:
         return None
@@ -226,9 +231,9 @@ def _bounds(found: Findings) -> tuple[float, float] | None:
 # --- The table
 
 
-def correction_panel(found: Findings) -> Panel | None:
+def correction_panel(found: AxisResults) -> Panel | None:
     """Return the correction curves, if there is a table."""
-    table = found.story.table
+    table = found.axis_data.table
     if table is None:
         return None
     show = found.scale.of
@@ -254,16 +259,16 @@ def correction_panel(found: Findings) -> Panel | None:
     )
     if table.is_unidirectional:
         about += " The table is the same for both directions."
-    about += thinning_note(len(table.positions))
+    about += thinning_text(len(table.positions))
     return Panel("correction", "Correction table", about, draw)
 
 
 # --- Lost motion
 
 
-def backlash_panel(found: Findings) -> Panel | None:
+def backlash_panel(found: AxisResults) -> Panel | None:
     """Return lost motion over position, if a table or readings of both directions tell it."""
-    table = found.story.table
+    table = found.axis_data.table
     measured, left = _lost(found.before), _lost(found.after)
     if table is not None and table.is_unidirectional:
         table = None  # it knows nothing of lost motion, and a line at 0 would say that there is none
@@ -287,7 +292,7 @@ def backlash_panel(found: Findings) -> Panel | None:
     if table is not None:
         largest = found.scale.rounded(table.max_reversal())
         about += f" In the table it is the forward less the backward correction, and reaches {largest}."
-        about += thinning_note(len(table.positions))
+        about += thinning_text(len(table.positions))
     return Panel("backlash", "Backlash", about, draw, is_half=True)
 
 
@@ -299,16 +304,18 @@ def _lost(evaluation: Evaluation | None) -> list[tuple[float, float]]:
     return [(target, -reversal) for target, reversal in targets if reversal is not None]
 
 
-def _points_shown(points: Sequence[tuple[float, float]], found: Findings) -> tuple[list[float], list[float]]:
+def _points_shown(
+    points: Sequence[tuple[float, float]], found: AxisResults
+) -> tuple[list[float], list[float]]:
     return [x for x, _ in points], [found.scale.of(lost) for _, lost in points]
 
 
 # --- How steep the table is
 
 
-def slope_panel(found: Findings) -> Panel | None:
+def slope_panel(found: AxisResults) -> Panel | None:
     """Return the slope of the corrections between the points, if there is a table."""
-    table = found.story.table
+    table = found.axis_data.table
     if table is None:
         return None
     unit = f"{found.scale.deviation}/{found.scale.position}"
@@ -322,16 +329,16 @@ def slope_panel(found: Findings) -> Panel | None:
             edges, slopes = _steps(table, values, found.scale.factor)
             line = {key: style[key] for key in ("color", "linestyle")}
             if len(edges) < 2 * (len(values) - 1):
-                say_thinned(axes, len(values))
+                draw_thinning(axes, len(values))
             axes.plot(edges, slopes, gid=name, label=name, **line)
         legend(axes)
 
     about = (
-        f"By how much the correction changes per {found.story.units.value} of travel. The steepest is "
+        f"By how much the correction changes per {found.axis_data.units.value} of travel. The steepest is "
         f"{table.max_slope() * found.scale.factor:.3g}{GAP}{unit}: there the drive moves "
         f"{table.max_slope() * 100:.2g}{GAP}% faster or slower than it was commanded."
     )
-    about += thinning_note(len(table.positions))
+    about += thinning_text(len(table.positions))
     return Panel("slope", "Slope of the corrections", about, draw, is_half=True)
 
 

@@ -7,9 +7,9 @@ from typing import Final, NamedTuple
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate, missing_line
 from gateway.metrology.readings import Survey
+from gateway.report.axis_data import AxisData
 from gateway.report.errors import ReportError
-from gateway.report.story import AxisStory
-from gateway.report.words import NONE, Scale, clean, cut, scale_of, shortest
+from gateway.report.words import NONE, Scale, clean, scale_of, shortest, truncated
 
 SAME_STRETCH: Final = 0.8
 """Share of a measured length that must be measured again before two results may be compared."""
@@ -19,10 +19,10 @@ _NAME_CHARACTERS: Final = 24
 
 
 @dataclass(frozen=True, slots=True)
-class Findings:
+class AxisResults:
     """One axis, evaluated. All lengths in the units of the axis; ``scale`` says how to show them."""
 
-    story: AxisStory
+    axis_data: AxisData
     scale: Scale
     before: Evaluation | None
     after: Evaluation | None
@@ -30,7 +30,7 @@ class Findings:
     @property
     def axis(self) -> str:
         """Name of the axis, fit for a page."""
-        return cut(clean(self.story.axis), _NAME_CHARACTERS)
+        return truncated(clean(self.axis_data.axis), _NAME_CHARACTERS)
 
     @property
     def named(self) -> str:
@@ -55,7 +55,7 @@ class Findings:
     @property
     def after_word(self) -> str:
         """What the readings after are: nobody may take a prediction for a measurement."""
-        return "predicted" if self.story.is_predicted else "measured"
+        return "predicted" if self.axis_data.is_predicted else "measured"
 
 
 class Figure(NamedTuple):
@@ -93,25 +93,29 @@ _HEADLINES: Final = (
 """What the sentence is about: the first that all readings carry."""
 
 
-def find(story: AxisStory) -> Findings:
+def find(axis_data: AxisData) -> AxisResults:
     """Evaluate the readings of one axis.
 
     Raises:
         ReportError: there is nothing to tell, units are mixed, or readings cannot be evaluated.
     """
-    if story.table is None and story.before is None and story.after is None:
+    if axis_data.table is None and axis_data.before is None and axis_data.after is None:
         raise ReportError(
-            f"axis {story.axis or NONE}: neither a table nor readings: there is nothing to show"
+            f"axis {axis_data.axis or NONE}: neither a table nor readings: there is nothing to show"
         )
-    parts = (("table", story.table), ("readings before", story.before), ("readings after", story.after))
+    parts = (
+        ("table", axis_data.table),
+        ("readings before", axis_data.before),
+        ("readings after", axis_data.after),
+    )
     for name, part in parts:
-        if part is not None and part.units is not story.units:
+        if part is not None and part.units is not axis_data.units:
             raise ReportError(
-                f"axis {story.axis or NONE}: its {name} are in {part.units.value}, the axis in "
-                f"{story.units.value}: convert them first"
+                f"axis {axis_data.axis or NONE}: its {name} are in {part.units.value}, the axis in "
+                f"{axis_data.units.value}: convert them first"
             )
-    before, after = (_evaluated(story.axis, survey) for survey in (story.before, story.after))
-    return Findings(story, scale_of(story.units), before, after)
+    before, after = (_evaluated(axis_data.axis, survey) for survey in (axis_data.before, axis_data.after))
+    return AxisResults(axis_data, scale_of(axis_data.units), before, after)
 
 
 def _evaluated(axis: str, survey: Survey | None) -> Evaluation | None:
@@ -123,13 +127,13 @@ def _evaluated(axis: str, survey: Survey | None) -> Evaluation | None:
         raise ReportError(f"axis {axis or NONE}: {error}") from error
 
 
-def sentence(found: Findings) -> str:
+def sentence(found: AxisResults) -> str:
     """Say in one sentence what a customer wants to know."""
     before, after, show = found.before, found.after, found.scale.rounded
-    known = [each for each in (before, after) if each is not None]
+    stages = [each for each in (before, after) if each is not None]
     for figure, words in _HEADLINES:
-        numbers = [number for each in known if (number := figure.of(each)) is not None]
-        if not known or len(numbers) < len(known):
+        numbers = [number for each in stages if (number := figure.of(each)) is not None]
+        if not stages or len(numbers) < len(stages):
             continue
         if before is not None and after is not None:
             if left := _left_between(found):
@@ -137,16 +141,16 @@ def sentence(found: Findings) -> str:
             return _change(found, words, numbers[0], numbers[1])
         if before is not None:
             return f"{found.subject} is {words} {show(numbers[0])} as it was measured."
-        where = " at the targets" if found.story.is_predicted else ""
+        where = " at the targets" if found.axis_data.is_predicted else ""
         now = f"{_is(found)}{words} {show(numbers[0])}{where}"
         return f"{found.subject} is {now}, with the correction in force."
     return _about_table(found)
 
 
-def _left_between(found: Findings) -> str:
+def _left_between(found: AxisResults) -> str:
     """Say what a table will leave where nobody measured; empty where nothing tells it."""
-    left_out = found.story.left_out
-    if left_out is None or not found.story.is_predicted:
+    left_out = found.axis_data.left_out
+    if left_out is None or not found.axis_data.is_predicted:
         return ""
     show = found.scale.rounded
     if left_out.unsettled:
@@ -162,7 +166,7 @@ def _left_between(found: Findings) -> str:
     )
 
 
-def _predicted(found: Findings, words: str, left: str, before: float, after: float) -> str:
+def _predicted(found: AxisResults, words: str, left: str, before: float, after: float) -> str:
     """Say first what is left between the targets: at them a table that was made of them leaves hardly any."""
     show = found.scale.rounded
     return (
@@ -171,22 +175,22 @@ def _predicted(found: Findings, words: str, left: str, before: float, after: flo
     )
 
 
-def _is(found: Findings) -> str:
-    return "predicted to be " if found.story.is_predicted else ""
+def _is(found: AxisResults) -> str:
+    return "predicted to be " if found.axis_data.is_predicted else ""
 
 
-def _change(found: Findings, words: str, before: float, after: float) -> str:
+def _change(found: AxisResults, words: str, before: float, after: float) -> str:
     """Say what it was and what it is; how many times better only of two measurements of the same stretch."""
     show = found.scale.rounded
-    now = "is predicted to be" if found.story.is_predicted else "is now"
+    now = "is predicted to be" if found.axis_data.is_predicted else "is now"
     first = f"{found.subject} was {words} {show(before)} and {now} {words} {show(after)}"
-    if found.story.is_predicted:
+    if found.axis_data.is_predicted:
         first += " at the targets"
     if found.other_stretch:
         return f"{first}, but {found.other_stretch}."
     if after >= before:
         return f"{first}: it did not become better."
-    if found.story.is_predicted or found.scale.of(after) < LEAST_LEFT or before / after < 1.05:
+    if found.axis_data.is_predicted or found.scale.of(after) < LEAST_LEFT or before / after < 1.05:
         return f"{first}."
     ratio = before / after
     return f"{first}: {ratio:.0f} times better." if ratio >= 9.5 else f"{first}: {ratio:.1f} times better."
@@ -208,8 +212,8 @@ def other_stretch(before: Evaluation, after: Evaluation) -> str:
     return f"over {now} {unit} instead of {was} {unit}: these do not compare"
 
 
-def _about_table(found: Findings) -> str:
-    table, show = found.story.table, found.scale.rounded
+def _about_table(found: AxisResults) -> str:
+    table, show = found.axis_data.table, found.scale.rounded
     if table is None:
         return f"{found.subject} was measured, but not often enough for a result."
     first = f"The table of {found.named} changes a position by up to {show(table.max_correction())}"

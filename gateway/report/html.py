@@ -8,10 +8,10 @@ from typing import Final
 
 from gateway import __version__
 from gateway.metrology.evaluation import Evaluation, missing_of
+from gateway.report.axis_data import Report
 from gateway.report.drawing import VARIABLES, Panel, opening_tag, panel_svg
 from gateway.report.figures import panels
-from gateway.report.findings import FIGURES, Figure, Findings, about_readings, sentence
-from gateway.report.story import Report
+from gateway.report.findings import FIGURES, AxisResults, Figure, about_readings, sentence
 from gateway.report.words import GAP, NONE, clean, number, shortest
 
 _PAGE: Final = """\
@@ -61,14 +61,14 @@ _PREDICTED: Final = (
 )
 MOST_ROWS: Final = 1000
 """Points that are listed. Longer tables are for programs, and in their file."""
-ISO_PLACES: Final = 2
-POINT_PLACES: Final = 2
+ISO_DECIMALS: Final = 2
+POINT_DECIMALS: Final = 2
 _COLOURS: Final = re.compile("|".join(VARIABLES))
 
 
-def html_page(report: Report, found: Sequence[Findings]) -> str:
+def html_page(report: Report, found: Sequence[AxisResults]) -> str:
     """Return the whole page. All text of the report is escaped: it comes from files of strangers."""
-    predicted = any(each.story.is_predicted and each.after is not None for each in found)
+    predicted = any(each.axis_data.is_predicted and each.after is not None for each in found)
     measured = any(each.before is not None or each.after is not None for each in found)
     return _PAGE.format(
         version=escape(__version__),
@@ -93,15 +93,15 @@ def _facts(facts: Iterable[tuple[str, str]]) -> str:
     return f"<dl>\n{rows}</dl>\n" if rows else ""
 
 
-def _axis(found: Findings, index: int) -> str:
+def _axis(found: AxisResults, index: int) -> str:
     """One section: sentence, facts, results, pictures, points."""
     prefix = f"axis{index}"
-    notes = "".join(f"<li>{text(note)}</li>\n" for note in found.story.notes)
+    notes = "".join(f"<li>{text(note)}</li>\n" for note in found.axis_data.notes)
     parts = (
         f'<section class="card" aria-labelledby="{prefix}">\n',
         f'<h2 id="{prefix}">{escape(found.subject)}</h2>\n',
         f'<p class="said">{escape(sentence(found))}</p>\n',
-        _facts(found.story.facts.items()),
+        _facts(found.axis_data.facts.items()),
         results_table(found),
         readings_lines(found),
         f"<h3>Notes</h3>\n<ul>\n{notes}</ul>\n" if notes else "",
@@ -142,7 +142,7 @@ def _without_styles(svg: str) -> str:
 # --- Its tables: results of ISO 230-2, how they were measured, the points of the table
 
 
-def results_table(found: Findings) -> str:
+def results_table(found: AxisResults) -> str:
     """Return the results before and after, empty where nothing was measured."""
     columns = _result_columns(found)
     if not columns:
@@ -163,24 +163,25 @@ def results_table(found: Findings) -> str:
     )
 
 
-def _results_title(found: Findings) -> str:
+def _results_title(found: AxisResults) -> str:
     """Return what the figures may be called: the standard's own name only where nothing is missing."""
     missing = any(missing_of(each) for each in (found.before, found.after) if each is not None)
     return "by the formulas of ISO 230-2" if missing else "after ISO 230-2"
 
 
-def _result_columns(found: Findings) -> list[tuple[str, Evaluation]]:
+def _result_columns(found: AxisResults) -> list[tuple[str, Evaluation]]:
     word = "after"
-    if found.story.is_predicted:
+    if found.axis_data.is_predicted:
         word = 'after, <span class="predicted">predicted</span> at the targets'
     both = ((found.before_word, found.before), (word, found.after))
     return [(name, each) for name, each in both if each is not None]
 
 
-def _row(found: Findings, figure: Figure, evaluations: list[Evaluation]) -> str:
+def _row(found: AxisResults, figure: Figure, evaluations: list[Evaluation]) -> str:
     values = [figure.of(each) for each in evaluations]
     cells = "".join(
-        f"<td>{NONE if value is None else number(found.scale.of(value), ISO_PLACES)}</td>" for value in values
+        f"<td>{NONE if value is None else number(found.scale.of(value), ISO_DECIMALS)}</td>"
+        for value in values
     )
     if len(values) > 1:
         cells += f"<td>{NONE if found.other_stretch else _share(*values)}</td>"
@@ -190,10 +191,10 @@ def _row(found: Findings, figure: Figure, evaluations: list[Evaluation]) -> str:
     return f'<tr class="part"><th scope="row">{figure.symbol} {figure.direction}</th>{cells}</tr>\n'
 
 
-def _between_row(found: Findings, columns: int) -> str:
+def _between_row(found: AxisResults, columns: int) -> str:
     """Return the line of what a table will leave between the targets."""
-    left_out = found.story.left_out
-    if left_out is None or not found.story.is_predicted or columns < 2:
+    left_out = found.axis_data.left_out
+    if left_out is None or not found.axis_data.is_predicted or columns < 2:
         return ""
     value = NONE if left_out.unsettled else f"≥{GAP}{_shown(found, left_out.low)}"
     why = escape(left_out.unknown)
@@ -209,8 +210,8 @@ def _between_row(found: Findings, columns: int) -> str:
     )
 
 
-def _shown(found: Findings, length: float) -> str:
-    return number(found.scale.of(length), ISO_PLACES)
+def _shown(found: AxisResults, length: float) -> str:
+    return number(found.scale.of(length), ISO_DECIMALS)
 
 
 def _share(before: float | None, after: float | None) -> str:
@@ -220,7 +221,7 @@ def _share(before: float | None, after: float | None) -> str:
     return f"{number(abs(after / before) * 100, 1)}{GAP}%"
 
 
-def readings_lines(found: Findings) -> str:
+def readings_lines(found: AxisResults) -> str:
     """Say how the results were measured, a line for each set of readings."""
     lines = [
         f"<b>{word.capitalize()}</b>: {escape(about_readings(each))}."
@@ -230,9 +231,9 @@ def readings_lines(found: Findings) -> str:
     return f'<p class="quiet">{"<br>".join(lines)}</p>\n' if lines else ""
 
 
-def points_table(found: Findings) -> str:
+def points_table(found: AxisResults) -> str:
     """Return the points of the table, folded away; empty where there is no table."""
-    table = found.story.table
+    table = found.axis_data.table
     if table is None:
         return ""
     count = len(table.positions)
@@ -247,15 +248,17 @@ def points_table(found: Findings) -> str:
             strict=True,
         )
     )
-    cut = f" The first {MOST_ROWS} are listed; the file of the table has all." if count > MOST_ROWS else ""
+    omission = (
+        f" The first {MOST_ROWS} are listed; the file of the table has all." if count > MOST_ROWS else ""
+    )
     return (
         f"<details>\n<summary>The {count} points of the table</summary>\n"
-        f'<div class="wide"><table>\n<caption>What is added to a command, in {unit}.{cut}</caption>\n'
+        f'<div class="wide"><table>\n<caption>What is added to a command, in {unit}.{omission}</caption>\n'
         f'<thead><tr><th scope="col">position / {position}</th><th scope="col">moving forward</th>'
         '<th scope="col">moving backward</th><th scope="col">difference</th></tr></thead>\n'
         f"<tbody>\n{rows}</tbody>\n</table></div>\n</details>\n"
     )
 
 
-def _point(found: Findings, correction: float) -> str:
-    return number(found.scale.of(correction), POINT_PLACES)
+def _point(found: AxisResults, correction: float) -> str:
+    return number(found.scale.of(correction), POINT_DECIMALS)

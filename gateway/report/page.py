@@ -6,11 +6,21 @@ from typing import TYPE_CHECKING, Final
 
 from gateway import __version__
 from gateway.metrology.evaluation import Evaluation, missing_of
-from gateway.report.drawing import GRID, INK, QUIET, ZERO, Panel, legend_to_the_right, saved, settings, svg_of
+from gateway.report.axis_data import Report
+from gateway.report.drawing import (
+    FOREGROUND,
+    GRID,
+    QUIET,
+    ZERO,
+    Panel,
+    legend_to_the_right,
+    saved,
+    settings,
+    svg_of,
+)
 from gateway.report.figures import panels
-from gateway.report.findings import FIGURES, Figure, Findings, about_readings, sentence
-from gateway.report.story import Report
-from gateway.report.words import NONE, clean, cut, number
+from gateway.report.findings import FIGURES, AxisResults, Figure, about_readings, sentence
+from gateway.report.words import NONE, clean, number, truncated
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,7 +47,7 @@ _SHORT: Final = {"systematic deviation": "systematic", "mean systematic deviatio
 _COLUMNS: Final = 6
 
 
-def draw_page(report: Report, found: Sequence[Findings], form: str) -> bytes:
+def draw_page(report: Report, found: Sequence[AxisResults], form: str) -> bytes:
     """Draw the whole report as one ``png`` or ``svg``."""
     from matplotlib.figure import Figure as Canvas
 
@@ -49,7 +59,7 @@ def draw_page(report: Report, found: Sequence[Findings], form: str) -> bytes:
         parts = figure.subfigures(1 + len(heights), 1, height_ratios=[TITLE_IN, *heights], squeeze=False)
         _title(parts[0, 0], report)
         for index, (each, its) in enumerate(zip(found, rows, strict=True), start=1):
-            _sheet(parts[index, 0], each, its, f"axis{index}")
+            _axis_part(parts[index, 0], each, its, f"axis{index}")
         if form == "svg":
             return _standalone(figure, report).encode()
         return saved(figure, form)
@@ -75,26 +85,28 @@ def _rows(its: list[Panel]) -> list[list[Panel]]:
     return rows
 
 
-def _head_height(found: Findings) -> float:
+def _head_height(found: AxisResults) -> float:
     results = [each for each in (found.before, found.after) if each is not None]
     lines = (
-        SENTENCE_IN + LINE_IN * (len(sentence_lines(found)) - 1) + (FACTS_IN if found.story.facts else 0.0)
+        SENTENCE_IN
+        + LINE_IN * (len(sentence_lines(found)) - 1)
+        + (FACTS_IN if found.axis_data.facts else 0.0)
     )
     return lines + (RESULT_IN * (len(results) + 1) if results else 0.0)
 
 
-def sentence_lines(found: Findings) -> list[str]:
+def sentence_lines(found: AxisResults) -> list[str]:
     """Return the sentence on as many lines as it needs: its end says whether it became better."""
     return wrap(sentence(found), _SENTENCE_CHARACTERS, break_on_hyphens=False)
 
 
 def _title(part: "SubFigure", report: Report) -> None:
-    part.text(LEFT, 0.45, cut(clean(report.title), 75), fontsize=15, fontweight="bold", va="center")
-    made = f"{cut(clean(report.made_at), 60)}\npitch-gateway {__version__}".lstrip()
+    part.text(LEFT, 0.45, truncated(clean(report.title), 75), fontsize=15, fontweight="bold", va="center")
+    made = f"{truncated(clean(report.made_at), 60)}\npitch-gateway {__version__}".lstrip()
     part.text(RIGHT, 0.45, made, fontsize=7.5, color=QUIET, ha="right", va="center", linespacing=1.5)
 
 
-def _sheet(part: "SubFigure", found: Findings, rows: list[list[Panel]], prefix: str) -> None:
+def _axis_part(part: "SubFigure", found: AxisResults, rows: list[list[Panel]], prefix: str) -> None:
     head_height = _head_height(found)
     ratios = [head_height, ROW_IN * len(rows)]
     head, body = part.subfigures(2, 1, height_ratios=ratios, squeeze=False)[:, 0]
@@ -106,7 +118,7 @@ def _sheet(part: "SubFigure", found: Findings, rows: list[list[Panel]], prefix: 
             axes.set_title(panel.title, pad=8 if len(row) == 1 else 20)
 
 
-def _head(head: "SubFigure", found: Findings, height: float) -> None:
+def _head(head: "SubFigure", found: AxisResults, height: float) -> None:
     """Write the sentence, the facts and the results in their lines from the top."""
     rule = 1 - 0.03 / height
     head.add_artist(_line((LEFT, RIGHT), (rule, rule)))
@@ -125,11 +137,11 @@ def _head(head: "SubFigure", found: Findings, height: float) -> None:
         _results(axes, found, results)
 
 
-def _facts_line(found: Findings) -> str:
+def _facts_line(found: AxisResults) -> str:
     """Return as many whole facts as a line has room for; an ellipsis stands for the others."""
     line = ""
-    for name, text in found.story.facts.items():
-        fact = f"{cut(clean(name), _FACT_CHARACTERS)}: {cut(clean(text), _FACT_CHARACTERS)}"
+    for name, text in found.axis_data.facts.items():
+        fact = f"{truncated(clean(name), _FACT_CHARACTERS)}: {truncated(clean(text), _FACT_CHARACTERS)}"
         longer = f"{line}{_BETWEEN_FACTS}{fact}" if line else fact
         if len(longer) > _FACTS_CHARACTERS:
             return f"{line}{_BETWEEN_FACTS}…"
@@ -140,7 +152,7 @@ def _facts_line(found: Findings) -> str:
 def _line(x: tuple[float, float], y: tuple[float, float]) -> "Line2D":
     from matplotlib.lines import Line2D
 
-    return Line2D(x, y, color=INK, linewidth=1.1)
+    return Line2D(x, y, color=FOREGROUND, linewidth=1.1)
 
 
 def shown_figures(results: Sequence[Evaluation]) -> list[Figure]:
@@ -156,7 +168,7 @@ def _heading(figure: Figure) -> str:
     return f"{figure.symbol}  {name}"
 
 
-def _results(axes: "Axes", found: Findings, results: list[tuple[str, Evaluation]]) -> None:
+def _results(axes: "Axes", found: AxisResults, results: list[tuple[str, Evaluation]]) -> None:
     """Write the numbers of the standard, a line for each set of readings."""
     axes.set_axis_off()
     axes.set_xlim(0, 1)

@@ -26,13 +26,13 @@ class Scale:
         """Convert a deviation from the units of the axis."""
         return deviation * self.factor
 
-    def deviation_text(self, deviation: float | None, places: int) -> str:
+    def deviation_text(self, deviation: float | None, decimals: int) -> str:
         r"""Render a deviation, given in the units of the axis, with its unit.
 
         >>> scale_of(Units.MM).deviation_text(-0.0125, 1)
         '−12.5\xa0µm'
         """
-        return NONE if deviation is None else f"{number(self.of(deviation), places)}{GAP}{self.deviation}"
+        return NONE if deviation is None else f"{number(self.of(deviation), decimals)}{GAP}{self.deviation}"
 
     def rounded(self, deviation: float) -> str:
         r"""Render a deviation for a sentence: three digits at most, none that nobody can feel.
@@ -50,13 +50,13 @@ def scale_of(units: Units) -> Scale:
     return Scale(_POSITIONS[units], small.name, small.factor)
 
 
-def number(value: float, places: int) -> str:
+def number(value: float, decimals: int) -> str:
     """Render a number with a real minus sign; what rounds to zero has none.
 
     >>> number(-1.25, 2), number(-0.001, 2), number(12345.0, 0)
     ('−1.25', '0.00', '12345')
     """
-    text = f"{value:.{places}f}"
+    text = f"{value:.{decimals}f}"
     if not text.strip("-0."):
         text = text.lstrip("-")
     return text.replace("-", MINUS)
@@ -83,10 +83,10 @@ def clean(text: str) -> str:
     return "".join(sign if sign.isprintable() else " " if sign.isspace() else "\ufffd" for sign in text)
 
 
-def cut(text: str, longest: int) -> str:
+def truncated(text: str, longest: int) -> str:
     """Return a text of at most ``longest`` characters, the end as an ellipsis where it is longer.
 
-    >>> cut("a long name", 7)
+    >>> truncated("a long name", 7)
     'a long…'
     """
     return text if len(text) <= longest else f"{text[: longest - 1].rstrip()}…"

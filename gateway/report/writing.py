@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Final
 
 from gateway.files import FileRefusedError, kind_of, write_file
+from gateway.report.axis_data import Report
 from gateway.report.errors import ReportError
 from gateway.report.findings import find
-from gateway.report.story import Report
 
 SUFFIXES: Final = (".html", ".png", ".svg")
 MOST_SHEETS: Final = 24
@@ -22,8 +22,8 @@ def write_report(report: Report, path: Path, *, force: bool = False) -> None:
     Raises:
         ReportError: another suffix, a report without content, a file of this name, or no place to write to.
     """
-    check_place(path, force=force)
-    place(path, render(report, path.suffix.lower()), force=force)
+    check_path(path, force=force)
+    put_file(path, render(report, path.suffix.lower()), force=force)
 
 
 def render(report: Report, suffix: str) -> bytes:
@@ -36,7 +36,7 @@ def render(report: Report, suffix: str) -> bytes:
     """
     if not report.axes:
         raise ReportError("a report of no axis: there is nothing to show")
-    found = [find(story) for story in report.axes]
+    found = [find(axis_data) for axis_data in report.axes]
     if suffix == ".html":
         from gateway.report.html import html_page
 
@@ -48,7 +48,7 @@ def render(report: Report, suffix: str) -> bytes:
     return draw_page(report, found, suffix.removeprefix("."))
 
 
-def check_place(path: Path, *, force: bool) -> None:
+def check_path(path: Path, *, force: bool) -> None:
     """Check what can be known of the place before the work.
 
     Raises:
@@ -70,7 +70,7 @@ def check_place(path: Path, *, force: bool) -> None:
         raise ReportError(f"{path}: a file of this name; give a new name, or --force")
 
 
-def place(path: Path, content: bytes, *, force: bool) -> None:
+def put_file(path: Path, content: bytes, *, force: bool) -> None:
     """Put a file into its place in one step, as :func:`gateway.files.write_file` does.
 
     Raises:

@@ -24,7 +24,7 @@ def loop_now_ns() -> int:
     return int(asyncio.get_running_loop().time() * NS_PER_S)
 
 
-class Alarm:
+class DeadlineTimer:
     """One timer that follows a deadline wherever it moves."""
 
     def __init__(self, ring: Callable[[], None]) -> None:

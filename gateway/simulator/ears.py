@@ -49,15 +49,15 @@ def ends_ns(hearing: Hearing, baudrate: int, bits_per_character: int = 11) -> in
     return max(ends, MERGED_NS) if hearing is Hearing.MERGING else ends
 
 
-class Ear:
+class Uart:
     """One drive's UART and its buffer.
 
-    >>> ear = Ear(Hearing.STANDARD, baudrate=1000, bits_per_character=10)
+    >>> uart = Uart(Hearing.STANDARD, baudrate=1000, bits_per_character=10)
     >>> for at, byte in enumerate(bytes.fromhex("01 06 31 00 00 0F C7 32")):
-    ...     _ = ear.hear(TimedByte(10_000_000 * at, byte))
-    >>> ear.deadline_ns
+    ...     _ = uart.receive(TimedByte(10_000_000 * at, byte))
+    >>> uart.deadline_ns
     115000000
-    >>> ear.take(115_000_000).hex(" ")
+    >>> uart.take(115_000_000).hex(" ")
     '01 06 31 00 00 0f c7 32'
     """
 
@@ -85,7 +85,7 @@ class Ear:
         """
         return self._last_ns + self._ends_ns + self._character_ns if self._heard else None
 
-    def hear(self, arrival: TimedByte) -> bytes:
+    def receive(self, arrival: TimedByte) -> bytes:
         """Take a byte; return the frame that had ended before it came, empty where there is none."""
         ended = self.take(arrival.came_ns)
         if self._heard:
@@ -117,14 +117,14 @@ class Ear:
     def _frame_of(self, heard: bytes) -> bytes:
         if len(heard) < MIN_ADU:
             return b""
-        said = request_length(heard if self._wants_length else bytes(self._buffer))
+        length = request_length(heard if self._wants_length else bytes(self._buffer))
         if self._hearing is not Hearing.NO_CHECK and not is_intact(heard):
             return b""
-        if said < MIN_ADU:
-            return heard if said == UNTIL_SILENCE else b""
+        if length < MIN_ADU:
+            return heard if length == UNTIL_SILENCE else b""
         if self._wants_length:
-            return heard if said == len(heard) else b""
-        return bytes(self._buffer[:said])
+            return heard if length == len(heard) else b""
+        return bytes(self._buffer[:length])
 
     @property
     def _wants_length(self) -> bool:

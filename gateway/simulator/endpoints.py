@@ -10,8 +10,8 @@ from gateway.modbus.lengths import ADU_OVERHEAD, MIN_ADU
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.simulator.bus import DriveBus
-from gateway.simulator.clock import Alarm, SimulationClock, loop_now_ns
-from gateway.simulator.ears import Ear, Hearing
+from gateway.simulator.clock import DeadlineTimer, SimulationClock, loop_now_ns
+from gateway.simulator.ears import Hearing, Uart
 from gateway.simulator.errors import SimulatorError
 from gateway.simulator.pty import FdChannel
 from gateway.simulator.wire import PLAIN, Cable, Lane, PacedWire
@@ -38,7 +38,7 @@ class _DelayedSender:
     def __init__(self, send: Callable[[bytes], None]) -> None:
         self._send = send
         self._waiting: deque[tuple[int, bytes]] = deque()
-        self._alarm = Alarm(self._send_due)
+        self._alarm = DeadlineTimer(self._send_due)
 
     def send(self, adu: bytes, delay_s: float) -> None:
         if not delay_s and not self._waiting:
@@ -93,7 +93,7 @@ class _RtuUnit:
     def __init__(self, obeying: _Obeying) -> None:
         self._obeying = obeying
         self._decoder = RtuRequestDecoder()
-        self._silence = Alarm(self._on_silence)
+        self._silence = DeadlineTimer(self._on_silence)
         self._unread = b""
         """What has come since the last whole frame."""
 
@@ -126,9 +126,9 @@ class _HearingUnit:
 
     def __init__(self, obeying: _Obeying, hearing: Hearing, line: SerialEndpoint, cable: Cable) -> None:
         self._obeying = obeying
-        self.ear = Ear(hearing, line.baudrate, line.bits_per_character)
+        self.uart = Uart(hearing, line.baudrate, line.bits_per_character)
         self._wire = PacedWire(line.baudrate, line.bits_per_character, cable.faults)
-        self._alarm = Alarm(self._listen)
+        self._alarm = DeadlineTimer(self._listen)
 
     def feed(self, data: bytes) -> None:
         """Put bytes on the wire to the drives."""
@@ -142,16 +142,16 @@ class _HearingUnit:
     def _listen(self) -> None:
         now_ns = loop_now_ns()
         for arrival in self._wire.arrivals(now_ns):
-            self._take(self.ear.hear(arrival))
-        self._take(self.ear.take(now_ns))
-        due = [each for each in (self._wire.deadline_ns, self.ear.deadline_ns) if each is not None]
+            self._take(self.uart.receive(arrival))
+        self._take(self.uart.take(now_ns))
+        due = [each for each in (self._wire.deadline_ns, self.uart.deadline_ns) if each is not None]
         self._alarm.set(min(due, default=None))
 
     def _take(self, frame: bytes) -> None:
         if frame:
             self._obeying.obey(frame[0], frame[1 : len(frame) + 1 - ADU_OVERHEAD])
-        elif self.ear.damaged:
-            damaged, self.ear.damaged = self.ear.damaged, b""
+        elif self.uart.damaged:
+            damaged, self.uart.damaged = self.uart.damaged, b""
             self._obeying.refuse_damaged(damaged)
 
 
@@ -178,14 +178,14 @@ class SerialDriveServer:
         cable: Cable = PLAIN,
     ) -> None:
         self.bus = bus
-        self.ear: Ear | None = None
+        self.uart: Uart | None = None
         """How its drives hear, where the cable says that."""
         channel = FdChannel(fd)
         to_gateway = Lane(channel.send, wire, cable.faults, cable.adapter)
         obeying = _Obeying(bus, clock, to_gateway.send, _same_delay(response_delay_s))
         if cable.hearing is not None and wire is not None:
             hearing = _HearingUnit(obeying, cable.hearing, wire, cable)
-            self.ear = hearing.ear
+            self.uart = hearing.uart
             self._parts: tuple[_Part, ...] = (channel, hearing, to_gateway)
             channel.listen(hearing.feed)
             return

@@ -14,7 +14,7 @@ from gateway.simulator.screw import UM_PER_MM
 NOISE_UM: Final = 0.1
 """Of one reading: a laser in a quiet room."""
 DECIMALS: Final = 5
-LOOK_S: Final = 0.1
+DISPLAY_EVERY_S: Final = 0.1
 _REQUEST: Final = DEFAULTS[GaugeKind.SYLVAC].request.encode()
 _LONGEST: Final = 64
 """Bytes that are kept of what is no request."""
@@ -78,7 +78,7 @@ class VirtualGauge:
         self._channel.close()
 
     @property
-    def stands_at(self) -> float | None:
+    def rest_position(self) -> float | None:
         """What tells one place of rest from another; None while the axis moves."""
         self._mechanics.advance(self._clock())
         return None if self._mechanics.is_moving else self._mechanics.nut_mm
@@ -96,11 +96,11 @@ class Display:
     def __init__(self, gauge: VirtualGauge, show: Callable[[VirtualGauge, float], None]) -> None:
         self._gauge = gauge
         self._show = show
-        self._shown = gauge.stands_at
+        self._shown = gauge.rest_position
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Look once."""
-        stands_at = self._gauge.stands_at
-        if stands_at is not None and stands_at != self._shown:
-            self._shown = stands_at
+        rest_position = self._gauge.rest_position
+        if rest_position is not None and rest_position != self._shown:
+            self._shown = rest_position
             self._show(self._gauge, self._gauge.reading())

@@ -11,7 +11,7 @@ from typing import Final
 from gateway.compensation.settings import AxisSettings
 from gateway.compensation.units import Units
 from gateway.simulator.errors import SimulatorError
-from gateway.simulator.motion import Dynamics, Motion, plan_motion, standing
+from gateway.simulator.motion import Dynamics, MotionProfile, plan_motion, standstill
 from gateway.simulator.screw import Screw
 
 DEFAULT_DYNAMICS: Final = Dynamics()
@@ -85,7 +85,7 @@ class Mechanics:
         self.homed = True
         self.alarm = False
         self._now_s = 0.0
-        self._motion: Motion = standing(start_mm)
+        self._motion: MotionProfile = standstill(start_mm)
         self._target_counts = encoder.counts(start_mm)
         self._play = Play(backlash_mm, screw.driven_mm(start_mm), flank)
 

@@ -38,7 +38,7 @@ class Stretch:
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class MotionProfile:
     """One move. Before its first stretch and after its end the axis stands."""
 
     stretches: tuple[Stretch, ...]
@@ -73,14 +73,14 @@ class Motion:
         return self.stretches[0]
 
 
-def standing(at_mm: float, now_s: float = 0.0) -> Motion:
+def standstill(at_mm: float, now_s: float = 0.0) -> MotionProfile:
     """An axis at rest."""
-    return Motion((), now_s, at_mm)
+    return MotionProfile((), now_s, at_mm)
 
 
 def plan_motion(
     from_mm: float, speed_mm_s: float, target_mm: float, now_s: float, dynamics: Dynamics
-) -> Motion:
+) -> MotionProfile:
     """Plan the quickest move within the limits of the drive.
 
     An axis that moves away from the target, or too fast to stop in front of it, brakes to a standstill first.
@@ -93,18 +93,18 @@ def plan_motion(
     braking_mm = speed_mm_s * abs(speed_mm_s) / (2 * dynamics.acceleration_mm_s2)
     distance_mm = target_mm - from_mm
     if not distance_mm and not speed_mm_s:
-        return standing(target_mm, now_s)
+        return standstill(target_mm, now_s)
     if abs(braking_mm) > abs(distance_mm) or speed_mm_s * distance_mm < 0:
         brake = Stretch(now_s, from_mm, speed_mm_s, -copysign(dynamics.acceleration_mm_s2, speed_mm_s))
         stop_s = now_s + abs(speed_mm_s) / dynamics.acceleration_mm_s2
         rest = plan_motion(from_mm + braking_mm, 0.0, target_mm, stop_s, dynamics)
-        return Motion((brake, *rest.stretches), rest.end_s, target_mm)
+        return MotionProfile((brake, *rest.stretches), rest.end_s, target_mm)
     return _trapezoid(from_mm, speed_mm_s, target_mm, now_s, dynamics)
 
 
 def _trapezoid(
     from_mm: float, speed_mm_s: float, target_mm: float, now_s: float, dynamics: Dynamics
-) -> Motion:
+) -> MotionProfile:
     """Speed up, cruise, brake; the axis stands or already moves towards the target."""
     acceleration = dynamics.acceleration_mm_s2
     distance_mm = abs(target_mm - from_mm)
@@ -116,7 +116,7 @@ def _trapezoid(
     cruise_s = max(0.0, distance_mm - up_mm - down_mm) / peak
     cruise_from_s = now_s + (peak - speed) / acceleration
     brake_from_s = cruise_from_s + cruise_s
-    return Motion(
+    return MotionProfile(
         (
             Stretch(now_s, from_mm, sign * speed, sign * acceleration),
             Stretch(cruise_from_s, from_mm + sign * up_mm, sign * peak, 0.0),

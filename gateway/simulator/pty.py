@@ -93,9 +93,9 @@ class PortLinks:
                 self._folders.append(folder)
 
 
-def _attempt(path: Path, deed: Callable[[], object]) -> None:
+def _attempt(path: Path, action: Callable[[], object]) -> None:
     try:
-        deed()
+        action()
     except OSError as error:
         raise SimulatorError(
             f"cannot make a port at {path}: {error.strerror or error}; name a path that may be written, "

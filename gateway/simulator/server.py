@@ -93,7 +93,7 @@ def _swap(chunk: "array[int]") -> None:
         chunk.byteswap()
 
 
-class RefusedError(Exception):
+class ModbusExceptionError(Exception):
     """Carries an exception code out of a function's checks, or out of the deed itself."""
 
     def __init__(self, code: int) -> None:
@@ -150,9 +150,9 @@ class RegisterServer:
         self.ledger.requests[function] += 1
         try:
             if function not in self.functions:
-                raise RefusedError(ILLEGAL_FUNCTION)
+                raise ModbusExceptionError(ILLEGAL_FUNCTION)
             return self._handlers[function](pdu, now_s)
-        except RefusedError as refused:
+        except ModbusExceptionError as refused:
             return self.refusal(pdu, refused.code)
 
     def _read_bits(self, pdu: bytes, now_s: float) -> bytes:
@@ -290,7 +290,7 @@ class RegisterServer:
 def check(good: bool, exception_code: int) -> None:
     """Refuse with ``exception_code`` unless something is as it has to be."""
     if not good:
-        raise RefusedError(exception_code)
+        raise ModbusExceptionError(exception_code)
 
 
 def _two_words(pdu: bytes, length: int | None) -> tuple[int, int]:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from gateway.simulator.clock import Alarm, loop_now_ns
+from gateway.simulator.clock import DeadlineTimer, loop_now_ns
 from gateway.simulator.ears import Hearing, TimedByte
 from gateway.simulator.errors import SimulatorError
 from gateway.simulator.pty import FdChannel
@@ -43,7 +43,7 @@ class Adapter:
     """So long after its first byte came (FTDI: 16 ms as it comes, 1 ms where somebody has set it)."""
     quiet_characters: float = 0.0
     """When nothing more came for so many characters (four in a UART of the kind 16550)."""
-    lump_bytes: int = 62
+    burst_bytes: int = 62
     """When it has so many bytes (62 in a packet of FTDI; 8 or 14 are levels of a UART's FIFO)."""
     jitter_ms: float = 0.0
     """And then up to so much later: what a driver and a busy machine add."""
@@ -88,9 +88,9 @@ class PacedWire:
         self._busy_from_ns = 0
         self._busy_bytes = 0
         self._on_wire: deque[TimedByte] = deque()
-        self._lump = bytearray()
-        self._lump_begun_ns = 0
-        self._lump_due_ns = 0
+        self._burst = bytearray()
+        self._burst_begun_ns = 0
+        self._burst_due_ns = 0
         self._quiet_ns = round(adapter.quiet_characters * bits_per_character * NS_PER_S / baudrate)
         self._handed_over: deque[tuple[int, bytes]] = deque()
         """Lumps that have left the adapter, and when the computer has them."""
@@ -98,7 +98,7 @@ class PacedWire:
     @property
     def deadline_ns(self) -> int | None:
         """When :meth:`receive` has something to do next; None while nothing travels."""
-        due = [self._lump_due_ns] if self._lump else []
+        due = [self._burst_due_ns] if self._burst else []
         due += [self._on_wire[0].came_ns] if self._on_wire else []
         due += [self._handed_over[0][0]] if self._handed_over else []
         return min(due, default=None)
@@ -124,11 +124,11 @@ class PacedWire:
     def receive(self, now_ns: int) -> bytes:
         """Bytes that the computer at the far end can read at ``now_ns``."""
         for came_ns, byte in self.arrivals(now_ns):
-            if self._lump and came_ns >= self._lump_due_ns:  # a lump that was due before leaves first
-                self._hand_over(self._lump_due_ns)
+            if self._burst and came_ns >= self._burst_due_ns:  # a lump that was due before leaves first
+                self._hand_over(self._burst_due_ns)
             self._gather(byte, came_ns)
-        if self._lump and now_ns >= self._lump_due_ns:
-            self._hand_over(self._lump_due_ns)
+        if self._burst and now_ns >= self._burst_due_ns:
+            self._hand_over(self._burst_due_ns)
         there = bytearray()
         while self._handed_over and self._handed_over[0][0] <= now_ns:
             there += self._handed_over.popleft()[1]
@@ -157,25 +157,25 @@ class PacedWire:
     def _gather(self, byte: int, came_ns: int) -> None:
         """Byte reaches the adapter."""
         adapter = self._adapter
-        if not self._lump:
-            self._lump_begun_ns = came_ns
-        self._lump.append(byte)
-        if not adapter.gathers or len(self._lump) >= adapter.lump_bytes:
+        if not self._burst:
+            self._burst_begun_ns = came_ns
+        self._burst.append(byte)
+        if not adapter.gathers or len(self._burst) >= adapter.burst_bytes:
             self._hand_over(came_ns)
             return
         due = []
         if adapter.latency_timer_ms:
-            due.append(self._lump_begun_ns + round(adapter.latency_timer_ms * NS_PER_MS))
+            due.append(self._burst_begun_ns + round(adapter.latency_timer_ms * NS_PER_MS))
         if adapter.quiet_characters:
             due.append(came_ns + self._quiet_ns)
-        self._lump_due_ns = min(due)
+        self._burst_due_ns = min(due)
 
     def _hand_over(self, now_ns: int) -> None:
         there_ns = now_ns + round(self._jitter.random() * self._adapter.jitter_ms * NS_PER_MS)
         if self._handed_over:
             there_ns = max(there_ns, self._handed_over[-1][0])
-        self._handed_over.append((there_ns, bytes(self._lump)))
-        self._lump.clear()
+        self._handed_over.append((there_ns, bytes(self._burst)))
+        self._burst.clear()
 
 
 # --- On the running loop
@@ -211,7 +211,7 @@ class Lane:
     ) -> None:
         self.wire = PacedWire(line.baudrate, line.bits_per_character, faults, adapter) if line else None
         self._deliver = deliver
-        self._alarm = Alarm(self._arrive)
+        self._alarm = DeadlineTimer(self._arrive)
 
     def send(self, data: bytes) -> None:
         """Put bytes on the wire."""

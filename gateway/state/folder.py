@@ -187,10 +187,10 @@ def identity_of(folder: Path) -> tuple[int, int] | None:
     return status.st_dev, status.st_ino
 
 
-def why_not_usable(folder: Path, known: tuple[int, int] | None = None) -> FolderProblem | None:
+def why_not_usable(folder: Path, identity: tuple[int, int] | None = None) -> FolderProblem | None:
     """Return why nothing can be kept any more in a folder that is in use, None where it can. Writes nothing.
 
-    ``known``: its identity when it was taken into use.
+    ``identity``: its identity when it was taken into use.
     """
     try:
         status = folder.stat()
@@ -199,7 +199,7 @@ def why_not_usable(folder: Path, known: tuple[int, int] | None = None) -> Folder
         return problem_of(error, folder)
     if not stat.S_ISDIR(status.st_mode):
         return why_no_folder(folder)
-    if known is not None and known != (status.st_dev, status.st_ino):
+    if identity is not None and identity != (status.st_dev, status.st_ino):
         found = starts.ANOTHER_FOLDER.begin(folder=folder)
         return FolderProblem(found, "put that one back, or start the gateway anew")
     free_blocks = disk.f_bfree if os.geteuid() == 0 else disk.f_bavail

@@ -338,12 +338,12 @@ def _check_sources(sources: Mapping[str, str], config: Path, path: Path, remedy:
         made_from = ", ".join(sources) or "nothing"
         found = starts.ANOTHER_CONFIGURATION.begin(plan=path, made_from=made_from)
         raise StateError(f"{found}, not from {config.resolve()}; {remedy}")
-    for name, wanted in sources.items():
+    for name, expected in sources.items():
         try:
             found = hashlib.sha256(read_state(Path(name))).hexdigest()
         except FileRefusedError as error:
             raise StateError(f"{name}: {error.found}; {remedy}") from None
-        if found != wanted:
+        if found != expected:
             raise StateError(f"{starts.CHANGED.begin(file=name)}; {remedy}")
 
 

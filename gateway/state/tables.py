@@ -32,7 +32,7 @@ MAX_POINTS: Final = 4_000_000
 _DIGEST_BYTES: Final = 32
 _ONE_WAY: Final = 1
 _BACKLASH: Final = 2
-_KNOWN_FLAGS: Final = _ONE_WAY | _BACKLASH
+_ALL_FLAGS: Final = _ONE_WAY | _BACKLASH
 # Magic, version, flags, count, units; even step, ranges of forward, backward and difference, steepest slope;
 # digest of the points.
 _FIELDS: Final = struct.Struct(f"=8sIIQ8s8d{_DIGEST_BYTES}s")
@@ -89,7 +89,7 @@ def mapped(data: memoryview) -> CorrectionTable:
         raise WrongTableError(f"a compiled table of version {version}; this release has version {VERSION}")
     if hashlib.sha256(data[: _FIELDS.size]).digest() != data[_FIELDS.size : HEADER_BYTES]:
         raise WrongTableError("the header of the compiled table is damaged: its digest is another")
-    if not 2 <= count <= MAX_POINTS or flags & ~_KNOWN_FLAGS:
+    if not 2 <= count <= MAX_POINTS or flags & ~_ALL_FLAGS:
         raise WrongTableError(f"a compiled table of {count} points with flags {flags:#x}")
     if len(data) != HEADER_BYTES + count * POINT_BYTES:
         size = HEADER_BYTES + count * POINT_BYTES

@@ -88,7 +88,7 @@ class TermsStatus(Struct, kw_only=True):
     cross: CrossStatus | UnsetType = UNSET
 
 
-class RivalsStatus(Struct, kw_only=True):
+class WriterConflictStatus(Struct, kw_only=True):
     """Two controllers that both move an axis."""
 
     writers: list[str] = []
@@ -126,7 +126,7 @@ class AxisVerdict(Struct, frozen=True, kw_only=True):
     since: str = ""
 
 
-class AxisTrouble(Struct, frozen=True, kw_only=True):
+class AxisAlarm(Struct, frozen=True, kw_only=True):
     """The worst that is wrong with an axis."""
 
     kind: str = ""
@@ -166,7 +166,7 @@ class AxisStatus(Struct, kw_only=True):
     table: TableStatus = field(default_factory=TableStatus)
     group: GroupStatus | None = None
     terms: TermsStatus | None = None
-    rivals: RivalsStatus | None = None
+    rivals: WriterConflictStatus | None = None
     latency: AxisTimes = field(default_factory=AxisTimes)
     configured: dict[str, Any] = {}
     """Gain, mode and limits as the configuration has them."""
@@ -176,7 +176,7 @@ class WholeAxis(AxisStatus, kw_only=True):
     """An axis with what only the supervisor knows of it."""
 
     verdict: AxisVerdict = AxisVerdict()
-    trouble: AxisTrouble | None = None
+    trouble: AxisAlarm | None = None
     last_seen: Reading | None = None
     position: Position | UnsetType = UNSET
     """Older releases do not tell."""

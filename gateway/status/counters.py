@@ -13,7 +13,7 @@ class Counter:
 
     words: str
     """What stands beside it in the terminal and on the page."""
-    meaning: str
+    description: str
     """What it counts, as the end of a sentence."""
     remedy: str = ""
     """What to do where it grows; empty: nothing."""
@@ -31,7 +31,7 @@ class Counter:
         >>> Counter("time-outs", "exchanges that a drive did not answer in time").sentence
         'Exchanges that a drive did not answer in time.'
         """
-        text = self.meaning.replace("`", "")
+        text = self.description.replace("`", "")
         return f"{text[0].upper()}{text[1:]}."
 
 

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Final
 
 from msgspec import UNSET, Struct, UnsetType, field, to_builtins
 
-from gateway.status.axis import AxisStatus, RivalsStatus, WholeAxis
+from gateway.status.axis import AxisStatus, WholeAxis, WriterConflictStatus
 from gateway.status.counters import Counter, counters_of
 from gateway.status.line import (
     LINE_COUNTERS,
@@ -118,7 +118,7 @@ class AcknowledgedBy(Struct, frozen=True, kw_only=True):
     at: str = ""
 
 
-class TroubleStatus(Struct, frozen=True, kw_only=True):
+class AlarmStatus(Struct, frozen=True, kw_only=True):
     """Something that is wrong right now."""
 
     kind: str = ""
@@ -160,7 +160,7 @@ class Model(Struct, kw_only=True):
     axes: dict[str, WholeAxis] = {}
     supervisor: SupervisorStatus | None = None
     """None: there is no supervisor."""
-    troubles: list[TroubleStatus] = []
+    troubles: list[AlarmStatus] = []
     verdict: Verdict = Verdict()
     """Of an older release without a word."""
 
@@ -175,7 +175,7 @@ _PARTS: Final = (
     ControllerStatus,
     TlsStatus,
     DrivesStatus,
-    RivalsStatus,
+    WriterConflictStatus,
     Forwarded,
     CutThroughStatus,
     MqttStatus,

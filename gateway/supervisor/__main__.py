@@ -5,9 +5,9 @@ import os
 import signal
 import sys
 
+from gateway.ipc.address import SocketError
 from gateway.ipc.children import follow_parent
-from gateway.ipc.notes import note_writer, take_standard_error
-from gateway.ipc.place import SocketError
+from gateway.ipc.log import log_writer, take_standard_error
 from gateway.ipc.program_options import options_of
 from gateway.ipc.service_manager import manager_of
 from gateway.state.folder import StateError, state_folder
@@ -29,7 +29,7 @@ def main() -> int:
         run_supervisor(
             config,
             options.state or state_folder(config),
-            note_writer(options.log_format),
+            log_writer(options.log_format),
             tells_events=options.tells_events,
             manager=manager,
         )

@@ -12,22 +12,22 @@ from typing import Final
 
 import msgspec
 
-from gateway.supervisor.trouble import Place, Trouble, is_hidden
+from gateway.supervisor.active_alarms import Alarm, SourcePath, is_hidden
 
-LOOK_S: Final = 30.0
+FOUND_AGAIN_S: Final = 30.0
 """After a restart an alarm that was acknowledged may take so long to be found again: the relay has to be
 reached, and files and connections have to be looked at."""
 MOST: Final = 256
 """For one more the oldest is forgotten."""
-Key = tuple[str, Place]
+Key = tuple[str, SourcePath]
 
 
 @dataclass(frozen=True, slots=True)
-class Acknowledgement:
+class AlarmAcknowledgement:
     """Who has seen an alarm."""
 
     kind: str
-    place: Place
+    place: SourcePath
     since: str
     """When the alarm began, as the status says it."""
     by: str
@@ -43,28 +43,28 @@ class Acknowledged:
     """The acknowledgements in force."""
 
     def __init__(self) -> None:
-        self._kept: dict[Key, Acknowledgement] = {}
+        self._kept: dict[Key, AlarmAcknowledgement] = {}
         self._stays_until_s = 0.0
         self.version = 0
         """Grows with each change."""
 
-    def __getitem__(self, key: Key) -> Acknowledgement | None:
+    def __getitem__(self, key: Key) -> AlarmAcknowledgement | None:
         return self._kept.get(key)
 
-    def add(self, trouble: Trouble, since: str, by: str, now: datetime) -> Acknowledgement:
+    def add(self, alarm: Alarm, since: str, by: str, now: datetime) -> AlarmAcknowledgement:
         """Acknowledge an alarm; where somebody has done so already, his stays."""
-        key = trouble.place_key
+        key = alarm.source_key
         if key not in self._kept:
             at = now.isoformat(timespec="seconds")
-            self._kept[key] = Acknowledgement(*key, since, by, at)
+            self._kept[key] = AlarmAcknowledgement(*key, since, by, at)
             while len(self._kept) > MOST:
                 del self._kept[next(iter(self._kept))]
             self.version += 1
         return self._kept[key]
 
-    def follow(self, found: Sequence[Trouble], now_s: float) -> None:
+    def follow(self, found: Sequence[Alarm], now_s: float) -> None:
         """End the acknowledgements of troubles that are over; ``now_s`` is monotonic."""
-        there = {trouble.place_key for trouble in found}
+        there = {alarm.source_key for alarm in found}
         for key in [key for key in self._kept if key not in there]:
             if now_s >= self._stays_until_s and not is_hidden(*key, found):
                 del self._kept[key]
@@ -81,8 +81,8 @@ class Acknowledged:
             ValueError: it is something else.
         """
         try:
-            kept = msgspec.json.decode(content, type=list[Acknowledgement])
+            kept = msgspec.json.decode(content, type=list[AlarmAcknowledgement])
         except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
             raise ValueError(str(error)) from error
         self._kept = {(one.kind, one.place): one for one in kept[-MOST:]}
-        self._stays_until_s = now_s + LOOK_S
+        self._stays_until_s = now_s + FOUND_AGAIN_S

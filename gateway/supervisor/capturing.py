@@ -15,12 +15,12 @@ from gateway.catalogue.process_events import CAPTURE_FAILED, CAPTURED
 from gateway.config.gateway_model import CaptureSection
 from gateway.config.load import Loaded
 from gateway.config.recording_header import header_of
+from gateway.ipc.address import socket_path
 from gateway.ipc.client import NoGatewayError
-from gateway.ipc.place import socket_path
 from gateway.recording import traffic
 from gateway.recording.capture import Capture, NoCaptureError, write_recording
 from gateway.state.folder import problem_of
-from gateway.supervisor.aside import aside
+from gateway.supervisor.in_thread import in_thread
 
 AFTER_S: Final = 2.0
 """What follows an event tells as much as what led to it."""
@@ -32,14 +32,14 @@ OWN: Final = frozenset({CAPTURED.name, CAPTURE_FAILED.name})
 
 
 class Capturing:
-    """Waits for events; ``say`` tells what came of it."""
+    """Waits for events; ``log`` tells what came of it."""
 
-    def __init__(self, state: Path, say: Callable[..., None]) -> None:
+    def __init__(self, state: Path, log: Callable[..., None]) -> None:
         self._state = state
-        self._say = say
+        self._log = log
         self._loaded: Loaded | None = None
         self._event = ""
-        self._is_wanted = asyncio.Event()
+        self._is_requested = asyncio.Event()
         self._next_s = 0.0
 
     def follow(self, loaded: Loaded) -> None:
@@ -51,27 +51,27 @@ class Capturing:
         loaded = self._loaded
         if loaded is None or event in OWN or event not in loaded.sections.capture.on:
             return
-        if not self._is_wanted.is_set() and time.monotonic() >= self._next_s:
+        if not self._is_requested.is_set() and time.monotonic() >= self._next_s:
             self._next_s = time.monotonic() + PAUSE_S
             self._event = event
-            self._is_wanted.set()
+            self._is_requested.set()
 
     async def run(self) -> None:
         """Write what is wanted, until cancelled."""
         while True:
-            await self._is_wanted.wait()
+            await self._is_requested.wait()
             await asyncio.sleep(AFTER_S)
             assert self._loaded is not None
             work = partial(write_capture, self._state, self._loaded, self._event, datetime.now(UTC))
             try:
-                file, frames = await aside(work)
+                file, frames = await in_thread(work)
             except (NoGatewayError, NoCaptureError) as error:
-                self._say(CAPTURE_FAILED, on=self._event, detail=str(error))
+                self._log(CAPTURE_FAILED, on=self._event, detail=str(error))
             except OSError as error:
-                self._say(CAPTURE_FAILED, on=self._event, detail=str(problem_of(error, self._state)))
+                self._log(CAPTURE_FAILED, on=self._event, detail=str(problem_of(error, self._state)))
             else:
-                self._say(CAPTURED, on=self._event, file=str(file), entries=frames)
-            self._is_wanted.clear()
+                self._log(CAPTURED, on=self._event, file=str(file), entries=frames)
+            self._is_requested.clear()
 
 
 def write_capture(state: Path, loaded: Loaded, event: str, now: datetime) -> tuple[Path, int]:

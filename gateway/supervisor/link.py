@@ -29,7 +29,7 @@ QUIET_TRIES: Final = 4
 """A relay that is being started needs a moment, of which nobody needs to know: 1.5 s."""
 
 
-class Link:
+class RelayLink:
     """Keeps a connection to the relay.
 
     ``on_up`` is called when the relay has been reached, ``on_lost`` with a sentence when it is there no more
@@ -55,7 +55,7 @@ class Link:
         self._on_event = on_event
         self._on_snapshot = on_snapshot
         self._snapshot_s: float | None = None
-        self._said = ""
+        self._reported = ""
         self._is_up = False
         self._interval_s = SELDOM_S
         self._writer: asyncio.StreamWriter | None = None
@@ -132,7 +132,7 @@ class Link:
                     case Subscribed() if self._is_up:
                         pass  # to another interval
                     case _:
-                        self._is_up, self._said = True, ""
+                        self._is_up, self._reported = True, ""
                         self._on_up()
         except WrongMessageError as error:
             return str(error)
@@ -148,6 +148,6 @@ class Link:
 
     def _lose(self, why: str) -> None:
         """Say it once, not with every attempt."""
-        if why != self._said:
-            self._said = why
+        if why != self._reported:
+            self._reported = why
             self._on_lost(why)

@@ -15,9 +15,9 @@ import gateway
 from gateway.status.axis import AxisStatus, WholeAxis
 from gateway.status.line import ControllerStatus, LineStatus
 from gateway.status.model import GatewayStatus, Model, RelayModel, SupervisorStatus
-from gateway.supervisor.book import Entry
-from gateway.supervisor.chronicle import Chronicle
-from gateway.supervisor.trouble import is_fresh, of_axis, troubles
+from gateway.supervisor.active_alarms import is_fresh, of_axis, troubles
+from gateway.supervisor.recent_history import RecentHistory
+from gateway.supervisor.table_files import TableFileEntry
 from gateway.supervisor.verdict import of_axes, of_gateway, position_of
 
 Limits = Mapping[tuple[str, str], float]
@@ -31,9 +31,9 @@ def whole_model(
     *,
     is_relay_up: bool,
     snapshot_age_s: float | None,
-    tables: Mapping[str, Entry],
+    tables: Mapping[str, TableFileEntry],
     supervisor: SupervisorStatus | None,
-    chronicle: Chronicle | None = None,
+    recent: RecentHistory | None = None,
     silent_after_s: Limits = NO_LIMITS,
 ) -> Model:
     """Return the model.
@@ -45,39 +45,39 @@ def whole_model(
         snapshot_age_s: how old the snapshot is.
         tables: what is known of the table files, by axis.
         supervisor: what the supervisor says of itself; None: there is none.
-        chronicle: what is remembered of the time before; None: nothing is.
+        recent: what is remembered of the time before; None: nothing is.
         silent_after_s: after how long each controller counts as silent that has a limit of its own.
     """
     now_s = time.monotonic()
-    chronicle = chronicle or Chronicle()
-    chronicle.take(snapshot, now_s)
-    told = snapshot or RelayModel(gateway=GatewayStatus(name=name, version=gateway.__version__))
-    uptime_s = told.gateway.uptime_s or 0.0
+    recent = recent or RecentHistory()
+    recent.take(snapshot, now_s)
+    reported = snapshot or RelayModel(gateway=GatewayStatus(name=name, version=gateway.__version__))
+    uptime_s = reported.gateway.uptime_s or 0.0
     model = Model(
         gateway=replace(
-            told.gateway,
+            reported.gateway,
             relay="up" if is_relay_up else "down",
             snapshot_age_s=None if snapshot_age_s is None else round(snapshot_age_s, 3),
         ),
         lines={
             line: _with_silences(status, snapshot_age_s or 0.0, uptime_s, line, silent_after_s)
-            for line, status in told.lines.items()
+            for line, status in reported.lines.items()
         },
-        axes={axis: _with_file(status, tables.get(axis)) for axis, status in told.axes.items()},
+        axes={axis: _with_file(status, tables.get(axis)) for axis, status in reported.axes.items()},
         supervisor=supervisor,
     )
     found = troubles(model)
-    chronicle.acknowledged.follow(found, now_s)
-    model.troubles = chronicle.stamp(found, datetime.now(UTC))
-    model.verdict = of_gateway(model, found, chronicle)
-    verdicts = of_axes(model, found, chronicle)
+    recent.acknowledged.follow(found, now_s)
+    model.troubles = recent.stamp(found, datetime.now(UTC))
+    model.verdict = of_gateway(model, found, recent)
+    verdicts = of_axes(model, found, recent)
     for axis, status in model.axes.items():
         worst = of_axis(found, axis)
         status.verdict = verdicts[axis]
         status.trouble = None if worst is None else worst.of_axis()
-        status.last_seen = chronicle.last(axis, now_s)
+        status.last_seen = recent.last(axis, now_s)
         is_now = is_fresh(model) and status.nominal_actual is not None
-        status.position = position_of(status, status.last_seen, chronicle.target(axis, now_s), is_now=is_now)
+        status.position = position_of(status, status.last_seen, recent.target(axis, now_s), is_now=is_now)
     return model
 
 
@@ -101,6 +101,6 @@ def _with_silences(
     return replace(line, controllers=[with_silence(each) for each in line.controllers])
 
 
-def _with_file(status: AxisStatus, entry: Entry | None) -> WholeAxis:
+def _with_file(status: AxisStatus, entry: TableFileEntry | None) -> WholeAxis:
     table = replace(status.table) if entry is None else entry.over(status.table)
     return WholeAxis(**{**asdict(status), "table": table})

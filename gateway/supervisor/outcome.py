@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gateway.config.problems import Problem
-from gateway.supervisor.stillness import Sight
+from gateway.supervisor.debounce import FileStamp
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class ReloadOutcome:
     """What has changed, what stays as it was, and why."""
 
     comes: Mapping[str, str] = field(default_factory=dict)
@@ -28,7 +28,7 @@ class Outcome:
     """Axes that are not corrected: their table file is not there, or that of another axis of their group."""
     waiting: frozenset[str] = frozenset()
     """Axes whose table file is being written, and counts for nothing yet."""
-    sights: Mapping[str, Sight] = field(default_factory=dict)
+    stamps: Mapping[str, FileStamp] = field(default_factory=dict)
     """Of each file that was read, by its name: as it was seen before and after."""
     has_read: bool = True
     """Whether the table files were looked at, so that what is said of them here holds."""

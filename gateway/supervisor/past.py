@@ -21,9 +21,9 @@ from typing import Final
 from gateway.catalogue.publishing_events import ACKNOWLEDGEMENTS_LOST
 from gateway.files import FileRefusedError, read_regular_file
 from gateway.state.folder import FolderProblem, problem_of, write_whole
-from gateway.supervisor.aside import aside
-from gateway.supervisor.chronicle import Chronicle, Seen
-from gateway.supervisor.saying import Say
+from gateway.supervisor.event_log import LogEvent
+from gateway.supervisor.in_thread import in_thread
+from gateway.supervisor.recent_history import PositionSample, RecentHistory
 
 FOLDER_NAME: Final = "history"
 ACKNOWLEDGED_NAME: Final = "acknowledged.json"
@@ -56,51 +56,51 @@ class Noted:
 class Past:
     """Keeps the past in a state folder; one for each supervisor."""
 
-    def __init__(self, state: Path, chronicle: Chronicle, say: Say) -> None:
+    def __init__(self, state: Path, recent: RecentHistory, log: LogEvent) -> None:
         self._state = state
-        self._chronicle = chronicle
-        self._say = say
+        self._recent = recent
+        self._log = log
         self._folder = state / FOLDER_NAME
         self._file: Path | None = None
         """What is written now; None: nothing was written yet."""
         self._kept_version = 0
         self._kept_s = -math.inf
-        self._wanted = asyncio.Event()
+        self._woken = asyncio.Event()
         self.problem: FolderProblem | None = None
         """Why it cannot be kept at present."""
 
     async def recall(self) -> None:
         """Take over the alarms that were acknowledged before a restart; before anything else happens."""
         try:
-            content = await aside(
+            content = await in_thread(
                 partial(read_regular_file, self._state / ACKNOWLEDGED_NAME, FILE_BYTES, "acknowledged alarms")
             )
         except FileRefusedError:
             return  # most often there is none
         try:
-            self._chronicle.acknowledged.restore(content, time.monotonic())
+            self._recent.acknowledged.restore(content, time.monotonic())
         except ValueError as error:
-            self._say(ACKNOWLEDGEMENTS_LOST, file=str(self._state / ACKNOWLEDGED_NAME), detail=str(error))
+            self._log(ACKNOWLEDGEMENTS_LOST, file=str(self._state / ACKNOWLEDGED_NAME), detail=str(error))
 
     def wake(self) -> None:
         """Write what was acknowledged now, and not only when places are due."""
-        self._wanted.set()
+        self._woken.set()
 
     async def run(self) -> None:
         """Keep what there is, until cancelled."""
         while True:
-            await self.keep(time.monotonic(), time.time())
+            await self.write_new(time.monotonic(), time.time())
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(SOON_S):
-                    await self._wanted.wait()
-            self._wanted.clear()
+                    await self._woken.wait()
+            self._woken.clear()
 
-    async def keep(self, now_s: float, wall_s: float) -> None:
+    async def write_new(self, now_s: float, wall_s: float) -> None:
         """Write what is new: who has acknowledged what, and the places where they are due.
 
         ``now_s`` is monotonic, ``wall_s`` is the time of day.
         """
-        acknowledged = self._chronicle.acknowledged
+        acknowledged = self._recent.acknowledged
         work: list[partial[None]] = []
         version = acknowledged.version
         if version != self._kept_version:
@@ -111,7 +111,7 @@ class Past:
             work.append(partial(self._append, text, wall_s))
         try:
             for each in work:
-                await aside(each)
+                await in_thread(each)
         except OSError as error:
             self.problem = problem_of(error, self._folder)
         else:
@@ -119,7 +119,7 @@ class Past:
             self.problem = None if work else self.problem
 
     def _lines(self, now_s: float, wall_s: float) -> Iterator[str]:
-        for axis, seen in self._chronicle.newest().items():
+        for axis, seen in self._recent.newest().items():
             if now_s - seen.at_s < EVERY_S:  # else the relay says nothing, and there is a gap
                 noted = _noted(seen, now_s, wall_s)
                 yield f"{time_text(noted.wall_s)},{axis},{values_text(noted)}\n"
@@ -174,17 +174,17 @@ class Past:
         Of the newest ten minutes, since the start of this process, it is each second, before that each ten
         seconds.
         """
-        kept = self._chronicle.history(axis)
+        kept = self._recent.history(axis)
         if kept is None:
             return None
         newest = [_noted(seen, now_s, wall_s) for seen in kept]
         newest = [noted for noted in newest if noted.wall_s >= wall_s - span_s]
         until_s = newest[0].wall_s if newest else wall_s
-        before = await aside(partial(read_places, self._folder, axis, wall_s - span_s, until_s))
+        before = await in_thread(partial(read_positions, self._folder, axis, wall_s - span_s, until_s))
         return [*before, *newest]
 
 
-def read_places(folder: Path, axis: str, since_s: float, until_s: float) -> list[Noted]:
+def read_positions(folder: Path, axis: str, since_s: float, until_s: float) -> list[Noted]:
     """Return what the files of a folder hold of an axis between two times, oldest first; blocks."""
     since, until = time_text(since_s), time_text(until_s)
     found: list[Noted] = []
@@ -228,7 +228,7 @@ def _number(text: str) -> float | None:
     return float(text) if text else None
 
 
-def _noted(seen: Seen, now_s: float, wall_s: float) -> Noted:
+def _noted(seen: PositionSample, now_s: float, wall_s: float) -> Noted:
     return Noted(wall_s - (now_s - seen.at_s), seen.nominal, seen.correction, seen.compensation)
 
 

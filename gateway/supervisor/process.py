@@ -9,16 +9,16 @@ from pathlib import Path
 from typing import Final
 
 from gateway.catalogue import starts
+from gateway.ipc.address import socket_path
 from gateway.ipc.children import RELOADS
+from gateway.ipc.log import LogEntry
 from gateway.ipc.log_thread import LogThread
-from gateway.ipc.notes import Note
-from gateway.ipc.place import socket_path
 from gateway.ipc.service_manager import ServiceManager
 from gateway.state.folder import StateError, make_folder, problem_of
 from gateway.state.lock import take_lock
 from gateway.state.plan import refuse_newer, writer_of
-from gateway.supervisor.feeds import Feeds
-from gateway.supervisor.sights import ignore_broken_leases
+from gateway.supervisor.broadcast import Broadcast
+from gateway.supervisor.file_stamps import ignore_broken_leases
 from gateway.supervisor.supervisor import Supervisor
 from gateway.times import NS_PER_S
 
@@ -32,7 +32,7 @@ LONGEST_PAUSE_S: Final = 2.0
 def run_supervisor(
     config: Path,
     state: Path,
-    write: Callable[[Note], None],
+    write: Callable[[LogEntry], None],
     *,
     tells_events: bool = False,
     manager: ServiceManager | None = None,
@@ -92,7 +92,7 @@ async def _until_signalled(supervisor: Supervisor, manager: ServiceManager) -> N
     loop.add_signal_handler(RELOADS, supervisor.reload_soon)
     running = asyncio.create_task(supervisor.run())
     stopped = asyncio.create_task(stopping.wait())
-    beating = asyncio.create_task(_beat(supervisor.feeds, manager))
+    beating = asyncio.create_task(_beat(supervisor.broadcast, manager))
     await asyncio.wait([running, stopped], return_when=asyncio.FIRST_COMPLETED)
     manager.stopping()
     for task in (stopped, beating):
@@ -104,29 +104,29 @@ async def _until_signalled(supervisor: Supervisor, manager: ServiceManager) -> N
         await running
 
 
-async def _beat(feeds: Feeds, manager: ServiceManager) -> None:
+async def _beat(broadcast: Broadcast, manager: ServiceManager) -> None:
     """Say when the first model is there; then feed the watchdog as long as newer ones come.
 
     A loop that turns while nobody hears anything new from it is no good to anybody.
     """
-    with feeds.open() as feed:
+    with broadcast.open() as feed:
         await feed.next()
-    manager.ready(_summary(feeds))
+    manager.ready(_summary(broadcast))
     every_s = min(manager.watchdog_ns / NS_PER_S / BEATS or LONGEST_PAUSE_S, LONGEST_PAUSE_S)
     shown = None
     while manager.is_there:
-        if feeds.model is not shown:
-            shown = feeds.model
+        if broadcast.model is not shown:
+            shown = broadcast.model
             if manager.watchdog_ns:
-                manager.alive(_summary(feeds))
+                manager.alive(_summary(broadcast))
             else:
-                manager.say(_summary(feeds))
+                manager.show_status(_summary(broadcast))
         await asyncio.sleep(every_s)
 
 
-def _summary(feeds: Feeds) -> str:
-    model = feeds.model
+def _summary(broadcast: Broadcast) -> str:
+    model = broadcast.model
     if model is None:
         return "the relay is down"
-    what = "".join(f"; {trouble.where}: {trouble.what}" for trouble in model.troubles[:1])
+    what = "".join(f"; {alarm.where}: {alarm.what}" for alarm in model.troubles[:1])
     return f"the relay is {model.gateway.relay}{what}"

@@ -27,29 +27,29 @@ from gateway.catalogue.table_events import (
 )
 from gateway.compensation.settings import AxisSettings
 from gateway.config.load import Loaded
+from gateway.ipc.address import socket_path
 from gateway.ipc.client import ask
+from gateway.ipc.log import LogEntry, log_entry
 from gateway.ipc.messages import Happened
-from gateway.ipc.notes import Note, note_of
-from gateway.ipc.place import socket_path
 from gateway.state.folder import FolderProblem, identity_of, why_not_usable
 from gateway.state.plan import GatewayPlan
 from gateway.status.model import ConfigurationStatus, FolderStatus, SupervisorStatus
-from gateway.supervisor.acknowledged import Acknowledgement
-from gateway.supervisor.aside import aside
-from gateway.supervisor.book import Book
+from gateway.supervisor.acknowledged import AlarmAcknowledgement
+from gateway.supervisor.broadcast import Broadcast
 from gateway.supervisor.capturing import Capturing
-from gateway.supervisor.chronicle import Chronicle
-from gateway.supervisor.feeds import Feeds
 from gateway.supervisor.http.documents import Window, settings_in
 from gateway.supervisor.http.service import HttpService
-from gateway.supervisor.link import Link
+from gateway.supervisor.in_thread import in_thread
+from gateway.supervisor.link import RelayLink
 from gateway.supervisor.model import whole_model
 from gateway.supervisor.mqtt.interfaces import Orders
 from gateway.supervisor.mqtt.service import MqttService
 from gateway.supervisor.mqtt.settings import settings_of
-from gateway.supervisor.outcome import Outcome
+from gateway.supervisor.outcome import ReloadOutcome
 from gateway.supervisor.past import Noted, Past
-from gateway.supervisor.tables import Keeper
+from gateway.supervisor.recent_history import RecentHistory
+from gateway.supervisor.table_files import TableFiles
+from gateway.supervisor.tables import Reloader
 from gateway.supervisor.temperatures import Temperatures
 from gateway.supervisor.watching import SLOW_S, Watch, wake_on_change
 
@@ -69,23 +69,23 @@ class Supervisor:
     """
 
     def __init__(
-        self, config: Path, state: Path, write: Callable[[Note], None], *, tells_events: bool = False
+        self, config: Path, state: Path, write: Callable[[LogEntry], None], *, tells_events: bool = False
     ) -> None:
-        self._link = Link(socket_path(state), self._reached, self._lost, self._happened, self._publish)
-        self.feeds = Feeds(self._link.want)
+        self._link = RelayLink(socket_path(state), self._reached, self._lost, self._happened, self._publish)
+        self.broadcast = Broadcast(self._link.want)
         """The status model and the events, for whoever shows them."""
-        self._chronicle = Chronicle()
-        self._past = Past(state, self._chronicle, self._say)
+        self._recent = RecentHistory()
+        self._past = Past(state, self._recent, self._log)
         self._config = config
         self._state = state
         self._write = write
         self._tells_events = tells_events
-        self._keeper = Keeper(config)
+        self._reloader = Reloader(config)
         self._watch = Watch()
-        self._book = Book()
-        self._work_wanted = asyncio.Event()
-        self._reloads: list[asyncio.Future[Outcome]] = []
-        self._is_reload_wanted = True
+        self._table_files = TableFiles()
+        self._work_due = asyncio.Event()
+        self._reloads: list[asyncio.Future[ReloadOutcome]] = []
+        self._is_reload_requested = True
         self._is_asked = False
         self._is_relay_new = False
         self._refused: tuple[str, ...] = ()
@@ -99,32 +99,34 @@ class Supervisor:
         self._waker: asyncio.Task[None] | None = None
         self._published_s = -TICK_S
         window = Window(
-            self.feeds,
+            self.broadcast,
             state,
             self._settings_of,
             self.reload,
-            self._say,
+            self._log,
             self._history,
             self._plan,
             self._acknowledge,
         )
         self._http = HttpService(window)
         orders = Orders(self.reload, partial(ask, socket_path(state)))
-        self._temperatures = Temperatures(orders.ask, self._say)
-        self._capturing = Capturing(state, self._say)
-        self._mqtt = MqttService(self.feeds, self._say, orders, state, hear=self._temperatures.hear)
+        self._temperatures = Temperatures(orders.ask, self._log)
+        self._capturing = Capturing(state, self._log)
+        self._mqtt = MqttService(
+            self.broadcast, self._log, orders, state, on_message=self._temperatures.on_message
+        )
 
     async def run(self) -> None:
         """Run until cancelled."""
         await self._past.recall()
-        self._say(SUPERVISING, config=str(self._config))
-        self._work_wanted.set()
+        self._log(SUPERVISING, config=str(self._config))
+        self._work_due.set()
         await self._all(
             self._link.run(),
-            self._keep_up(),
-            self._keep_watching(),
-            self._keep_publishing(),
-            self._keep_an_eye_on_state(),
+            self._process_work(),
+            self._watch_files(),
+            self._publish_regularly(),
+            self._monitor_state_folder(),
             self._http.run(),
             self._mqtt.run(),
             self._temperatures.run(),
@@ -132,17 +134,17 @@ class Supervisor:
             self._past.run(),
         )
 
-    async def reload(self) -> Outcome:
+    async def reload(self) -> ReloadOutcome:
         """Read configuration and tables anew; returns what came of it."""
-        done: asyncio.Future[Outcome] = asyncio.get_running_loop().create_future()
+        done: asyncio.Future[ReloadOutcome] = asyncio.get_running_loop().create_future()
         self._reloads.append(done)
-        self._work_wanted.set()
+        self._work_due.set()
         return await done
 
     def reload_soon(self) -> None:
         """Read configuration and tables anew; what comes of it is told as events."""
-        self._is_reload_wanted = self._is_asked = True
-        self._work_wanted.set()
+        self._is_reload_requested = self._is_asked = True
+        self._work_due.set()
 
     async def _all(self, *works: Awaitable[None]) -> None:
         """Run all of them until one ends, which none should; then the others end too."""
@@ -157,74 +159,77 @@ class Supervisor:
                 task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
 
-    async def _keep_watching(self) -> None:
+    async def _watch_files(self) -> None:
         try:
             while True:
-                if await self._watch.look():
-                    self._work_wanted.set()
+                if await self._watch.scan():
+                    self._work_due.set()
                 await self._watch.rest()
         finally:
             if self._waker is not None:
                 self._waker.cancel()
 
-    async def _keep_publishing(self) -> None:
+    async def _publish_regularly(self) -> None:
         while True:
             if (rest_s := self._published_s + TICK_S - time.monotonic()) <= 0.0:
                 self._publish()
                 rest_s = TICK_S
             await asyncio.sleep(rest_s)
 
-    async def _keep_an_eye_on_state(self) -> None:
+    async def _monitor_state_folder(self) -> None:
         """Tell when nothing can be kept in the state folder: else a start would be the first to notice."""
-        identity = await aside(partial(identity_of, self._state))
+        identity = await in_thread(partial(identity_of, self._state))
         while True:
-            found = await aside(partial(why_not_usable, self._state, identity)) or self._past.problem
+            found = await in_thread(partial(why_not_usable, self._state, identity)) or self._past.problem
             before, self._state_problem = self._state_problem, found
             if found is not None and before is None:
-                self._say(STATE_FOLDER_UNUSABLE, detail=str(found))
+                self._log(STATE_FOLDER_UNUSABLE, detail=str(found))
             elif found is None and before is not None:
-                self._say(STATE_FOLDER_USABLE, folder=str(self._state))
+                self._log(STATE_FOLDER_USABLE, folder=str(self._state))
             await asyncio.sleep(STATE_EVERY_S)
 
-    async def _keep_up(self) -> None:
+    async def _process_work(self) -> None:
         while True:
             is_retry = self._is_owed and not self._problems
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(RETRY_S if self._problems or self._is_owed else None):
-                    await self._work_wanted.wait()
+                    await self._work_due.wait()
                     is_retry = False
-            self._work_wanted.clear()
+            self._work_due.clear()
             asked, self._reloads = self._reloads, []
-            is_reload, self._is_reload_wanted = self._is_reload_wanted or bool(asked), False
+            is_reload, self._is_reload_requested = self._is_reload_requested or bool(asked), False
             is_asked, self._is_asked = self._is_asked or bool(asked), False
             outcome = await self._bring_up_to_date(is_reload=is_reload, is_asked=is_asked, is_retry=is_retry)
             for done in asked:
                 if not done.done():
                     done.set_result(outcome)
 
-    async def _bring_up_to_date(self, *, is_reload: bool, is_asked: bool, is_retry: bool) -> Outcome:
+    async def _bring_up_to_date(self, *, is_reload: bool, is_asked: bool, is_retry: bool) -> ReloadOutcome:
         """Read what is to be read, and tell what came of it."""
         still = self._watch.still
         is_new, self._is_relay_new = self._is_relay_new, False
         if is_reload:
-            work = partial(self._keeper.reload, None if is_asked else still)
+            work = partial(self._reloader.reload, None if is_asked else still)
         elif is_retry:
-            work = partial(self._keeper.retry, still)
+            work = partial(self._reloader.retry, still)
         else:
-            work = partial(self._keeper.refresh, still)
+            work = partial(self._reloader.refresh, still)
         began_s = time.monotonic()
         outcome = await self._done(work)
-        if (loaded := self._keeper.loaded) is not None:
+        if (loaded := self._reloader.loaded) is not None:
             self._configure(loaded)
         if outcome.has_read:
-            self._watch.take(outcome.sights, outcome.waiting, began_s=began_s)
-            self._book.enter(self._keeper.names, outcome)
+            self._watch.take(outcome.stamps, outcome.waiting, began_s=began_s)
+            self._table_files.enter(self._reloader.names, outcome)
         self._report(outcome, is_asked=is_asked)
         if is_reload or is_retry:
             self._refused = outcome.problems if outcome.is_refused else ()
             self._is_owed = outcome.is_refused and outcome.is_owed
         elif (
-            is_new and not outcome.is_refused and self._refused and await aside(self._keeper.has_what_stands)
+            is_new
+            and not outcome.is_refused
+            and self._refused
+            and await in_thread(self._reloader.is_file_unchanged)
         ):
             self._refused, self._is_owed = (), False  # who was told to restart the relay has done so
         if not outcome.is_refused:
@@ -232,15 +237,17 @@ class Supervisor:
         self._publish()
         return outcome
 
-    async def _done(self, work: Callable[[], Outcome]) -> Outcome:
+    async def _done(self, work: Callable[[], ReloadOutcome]) -> ReloadOutcome:
         """Do it in a thread; a mistake of ours there changes nothing, and is told like any other problem."""
         try:
-            return await aside(work)
+            return await in_thread(work)
         except Exception as error:  # noqa: BLE001 - a table may not take the status away from everybody
             frame = traceback.extract_tb(error.__traceback__)[-1]
             where = f"{Path(frame.filename).name}:{frame.lineno}"
             what = f"the supervisor made a mistake: {type(error).__name__}: {error} ({where})"
-            return Outcome(problems=(f"{self._config}: {what}; what was in force stays",), has_read=False)
+            return ReloadOutcome(
+                problems=(f"{self._config}: {what}; what was in force stays",), has_read=False
+            )
 
     def _configure(self, loaded: Loaded) -> None:
         """Follow what a configuration says: the same as before changes nothing."""
@@ -258,36 +265,36 @@ class Supervisor:
             if self._waker is not None:
                 self._waker.cancel()
             self._waker = asyncio.create_task(wake_on_change(folder, self._watch.wake, self._cannot_watch))
-        self._watch.follow(folder, self._keeper.names)
+        self._watch.follow(folder, self._reloader.names)
 
     def _cannot_watch(self, why: str) -> None:
         detail = f"{why}; the folder is looked at every second all the same"
-        self._say(WATCHING_BY_LOOKS, folder=str(self._watch.folder), detail=detail)
+        self._log(WATCHING_BY_LOOKS, folder=str(self._watch.folder), detail=detail)
 
-    def _report(self, outcome: Outcome, *, is_asked: bool) -> None:
+    def _report(self, outcome: ReloadOutcome, *, is_asked: bool) -> None:
         for axis, comes in outcome.comes.items():
             what = TABLE_TAKEN_AWAY if axis in outcome.gone else TABLE_HANDED_OVER
-            self._say(what, axis=axis, comes=comes)
+            self._log(what, axis=axis, comes=comes)
         if outcome.changed:
-            self._say(CONFIGURATION_CHANGED, keys=list(outcome.changed))
-        said = self._refused if outcome.is_refused else self._problems
-        if outcome.problems and (is_asked or outcome.problems != said):
+            self._log(CONFIGURATION_CHANGED, keys=list(outcome.changed))
+        reported = self._refused if outcome.is_refused else self._problems
+        if outcome.problems and (is_asked or outcome.problems != reported):
             detail = "what was in force stays"
-            self._say(RELOAD_REFUSED, problems=list(outcome.problems), detail=detail)
+            self._log(RELOAD_REFUSED, problems=list(outcome.problems), detail=detail)
         elif is_asked and not outcome.comes and not outcome.changed and not outcome.all_problems:
             there = "nothing has changed" if outcome.is_running else "no gateway runs: kept for its start"
-            self._say(NOTHING_TO_RELOAD, detail=there)
+            self._log(NOTHING_TO_RELOAD, detail=there)
         if outcome.has_read:
             self._report_files(outcome)
 
-    def _report_files(self, outcome: Outcome) -> None:
+    def _report_files(self, outcome: ReloadOutcome) -> None:
         """Tell of each bad file once, and when it is good again."""
         for axis, problems in outcome.rejected.items():
-            said = "\n".join(map(str, problems))
-            if self._rejected.get(axis) != said:
-                self._rejected[axis] = said
+            text = "\n".join(map(str, problems))
+            if self._rejected.get(axis) != text:
+                self._rejected[axis] = text
                 first = problems[0]
-                self._say(
+                self._log(
                     TABLE_REJECTED,
                     axis=axis,
                     file=first.file,
@@ -298,20 +305,20 @@ class Supervisor:
         for axis in self._rejected.keys() - outcome.rejected.keys() - outcome.waiting:
             del self._rejected[axis]
             if axis not in outcome.absent:
-                self._say(TABLE_MENDED, axis=axis)
+                self._log(TABLE_MENDED, axis=axis)
 
     def _publish(self) -> None:
         self._published_s = time.monotonic()
-        loaded = self._keeper.loaded
-        self.feeds.publish(
+        loaded = self._reloader.loaded
+        self.broadcast.publish(
             whole_model(
                 self._config.stem if loaded is None else loaded.plan.name,
                 self._link.snapshot,
                 is_relay_up=self._link.is_up,
                 snapshot_age_s=self._link.snapshot_age_s,
-                tables=self._book.entries(self._watch.moving),
+                tables=self._table_files.entries(self._watch.moving),
                 supervisor=self._own_status(),
-                chronicle=self._chronicle,
+                recent=self._recent,
                 silent_after_s={} if loaded is None else loaded.sections.silent_after_s,
             )
         )
@@ -319,16 +326,16 @@ class Supervisor:
     async def _history(self, axis: str, span_s: float) -> Sequence[Noted] | None:
         return await self._past.of(axis, span_s, time.monotonic(), time.time())
 
-    def _acknowledge(self, kind: str, where: str, since: str, by: str) -> Acknowledgement | None:
-        version = self._chronicle.acknowledged.version
-        done = self._chronicle.acknowledge(kind, where, since, by, datetime.now(UTC))
-        if self._chronicle.acknowledged.version != version:
+    def _acknowledge(self, kind: str, where: str, since: str, by: str) -> AlarmAcknowledgement | None:
+        version = self._recent.acknowledged.version
+        done = self._recent.acknowledge(kind, where, since, by, datetime.now(UTC))
+        if self._recent.acknowledged.version != version:
             self._past.wake()
-            self._say(ALARM_ACKNOWLEDGED, kind=kind, where=where, by=by)
+            self._log(ALARM_ACKNOWLEDGED, kind=kind, where=where, by=by)
         return done
 
     def _plan(self) -> GatewayPlan | None:
-        loaded = self._keeper.loaded
+        loaded = self._reloader.loaded
         return None if loaded is None else loaded.plan
 
     def _settings_of(self, axis: str) -> AxisSettings | None:
@@ -351,25 +358,25 @@ class Supervisor:
         )
 
     def _reached(self) -> None:
-        self._say(RELAY_REACHED)
+        self._log(RELAY_REACHED)
         self._is_relay_new = True
-        self._work_wanted.set()
+        self._work_due.set()
 
     def _lost(self, why: str) -> None:
-        self._say(RELAY_NOT_REACHED, detail=why)
+        self._log(RELAY_NOT_REACHED, detail=why)
         self._publish()
 
     def _happened(self, happened: Happened) -> None:
         fields = {**happened.fields, "process": "relay"}
-        note = Note(Severity(happened.severity), happened.event, fields, happened.wall_s)
-        self.feeds.tell(note)
-        self._capturing.happened(note.event)
+        entry = LogEntry(Severity(happened.severity), happened.event, fields, happened.wall_s)
+        self.broadcast.publish_event(entry)
+        self._capturing.happened(entry.event)
         if self._tells_events:
-            self._write(note)
+            self._write(entry)
 
-    def _say(self, event: EventEntry, severity: Severity | None = None, **fields: object) -> None:
-        note = note_of(event, {**fields, "process": "supervisor"}, time.time(), severity)
-        self.feeds.tell(note)
-        self._write(note)
-        self._capturing.happened(note.event)
+    def _log(self, event: EventEntry, severity: Severity | None = None, **fields: object) -> None:
+        entry = log_entry(event, {**fields, "process": "supervisor"}, time.time(), severity)
+        self.broadcast.publish_event(entry)
+        self._write(entry)
+        self._capturing.happened(entry.event)
         self._publish()  # whoever hears of it finds it in the status

@@ -11,7 +11,7 @@ from typing import Any
 
 from gateway.config.compile import compile_into_state, keys_of, sources_of
 from gateway.config.findings import parse_document, read_document
-from gateway.config.last_good import Settled, Source, settle
+from gateway.config.last_good import Settled, TableSource, settle
 from gateway.config.load import Loaded, load, load_document, reread_tables
 from gateway.config.problems import ConfigErrors, Problem
 from gateway.config.sections import is_live
@@ -19,20 +19,20 @@ from gateway.config.tables_folder import what_is_strange
 from gateway.exchange.commands import ClearTable, EndDryRun, SetGain, SetTable, TableFor
 from gateway.exchange.limits import limits_of, values_of
 from gateway.exchange.plan import AxisPlan, CompensationMode
+from gateway.ipc.address import SocketError, socket_path
 from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
 from gateway.ipc.messages import Done, GetStatus, Ping, Pong, Reply, Request, Status
-from gateway.ipc.place import SocketError, socket_path
 from gateway.ipc.sealed_memory import seal
 from gateway.state.folder import StateError, state_folder
 from gateway.state.last_good import last_plan
 from gateway.state.plan import CompiledPlan, LinePlan, TablesFolder, shape_of, write_tables
 from gateway.state.tables import digest_of
 from gateway.status.axis import AxisStatus
-from gateway.supervisor.outcome import Outcome
-from gateway.supervisor.sights import look
-from gateway.supervisor.stillness import Sight
+from gateway.supervisor.debounce import FileStamp
+from gateway.supervisor.file_stamps import scan
+from gateway.supervisor.outcome import ReloadOutcome
 
-Still = Mapping[str, Sight | None]
+Still = Mapping[str, FileStamp | None]
 """The sight as which a table file stands still, by name; None: it moves."""
 
 
@@ -40,7 +40,7 @@ class NeedsRestartError(StateError):
     """A gateway that runs cannot be given this; with the keys that have changed."""
 
 
-class Keeper:
+class Reloader:
     """Keeps the tables, gains and limits of a relay as its configuration has them.
 
     Everything here blocks for as long as it takes; one thread calls at a time.
@@ -58,7 +58,7 @@ class Keeper:
         """Name of the table file of each axis that has one, as the configuration has it."""
         return {} if self.loaded is None else _names(self.loaded)
 
-    def reload(self, still: Still | None = None) -> Outcome:
+    def reload(self, still: Still | None = None) -> ReloadOutcome:
         """Read the configuration and its tables anew, and take over what has changed.
 
         A table file that is being written counts for nothing yet. With ``still``, as nobody asked for it,
@@ -71,19 +71,19 @@ class Keeper:
             return self._refused(_of_configuration(errors))
         return self._take_configured(configured, still)
 
-    def retry(self, still: Still) -> Outcome:
+    def retry(self, still: Still) -> ReloadOutcome:
         """Take the configuration that :meth:`reload` could not take, as it was read then."""
         configured = self._owed
         return self.reload(still) if configured is None else self._take_configured(configured, still)
 
-    def has_what_stands(self) -> bool:
+    def is_file_unchanged(self) -> bool:
         """Whether the configuration that was taken is the one that stands in its file."""
         try:
             return self.loaded is not None and read_document(self._config).text == self.loaded.document.text
         except ConfigErrors:
             return False
 
-    def refresh(self, still: Still) -> Outcome:
+    def refresh(self, still: Still) -> ReloadOutcome:
         """Read the tables of the configuration that was taken; as :meth:`reload`.
 
         It gives way to one that somebody else has compiled since, which is what the next start runs. A relay
@@ -105,7 +105,7 @@ class Keeper:
         except ConfigErrors as errors:
             return _of_configuration(errors)
 
-    def _take_configured(self, configured: Loaded, still: Still | None) -> Outcome:
+    def _take_configured(self, configured: Loaded, still: Still | None) -> ReloadOutcome:
         before = self.loaded
         try:
             outcome = self._take(configured, still, last_plan(configured.state_folder))
@@ -114,11 +114,11 @@ class Keeper:
         self._owed = configured if outcome.is_owed else None
         return self._refused(outcome) if self.loaded is before else outcome
 
-    def _refused(self, outcome: Outcome) -> Outcome:
+    def _refused(self, outcome: ReloadOutcome) -> ReloadOutcome:
         if self.loaded is None:
             with contextlib.suppress(StateError):
                 self.loaded = self._as_compiled(last_plan(state_folder(self._config)))
-        return Outcome(
+        return ReloadOutcome(
             problems=outcome.all_problems,
             is_running=outcome.is_running,
             is_owed=outcome.is_owed,
@@ -143,30 +143,34 @@ class Keeper:
         before: CompiledPlan | None,
         *,
         keeps_plan: bool = False,
-    ) -> Outcome:
+    ) -> ReloadOutcome:
         """Read the tables and bring everything up to date; ``before`` is what was compiled last."""
         names = _names(configured)
-        seen = look(configured.tables_folder, names.values())
+        seen = scan(configured.tables_folder, names.values())
         loaded = reread_tables(configured)
-        seen_after = look(configured.tables_folder, names.values())
+        seen_after = scan(configured.tables_folder, names.values())
         read = {
-            name: sight
-            for name, sight in seen.items()
-            if sight == seen_after[name] and not sight.is_being_written and _may_count(name, sight, still)
+            name: stamp
+            for name, stamp in seen.items()
+            if stamp == seen_after[name] and not stamp.is_being_written and _may_count(name, stamp, still)
         }
         unread = {axis for axis, name in names.items() if name not in read}
-        known = None if before is None else before.tables_folder
-        strange = what_is_strange(loaded, known)
+        folder_before = None if before is None else before.tables_folder
+        strange = what_is_strange(loaded, folder_before)
         # Another folder came to the path while they were read, as a share that is mounted or unmounted does.
         has_moved = TablesFolder.at(loaded.tables_folder) != loaded.read_from
         if strange or has_moved:
             unread = set(names)
-        folder = (known or loaded.read_from) if strange or has_moved else (loaded.read_from or known)
+        folder = (
+            (folder_before or loaded.read_from)
+            if strange or has_moved
+            else (loaded.read_from or folder_before)
+        )
         outcome = self._bring(loaded, unread, before, folder, keeps_plan=keeps_plan)
         if strange:
             outcome = replace(outcome, problems=(*outcome.problems, strange))
         taken = {name for axis, name in names.items() if axis not in outcome.waiting}
-        return replace(outcome, sights={name: sight for name, sight in read.items() if name in taken})
+        return replace(outcome, stamps={name: stamp for name, stamp in read.items() if name in taken})
 
     def _bring(
         self,
@@ -176,8 +180,8 @@ class Keeper:
         folder: TablesFolder | None,
         *,
         keeps_plan: bool,
-    ) -> Outcome:
-        outcome = Outcome(has_read=False)
+    ) -> ReloadOutcome:
+        outcome = ReloadOutcome(has_read=False)
         try:
             path = socket_path(loaded.state_folder)
             is_running = _check_same(path, loaded, before)
@@ -208,15 +212,15 @@ class Keeper:
         return replace(outcome, problems=(*outcome.problems, f"{self._config}: {problem}"), changed=())
 
 
-def _of_configuration(errors: ConfigErrors) -> Outcome:
-    return Outcome(problems=tuple(map(str, errors.problems)), has_read=False)
+def _of_configuration(errors: ConfigErrors) -> ReloadOutcome:
+    return ReloadOutcome(problems=tuple(map(str, errors.problems)), has_read=False)
 
 
-def _may_count(name: str, sight: Sight, still: Still | None) -> bool:
+def _may_count(name: str, stamp: FileStamp, still: Still | None) -> bool:
     """Whether a file that looks like this counts; one that nobody has watched so far does if it is there."""
     if still is None:
         return True
-    return still[name] == sight if name in still else sight.is_there
+    return still[name] == stamp if name in still else stamp.is_there
 
 
 def _digest_of(config: Path, before: CompiledPlan) -> str:
@@ -293,7 +297,7 @@ def _changed_keys(loaded: Loaded, before: CompiledPlan) -> list[str]:
     return [key for key in dict.fromkeys((*now, *then)) if now.get(key) != then.get(key)]
 
 
-def _found(loaded: Loaded, settled: Settled, waiting: Collection[str], *, is_running: bool) -> Outcome:
+def _found(loaded: Loaded, settled: Settled, waiting: Collection[str], *, is_running: bool) -> ReloadOutcome:
     """Return what was found in the files; nothing has been done yet."""
     rejected = {
         name: tuple(reading.problems)
@@ -311,8 +315,8 @@ def _found(loaded: Loaded, settled: Settled, waiting: Collection[str], *, is_run
         for name in settled.refused
         if name in waiting
     ]
-    absent = frozenset(name for name, source in settled.sources.items() if source is Source.ABSENT)
-    return Outcome(
+    absent = frozenset(name for name, source in settled.sources.items() if source is TableSource.ABSENT)
+    return ReloadOutcome(
         problems=tuple(missing),
         rejected=rejected,
         absent=absent,
@@ -323,7 +327,7 @@ def _found(loaded: Loaded, settled: Settled, waiting: Collection[str], *, is_run
 
 
 def _held(
-    settled: Settled, loaded: Loaded, before: CompiledPlan | None, outcome: Outcome
+    settled: Settled, loaded: Loaded, before: CompiledPlan | None, outcome: ReloadOutcome
 ) -> dict[str, tuple[Problem, ...]]:
     """Return why good files are not in force: an axis of the same group has none that is good, or none."""
     old = {} if before is None else {axis.name: axis for line in before.plan.lines for axis in line.axes}
@@ -333,7 +337,11 @@ def _held(
             for axis in (one for one in line.axes if one.name in group):
                 source, name = settled.sources.get(axis.name), axis.name
                 is_same = name in old and old[name].table_digest == axis.table_digest
-                if axis.table is None or source is Source.FILE or (source is Source.KEPT and is_same):
+                if (
+                    axis.table is None
+                    or source is TableSource.FILE
+                    or (source is TableSource.KEPT and is_same)
+                ):
                     continue
                 others = [one for one in group if one in outcome.rejected or loaded.readings[one].is_absent]
                 if others and name not in outcome.waiting:
@@ -349,8 +357,8 @@ def _hand_over(
     path: Path,
     settled: Settled,
     tables: Mapping[str, bytes],
-    outcome: Outcome,
-) -> Outcome:
+    outcome: ReloadOutcome,
+) -> ReloadOutcome:
     """Give the relay what it has not got; what it refuses is a problem."""
     in_force = _axes(ask(path, GetStatus()))
     done: list[Done] = []

@@ -26,8 +26,8 @@ async def read_on(
         try:
             await _read_connected(source, take, complain)
         except (TransportError, NoReplyError, OSError) as error:
-            said = str(error)
-            complain(said if said.startswith(f"{source.modbus} ") else f"{source.modbus}: {said}")
+            text = str(error)
+            complain(text if text.startswith(f"{source.modbus} ") else f"{source.modbus}: {text}")
         await asyncio.sleep(source.every_s)
 
 
@@ -36,15 +36,15 @@ async def _read_connected(
 ) -> None:
     assert source.modbus is not None
     assert source.address is not None
-    place = PositionField(source.address, source.type, source.words)
-    request = bytes((source.function,)) + source.address.to_bytes(2, "big") + bytes((0, place.words))
+    field = PositionField(source.address, source.type, source.words)
+    request = bytes((source.function,)) + source.address.to_bytes(2, "big") + bytes((0, field.words))
     async with ModbusMaster(source.modbus, timeout_ms=PATIENCE_MS) as master:
         while True:
             reply = await master.exchange(source.unit_id, request)
             if is_exception(reply) and len(reply) == EXCEPTION_SIZE:
                 complain(f"{source.modbus}: exception {reply[1]:#04x}")
-            elif len(reply) != 2 + 2 * place.words or reply[0] != source.function:
+            elif len(reply) != 2 + 2 * field.words or reply[0] != source.function:
                 complain(f"{source.modbus}: found {reply.hex(' ')}")
             else:
-                take(place.unpack(reply[2:]) * source.scale)
+                take(field.unpack(reply[2:]) * source.scale)
             await asyncio.sleep(source.every_s)

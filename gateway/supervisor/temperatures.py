@@ -15,15 +15,15 @@ from gateway.config.terms_model import TemperatureSource
 from gateway.exchange.commands import SetTemperature
 from gateway.ipc.client import NoGatewayError
 from gateway.ipc.messages import Done, Reply, Request
-from gateway.supervisor.aside import aside
-from gateway.supervisor.saying import Say
+from gateway.supervisor.event_log import LogEvent
+from gateway.supervisor.in_thread import in_thread
 
 LONGEST_PAYLOAD: Final = 4096
 LONGEST_SHOWN: Final = 80
 LARGEST: Final = 1e6
 """No sensor has more, whatever its unit; a longer number may not fit a double."""
 KEYS: Final = ("temperature", "celsius", "value")
-TELL_EVERY_S: Final = 1.0
+SEND_EVERY_S: Final = 1.0
 """The relay is told no more often, however often a sensor speaks."""
 NOT_A_NUMBER: Final = "allowed: a number in °C, or JSON with a number under temperature, celsius or value"
 
@@ -57,14 +57,14 @@ def read_payload(payload: bytes) -> float:
 class Temperatures:
     """Follows the sources of a configuration. ``ask`` asks the relay; it blocks and raises NoGatewayError."""
 
-    def __init__(self, ask: Callable[[Request], Reply], say: Say) -> None:
+    def __init__(self, ask: Callable[[Request], Reply], log: LogEvent) -> None:
         self._ask = ask
-        self._say = say
+        self._log = log
         self._sources: dict[str, TemperatureSource] = {}
         self._readers: dict[str, asyncio.Task[None]] = {}
         self._new: dict[str, float] = {}
         self._is_new = asyncio.Event()
-        self._said: dict[str, str] = {}
+        self._reported: dict[str, str] = {}
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -73,14 +73,14 @@ class Temperatures:
 
     def follow(self, sections: Sections) -> None:
         """Follow what a configuration says; the same as before changes nothing."""
-        wanted = {name: axis.thermal.source for name, axis in sections.axes.items() if axis.thermal}
-        for name in [each for each, source in self._sources.items() if wanted.get(each) != source]:
+        sources = {name: axis.thermal.source for name, axis in sections.axes.items() if axis.thermal}
+        for name in [each for each, source in self._sources.items() if sources.get(each) != source]:
             self._new.pop(name, None)
-            self._said.pop(name, None)
+            self._reported.pop(name, None)
             if name in self._readers:
                 self._readers.pop(name).cancel()
-        self._sources = wanted
-        for name, source in wanted.items():
+        self._sources = sources
+        for name, source in sources.items():
             if source.modbus is not None and name not in self._readers:
                 # Loads serial ports and a master, which hardly any supervisor needs.
                 from gateway.supervisor.temperature_registers import read_on
@@ -88,7 +88,7 @@ class Temperatures:
                 reading = read_on(source, partial(self._take, name), partial(self._not_read, name))
                 self._readers[name] = asyncio.create_task(reading)
 
-    def hear(self, topic: str, payload: bytes, *, is_retained: bool) -> None:
+    def on_message(self, topic: str, payload: bytes, *, is_retained: bool) -> None:
         """Take a message. A retained one may be of any day, and is no news."""
         if is_retained:
             return
@@ -107,8 +107,8 @@ class Temperatures:
                 self._is_new.clear()
                 new, self._new = self._new, {}
                 for name, celsius in new.items():
-                    await self._tell(name, celsius)
-                await asyncio.sleep(TELL_EVERY_S)
+                    await self._send(name, celsius)
+                await asyncio.sleep(SEND_EVERY_S)
         finally:
             for reader in self._readers.values():
                 reader.cancel()
@@ -118,16 +118,16 @@ class Temperatures:
         self._new[name] = celsius
         self._is_new.set()
 
-    async def _tell(self, name: str, celsius: float) -> None:
+    async def _send(self, name: str, celsius: float) -> None:
         if not isfinite(celsius):  # a float register may hold anything, and JSON could not carry it
             self._complain(name, f"found {celsius}")
             return
         try:
-            reply = await aside(partial(self._ask, SetTemperature(axis=name, celsius=celsius)))
+            reply = await in_thread(partial(self._ask, SetTemperature(axis=name, celsius=celsius)))
         except NoGatewayError:
             return  # it is told of elsewhere, and a newer value follows
         if isinstance(reply, Done) and not reply.problems:
-            self._said.pop(name, None)
+            self._reported.pop(name, None)
         else:
             self._complain(name, "; ".join(reply.problems) if isinstance(reply, Done) else str(reply))
 
@@ -136,6 +136,6 @@ class Temperatures:
 
     def _complain(self, name: str, detail: str, kind: EventEntry = TEMPERATURE_WRONG) -> None:
         """Say it once for each kind of fault, whatever the value."""
-        if self._said.get(name) != kind.name:
-            self._said[name] = kind.name
-            self._say(kind, axis=name, detail=detail)
+        if self._reported.get(name) != kind.name:
+            self._reported[name] = kind.name
+            self._log(kind, axis=name, detail=detail)

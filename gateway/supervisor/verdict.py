@@ -15,11 +15,11 @@ from gateway.catalogue.entry import Severity
 from gateway.status.axis import AxisStatus, AxisVerdict, Position, Reading
 from gateway.status.line import LineStatus
 from gateway.status.model import Model, Verdict
-from gateway.supervisor.chronicle import Chronicle, LastTarget
-from gateway.supervisor.trouble import Trouble, is_fresh, of_axis
+from gateway.supervisor.active_alarms import Alarm, is_fresh, of_axis
+from gateway.supervisor.recent_history import LastTarget, RecentHistory
 
 
-class State(Enum):
+class Health(Enum):
     """The word."""
 
     HEALTHY = "healthy"
@@ -34,25 +34,25 @@ class State(Enum):
 
 AWAITED: Final = "Waiting for the controller"
 """Title of an axis that waits."""
-_OF_SEVERITY: Final = {Severity.ERROR: State.ERROR, Severity.WARNING: State.WARNING}
+_OF_SEVERITY: Final = {Severity.ERROR: Health.ERROR, Severity.WARNING: Health.WARNING}
 
 
-def of_gateway(model: Model, found: Sequence[Trouble], chronicle: Chronicle) -> Verdict:
+def of_gateway(model: Model, found: Sequence[Alarm], recent: RecentHistory) -> Verdict:
     """Return the verdict on the whole gateway."""
-    state = _OF_SEVERITY[found[0].entry.severity] if found else State.HEALTHY
+    state = _OF_SEVERITY[found[0].entry.severity] if found else Health.HEALTHY
     if not found and (not is_fresh(model) or any(map(_is_waiting, model.lines.values()))):
-        state = State.WAITING
+        state = Health.WAITING
     worst = [each for each in found if _OF_SEVERITY[each.entry.severity] is state]
-    since = chronicle.since((), state.value)
+    since = recent.since((), state.value)
     return Verdict(
         state=state.value,
-        since=min((chronicle.since_of(each) for each in worst), default=since),
+        since=min((recent.since_of(each) for each in worst), default=since),
         errors=sum(each.entry.severity is Severity.ERROR for each in found),
         warnings=sum(each.entry.severity is Severity.WARNING for each in found),
     )
 
 
-def of_axes(model: Model, found: Sequence[Trouble], chronicle: Chronicle) -> dict[str, AxisVerdict]:
+def of_axes(model: Model, found: Sequence[Alarm], recent: RecentHistory) -> dict[str, AxisVerdict]:
     """Return the verdict on each axis.
 
     ``kind`` is that of its worst trouble, and ``title`` that trouble's two or three words, empty where the
@@ -65,12 +65,12 @@ def of_axes(model: Model, found: Sequence[Trouble], chronicle: Chronicle) -> dic
         if worst is not None:
             state, kind, title = _OF_SEVERITY[worst.entry.severity], worst.entry.kind, worst.entry.title
         elif name in waiting:
-            state, kind, title = State.WAITING, "controller-awaited", AWAITED
+            state, kind, title = Health.WAITING, "controller-awaited", AWAITED
         else:
-            state, kind, title = State.HEALTHY, axis.compensation, ""
-        since = chronicle.since((name,), state.value)
+            state, kind, title = Health.HEALTHY, axis.compensation, ""
+        since = recent.since((name,), state.value)
         if worst is not None:  # it may have begun before anybody looked
-            since = chronicle.since_of(worst)
+            since = recent.since_of(worst)
         verdicts[name] = AxisVerdict(state=state.value, kind=kind, title=title, since=since)
     return verdicts
 

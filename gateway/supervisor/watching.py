@@ -8,9 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
-from gateway.supervisor.aside import aside
-from gateway.supervisor.sights import look
-from gateway.supervisor.stillness import Sight, State, Stillness
+from gateway.supervisor.debounce import FileDebounce, FileStability, FileStamp
+from gateway.supervisor.file_stamps import scan
+from gateway.supervisor.in_thread import in_thread
 
 EVERY_S: Final = 1.0
 """Between two looks when nothing tells; what a network file system or a dead watcher needs."""
@@ -26,10 +26,10 @@ class Watch:
     """Follows the table files of the axes of one configuration; one loop, looks in a thread."""
 
     def __init__(self) -> None:
-        self._files: dict[str, Stillness] = {}
+        self._files: dict[str, FileDebounce] = {}
         self._names: Mapping[str, str] = {}
         self._folder = Path()
-        self._sights: Mapping[str, Sight] = {}
+        self._stamps: Mapping[str, FileStamp] = {}
         self._looked_s = time.monotonic()
         self._woken = asyncio.Event()
 
@@ -38,10 +38,10 @@ class Watch:
         if folder == self._folder and names == self._names:
             return  # not woken: who follows after each reading would look and read without a rest
         if folder != self._folder:
-            self._files, self._sights = {}, {}
+            self._files, self._stamps = {}, {}
         self._folder, self._names = folder, dict(names)
-        wanted = set(names.values())
-        self._files = {name: self._files.get(name) or Stillness() for name in wanted}
+        followed = set(names.values())
+        self._files = {name: self._files.get(name) or FileDebounce() for name in followed}
         self.wake()
 
     @property
@@ -52,13 +52,15 @@ class Watch:
     @property
     def moving(self) -> frozenset[str]:
         """Axes whose file has changed or gone, and is not still yet."""
-        return self._axes_in(State.MOVING)
+        return self._axes_in(FileStability.MOVING)
 
     @property
-    def still(self) -> Mapping[str, Sight | None]:
+    def still(self) -> Mapping[str, FileStamp | None]:
         """The sight as which each file that was seen may be read, by name; None as long as it moves."""
-        seen = {name: sight for name, sight in self._sights.items() if name in self._files}
-        return {name: None if self._state(name) is State.MOVING else sight for name, sight in seen.items()}
+        seen = {name: stamp for name, stamp in self._stamps.items() if name in self._files}
+        return {
+            name: None if self._state(name) is FileStability.MOVING else stamp for name, stamp in seen.items()
+        }
 
     @property
     def silent_s(self) -> float:
@@ -69,16 +71,16 @@ class Watch:
         """Look again at once."""
         self._woken.set()
 
-    async def look(self) -> bool:
+    async def scan(self) -> bool:
         """Look at all files; returns whether any is ready to be read."""
         folder, names = self._folder, list(self._files)
-        sights = await aside(partial(look, folder, names))
+        stamps = await in_thread(partial(scan, folder, names))
         if folder != self._folder or set(names) != self._files.keys():
             return False  # others are followed by now
-        self._sights, self._looked_s = sights, time.monotonic()
-        return any(self._state(name) is State.READY for name in names)
+        self._stamps, self._looked_s = stamps, time.monotonic()
+        return any(self._state(name) is FileStability.READY for name in names)
 
-    def take(self, before: Mapping[str, Sight], waiting: Collection[str] = (), *, began_s: float) -> None:
+    def take(self, before: Mapping[str, FileStamp], waiting: Collection[str] = (), *, began_s: float) -> None:
         """Note that files were read; ``before`` are the sights that were seen just before.
 
         ``began_s``: when the reading began (``time.monotonic``). What a look saw before is older than these
@@ -86,19 +88,19 @@ class Watch:
 
         The files of axes in ``waiting`` could not be, and are to be read as soon as they stand still.
         """
-        taken = {name: sight for name, sight in before.items() if name in self._files}
-        for name, sight in taken.items():
-            self._files[name].take(sight, time.monotonic())
+        taken = {name: stamp for name, stamp in before.items() if name in self._files}
+        for name, stamp in taken.items():
+            self._files[name].take(stamp, time.monotonic())
         if self._looked_s < began_s:
-            self._sights = {**self._sights, **taken}
+            self._stamps = {**self._stamps, **taken}
         for axis in waiting:
             if axis in self._names:
                 self._files[self._names[axis]].forget()
 
     @property
-    def sights(self) -> Mapping[str, Sight]:
+    def stamps(self) -> Mapping[str, FileStamp]:
         """What was seen last, by name of the file."""
-        return self._sights
+        return self._stamps
 
     async def rest(self) -> None:
         """Wait until it is time for the next look."""
@@ -108,11 +110,11 @@ class Watch:
                 await self._woken.wait()
         self._woken.clear()
 
-    def _state(self, name: str) -> State:
-        sight = self._sights.get(name)
-        return State.SAME if sight is None else self._files[name].look(sight, time.monotonic())
+    def _state(self, name: str) -> FileStability:
+        stamp = self._stamps.get(name)
+        return FileStability.SAME if stamp is None else self._files[name].observe(stamp, time.monotonic())
 
-    def _axes_in(self, state: State) -> frozenset[str]:
+    def _axes_in(self, state: FileStability) -> frozenset[str]:
         return frozenset(axis for axis, name in self._names.items() if self._state(name) is state)
 
 
@@ -124,15 +126,17 @@ async def wake_on_change(folder: Path, wake: Callable[[], None], complain: Calla
     """
     from watchfiles import awatch
 
-    said = ""
+    reported = ""
     while True:
         try:
-            await aside(folder.stat)  # awatch looks on the loop: a folder that does not answer would stop all
+            await in_thread(
+                folder.stat
+            )  # awatch looks on the loop: a folder that does not answer would stop all
             async for _ in awatch(folder, watch_filter=None, debounce=STEP_MS, step=STEP_MS, recursive=False):
-                said = ""
+                reported = ""
                 wake()
         except (OSError, RuntimeError) as error:
-            if str(error) != said:
-                said = str(error)
-                complain(said)
+            if str(error) != reported:
+                reported = str(error)
+                complain(reported)
         await asyncio.sleep(EVERY_S)

@@ -4,10 +4,10 @@ The sign is the same in all of them: what a file calls its value is turned into 
 commanded position. A reader infers only what the file proves; the rest it is told, or it refuses.
 """
 
-from gateway.tabfile.decoded import Decoded, Lint, LoadedTable, Severity, SourceRow
+from gateway.tabfile.decoded import Decoded, Lint, LintSeverity, LoadedTable, SourceRow
 from gateway.tabfile.dialects import DIALECTS, Dialect, UnitsOf, dialect_named
-from gateway.tabfile.errors import ContextError, Problem, TabFileError
-from gateway.tabfile.explanation import Explanation, explain
+from gateway.tabfile.errors import ContextError, FileProblem, TabFileError
+from gateway.tabfile.explanation import PositionExplanation, explain
 from gateway.tabfile.load import dialect_of, inspect_table, parse_table, read_table
 from gateway.tabfile.names import FoundTable, TableState, axis_of_name, find_axis_tables, find_table
 from gateway.tabfile.options import OPTIONS, ErrorSense, FileContext, HomeSide, TableOptions, V1Layout
@@ -20,14 +20,14 @@ __all__ = [
     "Decoded",
     "Dialect",
     "ErrorSense",
-    "Explanation",
     "FileContext",
+    "FileProblem",
     "FoundTable",
     "HomeSide",
     "Lint",
+    "LintSeverity",
     "LoadedTable",
-    "Problem",
-    "Severity",
+    "PositionExplanation",
     "SourceRow",
     "TabFileError",
     "TableOptions",

@@ -34,13 +34,19 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.checks import Reading, check_home, check_own_range, context_in_file_units, told_units
-from gateway.tabfile.decoded import Decoded, Lint, Severity, SourceRow
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.checks import (
+    Interpretation,
+    check_home,
+    check_own_range,
+    context_in_file_units,
+    required_units,
+)
+from gateway.tabfile.decoded import Decoded, Lint, LintSeverity, SourceRow
+from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.options import MAX_POSITION, FileContext
 from gateway.tabfile.text import (
     DECIMAL_ALLOWED,
-    Line,
+    SourceLine,
     SourceText,
     check_points,
     check_sum,
@@ -98,7 +104,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     check_points(source, facts, size)
     check_sum(source, source.lines[start:], facts)
     table = _pick(source, tables, context)
-    units = told_units(source, context, "an Aerotech file")
+    units = required_units(source, context, "an Aerotech file")
     context = context_in_file_units(source, context, units)
     step, per_unit = _scale(source, table, units)
     if context.file_start is None:
@@ -109,7 +115,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         )
     rows = _rows(table, context.file_start, step, per_unit)
     check_home(source, rows, context)
-    reading = Reading(f"file_start {context.file_start:g}", rows, units)
+    reading = Interpretation(f"file_start {context.file_start:g}", rows, units)
     check_own_range(source, reading, context, "the right file_start, file_units and travel")
     remarks = () if "points" in facts else (_uncounted(size, table.line),)
     return _decoded(table, rows, context, per_unit, remarks)
@@ -152,7 +158,7 @@ def _decoded(
 def _uncounted(size: int, line: int) -> Lint:
     return Lint(
         "R10",
-        Severity.WARNING,
+        LintSeverity.WARNING,
         f"{size} values, and nothing in the file says how many there must be; a lost line would move all "
         f"that follow: count them, then add the comment '; points: {size}' above the table",
         line,
@@ -173,13 +179,13 @@ def _parse(source: SourceText) -> list[_Table]:
     return tables
 
 
-def _parse_table(source: SourceText, first: Line, lines: deque[Line]) -> _Table:
+def _parse_table(source: SourceText, first: SourceLine, lines: deque[SourceLine]) -> _Table:
     words: dict[str, tuple[str, int]] = {}
     axis = _parse_start(source, first, words, is_first=True)
     while lines and _head(lines[0]).startswith(":START"):
         _parse_start(source, lines.popleft(), words, is_first=False)
     values: list[tuple[float, int]] = []
-    problems: list[Problem] = []
+    problems: list[FileProblem] = []
     while True:
         if not lines:
             raise source.error(
@@ -203,18 +209,20 @@ def _parse_table(source: SourceText, first: Line, lines: deque[Line]) -> _Table:
     return _Table(axis, first.number, words, tuple(values))
 
 
-def _head(line: Line) -> str:
+def _head(line: SourceLine) -> str:
     # a line may hold nothing but blanks that are no spaces
     return next(iter(line.text.split()), "").upper()
 
 
-def _found(line: Line) -> str:
+def _found(line: SourceLine) -> str:
     if not line.text:
         return "a blank line inside a table"
     return f"{shown(line.text)} inside a table" if line.text[0] in COMMENTS else shown(line.text)
 
 
-def _parse_start(source: SourceText, line: Line, words: dict[str, tuple[str, int]], *, is_first: bool) -> str:
+def _parse_start(
+    source: SourceText, line: SourceLine, words: dict[str, tuple[str, int]], *, is_first: bool
+) -> str:
     """Add the words of a start line to those of the table; return the axis if it is the first."""
     head, *fields = _LOOSE_EQUALS.sub("=", line.text).split()
     if head.upper() != ":START":
@@ -261,12 +269,12 @@ def _pick(source: SourceText, tables: Sequence[_Table], context: FileContext) ->
             "one table: add them up",
             line=fitting[1].line,
         )
-    told = context.axis.upper() if context.axis is not None else None
+    given = context.axis.upper() if context.axis is not None else None
     is_letter = re.fullmatch("[A-Za-z]", table.axis) is not None
-    if told is not None and context.file_axis is None and is_letter and table.axis.upper() != told:
+    if given is not None and context.file_axis is None and is_letter and table.axis.upper() != given:
         raise source.error(
-            f":START {table.axis}, read for axis {told}",
-            f"a table of axis {told}, or file_axis = {table.axis!r} if it is the right one",
+            f":START {table.axis}, read for axis {given}",
+            f"a table of axis {given}, or file_axis = {table.axis!r} if it is the right one",
             line=table.line,
         )
     return table
@@ -344,11 +352,11 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         *(" ".join(values[index : index + PER_LINE]) for index in range(0, len(values), PER_LINE)),
         ":END",
     ]
-    told = f"read it with file_units {table.units.value} and file_start {table.first:g}"
+    hint = f"read it with file_units {table.units.value} and file_start {table.first:g}"
     losses = (
         f"values have {DECIMALS} decimals of {unit}",
         *lost_motion,
-        f"units and start are not in the file: {told}",
+        f"units and start are not in the file: {hint}",
         "HOMEDIRECTION and HOMEOFFSET are not in the file: add them as the axis homes",
     )
     context = FileContext(

@@ -22,8 +22,8 @@ from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.tabfile.checks import check_stated, context_in_file_units
 from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.options import MAX_POSITION, FileContext, to_tell
+from gateway.tabfile.errors import FileProblem, TabFileError
+from gateway.tabfile.options import MAX_POSITION, FileContext, option_hint
 from gateway.tabfile.text import DECIMAL_ALLOWED, SourceText, listed, shown, to_decimal
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
@@ -105,7 +105,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
 
 def _parse(source: SourceText) -> dict[str, list[_Point]]:
     axes: dict[str, list[_Point]] = {}
-    problems: list[Problem] = []
+    problems: list[FileProblem] = []
     for line in source.lines:
         if not line.text:
             continue
@@ -125,17 +125,17 @@ def _parse(source: SourceText) -> dict[str, list[_Point]]:
 
 
 def _choose(source: SourceText, axes: dict[str, list[_Point]], context: FileContext) -> str:
-    told = context.file_axis.upper() if context.file_axis else None
-    if told is not None and told not in axes:
+    given = context.file_axis.upper() if context.file_axis else None
+    if given is not None and given not in axes:
         raise source.error(
-            f"points of {listed(axes)}, told file_axis {told!r}", f"file_axis = {listed(axes, ' or ')}"
+            f"points of {listed(axes)}, told file_axis {given!r}", f"file_axis = {listed(axes, ' or ')}"
         )
-    if told is None and len(axes) > 1:
+    if given is None and len(axes) > 1:
         raise source.error(
             f"points of {listed(axes)}",
-            to_tell("file_axis", f"{next(iter(axes))!r}, for example"),
+            option_hint("file_axis", f"{next(iter(axes))!r}, for example"),
         )
-    return told or next(iter(axes))
+    return given or next(iter(axes))
 
 
 def _rows(points: list[_Point]) -> tuple[SourceRow, ...]:

@@ -24,11 +24,11 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import MM_PER_INCH, Units
-from gateway.tabfile.checks import Reading, check_home, check_range, check_start, describe_both
+from gateway.tabfile.checks import Interpretation, check_home, check_range, check_start, describe_both
 from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.options import FileContext, V1Layout, choices
-from gateway.tabfile.text import INTEGER_ALLOWED, Line, SourceText, shown, to_integer
+from gateway.tabfile.text import INTEGER_ALLOWED, SourceLine, SourceText, shown, to_integer
 from gateway.tabfile.writing import (
     LARGER_SCALE,
     NEEDS_SCALE,
@@ -79,8 +79,8 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     scale, units = _scale(source, context)
     layout, decision = _decide_layout(source, counts, scale, units, context)
     rows = _rows(counts, scale, layout)
-    reading = Reading(f"file_counts_per_unit {scale:g}", rows, units)
-    mirror = Reading(f"file_counts_per_unit {-scale:g}", _rows(counts, -scale, layout), units)
+    reading = Interpretation(f"file_counts_per_unit {scale:g}", rows, units)
+    mirror = Interpretation(f"file_counts_per_unit {-scale:g}", _rows(counts, -scale, layout), units)
     check_range(
         source, reading, mirror, context, "the right file_counts_per_unit (negative for Dir Rev) and travel"
     )
@@ -116,7 +116,7 @@ def _parse(source: SourceText) -> _Counts:
     return _Counts(total, tuple(values), tuple(line.number for line in body))
 
 
-def _bad_value(source: SourceText, line: Line) -> Problem:
+def _bad_value(source: SourceText, line: SourceLine) -> FileProblem:
     found = shown(line.text) if line.text else "a blank line between the values"
     return source.problem(found, INTEGER_ALLOWED, line=line.number)
 
@@ -170,7 +170,7 @@ def _decide_layout(
     listed_round = _is_round(length, size - 1, tolerance, units)
     implicit_round = _is_round(length, size, tolerance, units)
     listed_step, implicit_step = (f"{length / n:.6g} {units.value}" for n in (size - 1, size))
-    readings = [Reading(f"v1_layout {w.value}", _rows(counts, scale, w), units) for w in V1Layout]
+    readings = [Interpretation(f"v1_layout {w.value}", _rows(counts, scale, w), units) for w in V1Layout]
     if counts.values[0] != 0:
         if listed_round and not implicit_round:
             raise source.error(

@@ -27,18 +27,18 @@ from typing import Final
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.tabfile.checks import (
-    Reading,
+    Interpretation,
     check_home,
     check_range,
     context_in_file_units,
     describe_both,
     unused_options,
 )
-from gateway.tabfile.decoded import Decoded, Lint, Severity, SourceRow
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.decoded import Decoded, Lint, LintSeverity, SourceRow
+from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.names import axis_of_comment
 from gateway.tabfile.options import FileContext
-from gateway.tabfile.text import Line, SourceText, shown, to_decimal, to_integer, with_point
+from gateway.tabfile.text import SourceLine, SourceText, shown, to_decimal, to_integer, with_point
 from gateway.tabfile.writing import LARGER_SCALE, WriteOptions, Written, even_step, unwritable
 
 NAME: Final = "centroid-2"
@@ -117,7 +117,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         reading,
         mirror,
         context,
-        f"file_start = {context.as_told(mirror.rows[0].position):.9g} or the right travel",
+        f"file_start = {context.as_given(mirror.rows[0].position):.9g} or the right travel",
     )
     check_home(source, rows, context)
     unused = ("file_counts_per_unit",) if header.counts == 1 else ()
@@ -149,7 +149,7 @@ def _ends(rows: Sequence[SourceRow]) -> tuple[Lint, ...]:
         '"must be zero. It is impossible to acquire meaningful data for these points"; they are used as they '
         "stand"
     )
-    return (Lint("R12", Severity.INFO, message, rows[0].forward_line),)
+    return (Lint("R12", LintSeverity.INFO, message, rows[0].forward_line),)
 
 
 def _parse_header(source: SourceText) -> _Header:
@@ -171,17 +171,19 @@ def _parse_header(source: SourceText) -> _Header:
     return _Header(line.number, intervals, step, _UNITS[code], counts, position, comment)
 
 
-def _parse_lists(source: SourceText, header: _Header) -> tuple[list[Line], list[Line], tuple[Lint, ...]]:
+def _parse_lists(
+    source: SourceText, header: _Header
+) -> tuple[list[SourceLine], list[SourceLine], tuple[Lint, ...]]:
     """Return the value lines of both lists, in the order of the file."""
     size = header.intervals + 1
-    values: list[Line] = []
+    values: list[SourceLine] = []
     comments: list[tuple[int, int]] = []
     """Values before a comment line, and its line."""
-    problems: list[Problem] = []
+    problems: list[FileProblem] = []
     for line in source.lines[1:]:
         text = line.text.partition(";")[0].strip()
         if text:
-            values.append(Line(line.number, text))
+            values.append(SourceLine(line.number, text))
             problems.extend(_value_problems(source, line.number, text))
         elif line.text:
             comments.append((len(values), line.number))
@@ -192,12 +194,12 @@ def _parse_lists(source: SourceText, header: _Header) -> tuple[list[Line], list[
     _check_counts(source, size, len(values), comments)
     has_separator = any(before == size for before, _ in comments)
     missing = Lint(
-        "R1", Severity.WARNING, "no '; backward data' line between the lists: split by their length", None
+        "R1", LintSeverity.WARNING, "no '; backward data' line between the lists: split by their length", None
     )
     return values[:size], values[size:], () if has_separator else (missing,)
 
 
-def _value_problems(source: SourceText, line: int, text: str) -> Iterable[Problem]:
+def _value_problems(source: SourceText, line: int, text: str) -> Iterable[FileProblem]:
     value = to_decimal(text)
     if value is None:
         yield source.problem(shown(text), with_point(text), line=line)
@@ -222,11 +224,15 @@ def _check_counts(source: SourceText, size: int, total: int, comments: Iterable[
         )
 
 
-def _reading(header: _Header, forward: list[Line], backward: list[Line], start: float) -> Reading:
-    return Reading(f"file_start {start:g}", _rows(header, forward, backward, start), header.units)
+def _reading(
+    header: _Header, forward: list[SourceLine], backward: list[SourceLine], start: float
+) -> Interpretation:
+    return Interpretation(f"file_start {start:g}", _rows(header, forward, backward, start), header.units)
 
 
-def _rows(header: _Header, forward: list[Line], backward: list[Line], start: float) -> tuple[SourceRow, ...]:
+def _rows(
+    header: _Header, forward: list[SourceLine], backward: list[SourceLine], start: float
+) -> tuple[SourceRow, ...]:
     per_unit = _VALUES_PER_UNIT[header.units]
     rows = []
     for index, (ahead, back) in enumerate(zip(forward, backward, strict=True)):
@@ -241,7 +247,10 @@ def _rows(header: _Header, forward: list[Line], backward: list[Line], start: flo
 
 
 def _decide_start(
-    source: SourceText, header: _Header, lists: tuple[list[Line], list[Line]], context: FileContext
+    source: SourceText,
+    header: _Header,
+    lists: tuple[list[SourceLine], list[SourceLine]],
+    context: FileContext,
 ) -> _Start:
     _check_encoder_counts(source, header, context)
     if context.file_start is not None:
@@ -252,7 +261,7 @@ def _decide_start(
         )
     if header.position != 0:
         candidates = [header.position, -header.intervals * header.step]
-        raise _unproven(
+        raise _ambiguous_start(
             source,
             header,
             lists,
@@ -261,7 +270,7 @@ def _decide_start(
         )
     if context.travel is None:
         candidates = [-header.intervals * header.step, 0.0]
-        raise _unproven(
+        raise _ambiguous_start(
             source,
             header,
             lists,
@@ -278,15 +287,15 @@ def _check_encoder_counts(source: SourceText, header: _Header, context: FileCont
     length = header.intervals * header.step
     found = abs(header.counts) / length
     unit = header.units.value
-    told = context.file_counts_per_unit
-    if told is not None and abs(found - abs(told)) > COUNTS_TOLERANCE * abs(told):
+    given = context.file_counts_per_unit
+    if given is not None and abs(found - abs(given)) > COUNTS_TOLERANCE * abs(given):
         raise source.error(
             f"field 5 of {header.counts:.10g} counts over {length:g} {unit}: {found:.8g} counts per {unit}, "
-            f"told file_counts_per_unit {told:.8g}",
+            f"told file_counts_per_unit {given:.8g}",
             f"the same within {COUNTS_TOLERANCE:.2%}",
             line=header.line,
         )
-    if told is None and context.file_start is None and found <= 1:
+    if given is None and context.file_start is None and found <= 1:
         raise source.error(
             f"field 5 of {header.counts:.10g} over {length:g} {unit}, too small for encoder counts",
             f"1, or more than 1 count per {unit}; or file_start = position of the first point",
@@ -295,35 +304,38 @@ def _check_encoder_counts(source: SourceText, header: _Header, context: FileCont
 
 
 def _start_from_travel(
-    source: SourceText, header: _Header, lists: tuple[list[Line], list[Line]], context: FileContext
+    source: SourceText,
+    header: _Header,
+    lists: tuple[list[SourceLine], list[SourceLine]],
+    context: FileContext,
 ) -> _Start:
     """Derive the start as TB058 lays it out: multiples of the step, beginning just inside the travel."""
     assert context.travel is not None
     low, high = context.travel
     length = header.intervals * header.step
-    told = f"travel {low:g} to {high:g}"
+    travel = f"travel {low:g} to {high:g}"
     if high == 0:
         fitting = floor(-low / header.step + GRID_TOLERANCE)
         if header.intervals != fitting:
-            found = f"{header.intervals} intervals of {header.step:g} for {told}, into which {fitting} fit"
-            raise _unproven(source, header, lists, [-length, -fitting * header.step], found)
-        return _Start(-length, f"start {-length:g}: multiples of the step down from 0, {told}")
+            found = f"{header.intervals} intervals of {header.step:g} for {travel}, into which {fitting} fit"
+            raise _ambiguous_start(source, header, lists, [-length, -fitting * header.step], found)
+        return _Start(-length, f"start {-length:g}: multiples of the step down from 0, {travel}")
     if low == 0:
-        return _Start(0.0, f"start 0: {told}")
+        return _Start(0.0, f"start 0: {travel}")
     if length < (high - low) - header.step * (1 + GRID_TOLERANCE):
-        found = f"{header.intervals} intervals of {header.step:g}, which do not reach across {told}"
-        raise _unproven(source, header, lists, [low, high - length], found)
+        found = f"{header.intervals} intervals of {header.step:g}, which do not reach across {travel}"
+        raise _ambiguous_start(source, header, lists, [low, high - length], found)
     message = (
-        f"start {low:g} is inferred from {told}: check it, and tell file_start = {context.as_told(low):.9g} "
-        "if it is right"
+        f"start {low:g} is inferred from {travel}: check it, and tell file_start = "
+        f"{context.as_given(low):.9g} if it is right"
     )
-    return _Start(low, f"start {low:g}: lower end of {told}", (Lint("R2", Severity.WARNING, message),))
+    return _Start(low, f"start {low:g}: lower end of {travel}", (Lint("R2", LintSeverity.WARNING, message),))
 
 
-def _unproven(
+def _ambiguous_start(
     source: SourceText,
     header: _Header,
-    lists: tuple[list[Line], list[Line]],
+    lists: tuple[list[SourceLine], list[SourceLine]],
     starts: Iterable[float],
     found: str,
 ) -> TabFileError:

@@ -25,11 +25,25 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.checks import Reading, check_home, check_stated, context_in_file_units, describe_both
+from gateway.tabfile.checks import (
+    Interpretation,
+    check_home,
+    check_stated,
+    context_in_file_units,
+    describe_both,
+)
 from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.options import FileContext, HomeSide
-from gateway.tabfile.text import DECIMAL_ALLOWED, Line, SourceText, shown, to_decimal, to_integer, with_point
+from gateway.tabfile.text import (
+    DECIMAL_ALLOWED,
+    SourceLine,
+    SourceText,
+    shown,
+    to_decimal,
+    to_integer,
+    with_point,
+)
 from gateway.tabfile.writing import WriteOptions, Written, even_step, home_side, unwritable
 
 NAME: Final = "centroid-3"
@@ -160,7 +174,7 @@ def _parse_rows(source: SourceText, header: _Header) -> list[_Row]:
     return rows
 
 
-def _parse_row(line: Line) -> _Row | tuple[str, str]:
+def _parse_row(line: SourceLine) -> _Row | tuple[str, str]:
     """Return the row, or what was found instead, with the field that is no number; "" for none."""
     fields = line.text.split()
     if len(fields) != 3:
@@ -190,7 +204,7 @@ def _check_positions(source: SourceText, header: _Header, rows: Sequence[_Row]) 
 
 def _check_order(source: SourceText, rows: Sequence[_Row]) -> None:
     sign = 1 if rows[-1].position > rows[0].position else -1
-    problems: list[Problem] = []
+    problems: list[FileProblem] = []
     for before, after in itertools.pairwise(rows):
         if sign * (after.position - before.position) <= 0:
             found = f"position {after.position:g} after {before.position:g}"
@@ -204,12 +218,12 @@ def _two_sided(source: SourceText, header: _Header, rows: Sequence[_Row]) -> Tab
     is_rising = rows[-1].position > rows[0].position
     by_position = sorted(rows)
     readings = describe_both(
-        Reading(
+        Interpretation(
             "columns change their direction at home",
             [_directed(row, away_is_forward=row.position >= 0) for row in by_position],
             header.units,
         ),
-        Reading(
+        Interpretation(
             "columns keep their direction all along",
             [_directed(row, away_is_forward=is_rising) for row in by_position],
             header.units,

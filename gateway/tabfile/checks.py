@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from gateway.compensation.units import Units
-from gateway.tabfile.decoded import Lint, Severity, SourceRow
-from gateway.tabfile.options import ErrorSense, FileContext, HomeSide, choices, to_tell
+from gateway.tabfile.decoded import Lint, LintSeverity, SourceRow
+from gateway.tabfile.options import ErrorSense, FileContext, HomeSide, choices, option_hint
 from gateway.tabfile.text import SourceText
 
 # --- Two meanings of one file, described and compared, so that a person can choose
@@ -18,7 +18,7 @@ _SHOWN_POINTS: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class Interpretation:
     """One possible meaning: what it assumes and the points that follow, ascending."""
 
     assumption: str
@@ -27,10 +27,10 @@ class Reading:
 
     def describe(self) -> str:
         """Say in one line what is assumed and where the points then lie."""
-        places = [f"{row.position:.6g}" for row in self.rows]
-        if len(places) > 2 * _SHOWN_POINTS:
-            places = [*places[:_SHOWN_POINTS], "…", *places[-_SHOWN_POINTS:]]
-        return f"{self.assumption}: {len(self.rows)} points at {', '.join(places)} {self.units.value}"
+        positions = [f"{row.position:.6g}" for row in self.rows]
+        if len(positions) > 2 * _SHOWN_POINTS:
+            positions = [*positions[:_SHOWN_POINTS], "…", *positions[-_SHOWN_POINTS:]]
+        return f"{self.assumption}: {len(self.rows)} points at {', '.join(positions)} {self.units.value}"
 
 
 def largest_difference(one: Sequence[SourceRow], other: Sequence[SourceRow]) -> tuple[float, float]:
@@ -39,17 +39,17 @@ def largest_difference(one: Sequence[SourceRow], other: Sequence[SourceRow]) -> 
     Outside its points a reading holds its end value. Both are piecewise linear, so the largest difference
     lies at a point of one of them.
     """
-    places = sorted({row.position for row in (*one, *other)})
-    largest, where = 0.0, places[0]
+    positions = sorted({row.position for row in (*one, *other)})
+    largest, where = 0.0, positions[0]
     for first, second in zip(_branches(one), _branches(other), strict=True):
-        for place in places:
-            difference = abs(_hold(*first, place) - _hold(*second, place))
+        for position in positions:
+            difference = abs(_hold(*first, position) - _hold(*second, position))
             if difference > largest:
-                largest, where = difference, place
+                largest, where = difference, position
     return largest, where
 
 
-def describe_both(one: Reading, other: Reading) -> tuple[str, ...]:
+def describe_both(one: Interpretation, other: Interpretation) -> tuple[str, ...]:
     """Return both readings in words, the second followed by how far they lie apart."""
     largest, where = largest_difference(one.rows, other.rows)
     unit = one.units.value
@@ -62,13 +62,13 @@ def _branches(rows: Sequence[SourceRow]) -> tuple[tuple[list[float], list[float]
     return (positions, [row.forward for row in rows]), (positions, [row.backward for row in rows])
 
 
-def _hold(positions: list[float], corrections: list[float], place: float) -> float:
-    above = bisect_right(positions, place)
+def _hold(positions: list[float], corrections: list[float], position: float) -> float:
+    above = bisect_right(positions, position)
     if above == 0:
         return corrections[0]
     if above == len(positions):
         return corrections[-1]
-    share = (place - positions[above - 1]) / (positions[above] - positions[above - 1])
+    share = (position - positions[above - 1]) / (positions[above] - positions[above - 1])
     return corrections[above - 1] + share * (corrections[above] - corrections[above - 1])
 
 
@@ -106,7 +106,7 @@ def context_in_file_units(source: SourceText, context: FileContext, file_units: 
         ) from None
 
 
-def told_units(source: SourceText, context: FileContext, what: str) -> Units:
+def required_units(source: SourceText, context: FileContext, what: str) -> Units:
     """Return the units of a file that does not state its own; ``what`` names the kind of file.
 
     Raises:
@@ -115,13 +115,13 @@ def told_units(source: SourceText, context: FileContext, what: str) -> Units:
     if context.file_units is None:
         raise source.error(
             f"{what}, which states no units",
-            to_tell("file_units"),
+            option_hint("file_units"),
         )
     return context.file_units
 
 
 def check_range(
-    source: SourceText, reading: Reading, mirror: Reading, context: FileContext, remedy: str
+    source: SourceText, reading: Interpretation, mirror: Interpretation, context: FileContext, remedy: str
 ) -> None:
     """Check that the range meets the travel and does not stick far out of it. Without a travel: no check.
 
@@ -132,10 +132,10 @@ def check_range(
     if context.travel is None:
         return
     low, high = context.travel
-    tell = f"travel {low:g} to {high:g} {reading.units.value}"
+    limits = f"travel {low:g} to {high:g} {reading.units.value}"
     first, last = _ends(reading)
     if _overlap(first, last, low, high) <= TOUCH * (high - low):
-        found = f"a table from {first:g} to {last:g} {reading.units.value}, which misses {tell}"
+        found = f"a table from {first:g} to {last:g} {reading.units.value}, which misses {limits}"
         if _overlap(*_ends(mirror), low, high) > TOUCH * (high - low):
             raise source.error(
                 found + " while its mirror meets it", remedy, readings=describe_both(reading, mirror)
@@ -144,20 +144,20 @@ def check_range(
     excess = max(0.0, low - first) + max(0.0, last - high)
     if excess > MAX_EXCESS * (high - low) * (1 + TOUCH):
         raise source.error(
-            f"a table from {first:g} to {last:g} {reading.units.value}, which exceeds {tell} by "
+            f"a table from {first:g} to {last:g} {reading.units.value}, which exceeds {limits} by "
             f"{excess / (high - low):.0%}",
             f"at most {MAX_EXCESS:.0%} beyond the travel; {remedy}",
         )
 
 
-def check_own_range(source: SourceText, reading: Reading, context: FileContext, remedy: str) -> None:
+def check_own_range(source: SourceText, reading: Interpretation, context: FileContext, remedy: str) -> None:
     """Check the range of a file whose positions have a sign of their own: its mirror has the other one.
 
     Raises:
         TabFileError: see :func:`check_range`.
     """
     mirrored = tuple(row._replace(position=-row.position + 0.0) for row in reversed(reading.rows))
-    mirror = Reading("positions mirrored", mirrored, reading.units)
+    mirror = Interpretation("positions mirrored", mirrored, reading.units)
     check_range(source, reading, mirror, context, remedy)
 
 
@@ -187,9 +187,9 @@ def check_start(source: SourceText, rows: Sequence[SourceRow], context: FileCont
         return
     step = (rows[-1].position - rows[0].position) / (len(rows) - 1)
     if abs(context.file_start - rows[0].position) > 1e-4 * step:
-        found, told = context.as_told(rows[0].position), context.as_told(context.file_start)
+        found, given = context.as_given(rows[0].position), context.as_given(context.file_start)
         raise source.error(
-            f"a lowest position of {found:.9g}, but file_start is {told:.9g}",
+            f"a lowest position of {found:.9g}, but file_start is {given:.9g}",
             f"file_start = {found:.9g}, or none",
         )
 
@@ -204,7 +204,9 @@ def proven_home(rows: Sequence[SourceRow]) -> HomeSide | None:
 def unused_options(context: FileContext, format_name: str, names: Iterable[str]) -> tuple[Lint, ...]:
     """Return a remark for each told option that this dialect has no use for."""
     return tuple(
-        Lint("R3", Severity.WARNING, f"{name} has no meaning for {format_name} and was not used: remove it")
+        Lint(
+            "R3", LintSeverity.WARNING, f"{name} has no meaning for {format_name} and was not used: remove it"
+        )
         for name in names
         if getattr(context, name) is not None
     )
@@ -219,17 +221,17 @@ def under_new_names(
         TabFileError: an option was told under both names, and they contradict each other.
     """
     remarks: list[Lint] = []
-    for old, new, told in context.told_under_old_names(format_name):
+    for old, new, given in context.given_under_old_names(format_name):
         now = getattr(context, new)
-        if now not in (None, told):
-            raise source.error(f"{old} {told.value} and {new} {now.value}", f"{new} alone, as it is meant")
-        context = replace(context, **{old: None, new: told})
-        message = f"{old} is the old name of {new}, and stays accepted: {new} = {told.value!r}"
-        remarks.append(Lint("R14", Severity.INFO, message))
+        if now not in (None, given):
+            raise source.error(f"{old} {given.value} and {new} {now.value}", f"{new} alone, as it is meant")
+        context = replace(context, **{old: None, new: given})
+        message = f"{old} is the old name of {new}, and stays accepted: {new} = {given.value!r}"
+        remarks.append(Lint("R14", LintSeverity.INFO, message))
     return context, tuple(remarks)
 
 
-def _ends(reading: Reading) -> tuple[float, float]:
+def _ends(reading: Interpretation) -> tuple[float, float]:
     return reading.rows[0].position, reading.rows[-1].position
 
 
@@ -247,7 +249,7 @@ def check_stated(source: SourceText, rows: Sequence[SourceRow], units: Units, co
         TabFileError: the file starts elsewhere, misses the travel, or sticks far out of it.
     """
     check_start(source, rows, context)
-    reading = Reading(AS_THEY_STAND, rows, units)
+    reading = Interpretation(AS_THEY_STAND, rows, units)
     check_own_range(source, reading, context, "a table of this axis, or the right travel")
 
 

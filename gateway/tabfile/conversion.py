@@ -14,8 +14,8 @@ from gateway.tabfile import (
     DIALECTS,
     OPTIONS,
     Dialect,
+    FileProblem,
     LoadedTable,
-    Problem,
     SourceRow,
     TabFileError,
     UnitsOf,
@@ -33,7 +33,7 @@ WRITE_OPTIONS: Final = {
     "file_axis": "--to-file-axis",
     "sense": "--to-sense",
 }
-SAME_TURN: Final = 1e-9
+SAME_REVOLUTION: Final = 1e-9
 """A turn may be off by this fraction of it: the rounding of positions."""
 
 
@@ -68,18 +68,18 @@ def is_modulo(loaded: LoadedTable, table: CorrectionTable) -> bool:
     """Whether a table that was made of a file begins again at its end, as that of the file does."""
     if loaded.source.modulo is None:
         return False
-    turn = loaded.source.modulo * loaded.table.units.convert_factor(table.units)
+    revolution = loaded.source.modulo * loaded.table.units.convert_factor(table.units)
     is_closed = table.forward[0] == table.forward[-1] and table.backward[0] == table.backward[-1]
-    return is_closed and abs(table.last - table.first - turn) <= SAME_TURN * turn
+    return is_closed and abs(table.last - table.first - revolution) <= SAME_REVOLUTION * revolution
 
 
-def turns_lost(loaded: LoadedTable, modulo: float | None) -> list[str]:
+def lost_modulo(loaded: LoadedTable, modulo: float | None) -> list[str]:
     """Say that a table begins again at its end, where the file that was made of it does not say so."""
     if loaded.source.modulo is None or modulo is not None:
         return []
-    turn, unit = f"{loaded.source.modulo:.10g}", loaded.table.units.value
-    remedy = f"set it on the control (modulo = {turn} for an axis of the gateway)"
-    return [f"that the table begins again after {turn} {unit}: {remedy}"]
+    revolution, unit = f"{loaded.source.modulo:.10g}", loaded.table.units.value
+    remedy = f"set it on the control (modulo = {revolution} for an axis of the gateway)"
+    return [f"that the table begins again after {revolution} {unit}: {remedy}"]
 
 
 def write_text(table: CorrectionTable, target: Dialect, options: WriteOptions) -> Written:
@@ -97,21 +97,21 @@ def write_text(table: CorrectionTable, target: Dialect, options: WriteOptions) -
     return replace(written, losses=(*written.losses, *unused))
 
 
-def told_to_reader(written: Written, target: Dialect) -> dict[str, object]:
+def reader_options(written: Written, target: Dialect) -> dict[str, object]:
     """Return what a reader of the file must be told, by the names of the options."""
     names = ["format", *OPTIONS]
     if target.units is not UnitsOf.FILE:
         names.append("file_units" if target.units is UnitsOf.TOLD else "units")
-    told = {name: getattr(written.context, name) for name in names}
-    said = {name: fact for name, fact in told.items() if fact is not None}
-    return {name: fact.value if isinstance(fact, Enum) else fact for name, fact in said.items()}
+    options = {name: getattr(written.context, name) for name in names}
+    given = {name: fact for name, fact in options.items() if fact is not None}
+    return {name: fact.value if isinstance(fact, Enum) else fact for name, fact in given.items()}
 
 
 def reader_lines(written: Written, target: Dialect) -> list[str]:
     """Say the same as options of the command line; no line where nothing is to be told."""
     options = " ".join(
         f"{DECLARED[name].typed if name in DECLARED else f'--{name}'} {fact}"
-        for name, fact in sorted(told_to_reader(written, target).items())
+        for name, fact in sorted(reader_options(written, target).items())
     )
     return [f"to be told when it is read: {options}"] if options else []
 
@@ -132,12 +132,14 @@ def write(out: Path, text: str, *, force: bool, encoding: str = "utf-8") -> None
     try:
         write_file(out, text.encode(encoding), force=force)
     except FileExistsError:
-        raise TabFileError(Problem(str(out), "a file of this name", "a new name, or --force")) from None
+        raise TabFileError(FileProblem(str(out), "a file of this name", "a new name, or --force")) from None
     except FileRefusedError as error:
         replaced = os.path.realpath(out)  # what a link names
-        raise TabFileError(Problem(replaced, error.found, "a regular file, or a new name")) from None
+        raise TabFileError(FileProblem(replaced, error.found, "a regular file, or a new name")) from None
     except OSError as error:
-        raise TabFileError(Problem(str(out), error.strerror or str(error), "a place to write to")) from error
+        raise TabFileError(
+            FileProblem(str(out), error.strerror or str(error), "a place to write to")
+        ) from error
 
 
 # --- A free grid made even, for the controls that know no other, and what that changes
@@ -174,7 +176,7 @@ def resample(table: CorrectionTable, step: float, name: str) -> Resampled:
     unit = table.units.value
     if not 0 < step <= length * (1 + ON_GRID) or length / step > MAX_POINTS:
         raise TabFileError(
-            Problem(
+            FileProblem(
                 name,
                 f"a step of {step:g} for a table of {length:g} {unit}",
                 f"--resample from {length / MAX_POINTS:g} to {length:g} {unit}",

@@ -124,11 +124,11 @@ def _parse_header(source: SourceText, csv: CsvText) -> _Header:
                 f"a column {shown(cell)}", f"{EXAMPLE}; nothing else{remedy}", line=first.number
             )
         name = match[1].lower()
-        place = name.split("_")[0]
-        place = "correction" if place == "error" else place
-        if place in columns:
-            raise source.error(f"a second {place} column, {shown(cell)}", "each once", line=first.number)
-        columns[place] = (index, match[2].lower(), "error" if "error" in name else "correction")
+        column = name.split("_")[0]
+        column = "correction" if column == "error" else column
+        if column in columns:
+            raise source.error(f"a second {column} column, {shown(cell)}", "each once", line=first.number)
+        columns[column] = (index, match[2].lower(), "error" if "error" in name else "correction")
     if set(columns) not in ({"position", "correction"}, {"position", "forward", "backward"}):
         raise source.error(
             f"the columns {', '.join(first.cells)}",

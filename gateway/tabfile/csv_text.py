@@ -21,7 +21,7 @@ from gateway.tabfile.options import FileContext
 from gateway.tabfile.text import (
     DECIMAL_ALLOWED,
     Facts,
-    Line,
+    SourceLine,
     SourceText,
     check_points,
     check_sum,
@@ -50,7 +50,7 @@ class CsvText:
     separator: str
     rows: tuple[CsvRow, ...]
     facts: Facts
-    body: tuple[Line, ...]
+    body: tuple[SourceLine, ...]
 
 
 def split_cells(text: str, separator: str) -> tuple[str, ...]:
@@ -67,7 +67,7 @@ def _unquoted(cell: str) -> str:
     return inner.strip() if cell == f'"{inner}"' and '"' not in inner else cell
 
 
-def first_row(source: SourceText) -> Line | None:
+def first_row(source: SourceText) -> SourceLine | None:
     """Return the first line that is neither blank nor a comment."""
     return next((line for line in source.lines if line.text and not line.text.startswith("#")), None)
 
@@ -114,9 +114,9 @@ def axis_letter(source: SourceText, csv: CsvText, context: FileContext) -> str |
         return None
     letter = value.upper()
     if context.axis is not None and context.axis.upper() != letter:
-        told = context.axis.upper()
+        given = context.axis.upper()
         raise source.error(
-            f"axis {letter}, read for axis {told}", f"axis {told}: is this the right file?", line=line
+            f"axis {letter}, read for axis {given}", f"axis {given}: is this the right file?", line=line
         )
     return letter
 
@@ -126,7 +126,7 @@ def csv_file(comments: Iterable[str], rows: Sequence[str], points: int) -> str:
     return "".join(f"{line}\n" for line in stamped(comments, rows, points, "#"))
 
 
-def _check_lines(source: SourceText, body: Iterable[Line]) -> None:
+def _check_lines(source: SourceText, body: Iterable[SourceLine]) -> None:
     problems = [
         source.problem(
             "a comment among the rows" if line.text else "a blank line among the rows",

@@ -12,7 +12,7 @@ from gateway.compensation.units import Units
 from gateway.tabfile.options import FileContext
 
 
-class Severity(Enum):
+class LintSeverity(Enum):
     """``error``: the gateway does not load the table. ``info``: nothing is to be done."""
 
     ERROR = "error"
@@ -25,14 +25,14 @@ class Lint:
     """One remark. ``code`` never changes its meaning; ``message`` says what to do."""
 
     code: str
-    severity: Severity
+    severity: LintSeverity
     message: str
     line: int | None = None
 
     def line_in(self, file: str) -> str:
         """Return it as one line about a file: place, severity, code, message."""
-        place = file if self.line is None else f"{file}:{self.line}"
-        return f"{place}: {self.severity.value} {self.code} {self.message}"
+        location = file if self.line is None else f"{file}:{self.line}"
+        return f"{location}: {self.severity.value} {self.code} {self.message}"
 
     def as_data(self) -> dict[str, object]:
         """Return the remark as plain data."""
@@ -105,12 +105,12 @@ class LoadedTable:
     @property
     def errors(self) -> tuple[Lint, ...]:
         """Remarks that keep the gateway from using the table."""
-        return tuple(lint for lint in self.lints if lint.severity is Severity.ERROR)
+        return tuple(lint for lint in self.lints if lint.severity is LintSeverity.ERROR)
 
     @property
     def warnings(self) -> tuple[Lint, ...]:
         """Remarks that do not."""
-        return tuple(lint for lint in self.lints if lint.severity is Severity.WARNING)
+        return tuple(lint for lint in self.lints if lint.severity is LintSeverity.WARNING)
 
 
 # --- Small sums over rows, which the loader and the lints share
@@ -148,11 +148,11 @@ def second_differences(rows: Sequence[SourceRow], branch: str) -> list[float]:
     return bends([row.position for row in rows], corrections(rows, branch))
 
 
-def bends(places: Sequence[float], values: Sequence[float]) -> list[float]:
+def bends(positions: Sequence[float], values: Sequence[float]) -> list[float]:
     """Return, for each inner point, |twice its distance from the line through its neighbours|."""
     differences = []
-    for i in range(1, len(places) - 1):
-        share = (places[i] - places[i - 1]) / (places[i + 1] - places[i - 1])
+    for i in range(1, len(positions) - 1):
+        share = (positions[i] - positions[i - 1]) / (positions[i + 1] - positions[i - 1])
         chord = values[i - 1] + share * (values[i + 1] - values[i - 1])
         differences.append(2 * abs(values[i] - chord))
     return differences

@@ -33,8 +33,8 @@ from gateway.tabfile import (
     weihong,
 )
 from gateway.tabfile.decoded import Decoded, steepest
-from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.options import FileContext, to_tell
+from gateway.tabfile.errors import FileProblem, TabFileError
+from gateway.tabfile.options import FileContext, option_hint
 from gateway.tabfile.text import SourceText, decode, shown
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
@@ -231,27 +231,27 @@ _OF_A_TABLE: Final = re.compile(r"(?i)cnc[0-9]*[ \t][\w .-]*|[0-9e+., \t-]*")
 """What is quoted in messages. Where a table should be, a link may lead to a password, and messages go far."""
 
 
-def choose(source: SourceText, told: str | None) -> Dialect:
+def choose(source: SourceText, given: str | None) -> Dialect:
     """Return the dialect of a file: the one that is told, or the only one that the text can be.
 
     Raises:
         TabFileError: no dialect knows the text, several do, or it is plainly another one than was told.
     """
     candidates = [dialect for dialect in DIALECTS if dialect.recognise(source)]
-    if not candidates and (known := stranger_of(source)) is not None:
-        stranger, number = known
-        raise source.error(f"{stranger.title}, which is not read", stranger.remedy, line=number)
+    if not candidates and (recognized := unsupported_of(source)) is not None:
+        unsupported, number = recognized
+        raise source.error(f"{unsupported.title}, which is not read", unsupported.remedy, line=number)
     names = " or ".join(repr(dialect.name) for dialect in candidates)
-    if told is not None:
-        dialect = dialect_named(told)
+    if given is not None:
+        dialect = dialect_named(given)
         if dialect in candidates:
             return dialect
         if candidates:
-            raise source.error(f"a text of {names}, told format {told!r}", f"format = {names}, or none")
+            raise source.error(f"a text of {names}, told format {given!r}", f"format = {names}, or none")
         # Nothing of it is quoted: where a table should be, a link may lead to a password.
         size = len(source.lines[0].text)
         raise source.error(
-            f"a first line of {size} characters, and nothing of format {told!r} in the file",
+            f"a first line of {size} characters, and nothing of format {given!r} in the file",
             f"a file of {dialect.title}",
             line=source.lines[0].number,
         )
@@ -261,7 +261,7 @@ def choose(source: SourceText, told: str | None) -> Dialect:
     if candidates:
         raise source.error(
             f"a text that fits {names}: they differ in what the numbers mean",
-            to_tell("format", names),
+            option_hint("format", names),
             line=first.number,
         )
     is_shown = _OF_A_TABLE.fullmatch(first.text) is not None
@@ -294,7 +294,9 @@ def dialect_named(name: str) -> Dialect:
         if dialect.name == name:
             return dialect
     raise TabFileError(
-        Problem("a table file", f"format {name!r}", ", ".join(sorted(dialect.name for dialect in DIALECTS)))
+        FileProblem(
+            "a table file", f"format {name!r}", ", ".join(sorted(dialect.name for dialect in DIALECTS))
+        )
     )
 
 
@@ -308,7 +310,7 @@ BOTH: Final = "error_um or correction_um"
 
 
 @dataclass(frozen=True, slots=True)
-class Stranger:
+class UnsupportedFile:
     """A kind of file that is known and not read."""
 
     title: str
@@ -316,35 +318,35 @@ class Stranger:
     remedy: str
 
 
-def _stranger(title: str, sign: str, remedy: str) -> Stranger:
-    return Stranger(title, re.compile(sign, re.IGNORECASE | re.ASCII), remedy)
+def _unsupported(title: str, sign: str, remedy: str) -> UnsupportedFile:
+    return UnsupportedFile(title, re.compile(sign, re.IGNORECASE | re.ASCII), remedy)
 
 
-STRANGERS: Final = (
-    _stranger(
+UNSUPPORTED: Final = (
+    _unsupported(
         "a PMAC backlash table (DEFINE BLCOMP)",
         r"(#[0-9]+[ \t]*)?DEF(INE)?[ \t]+BLCOMP\b.*",
         "it belongs to a DEFINE COMP table: "
         + CSV.format("forward_um,backward_um")
         + "; an entry is 1/16 count, taken off in the negative direction only",
     ),
-    _stranger(
+    _unsupported(
         "a PMAC torque table (DEFINE TCOMP)",
         r"(#[0-9]+[ \t]*)?DEF(INE)?[ \t]+TCOMP\b.*",
         "it corrects torque and no position: take it out of the file; DEFINE COMP tables are read",
     ),
-    _stranger(
+    _unsupported(
         "a list of a Heidenhain display unit (ND)",
         r"[#*]?[ \t]*(ND[ -]?[0-9]{3}\b.*|(COMP\. ?NO\.|[A-Z][ \t]+NR\.)[ \t]*[0-9]+[ \t]*=.*)",
         "it corrects what a scale reads, spaced by a power of two from a datum; measure the axis, and "
         + CSV.format(BOTH),
     ),
-    _stranger(
+    _unsupported(
         "parameters of a Fanuc control (N... P...)",
         r"N[0-9]{4,5}[ \t]*([AQ][0-9]+[ \t]*)*P-?[0-9]+.*",
         "their numbers differ between series: put 3620 to 3624 and the points into format fanuc-csv",
     ),
-    _stranger(
+    _unsupported(
         "a COMP.ERR of PC-DMIS (Hexagon, STARTW)",
         r"START[A-Z]",
         "each line is what the scale reads = what the laser reads: "
@@ -352,13 +354,13 @@ STRANGERS: Final = (
         + "; position_degree,error_degree of a rotary table"
         + "; the error is the right number less the left one",
     ),
-    _stranger(
+    _unsupported(
         "a look-up table of ecmc (PREC=)",
         r"PREC[ \t]*=[ \t]*[0-9]+",
         "it holds position and correction of an encoder, in units of the axis; the program that uses it "
         "decides on the sign: " + CSV.format("correction_mm"),
     ),
-    _stranger(
+    _unsupported(
         "a screw map of Mach3 or Mach4",
         r".*\bscrew ?map.*",
         "its guide does not say which of expected and actual position is taken from the other: make one test "
@@ -367,10 +369,10 @@ STRANGERS: Final = (
 )
 
 
-def stranger_of(source: SourceText) -> tuple[Stranger, int] | None:
+def unsupported_of(source: SourceText) -> tuple[UnsupportedFile, int] | None:
     """Return which known kind of file a text is, and the line that shows it; None where it is like none."""
-    for stranger in STRANGERS:
+    for unsupported in UNSUPPORTED:
         for line in source.lines:
-            if stranger.sign.fullmatch(line.text):
-                return stranger, line.number
+            if unsupported.sign.fullmatch(line.text):
+                return unsupported, line.number
     return None

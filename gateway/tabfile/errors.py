@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class FileProblem:
     """One thing that keeps a file from being used.
 
     ``line`` counts from 1; ``code`` is the lint's where one stands behind it; ``readings`` holds every
@@ -21,13 +21,13 @@ class Problem:
 
     def __str__(self) -> str:
         """Render as one line."""
-        place = self.file if self.line is None else f"{self.file}:{self.line}"
+        location = self.file if self.line is None else f"{self.file}:{self.line}"
         code = f"{self.code} " if self.code else ""
         readings = "".join(
             f"; reading {number}: {text}" for number, text in enumerate(self.readings, start=1)
         )
         allowed = f"; allowed: {self.allowed}" if self.allowed else ""
-        return f"{place}: {code}{self.found}{readings}{allowed}"
+        return f"{location}: {code}{self.found}{readings}{allowed}"
 
 
 class TabFileError(Exception):
@@ -38,7 +38,7 @@ class TabFileError(Exception):
     first problem's.
     """
 
-    def __init__(self, *problems: Problem) -> None:
+    def __init__(self, *problems: FileProblem) -> None:
         super().__init__("\n".join(map(str, problems)))
         self.problems = problems
         self.file = problems[0].file

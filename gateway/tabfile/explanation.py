@@ -6,7 +6,7 @@ from enum import Enum
 from gateway.tabfile.decoded import BRANCHES, LoadedTable, SourceRow
 
 
-class Outside(Enum):
+class TableSide(Enum):
     """On which side of the table a position lies."""
 
     BELOW = "below"
@@ -33,12 +33,12 @@ class DirectionExplained:
 
 
 @dataclass(frozen=True, slots=True)
-class Explanation:
+class PositionExplanation:
     """Both directions; ``outside`` is None on the table, else the corrections are what ``hold`` gives."""
 
     loaded: LoadedTable
     at: float
-    outside: Outside | None
+    outside: TableSide | None
     forward: DirectionExplained
     backward: DirectionExplained
 
@@ -62,19 +62,19 @@ class Explanation:
         }
 
 
-def explain(loaded: LoadedTable, at: float, counts_per_unit: float | None = None) -> Explanation:
+def explain(loaded: LoadedTable, at: float, counts_per_unit: float | None = None) -> PositionExplanation:
     """Explain a machine position ``at``, in the units of the table; ``counts_per_unit`` is the drive's."""
     table = loaded.table
     rows = loaded.source.rows
     if at < table.first:
-        outside, low, high = Outside.BELOW, rows[0], rows[0]
+        outside, low, high = TableSide.BELOW, rows[0], rows[0]
     elif at > table.last:
-        outside, low, high = Outside.ABOVE, rows[-1], rows[-1]
+        outside, low, high = TableSide.ABOVE, rows[-1], rows[-1]
     else:
         index = table.segment(at)
         outside, low, high = None, rows[index], rows[index + 1]
     forward, backward = (_direction(loaded, branch, (low, high), at, counts_per_unit) for branch in BRANCHES)
-    return Explanation(loaded, at, outside, forward, backward)
+    return PositionExplanation(loaded, at, outside, forward, backward)
 
 
 def _direction(

@@ -34,12 +34,12 @@ from gateway.tabfile.checks import (
     context_in_file_units,
     is_closed,
     required_sense,
-    told_units,
+    required_units,
 )
 from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.options import ErrorSense, FileContext
-from gateway.tabfile.text import Line, SourceText, shown, to_decimal
+from gateway.tabfile.text import SourceLine, SourceText, shown, to_decimal
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "fagor-8055"
@@ -50,7 +50,7 @@ MAX_VALUE: Final = {Units.MM: 99999.9999, Units.INCH: 3937.00787, Units.DEGREE: 
 DECIMALS: Final = {Units.MM: 4, Units.INCH: 5, Units.DEGREE: 4}
 """Digits after the point that the control has room for."""
 MAX_PROBLEMS: Final = 20
-TURN: Final = 360.0
+REVOLUTION: Final = 360.0
 _MAX_PLAUSIBLE: Final = {Units.MM: 0.5, Units.INCH: 0.1, Units.DEGREE: inf}
 _WHAT: Final = "a Fagor 8055 table"
 _GRAMMAR: Final = "such as 'P001 X- 20.00000 EX 0.00100', with a third field (EX) in all lines or in none"
@@ -91,7 +91,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     """
     found = _parse(source)
     axis = _check_axes(source, found, context)
-    units = told_units(source, context, _WHAT)
+    units = required_units(source, context, _WHAT)
     _check_values(source, found, units)
     context = context_in_file_units(source, context, units)
     sense = required_sense(source, context, _WHAT)
@@ -109,14 +109,14 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         file_axis=context.file_axis,
         plausible=(0.0, _MAX_PLAUSIBLE[units]),
         decisions=(f"sense {sense.value}: told", f"units {units.value}: told by file_units", decision),
-        behaves_as=(f"modulo = {TURN:g}",) if _is_turn(rows, units) else ('outside = "hold"',),
-        modulo=TURN if _is_turn(rows, units) else None,
+        behaves_as=(f"modulo = {REVOLUTION:g}",) if _is_revolution(rows, units) else ('outside = "hold"',),
+        modulo=REVOLUTION if _is_revolution(rows, units) else None,
     )
 
 
 def _parse(source: SourceText) -> list[_Row]:
     rows: list[_Row] = []
-    problems: list[Problem] = []
+    problems: list[FileProblem] = []
     number = digits = 0
     for line in source.lines:
         # A heading takes no number from the points below it.
@@ -150,13 +150,13 @@ def _parse(source: SourceText) -> list[_Row]:
     return rows
 
 
-def _digits(line: Line) -> int:
+def _digits(line: SourceLine) -> int:
     """Return how many digits the first point number has, 0 where there is none."""
     match = _ROW.fullmatch(line.text)
     return 0 if match is None else len(match[1])
 
 
-def _parse_row(line: Line, number: int, digits: int) -> _Row | tuple[str, str]:
+def _parse_row(line: SourceLine, number: int, digits: int) -> _Row | tuple[str, str]:
     """Return the row, or what was found and what is allowed."""
     match = _ROW.fullmatch(line.text)
     if match is None:
@@ -197,11 +197,11 @@ def _check_axes(source: SourceText, found: Sequence[_Row], context: FileContext)
                 )
         if row.axis != axis:
             raise source.error(f"axis {row.axis} after axis {axis}", "one axis in a file", line=row.line)
-    told = context.file_axis or context.axis
-    if told is not None and told.upper() != axis:
+    given = context.file_axis or context.axis
+    if given is not None and given.upper() != axis:
         raise source.error(
-            f"a table of axis {axis}, read for axis {told.upper()}",
-            f"axis {told.upper()}: is this the right file? If so: file_axis = {axis!r}",
+            f"a table of axis {axis}, read for axis {given.upper()}",
+            f"axis {given.upper()}: is this the right file? If so: file_axis = {axis!r}",
             line=found[0].line,
         )
     return axis
@@ -248,10 +248,10 @@ def _rows(found: Sequence[_Row], sense: ErrorSense, *, is_both_ways: bool) -> tu
     return tuple(rows)
 
 
-def _is_turn(rows: Sequence[SourceRow], units: Units) -> bool:
+def _is_revolution(rows: Sequence[SourceRow], units: Units) -> bool:
     """A rotary table from 0 to 360 with equal ends repeats; any other holds its end values."""
     ends = (rows[0].position, rows[-1].position)
-    return units is Units.DEGREE and ends == (0.0, TURN) and is_closed(rows)
+    return units is Units.DEGREE and ends == (0.0, REVOLUTION) and is_closed(rows)
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:
@@ -293,8 +293,8 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         fields = "".join(
             f"{'':11}E{axis.upper()}{_sign(error)}{abs(error):10.{decimals}f}" for error in errors
         )
-        place = f"{axis.upper()}{_sign(position)}{abs(position):10.{decimals}f}"
-        lines.append(f"{'':11}P{index:03d}{'':14}{place}{fields}\r\n")
+        position_text = f"{axis.upper()}{_sign(position)}{abs(position):10.{decimals}f}"
+        lines.append(f"{'':11}P{index:03d}{'':14}{position_text}{fields}\r\n")
     context = FileContext(
         axis=options.axis, file_axis=options.file_axis, file_units=table.units, error_sense=options.sense
     )

@@ -25,9 +25,9 @@ from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.tabfile.checks import RULES, check_stated, context_in_file_units, required_sense
 from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.options import FileContext
-from gateway.tabfile.text import DECIMAL_ALLOWED, Line, SourceText, shown, to_decimal, to_integer
+from gateway.tabfile.text import DECIMAL_ALLOWED, SourceLine, SourceText, shown, to_decimal, to_integer
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "fagor-8065"
@@ -62,11 +62,11 @@ def read(source: SourceText, context: FileContext) -> Decoded:
             does not fit the travel.
     """
     axis, units = _head(source)
-    told = context.file_axis or context.axis
-    if told is not None and told.upper() != axis:
+    given = context.file_axis or context.axis
+    if given is not None and given.upper() != axis:
         raise source.error(
-            f"parameters of axis {axis}, read for axis {told.upper()}",
-            f"axis {told.upper()}: is this the right file? If so: file_axis = {axis!r}",
+            f"parameters of axis {axis}, read for axis {given.upper()}",
+            f"axis {given.upper()}: is this the right file? If so: file_axis = {axis!r}",
             line=source.lines[0].number,
         )
     facts, points = _parse(source)
@@ -80,11 +80,11 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     sense = required_sense(source, context, _WHAT)
     rows = []
     for number in range(1, size + 1):
-        place, positive, negative = (points[name, number] for name in _DATA)
+        position, positive, negative = (points[name, number] for name in _DATA)
         backward = positive if is_both_ways else negative
         rows.append(
             SourceRow(
-                place[0],
+                position[0],
                 sense.to_correction * positive[0] + 0.0,
                 sense.to_correction * backward[0] + 0.0,
                 positive[0],
@@ -131,12 +131,12 @@ def _head(source: SourceText) -> tuple[str, Units]:
     return found[1], _WORDS[units[1]]
 
 
-def _parse(source: SourceText) -> tuple[dict[str, Line], dict[tuple[str, int], tuple[float, int]]]:
+def _parse(source: SourceText) -> tuple[dict[str, SourceLine], dict[tuple[str, int], tuple[float, int]]]:
     """Return the single parameters, each as its value with its line, and the values of the points."""
-    facts: dict[str, Line] = {}
+    facts: dict[str, SourceLine] = {}
     decimals: int | None = None
     points: dict[tuple[str, int], tuple[float, int]] = {}
-    problems: list[Problem] = []
+    problems: list[FileProblem] = []
     for line in source.lines[2:]:
         found = _LINE.fullmatch(line.text)
         if found is None:
@@ -151,7 +151,7 @@ def _parse(source: SourceText) -> tuple[dict[str, Line], dict[tuple[str, int], t
         if name in facts or key in points:
             problems.append(source.problem(f"{name} for the second time", "each once", line=line.number))
         elif key is None and not name.startswith("DATA"):
-            facts[name] = Line(line.number, text)
+            facts[name] = SourceLine(line.number, text)
         elif key is None or key[0] not in _DATA or number is None:
             allowed = f"DATA/{', DATA/'.join(_DATA)} with its number, each {DECIMAL_ALLOWED}"
             problems.append(source.problem(shown(line.text), allowed, line=line.number))
@@ -168,23 +168,25 @@ def _parse(source: SourceText) -> tuple[dict[str, Line], dict[tuple[str, int], t
     return facts, points
 
 
-def _fact(source: SourceText, facts: dict[str, Line], name: str, what: str) -> str:
+def _fact(source: SourceText, facts: dict[str, SourceLine], name: str, what: str) -> str:
     if name not in facts:
         raise source.error(f"no line /LSCRWDATA/{name}", f"it is needed ({what}): the whole file, as saved")
     return facts[name].text
 
 
 def _check_whole(
-    source: SourceText, told: Line, size: int, points: dict[tuple[str, int], tuple[float, int]]
+    source: SourceText, stated: SourceLine, size: int, points: dict[tuple[str, int], tuple[float, int]]
 ) -> None:
     if size < 2:
-        raise source.error(f"NPOINTS {shown(told.text)}", "a whole number from 2 on", line=told.number)
+        raise source.error(f"NPOINTS {shown(stated.text)}", "a whole number from 2 on", line=stated.number)
     missing = [
         f"{name} {number}" for number in range(1, size + 1) for name in _DATA if (name, number) not in points
     ]
     if missing:
         raise source.error(
-            f"NPOINTS {size}, and no {', '.join(missing[:3])}", "three values of each point", line=told.number
+            f"NPOINTS {size}, and no {', '.join(missing[:3])}",
+            "three values of each point",
+            line=stated.number,
         )
     beyond = next((key for key in points if not 1 <= key[1] <= size), None)
     if beyond is not None:

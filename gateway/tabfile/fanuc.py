@@ -31,17 +31,17 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.checks import told_units
+from gateway.tabfile.checks import required_units
 from gateway.tabfile.csv_text import first_row
 from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.increments import (
+    Convention,
     Increments,
-    Meaning,
     Point,
     Rows,
     System,
     decode,
-    is_turn,
+    is_revolution,
     parse_increments,
     round_steps,
     sum_up,
@@ -66,7 +66,7 @@ SYSTEM: Final = System(
     highest_limit=127,
     refused=dict.fromkeys(("3605", "3626", "3627"), _BIDIRECTIONAL),
 )
-_MEANING: Final = Meaning(
+_CONVENTION: Final = Convention(
     1,
     "values x magnification / file_counts_per_unit, summed up from the reference point: added",
     ("assumed: a point is the section below it, its value a step upwards, on both sides of the reference",),
@@ -101,14 +101,14 @@ def read(source: SourceText, context: FileContext) -> Decoded:
             line=file.reference_line,
         )
     sums = sum_up([(point.number - 1 - file.reference, point) for point in points])
-    return decode(source, context, file, sums, _MEANING)
+    return decode(source, context, file, sums, _CONVENTION)
 
 
 def _without_the_double(source: SourceText, context: FileContext, file: Increments) -> tuple[Point, ...]:
     """Return the points of a turn without the first, which is the last one again a turn before."""
     first, last = file.points[0], file.points[-1]
-    units: Units = told_units(source, context, "a table of increments")
-    if first.number != file.reference or not is_turn(units, last.number - first.number, file.interval):
+    units: Units = required_units(source, context, "a table of increments")
+    if first.number != file.reference or not is_revolution(units, last.number - first.number, file.interval):
         return file.points
     if first.value != last.value:
         raise source.error(
@@ -130,7 +130,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     if sections > MAX_NUMBER:
         raise unwritable(SYSTEM.title, f"{sections} sections", f"at most {MAX_NUMBER}")
     points = [(section + 1, steps.across(section)) for section in range(sections)]
-    if steps.zero == 0 and is_turn(table.units, sections, steps.interval):
+    if steps.zero == 0 and is_revolution(table.units, sections, steps.interval):
         points.insert(0, (0, points[-1][1]))
     assert options.file_counts_per_unit is not None
     parameters = (steps.zero, points[0][0], points[-1][0], steps.magnification, f"{steps.interval:.12g}")

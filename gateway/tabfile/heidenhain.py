@@ -37,13 +37,13 @@ from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.tabfile.checks import RULES, check_stated, context_in_file_units, required_sense
 from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.heidenhain_columns import (
     AXIS,
     MAX_PROBLEMS,
     NEGATIVE,
     POSITION,
-    Grid,
+    ColumnGrid,
     Names,
     parse_cells,
     parse_names,
@@ -148,7 +148,7 @@ def _units(source: SourceText, context: FileContext) -> tuple[Units, str]:
     return stated, f"units {stated.value}: line {line.number}"
 
 
-def _columns(source: SourceText, context: FileContext, names: Names, grid: Grid) -> _Columns:
+def _columns(source: SourceText, context: FileContext, names: Names, grid: ColumnGrid) -> _Columns:
     line = names.line.number
     if not grid.axes:
         raise source.error(f"no number in any of {', '.join(names.axes)}", "values of one axis", line=line)
@@ -165,13 +165,13 @@ def _columns(source: SourceText, context: FileContext, names: Names, grid: Grid)
 
 
 def _choose_axis(source: SourceText, context: FileContext, axes: Sequence[str], line: int) -> str:
-    told = context.file_axis.upper() if context.file_axis is not None else None
-    if told is not None:
-        if told not in axes:
+    given = context.file_axis.upper() if context.file_axis is not None else None
+    if given is not None:
+        if given not in axes:
             raise source.error(
-                f"columns {', '.join(axes)}, told file_axis {told}", "one of the columns", line=line
+                f"columns {', '.join(axes)}, told file_axis {given}", "one of the columns", line=line
             )
-        return told
+        return given
     if len(axes) > 1:
         raise source.error(
             f"{len(axes)} axes ({', '.join(axes)}): the errors of one by its own position, the others by the "
@@ -199,10 +199,10 @@ def _column_decisions(columns: _Columns) -> tuple[str, ...]:
     return tuple(decisions)
 
 
-def _parse_rows(source: SourceText, columns: _Columns, grid: Grid) -> list[_Row]:
+def _parse_rows(source: SourceText, columns: _Columns, grid: ColumnGrid) -> list[_Row]:
     """Return the numbers of each row, with its line."""
     rows: list[_Row] = []
-    problems: list[Problem] = []
+    problems: list[FileProblem] = []
     for cells, line in grid.rows:
         numbers = {name: to_decimal(cell) for name, cell in cells.items() if name != "NR"}
         problems += (

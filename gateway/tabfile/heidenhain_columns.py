@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.text import Line, SourceText, shown
+from gateway.tabfile.errors import FileProblem, TabFileError
+from gateway.tabfile.text import SourceLine, SourceText, shown
 
 POSITION: Final = "AXISPOS"
 NEGATIVE: Final = "BACKLASH"
@@ -27,7 +27,7 @@ class Names:
 
     names: tuple[str, ...]
     starts: tuple[int, ...]
-    line: Line
+    line: SourceLine
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -36,7 +36,7 @@ class Names:
 
 
 @dataclass(frozen=True, slots=True)
-class Grid:
+class ColumnGrid:
     """The columns that are filled in, with the cells of each row by the name of the column."""
 
     filled: tuple[str, ...]
@@ -73,7 +73,7 @@ def parse_names(source: SourceText) -> Names:
     return names
 
 
-def parse_cells(source: SourceText, names: Names) -> Grid:
+def parse_cells(source: SourceText, names: Names) -> ColumnGrid:
     """Read the rows, from the third line to the last but one.
 
     Raises:
@@ -84,7 +84,7 @@ def parse_cells(source: SourceText, names: Names) -> Grid:
     if last.text.upper() != "[END]":
         raise source.error(f"the last line {shown(last.text)}", "[END]", line=last.number)
     rows: list[tuple[dict[str, str], int]] = []
-    problems: list[Problem] = []
+    problems: list[FileProblem] = []
     for number, line in enumerate(source.lines[2:-1]):
         cells = _cells(line, number, names)
         if isinstance(cells, dict):
@@ -97,20 +97,24 @@ def parse_cells(source: SourceText, names: Names) -> Grid:
     if len(rows) < 2:
         raise source.error(f"{len(rows)} row(s)", "at least 2", line=source.last_line)
     filled = tuple(name for name in names.names if name in rows[0][0])
-    return Grid(filled, tuple(name for name in names.names if name not in filled), tuple(rows))
+    return ColumnGrid(filled, tuple(name for name in names.names if name not in filled), tuple(rows))
 
 
-def _cells(line: Line, number: int, names: Names) -> dict[str, str] | tuple[str, str]:
+def _cells(line: SourceLine, number: int, names: Names) -> dict[str, str] | tuple[str, str]:
     """Return the cells by the names of their columns, or what was found and what is allowed."""
     fields = list(_FIELD.finditer(line.text))
     if len(fields) == len(names.names):
         cells = dict(zip(names.names, (field.group() for field in fields), strict=True))
     else:
         # A tab is as wide as its reader likes.
-        places = (
+        names_by_start = (
             {} if "\t" in line.text + names.line.text else dict(zip(names.starts, names.names, strict=True))
         )
-        cells = {places[field.start()]: field.group() for field in fields if field.start() in places}
+        cells = {
+            names_by_start[field.start()]: field.group()
+            for field in fields
+            if field.start() in names_by_start
+        }
         if not fields or len(cells) != len(fields):
             found = f"{len(fields)} fields in {shown(line.text)}" if fields else "a blank line"
             return found, (
@@ -129,7 +133,7 @@ def _cells(line: Line, number: int, names: Names) -> dict[str, str] | tuple[str,
 
 def _partly_blank(
     source: SourceText, names: Names, rows: Sequence[tuple[dict[str, str], int]]
-) -> list[Problem]:
+) -> list[FileProblem]:
     problems = []
     for name in names.names:
         blank = [line for cells, line in rows if name not in cells]

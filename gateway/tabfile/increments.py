@@ -23,11 +23,11 @@ from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.tabfile.checks import (
     AS_THEY_STAND,
-    Reading,
+    Interpretation,
     check_home,
     check_own_range,
     context_in_file_units,
-    told_units,
+    required_units,
 )
 from gateway.tabfile.csv_text import (
     MAX_PROBLEMS,
@@ -55,8 +55,8 @@ from gateway.tabfile.writing import (
 LIMIT: Final = "limit"
 HEADER: Final = ("point", "value")
 MAX_POINT: Final = 99_999
-TURN_DEGREES: Final = 360.0
-TURN_TOLERANCE: Final = 1e-6
+REVOLUTION_DEGREES: Final = 360.0
+REVOLUTION_TOLERANCE: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,9 +160,12 @@ def sum_up(sections: Sequence[tuple[int, Point]]) -> tuple[Sum, ...]:
     return (*reversed(below), Sum(0, 0, None), *above)
 
 
-def is_turn(units: Units, steps: int, interval: float) -> bool:
+def is_revolution(units: Units, steps: int, interval: float) -> bool:
     """Whether so many intervals are one whole turn of a rotary axis."""
-    return units is Units.DEGREE and abs(steps * interval - TURN_DEGREES) <= TURN_TOLERANCE * TURN_DEGREES
+    return (
+        units is Units.DEGREE
+        and abs(steps * interval - REVOLUTION_DEGREES) <= REVOLUTION_TOLERANCE * REVOLUTION_DEGREES
+    )
 
 
 def _cell(source: SourceText, rows: Sequence[CsvRow], index: int, system: System) -> str:
@@ -250,7 +253,7 @@ HOLDS: Final = ('outside = "hold"',)
 
 
 @dataclass(frozen=True, slots=True)
-class Meaning:
+class Convention:
     """What sums become: how many values make one count, the rule in words, what no source proves of it."""
 
     values_per_count: int
@@ -263,7 +266,7 @@ def decode(
     context: FileContext,
     file: Increments,
     sums: Sequence[Sum],
-    meaning: Meaning,
+    convention: Convention,
 ) -> Decoded:
     """Make points of sums.
 
@@ -273,17 +276,17 @@ def decode(
         TabFileError: units or scale not told, a turn whose values do not sum up to 0, more than a turn,
             another axis, a range that does not fit the travel.
     """
-    units = told_units(source, context, "a table of increments")
+    units = required_units(source, context, "a table of increments")
     context = context_in_file_units(source, context, units)
     scale = _scale(source, context, units)
-    _check_turn(source, units, file, sums)
+    _check_revolution(source, units, file, sums)
     axis = axis_letter(source, file.csv, context)
     start = context.file_start
     offset = 0.0 if start is None else start - sums[0].step * file.interval
     rows = tuple(
         SourceRow(
             total.step * file.interval + offset + 0.0,
-            *(total.total * file.magnification / (scale * meaning.values_per_count) + 0.0,) * 2,
+            *(total.total * file.magnification / (scale * convention.values_per_count) + 0.0,) * 2,
             *(total.total,) * 2,
             *(total.line,) * 2,
         )
@@ -291,21 +294,21 @@ def decode(
     )
     check_home(source, rows, context)
     remedy = "a table of this axis; the right file_units, file_start and travel"
-    check_own_range(source, Reading(AS_THEY_STAND, rows, units), context, remedy)
-    turn = TURN_DEGREES if is_turn(units, len(rows) - 1, file.interval) else None
-    place = f"the reference point {file.reference} is {offset:g} {units.value}"
-    told = "as file_start tells" if start is not None else "the zero of the machine (file_start moves it)"
+    check_own_range(source, Interpretation(AS_THEY_STAND, rows, units), context, remedy)
+    revolution = REVOLUTION_DEGREES if is_revolution(units, len(rows) - 1, file.interval) else None
+    reference_text = f"the reference point {file.reference} is {offset:g} {units.value}"
+    origin = "as file_start tells" if start is not None else "the zero of the machine (file_start moves it)"
     return Decoded(
         rows,
         units,
         context,
         "values, summed",
-        meaning.rule,
-        meaning.rule,
+        convention.rule,
+        convention.rule,
         axis=axis,
-        decisions=(f"{place}, {told}", *_scale_told(context, scale, units), *meaning.assumed),
-        behaves_as=HOLDS if turn is None else (f"modulo = {turn:g}",),
-        modulo=turn,
+        decisions=(f"{reference_text}, {origin}", *_given_scale(context, scale, units), *convention.assumed),
+        behaves_as=HOLDS if revolution is None else (f"modulo = {revolution:g}",),
+        modulo=revolution,
     )
 
 
@@ -322,18 +325,18 @@ def _scale(source: SourceText, context: FileContext, units: Units) -> float:
     return scale
 
 
-def _scale_told(context: FileContext, scale: float, units: Units) -> tuple[str, ...]:
+def _given_scale(context: FileContext, scale: float, units: Units) -> tuple[str, ...]:
     """Say what a scale is that was told per unit of the axis, where the file has other units."""
-    told = context.option_units(units)
-    if told is units:
+    given = context.option_units(units)
+    if given is units:
         return ()
-    rule = f"file_counts_per_unit is told per {told.value}, the unit of the axis"
+    rule = f"file_counts_per_unit is told per {given.value}, the unit of the axis"
     return (f"{scale:.9g} counts per {units.value}: {rule}",)
 
 
-def _check_turn(source: SourceText, units: Units, file: Increments, sums: Sequence[Sum]) -> None:
+def _check_revolution(source: SourceText, units: Units, file: Increments, sums: Sequence[Sum]) -> None:
     steps = sums[-1].step - sums[0].step
-    if is_turn(units, steps, file.interval):
+    if is_revolution(units, steps, file.interval):
         total = sums[-1].total - sums[0].total
         if total:
             raise source.error(
@@ -406,7 +409,7 @@ def round_steps(table: CorrectionTable, options: WriteOptions, system: System, p
             "0 there: subtract it from the whole table first",
         )
     is_closed = steps.totals[0] == steps.totals[-1]
-    if is_turn(table.units, len(steps.totals) - 1, step) and not is_closed:
+    if is_revolution(table.units, len(steps.totals) - 1, step) and not is_closed:
         raise unwritable(dialect, "a turn whose ends differ", "the same correction at both ends")
     return steps
 
@@ -440,11 +443,11 @@ def written(table: CorrectionTable, options: WriteOptions, system: System, rows:
     lines += [",".join(HEADER), *(f"{point},{value}" for point, value in rows.points)]
     _, lost_motion = one_curve(table)
     unit, scale = table.units.value, options.file_counts_per_unit
-    told = f"read it with file_units {unit} and file_counts_per_unit {scale:g}"
+    hint = f"read it with file_units {unit} and file_counts_per_unit {scale:g}"
     losses = (
         f"sums are whole values: a resolution of {rows.resolution:.6g} {unit}",
         *lost_motion,
-        f"units and counts are not in the file: {told}",
+        f"units and counts are not in the file: {hint}",
     )
     context = FileContext(axis=options.axis, file_units=table.units, file_counts_per_unit=scale)
     return Written(csv_file(comments, lines, len(rows.points)), losses, context)

@@ -35,10 +35,10 @@ from typing import Final
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.tabfile.checks import RULES, check_stated, context_in_file_units, is_closed, unused_options
-from gateway.tabfile.decoded import Decoded, Lint, Severity, SourceRow
-from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.isg_list import CYCLES, MAX_PROBLEMS, Entry, Keys, parse_list, sort_keys
-from gateway.tabfile.options import ErrorSense, FileContext, to_tell
+from gateway.tabfile.decoded import Decoded, Lint, LintSeverity, SourceRow
+from gateway.tabfile.errors import FileProblem, TabFileError
+from gateway.tabfile.isg_list import CYCLES, MAX_PROBLEMS, IsgEntry, Keys, parse_list, sort_keys
+from gateway.tabfile.options import ErrorSense, FileContext, option_hint
 from gateway.tabfile.text import SourceText, shown, to_integer
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
@@ -140,19 +140,19 @@ def _shape(keys: Keys) -> _Shape:
 
 def _units(source: SourceText, shape: _Shape, context: FileContext) -> tuple[Units, str]:
     """Return the units of the rows, and where they come from."""
-    told = context.file_units
+    given = context.file_units
     if not shape.is_metric:
-        units = told or context.units
+        units = given or context.units
         if units is None:
             raise source.error(
                 "a list in increments (unit 0), for an axis of unknown units",
-                to_tell("file_units"),
+                option_hint("file_units"),
             )
-        return units, f"units {units.value}: {'told by file_units' if told else 'those of the axis'}"
-    if told is Units.INCH:
+        return units, f"units {units.value}: {'told by file_units' if given else 'those of the axis'}"
+    if given is Units.INCH:
         raise source.error("unit 1 (0.1 µm or 0.0001 degree), told file_units inch", "'mm' or 'degree'")
-    if told is not None:
-        return told, f"units {told.value}: told by file_units"
+    if given is not None:
+        return given, f"units {given.value}: told by file_units"
     if context.units is Units.DEGREE:
         raise source.error(
             "a list in unit 1 for an axis in degree, in which it is 0.0001 degree; nothing in the list says "
@@ -162,7 +162,7 @@ def _units(source: SourceText, shape: _Shape, context: FileContext) -> tuple[Uni
     if shape.is_modulo:
         raise source.error(
             "a modulo list in unit 1, which is 0.0001 degree on a rotary axis and 0.1 µm on a linear one",
-            to_tell("file_units", "'degree' or 'mm'"),
+            option_hint("file_units", "'degree' or 'mm'"),
         )
     return Units.MM, "units mm: unit 1 is 0.1 µm on a linear axis (0.0001 degree on a rotary one: file_units)"
 
@@ -208,16 +208,16 @@ def _rows(keys: Keys, shape: _Shape, scale: float, sense: ErrorSense) -> tuple[S
 def _check_indices(keys: Keys, shape: _Shape, fields: Iterable[str]) -> None:
     """Check that every index from 0 to kw_nr_max - 1 is there once in each list, and no other."""
     size_line = keys.settings["kw_nr_max"].line
-    problems: list[Problem] = []
+    problems: list[FileProblem] = []
     for field in fields:
         missing = shape.size - sum(index < shape.size for index in keys.points[field])
         if missing:
             # a generator: a size may be anything, and only the first few are shown
             absent = (index for index in range(shape.size) if index not in keys.points[field])
-            places = ", ".join(map(str, islice(absent, 5))) + (", …" if missing > 5 else "")
+            indices = ", ".join(map(str, islice(absent, 5))) + (", …" if missing > 5 else "")
             problems.append(
                 keys.source.problem(
-                    f"no table[i].{field} for {missing} of {shape.size} points: i = {places}",
+                    f"no table[i].{field} for {missing} of {shape.size} points: i = {indices}",
                     f"0 to {shape.size - 1} all, as kw_nr_max on line {size_line} says",
                     line=size_line,
                 )
@@ -275,7 +275,7 @@ def _sense_decision(sense: ErrorSense | None) -> str:
     )
 
 
-def _axis(name: Entry | None) -> str | None:
+def _axis(name: IsgEntry | None) -> str | None:
     match = _AXIS_NAME.fullmatch(name.value) if name is not None else None
     return match[1].upper() if match else None
 
@@ -306,7 +306,7 @@ def _remarks(keys: Keys) -> tuple[Lint, ...]:
     return tuple(
         Lint(
             "R4",
-            Severity.WARNING,
+            LintSeverity.WARNING,
             f"{section} is no leadscrew table and was not used: check the key, or leave it out of this file",
             line,
         )

@@ -16,7 +16,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.text import DECIMAL_ALLOWED, INTEGER_ALLOWED, SourceText, shown, to_decimal, to_integer
 
 MAX_PROBLEMS: Final = 20
@@ -27,7 +27,7 @@ _LIST_LINE: Final = "a line 'key value', such as 'kw.ssfk.table[0].pos 24', or a
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class IsgEntry:
     """One line of a list; ``key`` is in lower case."""
 
     key: str
@@ -35,14 +35,14 @@ class Entry:
     line: int
 
 
-def parse_list(source: SourceText) -> list[Entry]:
+def parse_list(source: SourceText) -> list[IsgEntry]:
     """Return the entries of a list in the order of the file; nothing but comments and blanks is left out.
 
     Raises:
         TabFileError: a line that is neither an entry nor a comment, or a comment that does not end.
     """
-    entries: list[Entry] = []
-    problems: list[Problem] = []
+    entries: list[IsgEntry] = []
+    problems: list[FileProblem] = []
     opened: int | None = None
     """Line of the block comment that is open."""
     for line in source.lines:
@@ -52,7 +52,7 @@ def parse_list(source: SourceText) -> list[Entry]:
             problems.append(source.problem("'/*' inside a comment", allowed, line=line.number))
         opened = (opened or line.number) if is_open else None
         found = _entry(text, line.number)
-        if isinstance(found, Entry):
+        if isinstance(found, IsgEntry):
             entries.append(found)
         elif found is not None:
             problems.append(source.problem(found, _LIST_LINE, line=line.number))
@@ -63,7 +63,7 @@ def parse_list(source: SourceText) -> list[Entry]:
     return entries
 
 
-def _entry(text: str, line: int) -> Entry | str | None:
+def _entry(text: str, line: int) -> IsgEntry | str | None:
     """Return the entry, None for a line without one, or what was found instead."""
     if not text:
         return None
@@ -72,7 +72,7 @@ def _entry(text: str, line: int) -> Entry | str | None:
         return shown(text)
     if not value:
         return f"{shown(key)} without a value"
-    return Entry(key.lower(), value[0], line)
+    return IsgEntry(key.lower(), value[0], line)
 
 
 def _without_comments(text: str, *, is_open: bool) -> tuple[str, bool, bool]:
@@ -127,15 +127,15 @@ class Keys:
     """The entries of one table, checked for repetitions and unknown keys."""
 
     source: SourceText
-    settings: dict[str, Entry]
-    points: dict[str, dict[int, Entry]]
+    settings: dict[str, IsgEntry]
+    points: dict[str, dict[int, IsgEntry]]
     """Entries by field (setpoint, pos, neg) and index."""
-    cycles: Entry | None
-    axis_name: Entry | None
-    others: tuple[Entry, ...]
+    cycles: IsgEntry | None
+    axis_name: IsgEntry | None
+    others: tuple[IsgEntry, ...]
     """What does not begin with kw.ssfk."""
 
-    def setting(self, name: str) -> Entry:
+    def setting(self, name: str) -> IsgEntry:
         """Return a setting.
 
         Raises:
@@ -148,7 +148,7 @@ class Keys:
             )
         return entry
 
-    def number(self, entry: Entry) -> float:
+    def number(self, entry: IsgEntry) -> float:
         """Return the number of an entry.
 
         Raises:
@@ -188,17 +188,17 @@ class Keys:
         return entry.value == "1"
 
 
-def sort_keys(source: SourceText, entries: Iterable[Entry]) -> Keys:
+def sort_keys(source: SourceText, entries: Iterable[IsgEntry]) -> Keys:
     """Sort the entries of a list.
 
     Raises:
         TabFileError: a key that stands there twice, an unknown one of kw.ssfk, or no leadscrew table at all.
     """
-    settings: dict[str, Entry] = {}
-    points: dict[str, dict[int, Entry]] = {"setpoint": {}, "pos": {}, "neg": {}}
-    single: dict[str, Entry] = {}
-    others: list[Entry] = []
-    problems: list[Problem] = []
+    settings: dict[str, IsgEntry] = {}
+    points: dict[str, dict[int, IsgEntry]] = {"setpoint": {}, "pos": {}, "neg": {}}
+    single: dict[str, IsgEntry] = {}
+    others: list[IsgEntry] = []
+    problems: list[FileProblem] = []
     for entry in entries:
         name = entry.key.removeprefix(PREFIX)
         point = _POINT.fullmatch(name)

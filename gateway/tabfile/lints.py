@@ -14,7 +14,7 @@ from gateway.tabfile.decoded import (
     BRANCHES,
     Decoded,
     Lint,
-    Severity,
+    LintSeverity,
     SourceRow,
     bends,
     corrections,
@@ -88,7 +88,7 @@ def run_lints(name: str, table: CorrectionTable, source: Decoded) -> tuple[Lint,
 
 
 def _warning(code: str, message: str, line: int | None = None) -> Lint:
-    return Lint(code, Severity.WARNING, message, line)
+    return Lint(code, LintSeverity.WARNING, message, line)
 
 
 def _slope(subject: _Subject) -> Iterator[Lint]:
@@ -100,7 +100,7 @@ def _slope(subject: _Subject) -> Iterator[Lint]:
             f"max_slope {limit:g}: correct the values there, or raise max_slope if the screw is really that "
             "bad"
         )
-        yield Lint("L1", Severity.ERROR, message, after.forward_line)
+        yield Lint("L1", LintSeverity.ERROR, message, after.forward_line)
 
 
 def _size(subject: _Subject) -> Iterator[Lint]:
@@ -115,7 +115,7 @@ def _size(subject: _Subject) -> Iterator[Lint]:
             f"{branch} correction of {correction:.6g} {subject.unit} at {row.position:g}, above "
             f"max_correction {limit:.6g}: correct the value (or its unit), or raise max_correction"
         )
-        yield Lint("L12", Severity.ERROR, message, line_of(row, branch))
+        yield Lint("L12", LintSeverity.ERROR, message, line_of(row, branch))
 
 
 def _swapped(subject: _Subject) -> Iterator[Lint]:
@@ -135,15 +135,15 @@ def _swapped(subject: _Subject) -> Iterator[Lint]:
 
 def _reversed(subject: _Subject) -> Iterator[Lint]:
     forward, backward = (corrections(subject.rows, branch) for branch in BRANCHES)
-    as_given, turned = _roughness(forward, backward), _roughness(forward, backward[::-1])
+    as_given, as_reversed = _roughness(forward, backward), _roughness(forward, backward[::-1])
     if not backward[-1] and backward[0] and abs(subject.rows[-1].position) <= NOISE * subject.span:
         return  # it ends at home with 0, as it must, and turned round it would not
-    if turned < REVERSED_ROUGHNESS * as_given and as_given > NOISE * subject.table.max_correction():
+    if as_reversed < REVERSED_ROUGHNESS * as_given and as_given > NOISE * subject.table.max_correction():
         yield _warning(
             "L3",
-            f"forward - backward is {as_given / turned if turned else float('inf'):.2g} times smoother with "
-            "the backward list turned round: a list logged from the other end? Put both lists in the same "
-            "order",
+            f"forward - backward is {as_given / as_reversed if as_reversed else float('inf'):.2g} times "
+            "smoother with the backward list turned round: a list logged from the other end? Put both lists "
+            "in the same order",
         )
 
 
@@ -360,12 +360,12 @@ def _ratios(subject: _Subject, left: Sequence[int], chosen: tuple[int, ...], bra
     ]
 
 
-def _between(others: Sequence[SourceRow], branch: str, place: float) -> float:
+def _between(others: Sequence[SourceRow], branch: str, position: float) -> float:
     """Return what the line through the nearest points has at a place; beyond them it goes on."""
-    above = sum(row.position < place for row in others)
+    above = sum(row.position < position for row in others)
     low, high = others[min(max(above, 1), len(others) - 1) - 1 :][:2]
     start, end = corrections([low, high], branch)
-    return start + (end - start) * (place - low.position) / (high.position - low.position)
+    return start + (end - start) * (position - low.position) / (high.position - low.position)
 
 
 def _odd_reversal(subject: _Subject, named: AbstractSet[float]) -> Iterator[Lint]:
@@ -453,12 +453,12 @@ def _empty_column(subject: _Subject) -> Iterator[Lint]:
 def _axis(subject: _Subject) -> Iterator[Lint]:
     name = Path(subject.name).name
     source = subject.source
-    told = source.context.axis
+    given = source.context.axis
     claims = [
         (f"file name {name}", axis_of_name(name)),
         (f"AXIS {source.axis}", source.axis),
         (f"the comment (axis {source.comment_axis})", source.comment_axis),
-        (f"the configured axis {told}", told.upper() if told else None),
+        (f"the configured axis {given}", given.upper() if given else None),
     ]
     stated = [(what, letter) for what, letter in claims if letter is not None]
     for (what, letter), (other, other_letter) in pairwise(stated):

@@ -27,11 +27,11 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.checks import check_stated, context_in_file_units, told_units
-from gateway.tabfile.decoded import Decoded, Lint, Severity, SourceRow
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.checks import check_stated, context_in_file_units, required_units
+from gateway.tabfile.decoded import Decoded, Lint, LintSeverity, SourceRow
+from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.options import FileContext
-from gateway.tabfile.text import DECIMAL_ALLOWED, Line, SourceText, shown, to_decimal
+from gateway.tabfile.text import DECIMAL_ALLOWED, SourceLine, SourceText, shown, to_decimal
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME_0: Final = "linuxcnc-0"
@@ -96,7 +96,7 @@ def _read(source: SourceText, context: FileContext, name: str) -> Decoded:
         TabFileError: no units were told, a line that is no point, positions that do not ascend, values that
             are plainly those of the other type, a range that does not fit the travel.
     """
-    units = told_units(source, context, "a LinuxCNC compensation file")
+    units = required_units(source, context, "a LinuxCNC compensation file")
     file_rows = _parse(source)
     context = context_in_file_units(source, context, units)
     _check_order(source, file_rows)
@@ -119,7 +119,7 @@ def _read(source: SourceText, context: FileContext, name: str) -> Decoded:
     )
 
 
-def _content(line: Line) -> str:
+def _content(line: SourceLine) -> str:
     return _COMMENT.sub("", line.text).strip(" \t")
 
 
@@ -130,7 +130,7 @@ def _is_triplet(text: str) -> bool:
 
 def _parse(source: SourceText) -> list[_Row]:
     rows: list[_Row] = []
-    problems: list[Problem] = []
+    problems: list[FileProblem] = []
     for line in source.lines:
         fields = _content(line).split()
         numbers = [number for field in fields if (number := to_decimal(field)) is not None]
@@ -203,7 +203,7 @@ def _where_linuxcnc_stops(rows: Sequence[_Row]) -> tuple[Lint, ...]:
         f"line {stop} {why}, so LinuxCNC itself reads only {before} of the {len(rows)} points, without a "
         "word; here all of them count: if the machine ran well with what LinuxCNC used, delete the others"
     )
-    return (Lint("R7", Severity.WARNING, message, stop),)
+    return (Lint("R7", LintSeverity.WARNING, message, stop),)
 
 
 def _write(name: str, table: CorrectionTable, options: WriteOptions) -> Written:

@@ -9,7 +9,7 @@ from gateway.files import FileRefusedError, read_regular_file
 from gateway.tabfile.checks import under_new_names, unused_options
 from gateway.tabfile.decoded import Decoded, LoadedTable, steepest
 from gateway.tabfile.dialects import Dialect, choose
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.lints import run_lints
 from gateway.tabfile.options import DECLARED, MAX_POSITION, FileContext
 from gateway.tabfile.text import MAX_BYTES, SourceText, decode
@@ -28,7 +28,7 @@ def read_table(path: Path, context: FileContext) -> LoadedTable:
     loaded = inspect_table(path, context)
     if loaded.errors:
         raise TabFileError(
-            *(Problem(loaded.file, lint.message, "", lint.line, lint.code) for lint in loaded.errors)
+            *(FileProblem(loaded.file, lint.message, "", lint.line, lint.code) for lint in loaded.errors)
         )
     return loaded
 
@@ -52,7 +52,7 @@ def read_bytes(path: Path) -> bytes:
     try:
         return read_regular_file(path, MAX_BYTES, "a table file")
     except FileRefusedError as error:
-        raise TabFileError(Problem(str(path), str(error), "")) from None
+        raise TabFileError(FileProblem(str(path), str(error), "")) from None
 
 
 def parse_table(data: bytes, name: str, context: FileContext) -> LoadedTable:
@@ -75,13 +75,13 @@ def _is_used(name: str, dialect: Dialect) -> bool:
     return DECLARED[name].option.is_for_all or name in dialect.uses
 
 
-def dialect_of(path: Path, told: str | None = None) -> Dialect:
-    """Return the dialect of a file without reading it as a table; ``told`` is its name, where it is known.
+def dialect_of(path: Path, given: str | None = None) -> Dialect:
+    """Return the dialect of a file without reading it as a table; ``given`` is its name, where it is known.
 
     Raises:
         TabFileError: the file cannot be read, or nothing proves which known dialect it is of.
     """
-    return choose(decode(read_bytes(path), str(path)), told)
+    return choose(decode(read_bytes(path), str(path)), given)
 
 
 def _table(source: SourceText, decoded: Decoded) -> CorrectionTable:

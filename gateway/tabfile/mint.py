@@ -27,9 +27,9 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.checks import check_stated, context_in_file_units, told_units
-from gateway.tabfile.decoded import Decoded, Lint, Severity, SourceRow
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.checks import check_stated, context_in_file_units, required_units
+from gateway.tabfile.decoded import Decoded, Lint, LintSeverity, SourceRow
+from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.mint_program import (
     BACKLASH,
     BACKLASH_INTERVAL,
@@ -42,7 +42,7 @@ from gateway.tabfile.mint_program import (
     Program,
     parse_program,
 )
-from gateway.tabfile.options import FileContext, to_tell, typed
+from gateway.tabfile.options import FileContext, option_hint, typed
 from gateway.tabfile.text import SourceText, listed
 from gateway.tabfile.writing import EVEN_TOLERANCE, WriteOptions, Written, unwritable
 
@@ -51,7 +51,7 @@ TITLE: Final = "Baldor and ABB Mint programs: PRECISIONTABLE, absolute positions
 SUFFIX: Final = ".mnt"
 USES: Final = frozenset({"file_start", "increment", "file_axis"})
 MAX_PROBLEMS: Final = 20
-SAME_PLACE: Final = 1e-6
+SAME_POSITION: Final = 1e-6
 """Points of both directions that lie closer than this, in units, are one point: at a slope of 1 % that costs
 a hundredth of it, and slopes over shorter distances would be noise."""
 NOTHING: Final = 1e-9
@@ -67,7 +67,7 @@ _RULE: Final = (
 
 
 class _Knot(NamedTuple):
-    place: float
+    position: float
     correction: float
     line: int | None
 
@@ -107,7 +107,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
             no increment, no place for mark A or one of two, positions that do not ascend, backlash beside two
             tables.
     """
-    units = told_units(source, context, "a Mint program")
+    units = required_units(source, context, "a Mint program")
     axis_units = context.units
     program = parse_program(source)
     axis = _choose_axis(source, program, context)
@@ -143,17 +143,18 @@ def read(source: SourceText, context: FileContext) -> Decoded:
 
 def _choose_axis(source: SourceText, program: Program, context: FileContext) -> int:
     names = [str(axis) for axis in sorted(program.tables)]
-    told = context.file_axis
-    if told is not None and told not in names:
+    given = context.file_axis
+    if given is not None and given not in names:
         raise source.error(
-            f"tables of axis {listed(names)}, told file_axis {told!r}", f"file_axis = {listed(names, ' or ')}"
+            f"tables of axis {listed(names)}, told file_axis {given!r}",
+            f"file_axis = {listed(names, ' or ')}",
         )
-    if told is None and len(names) > 1:
+    if given is None and len(names) > 1:
         raise source.error(
             f"tables of the axes {listed(names)}",
-            to_tell("file_axis", f"{names[0]!r}, for example"),
+            option_hint("file_axis", f"{names[0]!r}, for example"),
         )
-    return int(told or names[0])
+    return int(given or names[0])
 
 
 def _screw_of(source: SourceText, program: Program, axis: int, context: FileContext) -> _Screw:
@@ -175,22 +176,22 @@ def _screw_of(source: SourceText, program: Program, axis: int, context: FileCont
 
 def _increment_of(source: SourceText, program: Program, axis: int, context: FileContext) -> tuple[float, str]:
     """Return the distance of the points, and who told it where it is not the program."""
-    setting, told = program.settings.get((INCREMENT, axis)), context.increment
+    setting, given = program.settings.get((INCREMENT, axis)), context.increment
     if setting is None:
-        if told is None:
+        if given is None:
             raise source.error(
                 f"a table of axis {axis} without its {INCREMENT}",
                 f"{INCREMENT}.{axis} = a distance, or increment told ({typed('increment')})",
                 line=program.tables[axis].line,
             )
-        return told, " (told by increment)"
+        return given, " (told by increment)"
     distance = float(setting.value)
     if not distance > 0:
         raise source.error(f"{INCREMENT} {distance:g}", "a distance above 0", line=setting.line)
-    if told is not None and abs(told - distance) > SAME_PLACE:
+    if given is not None and abs(given - distance) > SAME_POSITION:
         raise source.error(
-            f"{INCREMENT} {distance:g}, told increment {told:g}",
-            f"increment = {context.as_told(distance):.9g}, or none",
+            f"{INCREMENT} {distance:g}, told increment {given:g}",
+            f"increment = {context.as_given(distance):.9g}, or none",
             line=setting.line,
         )
     return distance, ""
@@ -212,7 +213,7 @@ def _is_dual(source: SourceText, program: Program, axis: int) -> tuple[bool, str
         return (
             has_two,
             f"{both}: {TABLE} names as many",
-            (Lint("R11", Severity.WARNING, message, setting.line),),
+            (Lint("R11", LintSeverity.WARNING, message, setting.line),),
         )
     if (word == "_LSDUAL_TABLE" and has_two) or (word in {"1", "_LSSINGLE_TABLE"} and not has_two):
         return has_two, f"{both}: {MODE} says so", ()
@@ -229,14 +230,14 @@ def _is_dual(source: SourceText, program: Program, axis: int) -> tuple[bool, str
 
 def _knots(source: SourceText, array: Array, increment: float, what: str) -> list[_Knot]:
     knots = [_Knot(0.0, 0.0, None)]
-    problems: list[Problem] = []
-    for index, (place, line) in enumerate(zip(array.values, array.lines, strict=True), start=1):
-        if not place > knots[-1].place:
-            found = f"{what} position {place:g} of entry {index} after {knots[-1].place:g}"
+    problems: list[FileProblem] = []
+    for index, (position, line) in enumerate(zip(array.values, array.lines, strict=True), start=1):
+        if not position > knots[-1].position:
+            found = f"{what} position {position:g} of entry {index} after {knots[-1].position:g}"
             problems.append(
                 source.problem(found, "positions that ascend from mark A, 0", line=line, code="L11")
             )
-        knots.append(_Knot(place, index * increment - place, line))
+        knots.append(_Knot(position, index * increment - position, line))
     if problems:
         raise TabFileError(*problems[:MAX_PROBLEMS])
     return knots
@@ -244,29 +245,29 @@ def _knots(source: SourceText, array: Array, increment: float, what: str) -> lis
 
 def _start_of(source: SourceText, program: Program, screw: _Screw, context: FileContext) -> tuple[float, str]:
     """Return where mark A lies on the axis, and who says so."""
-    setting, told = program.settings.get((OFFSET, screw.axis)), context.file_start
+    setting, given = program.settings.get((OFFSET, screw.axis)), context.file_start
     if setting is None:
-        if told is None:
+        if given is None:
             raise source.error(
                 f"no {OFFSET} of axis {screw.axis}: nothing says where mark A of the screw is",
-                to_tell("file_start", "the machine position of mark A"),
+                option_hint("file_start", "the machine position of mark A"),
                 line=program.tables[screw.axis].line,
             )
-        return told, "told by file_start"
+        return given, "told by file_start"
     offset = float(setting.value)
-    if told is None and offset == 0:
+    if given is None and offset == 0:
         return offset, OFFSET
     ways = (offset, "it is the position of A"), (-offset, "it is added to a position to look it up")
     for start, way in ways:
-        if told is not None and abs(told - start) <= SAME_START:
+        if given is not None and abs(given - start) <= SAME_START:
             return start, f"file_start; so {OFFSET} {offset:g} means: {way}" if offset else OFFSET
-    found = f"but file_start is {told:g}" if told is not None else "and Mint's guide reads it in two ways"
-    places = " or ".join(
-        dict.fromkeys(f"file_start = {context.as_told(start) + 0.0:.9g}" for start, _ in ways)
+    found = f"but file_start is {given:g}" if given is not None else "and Mint's guide reads it in two ways"
+    positions = " or ".join(
+        dict.fromkeys(f"file_start = {context.as_given(start) + 0.0:.9g}" for start, _ in ways)
     )
     raise source.error(
         f"{OFFSET} {offset:g}, {found}",
-        f"{places} ({typed('file_start')}): look where mark A of the screw is on the machine",
+        f"{positions} ({typed('file_start')}): look where mark A of the screw is on the machine",
         line=setting.line,
         code="R9",
         readings=(_reading(screw, start, way, context) for start, way in ways) if offset else (),
@@ -277,11 +278,11 @@ def _reading(screw: _Screw, start: float, way: str, context: FileContext) -> str
     """Say what one place of mark A makes of a target that lies behind A in both readings."""
     assert context.units is not None, "the context is in units of the file"
     target = abs(start) + screw.increment / 5
-    place = target - start
+    position = target - start
     out = "as it is: Mint adds nothing there"
-    if place <= screw.forward[-1].place:
-        out = f"as {target + _at(screw.forward, place):.5f}"
-    end = start + max(screw.forward[-1].place, screw.backward[-1].place)
+    if position <= screw.forward[-1].position:
+        out = f"as {target + _at(screw.forward, position):.5f}"
+    end = start + max(screw.forward[-1].position, screw.backward[-1].position)
     return (
         f"{way}: mark A at {start:g} {context.units.value}, the table from there to {end:g}; moving forward, "
         f"{target:g} goes out {out}"
@@ -291,32 +292,34 @@ def _reading(screw: _Screw, start: float, way: str, context: FileContext) -> str
 def _rows(screw: _Screw, start: float) -> tuple[SourceRow, ...]:
     """Return the points of both directions, in order of position."""
     rows: list[SourceRow] = []
-    lines = [{knot.place: knot.line for knot in knots} for knots in (screw.forward, screw.backward)]
-    for places in _together(sorted({knot.place for knot in (*screw.forward, *screw.backward)})):
-        place = places[0]
-        forward, backward = _at(screw.forward, place), _at(screw.backward, place)
-        numbers = [next((line for at in places if (line := branch.get(at))), None) for branch in lines]
-        rows.append(SourceRow(start + place, forward, backward, place, place, numbers[0], numbers[1]))
+    lines = [{knot.position: knot.line for knot in knots} for knots in (screw.forward, screw.backward)]
+    for positions in _together(sorted({knot.position for knot in (*screw.forward, *screw.backward)})):
+        position = positions[0]
+        forward, backward = _at(screw.forward, position), _at(screw.backward, position)
+        numbers = [next((line for at in positions if (line := branch.get(at))), None) for branch in lines]
+        rows.append(
+            SourceRow(start + position, forward, backward, position, position, numbers[0], numbers[1])
+        )
     return tuple(rows)
 
 
-def _together(places: Sequence[float]) -> list[list[float]]:
+def _together(positions: Sequence[float]) -> list[list[float]]:
     """Put what is one place into one group."""
-    groups = [[places[0]]]
-    for place in places[1:]:
-        if place - groups[-1][0] > SAME_PLACE:
+    groups = [[positions[0]]]
+    for position in positions[1:]:
+        if position - groups[-1][0] > SAME_POSITION:
             groups.append([])
-        groups[-1].append(place)
+        groups[-1].append(position)
     return groups
 
 
-def _at(knots: Sequence[_Knot], place: float) -> float:
+def _at(knots: Sequence[_Knot], position: float) -> float:
     """Return the correction of one direction; behind its last point it stays."""
-    above = bisect_right(knots, place, key=lambda knot: knot.place)
-    if above == len(knots) or knots[above - 1].place == place:
+    above = bisect_right(knots, position, key=lambda knot: knot.position)
+    if above == len(knots) or knots[above - 1].position == position:
         return knots[above - 1].correction
     low, high = knots[above - 1], knots[above]
-    share = (place - low.place) / (high.place - low.place)
+    share = (position - low.position) / (high.position - low.position)
     return low.correction + share * (high.correction - low.correction)
 
 
@@ -373,7 +376,7 @@ def _reversal_of(source: SourceText, program: Program, axis: int, *, has_two_tab
         f"{BACKLASH} {width:g} is not in the table: the control added {abs(width):g} while moving "
         f"{'forward' if width > 0 else 'back'}, which the gateway does only with 'backlash' of the axis set"
     )
-    return _Reversal(width, cycles, (), (Lint("R8", Severity.WARNING, message, setting.line),))
+    return _Reversal(width, cycles, (), (Lint("R8", LintSeverity.WARNING, message, setting.line),))
 
 
 def _is_off(source: SourceText, program: Program, axis: int) -> bool:
@@ -436,7 +439,7 @@ class _Plan:
     increment: float
     entries: tuple[tuple[float, ...], tuple[float, ...]]
     difference: float
-    place: float
+    position: float
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:
@@ -455,7 +458,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     if best is None or (not _is_even(table) and best.difference > fit):
         found = "points that are not evenly spaced and fit no even increment"
         if best is not None:
-            found += f" (off by {best.difference:.3g} {table.units.value} at {best.place:g})"
+            found += f" (off by {best.difference:.3g} {table.units.value} at {best.position:g})"
         raise unwritable(NAME, found, "an even grid: --resample STEP")
     context = FileContext(file_units=table.units, file_axis=axis, file_start=best.start)
     return Written(_program(table, best, axis), _losses(table, best, options), context)
@@ -512,17 +515,17 @@ def _plan(table: CorrectionTable, increment: float) -> _Plan | None:
         tuple(round(curve.nut(motor) - start, DECIMALS) + 0.0 for motor in motors)
         for curve in (forward, backward)
     )
-    difference, place = 0.0, table.first
-    for curve, places in zip((forward, backward), entries, strict=True):
+    difference, position = 0.0, table.first
+    for curve, positions in zip((forward, backward), entries, strict=True):
         read = _curve(
-            [start, *(start + place for place in places)],
-            [0.0, *(index * increment - place for index, place in enumerate(places, start=1))],
+            [start, *(start + position for position in positions)],
+            [0.0, *(index * increment - position for index, position in enumerate(positions, start=1))],
         )
         for at in (*table.positions, *read.positions):
             off = abs(read.correction(at) - curve.correction(at)) if table.first <= at <= table.last else 0.0
             if off > difference:
-                difference, place = off, at
-    return _Plan(start, increment, (entries[0], entries[1]), difference, place)
+                difference, position = off, at
+    return _Plan(start, increment, (entries[0], entries[1]), difference, position)
 
 
 def _from_mark(table: CorrectionTable, increment: float) -> tuple[float, _Curve, _Curve]:
@@ -542,13 +545,13 @@ def _from_mark(table: CorrectionTable, increment: float) -> tuple[float, _Curve,
     )
 
 
-def _along(places: Sequence[float], values: Sequence[float], at: float) -> float:
-    above = bisect_right(places, at)
+def _along(positions: Sequence[float], values: Sequence[float], at: float) -> float:
+    above = bisect_right(positions, at)
     if above == 0:
         return values[0]
-    if above == len(places):
+    if above == len(positions):
         return values[-1]
-    share = (at - places[above - 1]) / (places[above] - places[above - 1])
+    share = (at - positions[above - 1]) / (positions[above] - positions[above - 1])
     return values[above - 1] + share * (values[above] - values[above - 1])
 
 
@@ -580,7 +583,7 @@ def _losses(table: CorrectionTable, plan: _Plan, options: WriteOptions) -> tuple
     unit = table.units.value
     between = (
         f"Mint draws straight lines between even motor positions {plan.increment:.10g} apart: the curve "
-        f"differs by up to {plan.difference:.3g} {unit} (at {plan.place:g})"
+        f"differs by up to {plan.difference:.3g} {unit} (at {plan.position:g})"
     )
     losses = [
         between,

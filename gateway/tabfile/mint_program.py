@@ -44,7 +44,7 @@ class Token(NamedTuple):
 Statement = Sequence[Token]
 
 
-class Setting(NamedTuple):
+class MintValue(NamedTuple):
     """A number, or a constant of Mint in capitals, and where it stands."""
 
     value: float | str
@@ -139,14 +139,14 @@ class Cursor:
             raise self.error(what)
         return number
 
-    def number(self) -> Setting:
+    def number(self) -> MintValue:
         """Take a number with its sign, and say where it stands."""
         sign = "-" if self.is_next("-") else "+" if self.is_next("+") else ""
         token = self.take()
         value = to_decimal(sign + token.text)
         if value is None or self.is_next("(") or self._is_operator():
             raise self.error(f"{DECIMAL_ALLOWED}, no expression")
-        return Setting(value, token.line)
+        return MintValue(value, token.line)
 
     def _is_operator(self) -> bool:
         return self._next < len(self._statement) and self._statement[self._next].text in "+-*/^"
@@ -204,11 +204,11 @@ class Program:
     """Tables and settings by axis; ``others`` counts the statements that were left alone."""
 
     tables: dict[int, Table] = field(default_factory=dict)
-    settings: dict[tuple[str, int], Setting] = field(default_factory=dict)
+    settings: dict[tuple[str, int], MintValue] = field(default_factory=dict)
     others: int = 0
 
 
-_Settings = list[tuple[str, int | None, Setting]]
+_Settings = list[tuple[str, int | None, MintValue]]
 
 
 def parse_program(source: SourceText) -> Program:
@@ -219,7 +219,7 @@ def parse_program(source: SourceText) -> Program:
     """
     statements = list(statements_of(source))
     used = _used_arrays(source, statements)
-    program, arrays, settings = Program(), dict[str, Array](), list[tuple[str, int | None, Setting]]()
+    program, arrays, settings = Program(), dict[str, Array](), list[tuple[str, int | None, MintValue]]()
     blocks = _Blocks(source, has_goto=any("GOTO" in words_of(statement) for statement in statements))
     for statement in statements:
         first = statement[0].text.upper()
@@ -372,14 +372,14 @@ def _add_settings(cursor: Cursor, key: str, settings: _Settings) -> None:
     settings.extend((key, axis, value) for axis, value in zip(axes, values, strict=True))
 
 
-def _value(cursor: Cursor, key: str) -> Setting:
+def _value(cursor: Cursor, key: str) -> MintValue:
     if key not in _MODES:
         return cursor.number()
     token = cursor.take()
     number = to_integer(token.text)
     if number is None and not WORD.fullmatch(token.text):
         raise cursor.error("a whole number or a constant of Mint")
-    return Setting(token.text.upper() if number is None else float(number), token.line)
+    return MintValue(token.text.upper() if number is None else float(number), token.line)
 
 
 def _give_to_axes(source: SourceText, program: Program, settings: _Settings) -> None:

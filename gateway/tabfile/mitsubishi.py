@@ -27,7 +27,7 @@ from gateway.compensation.table import CorrectionTable
 from gateway.tabfile.csv_text import first_row
 from gateway.tabfile.decoded import Decoded
 from gateway.tabfile.increments import (
-    Meaning,
+    Convention,
     Rows,
     System,
     decode,
@@ -53,7 +53,7 @@ SYSTEM: Final = System(
     highest_limit=0,
     refused={"absolute": "the absolute system, whose values are not increments"},
 )
-_MEANING: Final = Meaning(
+_CONVENTION: Final = Convention(
     VALUES_PER_COUNT,
     "values x magnification / 2 / file_counts_per_unit, summed up from the reference point: added",
 )
@@ -92,7 +92,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         for point in file.points
         if point is not home
     ]
-    return decode(source, context, file, sum_up(sections), _MEANING)
+    return decode(source, context, file, sum_up(sections), _CONVENTION)
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:

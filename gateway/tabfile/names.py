@@ -13,7 +13,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Final
 
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.errors import FileProblem, TabFileError
 
 _NAME: Final = re.compile(r"cnc(?:7|10|-)([a-z])\.(?:tab|bak)", re.IGNORECASE)
 _COMMENT: Final = re.compile(r"\b([a-z])[\s-]*axis\b", re.IGNORECASE)
@@ -62,12 +62,12 @@ def find_table(folder: Path, name: str) -> FoundTable:
     Raises:
         TabFileError: the folder cannot be read, or several names in it differ by case only.
     """
-    wanted = name.lower()
-    matches = _matches(folder, wanted)
+    lowered = name.lower()
+    matches = _matches(folder, lowered)
     if matches:
         return FoundTable(TableState.PRESENT, matches)
     # behind the suffix first: x.bak may be another file, an x.cal that was switched off
-    for backup in (wanted + OFF_SUFFIX, str(Path(wanted).with_suffix(OFF_SUFFIX))):
+    for backup in (lowered + OFF_SUFFIX, str(Path(lowered).with_suffix(OFF_SUFFIX))):
         switched_off = _matches(folder, backup)
         if switched_off:
             return FoundTable(TableState.OFF, switched_off)
@@ -87,11 +87,11 @@ def find_axis_tables(folder: Path, axis: str) -> list[Path]:
     ]
 
 
-def _matches(folder: Path, wanted: str) -> Path | None:
-    found = sorted(name for name in _names(folder) if name.lower() == wanted)
+def _matches(folder: Path, lowered: str) -> Path | None:
+    found = sorted(name for name in _names(folder) if name.lower() == lowered)
     if len(found) > 1:
         names = ", ".join(found)
-        raise TabFileError(Problem(str(folder), f"{names}, which differ by case only", "one of them"))
+        raise TabFileError(FileProblem(str(folder), f"{names}, which differ by case only", "one of them"))
     return folder / found[0] if found else None
 
 
@@ -100,5 +100,5 @@ def _names(folder: Path) -> list[str]:
         return os.listdir(folder)  # noqa: PTH208 - looked at each second: names will do
     except OSError as error:
         raise TabFileError(
-            Problem(str(folder), error.strerror or str(error), "a folder that can be read")
+            FileProblem(str(folder), error.strerror or str(error), "a folder that can be read")
         ) from error

@@ -97,10 +97,10 @@ class Renamed:
 
 
 @dataclass(frozen=True, slots=True)
-class Option:
+class TableOption:
     """What is said about an option in the places where it can be told."""
 
-    meaning: str
+    description: str
     """In the reference of keys."""
     help: str
     """On the command line."""
@@ -140,7 +140,7 @@ class TableOptions:
 
     file_counts_per_unit: Annotated[
         CountsPerUnit | None,
-        Option(
+        TableOption(
             "version 1: encoder counts per unit of the control that the file was made for, negative for its "
             "Dir Rev",
             "Encoder counts of the OLD control per machine unit, negative where its Dir Rev was Y (files "
@@ -150,14 +150,14 @@ class TableOptions:
     ] = None
     v1_layout: Annotated[
         V1Layout | None,
-        Option(
+        TableOption(
             "version 1: whether the first value belongs to home or to one interval from it",
             "Is home the first value of a Centroid version 1 file (listed) or not in it (implicit)?",
         ),
     ] = None
     file_start: Annotated[
         Length | None,
-        Option(
+        TableOption(
             "version 2: machine position of the first point. Mint: machine position of mark A, needed where "
             "`PRECISIONOFFSET` is missing or not 0",
             "Position of the lowest point (Mint: of mark A), where the file does not prove it.",
@@ -166,7 +166,7 @@ class TableOptions:
     ] = None
     increment: Annotated[
         Distance | None,
-        Option(
+        TableOption(
             "Mint: distance of the points, where the program does not set `PRECISIONINCREMENT`",
             "Distance of the points of a Mint table, where the program does not set PRECISIONINCREMENT.",
             "STEP",
@@ -174,14 +174,14 @@ class TableOptions:
     ] = None
     file_home: Annotated[
         HomeSide | None,
-        Option(
+        TableOption(
             "the end at which the axis of the file homes",
             "The end at which the axis homes; checked against the file.",
         ),
     ] = None
     format: Annotated[
         str | None,
-        Option(
+        TableOption(
             "name of the format where the text fits several, such as LinuxCNC's two types",
             "Format of the file, where its text fits several: see 'table formats'.",
             "NAME",
@@ -190,7 +190,7 @@ class TableOptions:
     ] = None
     file_units: Annotated[
         Units | None,
-        Option(
+        TableOption(
             "units of a file that states none; every length in this table stays in units of the axis",
             "Machine units of a file that states none; a file that states others is refused. Default for "
             "Centroid version 1: inch.",
@@ -200,7 +200,7 @@ class TableOptions:
     ] = None
     file_axis: Annotated[
         str | None,
-        Option(
+        TableOption(
             "what a file that holds several axes calls this one",
             "What a file that holds several axes calls this one.",
             "NAME",
@@ -208,16 +208,16 @@ class TableOptions:
     ] = None
     error_sense: Annotated[
         ErrorSense | None,
-        Option(
+        TableOption(
             "what the file means by an error: where the nut was less where it should be, or the reverse. For "
-            "every format whose errors have no fixed sign; ISG and TwinCAT CNC: where it is not told, actual "
-            "less command",
+            "every format whose errors have no fixed sign; ISG and TwinCAT CNC: where it is not given, "
+            "actual less command",
             "What the file calls an error, for every format that leaves it open (see 'table formats').",
         ),
     ] = None
     fagor_sense: Annotated[
         ErrorSense | None,
-        Option(
+        TableOption(
             "old name of `error_sense`, for Fagor tables only; stays accepted",
             "Old name of --error-sense, for Fagor tables only.",
             renamed=Renamed("error_sense", frozenset({"fagor-8055", "fagor-8065"})),
@@ -225,31 +225,31 @@ class TableOptions:
     ] = None
     isg_sense: Annotated[
         ErrorSense | None,
-        Option(
+        TableOption(
             "old name of `error_sense`, for ISG and TwinCAT CNC tables only; stays accepted",
             "Old name of --error-sense, for ISG and TwinCAT CNC tables only.",
             renamed=Renamed("error_sense", frozenset({"isg"})),
         ),
     ] = None
 
-    def told(self) -> dict[str, Any]:
+    def given(self) -> dict[str, Any]:
         """Return what was told, by name.
 
-        >>> TableOptions(file_axis="X", file_start=0.0).told()
+        >>> TableOptions(file_axis="X", file_start=0.0).given()
         {'file_start': 0.0, 'file_axis': 'X'}
         """
         facts = {name: getattr(self, name) for name in DECLARED}
         return {name: fact for name, fact in facts.items() if fact is not None}
 
-    def told_under_old_names(self, format_name: str) -> Iterator[tuple[str, str, Any]]:
+    def given_under_old_names(self, format_name: str) -> Iterator[tuple[str, str, Any]]:
         """Yield old name, name now and value of what was told under an old name that holds for a format.
 
         An old name of other formats stays what it is: taken for this one, it could turn a sign.
         """
-        for old, told in self.told().items():
+        for old, given in self.given().items():
             renamed = DECLARED[old].option.renamed
             if renamed is not None and format_name in renamed.formats:
-                yield old, renamed.to, told
+                yield old, renamed.to, given
 
     def under_new_names(self, format_name: str) -> "TableOptions":
         """Return it without old names that hold for a format; what the new name says counts.
@@ -259,8 +259,8 @@ class TableOptions:
         >>> TableOptions(isg_sense=ErrorSense.COMMAND_MINUS_ACTUAL).under_new_names("fagor-8055").error_sense
         """
         options = self
-        for old, new, told in self.told_under_old_names(format_name):
-            options = replace(options, **{old: None, new: getattr(options, new) or told})
+        for old, new, given in self.given_under_old_names(format_name):
+            options = replace(options, **{old: None, new: getattr(options, new) or given})
         return options
 
 
@@ -275,7 +275,7 @@ class Declared:
     type: Any
     """Of its values: float, str or an enumeration."""
     quantity: Quantity | None
-    option: Option
+    option: TableOption
 
     @property
     def typed(self) -> str:
@@ -289,8 +289,8 @@ class Declared:
 
 def _declared() -> Iterator[Declared]:
     for field in fields(TableOptions):
-        told, option = get_args(field.type)
-        [values] = [part for part in get_args(told) if part is not type(None)]
+        hint, option = get_args(field.type)
+        [values] = [part for part in get_args(hint) if part is not type(None)]
         kind, quantity = get_args(values) if get_origin(values) is Annotated else (values, None)
         yield Declared(field.name, kind, quantity, option)
 
@@ -312,16 +312,16 @@ def choices(name: str) -> str:
     return f"{name} = {', '.join(words)} or {last}"
 
 
-def to_tell(name: str, value: str = "") -> str:
+def option_hint(name: str, value: str = "") -> str:
     """Say what is to be told: in the configuration, and as it is typed.
 
-    >>> to_tell("file_axis", "'X'")
+    >>> option_hint("file_axis", "'X'")
     "file_axis = 'X' (--file-axis on the command line)"
-    >>> to_tell("file_units")
+    >>> option_hint("file_units")
     "file_units = 'mm', 'inch' or 'degree' (--units on the command line)"
     """
-    said = f"{name} = {value}" if value else choices(name)
-    return f"{said} ({typed(name)})"
+    text = f"{name} = {value}" if value else choices(name)
+    return f"{text} ({typed(name)})"
 
 
 def typed(name: str) -> str:
@@ -339,7 +339,7 @@ class FileContext(TableOptions):
     """Facts about the axis and about the old control that wrote the file. None: not known.
 
     Every length is in ``units``, the machine units of the axis, and every scale in counts per that unit. With
-    ``units`` None they are in the units that the file states. ``told_in`` are the units in which they were
+    ``units`` None they are in the units that the file states. ``given_in`` are the units in which they were
     told, where :meth:`in_units` has turned them into others: messages that name an option go by these.
 
     ``counts_per_unit`` belongs to the drive that is commanded now. With ``same_units`` a file in other units
@@ -357,11 +357,11 @@ class FileContext(TableOptions):
     max_correction: float | None = None
     max_slope: float = DEFAULT_MAX_SLOPE
     same_units: bool = False
-    told_in: Units | None = None
+    given_in: Units | None = None
 
     def __post_init__(self) -> None:
         """Check what can be checked without a file."""
-        for name, fact in self.told().items():
+        for name, fact in self.given().items():
             if (quantity := DECLARED[name].quantity) is not None:
                 _check(name, fact, quantity)
         _check("counts_per_unit", self.counts_per_unit, COUNTS_PER_UNIT)
@@ -380,18 +380,18 @@ class FileContext(TableOptions):
             ValueError: between a length and an angle.
         """
         if self.units is None or self.units is file_units:
-            return replace(self, units=file_units, told_in=self.told_in or file_units)
+            return replace(self, units=file_units, given_in=self.given_in or file_units)
         factor = self.units.convert_factor(file_units)
         options: dict[str, Any] = {
             name: quantity.converted(fact, factor)
-            for name, fact in self.told().items()
+            for name, fact in self.given().items()
             if (quantity := DECLARED[name].quantity) is not None
         }
         return replace(
             self,
             **options,
             units=file_units,
-            told_in=self.told_in or self.units,
+            given_in=self.given_in or self.units,
             travel=None if self.travel is None else (self.travel[0] * factor, self.travel[1] * factor),
             max_correction=None if self.max_correction is None else self.max_correction * factor,
             counts_per_unit=None if self.counts_per_unit is None else self.counts_per_unit / factor,
@@ -399,9 +399,9 @@ class FileContext(TableOptions):
 
     def option_units(self, file_units: Units) -> Units:
         """Units in which lengths and scales have to be told, for a file in ``file_units``."""
-        return self.told_in or self.units or file_units
+        return self.given_in or self.units or file_units
 
-    def as_told(self, length: float) -> float:
+    def as_given(self, length: float) -> float:
         """Return a length in ``units`` as an option has to say it."""
         return (
             length

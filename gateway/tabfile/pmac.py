@@ -28,10 +28,10 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.checks import RULES, TOUCH, context_in_file_units, required_sense, told_units
-from gateway.tabfile.decoded import Decoded, Lint, Severity, SourceRow
-from gateway.tabfile.increments import TURN_DEGREES, is_turn
-from gateway.tabfile.options import FileContext, to_tell
+from gateway.tabfile.checks import RULES, TOUCH, context_in_file_units, required_sense, required_units
+from gateway.tabfile.decoded import Decoded, Lint, LintSeverity, SourceRow
+from gateway.tabfile.increments import REVOLUTION_DEGREES, is_revolution
+from gateway.tabfile.options import FileContext, option_hint
 from gateway.tabfile.text import SourceText, listed, shown, to_integer
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
@@ -94,7 +94,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     """
     file = _parse(source)
     table, motor = _choose(source, file.tables, context)
-    units = context.file_units or context.units or told_units(source, context, _WHAT)
+    units = context.file_units or context.units or required_units(source, context, _WHAT)
     context = context_in_file_units(source, context, units)
     scale = context.file_counts_per_unit
     if scale is None:
@@ -122,9 +122,9 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         used.add(index)
         value, line = table.values[index], table.lines[index]
         added = sense.to_correction * value / (PER_COUNT * scale) + 0.0
-        place = number * table.length / (size * abs(scale)) + 0.0
-        rows.append(SourceRow(place, added, added, value, value, line, line))
-    turn = TURN_DEGREES if is_turn(units, high - low, step) else None
+        position = number * table.length / (size * abs(scale)) + 0.0
+        rows.append(SourceRow(position, added, added, value, value, line, line))
+    revolution = REVOLUTION_DEGREES if is_revolution(units, high - low, step) else None
     rule = f"{RULES[sense]}; an entry / {PER_COUNT} / file_counts_per_unit"
     return Decoded(
         tuple(rows),
@@ -141,8 +141,8 @@ def read(source: SourceText, context: FileContext) -> Decoded:
             *((f"other commands, no part of the table: {file.commands}",) if file.commands else ()),
         ),
         remarks=_remarks(file, table, used),
-        behaves_as=() if turn is None else (f"modulo = {turn:g}",),
-        modulo=turn,
+        behaves_as=() if revolution is None else (f"modulo = {revolution:g}",),
+        modulo=revolution,
     )
 
 
@@ -187,24 +187,24 @@ def _table(
     lines: list[int] = []
     while len(values) < size:
         number, text = next(texts, (source.last_line, ""))
-        wanted = f"{size} whole numbers below line {line}, in 1/16 count, as DEFINE COMP says"
+        expected = f"{size} whole numbers below line {line}, in 1/16 count, as DEFINE COMP says"
         if not text:
-            raise source.error(f"{len(values)} entries", wanted, line=number)
+            raise source.error(f"{len(values)} entries", expected, line=number)
         entries = [to_integer(word) for word in text.split()]
         if None in entries:
-            raise source.error(f"{shown(text)} after {len(values)} entries", wanted, line=number)
+            raise source.error(f"{shown(text)} after {len(values)} entries", expected, line=number)
         values += [entry or 0 for entry in entries]
         lines += [number] * len(entries)
     if len(values) > size:
-        raise source.error(f"{len(values)} entries", wanted, line=lines[-1])
+        raise source.error(f"{len(values)} entries", expected, line=lines[-1])
     source_motor, target = (*(motor for motor, _ in names), None, None)[:2]
     return _Table(addressed, source_motor, target, length, line, tuple(values), tuple(lines))
 
 
 def _choose(source: SourceText, tables: Sequence[_Table], context: FileContext) -> tuple[_Table, str | None]:
     """Return the table of the motor that is told, or the only one, and its motor where anything names it."""
-    told = context.file_axis.removeprefix("#") if context.file_axis else None
-    motors = [table.target or table.addressed or told for table in tables]
+    given = context.file_axis.removeprefix("#") if context.file_axis else None
+    motors = [table.target or table.addressed or given for table in tables]
     for table, motor in zip(tables, motors, strict=True):
         if motor is None and (table.source is not None or len(tables) > 1):
             number = table.source or "1"
@@ -214,17 +214,17 @@ def _choose(source: SourceText, tables: Sequence[_Table], context: FileContext) 
                 line=table.line,
             )
     names = listed(dict.fromkeys(motor for motor in motors if motor))
-    fitting = [index for index, motor in enumerate(motors) if told in (None, motor)]
+    fitting = [index for index, motor in enumerate(motors) if given in (None, motor)]
     if not fitting:
         raise source.error(
-            f"tables of motor {names}, told file_axis {shown(told or '')}", f"file_axis = one of {names}"
+            f"tables of motor {names}, told file_axis {shown(given or '')}", f"file_axis = one of {names}"
         )
     if len(fitting) > 1:
         first, second, *_ = fitting
         is_same = motors[first] == motors[second]
         raise source.error(
             f"a second table of motor {motors[second]}" if is_same else f"tables of motor {names}",
-            "one of each motor" if is_same else to_tell("file_axis", f"one of {names}"),
+            "one of each motor" if is_same else option_hint("file_axis", f"one of {names}"),
             line=tables[second].line,
         )
     table, motor = tables[fitting[0]], motors[fitting[0]]
@@ -244,18 +244,18 @@ def _steps(
     """Return the first and the last spacing, counted from the zero of the axis, that its travel needs."""
     size = len(table.values)
     if context.travel is None:
-        if is_turn(units, size, step):
+        if is_revolution(units, size, step):
             return 0, size
         raise source.error(
             f"{_WHAT}, whose end holds what is needed below zero, and no travel",
             "travel = [lowest, highest] of the axis (--travel LO HI on the command line): it says which "
-            f"entries lie below zero (only a table of {TURN_DEGREES:g} degrees needs none)",
+            f"entries lie below zero (only a table of {REVOLUTION_DEGREES:g} degrees needs none)",
             line=table.line,
         )
     low, high = context.travel
     if high - low > size * step * (1 + TOUCH):
         unit = context.option_units(units).value
-        long, covered = context.as_told(high - low), context.as_told(size * step)
+        long, covered = context.as_given(high - low), context.as_given(size * step)
         raise source.error(
             f"a length of {table.length} counts, which is {covered:.9g} {unit}, for a travel of {long:.9g}: "
             "the control would begin the table again",
@@ -274,14 +274,14 @@ def _remarks(file: _File, table: _Table, used: AbstractSet[int]) -> tuple[Lint, 
             "the file leaves compensation off (I51 = 0), so the control itself did not use this table: make "
             "sure that it is the right one"
         )
-        remarks.append(Lint("R11", Severity.WARNING, message, file.off))
+        remarks.append(Lint("R11", LintSeverity.WARNING, message, file.off))
     left = [index + 1 for index, value in enumerate(table.values) if value and index not in used]
     if left:
         message = (
             f"{len(left)} entries other than 0, from {left[0]} to {left[-1]}, lie where the travel never "
             "gets: check the length of the table, file_counts_per_unit and travel"
         )
-        remarks.append(Lint("R13", Severity.WARNING, message, table.line))
+        remarks.append(Lint("R13", LintSeverity.WARNING, message, table.line))
     return tuple(remarks)
 
 

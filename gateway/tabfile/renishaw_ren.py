@@ -23,17 +23,17 @@ from typing import Final
 from gateway.compensation.table import CorrectionTable
 from gateway.tabfile.checks import (
     AS_THEY_STAND,
-    Reading,
+    Interpretation,
     check_home,
     check_own_range,
     check_start,
     context_in_file_units,
-    told_units,
+    required_units,
 )
 from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.options import FileContext
-from gateway.tabfile.text import DECIMAL_ALLOWED, Line, SourceText, shown, to_decimal, to_integer
+from gateway.tabfile.text import DECIMAL_ALLOWED, SourceLine, SourceText, shown, to_decimal, to_integer
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "renishaw-ren"
@@ -65,7 +65,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     settings, values_per_row, body = _parse_head(source)
     found = _parse_rows(source, body, 2 + values_per_row)
     _check_grid(source, settings, found)
-    units = told_units(source, context, "a Renishaw table")
+    units = required_units(source, context, "a Renishaw table")
     context = context_in_file_units(source, context, units)
     scale = context.file_counts_per_unit
     if scale is None:
@@ -92,7 +92,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     check_home(source, ascending, context)
     check_start(source, ascending, context)
     remedy = "a table of this axis; the right file_units and travel"
-    check_own_range(source, Reading(AS_THEY_STAND, ascending, units), context, remedy)
+    check_own_range(source, Interpretation(AS_THEY_STAND, ascending, units), context, remedy)
     sign = "added" if scale > 0 else "told as errors (actual - commanded): subtracted"
     rule = f"column {{}}: value / {abs(scale):g} is {sign}"
     columns = ("Combined", "Combined") if values_per_row == 1 else ("Forward", "Reverse")
@@ -106,7 +106,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     )
 
 
-def _parse_head(source: SourceText) -> tuple[dict[str, tuple[float, int]], int, Sequence[Line]]:
+def _parse_head(source: SourceText) -> tuple[dict[str, tuple[float, int]], int, Sequence[SourceLine]]:
     """Return the settings with their lines, the number of values in a row, and the lines of the rows."""
     settings: dict[str, tuple[float, int]] = {}
     for index, line in enumerate(source.lines):
@@ -139,9 +139,11 @@ def _parse_head(source: SourceText) -> tuple[dict[str, tuple[float, int]], int, 
     raise source.error("the end of the file", f"the columns {_HEADINGS}", line=source.last_line)
 
 
-def _parse_rows(source: SourceText, body: Sequence[Line], width: int) -> list[tuple[tuple[float, ...], int]]:
+def _parse_rows(
+    source: SourceText, body: Sequence[SourceLine], width: int
+) -> list[tuple[tuple[float, ...], int]]:
     rows: list[tuple[tuple[float, ...], int]] = []
-    problems: list[Problem] = []
+    problems: list[FileProblem] = []
     for index, line in enumerate(body, start=1):
         fields = line.text.split()
         numbers = [to_decimal(field) for field in fields]

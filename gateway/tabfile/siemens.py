@@ -31,11 +31,11 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile.checks import check_stated, context_in_file_units, is_closed, told_units
+from gateway.tabfile.checks import check_stated, context_in_file_units, is_closed, required_units
 from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.options import MAX_POSITION, FileContext, to_tell
-from gateway.tabfile.text import DECIMAL_ALLOWED, MAX_LINES, Line, SourceText, listed, shown, to_decimal
+from gateway.tabfile.errors import FileProblem, TabFileError
+from gateway.tabfile.options import MAX_POSITION, FileContext, option_hint
+from gateway.tabfile.text import DECIMAL_ALLOWED, MAX_LINES, SourceLine, SourceText, listed, shown, to_decimal
 from gateway.tabfile.writing import WriteOptions, Written, even_step, one_curve, unwritable
 
 # --- Lines that assign, a grid from MIN to MAX, an end: also of :mod:`gateway.tabfile.siemens_cec`
@@ -72,7 +72,7 @@ class Number(NamedTuple):
 
 
 def assign(
-    source: SourceText, header: re.Pattern[str], allowed: str, take: Callable[[Line, str], str]
+    source: SourceText, header: re.Pattern[str], allowed: str, take: Callable[[SourceLine, str], str]
 ) -> None:
     """Give each line that is neither header nor end to ``take``, which returns what is wrong with it, or "".
 
@@ -87,7 +87,7 @@ def assign(
     for stop in _STOPS:
         if 0 < first_stop < len(lines) and stop.fullmatch(lines[first_stop - 1][1]):
             first_stop -= 1
-    problems: list[Problem] = []
+    problems: list[FileProblem] = []
     is_above = True
     for index, (line, text) in enumerate(lines):
         is_head = (index == 0 and header.fullmatch(text)) or (is_above and _DATA.fullmatch(text))
@@ -198,7 +198,9 @@ def positions(numbers: Mapping[str, Number], count: int) -> Iterator[float]:
         yield low + index * step if 2 * index <= last else high - (last - index) * step
 
 
-def turn_of(source: SourceText, numbers: Mapping[str, Number], rows: tuple[SourceRow, ...]) -> float | None:
+def revolution_of(
+    source: SourceText, numbers: Mapping[str, Number], rows: tuple[SourceRow, ...]
+) -> float | None:
     """Return the length after which the table begins again, None where it does not.
 
     Raises:
@@ -216,9 +218,9 @@ def turn_of(source: SourceText, numbers: Mapping[str, Number], rows: tuple[Sourc
     return rows[-1].position - rows[0].position
 
 
-def edges(turn: float | None) -> tuple[str, ...]:
+def edges(revolution: float | None) -> tuple[str, ...]:
     """Return the settings of an axis that does at the ends what the control does."""
-    return ('outside = "hold"',) if turn is None else (f"modulo = {turn:.10g}",)
+    return ('outside = "hold"',) if revolution is None else (f"modulo = {revolution:.10g}",)
 
 
 def axis_to_write(name: str | None, letter: str | None) -> str:
@@ -290,13 +292,13 @@ def read(source: SourceText, context: FileContext) -> Decoded:
                 "encoder error compensation, $AA_ENC_COMP, or the CEC tables in a file of their own",
                 line=line.number,
             )
-    units = told_units(source, context, "a Siemens compensation file")
+    units = required_units(source, context, "a Siemens compensation file")
     tables = _parse(source)
     name, table = _choose(source, tables, context)
     context = context_in_file_units(source, context, units)
     rows = _rows(source, table, name)
     check_stated(source, rows, units, context)
-    turn = turn_of(source, table.numbers, rows)
+    revolution = revolution_of(source, table.numbers, rows)
     return Decoded(
         rows,
         units,
@@ -310,10 +312,10 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         decisions=(
             f"axis {name[1]}, measuring system {name[0]}",
             f"{len(rows)} points, all from 0 to {len(rows) - 1} and each once",
-            *((f"one turn of {turn:.10g}, then it begins again",) if turn is not None else ()),
+            *((f"one turn of {revolution:.10g}, then it begins again",) if revolution is not None else ()),
         ),
-        behaves_as=edges(turn),
-        modulo=turn,
+        behaves_as=edges(revolution),
+        modulo=revolution,
     )
 
 
@@ -323,7 +325,7 @@ def _parse(source: SourceText) -> _Tables:
     return tables
 
 
-def _add(tables: _Tables, line: Line, text: str) -> str:
+def _add(tables: _Tables, line: SourceLine, text: str) -> str:
     """Add what a line assigns; return what is wrong with it."""
     match = _ASSIGNMENT.fullmatch(text)
     if match is None:
@@ -346,19 +348,19 @@ def _choose(source: SourceText, tables: _Tables, context: FileContext) -> tuple[
         (axis if systems[axis] == 1 else f"{encoder},{axis}"): (encoder, axis)
         for encoder, axis in sorted(tables)
     }
-    told = context.file_axis
-    if told is not None:
+    given = context.file_axis
+    if given is not None:
         full = {f"{encoder},{axis}": (encoder, axis) for encoder, axis in tables}
-        name = (full | names).get(told.upper().replace(" ", ""))
+        name = (full | names).get(given.upper().replace(" ", ""))
         if name is None:
             raise source.error(
-                f"tables of {listed(names)}, told file_axis {told!r}", f"file_axis = {listed(names, ' or ')}"
+                f"tables of {listed(names)}, told file_axis {given!r}", f"file_axis = {listed(names, ' or ')}"
             )
         return name, tables[name]
     if len(names) > 1:
         raise source.error(
             f"tables of {listed(names)}",
-            to_tell("file_axis", f"{next(iter(names))!r}, for example") + "; with two "
+            option_hint("file_axis", f"{next(iter(names))!r}, for example") + "; with two "
             "measuring systems their number comes first, as in the file",
         )
     name = next(iter(tables))

@@ -31,11 +31,11 @@ from typing import Final
 
 from gateway.compensation.table import CorrectionTable
 from gateway.tabfile import siemens
-from gateway.tabfile.checks import RULES, check_stated, context_in_file_units, required_sense, told_units
+from gateway.tabfile.checks import RULES, check_stated, context_in_file_units, required_sense, required_units
 from gateway.tabfile.decoded import Decoded, SourceRow
-from gateway.tabfile.options import FileContext, to_tell
+from gateway.tabfile.options import FileContext, option_hint
 from gateway.tabfile.siemens import Number
-from gateway.tabfile.text import Line, SourceText, listed, shown
+from gateway.tabfile.text import SourceLine, SourceText, listed, shown
 from gateway.tabfile.writing import WriteOptions, Written, even_step, unwritable
 
 NAME: Final = "siemens-cec"
@@ -103,12 +103,12 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         _check(source, table)
     axis, chosen = _choose(source, tables, context)
     forward, backward = _directions(source, axis, chosen)
-    units = told_units(source, context, _WHAT)
+    units = required_units(source, context, _WHAT)
     context = context_in_file_units(source, context, units)
     sense = required_sense(source, context, _WHAT)
     rows = _rows(forward, backward, sense.to_correction)
     check_stated(source, rows, units, context)
-    turn = siemens.turn_of(source, forward.numbers, rows)
+    revolution = siemens.revolution_of(source, forward.numbers, rows)
     which = "one table for both directions" if forward is backward else "a table for each direction"
     return Decoded(
         rows,
@@ -121,8 +121,8 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         file_axis=axis,
         plausible=(0.0, siemens.PLAUSIBLE[units]),
         decisions=(f"axis {axis}: {which}", f"sense {sense.value}: told", f"{len(rows)} points, each once"),
-        behaves_as=siemens.edges(turn),
-        modulo=turn,
+        behaves_as=siemens.edges(revolution),
+        modulo=revolution,
     )
 
 
@@ -132,7 +132,7 @@ def _parse(source: SourceText) -> list[_Table]:
     return list(tables.values())
 
 
-def _add(tables: dict[int, _Table], line: Line, text: str) -> str:
+def _add(tables: dict[int, _Table], line: SourceLine, text: str) -> str:
     """Add what a line assigns; return what is wrong with it."""
     match = _ASSIGNMENT.fullmatch(text)
     if match is None:
@@ -184,17 +184,17 @@ def _choose(source: SourceText, tables: list[_Table], context: FileContext) -> t
     axes: dict[str, list[_Table]] = {}
     for table in tables:
         axes.setdefault(table.axis, []).append(table)
-    told = context.file_axis
-    if told is not None and told.upper() not in axes:
+    given = context.file_axis
+    if given is not None and given.upper() not in axes:
         raise source.error(
-            f"tables of {listed(axes)}, told file_axis {told!r}", f"file_axis = {listed(axes, ' or ')}"
+            f"tables of {listed(axes)}, told file_axis {given!r}", f"file_axis = {listed(axes, ' or ')}"
         )
-    if told is None and len(axes) > 1:
+    if given is None and len(axes) > 1:
         raise source.error(
             f"tables of {listed(axes)}",
-            to_tell("file_axis", f"{next(iter(axes))!r}, for example"),
+            option_hint("file_axis", f"{next(iter(axes))!r}, for example"),
         )
-    axis = told.upper() if told is not None else next(iter(axes))
+    axis = given.upper() if given is not None else next(iter(axes))
     return axis, axes[axis]
 
 

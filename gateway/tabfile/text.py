@@ -12,7 +12,7 @@ from itertools import islice
 from math import isfinite
 from typing import Final
 
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.errors import FileProblem, TabFileError
 
 MAX_BYTES: Final = 16 * 1024 * 1024
 MAX_LINES: Final = 500_000
@@ -29,7 +29,7 @@ SHOWN_NAMES: Final = 20
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class SourceLine:
     """One line without its end and without blanks around it; ``number`` counts from 1."""
 
     number: int
@@ -41,7 +41,7 @@ class SourceText:
     """A decoded file: its lines from the first to the last that is not blank."""
 
     name: str
-    lines: tuple[Line, ...]
+    lines: tuple[SourceLine, ...]
     sha256: str
 
     @property
@@ -51,9 +51,9 @@ class SourceText:
 
     def problem(
         self, found: str, allowed: str, *, line: int | None = None, code: str | None = None
-    ) -> Problem:
+    ) -> FileProblem:
         """Return a problem of this file."""
-        return Problem(self.name, found, allowed, line, code)
+        return FileProblem(self.name, found, allowed, line, code)
 
     def error(
         self,
@@ -65,7 +65,7 @@ class SourceText:
         readings: Iterable[str] = (),
     ) -> TabFileError:
         """Return, for raising, the error of one problem of this file."""
-        return TabFileError(Problem(self.name, found, allowed, line, code, tuple(readings)))
+        return TabFileError(FileProblem(self.name, found, allowed, line, code, tuple(readings)))
 
 
 def decode(data: bytes, name: str, what: str = "a table") -> SourceText:
@@ -80,22 +80,24 @@ def decode(data: bytes, name: str, what: str = "a table") -> SourceText:
     """
     allowed = f"the plain text of {what}"
     if len(data) > MAX_BYTES:
-        raise TabFileError(Problem(name, f"{len(data)} bytes", f"at most {MAX_BYTES} bytes"))
+        raise TabFileError(FileProblem(name, f"{len(data)} bytes", f"at most {MAX_BYTES} bytes"))
     text, *rest = _to_text(data).split(DOS_END, 1)
     line_ends = text.count("\n") + text.count("\r") - text.count("\r\n")
     if line_ends > MAX_LINES:
-        raise TabFileError(Problem(name, f"{line_ends} lines", f"at most {MAX_LINES} lines"))
+        raise TabFileError(FileProblem(name, f"{line_ends} lines", f"at most {MAX_LINES} lines"))
     lines = _lines(text)
     _check_control(lines, name, allowed)
     if rest and rest[0].strip("\x00\x1a \t\r\n"):
         line = lines[-1].number if lines else 1
-        raise TabFileError(Problem(name, "text after an end-of-file mark (Ctrl-Z)", "nothing after it", line))
+        raise TabFileError(
+            FileProblem(name, "text after an end-of-file mark (Ctrl-Z)", "nothing after it", line)
+        )
     while lines and not lines[-1].text:
         lines.pop()
     first = next((index for index, line in enumerate(lines) if line.text), len(lines))
     if first == len(lines):
         found = "no text in it" if data else "an empty file"
-        raise TabFileError(Problem(name, found, allowed))
+        raise TabFileError(FileProblem(name, found, allowed))
     return SourceText(name, tuple(lines[first:]), sha256(data).hexdigest())
 
 
@@ -119,17 +121,19 @@ def _utf16_of(data: bytes) -> str | None:
     return "utf-16-be" if len(first) >= 4 and not any(first[::2]) and all(first[1::2]) else None
 
 
-def _lines(text: str) -> list[Line]:
+def _lines(text: str) -> list[SourceLine]:
     # Not str.splitlines: it also splits at characters that may stand inside a comment.
-    return [Line(number, part.strip(" \t")) for number, part in enumerate(_LINE_END.split(text), start=1)]
+    return [
+        SourceLine(number, part.strip(" \t")) for number, part in enumerate(_LINE_END.split(text), start=1)
+    ]
 
 
-def _check_control(lines: Iterable[Line], name: str, allowed: str) -> None:
+def _check_control(lines: Iterable[SourceLine], name: str, allowed: str) -> None:
     for line in lines:
         control = _CONTROL.search(line.text)
         if control:
             found = f"control character 0x{ord(control.group()):02X}: the file is binary"
-            raise TabFileError(Problem(name, found, allowed, line.number))
+            raise TabFileError(FileProblem(name, found, allowed, line.number))
 
 
 def listed(names: Iterable[str], between: str = ", ") -> str:
@@ -212,7 +216,7 @@ _FACT: Final = re.compile(r"(points|sha256|axis)\s*:\s*(.*)", re.IGNORECASE)
 _SUM: Final = re.compile("[0-9a-f]{64}")
 
 
-def stated_facts(source: SourceText, comments: Iterable[Line], marks: str) -> Facts:
+def stated_facts(source: SourceText, comments: Iterable[SourceLine], marks: str) -> Facts:
     """Return what the comments state; ``marks`` are the characters that begin one.
 
     Raises:
@@ -247,7 +251,7 @@ def check_points(source: SourceText, facts: Facts, points: int) -> None:
         )
 
 
-def check_sum(source: SourceText, body: Iterable[Line], facts: Facts) -> None:
+def check_sum(source: SourceText, body: Iterable[SourceLine], facts: Facts) -> None:
     """Check the lines below the comments against the sum that a comment states.
 
     Raises:

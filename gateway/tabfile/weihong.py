@@ -21,10 +21,10 @@ from typing import Final
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.tabfile.checks import RULES, check_stated, context_in_file_units, required_sense
-from gateway.tabfile.decoded import Decoded, Lint, Severity, SourceRow
-from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.options import FileContext, to_tell
-from gateway.tabfile.text import DECIMAL_ALLOWED, Line, SourceText, listed, shown, to_decimal
+from gateway.tabfile.decoded import Decoded, Lint, LintSeverity, SourceRow
+from gateway.tabfile.errors import FileProblem, TabFileError
+from gateway.tabfile.options import FileContext, option_hint
+from gateway.tabfile.text import DECIMAL_ALLOWED, SourceLine, SourceText, listed, shown, to_decimal
 from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 NAME: Final = "weihong"
@@ -81,24 +81,24 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     )
 
 
-def _gap(line: Line) -> Lint:
+def _gap(line: SourceLine) -> Lint:
     return Lint(
         "R10",
-        Severity.WARNING,
+        LintSeverity.WARNING,
         "this line between two points holds none, and nothing in the file says how many there must be: was "
         "one lost here, or left out?",
         line.number,
     )
 
 
-def _parse(source: SourceText) -> tuple[dict[str, _Points], list[Line]]:
+def _parse(source: SourceText) -> tuple[dict[str, _Points], list[SourceLine]]:
     """Return the points of each axis, and the lines between two points that hold none."""
     tables: dict[str, _Points] = {}
     points: _Points | None = None
-    problems: list[Problem] = []
+    problems: list[FileProblem] = []
     has_unit = False
-    other: Line | None = None
-    gaps: list[Line] = []
+    other: SourceLine | None = None
+    gaps: list[SourceLine] = []
     for line in source.lines:
         unit, axis = _UNIT.fullmatch(line.text), _AXIS.fullmatch(line.text)
         if unit is not None:
@@ -125,7 +125,7 @@ def _parse(source: SourceText) -> tuple[dict[str, _Points], list[Line]]:
     return tables, gaps
 
 
-def _add(source: SourceText, points: _Points, line: Line) -> list[Problem]:
+def _add(source: SourceText, points: _Points, line: SourceLine) -> list[FileProblem]:
     """Add a point; return what is wrong with it."""
     numbers = [to_decimal(cell.strip()) for cell in line.text.split(",")]
     if len(numbers) != 3 or None in numbers:
@@ -140,17 +140,17 @@ def _add(source: SourceText, points: _Points, line: Line) -> list[Problem]:
 
 
 def _choose(source: SourceText, tables: dict[str, _Points], context: FileContext) -> str:
-    told = context.file_axis.upper() if context.file_axis else None
-    if told is not None and told not in tables:
+    given = context.file_axis.upper() if context.file_axis else None
+    if given is not None and given not in tables:
         raise source.error(
-            f"tables of {listed(tables)}, told file_axis {told!r}", f"file_axis = {listed(tables, ' or ')}"
+            f"tables of {listed(tables)}, told file_axis {given!r}", f"file_axis = {listed(tables, ' or ')}"
         )
-    if told is None and len(tables) > 1:
+    if given is None and len(tables) > 1:
         raise source.error(
             f"tables of {listed(tables)}",
-            to_tell("file_axis", f"{next(iter(tables))!r}, for example"),
+            option_hint("file_axis", f"{next(iter(tables))!r}, for example"),
         )
-    name = told or next(iter(tables))
+    name = given or next(iter(tables))
     if len(tables[name]) < 2:
         raise source.error(
             f"{len(tables[name])} point(s) of axis {name}", "at least 2", line=source.last_line

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.options import ErrorSense, FileContext, V1Layout
 
 EVEN_TOLERANCE: Final = 1e-4
@@ -46,7 +46,7 @@ class Written:
 
 def unwritable(dialect: str, found: str, allowed: str) -> TabFileError:
     """Return the error of a table that a dialect cannot hold."""
-    return TabFileError(Problem(f"a file of {dialect}", found, allowed))
+    return TabFileError(FileProblem(f"a file of {dialect}", found, allowed))
 
 
 def even_step(table: CorrectionTable, dialect: str) -> float:

@@ -44,7 +44,7 @@ async def adopted_listeners(
         for each in sockets:
             release(each.detach())
         return [], []
-    return sockets, [peer for each in sockets for peer in _turned_away(each)]
+    return sockets, [peer for each in sockets for peer in _rejected(each)]
 
 
 def adopted_port(descriptors: list[int], device: str) -> int | None:
@@ -112,17 +112,17 @@ def _listener(descriptor: int) -> socket.socket | None:
 async def _is_at(sockets: list[socket.socket], endpoint: TcpEndpoint) -> bool:
     """Whether they listen where the endpoint says now: a host name may mean something else since."""
     try:
-        wanted = await asyncio.get_running_loop().getaddrinfo(
+        expected = await asyncio.get_running_loop().getaddrinfo(
             endpoint.host or None, endpoint.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )
     except OSError:
         return False
-    hosts = {address[4][0] for address in wanted}
+    hosts = {address[4][0] for address in expected}
     names = [each.getsockname() for each in sockets]
     return {name[0] for name in names} == hosts and all(endpoint.port in (0, name[1]) for name in names)
 
 
-def _turned_away(listener: socket.socket) -> list[str]:
+def _rejected(listener: socket.socket) -> list[str]:
     """Close the connections that wait; returns from where they came."""
     peers: list[str] = []
     while len(peers) < MOST_WAITING:

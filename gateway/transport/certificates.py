@@ -144,7 +144,7 @@ SOON: Final = timedelta(days=30)
 """So long before its end a certificate is warned of, by ``check`` and while the gateway runs."""
 DAY: Final = timedelta(days=1)
 """So often a certificate is told of, at most; and when it ends."""
-LOOK_EVERY: Final = timedelta(minutes=1)
+CHECK_EVERY: Final = timedelta(minutes=1)
 NEVER: Final = datetime.max.replace(tzinfo=UTC)
 
 
@@ -386,7 +386,7 @@ def identity_of(der: bytes, now: datetime) -> Identity:
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class CertificateInForce:
     """A certificate, or a list of revoked ones, as it was when its file came into force."""
 
     key: str
@@ -404,7 +404,7 @@ class Held:
         return time_problem(self.life, now)
 
 
-def read_held(paths: Mapping[str, Path]) -> tuple[Held, ...]:
+def read_held(paths: Mapping[str, Path]) -> tuple[CertificateInForce, ...]:
     """Return what is in the files of ``tls`` that OpenSSL has taken, by their keys. It may block."""
     return tuple(
         held
@@ -414,65 +414,65 @@ def read_held(paths: Mapping[str, Path]) -> tuple[Held, ...]:
     )
 
 
-def _held_in(key: str, path: Path) -> Iterator[Held]:
+def _held_in(key: str, path: Path) -> Iterator[CertificateInForce]:
     try:
         if key == "revoked":
-            yield Held(key, str(path), None, list_ends(path)[1])
+            yield CertificateInForce(key, str(path), None, list_ends(path)[1])
         else:
             for life in read_lives(path):
-                yield Held(key, str(path), life, life.ends)
+                yield CertificateInForce(key, str(path), life, life.ends)
     except FileRefusedError:  # a check says so; until when it is good stays unknown here
-        yield Held(key, str(path), None, None)
+        yield CertificateInForce(key, str(path), None, None)
 
 
 class Endings:
     """Tells of what ends soon, or has ended: of each certificate at the start and once a day at most.
 
-    ``tell`` gets the event with its fields, and does not block. ``place`` is where the keys stand in the
+    ``report`` gets the event with its fields, and does not block. ``section`` is where the keys stand in the
     configuration, as ``http.tls``. The time is an argument.
     """
 
-    def __init__(self, tell: Callable[[EventEntry, dict[str, object]], None], place: str) -> None:
-        self._tell = tell
-        self._place = place
-        self._held: tuple[Held, ...] = ()
-        self._told: dict[Held, tuple[bool, datetime]] = {}
+    def __init__(self, report: Callable[[EventEntry, dict[str, object]], None], section: str) -> None:
+        self._report = report
+        self._section = section
+        self._held: tuple[CertificateInForce, ...] = ()
+        self._reported: dict[CertificateInForce, tuple[bool, datetime]] = {}
         """Whether it was still good when it was told of, and when that was."""
         self._looked: datetime | None = None
 
-    def is_other(self, held: tuple[Held, ...]) -> bool:
+    def is_other(self, held: tuple[CertificateInForce, ...]) -> bool:
         """Whether one of these files holds something else than what is in force of it."""
         files = {(each.key, each.file) for each in held}
         return any((each.key, each.file) in files and each not in held for each in self._held)
 
-    def take(self, held: tuple[Held, ...]) -> None:
+    def take(self, held: tuple[CertificateInForce, ...]) -> None:
         """Go by these from now on; what was told of one that stays counts."""
         self._held = held
-        self._told = {each: told for each, told in self._told.items() if each in held}
+        self._reported = {each: reported for each, reported in self._reported.items() if each in held}
         self._looked = None
 
     def is_due(self, now: datetime) -> bool:
         """Whether there is something to tell of; may be asked at any time, and looks once a minute."""
-        if self._looked is not None and abs(now - self._looked) < LOOK_EVERY:
+        if self._looked is not None and abs(now - self._looked) < CHECK_EVERY:
             return False
         self._looked = now
         return any(True for _ in self._due(now))
 
-    def tell(self, now: datetime) -> None:
+    def report(self, now: datetime) -> None:
         """Tell of what is due."""
         for held, problem in list(self._due(now)):
-            self._told[held] = problem.is_good_now, now
+            self._reported[held] = problem.is_good_now, now
             fields: dict[str, object] = {
                 "file": held.file,
                 "days_left": _days_left(held.ends, now),
-                "detail": f"{self._place}.{held.key}: {problem.found}",
+                "detail": f"{self._section}.{held.key}: {problem.found}",
                 "remedy": problem.remedy,
             }
-            self._tell(CERTIFICATE_ENDS_SOON if problem.is_good_now else CERTIFICATE_ENDED, fields)
+            self._report(CERTIFICATE_ENDS_SOON if problem.is_good_now else CERTIFICATE_ENDED, fields)
 
     def status(self, now: datetime) -> list[CertificateStatus]:
         """Return when each file is good no more: of several certificates in one the first to end counts."""
-        first: dict[str, Held] = {}
+        first: dict[str, CertificateInForce] = {}
         for held in self._held:
             if held.key not in first or (held.ends or NEVER) < (first[held.key].ends or NEVER):
                 first[held.key] = held
@@ -487,14 +487,14 @@ class Endings:
             for key, held in first.items()
         ]
 
-    def _due(self, now: datetime) -> Iterator[tuple[Held, TimeProblem]]:
+    def _due(self, now: datetime) -> Iterator[tuple[CertificateInForce, TimeProblem]]:
         for held in self._held:
             problem = held.problem(now)
             if problem is None:
                 continue
-            was_good, told = self._told.get(held, (None, now))
+            was_good, reported = self._reported.get(held, (None, now))
             # A clock that was set back counts as a day: nobody knows how much has gone by.
-            if was_good is not problem.is_good_now or not timedelta() <= now - told < DAY:
+            if was_good is not problem.is_good_now or not timedelta() <= now - reported < DAY:
                 yield held, problem
 
 

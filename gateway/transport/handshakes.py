@@ -34,7 +34,7 @@ class HandshakeLimits:
     def __init__(self) -> None:
         self._all = bucket_of(PER_S, PER_S)
         self._spare = bucket_of(SPARE_PER_S, SPARE_PER_S)
-        self._known: dict[str, None] = {}
+        self._admitted: dict[str, None] = {}
         """Addresses that came in, the newest last."""
         self._hosts = PerHost(lambda: bucket_of(PER_S_OF_A_HOST, BURST_OF_A_HOST), TokenBucket.is_full, HOSTS)
         self._running: dict[str, list[Callable[[], None]]] = {}
@@ -72,13 +72,13 @@ class HandshakeLimits:
 
     def came_in(self, host: str) -> None:
         """Note that a handshake of ``host`` came to a good end."""
-        self._known.pop(host, None)
-        self._known[host] = None
-        if len(self._known) > HOSTS:
-            del self._known[next(iter(self._known))]
+        self._admitted.pop(host, None)
+        self._admitted[host] = None
+        if len(self._admitted) > HOSTS:
+            del self._admitted[next(iter(self._admitted))]
 
     def _shared(self, host: str, own: TokenBucket, now_ns: int) -> TokenBucket | None:
         """Return the measure that a host shares with others; None: it has only its own."""
-        if host in self._known:
+        if host in self._admitted:
             return None
         return self._spare if own.is_full(now_ns) and not self._all.has_one(now_ns) else self._all

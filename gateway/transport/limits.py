@@ -65,7 +65,7 @@ class PerHost(Generic[Measure]):
             self._hosts[host] = self._make()
         return self._hosts[host]
 
-    def known(self, host: str) -> Measure | None:
+    def existing(self, host: str) -> Measure | None:
         """Return the measure that a host has for itself; None: it has none."""
         return self._hosts.get(host)
 
@@ -90,7 +90,7 @@ class ConnectRate:
 
     def give_back(self, host: str, now_ns: int) -> None:
         """Forget a connection that got its answer and ended: to connect for each request is no flood."""
-        buckets = self._hosts.known(host)
+        buckets = self._hosts.existing(host)
         if buckets is None:
             return
         come, served = buckets

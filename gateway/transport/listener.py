@@ -37,7 +37,7 @@ class Listener:
         self.sockets: list[socket.socket] = []
         """What it listens with; none before it is opened, and none after it has stopped."""
         self._take = take
-        self._on_failed = on_failed or _tell_loop
+        self._on_failed = on_failed or _report_to_loop
         self._pauses: dict[socket.socket, asyncio.TimerHandle] = {}
 
     def open(self, sockets: Iterable[socket.socket]) -> None:
@@ -74,7 +74,7 @@ class Listener:
         self._take(connection, address)
 
 
-def _tell_loop(error: OSError) -> None:
+def _report_to_loop(error: OSError) -> None:
     what = "socket.accept() out of system resource"
     asyncio.get_running_loop().call_exception_handler({"message": what, "exception": error})
 

@@ -39,7 +39,7 @@ class RelayLoop(asyncio.SelectorEventLoop):
         context: Context | None = None,
     ) -> asyncio.Handle:
         """See ``asyncio``."""
-        self.selector.is_wanted = True
+        self.selector.has_work = True
         return super().call_soon(callback, *args, context=context)
 
     def call_at(
@@ -50,12 +50,12 @@ class RelayLoop(asyncio.SelectorEventLoop):
         context: Context | None = None,
     ) -> asyncio.TimerHandle:
         """See ``asyncio``."""
-        self.selector.is_wanted = True
+        self.selector.has_work = True
         return super().call_at(when, callback, *args, context=context)
 
     def stop(self) -> None:
         """See ``asyncio``."""
-        self.selector.is_wanted = True
+        self.selector.has_work = True
         super().stop()
 
     def _failed(self, error: Exception) -> None:

@@ -33,10 +33,8 @@ _RS485: Final = struct.Struct("=8I")
 _ENABLED, _RTS_ON_SEND, _RTS_AFTER_SEND, _RX_DURING_TX = 0x01, 0x02, 0x04, 0x10
 
 
-def tune(
-    handle: int, *, is_wanted: bool = True, sysfs: Path = SYSFS
-) -> tuple[LatencySettings, tuple[str, ...]]:
-    """Make an open port wait least, where ``is_wanted``, and read back what is in force then.
+def tune(handle: int, *, is_low: bool = True, sysfs: Path = SYSFS) -> tuple[LatencySettings, tuple[str, ...]]:
+    """Make an open port wait least, where ``is_low``, and read back what is in force then.
 
     Nothing that the driver, or a missing permission, does not allow is an error.
 
@@ -46,7 +44,7 @@ def tune(
     folder = tty_folder(handle, sysfs)
     timer, trigger = folder / "device" / "latency_timer", folder / "rx_trig_bytes"
     refused: dict[Path, str] = {}
-    if is_wanted:
+    if is_low:
         # The flag first: any user of the port may set it, and ftdi_sio then shows a timer of 1 ms.
         _set_low_latency_flag(handle)
         for path, least in ((timer, LEAST_MS), (trigger, LEAST_BYTES)):
@@ -59,7 +57,7 @@ def tune(
         rx_trig_bytes=_number_in(trigger),
         rs485=_rs485(handle),
     )
-    if not is_wanted:
+    if not is_low:
         return settings, ()
     name = folder.resolve().name
     return settings, tuple(remarks(settings, name, refused.get(timer, ""), refused.get(trigger, "")))

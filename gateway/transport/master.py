@@ -166,7 +166,7 @@ class ModbusMaster:
         self._channel: Channel | None = None
         self._lost: asyncio.Future[None] | None = None
         self._timer: Timer | None = None
-        self._turn = asyncio.Lock()
+        self._lock = asyncio.Lock()
         self._reply: asyncio.Future[bytes] | None = None
         self._heard = b""
         self._quiet_ns = 0
@@ -219,23 +219,23 @@ class ModbusMaster:
         """
         return await self._ask(unit_id, pdu)
 
-    async def exchange_spoilt(self, unit_id: int, pdu: bytes) -> bytes:
+    async def exchange_with_wrong_crc(self, unit_id: int, pdu: bytes) -> bytes:
         """Send a request on an RTU line with both bytes of its check sum inverted: silence is what is right.
 
         Returns the PDU of a reply that came all the same; raises as :meth:`exchange`.
         """
         assert not self._has_ids, "Modbus TCP has no check sums"
-        return await self._ask(unit_id, pdu, is_spoilt=True)
+        return await self._ask(unit_id, pdu, has_wrong_crc=True)
 
-    async def _ask(self, unit_id: int, pdu: bytes, *, is_spoilt: bool = False) -> bytes:
-        async with self._turn:
+    async def _ask(self, unit_id: int, pdu: bytes, *, has_wrong_crc: bool = False) -> bytes:
+        async with self._lock:
             await self._wait_for_silence()
             if self._channel is None:
                 raise LostError(f"the connection to {self._endpoint} is closed")
             self._heard = b""
             self._reply = asyncio.get_running_loop().create_future()
             frame = self._framing.request(unit_id, pdu)
-            if is_spoilt:
+            if has_wrong_crc:
                 body = frame[: 1 + len(pdu)]
                 frame = body + inverted_crc(residue_after(body))
             self._sent_ns = boot_ns()

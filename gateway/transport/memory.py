@@ -86,7 +86,7 @@ class MemoryChannel(Channel):
         other._far.closed("connection closed", now_ns)  # noqa: SLF001 - the other half of this object
 
     def _pass_on(self, data: bytes) -> None:
-        for piece in self._pieces(self._spoilt(data)):
+        for piece in self._pieces(self._corrupted(data)):
             if self._random.random() < self._faults.glue:
                 self._glued += piece
             else:
@@ -102,17 +102,17 @@ class MemoryChannel(Channel):
             return [data[:at], data[at:]]
         return [data] if data else []
 
-    def _spoilt(self, data: bytes) -> bytes:
+    def _corrupted(self, data: bytes) -> bytes:
         faults = self._faults
         if not (faults.drop or faults.garble):
             return data
-        spoilt = bytearray()
+        corrupted = bytearray()
         for byte in data:
             if self._random.random() < faults.drop:
                 continue
             is_garbled = self._random.random() < faults.garble
-            spoilt.append(byte ^ self._random.randrange(1, 256) if is_garbled else byte)
-        return bytes(spoilt)
+            corrupted.append(byte ^ self._random.randrange(1, 256) if is_garbled else byte)
+        return bytes(corrupted)
 
     def _arrive(self, data: bytes) -> None:
         self._loop.call_soon(self._deliver, data)

@@ -30,7 +30,7 @@ _RETRANSMITS, _PROBES, _UNACKED = 2, 3, 12
 _LAST_DATA_SENT, _LAST_DATA_RECEIVED, _LAST_ACK_RECEIVED = 17, 19, 20
 
 
-class Verdict(Enum):
+class PeerVerdict(Enum):
     """What is known of a peer that is asked."""
 
     UNKNOWN = "unknown"
@@ -41,7 +41,7 @@ class Verdict(Enum):
     """It did not acknowledge in its time."""
 
 
-class Seen(NamedTuple):
+class PeerState(NamedTuple):
     """What the system says of a connection in one moment; monotonic, in ns."""
 
     now_ns: int
@@ -56,7 +56,7 @@ class Seen(NamedTuple):
     """A probe is not acknowledged."""
 
 
-def verdict(seen: Seen, began_ns: int, probed_ns: int | None, patience_ns: int) -> Verdict:
+def verdict(seen: PeerState, began_ns: int, probed_ns: int | None, patience_ns: int) -> PeerVerdict:
     """Judge what is seen of a peer.
 
     Args:
@@ -66,12 +66,12 @@ def verdict(seen: Seen, began_ns: int, probed_ns: int | None, patience_ns: int) 
         patience_ns: so long it may take to acknowledge.
     """
     if seen.heard_ns >= began_ns:
-        return Verdict.THERE
+        return PeerVerdict.THERE
     if seen.is_repeated and seen.heard_ns < seen.sent_ns and seen.now_ns - seen.sent_ns >= patience_ns:
-        return Verdict.GONE
+        return PeerVerdict.GONE
     if probed_ns is not None and seen.now_ns - probed_ns >= patience_ns:
-        return Verdict.GONE
-    return Verdict.THERE if seen.now_ns - began_ns >= LONGEST_NS else Verdict.UNKNOWN
+        return PeerVerdict.GONE
+    return PeerVerdict.THERE if seen.now_ns - began_ns >= LONGEST_NS else PeerVerdict.UNKNOWN
 
 
 class PeerProbe:
@@ -87,7 +87,7 @@ class PeerProbe:
         self._set(socket.TCP_USER_TIMEOUT, PROBED_FOR_MS)
         self._ask()
 
-    def look(self, now_ns: int) -> Verdict:
+    def check(self, now_ns: int) -> PeerVerdict:
         """Return what is known by now. Where that is nothing it is asked once more: a probe may be lost."""
         seen = _seen(self._connection, now_ns)
         if not seen.is_probed:
@@ -95,7 +95,7 @@ class PeerProbe:
         elif self._probed_ns is None:
             self._probed_ns = now_ns
         found = verdict(seen, self._began_ns, self._probed_ns, self._patience_ns)
-        if found is Verdict.UNKNOWN:
+        if found is PeerVerdict.UNKNOWN:
             self._ask()
         return found
 
@@ -115,10 +115,10 @@ class PeerProbe:
 _OPTIONS: Final = (socket.TCP_KEEPIDLE, socket.TCP_KEEPCNT, socket.TCP_USER_TIMEOUT)
 
 
-def _seen(connection: socket.socket, now_ns: int) -> Seen:
+def _seen(connection: socket.socket, now_ns: int) -> PeerState:
     info = _INFO.unpack(connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _INFO.size))
     heard_ms_ago = min(info[_LAST_DATA_RECEIVED], info[_LAST_ACK_RECEIVED])
-    return Seen(
+    return PeerState(
         now_ns,
         now_ns - info[_LAST_DATA_SENT] * NS_PER_MS,
         now_ns - heard_ms_ago * NS_PER_MS,

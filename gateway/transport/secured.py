@@ -19,9 +19,9 @@ from typing import Final, NamedTuple
 from gateway.clock import boot_ns
 from gateway.transport.certificates import Identity, identity_of, now_utc
 from gateway.transport.channel import CLOSED, Channel, Receiver
+from gateway.transport.connections import RequestProgress
 from gateway.transport.endpoints import host_of
 from gateway.transport.handshakes import MADE_ROOM, HandshakeLimits
-from gateway.transport.places import Asking
 from gateway.transport.tls import ServerContexts, reason_of
 
 HANDSHAKE_S: Final = 5.0
@@ -55,7 +55,7 @@ class _Step(NamedTuple):
     error: ssl.SSLError | None = None
 
 
-class Door:
+class TlsServer:
     """What the connections of one listener share.
 
     ``receiver_for`` gives whoever reads from a peer, or None where its certificate does not let it in;
@@ -101,8 +101,8 @@ class Door:
 class SecuredConnection(Channel):
     """A ``Receiver`` of records, and the ``Channel`` of whoever reads what is in them."""
 
-    def __init__(self, door: Door) -> None:
-        self._door = door
+    def __init__(self, tls_server: TlsServer) -> None:
+        self._tls_server = tls_server
         self._host = ""
         self._channel: Channel | None = None
         self._receiver: Receiver | None = None
@@ -122,15 +122,18 @@ class SecuredConnection(Channel):
 
     @property
     def asked_ns(self) -> int:
-        """See ``places.Asking``."""
+        """See ``places.RequestProgress``."""
         receiver: object = self._receiver
-        return receiver.asked_ns if isinstance(receiver, Asking) else 0
+        return receiver.asked_ns if isinstance(receiver, RequestProgress) else 0
 
     @property
     def unfinished_ns(self) -> int:
-        """See ``places.Asking``: a record may be unfinished as well. A handshake has a limit of its own."""
+        """See ``connections.RequestProgress``: a record may be unfinished as well.
+
+        A handshake has its own limit.
+        """
         receiver: object = self._receiver
-        inside = receiver.unfinished_ns if isinstance(receiver, Asking) else 0
+        inside = receiver.unfinished_ns if isinstance(receiver, RequestProgress) else 0
         return min(inside or self._unread_ns, self._unread_ns or inside)
 
     def opened(self, channel: Channel, now_ns: int) -> None:
@@ -138,9 +141,9 @@ class SecuredConnection(Channel):
         self._channel = channel
         self.peer = channel.peer
         self._host = host_of(self.peer)
-        why_not = self._door.limits.why_not(self._host, now_ns, self._make_room)
+        why_not = self._tls_server.limits.why_not(self._host, now_ns, self._make_room)
         if why_not:
-            self._door.on_too_many(self._host, why_not)
+            self._tls_server.on_too_many(self._host, why_not)
             self._hang_up()
             return
         self._is_counted = True
@@ -228,13 +231,13 @@ class SecuredConnection(Channel):
         del self._waiting[:whole]
         self._is_busy = True
         self._steps += 1
-        self._door.begin(self._step, self._stepped)
+        self._tls_server.begin(self._step, self._stepped)
 
     def _step(self) -> _Step:
         """Do what can be done with the bytes that there are; in the thread, which has them for itself."""
         try:
             if self._tls is None:
-                context = self._door.contexts.current()
+                context = self._tls_server.contexts.current()
                 self._tls = context.wrap_bio(self._incoming, self._outgoing, server_side=True)
             self._tls.do_handshake()
         except ssl.SSLWantReadError:
@@ -262,7 +265,7 @@ class SecuredConnection(Channel):
             self._next_step()
 
     def _admit(self, identity: Identity) -> None:
-        receiver = None if identity.problem else self._door.receiver_for(identity)
+        receiver = None if identity.problem else self._tls_server.receiver_for(identity)
         if receiver is None or self._channel is None:
             if self._tls is not None:
                 with suppress(ssl.SSLError):
@@ -271,9 +274,9 @@ class SecuredConnection(Channel):
             self._failed(reason, is_certificate=True, identity=identity)
             return
         self._end_handshake()
-        self._door.handshakes += 1
-        self._door.limits.came_in(self._host)
-        self._door.sessions[self] = identity
+        self._tls_server.handshakes += 1
+        self._tls_server.limits.came_in(self._host)
+        self._tls_server.sessions[self] = identity
         self._receiver = receiver
         now_ns = boot_ns()
         receiver.opened(self, now_ns)
@@ -297,7 +300,7 @@ class SecuredConnection(Channel):
         self._failed(MADE_ROOM)
 
     def _failed(self, reason: str, *, is_certificate: bool = False, identity: Identity | None = None) -> None:
-        self._door.on_failed(Failure(self._host, self.peer, reason, is_certificate, identity))
+        self._tls_server.on_failed(Failure(self._host, self.peer, reason, is_certificate, identity))
         self._hang_up()
 
     def _end_handshake(self) -> None:
@@ -306,7 +309,7 @@ class SecuredConnection(Channel):
             self._timer = None
         if self._is_counted:
             self._is_counted = False
-            self._door.limits.ended(self._host, self._make_room)
+            self._tls_server.limits.ended(self._host, self._make_room)
 
     # --- both ------------------------------------------------------------------------------------------
 
@@ -328,7 +331,7 @@ class SecuredConnection(Channel):
         self._leave(why, boot_ns())
 
     def _leave(self, reason: str, now_ns: int) -> None:
-        self._door.sessions.pop(self, None)
+        self._tls_server.sessions.pop(self, None)
         receiver, self._receiver = self._receiver, None
         if receiver is not None:
             receiver.closed(reason, now_ns)

@@ -48,7 +48,7 @@ class RelaySelector:
         self._wakes_ns = 0
         """When the alarm goes off; 0: it does not."""
         self._watchers: dict[int, Watcher] = {}
-        self.is_wanted = False
+        self.has_work = False
         """Whether the loop has something to do that it had not when it began to wait."""
         self.events = 0
         """What the system said of the descriptor that is worked on: see epoll_ctl(2)."""
@@ -72,7 +72,7 @@ class RelaySelector:
 
         It may return earlier, and nothing, when it had been asked to return by then before.
         """
-        self.is_wanted = False
+        self.has_work = False
         how_long = -1
         if timeout is not None:
             if timeout > 0.0:
@@ -101,7 +101,7 @@ class RelaySelector:
                         self.on_error(error)
             if is_others:
                 return self._others.select(0)
-            if is_over or self.is_wanted:
+            if is_over or self.has_work:
                 return []
 
     def _wake_at(self, end_ns: int) -> None:

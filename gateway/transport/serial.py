@@ -22,9 +22,9 @@ from gateway.transport.adopting import KeptSerial
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.errors import AbsentError, RefusedError, TransportError
-from gateway.transport.keeper import Keeper
 from gateway.transport.low_latency import flag_note, set_rs485, tune
 from gateway.transport.permissions import no_device
+from gateway.transport.reconnector import Reconnector
 from gateway.transport.serial_channel import PTY_MAJORS, SerialChannel, is_pty
 
 NO_RS485: Final = (
@@ -51,7 +51,7 @@ class SerialPort:
     ) -> None:
         self._endpoint = endpoint
         self._receiver = receiver
-        self._keeper = Keeper(self._attempt, self._was_heard, on_failure)
+        self._reconnector = Reconnector(self._attempt, self._was_heard, on_failure)
         self._on_slow = on_slow
         self._slow: tuple[str, ...] = ()
         self._settings = LatencySettings()
@@ -60,7 +60,7 @@ class SerialPort:
         """What the port does not have of what was asked for."""
         self.kept: int | None = None
         """A descriptor of the port that is open already: the first opening takes it."""
-        self.on_open: Callable[[int], None] = _keep_nothing
+        self.on_open: Callable[[int], None] = _ignore_descriptor
         """Gets the descriptor of each opening, before the first byte."""
         self.on_lost: Callable[[], None] = _drop_nothing
         """Called when the port was lost; not when it is closed."""
@@ -78,17 +78,17 @@ class SerialPort:
     @property
     def is_kept_up(self) -> bool:
         """Whether somebody still looks after it: only a bug of ours ends that."""
-        return self._keeper.is_running
+        return self._reconnector.is_running
 
     @property
     def failure(self) -> str:
         """Why the last attempt to open the port failed; empty while it is open."""
-        return self._keeper.failure
+        return self._reconnector.failure
 
     @property
     def opens(self) -> int:
         """How often the port was opened."""
-        return self._keeper.opens
+        return self._reconnector.opens
 
     async def open(self) -> None:
         """Open the port; one that is absent is opened when it comes.
@@ -100,12 +100,12 @@ class SerialPort:
         try:
             lost = self._open()
         except AbsentError as error:
-            self._keeper.failed(error.detail)
-        self._keeper.start(lost)
+            self._reconnector.failed(error.detail)
+        self._reconnector.start(lost)
 
     async def close(self) -> None:
         """Close and try no more."""
-        await self._keeper.stop()
+        await self._reconnector.stop()
         self.on_lost = _drop_nothing
         if self._channel is not None:
             await self._channel.drained()
@@ -122,14 +122,14 @@ class SerialPort:
         kept, self.kept = self.kept, None
         port, opened = open_port(self._endpoint, kept)
         self.notes, self._settings = (*opened.notes, *opened.slow), opened.settings
-        self._say_slow(opened.slow)
+        self._report_slow(opened.slow)
         self._channel = SerialChannel(port, self._endpoint, self._receiver)
         self.on_open(port.fileno())
         self._channel.lost.add_done_callback(lambda _: self.on_lost())
         self._channel.begin()
         return self._channel.lost
 
-    def _say_slow(self, slow: tuple[str, ...]) -> None:
+    def _report_slow(self, slow: tuple[str, ...]) -> None:
         """Tell what makes bytes wait; not again each time that an adapter comes back with the same."""
         is_news, self._slow = slow != self._slow, slow
         if slow and is_news and self._on_slow is not None:
@@ -203,13 +203,13 @@ def _finish(handle: int, endpoint: SerialEndpoint, notes: list[str]) -> Opened:
     if is_pty(handle):
         return Opened((*notes, "a pseudo terminal has no low-latency mode"), LatencySettings())
     fcntl.ioctl(handle, termios.TIOCEXCL)  # pyserial's lock is advisory only
-    settings, slow = tune(handle, is_wanted=endpoint.low_latency)
+    settings, slow = tune(handle, is_low=endpoint.low_latency)
     if endpoint.low_latency and (note := flag_note(settings)):
         notes.append(note)
     return Opened(tuple(notes), settings, slow)
 
 
-def _keep_nothing(_descriptor: int) -> None:
+def _ignore_descriptor(_descriptor: int) -> None:
     pass
 
 

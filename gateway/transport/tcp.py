@@ -19,21 +19,21 @@ from gateway.clock import boot_ns
 from gateway.status.line import LatencySettings
 from gateway.times import NS_PER_S
 from gateway.transport.channel import CLOSED, CLOSED_BY_PEER, Channel, Receiver
+from gateway.transport.connections import MAKE_ROOM_EVERY_NS, SWEEP_S, Closing, Connections, RequestProgress
 from gateway.transport.direct import MORE_BYTES, RECEIVE_BYTES, DirectSocket, FarEnd
 from gateway.transport.endpoints import TcpEndpoint, address_of
 from gateway.transport.errors import AbsentError, RefusedError
-from gateway.transport.keeper import Keeper
 from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits, ConnectRate
 from gateway.transport.listener import ProtocolListener, bound
 from gateway.transport.loop import RelayLoop
-from gateway.transport.peer_probe import PeerProbe, Verdict
+from gateway.transport.peer_probe import PeerProbe, PeerVerdict
 from gateway.transport.permissions import is_permission, no_port
-from gateway.transport.places import LOOK_EVERY_NS, SWEEP_S, Asking, Closing, Places
+from gateway.transport.reconnector import Reconnector
 
 CONNECT_TIMEOUT_S: Final = 3.0
 LOOKS: Final = 4
 """So often a peer is asked while it has time to acknowledge, for one probe may be lost;"""
-SHORTEST_LOOK_S: Final = 0.025
+SHORTEST_PROBE_S: Final = 0.025
 """but not more often than that."""
 BROKEN_OFF: Final = "broken off"
 KEEPALIVE_IDLE_S: Final = 10
@@ -81,12 +81,12 @@ class TcpChannel(asyncio.BufferedProtocol, Channel):
             self._receiver.opened(self, boot_ns())
             return
         # Not yet: behind this call the transport of Python 3.11.2 (Debian 12) begins to read, paused or not.
-        self._loop.call_soon(self._keep_transport_from_reading)
+        self._loop.call_soon(self._pause_transport)
         self._direct = DirectSocket(self, connection.fileno(), self._receiver, self._loop.selector)
         self._loop.add_reader(self._direct.descriptor, self._direct.readable)
         self._receiver.opened(self._direct, boot_ns())
 
-    def _keep_transport_from_reading(self) -> None:
+    def _pause_transport(self) -> None:
         if self._transport is not None and not self._transport.is_closing():
             self._transport.pause_reading()
 
@@ -193,7 +193,7 @@ class _AcceptedChannel(TcpChannel):
         self._admitted = False
         self.host = ""
         self.opened_ns = boot_ns()
-        self.asking = receiver if isinstance(receiver, Asking) else None
+        self.asking = receiver if isinstance(receiver, RequestProgress) else None
         self._probe: PeerProbe | None = None
         self._not_before_ns = 0
         """Its peer is not asked again before that."""
@@ -240,17 +240,17 @@ class _AcceptedChannel(TcpChannel):
             with contextlib.suppress(OSError):  # it is lost in this moment
                 self._probe = PeerProbe(connection, patience_ns, now_ns)
 
-    def look_at_peer(self, patience_ns: int, now_ns: int) -> Verdict:
+    def peer_verdict(self, patience_ns: int, now_ns: int) -> PeerVerdict:
         """Return what its peer has said by now."""
         if self._probe is None:
-            return Verdict.THERE
+            return PeerVerdict.THERE
         try:
-            found = self._probe.look(now_ns)
-            if found is not Verdict.UNKNOWN:
+            found = self._probe.check(now_ns)
+            if found is not PeerVerdict.UNKNOWN:
                 self._probe.end()
         except OSError:  # it is lost in this moment
-            found = Verdict.THERE
-        if found is not Verdict.UNKNOWN:
+            found = PeerVerdict.THERE
+        if found is not PeerVerdict.UNKNOWN:
             self._probe = None
             self._not_before_ns = now_ns + patience_ns
         return found
@@ -290,12 +290,12 @@ class TcpListener:
         acknowledged_within_ns: int = 0,
     ) -> None:
         self._acknowledged_within_ns = acknowledged_within_ns
-        self._looks_s = max(acknowledged_within_ns / (LOOKS * NS_PER_S), SHORTEST_LOOK_S)
+        self._looks_s = max(acknowledged_within_ns / (LOOKS * NS_PER_S), SHORTEST_PROBE_S)
         self._probing: asyncio.TimerHandle | None = None
         self._looked_ns = 0
         """When the connections of a newcomer's host were looked at last, and all of them were open."""
         self._rate = ConnectRate(limits)
-        self._places = Places(limits, patience_ns, on_closed)
+        self._connections = Connections(limits, patience_ns, on_closed)
         self._sweeping: asyncio.TimerHandle | None = None
         self._endpoint = endpoint
         self._allow = tuple(allow)
@@ -367,7 +367,7 @@ class TcpListener:
             return self._refuse(channel.host, Refusal.TOO_MANY)
         if not self._rate.takes(channel.host, channel.opened_ns):
             return self._refuse(channel.host, Refusal.TOO_FAST)
-        self._places.take(channel, channel.opened_ns)
+        self._connections.take(channel, channel.opened_ns)
         self._channels.add(channel)
         if self._sweeping is None:
             self._sweep_later()
@@ -378,49 +378,49 @@ class TcpListener:
         if channel in self._channels and channel.asking is not None and channel.asking.is_served:
             self._rate.give_back(channel.host, boot_ns())
         self._channels.discard(channel)
-        self._places.leave(channel)
+        self._connections.leave(channel)
 
     def _has_room_for(self, host: str, now_ns: int) -> bool:
-        if self._places.has_room_for(host, now_ns):
+        if self._connections.has_room_for(host, now_ns):
             return True
-        if now_ns - self._looked_ns < LOOK_EVERY_NS:
+        if now_ns - self._looked_ns < MAKE_ROOM_EVERY_NS:
             return False
         has_room = False
         for channel in tuple(self._channels):
             if channel.host != host:
                 continue
             if channel.peer_has_gone():
-                self._places.leave(channel)  # it ends when what it has sent was read
+                self._connections.leave(channel)  # it ends when what it has sent was read
                 has_room = True
             elif self._acknowledged_within_ns:
                 channel.probe_peer(self._acknowledged_within_ns, now_ns)
         if not has_room:
             self._looked_ns = now_ns  # a flood must not keep the loop busy
-        self._look_later()
+        self._check_probes_later()
         return has_room
 
-    def _look_later(self) -> None:
+    def _check_probes_later(self) -> None:
         if self._probing is None and any(channel.is_probed for channel in self._channels):
-            self._probing = asyncio.get_running_loop().call_later(self._looks_s, self._look)
+            self._probing = asyncio.get_running_loop().call_later(self._looks_s, self._check_probes)
 
-    def _look(self) -> None:
+    def _check_probes(self) -> None:
         self._probing = None
         now_ns = boot_ns()
         for channel in tuple(self._channels):
             if (
                 channel.is_probed
-                and channel.look_at_peer(self._acknowledged_within_ns, now_ns) is Verdict.GONE
+                and channel.peer_verdict(self._acknowledged_within_ns, now_ns) is PeerVerdict.GONE
             ):
-                self._places.close(channel, Closing.VANISHED)
-        self._look_later()
+                self._connections.close(channel, Closing.VANISHED)
+        self._check_probes_later()
 
     def _sweep_later(self) -> None:
         self._sweeping = asyncio.get_running_loop().call_later(SWEEP_S, self._sweep)
 
     def _sweep(self) -> None:
         self._sweeping = None
-        self._places.sweep(boot_ns())
-        if not self._places.is_empty:
+        self._connections.sweep(boot_ns())
+        if not self._connections.is_empty:
             self._sweep_later()
 
     def _refuse(self, host: str, why: Refusal) -> bool:
@@ -459,7 +459,7 @@ class TcpConnector:
         self._endpoint = endpoint
         self._receiver = receiver
         self._is_of_use = was_of_use
-        self._keeper = Keeper(self._attempt, self._was_of_use, on_failure, on_demand=on_demand)
+        self._reconnector = Reconnector(self._attempt, self._was_of_use, on_failure, on_demand=on_demand)
         self._channel: TcpChannel | None = None
 
     @property
@@ -470,43 +470,43 @@ class TcpConnector:
     @property
     def is_kept_up(self) -> bool:
         """Whether somebody still looks after it: only a bug of ours ends that."""
-        return self._keeper.is_running
+        return self._reconnector.is_running
 
     @property
     def failure(self) -> str:
         """Why the last attempt to connect failed; empty while there is a connection."""
-        return self._keeper.failure
+        return self._reconnector.failure
 
     @property
     def opens(self) -> int:
         """How often a connection came about."""
-        return self._keeper.opens
+        return self._reconnector.opens
 
     async def open(self) -> None:
         """Begin to connect. Returns at once: a drive that is switched off is no error."""
-        self._keeper.start()
+        self._reconnector.start()
 
     def want(self) -> None:
         """Connect soon, where there is no connection: somebody waits for it."""
         if not self.is_open:
-            self._keeper.want()
+            self._reconnector.want()
 
     def renew(self) -> None:
         """Break the connection off, with what was not sent yet, and make another one at once."""
         if self._channel is not None:
             self._channel.abort()
-        self._keeper.want()
+        self._reconnector.want()
 
     def hang_up(self, *, returns: bool) -> None:
         """Close the connection in order; ``returns``: make another one at once."""
         if self._channel is not None:
             self._channel.close()
         if returns:
-            self._keeper.want()
+            self._reconnector.want()
 
     async def close(self) -> None:
         """Close and try no more."""
-        await self._keeper.stop()
+        await self._reconnector.stop()
         if self._channel is not None and not self._channel.lost.done():
             self._channel.close()
             await asyncio.wait([self._channel.lost], timeout=1.0)

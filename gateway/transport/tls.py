@@ -8,7 +8,7 @@ from typing import Final
 
 from gateway.files import FileRefusedError, mark_of, read_regular_file
 from gateway.secret_files import refuse_open_to_others
-from gateway.transport.certificates import LARGEST_FILE, Held, TlsFileError, TlsFiles, read_held
+from gateway.transport.certificates import LARGEST_FILE, CertificateInForce, TlsFileError, TlsFiles, read_held
 
 MOST_SESSIONS: Final = 64
 """OpenSSL keeps every session of TLS 1.2 for two hours, some 16 KiB each, and Python cannot tell it not to: a
@@ -65,7 +65,7 @@ class ServerContexts:
         self._on_refused = on_refused
         self._context: ssl.SSLContext | None = None
         self._seen: object = None
-        self.held: tuple[Held, ...] = ()
+        self.held: tuple[CertificateInForce, ...] = ()
         """What is in the files of the context, with its times."""
 
     def open(self) -> None:
@@ -74,14 +74,14 @@ class ServerContexts:
         Raises:
             TlsFileError: as :func:`server_context`.
         """
-        self._seen = self._look()
+        self._seen = self._file_states()
         self._context = server_context(self._files)
         self.held = read_held(self._files.paths)
 
     def current(self) -> ssl.SSLContext:
         """Return the context for a new connection."""
         assert self._context is not None, "opened first"
-        seen = self._look()
+        seen = self._file_states()
         is_new, self._seen = seen != self._seen, seen
         if is_new or self._context.session_stats()["number"] >= MOST_SESSIONS:
             try:
@@ -95,15 +95,15 @@ class ServerContexts:
                     self._on_renewed()
         return self._context
 
-    def _look(self) -> object:
+    def _file_states(self) -> object:
         try:
             paths = self._files.paths
         except TlsFileError as error:
             return str(error)
-        return tuple(map(_sight, paths.values()))
+        return tuple(map(_file_state, paths.values()))
 
 
-def _sight(path: Path) -> object:
+def _file_state(path: Path) -> object:
     try:
         status = path.stat()
     except OSError as error:

@@ -6,7 +6,7 @@ import pytest
 
 from bench.cut_damage import Damage
 from bench.cut_line import READ, WRITE_HEAD, Way, damaged, direct_ns, has_whole, run, shares
-from gateway.exchange.cut_through.frame import CutEvent
+from gateway.exchange.cut_through.frame import ForwardEvent
 from gateway.modbus.crc import append_crc
 from gateway.simulator.ears import Hearing
 from gateway.simulator.wire import Adapter
@@ -53,7 +53,7 @@ def test_a_port_that_hands_whole_frames_over_stores() -> None:
     found, line = run(way, 200)
     assert (found.unanswered, found.torn) == (0, 0)
     assert line.line.forwarding is not None
-    assert line.line.forwarding.requests.ended[CutEvent.COMMITTED] == 0
+    assert line.line.forwarding.requests.ended[ForwardEvent.COMMITTED] == 0
     assert line.line.forwarding.status().requests.gain_us is None
     assert line.events == {"line-up": 1, "cut-through-off": 2}  # of requests and of replies, once each
     stored = shares(way, run(Way(9600, cuts=False, adapter=way.adapter), 200)[0])
@@ -66,7 +66,7 @@ def test_no_drive_takes_what_nobody_sent_whole(hearing: Hearing) -> None:
     assert found.damaged > 60
     assert (found.foreign, found.forged) == (0, 0)
     assert line.line.forwarding is not None
-    assert line.line.forwarding.requests.ended[CutEvent.BAD] > 0
+    assert line.line.forwarding.requests.ended[ForwardEvent.BAD] > 0
 
 
 def test_damaged_frames_against_the_cutter_alone() -> None:

@@ -5,14 +5,14 @@ from dataclasses import replace
 import pytest
 
 from gateway.budget.line import delay_of, line_budget
-from gateway.budget.sequence import Blocks, Step, What, least_target_registers, round_of
+from gateway.budget.sequence import Blocks, RoundStep, What, least_target_registers, round_of
 from gateway.budget.verdict import Grade, judge
 from gateway.drives.library import names
 from gateway.drives.motion import Form
 from gateway.exchange.axis.axis import Axis
-from gateway.exchange.cut_through.delay import Shape, reply_shape, write_shape
+from gateway.exchange.cut_through.delay import FrameShape, reply_shape, write_shape
 from gateway.exchange.cut_through.requests import shape_of
-from gateway.exchange.dispatch import Units
+from gateway.exchange.dispatch import UnitMaps
 from gateway.exchange.fast_path import ReadPath
 from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
@@ -42,27 +42,29 @@ def test_delays_of_a_write_and_a_read_where_both_sides_are_equal(
     baudrate: int, character_ns: int, margin_ns: int
 ) -> None:
     write, read = line_budget(both(baudrate)).controllers[0].exchanges
-    assert write.cut is not None
-    assert read.cut is not None
+    assert write.forwarding is not None
+    assert read.forwarding is not None
     # Of 13 and 8, of 8 and 9 characters: these are waited for, and the margin.
-    delays = [delay.delay_ns for each in (write.cut, read.cut) for delay in each.delays]
+    delays = [delay.delay_ns for each in (write.forwarding, read.forwarding) for delay in each.delays]
     assert delays == [count * character_ns + margin_ns for count in (3, 2, 2, 3)]
-    saves = [delay.saves_ns for each in (write.cut, read.cut) for delay in each.delays]
+    saves = [delay.saves_ns for each in (write.forwarding, read.forwarding) for delay in each.delays]
     assert saves == [count * character_ns - margin_ns for count in (10, 6, 6, 6)]
-    assert (write.cut.saves_ns, read.cut.saves_ns) == (sum(saves[:2]), sum(saves[2:]))
+    assert (write.forwarding.saves_ns, read.forwarding.saves_ns) == (sum(saves[:2]), sum(saves[2:]))
 
 
 def test_an_exchange_and_a_round_at_9600() -> None:
     only = line_budget(both(9600)).controllers[0]
     write, read = only.exchanges
-    assert write.cut is not None
-    assert read.cut is not None
+    assert write.forwarding is not None
+    assert read.forwarding is not None
     # 49.125 and 39.958 ms stored (test_budget_of_a_line), less 16 and 12 characters and two margins each.
-    assert write.cut.legs.total_ns == write.legs.total_ns - 16 * CHAR_9600 + 2 * MARGIN_9600 == 31_514_588
-    assert read.cut.legs.total_ns == read.legs.total_ns - 12 * CHAR_9600 + 2 * MARGIN_9600
-    assert only.round.cut_ns == only.round.total_ns - 28 * CHAR_9600 + 4 * MARGIN_9600
+    assert (
+        write.forwarding.legs.total_ns == write.legs.total_ns - 16 * CHAR_9600 + 2 * MARGIN_9600 == 31_514_588
+    )
+    assert read.forwarding.legs.total_ns == read.legs.total_ns - 12 * CHAR_9600 + 2 * MARGIN_9600
+    assert only.round.forwarded_ns == only.round.total_ns - 28 * CHAR_9600 + 4 * MARGIN_9600
     # Without the gateway's own millisecond what is added is 0.27 of one direct round trip.
-    assert round((write.cut.legs.total_ns - 1_000_000) / write.direct.total_ns - 1, 3) == 0.268
+    assert round((write.forwarding.legs.total_ns - 1_000_000) / write.direct.total_ns - 1, 3) == 0.268
 
 
 @pytest.mark.parametrize(
@@ -77,20 +79,20 @@ def test_a_target_leaves_a_character_later_where_another_one_may_begin_with_the_
     other: AxisPlan, characters: int
 ) -> None:
     write = line_budget(both(9600, (axis(), other))).controllers[0].exchanges[0]
-    assert write.cut is not None
-    assert write.cut.delays[0].delay_ns == characters * CHAR_9600 + MARGIN_9600
+    assert write.forwarding is not None
+    assert write.forwarding.delays[0].delay_ns == characters * CHAR_9600 + MARGIN_9600
 
 
 def test_a_position_whose_lowest_word_comes_first_leaves_a_character_later() -> None:
     fields = (PositionField(0x100, RegisterType.INT32, WordOrder.LOW_FIRST),)
     low_first = replace(axis(), command=fields, actual=(replace(fields[0], address=0x200),))
     write, read = line_budget(both(9600, (low_first,))).controllers[0].exchanges
-    assert write.cut is not None
-    assert read.cut is not None
-    delays = [delay.delay_ns for each in (write.cut, read.cut) for delay in each.delays]
+    assert write.forwarding is not None
+    assert read.forwarding is not None
+    delays = [delay.delay_ns for each in (write.forwarding, read.forwarding) for delay in each.delays]
     assert delays == [count * CHAR_9600 + MARGIN_9600 for count in (4, 2, 2, 4)]
     # What is held against time-outs is stored, for that may happen to each of them.
-    assert write.legs.request_cut_ns == 0
+    assert write.legs.request_overlap_ns == 0
 
 
 def test_a_slower_side_in_front_needs_more_delay_and_may_gain_nothing() -> None:
@@ -106,29 +108,31 @@ def test_a_slower_side_in_front_needs_more_delay_and_may_gain_nothing() -> None:
 def test_the_reply_keeps_the_silence_behind_the_request_of_its_controller() -> None:
     # A status of one word: 8 + 7 characters, of which 6 + 4 are saved.
     plan = both(9600, (replace(known_axis("oriental-az"), budget_us=1.0),))
-    cut = next(e.cut for e in line_budget(plan).controllers[0].exchanges if e.step.what is What.STATUS)
-    assert cut is not None
+    forwarding = next(
+        e.forwarding for e in line_budget(plan).controllers[0].exchanges if e.step.what is What.STATUS
+    )
+    assert forwarding is not None
     # From the last byte of the request: 2 characters to the drive, 3 back, which is more than 3.5.
-    assert cut.legs.silence_ns == 0
+    assert forwarding.legs.silence_ns == 0
     # At 9 600 in front of drives at 115 200 the drives' side takes less than 3.5 characters.
     plan = both(9600, (replace(axis(), budget_us=1.0),), 115_200)
-    cut = line_budget(plan).controllers[0].exchanges[0].cut
-    assert cut is not None
-    passed_ns = 1_000 + cut.legs.request_out_ns + cut.legs.reply_in_ns - cut.saves_ns
-    assert cut.legs.silence_ns == 4_010_417 - passed_ns
+    forwarding = line_budget(plan).controllers[0].exchanges[0].forwarding
+    assert forwarding is not None
+    passed_ns = 1_000 + forwarding.legs.request_out_ns + forwarding.legs.reply_in_ns - forwarding.saves_ns
+    assert forwarding.legs.silence_ns == 4_010_417 - passed_ns
 
 
 def test_a_request_that_would_have_to_wait_for_the_silence_of_the_drives_is_stored() -> None:
     plan = both(9600)
     plan = replace(plan, timing=replace(plan.timing, gap_ms=60.0))
     write, read = line_budget(plan).controllers[0].exchanges
-    assert write.cut is not None
-    assert read.cut is not None
-    assert [each.cut.legs.request_cut_ns for each in (write, read) if each.cut] == [0, 0]
-    assert write.cut.legs.reply_cut_ns == -(6 * CHAR_9600 - MARGIN_9600)
+    assert write.forwarding is not None
+    assert read.forwarding is not None
+    assert [each.forwarding.legs.request_overlap_ns for each in (write, read) if each.forwarding] == [0, 0]
+    assert write.forwarding.legs.reply_overlap_ns == -(6 * CHAR_9600 - MARGIN_9600)
     # The position that was read before ended so much sooner on the controller's wire, and the request came so
     # much sooner: what is left of the 60 ms is as much more.
-    assert write.cut.legs.gap_ns - write.legs.gap_ns == 6 * CHAR_9600 - MARGIN_9600
+    assert write.forwarding.legs.gap_ns - write.legs.gap_ns == 6 * CHAR_9600 - MARGIN_9600
 
 
 @pytest.mark.parametrize(
@@ -150,7 +154,7 @@ def test_nothing_of_a_drive_that_checks_no_check_sums_or_behind_tcp() -> None:
     careless = replace(axis(), checks_crc=False)
     assert {step.shapes for step in round_of((careless,))} == {None}
     for plan in (line(TCP, controller(serial(9600))), line(serial(9600), controller(TCP))):
-        assert {each.cut for each in line_budget(plan).controllers[0].exchanges} == {None}
+        assert {each.forwarding for each in line_budget(plan).controllers[0].exchanges} == {None}
 
 
 def test_what_is_said_of_a_line_that_is_to_be_cut_through() -> None:
@@ -169,7 +173,7 @@ def test_what_is_said_of_a_line_that_is_to_be_cut_through() -> None:
     ]
 
 
-def request_of(plan: AxisPlan, step: Step) -> bytes | None:
+def request_of(plan: AxisPlan, step: RoundStep) -> bytes | None:
     """Return a request as its controller would send it, without check sum; None: not by registers."""
     field = plan.command[0]
     if step.what is What.TARGET:
@@ -188,20 +192,20 @@ def request_of(plan: AxisPlan, step: Step) -> bytes | None:
 @pytest.mark.parametrize("name", names())
 def test_every_shipped_drive_is_cut_through_where_the_exchange_would_do_it(name: str) -> None:
     plan = known_axis(name)
-    units = Units([Axis(plan)], is_serial=True)
+    units = UnitMaps([Axis(plan)], is_serial=True)
     for step in round_of((plan,)):
         request = request_of(plan, step)
         if request is None or (step.what is What.TARGET and plan.writes_with is not Form.FC16):
             continue
         path = units.path_of(plan.unit_id, request[1:])
-        shape: Shape | None = shape_of(path, request)
+        shape: FrameShape | None = shape_of(path, request)
         assert (step.shapes is not None) == (shape is not None), step.what
         if step.shapes is not None and shape is not None:
             assert step.shapes.request == shape
             if isinstance(path, ReadPath):
-                places = [((start - 2) // 2, (end - start) // 2) for start, end in path.places]
-                early = [first for which, (first, _) in enumerate(places) if path.is_early(which)]
-                assert step.shapes.reply == reply_shape(path.quantity, places, early)
+                byte_ranges = [((start - 2) // 2, (end - start) // 2) for start, end in path.byte_ranges]
+                early = [first for which, (first, _) in enumerate(byte_ranges) if path.is_early(which)]
+                assert step.shapes.reply == reply_shape(path.quantity, byte_ranges, early)
 
 
 def test_a_larger_block_is_longer_and_its_position_first() -> None:

@@ -144,10 +144,10 @@ def test_frames_of_the_gateways_own_at_9600() -> None:
     # Before a distance the state is read, too: 15 bytes and a silence.
     assert ms(added[Why.DIRECTION].hold_ns) == pytest.approx(19.47917 + 4.01042, abs=1e-4)
     assert ms(added[Why.BASE].hold_ns) == pytest.approx(19.47917 + 17.1875 + 2 * 4.01042, abs=1e-4)
-    assert ms(added[Why.RESTAGE].hold_ns) == pytest.approx(24.0625 + 4.01042, abs=1e-4)
+    assert ms(added[Why.REWRITE].hold_ns) == pytest.approx(24.0625 + 4.01042, abs=1e-4)
     assert {each.added.before for each in added.values()} == {What.TRIGGER}
     [trigger] = [each for each in only(plan).exchanges if each.step.what is What.TRIGGER]
-    assert trigger.added_ns == added[Why.BASE].hold_ns + added[Why.RESTAGE].hold_ns
+    assert trigger.added_ns == added[Why.BASE].hold_ns + added[Why.REWRITE].hold_ns
 
 
 def test_a_distance_reads_whether_the_axis_stands_and_where_also_in_a_stream() -> None:

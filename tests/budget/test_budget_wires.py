@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.budget.sequence import What, round_of
-from gateway.budget.wire import Frame, Wire, read_frame, wire_of, write_frames
+from gateway.budget.wire import PduSizes, Wire, read_frame, wire_of, write_frames
 from gateway.drives.library import names
 from gateway.drives.motion import Form
 from gateway.exchange.added_frames import AddedFrame, Purpose, read_field
@@ -86,20 +86,20 @@ def test_the_wire_behind_a_device_server_is_not_known() -> None:
         (write_frames(Form.FC06, 1)[0], "06 31 00 00 3F", "06 31 00 00 3F"),
     ],
 )
-def test_frames_are_as_long_as_golden_ones(frame: Frame, request_pdu: str, reply_pdu: str) -> None:
+def test_frames_are_as_long_as_golden_ones(frame: PduSizes, request_pdu: str, reply_pdu: str) -> None:
     sizes = (len(bytes.fromhex(request_pdu)), len(bytes.fromhex(reply_pdu)))
     assert frame[:2] == sizes
     assert Wire().frame_bytes(sizes[0]) == len(encode_rtu(1, bytes.fromhex(request_pdu)))
 
 
 def test_a_write_word_by_word_is_as_many_frames() -> None:
-    assert write_frames(Form.FC06, 2) == (Frame(5, 5), Frame(5, 5))
+    assert write_frames(Form.FC06, 2) == (PduSizes(5, 5), PduSizes(5, 5))
 
 
 def test_a_general_reference_ends_by_silence() -> None:
     # 2B 0D 01 00 00 60 7A 00 00 00 00 04 and four bytes of data
-    assert write_frames(Form.MEI, 2) == (Frame(16, 12, ends_by_silence=True),)
-    assert read_frame(Form.MEI, 2) == Frame(12, 16, ends_by_silence=True)
+    assert write_frames(Form.MEI, 2) == (PduSizes(16, 12, ends_by_silence=True),)
+    assert read_frame(Form.MEI, 2) == PduSizes(12, 16, ends_by_silence=True)
 
 
 TARGET, TRIGGER, POSITION, STATUS = What.TARGET, What.TRIGGER, What.POSITION, What.STATUS
@@ -140,7 +140,7 @@ def test_frames_of_the_gateways_own_are_as_long_as_those_that_it_sends(profile: 
     read = read_field(exchange, Purpose.ACTUAL, plan.actual[0])
     assert read_frame(plan.reads_with, plan.actual[0].words).request_bytes == len(read.pdu)
     words = 1 if plan.writes_with is Form.FC06 else plan.command[0].words
-    write = AddedFrame(exchange, Purpose.RESTAGE, 0x100, words, words=bytes(2 * words))
+    write = AddedFrame(exchange, Purpose.REWRITE, 0x100, words, words=bytes(2 * words))
     frames = write_frames(plan.writes_with, plan.command[0].words)
     assert {frame.request_bytes for frame in frames} == {len(write.pdu)}
     assert len(frames) * words == plan.command[0].words

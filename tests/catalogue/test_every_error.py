@@ -6,18 +6,18 @@ from string import Formatter
 
 import pytest
 
+from gateway.catalogue import alarms as kinds
 from gateway.catalogue import refusals
-from gateway.catalogue import troubles as kinds
+from gateway.catalogue.alarms import ALARMS
 from gateway.catalogue.entry import RefusalEntry, StartEntry
 from gateway.catalogue.exceptions import TITLES
 from gateway.catalogue.refusals import REFUSALS
 from gateway.catalogue.starts import STARTS
 from gateway.catalogue.states import COMPENSATION, CROSS, DIRECTION, TABLE_FILE, THERMAL, VERDICT
-from gateway.catalogue.troubles import TROUBLES
 from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
 from gateway.modbus.pdu import ExceptionCode
-from gateway.supervisor.book import FileState
-from gateway.supervisor.verdict import State
+from gateway.supervisor.table_files import FileState
+from gateway.supervisor.verdict import Health
 from tests.catalogue.sentences import begins, raised, trees
 
 PASSED_ON = {"…: …; …", "…: …", "gateway.state: …", "…: …; it was there a moment ago"}
@@ -69,7 +69,7 @@ def not_started() -> set[str]:
 
 def test_states_are_those_of_the_status() -> None:
     assert {state.name for state in COMPENSATION} == set(COMPENSATION_STATES)
-    assert [state.name for state in VERDICT] == [state.value for state in State]
+    assert [state.name for state in VERDICT] == [state.value for state in Health]
     assert {state.name for state in DIRECTION} == set(DIRECTION_STATES)
     assert {state.name for state in TABLE_FILE} == {"none", *(state.value for state in FileState)}
     for of_term in (THERMAL, CROSS):
@@ -85,8 +85,8 @@ def test_every_trouble_is_found_somewhere_and_none_is_made_up() -> None:
     }
     groups = {"OF_COMPENSATION": kinds.OF_COMPENSATION, "OF_SUPERVISOR": kinds.OF_SUPERVISOR}
     found = {entry.kind for name in used & groups.keys() for entry in groups[name]}
-    found |= {getattr(kinds, name).kind for name in used - groups.keys() - {"TROUBLES", "HIDES"}}
-    assert found == set(TROUBLES)
+    found |= {getattr(kinds, name).kind for name in used - groups.keys() - {"ALARMS", "HIDES"}}
+    assert found == set(ALARMS)
 
 
 def test_troubles_of_a_compensation_are_called_as_its_states() -> None:

@@ -18,7 +18,7 @@ CONSTANTS = {
 MAKERS = {"ipc/notes.py", "supervisor/supervisor.py"}
 """Who may make a note from a name: the one place where entries become notes, and the supervisor, for what the
 relay told it."""
-TELLERS = {"note", "say", "_say", "_note", "note_of"}
+TELLERS = {"add", "log", "_log", "log_entry"}
 
 
 @cache
@@ -116,7 +116,7 @@ def test_a_severity_of_one_s_own_is_only_given_where_the_catalogue_leaves_it_ope
 
 @pytest.mark.parametrize("entry", EVENTS.values(), ids=lambda entry: entry.name)
 def test_an_entry_says_everything(entry: EventEntry) -> None:
-    for text in (entry.meaning, entry.cause, entry.remedy):
+    for text in (entry.description, entry.cause, entry.remedy):
         assert text
         assert text == text.strip()
         assert not text.endswith(".")

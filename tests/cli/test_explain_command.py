@@ -12,7 +12,7 @@ from gateway.catalogue.refusals import REFUSALS
 from gateway.catalogue.starts import STARTS
 from gateway.cli.app import app
 from gateway.cli.explain import _complete
-from gateway.supervisor.verdict import State
+from gateway.supervisor.verdict import Health
 from tests.supervisor.http.exposition import families
 from tests.supervisor.http.http_bench import SICK, model, snapshot
 from tests.supervisor.page.stage import FOLDER
@@ -110,7 +110,7 @@ def test_a_piece_of_a_sentence_is_enough() -> None:
     assert "check --compile" in explain("has changed since").stdout
 
 
-@pytest.mark.parametrize("word", [state.value for state in State])
+@pytest.mark.parametrize("word", [state.value for state in Health])
 def test_the_large_word_of_the_page_is_told(word: str) -> None:
     result = explain(word)
     assert result.exit_code == 0

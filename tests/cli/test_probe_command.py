@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.ipc.place import SocketPlace
+from gateway.ipc.address import SocketFile
 from gateway.modbus.crc import is_intact
 from gateway.modbus.rtu import encode_rtu
 from gateway.simulator.pty import Pty
@@ -255,7 +255,7 @@ def test_beside_its_own_gateway_it_does_not_probe(
 ) -> None:
     """Of whatever release it is."""
     config = configured(tmp_path, drive[0])
-    place = SocketPlace(tmp_path / "state")
+    place = SocketFile(tmp_path / "state")
     with place.take() as listening:
         listening.setblocking(True)
 

@@ -7,7 +7,7 @@ import pytest
 from rich.console import RenderableType
 from rich.text import Text
 
-from gateway.cli.output import Aside, Format, show
+from gateway.cli.output import Format, StderrLine, show
 
 
 class Found:
@@ -18,7 +18,7 @@ class Found:
 
     def lines(self) -> Iterator[RenderableType]:
         yield "axis x"
-        yield Aside("note: odd")
+        yield StderrLine("note: odd")
         yield Text("a b " * 3)
 
 

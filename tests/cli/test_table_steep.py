@@ -10,15 +10,15 @@ from tests.metrology import screws
 from tests.table_commands import good, refused, run
 
 # 9 µm once in 5 mm: 2 pi * 0.009 / 5 = 0.0113.
-STEEP = screws.Kind(
+STEEP = screws.CurveKind(
     "9 µm a turn", 300, lambda _: (screws.wave(9, 5, 1.0), screws.constant(10)), 41, 41, 0.2, lead=5.0
 )
-BELT = screws.Kind(
+BELT = screws.CurveKind(
     "belt", 600, lambda _: (screws.wave(20, 5, 1.0), screws.constant(40)), 61, 61, 1.0, lead=100.0
 )
 
 
-def written(path: Path, kind: screws.Kind, *facts: str) -> tuple[Path, screws.Screw, list[float]]:
+def written(path: Path, kind: screws.CurveKind, *facts: str) -> tuple[Path, screws.Screw, list[float]]:
     screw = screws.Screw(kind, *kind.make(()))
     targets = [float(x) for x in random_targets(0.0, kind.length, kind.few, seed=1, spread=5.0)]
     rows = [

@@ -19,7 +19,7 @@ from gateway.compensation.correction_spec import (
 from gateway.compensation.curve import Curve
 from gateway.compensation.direction import Direction, Travel
 from gateway.compensation.errors import SettingsError
-from gateway.compensation.moves import Accepted, Place, PlaceKind, State
+from gateway.compensation.moves import Accepted, EstimateKind, PositionEstimate, State
 from gateway.compensation.settings import Outside, OutsideKind, Setpoints
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
@@ -39,10 +39,10 @@ def axis_with(table: CorrectionTable, **more: Any) -> AxisCompensation:
 
 
 def want_line(axis: AxisCompensation, offset: float, tilt: float) -> None:
-    axis.want(with_line(axis._wanted, offset, tilt))
+    axis.want(with_line(axis._requested, offset, tilt))
 
 
-def send(axis: AxisCompensation, counts: int, place: Place | None = None) -> int:
+def send(axis: AxisCompensation, counts: int, place: PositionEstimate | None = None) -> int:
     move = axis.plan(counts, place, 0)
     corrected = counts + round(move.correction_counts)
     axis.commit(move, corrected)
@@ -53,8 +53,8 @@ def read(axis: AxisCompensation, corrected_counts: int) -> int:
     return corrected_counts - round(axis.readback.correction_counts(corrected_counts))
 
 
-def at(counts: int) -> Place:
-    return Place(counts, PlaceKind.REACHED)
+def at(counts: int) -> PositionEstimate:
+    return PositionEstimate(counts, EstimateKind.REACHED)
 
 
 @given(
@@ -249,7 +249,7 @@ def test_a_stream_on_a_steep_table_is_never_turned_round_by_its_line(towards: in
     )
     way = Direction(towards)
     axis.resume(
-        State(0.0, Travel(way, 0.0), way.goal, spec=axis._wanted), Accepted(0, 0), 0.0, None, (0.0, 0.0)
+        State(0.0, Travel(way, 0.0), way.goal, spec=axis._requested), Accepted(0, 0), 0.0, None, (0.0, 0.0)
     )
     want_line(axis, -towards * 2.0, 0.0)
     told = [send(axis, towards * 1000 * step) for step in range(21)]

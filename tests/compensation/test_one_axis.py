@@ -11,7 +11,7 @@ from gateway.compensation.axis import AxisCompensation
 from gateway.compensation.correction_spec import CorrectionSpec, spec_of_table
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError, SettingsError
 from gateway.compensation.limits import motion_report
-from gateway.compensation.moves import Accepted, Place, PlaceKind
+from gateway.compensation.moves import Accepted, EstimateKind, PositionEstimate
 from gateway.compensation.readback import after_target
 from gateway.compensation.settings import (
     AxisSettings,
@@ -37,9 +37,11 @@ def axis_with(table: CorrectionTable, counts_per_unit: float = 1000.0, **more: A
     return axis
 
 
-def send(axis: AxisCompensation, counts: int, place: Place | None = None, now_ns: int = 0) -> int:
+def send(
+    axis: AxisCompensation, counts: int, estimate: PositionEstimate | None = None, now_ns: int = 0
+) -> int:
     """Command a target as the exchange does; return what the drive is told."""
-    move = axis.plan(counts, place, now_ns)
+    move = axis.plan(counts, estimate, now_ns)
     corrected = counts + round(move.correction_counts)
     axis.commit(move, corrected)
     return corrected
@@ -52,8 +54,8 @@ def read(axis: AxisCompensation, corrected_counts: int) -> int:
     return nominal
 
 
-def at(counts: float) -> Place:
-    return Place(counts, PlaceKind.REACHED)
+def at(counts: float) -> PositionEstimate:
+    return PositionEstimate(counts, EstimateKind.REACHED)
 
 
 def test_targets_take_the_branch_of_their_own_move() -> None:
@@ -76,20 +78,22 @@ def unsure(axis: AxisCompensation) -> bool:
 def test_a_measured_place_decides_and_within_the_hysteresis_it_is_flagged() -> None:
     axis = axis_with(LOST_MOTION, hysteresis=0.002)
     send(axis, 50_000, at(0))
-    assert send(axis, 49_999, Place(50_000, PlaceKind.MEASURED)) == 49_989
+    assert send(axis, 49_999, PositionEstimate(50_000, EstimateKind.MEASURED)) == 49_989
     assert unsure(axis)
-    assert send(axis, 49_997, Place(49_999, PlaceKind.MEASURED)) == 49_987
+    assert send(axis, 49_997, PositionEstimate(49_999, EstimateKind.MEASURED)) == 49_987
     assert not unsure(axis)
-    assert send(axis, 49_998, Place(49_998, PlaceKind.MEASURED)) == 49_988
+    assert send(axis, 49_998, PositionEstimate(49_998, EstimateKind.MEASURED)) == 49_988
     assert unsure(axis)
 
 
 def test_a_target_that_trembles_keeps_its_branch_where_that_is_allowed() -> None:
     axis = axis_with(LOST_MOTION, repeat_within_counts=3)
     send(axis, 50_000, at(0))
-    place = Place(50_000, PlaceKind.REACHED)
-    assert [send(axis, 50_000 - counts, place) for counts in (3, 2, 5)] == [50_007, 50_008, 50_005]
-    assert send(axis, 49_991, Place(49_995, PlaceKind.REACHED)) == 49_981  # four counts from the last one
+    estimate = PositionEstimate(50_000, EstimateKind.REACHED)
+    assert [send(axis, 50_000 - counts, estimate) for counts in (3, 2, 5)] == [50_007, 50_008, 50_005]
+    assert (
+        send(axis, 49_991, PositionEstimate(49_995, EstimateKind.REACHED)) == 49_981
+    )  # four counts from the last one
 
 
 def test_home_approach_decides_the_branch_after_homing() -> None:
@@ -344,9 +348,9 @@ def test_the_place_of_the_target_before_need_not_be_worked_out_again(
     table: CorrectionTable, counts_per_unit: float, places: list[float]
 ) -> None:
     axis = axis_with(table, counts_per_unit, setpoints=Setpoints.STREAM, max_correction=1e6)
-    for now_ns, place in enumerate(places):
+    for now_ns, estimate in enumerate(places):
         before, stood_at = axis.readback, axis.accepted
-        nominal = round(counts_per_unit * (table.first + place * (table.last - table.first)))
+        nominal = round(counts_per_unit * (table.first + estimate * (table.last - table.first)))
         corrected = send(axis, nominal, now_ns=now_ns)
         if stood_at is None:
             continue

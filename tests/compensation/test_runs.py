@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from gateway.compensation.axis import AxisCompensation
 from gateway.compensation.correction_map import IDENTITY
 from gateway.compensation.correction_spec import CorrectionSpec, spec_of_table
-from gateway.compensation.moves import Place, PlaceKind
+from gateway.compensation.moves import EstimateKind, PositionEstimate
 from gateway.compensation.settings import Setpoints
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
@@ -52,7 +52,7 @@ class Both:
 
     def go(self, nominal_counts: int, between: str, now_ns: int) -> int:
         accepted = self.single.accepted
-        place = None if accepted is None else Place(accepted.nominal_counts, PlaceKind.REACHED)
+        place = None if accepted is None else PositionEstimate(accepted.nominal_counts, EstimateKind.REACHED)
         is_reached = not self.is_stream and accepted is not None
         steady = self.run.plan_steady(nominal_counts, now_ns, is_reached) if self.run.is_steady else None
         move = self.single.plan(nominal_counts, place, now_ns)

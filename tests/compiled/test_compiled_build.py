@@ -121,8 +121,8 @@ def test_an_answer_that_is_none_is_refused(value: str) -> None:
 
 # What mypy 2.4, gcc 12 and Python 3.11 said, shortened; the sentence is what a person is told of it.
 MYPY = """gateway/exchange/line.py:87: warning: Treating generator comprehension as list
-gateway/ipc/notes.py:17: error: Unexpected keyword argument "frozen" for "__init_subclass__"  [call-arg]
-gateway/ipc/notes.py:21: error: Class cannot subclass "Struct" (has type "Any")  [misc]
+gateway/ipc/log.py:17: error: Unexpected keyword argument "frozen" for "__init_subclass__"  [call-arg]
+gateway/ipc/log.py:21: error: Class cannot subclass "Struct" (has type "Any")  [misc]
 """
 GCC = """build/__native_line.c: In function 'CPyDef_line':
 build/__native_line.c:12:5: error: 'x' undeclared (first use in this function)
@@ -144,7 +144,7 @@ OSError: [Errno 28] No space left on device
     [
         (
             MYPY,
-            'mypy refuses gateway/ipc/notes.py:17: error: Unexpected keyword argument "frozen" for',
+            'mypy refuses gateway/ipc/log.py:17: error: Unexpected keyword argument "frozen" for',
         ),
         (GCC, "build/__native_line.c:12:5: error: 'x' undeclared (first use in this function)"),
         (KILLED, "x86_64-linux-gnu-gcc: fatal error: Killed signal terminated program cc1"),

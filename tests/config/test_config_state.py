@@ -9,7 +9,7 @@ import pytest
 from gateway.config.compile import compile_into_state
 from gateway.config.load import load
 from gateway.config.problems import ConfigErrors, Problem
-from gateway.ipc.place import socket_path
+from gateway.ipc.address import socket_path
 from gateway.state.folder import StateError
 from tests.config.config_bench import edited, line_of, written
 

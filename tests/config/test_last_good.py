@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gateway.config.compile import compile_into_state
-from gateway.config.last_good import Settled, Source, settle
+from gateway.config.last_good import Settled, TableSource, settle
 from gateway.config.load import load
 from gateway.state.last_good import last_plan
 from gateway.state.plan import GatewayPlan, in_force
@@ -61,21 +61,21 @@ def before(path: Path) -> GatewayPlan:
 def test_a_good_file_counts(path: Path, before: GatewayPlan) -> None:
     save(path, TWO_WAYS.replace("-0.0120", "-0.0130"))
     found = settled(path, before)
-    assert (found.sources, forward_end(found)) == ({"x": Source.FILE}, -0.013)
+    assert (found.sources, forward_end(found)) == ({"x": TableSource.FILE}, -0.013)
 
 
 @pytest.mark.parametrize("is_start", [True, False])
 def test_a_bad_file_changes_nothing(path: Path, before: GatewayPlan, *, is_start: bool) -> None:
     save(path, BAD)
     found = settled(path, before, is_start=is_start)
-    assert (found.sources, forward_end(found)) == ({"x": Source.KEPT}, -0.012)
+    assert (found.sources, forward_end(found)) == ({"x": TableSource.KEPT}, -0.012)
     assert found.plan == before
 
 
 def test_a_file_that_does_not_go_with_the_axis_is_bad(path: Path, before: GatewayPlan) -> None:
     path.write_text(edited(("max_speed = 200.0", "max_speed = 200.0\nmax_correction = 0.02")))
     save(path, TWO_WAYS.replace("-0.0120", "-0.0210"))
-    assert settled(path, before).sources == {"x": Source.KEPT}
+    assert settled(path, before).sources == {"x": TableSource.KEPT}
 
 
 def test_a_bad_file_at_the_first_start_is_refused(path: Path) -> None:
@@ -87,7 +87,7 @@ def test_a_bad_file_of_another_name_is_refused_at_the_start(path: Path, before: 
     path.write_text(edited((NAME, "new.tab")))
     save(path, BAD, "new.tab")
     assert settled(path, before, is_start=True).refused == ("x",)
-    assert settled(path, before).sources == {"x": Source.KEPT}
+    assert settled(path, before).sources == {"x": TableSource.KEPT}
 
 
 def test_the_last_good_table_does_not_outlive_the_settings_it_was_good_for(
@@ -99,14 +99,14 @@ def test_the_last_good_table_does_not_outlive_the_settings_it_was_good_for(
     path.write_text(edited(("counts_per_unit = 1000.0", "counts_per_unit = 2000.0")))
     assert settled(path, before).refused == ("x",)
     path.write_text(edited(("max_speed = 200.0", "max_speed = 200.0\ngain = 0.5")))
-    assert settled(path, before).sources == {"x": Source.KEPT}
+    assert settled(path, before).sources == {"x": TableSource.KEPT}
 
 
 def test_a_file_that_is_gone_takes_the_correction_with_it(path: Path, before: GatewayPlan) -> None:
     (path.parent / "tables" / NAME).unlink()
     for is_start in (True, False):
         found = settled(path, before, is_start=is_start)
-        assert (found.sources, forward_end(found)) == ({"x": Source.ABSENT}, None)
+        assert (found.sources, forward_end(found)) == ({"x": TableSource.ABSENT}, None)
 
 
 def test_a_file_that_never_was_is_a_slip_of_the_configuration(path: Path, before: GatewayPlan) -> None:
@@ -121,27 +121,27 @@ def test_a_file_that_was_gone_before_may_be_gone_at_the_start(path: Path, before
     compile_into_state(loaded, settle(loaded, before).plan)
     again = last_plan(path.parent / "state")
     assert again is not None
-    assert settled(path, again.plan, is_start=True).sources == {"x": Source.ABSENT}
+    assert settled(path, again.plan, is_start=True).sources == {"x": TableSource.ABSENT}
     save(path, TWO_WAYS)
-    assert settled(path, again.plan).sources == {"x": Source.FILE}
+    assert settled(path, again.plan).sources == {"x": TableSource.FILE}
 
 
 def test_a_file_renamed_to_bak_is_switched_off_from_the_first_start(path: Path) -> None:
     tables = path.parent / "tables"
     (tables / NAME).rename(tables / "cnc10x.bak")
     found = settled(path, None, is_start=True)
-    assert (found.sources, forward_end(found)) == ({"x": Source.ABSENT}, None)
+    assert (found.sources, forward_end(found)) == ({"x": TableSource.ABSENT}, None)
 
 
 def test_a_file_that_is_being_written_counts_for_nothing(path: Path, before: GatewayPlan) -> None:
     save(path, ONE_WAY)
     found = settled(path, before, waiting={"x"})
-    assert (found.sources, forward_end(found)) == ({"x": Source.KEPT}, -0.012)
+    assert (found.sources, forward_end(found)) == ({"x": TableSource.KEPT}, -0.012)
 
 
 def test_a_folder_that_cannot_be_read_changes_nothing(path: Path, before: GatewayPlan) -> None:
     (path.parent / "tables").rename(path.parent / "elsewhere")
-    assert settled(path, before).sources == {"x": Source.KEPT}
+    assert settled(path, before).sources == {"x": TableSource.KEPT}
 
 
 class TestGroups:
@@ -154,15 +154,15 @@ class TestGroups:
     @pytest.mark.parametrize(
         ("x", "y", "source"),
         [
-            (TWO_WAYS, Y, Source.FILE),
-            (BAD, Y, Source.KEPT),
-            (None, Y, Source.ABSENT),
-            (None, BAD, Source.ABSENT),
+            (TWO_WAYS, Y, TableSource.FILE),
+            (BAD, Y, TableSource.KEPT),
+            (None, Y, TableSource.ABSENT),
+            (None, BAD, TableSource.ABSENT),
         ],
         ids=["good", "one is bad", "one is gone", "gone beats bad"],
     )
     def test_the_worst_file_decides(
-        self, path: Path, before: GatewayPlan, x: str | None, y: str, source: Source
+        self, path: Path, before: GatewayPlan, x: str | None, y: str, source: TableSource
     ) -> None:
         save(path, y.replace("-0.0120", "-0.0130"), "cnc10y.tab")
         if x is None:
@@ -171,9 +171,9 @@ class TestGroups:
             save(path, x)
         found = settled(path, before)
         assert found.sources == {"x": source, "y": source}
-        y_end = {Source.FILE: -0.013, Source.KEPT: -0.012, Source.ABSENT: None}[source]
+        y_end = {TableSource.FILE: -0.013, TableSource.KEPT: -0.012, TableSource.ABSENT: None}[source]
         assert forward_end(found, 1) == y_end
-        assert (forward_end(found, 0) is None) == (source is Source.ABSENT)
+        assert (forward_end(found, 0) is None) == (source is TableSource.ABSENT)
 
     def test_without_a_last_good_pair_a_bad_one_is_refused(self, path: Path) -> None:
         save(path, BAD)
@@ -181,12 +181,12 @@ class TestGroups:
 
 
 def test_a_file_that_moves_counts_for_nothing_even_where_nothing_was_before(path: Path) -> None:
-    assert settled(path, waiting={"x"}).sources == {"x": Source.REFUSED}
+    assert settled(path, waiting={"x"}).sources == {"x": TableSource.REFUSED}
 
 
 def test_a_file_that_moves_keeps_no_table_that_the_new_limits_forbid(path: Path, before: GatewayPlan) -> None:
     path.write_text(edited(("max_speed = 200.0", "max_speed = 200.0\nmax_correction = 0.005")))
-    assert settled(path, before, waiting={"x"}).sources == {"x": Source.REFUSED}
+    assert settled(path, before, waiting={"x"}).sources == {"x": TableSource.REFUSED}
 
 
 MINT = """\
@@ -217,7 +217,7 @@ def test_a_mint_offset_that_nothing_explains_any_more_leaves_the_table_in_force(
     assert last is not None
     path.write_text(of_mint(""))
     found = settled(path, last.plan, is_start=is_start)
-    assert (found.sources, found.plan) == ({"x": Source.KEPT}, last.plan)
+    assert (found.sources, found.plan) == ({"x": TableSource.KEPT}, last.plan)
     (problem,) = load(path, forgives_tables=True).readings["x"].problems
     # 2 from A the motor is at 2 x 10 / 10.02, 12 from A at 10 + 1.98 / 9.99 x 10
     assert "7 goes out as 6.99601" in problem.found

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from gateway.drives.motion import Action, Addressing, Deed, Form
+from gateway.drives.motion import Action, Addressing, Form, Operation
 from gateway.drives.registers import PositionSpec, RegisterMap, clashes
 from gateway.modbus.registers import BitField, BitTable, FieldAccess, RegisterType, WordOrder
 
@@ -113,10 +113,10 @@ def test_a_mode_moves_along_with_its_path() -> None:
     motion = registers.motion()
     assert [mode.address for mode in motion.modes if mode] == [99, 107, 115]
     assert motion.triggers[0].deeds == {
-        0x10: Deed(Action.START, 0),
-        0x11: Deed(Action.START, 1),
-        0x12: Deed(Action.START, 2),
-        0x40: Deed(Action.STOP),
+        0x10: Operation(Action.START, 0),
+        0x11: Operation(Action.START, 1),
+        0x12: Operation(Action.START, 2),
+        0x40: Operation(Action.STOP),
     }
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
+from gateway.catalogue.alarms import ALARMS
 from gateway.catalogue.events import EVENTS
-from gateway.catalogue.troubles import TROUBLES
 from gateway.config.findings import models_in
 from gateway.config.reference import TABLES, KeyTable, kind_text, rows
 from gateway.config.sections import NAMED, SINGLE
@@ -31,7 +31,7 @@ def test_every_part_stands_in_a_document() -> None:
 
 def test_messages_knows_every_event_and_every_trouble() -> None:
     [text] = [text for path, text in DOCUMENTS.items() if path.name == "messages.md"]
-    for name in (*EVENTS, *TROUBLES):
+    for name in (*EVENTS, *ALARMS):
         assert re.search(rf"^\| `{name}` \|", text, re.MULTILINE), name
 
 
@@ -46,7 +46,7 @@ def test_every_key_is_in_a_table_or_in_the_words_of_one() -> None:
     """A small table inside a key is told of in its row, as in `{ distance = LENGTH }`."""
     listed = {(model, key) for table in TABLES.values() for model, key in table.fields()}
     listed |= {(model, key) for table in TABLES.values() for model in table.models for key in table.elsewhere}
-    told = " ".join(f"{row.kind} {row.meaning}" for table in TABLES.values() for row in rows(table))
+    told = " ".join(f"{row.kind} {row.description}" for table in TABLES.values() for row in rows(table))
     for section in (*SINGLE.values(), *NAMED.values()):
         for model in models(section):
             for key in model.model_fields:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from gateway.drives.library import names, shipped
-from gateway.drives.public import Kind, Sequence, public_traffic
+from gateway.drives.public import Sequence, SequenceKind, public_traffic
 from gateway.exchange.status import axes_status, line_status
 from gateway.modbus.registers import BitField, BitTable, PositionField
 from tests.contract.through import axis_plan, table_of
@@ -90,7 +90,7 @@ class Machine(Bench):
             pdu = bytes.fromhex(frame)
             reply = self.ask(pdu)
             assert reply[0] == pdu[0], f"{frame} -> {reply.hex(' ')}"
-        if sequence.target is not None and sequence.kind is Kind.ABSOLUTE:
+        if sequence.target is not None and sequence.kind is SequenceKind.ABSOLUTE:
             for field in self.positions:
                 self.drive.state.put(field, round(self.told(sequence) * sequence.target.scale))
         self.wait(MOVE_MS)
@@ -114,14 +114,14 @@ def _all() -> Iterator[tuple[str, Sequence]]:
             yield name, sequence
 
 
-def _of(*kinds: Kind) -> "pytest.MarkDecorator":
+def _of(*kinds: SequenceKind) -> "pytest.MarkDecorator":
     found = [(name, each) for name, each in _all() if each.kind in kinds and not each.refused]
     ids = [f"{name}-{each.what}" for name, each in found]
     return pytest.mark.parametrize(("drive", "sequence"), found, ids=ids)
 
 
 def _first_absolute(drive: str) -> Sequence | None:
-    return next((each for each in public_traffic(drive) if each.kind is Kind.ABSOLUTE), None)
+    return next((each for each in public_traffic(drive) if each.kind is SequenceKind.ABSOLUTE), None)
 
 
 def _go(machine: Machine, drive: str, expected: int = CORRECTION_COUNTS) -> None:
@@ -135,11 +135,11 @@ def _go(machine: Machine, drive: str, expected: int = CORRECTION_COUNTS) -> None
 @pytest.mark.parametrize(("drive", "sequence"), list(_all()), ids=lambda each: getattr(each, "what", each))
 def test_a_sequence_is_whole(drive: str, sequence: Sequence) -> None:
     assert sequence.source in shipped(drive).sources
-    assert (sequence.target is not None) is (sequence.kind in {Kind.ABSOLUTE, Kind.RELATIVE})
+    assert (sequence.target is not None) is (sequence.kind in {SequenceKind.ABSOLUTE, SequenceKind.RELATIVE})
     assert sequence.frames
 
 
-@_of(Kind.ABSOLUTE)
+@_of(SequenceKind.ABSOLUTE)
 def test_the_target_of_an_absolute_move_is_corrected(drive: str, sequence: Sequence) -> None:
     machine = Machine(drive)
     machine.play(sequence)
@@ -149,7 +149,7 @@ def test_the_target_of_an_absolute_move_is_corrected(drive: str, sequence: Seque
     assert machine.counters == (0, 0)
 
 
-@_of(Kind.RELATIVE)
+@_of(SequenceKind.RELATIVE)
 def test_a_distance_stays_where_the_correction_is_the_same(drive: str, sequence: Sequence) -> None:
     machine = Machine(drive)
     _go(machine, drive)
@@ -159,7 +159,7 @@ def test_a_distance_stays_where_the_correction_is_the_same(drive: str, sequence:
     assert machine.counters == (0, 0)
 
 
-@_of(Kind.STOP)
+@_of(SequenceKind.STOP)
 def test_a_stop_passes_as_it_is_and_the_next_target_is_corrected(drive: str, sequence: Sequence) -> None:
     machine = Machine(drive)
     _go(machine, drive)
@@ -170,7 +170,7 @@ def test_a_stop_passes_as_it_is_and_the_next_target_is_corrected(drive: str, seq
     assert machine.counters == (0, 0)
 
 
-@_of(Kind.STOP)
+@_of(SequenceKind.STOP)
 def test_a_stop_goes_before_what_waits(drive: str, sequence: Sequence) -> None:
     """Its first frame overtakes a panel's question that the line has no time for yet."""
     machine = Machine(drive)
@@ -182,7 +182,7 @@ def test_a_stop_goes_before_what_waits(drive: str, sequence: Sequence) -> None:
     assert machine.seen[-2:] == [stop, bytes.fromhex("03 0001 0001")]
 
 
-@_of(Kind.ENABLE, Kind.FAULT_RESET)
+@_of(SequenceKind.ENABLE, SequenceKind.FAULT_RESET)
 def test_what_moves_nothing_leaves_the_reference(drive: str, sequence: Sequence) -> None:
     machine = Machine(drive)
     _go(machine, drive)
@@ -194,7 +194,7 @@ def test_what_moves_nothing_leaves_the_reference(drive: str, sequence: Sequence)
     assert machine.counters == (0, 0)
 
 
-@_of(Kind.SET_POSITION)
+@_of(SequenceKind.SET_POSITION)
 def test_what_renames_the_place_ends_the_reference(drive: str, sequence: Sequence) -> None:
     machine = Machine(drive)
     _go(machine, drive)
@@ -204,7 +204,7 @@ def test_what_renames_the_place_ends_the_reference(drive: str, sequence: Sequenc
     assert machine.counters == (0, 0)
 
 
-@_of(Kind.HOMING, Kind.JOG)
+@_of(SequenceKind.HOMING, SequenceKind.JOG)
 def test_after_homing_and_a_jog_nobody_says_where_the_axis_was_sent(drive: str, sequence: Sequence) -> None:
     machine = Machine(drive)
     _go(machine, drive)
@@ -214,7 +214,7 @@ def test_after_homing_and_a_jog_nobody_says_where_the_axis_was_sent(drive: str, 
     _go(machine, drive)
 
 
-@_of(Kind.STORED)
+@_of(SequenceKind.STORED)
 def test_a_stored_move_is_refused_for_it_carries_no_correction(drive: str, sequence: Sequence) -> None:
     machine = Machine(drive)
     _go(machine, drive)

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from gateway.drives import library
-from gateway.drives.motion import Action, Addressing, Deed, Form, MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, Addressing, Form, MotionPlan, Operation, TriggerPlan
 from gateway.drives.profile import Confidence, Profile, Tier, entries, evidence_of, faults
 from gateway.drives.public import public_traffic
 from gateway.modbus.registers import BitField, BitTable, FieldAccess, PositionField
@@ -45,7 +45,7 @@ def motion(name: str) -> MotionPlan:
 def deeds(name: str, address: int, word: int, before: int | None = 0) -> set[Action]:
     """What writing a word to a register does, by all rules that look at it."""
     return {
-        trigger.deed(word, before).action
+        trigger.operation(word, before).action
         for trigger in motion(name).triggers
         if trigger.address == address and not trigger.is_coil
     } - {Action.IGNORE}
@@ -143,7 +143,7 @@ def test_leadshine_runs_a_path_by_its_number() -> None:
     # 0x6002 = 0x10 + P; path P at 0x6200 + 8 P.
     plan = motion("leadshine-pr")
     trigger = plan.triggers[0]
-    assert trigger.deed(0x0013, None) == Deed(Action.START, 3)
+    assert trigger.operation(0x0013, None) == Operation(Action.START, 3)
     assert deeds("leadshine-pr", 0x6002, 0x20) == {Action.HOME}
     assert deeds("leadshine-pr", 0x6002, 0x21) == {Action.SET_POSITION}
     assert deeds("leadshine-pr", 0x6207, 0x40) == {Action.STOP}
@@ -274,8 +274,8 @@ def test_delta_paths_and_their_numbers() -> None:
     plan = motion("delta-asda")
     paths = library.shipped("delta-asda").registers.command[0].fields()
     assert [paths[n - 1].address for n in (1, 2, 3, 49)] == [0x0606, 0x060A, 0x060E, 0x06C6]
-    assert plan.triggers[0].deed(2, None) == Deed(Action.START, 1)
-    assert plan.triggers[0].deed(50, None).action is Action.UNKNOWN
+    assert plan.triggers[0].operation(2, None) == Operation(Action.START, 1)
+    assert plan.triggers[0].operation(50, None).action is Action.UNKNOWN
     assert deeds("delta-asda", 0x050E, 0) == {Action.HOME}
     assert deeds("delta-asda", 0x050E, 1000) == {Action.STOP}
     assert deeds("delta-asda", 0x0508, 0x0108) == {Action.SET_POSITION}  # P5-04: the lowest digit
@@ -339,11 +339,11 @@ def test_iai_starts_on_the_low_word_and_forgets_its_flags() -> None:
 
 def test_iai_stops_pauses_and_runs_stored_positions_by_coils() -> None:
     coils = coil_triggers("iai-robo-cylinder")
-    assert coils[0x042C].deed(1, 0).action is Action.STOP
-    assert coils[0x040A].deed(1, 0).action is Action.STOP
-    assert coils[0x040A].deed(0, 1).action is Action.OTHER_MOTION  # the rest of its way
-    assert {coils[jog].deed(1, 0).action for jog in (0x0416, 0x0417)} == {Action.OTHER_MOTION}
-    assert {coils[start].deed(1, 0).action for start in range(0x0418, 0x0420)} == {Action.STORED}
+    assert coils[0x042C].operation(1, 0).action is Action.STOP
+    assert coils[0x040A].operation(1, 0).action is Action.STOP
+    assert coils[0x040A].operation(0, 1).action is Action.OTHER_MOTION  # the rest of its way
+    assert {coils[jog].operation(1, 0).action for jog in (0x0416, 0x0417)} == {Action.OTHER_MOTION}
+    assert {coils[start].operation(1, 0).action for start in range(0x0418, 0x0420)} == {Action.STORED}
     assert deeds("iai-robo-cylinder", 0x0D00, 0x1020, before=0x1000) == {Action.STOP}
     assert deeds("iai-robo-cylinder", 0x0D01, 0x0200) == {Action.OTHER_MOTION}
     assert deeds("iai-robo-cylinder", 0x0D01, 0x0020) == {Action.STORED}
@@ -355,12 +355,12 @@ def test_iai_stops_pauses_and_runs_stored_positions_by_coils() -> None:
 
 def test_smc_has_coils_and_inputs() -> None:
     coils = coil_triggers("smc-lec")
-    assert coils[0x1C].deed(1, 0).action is Action.HOME
-    assert coils[0x19].deed(0, 1).action is Action.STOP
-    assert coils[0x18].deed(1, 0).action is Action.STOP  # HOLD
-    assert coils[0x18].deed(0, 1).action is Action.OTHER_MOTION
-    assert coils[0x1B].deed(1, 0).action is Action.STOP  # RESET
-    assert {coils[jog].deed(1, 0).action for jog in (0x1D, 0x1E)} == {Action.OTHER_MOTION}
+    assert coils[0x1C].operation(1, 0).action is Action.HOME
+    assert coils[0x19].operation(0, 1).action is Action.STOP
+    assert coils[0x18].operation(1, 0).action is Action.STOP  # HOLD
+    assert coils[0x18].operation(0, 1).action is Action.OTHER_MOTION
+    assert coils[0x1B].operation(1, 0).action is Action.STOP  # RESET
+    assert {coils[jog].operation(1, 0).action for jog in (0x1D, 0x1E)} == {Action.OTHER_MOTION}
     assert library.shipped("smc-lec").registers.bits.homed is not None
     named = {name: bit.field() for name, bit in library.shipped("smc-lec").registers.bits.named()}
     assert named["homed"] == BitField(0x4A, 0, BitTable.INPUT)

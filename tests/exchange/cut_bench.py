@@ -4,13 +4,20 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from gateway.exchange.cut_through.delay import (
-    Shape,
+    FrameShape,
     acknowledgement_shape,
     read_shape,
     reply_shape,
     write_shape,
 )
-from gateway.exchange.cut_through.frame import CutEvent, CutThrough, Judge, Opening, Pace, is_fit_head
+from gateway.exchange.cut_through.frame import (
+    ForwardedFrame,
+    ForwardEvent,
+    ForwardingPace,
+    Judge,
+    Opening,
+    is_fit_head,
+)
 from gateway.modbus.crc import append_crc
 from gateway.modbus.rtu_arrival import ReplyArrival, RequestArrival
 
@@ -21,7 +28,7 @@ DELAY_NS = 4000
 STALL_NS = 1500
 GUARD_NS = 500
 """Half a character; the delay has a margin of a whole one."""
-PACE = Pace(CHAR_NS, STALL_NS, GUARD_NS)
+PACE = ForwardingPace(CHAR_NS, STALL_NS, GUARD_NS)
 HEAD = bytes.fromhex("01 10 6F 00 00 02 04")
 WRITE = append_crc(HEAD + bytes.fromhex("55 55 00 08"))
 RENDERED = bytes.fromhex("55 55 00 0B")
@@ -35,7 +42,7 @@ SENT = append_crc(HEAD + RENDERED)
 class Adds(Judge):
     """Adds some counts to each position; knows one write, one read, or whatever its shape is."""
 
-    shape: Shape = field(default_factory=lambda: write_shape(2, 0, 2))
+    shape: FrameShape = field(default_factory=lambda: write_shape(2, 0, 2))
     expected: bytes = LAST
     head_bytes: int = 7
     delay_ns: int = DELAY_NS
@@ -79,43 +86,43 @@ READ_REPLY = append_crc(bytes.fromhex("01 03 06 00 00 10 00 00 07"))
 ACKNOWLEDGEMENT = append_crc(HEAD[:6])
 
 
-def write(stall_ns: int = STALL_NS, **changes: object) -> tuple[CutThrough, Adds, list[CutEvent]]:
+def write(stall_ns: int = STALL_NS, **changes: object) -> tuple[ForwardedFrame, Adds, list[ForwardEvent]]:
     """Return a write that has not begun to come, its judge, and the steps that it takes."""
     judge = Adds(**changes)  # type: ignore[arg-type]
-    events: list[CutEvent] = []
+    events: list[ForwardEvent] = []
     return (
-        CutThrough(RequestArrival(), judge, Pace(CHAR_NS, stall_ns, GUARD_NS), events.append),
+        ForwardedFrame(RequestArrival(), judge, ForwardingPace(CHAR_NS, stall_ns, GUARD_NS), events.append),
         judge,
         events,
     )
 
 
-def read(**changes: object) -> tuple[CutThrough, Adds, list[CutEvent]]:
+def read(**changes: object) -> tuple[ForwardedFrame, Adds, list[ForwardEvent]]:
     """The same of a read: it may begin with its second byte."""
     judge = Adds(shape=read_shape(), expected=READ[:-2], head_bytes=6, delay_ns=2000, **changes)  # type: ignore[arg-type]
-    events: list[CutEvent] = []
-    return CutThrough(RequestArrival(), judge, PACE, events.append), judge, events
+    events: list[ForwardEvent] = []
+    return ForwardedFrame(RequestArrival(), judge, PACE, events.append), judge, events
 
 
-def read_reply(**changes: object) -> tuple[CutThrough, Adds, list[CutEvent]]:
+def read_reply(**changes: object) -> tuple[ForwardedFrame, Adds, list[ForwardEvent]]:
     """The same of the reply to it: a position and a status behind it."""
     expected = {"shape": reply_shape(3, [(0, 2)]), "expected": READ_REPLY[:-2], "head_bytes": 3}
     judge = Adds(**{**expected, **changes})  # type: ignore[arg-type]
-    events: list[CutEvent] = []
+    events: list[ForwardEvent] = []
     return (
-        CutThrough(ReplyArrival(1, READ[1:-2]), judge, PACE, events.append),
+        ForwardedFrame(ReplyArrival(1, READ[1:-2]), judge, PACE, events.append),
         judge,
         events,
     )
 
 
-def acknowledgement(**changes: object) -> tuple[CutThrough, Adds, list[CutEvent]]:
+def acknowledgement(**changes: object) -> tuple[ForwardedFrame, Adds, list[ForwardEvent]]:
     """The same of the reply to a write."""
     expected = {"shape": acknowledgement_shape(), "expected": HEAD[:6], "head_bytes": 2, "delay_ns": 2000}
     judge = Adds(**{**expected, **changes})  # type: ignore[arg-type]
-    events: list[CutEvent] = []
+    events: list[ForwardEvent] = []
     return (
-        CutThrough(ReplyArrival(1, WRITE[1:-2]), judge, PACE, events.append),
+        ForwardedFrame(ReplyArrival(1, WRITE[1:-2]), judge, PACE, events.append),
         judge,
         events,
     )
@@ -127,18 +134,18 @@ def characters(data: bytes, from_ns: int = 0, char_ns: int = CHAR_NS) -> list[tu
 
 
 def play(
-    cut: CutThrough, came: Iterable[tuple[int, bytes]], until_ns: int | None = None
+    forwarded: ForwardedFrame, came: Iterable[tuple[int, bytes]], until_ns: int | None = None
 ) -> list[tuple[int, str]]:
     """Let bytes come at their instants, and time pass until they have; return what left when, in hex."""
     left: list[tuple[int, bytes]] = []
 
     def pass_until(now_ns: int) -> None:
-        while (deadline_ns := cut.deadline_ns) is not None and deadline_ns < now_ns:
-            left.append((deadline_ns, cut.tick(deadline_ns)))
+        while (deadline_ns := forwarded.deadline_ns) is not None and deadline_ns < now_ns:
+            left.append((deadline_ns, forwarded.tick(deadline_ns)))
 
     for now_ns, data in came:
         pass_until(now_ns)
-        left.append((now_ns, cut.feed(data, now_ns)))
+        left.append((now_ns, forwarded.feed(data, now_ns)))
     if until_ns is not None:
         pass_until(until_ns)
     return [(now_ns, data.hex(" ")) for now_ns, data in left if data]

@@ -8,9 +8,9 @@ and the real forwarders; ports and link are those that record.
 from collections.abc import Callable
 from typing import Any
 
-from gateway.exchange.cut_through.delay import LEARNED_AFTER, Piece, Shape
-from gateway.exchange.cut_through.forward import Wire
-from gateway.exchange.cut_through.frame import CutEvent
+from gateway.exchange.cut_through.delay import LEARNED_AFTER, FrameShape, Piece
+from gateway.exchange.cut_through.forward import SerialTiming
+from gateway.exchange.cut_through.frame import ForwardEvent
 from gateway.exchange.plan import AxisPlan, ControllerPlan, Role
 from gateway.modbus.crc import append_crc
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder
@@ -18,7 +18,7 @@ from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Link, Port, st
 from tests.exchange.test_fast_path import CURVE
 
 CHAR_NS = MS
-WIRE = Wire(CHAR_NS, 3_500_000)
+WIRE = SerialTiming(CHAR_NS, 3_500_000)
 PLAN = stream_plan(table=CURVE)
 Left = list[tuple[float, str]]
 """Instants in ms from when a happening began, and what left then, in hex."""
@@ -110,7 +110,7 @@ class Site:
 
     # --- before -------------------------------------------------------------------------------------------
 
-    def measure(self, *shapes: Shape, of_replies: bool = False) -> None:
+    def measure(self, *shapes: FrameShape, of_replies: bool = False) -> None:
         """Let so many frames of a shape have come, character by character, that their delay is known."""
         for shape in shapes:
             pieces = [Piece(index * CHAR_NS, index + 1) for index in range(shape.length)]
@@ -218,12 +218,12 @@ class Site:
         left, self.cnc.left = self.cnc.left, []
         return [((when - began_ns) / MS, data.hex(" ")) for when, data in left]
 
-    def requests(self) -> dict[CutEvent, int]:
+    def requests(self) -> dict[ForwardEvent, int]:
         """Return how requests ended that began to leave."""
         found = self.forwarding.requests.ended.items()
-        return {event: count for event, count in found if count and event is not CutEvent.KEPT}
+        return {event: count for event, count in found if count and event is not ForwardEvent.KEPT}
 
-    def replies(self) -> dict[CutEvent, int]:
+    def replies(self) -> dict[ForwardEvent, int]:
         """Return how replies ended."""
         return {event: count for event, count in self.forwarding.replies.ended.items() if count}
 

@@ -11,14 +11,14 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.cut_through.delay import (
     LEARNED_AFTER,
+    FrameShape,
     Piece,
-    Shape,
     acknowledgement_shape,
     read_shape,
     reply_shape,
     write_shape,
 )
-from gateway.exchange.cut_through.forward import Forwarder, Wire
+from gateway.exchange.cut_through.forward import Forwarder, SerialTiming
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, LineTiming, Reference, Role
@@ -70,7 +70,7 @@ class Arrival(Enum):
 
 
 CHAR_NS = 100_000
-WIRE = Wire(CHAR_NS, 350_000)
+WIRE = SerialTiming(CHAR_NS, 350_000)
 """Of a bench whose line cuts through: as fast as 115 200 Bd."""
 KNOWN_REQUESTS = (read_shape(), *(write_shape(words, 0, 2) for words in (2, 3, 4)))
 KNOWN_REPLIES = (acknowledgement_shape(), *(reply_shape(words, [(0, 2)]) for words in (2, 3, 4)))
@@ -292,9 +292,9 @@ class Bench:
 
     def _end_silence(self) -> None:
         """Let the silence behind a spoilt request end: what comes after it waits for that."""
-        spoilt, self.link.left_early = self.link.left_early, b""
-        if spoilt:
-            assert residue_after(spoilt) == INVERTED
+        aborted, self.link.left_early = self.link.left_early, b""
+        if aborted:
+            assert residue_after(aborted) == INVERTED
             until_ns = self.line.rest.until_ns
             self.now_ns = self.now_ns if until_ns is None else max(self.now_ns, until_ns)
             self.line.tick(self.now_ns)
@@ -342,7 +342,7 @@ class Bench:
         return [event.kind.name for event in self.events if event.kind is not exchange_events.CUT_THROUGH_OFF]
 
 
-def _pieces(shape: Shape) -> list[Piece]:
+def _pieces(shape: FrameShape) -> list[Piece]:
     return [Piece(index * CHAR_NS, index + 1) for index in range(shape.length)]
 
 

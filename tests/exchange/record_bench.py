@@ -25,10 +25,10 @@ class Records:
             buffer = self.buffers.setdefault(axis.plan.name, bytearray(RECORD_SIZE))
             digest = digest_of_axis(axis.plan)
             slots = RecordSlots(memoryview(buffer), digest, BOOT_ID)
-            recalled = slots.read()
-            if recalled is not None and recalled.scale_digest != digest:
-                recalled = None
-            axis.keep_record(Record(slots, recalled, find_table))
+            saved = slots.read()
+            if saved is not None and saved.scale_digest != digest:
+                saved = None
+            axis.attach_record(Record(slots, saved, find_table))
 
     def read(self, name: str = "x") -> Remembered | None:
         """Return what the record of an axis says."""

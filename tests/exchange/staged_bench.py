@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from gateway.drives.motion import Action, Deed, ModePlan, MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, ModePlan, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.plan import AxisPlan
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, MOVE_MS, Bench, Memory, axis_plan, read, write
@@ -24,14 +24,14 @@ STORED_PDU = bytes.fromhex("06 050E 00C8")
 JOG_PDU = bytes.fromhex("06 050E 012C")
 
 DEEDS = {
-    RUN: Deed(Action.ABSOLUTE),
-    RUN_RELATIVE: Deed(Action.RELATIVE_TO_COMMANDED),
-    STOP: Deed(Action.STOP),
-    HOME: Deed(Action.HOME),
-    ZERO: Deed(Action.SET_POSITION),
-    STORED: Deed(Action.STORED),
-    JOG: Deed(Action.OTHER_MOTION),
-    0: Deed(Action.IGNORE),
+    RUN: Operation(Action.ABSOLUTE),
+    RUN_RELATIVE: Operation(Action.RELATIVE_TO_COMMANDED),
+    STOP: Operation(Action.STOP),
+    HOME: Operation(Action.HOME),
+    ZERO: Operation(Action.SET_POSITION),
+    STORED: Operation(Action.STORED),
+    JOG: Operation(Action.OTHER_MOTION),
+    0: Operation(Action.IGNORE),
 }
 STAGED = MotionPlan(is_staged=True, triggers=(TriggerPlan(TRIGGER, deeds=DEEDS),))
 ONLY_ABSOLUTE = MotionPlan(
@@ -49,14 +49,14 @@ BITS = {
 
 def relative_by(base: Action, **changes: object) -> MotionPlan:
     """The same drive with another base for its distances."""
-    deeds = {**STAGED.triggers[0].deeds, 2: Deed(base)}
+    deeds = {**STAGED.triggers[0].deeds, 2: Operation(base)}
     return MotionPlan(is_staged=True, triggers=(TriggerPlan(TRIGGER, deeds=deeds),), **changes)  # type: ignore[arg-type]
 
 
 def sticky(**changes: Any) -> MotionPlan:
     """A staged drive whose mode register says how a target is meant; its trigger only starts."""
     mode = ModePlan(MODE, actions={1: Action.ABSOLUTE, 2: Action.RELATIVE, 3: Action.OTHER_MOTION})
-    triggers = (TriggerPlan(TRIGGER, deeds={**DEEDS, RUN: Deed(Action.START)}),)
+    triggers = (TriggerPlan(TRIGGER, deeds={**DEEDS, RUN: Operation(Action.START)}),)
     return replace(STAGED, modes=(mode,), triggers=triggers, **changes)
 
 

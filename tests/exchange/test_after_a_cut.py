@@ -10,16 +10,16 @@ PATIENT = ControllerPlan("plc", timeout_ms=5000.0)
 TIMING = LineTiming(drain_ms=50.0)
 
 
-def owes(line: LineExchange) -> None:
-    line.rest.owe()
+def awaits_late_reply(line: LineExchange) -> None:
+    line.rest.expect_late_reply()
 
 
 def is_owed(bench: Bench) -> bool:
-    return bench.line.rest.owes_silence
+    return bench.line.rest.needs_silence
 
 
 def test_nothing_is_sent_before_the_silence_and_what_waits_goes_then_in_its_order() -> None:
-    bench = Bench(axis_plan(), timing=TIMING, before_up=owes)
+    bench = Bench(axis_plan(), timing=TIMING, before_up=awaits_late_reply)
     port = Port(PATIENT)
     bench.send(FIRST, port)
     bench.wait(49)
@@ -34,7 +34,7 @@ def test_nothing_is_sent_before_the_silence_and_what_waits_goes_then_in_its_orde
 
 
 def test_a_late_reply_begins_the_silence_anew_and_a_line_that_is_never_silent_is_used_all_the_same() -> None:
-    bench = Bench(axis_plan(), timing=TIMING, before_up=owes)
+    bench = Bench(axis_plan(), timing=TIMING, before_up=awaits_late_reply)
     bench.send(FIRST, Port(PATIENT))
     for _ in range(4):  # at 30, 60, 90 and 120 ms; three times the silence are 150 ms
         bench.wait(30)
@@ -49,7 +49,7 @@ def test_a_late_reply_begins_the_silence_anew_and_a_line_that_is_never_silent_is
 def test_m3_a_stop_does_not_wait_for_the_silence_and_goes_again_after_it_and_takes_queued_moves_away() -> (
     None
 ):
-    bench = StagedBench(serial=False, timing=TIMING, before_up=owes)
+    bench = StagedBench(serial=False, timing=TIMING, before_up=awaits_late_reply)
     bench.send(FIRST, Port(PATIENT))
     bench.send(RUN_PDU)
     panel = Port(ControllerPlan("panel", timeout_ms=20.0))
@@ -65,7 +65,7 @@ def test_m3_a_stop_does_not_wait_for_the_silence_and_goes_again_after_it_and_tak
 
 
 def test_a_cable_that_is_lost_meanwhile_begins_it_anew() -> None:
-    bench = Bench(axis_plan(), timing=TIMING, before_up=owes)
+    bench = Bench(axis_plan(), timing=TIMING, before_up=awaits_late_reply)
     bench.wait(49)
     bench.line.link_down(bench.now_ns)
     assert is_owed(bench)

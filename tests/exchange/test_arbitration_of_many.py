@@ -110,7 +110,7 @@ def crowded(count: int, timeout_ms: float) -> Plant:
     Gaps are watched from the start on, and known when the monitors ask at 26, with motion. It is never quiet.
     """
     plant = Plant((13, 10), monitors(count, timeout_ms), unit_ids=(1,) * count, quiet_ms=10.0)
-    plant.line._turns.gaps.is_watching = True
+    plant.line._scheduler.gaps.is_watching = True
     return plant
 
 
@@ -139,7 +139,7 @@ def test_those_that_wait_in_vain_are_withdrawn_when_their_controllers_give_up() 
 def silent(*, rtu: bool = False) -> Plant:
     """Motion takes 2 of each 20 ms; one monitor asks a drive that never answers, from 40 on."""
     plant = Plant((20, 2), monitors(1, 300.0), unit_ids=(SILENT_UNIT, 1), rtu=rtu)
-    plant.line._turns.gaps.is_watching = True
+    plant.line._scheduler.gaps.is_watching = True
     return plant
 
 
@@ -166,7 +166,7 @@ def test_the_pause_after_a_broadcast_counts_too() -> None:
     # 42: never seen; 100 ms of pause. Asked again at 350 and overdue at 500, when motion asks: 502 to 602.
     # 602 + 9 x 100 = 1502, when motion ends again: the request of 1280. Until 1602; 2502: that of 2210.
     plant = Plant((20, 2), monitors(1, 300.0), unit_ids=(BROADCAST_UNIT_ID,), rtu=True)
-    plant.line._turns.gaps.is_watching = True
+    plant.line._scheduler.gaps.is_watching = True
     assert plant.run(3000, asks_from_ms=40).started == [(42, 0), (502, 0), (1502, 0), (2502, 0)]
 
 

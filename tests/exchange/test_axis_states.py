@@ -23,10 +23,10 @@ from gateway.exchange.axis.reference import (
     ReferenceEvent,
     ReferenceState,
 )
-from gateway.exchange.decode import AxisCommand, Frame
+from gateway.exchange.decode import AxisCommand, DecodedRequest
 from gateway.exchange.effects import finish
 from gateway.exchange.plan import Reference
-from gateway.exchange.request import NOTHING_KNOWN, Request
+from gateway.exchange.request import NOTHING_PREFETCHED, Request
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan
@@ -108,16 +108,18 @@ def do(axis: Axis, action: Action) -> None:
 
 def end(command: AxisCommand, outcome: Outcome, code: int, now_ns: int) -> None:
     """Let a request end that does no more than this to its axis."""
-    frame = Frame(UnitMap([command.axis]), WRITE, Access(write_address=COMMAND.address, write_quantity=2), {})
-    finish(Request(frame, [command], NOTHING_KNOWN, 0, arrived_ns=0), outcome, code, now_ns)
+    frame = DecodedRequest(
+        UnitMap([command.axis]), WRITE, Access(write_address=COMMAND.address, write_quantity=2), {}
+    )
+    finish(Request(frame, [command], NOTHING_PREFETCHED, 0, arrived_ns=0), outcome, code, now_ns)
 
 
 def acknowledge(axis: Axis, counts: int = 50_000) -> None:
     axis.acknowledge(target(axis, counts), 1 * MS)
 
 
-def leave_unproven(axis: Axis) -> None:
-    axis.leave_unproven(target(axis, 70_000, is_distance=True), 1 * MS)
+def leave_unacknowledged(axis: Axis) -> None:
+    axis.leave_unacknowledged(target(axis, 70_000, is_distance=True), 1 * MS)
 
 
 def done(at_ms: int, *, is_done: bool = True) -> Callable[[Axis], None]:
@@ -129,8 +131,8 @@ REACHED: Final[dict[str, tuple[MotionState, tuple[Callable[[Axis], None], ...]]]
     "stopped": (MotionState.STOPPED, (acknowledge, lambda axis: do(axis, Action.STOP))),
     "unreferenced": (MotionState.SUPERSEDED, (acknowledge, lambda axis: axis.wait_for_peers(waits=True))),
     "out-of-reach": (MotionState.SUPERSEDED, (acknowledge, lambda axis: axis.lose_link(2 * MS))),
-    "unacknowledged": (MotionState.UNACKNOWLEDGED, (leave_unproven,)),
-    "unacknowledged-done": (MotionState.UNACKNOWLEDGED, (leave_unproven, done(3))),
+    "unacknowledged": (MotionState.UNACKNOWLEDGED, (leave_unacknowledged,)),
+    "unacknowledged-done": (MotionState.UNACKNOWLEDGED, (leave_unacknowledged, done(3))),
     "moving": (MotionState.MOVING, (acknowledge,)),
     "moving-from-a-known-start": (
         MotionState.MOVING,
@@ -144,7 +146,7 @@ REACHED: Final[dict[str, tuple[MotionState, tuple[Callable[[Axis], None], ...]]]
 }
 """Each state, with what it may bring along, and what leads there."""
 CAUSED: Final[dict[MotionEvent, Callable[[Axis], None]]] = {
-    MotionEvent.NOT_ACKNOWLEDGED: leave_unproven,
+    MotionEvent.NOT_ACKNOWLEDGED: leave_unacknowledged,
     MotionEvent.STOPPED: lambda axis: do(axis, Action.STOP),
     MotionEvent.DISPLACED: lambda axis: do(axis, Action.OTHER_MOTION),
     MotionEvent.LINK_LOST: lambda axis: axis.lose_link(5 * MS),
@@ -240,7 +242,7 @@ def test_done_alone_is_arrival_where_no_position_is_mapped() -> None:
 @pytest.mark.parametrize(("was_done", "after"), [(False, MotionState.IN_WINDOW), (True, MotionState.ARRIVED)])
 def test_a_distance_that_did_not_run_leaves_the_axis_at_its_start(was_done: bool, after: MotionState) -> None:
     axis = an_axis()
-    leave_unproven(axis)
+    leave_unacknowledged(axis)
     if was_done:
         axis.motion.observe_done(3 * MS, is_done=True)
     see(axis, 1010)
@@ -251,7 +253,7 @@ def test_a_distance_that_did_not_run_leaves_the_axis_at_its_start(was_done: bool
 
 def test_a_distance_that_ran_leaves_it_at_its_end() -> None:
     axis = an_axis()
-    leave_unproven(axis)
+    leave_unacknowledged(axis)
     see(axis, 70_010)
     assert axis.compensation.accepted == Accepted(70_000, 70_010)
     assert axis.motion.state is MotionState.IN_WINDOW
@@ -439,10 +441,10 @@ def test_a_bit_that_decides_is_read_again_after_all_that_may_have_changed_it(
     reference = Axis(axis_plan(bits=DONE_BIT, referenced=Reference.DRIVE_BIT)).reference
     if first is not None:
         reference.happens(first)
-    assert (reference.is_unconfirmed, reference.was_told) == (first is None, first is not None)
+    assert (reference.is_unconfirmed, reference.was_reported) == (first is None, first is not None)
     reference.happens(ReferenceEvent(name))
     assert reference.is_unconfirmed is ((unconfirmed if first is None else confirmed) == "u")
-    assert reference.was_told is (first is not None or name.startswith("bit-"))
+    assert reference.was_reported is (first is not None or name.startswith("bit-"))
 
 
 @pytest.mark.parametrize("kind", Reference)

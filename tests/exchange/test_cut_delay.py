@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from gateway.exchange.cut_through.delay import (
     LEARNED_AFTER,
     REMEMBERED,
+    FrameShape,
     MeasuredDelay,
     Piece,
-    Shape,
     acknowledgement_shape,
     delay_ns,
     margin_ns,
@@ -84,7 +84,7 @@ def test_what_waits_for_what_where_the_first_byte_of_a_position_leaves_before_th
         (STATUS, 3),
     ],
 )
-def test_delays_in_characters_where_both_sides_are_equal(shape: Shape, characters: int) -> None:
+def test_delays_in_characters_where_both_sides_are_equal(shape: FrameShape, characters: int) -> None:
     assert delay_ns(shape, CHAR_9600, CHAR_9600) == characters * CHAR_9600
 
 
@@ -120,12 +120,12 @@ def test_delays_where_baud_rates_differ(in_characters: int, out_characters: int,
     assert delay < stored_ns(WRITE, in_characters)
 
 
-def block_shape(before: int, behind: int) -> Shape:
+def block_shape(before: int, behind: int) -> FrameShape:
     """A write of one position between other registers."""
     return write_shape(before + 2 + behind, before, 2, is_early=not before)
 
 
-def mixed_shape(has_position: list[bool], are_early: list[bool]) -> Shape:
+def mixed_shape(has_position: list[bool], are_early: list[bool]) -> FrameShape:
     """A reply with a position or one other register each."""
     sizes = [1 + has for has in has_position]
     firsts = accumulate(sizes[:-1], initial=0)
@@ -145,13 +145,13 @@ shapes = st.one_of(
 
 @given(shape=shapes, in_ns=st.integers(1, 100), out_ns=st.integers(1, 100))
 def test_cut_through_never_begins_later_than_a_gateway_that_stores(
-    shape: Shape, in_ns: int, out_ns: int
+    shape: FrameShape, in_ns: int, out_ns: int
 ) -> None:
     assert delay_ns(shape, in_ns, out_ns) <= stored_ns(shape, in_ns)
 
 
 @given(shape=shapes)
-def test_what_may_leave_is_what_its_bytes_need(shape: Shape) -> None:
+def test_what_may_leave_is_what_its_bytes_need(shape: FrameShape) -> None:
     needs = [shape.needs(index) for index in range(shape.length)]
     assert needs == sorted(needs)
     assert needs[-2:] == [shape.length] * 2
@@ -168,7 +168,7 @@ def pieces_of(lumps: list[tuple[int, int]]) -> list[Piece]:
 
 @given(data=st.data(), shape=shapes, out_ns=st.integers(1, 50))
 def test_a_frame_that_begins_as_late_as_needed_never_runs_empty_and_one_sooner_does(
-    data: st.DataObject, shape: Shape, out_ns: int
+    data: st.DataObject, shape: FrameShape, out_ns: int
 ) -> None:
     cuts = sorted({*data.draw(st.lists(st.integers(1, shape.length - 1), max_size=6)), shape.length})
     counts = [b - a for a, b in zip([0, *cuts], cuts, strict=False)]
@@ -205,9 +205,9 @@ def steady(count: int, char_ns: int = 1000, late_ns: int = 0) -> list[Piece]:
 def test_nothing_is_known_of_a_port_before_enough_frames_have_come() -> None:
     delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER - 1):
-        delay.note(steady(13))
+        delay.add(steady(13))
         assert delay.delay_ns is None
-    delay.note(steady(13))
+    delay.add(steady(13))
     # Byte by byte the first piece is the first character: 4 − 1 = 3 after it, and one character of margin.
     assert delay.delay_ns == 4000
 
@@ -215,13 +215,13 @@ def test_nothing_is_known_of_a_port_before_enough_frames_have_come() -> None:
 def test_a_late_byte_is_remembered_with_half_of_what_it_was_late_and_forgotten_after_a_while() -> None:
     delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER):
-        delay.note(steady(13))
-    delay.note(steady(13, late_ns=900))
+        delay.add(steady(13))
+    delay.add(steady(13, late_ns=900))
     assert delay.delay_ns == 3000 + 900 + 450 + 1000
     for _ in range(REMEMBERED - 1):
-        delay.note(steady(13))
+        delay.add(steady(13))
     assert delay.delay_ns == 5350
-    delay.note(steady(13))
+    delay.add(steady(13))
     assert delay.delay_ns == 4000
 
 
@@ -231,47 +231,47 @@ def test_a_late_byte_is_remembered_with_half_of_what_it_was_late_and_forgotten_a
 def test_what_the_gateway_took_itself_is_remembered_and_forgotten_after_a_while(late: dict[str, int]) -> None:
     delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER):
-        delay.note(steady(13))
-    delay.note(steady(13), **late)
+        delay.add(steady(13))
+    delay.add(steady(13), **late)
     assert delay.delay_ns == 3000 + 900 + 1000
     for _ in range(REMEMBERED - 1):
-        delay.note(steady(13), written_need_ns=3000)
+        delay.add(steady(13), written_need_ns=3000)
     assert delay.delay_ns == 4900
-    delay.note(steady(13), written_need_ns=3000)
+    delay.add(steady(13), written_need_ns=3000)
     assert delay.delay_ns == 4000
 
 
 def test_a_gateway_that_is_always_too_slow_stores_for_good() -> None:
     delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(3 * REMEMBERED):
-        delay.note(steady(13), own_ns=8000)
+        delay.add(steady(13), own_ns=8000)
         assert delay.delay_ns is None  # 3 + 8 + 1 and the character that is to be gained, of 12
 
 
 def test_a_port_that_hands_frames_over_whole_stores() -> None:
     delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(2 * LEARNED_AFTER):
-        delay.note([Piece(0, 13)])
+        delay.add([Piece(0, 13)])
     assert delay.delay_ns is None
 
 
 def test_a_frame_that_gains_nothing_says_when_it_could_begin_and_when_it_is_whole() -> None:
     delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER - 1):
-        delay.note([Piece(0, 13)])
+        delay.add([Piece(0, 13)])
         assert delay.no_gain is None
-    delay.note([Piece(0, 13)])
+    delay.add([Piece(0, 13)])
     assert delay.no_gain == (1000, 0)  # with its first piece it is whole, and the margin is waited for
     delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER):
-        delay.note(steady(13))
+        delay.add(steady(13))
     assert delay.no_gain is None
 
 
 def test_lumps_are_no_hindrance_where_the_wire_behind_them_is_busy_meanwhile() -> None:
     delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER):
-        delay.note([Piece(0, 9), Piece(5000, 13)])
+        delay.add([Piece(0, 9), Piece(5000, 13)])
     # Seven bytes of the head leave at once, for 7 characters; after 5 the rest is there.
     assert delay.delay_ns == 1000
 
@@ -279,12 +279,12 @@ def test_lumps_are_no_hindrance_where_the_wire_behind_them_is_busy_meanwhile() -
 def test_a_port_whose_needs_leave_no_gain_stores_and_cuts_through_again_when_they_have_passed() -> None:
     delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER):
-        delay.note(steady(13))
+        delay.add(steady(13))
     late = [Piece(each.came_ns + (5000 if each.so_far > 10 else 0), each.so_far) for each in steady(13)]
-    delay.note(late)
+    delay.add(late)
     assert delay.delay_ns is None  # 3 + 5 + 2.5 + 1 characters, and the others were whole after 12
     for _ in range(REMEMBERED):
-        delay.note(steady(13))
+        delay.add(steady(13))
     assert delay.delay_ns == 4000
 
 
@@ -344,7 +344,9 @@ def test_how_far_the_next_position_may_be() -> None:
         (9600, READ, POSITION, 0.390),
     ],
 )
-def test_the_figures_of_the_decision(baudrate: int, asked: Shape, answered: Shape, share: float) -> None:
+def test_the_figures_of_the_decision(
+    baudrate: int, asked: FrameShape, answered: FrameShape, share: float
+) -> None:
     char_ns = 11 * 1_000_000_000 // baudrate
     added_ns = sum(measured_ns(shape, char_ns, 0) for shape in (asked, answered))
     assert round(added_ns / ((asked.length + answered.length) * char_ns), 3) == share
@@ -364,14 +366,14 @@ def test_the_figures_of_the_decision(baudrate: int, asked: Shape, answered: Shap
     ],
 )
 def test_what_is_added_with_the_margin_of_a_measured_port(
-    baudrate: int, lump_ns: int, asked: Shape, answered: Shape, at_most: float
+    baudrate: int, lump_ns: int, asked: FrameShape, answered: FrameShape, at_most: float
 ) -> None:
     char_ns = 11 * 1_000_000_000 // baudrate
     added_ns = sum(measured_ns(shape, char_ns, lump_ns) for shape in (asked, answered))
     assert added_ns / ((asked.length + answered.length) * char_ns) <= at_most
 
 
-def measured_ns(shape: Shape, char_ns: int, lump_ns: int) -> int:
+def measured_ns(shape: FrameShape, char_ns: int, lump_ns: int) -> int:
     """What a frame adds on its way: it ends so much later behind the gateway than in front of it."""
     pieces: list[Piece] = []
     begun_ns = 0
@@ -383,6 +385,6 @@ def measured_ns(shape: Shape, char_ns: int, lump_ns: int) -> int:
         pieces[-1] = Piece(pieces[-1].came_ns, number)
     delay = MeasuredDelay(shape, char_ns, char_ns, margin_ns(char_ns))
     for _ in range(LEARNED_AFTER):
-        delay.note(pieces)
+        delay.add(pieces)
     assert delay.delay_ns is not None
     return pieces[0].came_ns + delay.delay_ns

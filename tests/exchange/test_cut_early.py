@@ -25,7 +25,7 @@ from gateway.exchange.cut_through.delay import (
     reply_shape,
     write_shape,
 )
-from gateway.exchange.cut_through.frame import Cut, CutEvent
+from gateway.exchange.cut_through.frame import ForwardEvent, ForwardState
 from gateway.exchange.cut_through.replies import reply_shape_of
 from gateway.exchange.cut_through.requests import Heads
 from gateway.exchange.fast_path import ReadPath, WritePath
@@ -35,7 +35,7 @@ from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.cut_line_bench import CHAR_NS, Site, frame_of
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, read, stream_plan, write
 from tests.exchange.staged_bench import STOP_PDU, staged_plan
-from tests.exchange.test_cut_line import ends_spoilt
+from tests.exchange.test_cut_line import ends_aborted
 from tests.exchange.test_cut_replies import Way as ReplyWay
 from tests.exchange.test_cut_requests import Way
 
@@ -52,8 +52,8 @@ def plan_at(border: int, **changes: Any) -> AxisPlan:
     return stream_plan(table=STEEP, command=(TARGET,), actual=(PLACE,), zero_counts=float(border), **changes)
 
 
-def units_of(bench: Bench) -> dispatch.Units:
-    return dispatch.Units(bench.line.axes, is_serial=True)
+def units_of(bench: Bench) -> dispatch.UnitMaps:
+    return dispatch.UnitMaps(bench.line.axes, is_serial=True)
 
 
 def at_border(border: int, step: int = 40) -> Way:
@@ -77,11 +77,11 @@ def test_a_stream_over_a_border_leaves_as_the_line_would_have_sent_it(border: in
     for counts in range(border - 1000 + step, border + 1100, step):
         opening = way.heads.opening(b"\x01" + write(TARGET, 0)[:3])
         assert opening is not None
-        cut = way.cut(frame_of(write(TARGET, counts)))
+        forwarded = way.forwarded(frame_of(write(TARGET, counts)))
         sent = way.store(write(TARGET, counts))
         way.bench.now_ns += 10 * MS
-        assert cut.state is Cut.WHOLE, counts
-        assert cut.left == frame_of(sent)
+        assert forwarded.state is ForwardState.WHOLE, counts
+        assert forwarded.left == frame_of(sent)
         whole += 1
         early += opening.shape == EARLY
     # Nearer to 0 and 2^24 than twice the step and 1024 counts they are late; at 2^16 none is.
@@ -105,16 +105,20 @@ def test_targets_anywhere_leave_as_the_line_would_have_sent_them_or_as_no_frame(
         for beginning, expected in way.heads._expected.items():
             if expected is not None:
                 way.heads._expected[beginning] = expected._replace(reach=reach)
-        cut = way.cut(frame_of(write(TARGET, counts)))
+        forwarded = way.forwarded(frame_of(write(TARGET, counts)))
         way.bench.wait(0)
         sent = way.store(write(TARGET, counts))
         way.bench.now_ns += 10 * MS
-        outcomes.append(cut.state)
-        if cut.state is Cut.WHOLE:
-            assert cut.left == frame_of(sent)
-        elif cut.left:
-            assert (cut.state, len(cut.left), residue_after(cut.left)) == (Cut.SPOILT, 13, INVERTED)
-    assert Cut.WHOLE in outcomes
+        outcomes.append(forwarded.state)
+        if forwarded.state is ForwardState.WHOLE:
+            assert forwarded.left == frame_of(sent)
+        elif forwarded.left:
+            assert (forwarded.state, len(forwarded.left), residue_after(forwarded.left)) == (
+                ForwardState.ABORTED,
+                13,
+                INVERTED,
+            )
+    assert ForwardState.WHOLE in outcomes
 
 
 def test_a_target_that_jumps_over_a_border_is_spoilt_and_never_sent_with_the_byte_of_before() -> None:
@@ -125,21 +129,25 @@ def test_a_target_that_jumps_over_a_border_is_spoilt_and_never_sent_with_the_byt
         assert expected is not None
         way.heads._expected[beginning] = expected._replace(reach=0)
     last = way.bench.seen[-1]
-    cut = way.cut(frame_of(write(TARGET, 1_000)))  # 000003E8, and FFFFFC22 was the last one
-    assert (cut.state, way.events[-1]) == (Cut.SPOILT, CutEvent.STALLED)
-    assert cut.left[:8] == b"\x01" + last[:7]
+    forwarded = way.forwarded(frame_of(write(TARGET, 1_000)))  # 000003E8, and FFFFFC22 was the last one
+    assert (forwarded.state, way.events[-1]) == (ForwardState.ABORTED, ForwardEvent.STALLED)
+    assert forwarded.left[:8] == b"\x01" + last[:7]
 
 
 @pytest.mark.parametrize("after_bytes", [10, 11, 12])
 def test_a_table_that_goes_behind_the_first_byte_of_a_position_spoils_it(after_bytes: int) -> None:
     way = at_border(1 << 16)
-    cut = way.cut(
+    forwarded = way.forwarded(
         frame_of(write(TARGET, (1 << 16) - 960)),
         lambda: void(way.bench.line.command(Disable(axes=("x",)), way.bench.now_ns)),
         after_bytes,
     )
-    assert (cut.state, len(cut.left), residue_after(cut.left)) == (Cut.SPOILT, 13, INVERTED)
-    assert way.events[-1] is (CutEvent.REFUSED if after_bytes == 10 else CutEvent.CHANGED)
+    assert (forwarded.state, len(forwarded.left), residue_after(forwarded.left)) == (
+        ForwardState.ABORTED,
+        13,
+        INVERTED,
+    )
+    assert way.events[-1] is (ForwardEvent.REFUSED if after_bytes == 10 else ForwardEvent.CHANGED)
 
 
 def void(_anything: object) -> None:
@@ -244,7 +252,7 @@ def test_what_is_said_to_be_read_is_what_each_last_byte_reads(border: int, near:
     path = transaction.path
     assert isinstance(path, ReadPath)
     begun = PLACE.pack(border + place)[:3]
-    read_as = [path.turned(transaction, 0, begun + bytes((last,))) for last in range(256)]
+    read_as = [path.nominal_words(transaction, 0, begun + bytes((last,))) for last in range(256)]
     firsts = {words[0] for words in read_as if words is not None}
     for byte in firsts:
         assert path.begins_with(byte, transaction, 0, begun) == (firsts == {byte})
@@ -267,7 +275,7 @@ def note(known: Heads, bench: Bench, counts: int, times: int = 2) -> bytes:
     """Let a target be acknowledged so often; return its frame without check sum."""
     pdu = write(TARGET, counts)
     for _ in range(times):
-        known.note(units_of(bench).path_of(1, pdu), b"\x01" + pdu, b"\x01" + pdu)
+        known.add(units_of(bench).path_of(1, pdu), b"\x01" + pdu, b"\x01" + pdu)
     return b"\x01" + pdu
 
 
@@ -390,8 +398,8 @@ def test_a_setpoint_and_the_place_that_is_read_leave_three_characters_behind_the
         (7.0, "00 27 38"),
         (9.0, told[-2:].hex(" ")),
     ]
-    assert (line.requests(), line.forwarding.underruns) == ({CutEvent.COMMITTED: 2}, 0)
-    assert line.replies()[CutEvent.COMMITTED] == 2
+    assert (line.requests(), line.forwarding.underruns) == ({ForwardEvent.COMMITTED: 2}, 0)
+    assert line.replies()[ForwardEvent.COMMITTED] == 2
 
 
 def test_m3_a_stop_of_another_controller_between_the_first_byte_and_the_last_one() -> None:
@@ -402,7 +410,7 @@ def test_m3_a_stop_of_another_controller_between_the_first_byte_and_the_last_one
     line.hear(line.panel, frame_of(STOP_PDU, 2))
     left = line.to_drives(began_ns)
     assert [when for when, _ in left] == [3.325, 4.0, 5.0, 6.0, 7.0, 10.0, 10.4]
-    ends_spoilt(left)
+    ends_aborted(left)
     assert bytes.fromhex(" ".join(data for _, data in left))[7:11] == last  # what the drive holds
     line.come(frame_of(NEXT)[10:], since_ns=began_ns + 10 * MS)
     line.pass_to(began_ns + 60 * MS)
@@ -415,7 +423,7 @@ def test_a_write_to_another_address_of_its_256_is_spoilt_once_and_then_all_are_k
     line = settled()
     speed = bytes.fromhex("10 06 20 00 02 04 00 00 00 07")
     began_ns = line.come(frame_of(speed))
-    ends_spoilt(line.to_drives(began_ns))
+    ends_aborted(line.to_drives(began_ns))
     line.pass_to(began_ns + 60 * MS)
     assert [data for _, data in line.to_drives(began_ns)] == [frame_of(speed).hex(" ")]
     line.answer(frame_of(speed[:5]))
@@ -427,7 +435,7 @@ def test_a_write_to_another_address_of_its_256_is_spoilt_once_and_then_all_are_k
     line.pass_to(line.bench.now_ns + 20 * MS)
     began_ns = line.come(frame_of(speed))  # of what begins with its four bytes nothing is expected
     assert line.to_drives(began_ns) == [(13.0, frame_of(speed).hex(" "))]
-    assert line.requests() == {CutEvent.UNFIT: 1, CutEvent.COMMITTED: 1}
+    assert line.requests() == {ForwardEvent.UNFIT: 1, ForwardEvent.COMMITTED: 1}
 
 
 @pytest.mark.parametrize("border", [0, 1 << 24, 1 << 16])
@@ -439,11 +447,11 @@ def test_readings_over_a_border_are_told_as_they_would_be_whole(border: int) -> 
     states = []
     for place in range(border - 3_000, border + 3_000, 37):
         way.bench.memory.put(PLACE, place)
-        cut, passed = way.ask(read(PLACE))
-        states.append(cut.state)
-        if cut.state is Cut.WHOLE:
-            assert cut.left == append_crc(b"\x01" + passed)
-    assert set(states[2:]) == {Cut.WHOLE}  # the first one is stored, and none is spoilt
+        forwarded, passed = way.ask(read(PLACE))
+        states.append(forwarded.state)
+        if forwarded.state is ForwardState.WHOLE:
+            assert forwarded.left == append_crc(b"\x01" + passed)
+    assert set(states[2:]) == {ForwardState.WHOLE}  # the first one is stored, and none is spoilt
 
 
 def test_a_reading_that_jumps_over_a_border_is_spoilt() -> None:
@@ -455,9 +463,9 @@ def test_a_reading_that_jumps_over_a_border_is_spoilt() -> None:
         way.bench.memory.put(PLACE, place)
         way.ask(read(PLACE))
     way.bench.memory.put(PLACE, 3_000)
-    cut, passed = way.ask(read(PLACE))
-    assert cut.state is Cut.SPOILT
-    assert residue_after(cut.left) == INVERTED
+    forwarded, passed = way.ask(read(PLACE))
+    assert forwarded.state is ForwardState.ABORTED
+    assert residue_after(forwarded.left) == INVERTED
     assert passed[2:3] == b"\x00"
 
 

@@ -27,7 +27,7 @@ from gateway.exchange.cut_through.delay import (
     reply_shape,
     write_shape,
 )
-from gateway.exchange.cut_through.frame import CutEvent
+from gateway.exchange.cut_through.frame import ForwardEvent
 from gateway.exchange.cut_through.requests import STORED_FOR, WEIGHED_AT_LEAST, Heads
 from gateway.exchange.latency import bucket_of
 from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, ControllerPlan, OtherUnits
@@ -36,8 +36,8 @@ from gateway.modbus.crc import INVERTED, is_intact, residue_after
 from gateway.modbus.registers import BitField
 from gateway.modbus.rtu import RtuRequestDecoder
 from gateway.recording import traffic
-from gateway.recording.tap import KeepingTap
-from gateway.recording.tape import ANSWERED, REPLY, REQUEST, SENT, TICK
+from gateway.recording.tap import RecordingTap
+from gateway.recording.trace_buffer import ANSWERED, REPLY, REQUEST, SENT, TICK
 from tests.exchange.cut_line_bench import CHAR_NS, PLAN, WIRE, Left, PieceLink, PiecePort, Site, frame_of
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, read, stream_plan, write
 from tests.exchange.record_bench import Records
@@ -63,7 +63,7 @@ def site(*plans: AxisPlan, **options: Any) -> Site:
     return found
 
 
-def ends_spoilt(left: Left, length: int = 13) -> None:
+def ends_aborted(left: Left, length: int = 13) -> None:
     """Assert that what left is as long as it said, and no frame."""
     frame = bytes.fromhex(" ".join(data for _, data in left))
     assert (len(frame), residue_after(frame)) == (length, INVERTED)
@@ -90,14 +90,14 @@ def test_a_setpoint_leaves_four_characters_behind_itself_and_its_reply_two() -> 
     ]
     assert line.line.is_idle
     assert line.cnc.replies == [(0, 1, NEXT[:5])]  # once
-    assert (line.requests(), line.replies()) == ({CutEvent.COMMITTED: 1}, {CutEvent.COMMITTED: 1})
+    assert (line.requests(), line.replies()) == ({ForwardEvent.COMMITTED: 1}, {ForwardEvent.COMMITTED: 1})
     assert line.line.axes[0].fields[0].nominal_words == NEXT[6:]
     assert line.forwarding.underruns == 0
     # The request was off the wire at 17.325, and the reply began at 20.
     assert line.line.meter.measured["cnc", 1].drive[bucket_of(2_675_000)] == 1
 
 
-class Heard(KeepingTap):
+class Heard(RecordingTap):
     """Keeps the frames that it hears: their kinds in order, the numbers of their ports, and their PDUs."""
 
     def __init__(self) -> None:
@@ -122,7 +122,7 @@ def test_a_tap_hears_frames_that_leave_early_in_the_order_of_those_that_are_stor
     line.come(frame_of(NEXT))
     line.pass_to(line.bench.now_ns + 20 * MS)
     line.reply(ACKNOWLEDGED)
-    assert (line.requests(), line.replies()) == ({CutEvent.COMMITTED: 1}, {CutEvent.COMMITTED: 1})
+    assert (line.requests(), line.replies()) == ({ForwardEvent.COMMITTED: 1}, {ForwardEvent.COMMITTED: 1})
     sent = write(COMMAND, 10_052)
     assert heard.frames == [
         (REQUEST, 1, NEXT.hex()),
@@ -193,7 +193,7 @@ def test_w3_a_bad_check_sum_leaves_as_one_that_is_bad_in_both_bytes_and_nothing_
     line.hear(line.panel, frame_of(OTHER))
     line.pass_to(began_ns + 40 * MS)
     assert line.to_drives(began_ns) == [(27.825, frame_of(OTHER).hex(" "))]
-    assert line.requests() == {CutEvent.BAD: 1}
+    assert line.requests() == {ForwardEvent.BAD: 1}
     # Nothing was lost: that never was a request (M3).
     assert (line.line.counters.refused, line.bench.kinds()) == (0, ["line-up", "stream-began"])
 
@@ -206,12 +206,12 @@ def test_a_frame_that_stalls_is_spoilt_and_goes_behind_the_silence_if_the_rest_c
     # A character and a pause of 1.5 behind the sixth byte: 6 + 2.5.
     left = line.to_drives(began_ns)
     assert [when for when, _ in left] == [4.325, 5.0, 6.0, 8.5]
-    ends_spoilt(left)
+    ends_aborted(left)
     line.come(frame[6:])
     line.pass_to(began_ns + 40 * MS)
     sent = bytes.fromhex(" ".join(data for _, data in WHOLE)).hex(" ")
     assert line.to_drives(began_ns) == [(27.825, sent)]
-    assert line.requests() == {CutEvent.STALLED: 1}
+    assert line.requests() == {ForwardEvent.STALLED: 1}
 
 
 def test_who_stood_still_in_the_middle_of_a_frame_spoils_it_whatever_he_looks_at_first() -> None:
@@ -226,8 +226,8 @@ def test_who_stood_still_in_the_middle_of_a_frame_spoils_it_whatever_he_looks_at
     line.forwarder.tick(now_ns)
     filled = line.to_drives(began_ns)
     assert [when for when, _ in filled] == [65.0]
-    ends_spoilt([*HEAD[:2], *filled])
-    assert line.requests() == {CutEvent.STALLED: 1}
+    ends_aborted([*HEAD[:2], *filled])
+    assert line.requests() == {ForwardEvent.STALLED: 1}
     # Eight characters are on the wire until 73; then three silences of 3.5.
     line.hear(line.panel, frame_of(STOP_PDU, 2))
     line.pass_to(began_ns + 200 * MS)
@@ -235,7 +235,7 @@ def test_who_stood_still_in_the_middle_of_a_frame_spoils_it_whatever_he_looks_at
     line.answer(frame_of(STOP_PDU, 2))
     again_ns = line.come(frame)
     assert line.to_drives(again_ns) == WHOLE
-    assert line.requests() == {CutEvent.STALLED: 1, CutEvent.COMMITTED: 1}
+    assert line.requests() == {ForwardEvent.STALLED: 1, ForwardEvent.COMMITTED: 1}
 
 
 def test_a_target_that_may_not_leave_is_judged_in_its_turn_behind_the_silence() -> None:
@@ -245,29 +245,29 @@ def test_a_target_that_may_not_leave_is_judged_in_its_turn_behind_the_silence() 
     left = line.to_drives(began_ns)
     assert left[:-1] == HEAD
     assert left[-1][0] == 11.0
-    ends_spoilt(left)
+    ends_aborted(left)
     line.pass_to(began_ns + 40 * MS)
     ((when, sent),) = line.to_drives(began_ns)
     assert when == 27.825
     assert is_intact(bytes.fromhex(sent))
-    assert line.requests() == {CutEvent.REFUSED: 1}
+    assert line.requests() == {ForwardEvent.REFUSED: 1}
     current = line.line._transactions.current
     assert current is not None
     assert (current.pdu, current.path) == (turned, None)
 
 
-@pytest.mark.parametrize(("bytes_come", "spoilt_at"), [(6, 6.4), (8, 8.4), (12, 12.4)])
+@pytest.mark.parametrize(("bytes_come", "aborted_at"), [(6, 6.4), (8, 8.4), (12, 12.4)])
 def test_m3_a_stop_of_another_controller_spoils_what_leaves_and_goes_behind_the_silence(
-    bytes_come: int, spoilt_at: float
+    bytes_come: int, aborted_at: float
 ) -> None:
     line = site(PLAN, staged_plan(name="y", unit_id=2))
     began_ns = line.come(frame_of(NEXT)[:bytes_come])
-    line.pass_to(began_ns + int(spoilt_at * MS))
+    line.pass_to(began_ns + int(aborted_at * MS))
     line.hear(line.panel, frame_of(STOP_PDU, 2))
     left = line.to_drives(began_ns)
-    assert left[-1][0] == spoilt_at
-    ends_spoilt(left)
-    assert line.requests() == {CutEvent.OVERTAKEN: 1}
+    assert left[-1][0] == aborted_at
+    ends_aborted(left)
+    assert line.requests() == {ForwardEvent.OVERTAKEN: 1}
     # The rest of it comes while the stop waits: it goes after the stop.
     line.come(frame_of(NEXT)[bytes_come:], since_ns=began_ns + bytes_come * MS)
     line.pass_to(began_ns + 30 * MS)
@@ -295,8 +295,8 @@ def test_a_port_that_is_lost_while_its_request_leaves_ends_it() -> None:
     line.line.controller_gone(line.cnc, line.bench.now_ns)
     left = line.to_drives(began_ns)
     assert [when for when, _ in left] == [4.325, 5.0, 6.0, 7.0, 8.0]
-    ends_spoilt(left)
-    assert (line.line.is_idle, line.requests()) == (True, {CutEvent.GONE: 1})
+    ends_aborted(left)
+    assert (line.line.is_idle, line.requests()) == (True, {ForwardEvent.GONE: 1})
 
 
 def test_a_wire_that_is_lost_while_a_request_leaves_gets_no_more_of_it() -> None:
@@ -305,7 +305,7 @@ def test_a_wire_that_is_lost_while_a_request_leaves_gets_no_more_of_it() -> None
     line.line.link_down(line.bench.now_ns)
     line.come(frame_of(NEXT)[8:])
     assert line.to_drives(began_ns) == HEAD
-    assert (line.line.is_idle, line.requests()) == (True, {CutEvent.LOST: 1})
+    assert (line.line.is_idle, line.requests()) == (True, {ForwardEvent.LOST: 1})
     assert line.cnc.replies == []  # a serial controller: silence
 
 
@@ -313,8 +313,8 @@ def test_bytes_of_the_drives_meet_what_leaves_and_spoil_it() -> None:
     line = site()
     began_ns = line.come(frame_of(NEXT)[:8])
     line.answer(b"\x01")
-    ends_spoilt(line.to_drives(began_ns))
-    assert (line.requests(), line.line.counters.late) == ({CutEvent.MET: 1}, 1)
+    ends_aborted(line.to_drives(began_ns))
+    assert (line.requests(), line.line.counters.late) == ({ForwardEvent.MET: 1}, 1)
 
 
 def test_w5_its_controller_begins_another_request() -> None:
@@ -324,8 +324,8 @@ def test_w5_its_controller_begins_another_request() -> None:
     line.pass_to(began_ns + 13 * MS)
     line.hear(line.cnc, frame[12:] + frame_of(read(ACTUAL))[:1])
     left = line.to_drives(began_ns)
-    ends_spoilt(left)
-    assert line.requests() == {CutEvent.ANEW: 1}
+    ends_aborted(left)
+    assert line.requests() == {ForwardEvent.ANEW: 1}
 
 
 def test_a_gateway_that_stops_lets_it_end() -> None:
@@ -348,7 +348,7 @@ def test_the_record_says_what_leaves_before_its_check_sum_does() -> None:
     assert told == [before] * 5 + [after]
     assert before is not None
     assert after is not None
-    assert (before.unproven is None, after.unproven is not None) == (True, True)
+    assert (before.unacknowledged is None, after.unacknowledged is not None) == (True, True)
 
 
 def stands_still(line: Site, wire: PieceLink | PiecePort, before: int, late_ms: float) -> None:
@@ -370,7 +370,7 @@ def test_a_request_is_torn_where_it_is_written_later_than_the_transmitter_is_emp
     began_ns = line.come(frame_of(NEXT))
     # What left before the position was off the wire at 11.325.
     assert line.to_drives(began_ns) == [*HEAD, (11.0 + late_ms, "27 44 00 00"), (13.0, "12 84")]
-    assert (line.requests(), line.forwarding.underruns) == ({CutEvent.COMMITTED: 1}, torn)
+    assert (line.requests(), line.forwarding.underruns) == ({ForwardEvent.COMMITTED: 1}, torn)
 
 
 def test_a_request_is_not_torn_whose_first_bytes_were_written_late_and_the_next_ones_in_time() -> None:
@@ -382,9 +382,9 @@ def test_a_request_is_not_torn_whose_first_bytes_were_written_late_and_the_next_
     line.hear(line.cnc, frame_of(NEXT)[4:10])
     left = line.to_drives(began_ns)
     assert [when for when, _ in left] == [11.0, 11.0]  # late by its clock: filled up
-    ends_spoilt(left)
+    ends_aborted(left)
     # By the clock of before its first write it was empty from 8.325 on; it was not before 15.
-    assert (line.requests(), line.forwarding.underruns) == ({CutEvent.STALLED: 1}, 0)
+    assert (line.requests(), line.forwarding.underruns) == ({ForwardEvent.STALLED: 1}, 0)
 
 
 @pytest.mark.parametrize(
@@ -409,7 +409,7 @@ def test_requests_leave_so_much_later_as_the_gateway_took_between_reading_and_wr
         line.reply(ACKNOWLEDGED)
         line.pass_to(line.bench.now_ns + 10 * MS)
     assert left == [HEAD[0], begins, begins]
-    assert line.requests() == {CutEvent.COMMITTED: 3}
+    assert line.requests() == {ForwardEvent.COMMITTED: 3}
 
 
 def test_a_gateway_that_is_always_too_slow_tears_one_request_and_stores_all_others() -> None:
@@ -427,8 +427,8 @@ def test_a_gateway_that_is_always_too_slow_tears_one_request_and_stores_all_othe
         line.reply(ACKNOWLEDGED)
         line.pass_to(line.bench.now_ns + 10 * MS)
     # 3 + 8 characters, the margin and the one to be gained are more than the 12 in which it is whole.
-    assert line.requests() == {CutEvent.COMMITTED: 1}
-    assert (line.forwarding.requests.ended[CutEvent.KEPT], line.forwarding.underruns) == (
+    assert line.requests() == {ForwardEvent.COMMITTED: 1}
+    assert (line.forwarding.requests.ended[ForwardEvent.KEPT], line.forwarding.underruns) == (
         2 * REMEMBERED - 1,
         1,
     )
@@ -458,7 +458,7 @@ def test_the_guard_rings_in_time_also_where_the_writing_has_taken_its_time() -> 
     *_, (when, data) = line.to_drives(began_ns)
     # Seven bytes, from 4.325 on, are off the wire at 11.325: filled up a quarter before.
     assert (when, len(bytes.fromhex(data))) == (11.075, 6)
-    assert (line.requests(), line.forwarding.underruns) == ({CutEvent.STALLED: 1}, 0)
+    assert (line.requests(), line.forwarding.underruns) == ({ForwardEvent.STALLED: 1}, 0)
 
 
 @pytest.mark.parametrize(("late_ms", "torn"), [(0.1, 0), (1.0, 1)])
@@ -472,7 +472,7 @@ def test_a_reply_is_torn_where_it_is_written_later_than_the_transmitter_is_empty
     began_ns = line.reply(ACKNOWLEDGED)
     # Its first six bytes were off the wire at 8.2.
     assert line.to_cnc(began_ns)[-1] == (8.0 + late_ms, ACKNOWLEDGED[-2:].hex(" "))
-    assert (line.replies(), line.forwarding.underruns) == ({CutEvent.COMMITTED: 1}, torn)
+    assert (line.replies(), line.forwarding.underruns) == ({ForwardEvent.COMMITTED: 1}, torn)
 
 
 @pytest.mark.parametrize(
@@ -518,7 +518,7 @@ def test_two_setpoints_in_a_row_are_cut_through() -> None:
         line.pass_to(line.bench.now_ns + 5 * MS)
         line.answer(ACKNOWLEDGED)
         line.pass_to(line.bench.now_ns + 5 * MS)
-    assert line.requests() == {CutEvent.COMMITTED: 3}
+    assert line.requests() == {ForwardEvent.COMMITTED: 3}
     assert [reply for _, _, reply in line.cnc.replies] == [NEXT[:5]] * 3
     assert line.line.axes[0].fields[0].nominal_words == write(COMMAND, 10_120)[6:]
 
@@ -539,8 +539,8 @@ def asked(pdu: bytes = NEXT) -> Site:
 def test_a_reply_with_a_bad_check_sum_is_passed_on_as_one_that_is_bad_in_both_bytes() -> None:
     line = asked()
     began_ns = line.reply(ACKNOWLEDGED[:-1] + bytes((ACKNOWLEDGED[-1] ^ 1,)))
-    ends_spoilt(line.to_cnc(began_ns), 8)
-    assert (line.replies(), line.line.is_idle) == ({CutEvent.BAD: 1}, False)
+    ends_aborted(line.to_cnc(began_ns), 8)
+    assert (line.replies(), line.line.is_idle) == ({ForwardEvent.BAD: 1}, False)
     line.pass_to(began_ns + 1100 * MS)
     assert line.line.counters.timeouts == 1
     assert line.cnc.replies == []
@@ -552,7 +552,7 @@ def test_a_reply_that_stalls_is_spoilt_and_what_it_says_counts_all_the_same() ->
     line.pass_to(began_ns + 12 * MS)
     left = line.to_cnc(began_ns)
     assert [when for when, _ in left] == [2.325, 3.0, 4.0, 5.0, 7.075]  # a quarter before it would be empty
-    ends_spoilt(left, 8)
+    ends_aborted(left, 8)
     line.reply(ACKNOWLEDGED[5:])
     assert (line.line.is_idle, line.cnc.replies) == (True, [])
     assert line.line.axes[0].fields[0].nominal_words == NEXT[6:]
@@ -562,15 +562,15 @@ def test_a_reply_that_stalls_is_spoilt_and_what_it_says_counts_all_the_same() ->
     line.forget()
     line.reply(ACKNOWLEDGED)
     assert line.cnc.replies == [(0, 1, NEXT[:5])]
-    assert line.replies() == {CutEvent.STALLED: 1, CutEvent.KEPT: 1}
+    assert line.replies() == {ForwardEvent.STALLED: 1, ForwardEvent.KEPT: 1}
 
 
 def test_w4_another_acknowledgement_is_spoilt_and_none() -> None:
     line = asked()
     began_ns = line.reply(frame_of(bytes.fromhex("10 FF FF 00 02")))
     left = line.to_cnc(began_ns)
-    ends_spoilt(left, 8)
-    assert (line.replies(), line.line.is_idle, line.cnc.replies) == ({CutEvent.CHANGED: 1}, True, [])
+    ends_aborted(left, 8)
+    assert (line.replies(), line.line.is_idle, line.cnc.replies) == ({ForwardEvent.CHANGED: 1}, True, [])
     assert line.line.axes[0].fields[0].nominal_words != NEXT[6:]
 
 
@@ -584,8 +584,8 @@ def test_a_drive_link_that_is_lost_ends_the_reply_that_leaves() -> None:
     line = asked()
     began_ns = line.reply(ACKNOWLEDGED[:5])
     line.line.link_down(line.bench.now_ns)
-    ends_spoilt(line.to_cnc(began_ns), 8)
-    assert line.replies() == {CutEvent.GONE: 1}
+    ends_aborted(line.to_cnc(began_ns), 8)
+    assert line.replies() == {ForwardEvent.GONE: 1}
 
 
 def test_a_controller_that_is_lost_hears_no_more_of_its_reply() -> None:
@@ -594,7 +594,7 @@ def test_a_controller_that_is_lost_hears_no_more_of_its_reply() -> None:
     line.line.controller_gone(line.cnc, line.bench.now_ns)
     line.reply(ACKNOWLEDGED[5:])
     assert line.to_cnc(began_ns) == [(2.325, "01 10"), (3.0, "06"), (4.0, "06"), (5.0, "00")]
-    assert (line.replies(), line.line.is_idle) == ({CutEvent.LOST: 1}, True)
+    assert (line.replies(), line.line.is_idle) == ({ForwardEvent.LOST: 1}, True)
 
 
 def test_a_reply_does_not_begin_before_the_silence_behind_its_request_is_over() -> None:
@@ -611,7 +611,7 @@ def test_what_is_a_loss_is_stored_for_the_next_ones() -> None:
     heads = Heads(Delays(CHAR_NS, CHAR_NS, margin_ns(CHAR_NS)))
     line = site()
     pdu = b"\x01" + NEXT
-    heads.note(line.forwarding.units.path_of(1, NEXT), pdu, pdu)
+    heads.add(line.forwarding.units.path_of(1, NEXT), pdu, pdu)
     pieces = [Piece(number * CHAR_NS, number + 1) for number in range(WRITE_SHAPE.length)]
     for _ in range(LEARNED_AFTER):
         heads.delays.measure(WRITE_SHAPE, pieces)
@@ -662,13 +662,13 @@ def _table(line: Site) -> None:
     line.line.command(Disable(axes=("x",)), line.bench.now_ns)
 
 
-ENDS: dict[Callable[[Site], None], CutEvent] = {
-    _stop: CutEvent.OVERTAKEN,
-    _noise: CutEvent.MET,
-    _port: CutEvent.GONE,
-    _wire: CutEvent.LOST,
-    _silence: CutEvent.STALLED,
-    _table: CutEvent.CHANGED,
+ENDS: dict[Callable[[Site], None], ForwardEvent] = {
+    _stop: ForwardEvent.OVERTAKEN,
+    _noise: ForwardEvent.MET,
+    _port: ForwardEvent.GONE,
+    _wire: ForwardEvent.LOST,
+    _silence: ForwardEvent.STALLED,
+    _table: ForwardEvent.CHANGED,
 }
 
 
@@ -688,13 +688,13 @@ def test_each_end_in_each_state_leaves_a_line_that_works(state: str, end: Callab
     left = line.to_drives(began_ns)
     if has_begun:
         is_judged = STATES[state] >= 11
-        why = CutEvent.REFUSED if end is _table and not is_judged else ENDS[end]
+        why = ForwardEvent.REFUSED if end is _table and not is_judged else ENDS[end]
         assert line.requests() == {why: 1}
         if end is _wire:
             assert all(when < STATES[state] + 1 for when, _ in left)
         else:
-            spoilt = [data for when, data in left if when < 27.7]
-            ends_spoilt([(0.0, data) for data in spoilt])
+            aborted = [data for when, data in left if when < 27.7]
+            ends_aborted([(0.0, data) for data in aborted])
     # Whatever is owed is answered, then the line is as any other, and the next setpoint goes through.
     for _ in range(4):
         line.pass_to(line.bench.now_ns + 1500 * MS)
@@ -727,7 +727,7 @@ def test_w12_to_a_device_that_is_no_axis_nothing_is_cut_through(*, is_named: boo
     left = line.to_drives(began_ns)
     assert bytes.fromhex(" ".join(data for _, data in left)) == frame
     assert left[0][0] == (8.0 if is_named else 2.325)
-    assert line.requests() == ({} if is_named else {CutEvent.COMMITTED: 1})
+    assert line.requests() == ({} if is_named else {ForwardEvent.COMMITTED: 1})
 
 
 def test_w12_an_odd_frame_begins_like_a_read_and_goes_whole() -> None:
@@ -759,12 +759,12 @@ def test_what_cannot_be_is_told_and_counted_and_the_line_goes_on(monkeypatch: py
     line.measure(acknowledgement_shape(), of_replies=True)
     frame = frame_of(NEXT)
     began_ns = line.come(frame[:8])
-    line.forwarder.end(CutEvent.KEPT, line.bench.now_ns)
+    line.forwarder.end(ForwardEvent.KEPT, line.bench.now_ns)
     line.come(frame[8:])
     # Spoilt at 8, it has its full length, and goes stored behind the silence.
     line.pass_to(began_ns + 40 * MS)
     left = line.to_drives(began_ns)
-    ends_spoilt([each for each in left if each[0] < 27.7])
+    ends_aborted([each for each in left if each[0] < 27.7])
     assert left[-1][1] == " ".join(data for _, data in WHOLE)
     # Bytes of its reply have left when that happens to it: its controller hears no frame.
     line.answer(ACKNOWLEDGED[:1])
@@ -773,8 +773,8 @@ def test_what_cannot_be_is_told_and_counted_and_the_line_goes_on(monkeypatch: py
     line.pass_to(line.bench.now_ns + MS)
     line.answer(ACKNOWLEDGED[2:3])
     assert line.cnc.left
-    line.forwarding.end_reply(CutEvent.KEPT, line.bench.now_ns)
-    ends_spoilt(line.to_cnc(began_ns), length=8)
+    line.forwarding.end_reply(ForwardEvent.KEPT, line.bench.now_ns)
+    ends_aborted(line.to_cnc(began_ns), length=8)
     line.answer(ACKNOWLEDGED[3:])
     assert line.line.is_idle
     assert line.line.axes[0].fields[0].nominal_words == NEXT[6:]

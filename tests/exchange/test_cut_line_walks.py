@@ -10,7 +10,7 @@ from random import Random
 import pytest
 
 from gateway.exchange.cut_through.delay import acknowledgement_shape
-from gateway.exchange.cut_through.frame import CutEvent
+from gateway.exchange.cut_through.frame import ForwardEvent
 from gateway.exchange.transaction import Phase
 from gateway.modbus.crc import INVERTED, is_intact, residue_after
 from tests.exchange.cut_line_bench import CHAR_NS, PLAN, Site, frame_of
@@ -31,7 +31,7 @@ class Witness:
     def __init__(self, line: Site) -> None:
         self.line = line
         self.intact: list[bytes] = []
-        self.spoilt = 0
+        self.aborted = 0
 
     def look(self) -> None:
         """Take apart what has left since it looked last; what has not ended stays."""
@@ -44,7 +44,7 @@ class Witness:
             if is_intact(frame) and self._is_whole(frame):
                 self.intact.append(frame)
             elif residue_after(frame) == INVERTED and len(frame) in (8, 13):
-                self.spoilt += 1
+                self.aborted += 1
                 free_ns = ends_ns + SILENCE_NS
             elif number < len(left) - 1:
                 continue
@@ -104,16 +104,22 @@ def step(line: Site, rng: Random, coming: bytes) -> bytes:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_drives_hear_whole_frames_or_what_is_none(seed: int) -> None:
-    ends: Counter[CutEvent] = Counter()
+    ends: Counter[ForwardEvent] = Counter()
     for number in range(SITES):
         ends.update(walked(Random(SITES * seed + number)))
-    assert ends[CutEvent.COMMITTED] > SITES / 4
-    for event in (CutEvent.STALLED, CutEvent.OVERTAKEN, CutEvent.MET, CutEvent.GONE, CutEvent.LOST):
+    assert ends[ForwardEvent.COMMITTED] > SITES / 4
+    for event in (
+        ForwardEvent.STALLED,
+        ForwardEvent.OVERTAKEN,
+        ForwardEvent.MET,
+        ForwardEvent.GONE,
+        ForwardEvent.LOST,
+    ):
         assert ends[event] > 0, event
-    assert ends[CutEvent.BAD] + ends[CutEvent.UNFIT] + ends[CutEvent.REFUSED] > 0
+    assert ends[ForwardEvent.BAD] + ends[ForwardEvent.UNFIT] + ends[ForwardEvent.REFUSED] > 0
 
 
-def walked(rng: Random) -> dict[CutEvent, int]:
+def walked(rng: Random) -> dict[ForwardEvent, int]:
     """Return how requests ended that began to leave, while this and that happened."""
     line = site(PLAN, staged_plan(name="y", unit_id=2))
     line.measure(acknowledgement_shape(), of_replies=True)

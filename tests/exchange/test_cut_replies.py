@@ -10,18 +10,18 @@ from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.cut_through.delay import (
     LEARNED_AFTER,
     Delays,
+    FrameShape,
     Piece,
-    Shape,
     acknowledgement_shape,
     reply_shape,
 )
-from gateway.exchange.cut_through.frame import Cut, CutEvent, CutThrough
+from gateway.exchange.cut_through.frame import ForwardedFrame, ForwardEvent, ForwardState
 from gateway.exchange.cut_through.replies import Replies, ReplyJudge, reply_shape_of
 from gateway.exchange.plan import AxisPlan
 from gateway.exchange.transaction import Transaction
 from gateway.modbus.crc import INVERTED, append_crc, residue_after
 from gateway.modbus.registers import BitField
-from gateway.modbus.rtu_arrival import Known, ReplyArrival
+from gateway.modbus.rtu_arrival import Progress, ReplyArrival
 from tests.exchange.cut_bench import CHAR_NS, PACE, characters, play
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, read, stream_plan, write
 from tests.exchange.test_fast_path import CURVE
@@ -38,9 +38,9 @@ class Way:
     def __init__(self, plan: AxisPlan = PLAN) -> None:
         self.bench = Bench(plan)
         self.replies = Replies(Delays(CHAR_NS, CHAR_NS, CHAR_NS))
-        self.events: list[CutEvent] = []
+        self.events: list[ForwardEvent] = []
 
-    def measure(self, shape: Shape | None) -> None:
+    def measure(self, shape: FrameShape | None) -> None:
         assert shape is not None
         if shape.late is not None:
             self.measure(shape.late)
@@ -57,7 +57,7 @@ class Way:
 
     def ask(
         self, pdu: bytes, meanwhile: Callable[[], None] = lambda: None, reply: bytes = b""
-    ) -> tuple[CutThrough, bytes]:
+    ) -> tuple[ForwardedFrame, bytes]:
         """Send a request; return what became of its reply, and what the line makes of it when it is whole."""
         bench = self.bench
         bench.send(pdu)
@@ -71,17 +71,17 @@ class Way:
             self.measure(shape)
         judge = ReplyJudge(transaction, self.replies)
         self.events = []
-        cut = CutThrough(ReplyArrival(unit_id, sent), judge, PACE, self.events.append)
+        forwarded = ForwardedFrame(ReplyArrival(unit_id, sent), judge, PACE, self.events.append)
         came = characters(append_crc(bytes((unit_id,)) + reply), from_ns=bench.now_ns)
-        play(cut, came[:-1])
+        play(forwarded, came[:-1])
         meanwhile()
-        play(cut, came[-1:], came[-1][0] + 100 * CHAR_NS)
+        play(forwarded, came[-1:], came[-1][0] + 100 * CHAR_NS)
         bench.now_ns += MS
         bench.line.reply(unit_id, reply, bench.now_ns)
         passed = bench.port.take()
-        self.replies.note(transaction, passed)
+        self.replies.add(transaction, passed)
         bench.now_ns += 10 * MS
-        return cut, passed
+        return forwarded, passed
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -90,8 +90,8 @@ def test_replies_leave_as_the_line_would_have_passed_them_on(seed: int) -> None:
     way.settle()
     counts, states = 10_000, []
     for pdu in (BLOCK, read(ACTUAL), read(COMMAND)):
-        cut, _ = way.ask(pdu)
-        assert cut.state is Cut.STORED  # nothing is known that it could be filled with
+        forwarded, _ = way.ask(pdu)
+        assert forwarded.state is ForwardState.STORED  # nothing is known that it could be filled with
     for number in range(80):
         counts += 40 if number < 50 else -40
         kind = rng.randrange(4)
@@ -99,13 +99,13 @@ def test_replies_leave_as_the_line_would_have_passed_them_on(seed: int) -> None:
         lag = rng.randint(0, 30)
         way.bench.memory.put(ACTUAL, way.bench.memory.get(COMMAND) - lag)
         way.bench.memory.words[STATUS] = rng.randint(0, 3)
-        cut, passed = way.ask(request)
-        states.append(cut.state)
-        if cut.state is Cut.WHOLE:
-            assert cut.left == append_crc(b"\x01" + passed)
+        forwarded, passed = way.ask(request)
+        states.append(forwarded.state)
+        if forwarded.state is ForwardState.WHOLE:
+            assert forwarded.left == append_crc(b"\x01" + passed)
         else:  # the slow path took the target: of its reply nothing leaves early
-            assert (kind, cut.state, cut.left) == (0, Cut.STORED, b"")
-    assert states.count(Cut.WHOLE) > 40
+            assert (kind, forwarded.state, forwarded.left) == (0, ForwardState.STORED, b"")
+    assert states.count(ForwardState.WHOLE) > 40
 
 
 def test_the_shapes_of_replies() -> None:
@@ -121,13 +121,13 @@ def test_the_shapes_of_replies() -> None:
     assert found == [acknowledgement_shape(), reply_shape(2, [(0, 2)]), reply_shape(3, [(0, 2)]), None]
 
 
-def begun(way: Way, pdu: bytes) -> tuple[Transaction, CutThrough]:
+def begun(way: Way, pdu: bytes) -> tuple[Transaction, ForwardedFrame]:
     """Send a request; return it, and a forwarder for its reply."""
     way.bench.send(pdu)
     transaction = way.bench.line._transactions.current
     assert transaction is not None
     judge = ReplyJudge(transaction, way.replies)
-    return transaction, CutThrough(ReplyArrival(1, pdu), judge, PACE, way.events.append)
+    return transaction, ForwardedFrame(ReplyArrival(1, pdu), judge, PACE, way.events.append)
 
 
 def test_a_spoilt_reply_is_filled_with_what_was_said_before() -> None:
@@ -135,29 +135,33 @@ def test_a_spoilt_reply_is_filled_with_what_was_said_before() -> None:
     way.settle()
     _, before = way.ask(BLOCK)
     way.bench.memory.put(ACTUAL, 9_000)
-    _, cut = begun(way, BLOCK)
+    _, forwarded = begun(way, BLOCK)
     # Its head has left, and the first word of a position that is never whole.
-    play(cut, characters(b"\x01" + way.bench.memory.answer(BLOCK)[:4]), 90_000)
-    assert (cut.state, way.events[-1]) == (Cut.SPOILT, CutEvent.STALLED)
-    assert cut.left[:-2] == b"\x01" + before
-    assert residue_after(cut.left) == INVERTED
+    play(forwarded, characters(b"\x01" + way.bench.memory.answer(BLOCK)[:4]), 90_000)
+    assert (forwarded.state, way.events[-1]) == (ForwardState.ABORTED, ForwardEvent.STALLED)
+    assert forwarded.left[:-2] == b"\x01" + before
+    assert residue_after(forwarded.left) == INVERTED
 
 
 def test_w4_an_acknowledgement_of_other_registers_gets_no_check_sum() -> None:
     way = Way()
     way.settle()
-    cut, passed = way.ask(write(COMMAND, 10_040), reply=bytes.fromhex("10 FF FF 00 02"))
+    forwarded, passed = way.ask(write(COMMAND, 10_040), reply=bytes.fromhex("10 FF FF 00 02"))
     assert passed == bytes.fromhex("10 FF FF 00 02")
-    assert (cut.state, way.events[-1], cut.arrival.known) == (Cut.SPOILT, CutEvent.CHANGED, Known.GOOD)
+    assert (forwarded.state, way.events[-1], forwarded.arrival.progress) == (
+        ForwardState.ABORTED,
+        ForwardEvent.CHANGED,
+        Progress.GOOD,
+    )
     # It has gone on as it came: only its check sum is not the right one.
-    assert cut.left[:-2] == bytes.fromhex("01 10 FF FF 00 02")
+    assert forwarded.left[:-2] == bytes.fromhex("01 10 FF FF 00 02")
 
 
 def test_an_exception_is_stored() -> None:
     way = Way()
     way.settle()
-    cut, passed = way.ask(write(COMMAND, 10_040), reply=b"\x90\x04")
-    assert (cut.state, cut.left, passed) == (Cut.STORED, b"", b"\x90\x04")
+    forwarded, passed = way.ask(write(COMMAND, 10_040), reply=b"\x90\x04")
+    assert (forwarded.state, forwarded.left, passed) == (ForwardState.STORED, b"", b"\x90\x04")
 
 
 def test_the_reply_to_what_went_the_slow_path_is_stored() -> None:
@@ -166,28 +170,29 @@ def test_the_reply_to_what_went_the_slow_path_is_stored() -> None:
     for _ in range(2):
         way.ask(read(COMMAND))
     way.bench.line.axes[0].fall_silent(way.bench.now_ns, way.bench.now_ns)
-    transaction, cut = begun(way, read(COMMAND))
-    play(cut, characters(append_crc(b"\x01" + way.bench.memory.answer(read(COMMAND)))))
-    assert (transaction.path, cut.state) == (None, Cut.STORED)
+    transaction, forwarded = begun(way, read(COMMAND))
+    play(forwarded, characters(append_crc(b"\x01" + way.bench.memory.answer(read(COMMAND)))))
+    assert (transaction.path, forwarded.state) == (None, ForwardState.STORED)
 
 
 @pytest.mark.parametrize(
-    ("after_bytes", "state", "why"), [(0, Cut.STORED, CutEvent.KEPT), (5, Cut.SPOILT, CutEvent.REFUSED)]
+    ("after_bytes", "state", "why"),
+    [(0, ForwardState.STORED, ForwardEvent.KEPT), (5, ForwardState.ABORTED, ForwardEvent.REFUSED)],
 )
 def test_a_reading_that_may_prove_a_target_is_not_turned_back_before_it_is_whole(
-    after_bytes: int, state: Cut, why: CutEvent
+    after_bytes: int, state: ForwardState, why: ForwardEvent
 ) -> None:
     """What is known of that before it begins to leave has it stored; what comes later, spoilt."""
     way = Way()
     way.settle()
     way.ask(read(COMMAND))
     axis = way.bench.line.axes[0]
-    _, cut = begun(way, read(COMMAND))
+    _, forwarded = begun(way, read(COMMAND))
     words = axis.fields[0].nominal_words
     assert words is not None
     came = characters(append_crc(b"\x01" + way.bench.memory.answer(read(COMMAND))))
-    play(cut, came[:after_bytes])
+    play(forwarded, came[:after_bytes])
     axis.motion.enter(MotionState.UNACKNOWLEDGED, Rendering(0, words, b"\0\0\0\1", 1.0, None))
-    play(cut, came[after_bytes:])
-    assert (cut.state, way.events[-1]) == (state, why)
-    assert len(cut.left) == (reply_shape(2, [(0, 2)]).length if state is Cut.SPOILT else 0)
+    play(forwarded, came[after_bytes:])
+    assert (forwarded.state, way.events[-1]) == (state, why)
+    assert len(forwarded.left) == (reply_shape(2, [(0, 2)]).length if state is ForwardState.ABORTED else 0)

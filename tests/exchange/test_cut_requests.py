@@ -7,13 +7,13 @@ import pytest
 
 from gateway.exchange.axis.acknowledge import SteadyTarget
 from gateway.exchange.cut_through.delay import LEARNED_AFTER, Delays, Piece, read_shape, write_shape
-from gateway.exchange.cut_through.frame import Cut, CutEvent, CutThrough
+from gateway.exchange.cut_through.frame import ForwardedFrame, ForwardEvent, ForwardState
 from gateway.exchange.cut_through.requests import Heads, RequestJudge, leave_on
-from gateway.exchange.dispatch import Units
+from gateway.exchange.dispatch import UnitMaps
 from gateway.exchange.plan import AxisPlan
 from gateway.exchange.transaction import FastPath, Transaction
 from gateway.modbus.crc import INVERTED, append_crc, residue_after
-from gateway.modbus.rtu_arrival import Known, RequestArrival
+from gateway.modbus.rtu_arrival import Progress, RequestArrival
 from tests.exchange.cut_bench import CHAR_NS, PACE, characters, play
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, read, stream_plan, write
 from tests.exchange.test_fast_path import CURVE
@@ -30,11 +30,11 @@ class Way:
 
     def __init__(self, plan: AxisPlan | None = None) -> None:
         self.bench = Bench(plan or stream_plan(table=CURVE))
-        self.units = Units(self.bench.line.axes, is_serial=True)
+        self.units = UnitMaps(self.bench.line.axes, is_serial=True)
         self.heads = Heads(Delays(CHAR_NS, CHAR_NS, CHAR_NS))
         self.is_free = True
         self.left: list[Transaction] = []
-        self.events: list[CutEvent] = []
+        self.events: list[ForwardEvent] = []
         for shape in (WRITE_SHAPE, read_shape()):
             pieces = [Piece(index * CHAR_NS, index + 1) for index in range(shape.length)]
             for _ in range(LEARNED_AFTER):
@@ -44,7 +44,7 @@ class Way:
         """Let a request go the usual way, and be acknowledged; return what the drive was told."""
         self.bench.ask(pdu)
         sent = self.bench.seen[-1]
-        self.heads.note(self.units.path_of(1, pdu), b"\x01" + pdu, b"\x01" + sent)
+        self.heads.add(self.units.path_of(1, pdu), b"\x01" + pdu, b"\x01" + sent)
         return sent
 
     def stream(self, *counts: float) -> bytes:
@@ -58,7 +58,7 @@ class Way:
         """Let a stream begin, and go on until no correction is blended any more: it is at 10 000 counts."""
         return self.stream(*range(2_000, 10_001, 40))
 
-    def begin(self) -> CutThrough:
+    def begin(self) -> ForwardedFrame:
         """Return a forwarder for what comes next."""
 
         def leaves(path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int) -> bytes | None:
@@ -70,18 +70,18 @@ class Way:
 
         judge = RequestJudge(self.bench.port, self.units, self.heads, lambda *_: self.is_free, leaves)
         self.events = []
-        return CutThrough(RequestArrival(), judge, PACE, self.events.append)
+        return ForwardedFrame(RequestArrival(), judge, PACE, self.events.append)
 
-    def cut(
+    def forwarded(
         self, frame: bytes, meanwhile: Callable[[], None] = lambda: None, after_bytes: int = 12
-    ) -> CutThrough:
+    ) -> ForwardedFrame:
         """Let a frame come character by character; something happens after so many of them."""
-        cut = self.begin()
+        forwarded = self.begin()
         came = characters(frame, from_ns=self.bench.now_ns)
-        play(cut, came[:after_bytes])
+        play(forwarded, came[:after_bytes])
         meanwhile()
-        play(cut, came[after_bytes:], came[-1][0] + 100 * CHAR_NS)
-        return cut
+        play(forwarded, came[after_bytes:], came[-1][0] + 100 * CHAR_NS)
+        return forwarded
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -93,47 +93,49 @@ def test_a_stream_leaves_as_the_line_would_have_sent_it(seed: int) -> None:
     for number in range(110):
         step = -step if number % 40 == 39 else step
         counts += step * rng.randint(0, 2)
-        cut = way.cut(frame_of(write(COMMAND, counts)))
+        forwarded = way.forwarded(frame_of(write(COMMAND, counts)))
         sent = way.store(write(COMMAND, counts))  # the same line, the same instant, stored
         way.bench.now_ns += 10 * MS
-        outcomes.append(cut.state)
-        if cut.state is Cut.WHOLE:
-            assert cut.left == frame_of(sent)
-        elif cut.state is Cut.SPOILT:  # the way turns: the slow path decides, and the drive gets no frame
-            assert way.events[-1] is CutEvent.REFUSED
-            assert residue_after(cut.left) == INVERTED
-            assert cut.arrival.known is Known.GOOD
+        outcomes.append(forwarded.state)
+        if forwarded.state is ForwardState.WHOLE:
+            assert forwarded.left == frame_of(sent)
+        elif (
+            forwarded.state is ForwardState.ABORTED
+        ):  # the way turns: the slow path decides, and the drive gets no frame
+            assert way.events[-1] is ForwardEvent.REFUSED
+            assert residue_after(forwarded.left) == INVERTED
+            assert forwarded.arrival.progress is Progress.GOOD
         else:  # the correction of the turn is blended
-            assert cut.left == b""
-    assert outcomes.count(Cut.WHOLE) > 60
-    assert outcomes.count(Cut.SPOILT) == 2  # once for each turn
+            assert forwarded.left == b""
+    assert outcomes.count(ForwardState.WHOLE) > 60
+    assert outcomes.count(ForwardState.ABORTED) == 2  # once for each turn
 
 
 def test_a_spoilt_target_is_filled_with_what_the_drive_holds() -> None:
     way = Way()
     last = way.settle()
-    cut = way.cut(frame_of(write(COMMAND, 9_000)))
-    assert cut.state is Cut.SPOILT
-    assert cut.left[1:-2] == last
+    forwarded = way.forwarded(frame_of(write(COMMAND, 9_000)))
+    assert forwarded.state is ForwardState.ABORTED
+    assert forwarded.left[1:-2] == last
 
 
 def test_whoever_takes_the_axis_over_meanwhile_is_not_overwritten() -> None:
     way = Way()
     way.settle()
     hold = way.bench.line.axes[0].hold
-    cut = way.cut(
+    forwarded = way.forwarded(
         frame_of(write(COMMAND, 10_120)), lambda: hold.move("panel (192.168.0.9)", way.bench.now_ns)
     )
-    assert (cut.state, way.events[-1], way.left) == (Cut.SPOILT, CutEvent.CHANGED, [])
+    assert (forwarded.state, way.events[-1], way.left) == (ForwardState.ABORTED, ForwardEvent.CHANGED, [])
 
 
 def test_an_axis_whose_link_was_lost_meanwhile_gets_no_target() -> None:
     way = Way()
     way.settle()
-    cut = way.cut(
+    forwarded = way.forwarded(
         frame_of(write(COMMAND, 10_120)), lambda: way.bench.line.axes[0].lose_link(way.bench.now_ns)
     )
-    assert cut.state is Cut.SPOILT
+    assert forwarded.state is ForwardState.ABORTED
     assert way.left == []
 
 
@@ -143,19 +145,19 @@ def test_a_read_leaves_at_its_function_wherever_it_reads() -> None:
     way.store(read(ACTUAL))
     for pdu in (read(ACTUAL), bytes.fromhex("03 01 00 00 07")):
         frame = frame_of(pdu)
-        cut = way.cut(frame)
-        assert (cut.state, cut.left) == (Cut.WHOLE, frame)
+        forwarded = way.forwarded(frame)
+        assert (forwarded.state, forwarded.left) == (ForwardState.WHOLE, frame)
     # One that cuts a position goes the slow path: nothing that a drive could take for a frame has left.
-    cut = way.cut(frame_of(bytes.fromhex("03 05 20 00 01")))
-    assert (cut.state, way.events[-1]) == (Cut.SPOILT, CutEvent.UNFIT)
+    forwarded = way.forwarded(frame_of(bytes.fromhex("03 05 20 00 01")))
+    assert (forwarded.state, way.events[-1]) == (ForwardState.ABORTED, ForwardEvent.UNFIT)
 
 
 def test_a_read_that_cuts_a_position_before_all_others_keeps_none_of_them_from_leaving() -> None:
     way = Way()
     way.store(bytes.fromhex("03 05 20 00 01"))
     way.store(read(ACTUAL))
-    cut = way.cut(frame_of(read(ACTUAL)))
-    assert (cut.state, cut.left) == (Cut.WHOLE, frame_of(read(ACTUAL)))
+    forwarded = way.forwarded(frame_of(read(ACTUAL)))
+    assert (forwarded.state, forwarded.left) == (ForwardState.WHOLE, frame_of(read(ACTUAL)))
 
 
 @pytest.mark.parametrize(
@@ -173,22 +175,22 @@ def test_what_does_not_begin_like_something_acknowledged_is_stored(pdu: str) -> 
     way = Way()
     way.bench.ask(write(COMMAND, 10_000))
     way.store(read(ACTUAL))
-    cut = way.cut(frame_of(bytes.fromhex(pdu)))
-    assert (cut.state, cut.left) == (Cut.STORED, b"")
+    forwarded = way.forwarded(frame_of(bytes.fromhex(pdu)))
+    assert (forwarded.state, forwarded.left) == (ForwardState.STORED, b"")
 
 
 def test_nothing_begins_to_leave_while_the_line_is_not_free() -> None:
     way = Way()
     way.settle()
     way.is_free = False
-    assert way.cut(frame_of(write(COMMAND, 10_120))).state is Cut.STORED
+    assert way.forwarded(frame_of(write(COMMAND, 10_120))).state is ForwardState.STORED
 
 
 def test_a_broadcast_and_another_unit_are_stored() -> None:
     way = Way()
     way.settle()
     for unit_id in (0, 2):
-        assert way.cut(frame_of(write(COMMAND, 10_120), unit_id)).state is Cut.STORED
+        assert way.forwarded(frame_of(write(COMMAND, 10_120), unit_id)).state is ForwardState.STORED
 
 
 def test_two_writes_that_begin_alike_are_both_stored() -> None:
@@ -196,28 +198,32 @@ def test_two_writes_that_begin_alike_are_both_stored() -> None:
     way.settle()
     block = bytes.fromhex("10 06 06 00 03 06") + write(COMMAND, 10_120)[6:] + b"\0\0"
     way.store(block)
-    assert way.cut(frame_of(write(COMMAND, 10_160))).state is Cut.STORED
+    assert way.forwarded(frame_of(write(COMMAND, 10_160))).state is ForwardState.STORED
     way.stream(*range(10_200, 14_000, 40))
-    assert way.cut(frame_of(write(COMMAND, 14_000))).state is Cut.STORED
+    assert way.forwarded(frame_of(write(COMMAND, 14_000))).state is ForwardState.STORED
 
 
 def test_the_first_block_behind_a_known_beginning_is_spoilt_and_those_after_it_are_stored() -> None:
     way = Way()
     way.settle()
     block = bytes.fromhex("10 06 06 00 03 06") + write(COMMAND, 10_120)[6:] + b"\0\0"
-    cut = way.cut(frame_of(block))
-    assert (cut.state, way.events[-1], cut.arrival.known) == (Cut.SPOILT, CutEvent.UNFIT, Known.GOOD)
-    assert len(cut.left) == WRITE_SHAPE.length
+    forwarded = way.forwarded(frame_of(block))
+    assert (forwarded.state, way.events[-1], forwarded.arrival.progress) == (
+        ForwardState.ABORTED,
+        ForwardEvent.UNFIT,
+        Progress.GOOD,
+    )
+    assert len(forwarded.left) == WRITE_SHAPE.length
     way.store(block)
-    assert way.cut(frame_of(block)).state is Cut.STORED
+    assert way.forwarded(frame_of(block)).state is ForwardState.STORED
 
 
 def test_a_target_for_an_axis_whose_drive_fell_silent_is_stored() -> None:
     way = Way()
     way.settle()
     way.bench.line.axes[0].fall_silent(way.bench.now_ns, way.bench.now_ns)
-    cut = way.cut(frame_of(write(COMMAND, 10_120)))
-    assert (cut.state, way.left) == (Cut.STORED, [])
+    forwarded = way.forwarded(frame_of(write(COMMAND, 10_120)))
+    assert (forwarded.state, way.left) == (ForwardState.STORED, [])
 
 
 def test_nothing_is_cut_through_before_the_port_was_measured() -> None:
@@ -225,7 +231,7 @@ def test_nothing_is_cut_through_before_the_port_was_measured() -> None:
     way = Way()
     pdu = write(COMMAND, 10_000)
     path = way.units.path_of(1, pdu)
-    heads.note(path, b"\x01" + pdu, b"\x01" + pdu)
+    heads.add(path, b"\x01" + pdu, b"\x01" + pdu)
     assert heads.opening(b"\x01" + pdu[:3]) is None
     pieces = [Piece(index * CHAR_NS, index + 1) for index in range(13)]
     for _ in range(LEARNED_AFTER):
@@ -242,6 +248,6 @@ def test_another_port_is_another_controller() -> None:
     other = Port()
     other.writer = "panel"
     judge = RequestJudge(other, way.units, way.heads, lambda *_: True, lambda *_: None)
-    cut = CutThrough(RequestArrival(), judge, PACE, way.events.append)
-    play(cut, characters(frame_of(write(COMMAND, 10_120))))
-    assert cut.state is Cut.STORED
+    forwarded = ForwardedFrame(RequestArrival(), judge, PACE, way.events.append)
+    play(forwarded, characters(frame_of(write(COMMAND, 10_120))))
+    assert forwarded.state is ForwardState.STORED

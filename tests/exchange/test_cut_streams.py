@@ -11,7 +11,7 @@ from random import Random
 
 import pytest
 
-from gateway.exchange.cut_through.frame import CutEvent
+from gateway.exchange.cut_through.frame import ForwardEvent
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Arrival, Bench, read, stream_plan, write
 from tests.exchange.test_fast_path import CURVE
 from tests.soak import repeated
@@ -61,13 +61,13 @@ def test_a_stream_reaches_its_drive_as_on_a_line_that_stores(
     forwarding = cut.line.forwarding
     assert forwarding is not None
     requests, replies = (
-        forwarding.requests.ended[CutEvent.COMMITTED],
-        forwarding.replies.ended[CutEvent.COMMITTED],
+        forwarding.requests.ended[ForwardEvent.COMMITTED],
+        forwarding.replies.ended[ForwardEvent.COMMITTED],
     )
-    spoilt = {
+    aborted = {
         event.value: count - forwarding.requests.stored[event]
         for event, count in forwarding.requests.ended.items()
-        if event is not CutEvent.COMMITTED and count > forwarding.requests.stored[event]
+        if event is not ForwardEvent.COMMITTED and count > forwarding.requests.stored[event]
     }
     assert sum(forwarding.requests.ended.values()) == 2 * len(wanted)  # each of them has ended in one way
     whole_at_once = 2 * len(wanted) - sum(
@@ -80,7 +80,7 @@ def test_a_stream_reaches_its_drive_as_on_a_line_that_stores(
     with capsys.disabled():
         sys.stdout.write(
             f"\nstream {seed}: {len(wanted)} setpoints and readings, requests cut through {requests}, stored "
-            f"{sum(forwarding.requests.stored.values())}, spoilt {spoilt}; replies cut through {replies}, "
+            f"{sum(forwarding.requests.stored.values())}, spoilt {aborted}; replies cut through {replies}, "
             f"stored {sum(forwarding.replies.stored.values()) + whole_at_once}\n"
         )
     assert requests > 0.7 * 2 * len(wanted)

@@ -12,9 +12,16 @@ from gateway.compiled import is_compiled
 from gateway.exchange.axis import impossible
 from gateway.exchange.axis.impossible import ImpossibleEventError
 from gateway.exchange.cut_through.delay import reply_shape, write_shape
-from gateway.exchange.cut_through.frame import CUT_AFTER, Cut, CutEvent, CutThrough, closed, is_fit_head
+from gateway.exchange.cut_through.frame import (
+    FORWARD_AFTER,
+    ForwardedFrame,
+    ForwardEvent,
+    ForwardState,
+    closed,
+    is_fit_head,
+)
 from gateway.modbus.crc import INVERTED, append_crc, ends_a_frame, is_intact, residue_after
-from gateway.modbus.rtu_arrival import Known, ReplyArrival, RequestArrival
+from gateway.modbus.rtu_arrival import Progress, ReplyArrival, RequestArrival
 from tests.exchange.cut_bench import (
     ACKNOWLEDGEMENT,
     HEAD,
@@ -38,23 +45,23 @@ OUT = [(5000, "01 10 6f 00 00"), (6000, "02"), (7000, "04")]
 """The head of the write, as it leaves."""
 DATA = [(11000, "55 55 00 0b")]
 CRC = [(13000, "5a 46")]
-SPOILT_CRC = "a5 b9"
+ABORTED_CRC = "a5 b9"
 """Both bytes of 5A 46 with all bits inverted."""
 
 
 def test_a_write_leaves_four_characters_behind_itself() -> None:
-    cut, judge, events = write()
-    assert play(cut, characters(WRITE)) == OUT + DATA + CRC
-    assert cut.left == SENT
-    assert events == [CutEvent.OPENED, CutEvent.FITTED, CutEvent.JUDGED, CutEvent.COMMITTED]
+    forwarded, judge, events = write()
+    assert play(forwarded, characters(WRITE)) == OUT + DATA + CRC
+    assert forwarded.left == SENT
+    assert events == [ForwardEvent.OPENED, ForwardEvent.FITTED, ForwardEvent.JUDGED, ForwardEvent.COMMITTED]
     assert judge.committed == [(WRITE[:-2], SENT[:-2])]
     # Its last character is off the wire at 5 000 + 13 000; it came in until 13 000.
-    assert cut.empty_ns == 18000
+    assert forwarded.empty_ns == 18000
 
 
 def test_a_read_leaves_as_it_comes_and_its_check_sum_when_it_was_good() -> None:
-    cut, judge, _ = read()
-    assert play(cut, characters(READ)) == [
+    forwarded, judge, _ = read()
+    assert play(forwarded, characters(READ)) == [
         (3000, "01 03 02"),
         (4000, "00"),
         (5000, "00"),
@@ -65,9 +72,9 @@ def test_a_read_leaves_as_it_comes_and_its_check_sum_when_it_was_good() -> None:
 
 
 def test_the_positions_of_a_reply_are_turned_back_when_they_are_whole() -> None:
-    cut, _, events = read_reply(counts=-3)
+    forwarded, _, events = read_reply(counts=-3)
     assert (
-        play(cut, characters(READ_REPLY))
+        play(forwarded, characters(READ_REPLY))
         == [
             (5000, "01 03 06"),
             (7000, "00 00 0f fd"),  # 0x1000 − 3
@@ -76,46 +83,50 @@ def test_the_positions_of_a_reply_are_turned_back_when_they_are_whole() -> None:
             (11000, append_crc(bytes.fromhex("01 03 06 00 00 0F FD 00 07"))[-2:].hex(" ")),
         ]
     )
-    assert events == [CutEvent.OPENED, CutEvent.FITTED, CutEvent.JUDGED, CutEvent.COMMITTED]
+    assert events == [ForwardEvent.OPENED, ForwardEvent.FITTED, ForwardEvent.JUDGED, ForwardEvent.COMMITTED]
 
 
 def test_an_acknowledgement_is_two_characters_behind_itself() -> None:
-    cut, _, _ = acknowledgement()
-    left = play(cut, characters(ACKNOWLEDGEMENT))
+    forwarded, _, _ = acknowledgement()
+    left = play(forwarded, characters(ACKNOWLEDGEMENT))
     assert [when for when, _ in left] == [3000, 4000, 5000, 6000, 8000]
-    assert cut.left == ACKNOWLEDGEMENT
+    assert forwarded.left == ACKNOWLEDGEMENT
 
 
 def test_a_frame_that_comes_whole_before_its_delay_is_over_is_stored() -> None:
-    cut, judge, events = write(stall_ns=4000)
-    assert play(cut, [(1000, WRITE[:9]), (4000, WRITE[9:])], 20000) == []
-    assert (cut.state, events, judge.committed) == (Cut.STORED, [CutEvent.KEPT], [])
-    assert cut.arrival.known is Known.GOOD
+    forwarded, judge, events = write(stall_ns=4000)
+    assert play(forwarded, [(1000, WRITE[:9]), (4000, WRITE[9:])], 20000) == []
+    assert (forwarded.state, events, judge.committed) == (ForwardState.STORED, [ForwardEvent.KEPT], [])
+    assert forwarded.arrival.progress is Progress.GOOD
 
 
 def test_a_frame_that_stood_still_before_anything_of_it_left_is_stored() -> None:
     # Two bytes do not say yet what it is. When more come its delay is over: it counts from the first of them.
-    cut, _, events = write()
+    forwarded, _, events = write()
     pieces = [(1000, WRITE[:2]), (90000, WRITE[2:9]), (91000, WRITE[9:11]), (92000, WRITE[11:])]
-    assert play(cut, pieces, 99000) == []
-    assert (cut.state, events, cut.arrival.known) == (Cut.STORED, [CutEvent.STALLED], Known.GOOD)
+    assert play(forwarded, pieces, 99000) == []
+    assert (forwarded.state, events, forwarded.arrival.progress) == (
+        ForwardState.STORED,
+        [ForwardEvent.STALLED],
+        Progress.GOOD,
+    )
 
 
 def test_lumps_leave_as_far_as_they_may_when_the_delay_is_over() -> None:
-    cut, _, _ = write(stall_ns=4000)
-    assert play(cut, [(1000, WRITE[:4]), (4500, WRITE[4:9]), (8000, WRITE[9:])]) == [
+    forwarded, _, _ = write(stall_ns=4000)
+    assert play(forwarded, [(1000, WRITE[:4]), (4500, WRITE[4:9]), (8000, WRITE[9:])]) == [
         (5000, HEAD.hex(" ")),
         (8000, (RENDERED + SENT[-2:]).hex(" ")),
     ]
-    assert cut.state is Cut.WHOLE
+    assert forwarded.state is ForwardState.WHOLE
 
 
 def test_no_byte_of_data_leaves_before_the_position_is_whole_and_words_behind_it_as_they_come() -> None:
     shape = write_shape(4, 1, 2)
     head = bytes.fromhex("01 10 6F 00 00 04 08")
     frame = append_crc(head + bytes.fromhex("11 11 00 00 00 20 22 22"))
-    cut, _, _ = write(shape=shape, expected=frame[:-2], delay_ns=6000)
-    assert play(cut, characters(frame)) == [
+    forwarded, _, _ = write(shape=shape, expected=frame[:-2], delay_ns=6000)
+    assert play(forwarded, characters(frame)) == [
         (7000, head.hex(" ")),
         (13000, "11 11 00 00 00 23"),
         (14000, "22"),
@@ -127,7 +138,7 @@ def test_no_byte_of_data_leaves_before_the_position_is_whole_and_words_behind_it
 # --- the first byte of a position, before the last one has come ------------------------------------------
 
 
-def early(counts: int = 3, last: str = "55 55 00 05") -> tuple[CutThrough, Adds, list[CutEvent]]:
+def early(counts: int = 3, last: str = "55 55 00 05") -> tuple[ForwardedFrame, Adds, list[ForwardEvent]]:
     """Return a write whose position may begin to leave with its third byte."""
     return write(
         shape=write_shape(2, 0, 2, is_early=True),
@@ -142,10 +153,10 @@ EARLY = [(4000, "01 10 6f 00"), (5000, "00"), (6000, "02"), (7000, "04")]
 
 
 def test_a_write_whose_first_byte_is_decided_by_the_third_leaves_three_characters_behind_itself() -> None:
-    cut, judge, events = early()
-    assert play(cut, characters(WRITE)) == [*EARLY, (10000, "55"), (11000, "55 00 0b"), *CRC]
-    assert cut.left == SENT
-    assert events == [CutEvent.OPENED, CutEvent.FITTED, CutEvent.JUDGED, CutEvent.COMMITTED]
+    forwarded, judge, events = early()
+    assert play(forwarded, characters(WRITE)) == [*EARLY, (10000, "55"), (11000, "55 00 0b"), *CRC]
+    assert forwarded.left == SENT
+    assert events == [ForwardEvent.OPENED, ForwardEvent.FITTED, ForwardEvent.JUDGED, ForwardEvent.COMMITTED]
     assert judge.committed == [(WRITE[:-2], SENT[:-2])]
 
 
@@ -164,47 +175,61 @@ def test_a_first_byte_that_is_not_decided_or_another_one_waits_for_the_last_one(
     data: str, counts: int, last: str
 ) -> None:
     frame = append_crc(HEAD + bytes.fromhex(data))
-    cut, _, events = early(counts, last)
+    forwarded, _, events = early(counts, last)
     # What has left is off the wire at 11 000, and half a character before nothing follows it: filled up.
     filled = bytes.fromhex(last) + filled_crc(HEAD + bytes.fromhex(last))
-    assert play(cut, characters(frame)) == [*EARLY, (10500, filled.hex(" "))]
-    assert (cut.state, events[-1], cut.arrival.known) == (Cut.SPOILT, CutEvent.STALLED, Known.GOOD)
+    assert play(forwarded, characters(frame)) == [*EARLY, (10500, filled.hex(" "))]
+    assert (forwarded.state, events[-1], forwarded.arrival.progress) == (
+        ForwardState.ABORTED,
+        ForwardEvent.STALLED,
+        Progress.GOOD,
+    )
     # Where the last byte comes with the one before it nothing has to be known of either.
-    cut, _, events = early(counts, last)
+    forwarded, _, events = early(counts, last)
     came = characters(frame)
-    play(cut, [*came[:9], (10400, frame[9:11]), (11400, frame[11:12]), (12400, frame[12:])])
+    play(forwarded, [*came[:9], (10400, frame[9:11]), (11400, frame[11:12]), (12400, frame[12:])])
     raw = (int.from_bytes(frame[7:11], "big") + counts) % 2**32
-    assert (cut.state, cut.left) == (Cut.WHOLE, append_crc(HEAD + raw.to_bytes(4, "big")))
+    assert (forwarded.state, forwarded.left) == (
+        ForwardState.WHOLE,
+        append_crc(HEAD + raw.to_bytes(4, "big")),
+    )
 
 
 @pytest.mark.parametrize(("counts", "data"), [(0xFF, "55 FF FF 01"), (-0x100, "55 00 00 FF")])
 def test_a_position_that_begins_with_another_byte_than_has_left_is_spoilt(counts: int, data: str) -> None:
     """The correction changes between the third and the last byte, so that it carries into the first."""
     frame = append_crc(HEAD + bytes.fromhex(data))
-    cut, judge, events = early(0)
+    forwarded, judge, events = early(0)
     came = characters(frame)
-    assert play(cut, came[:10])[-1] == (10000, "55")
+    assert play(forwarded, came[:10])[-1] == (10000, "55")
     judge.counts = counts
-    left = play(cut, came[10:])
+    left = play(forwarded, came[10:])
     assert left == [(11000, (LAST[8:] + filled_crc(LAST)).hex(" "))]
-    assert (cut.state, events[-1], judge.committed) == (Cut.SPOILT, CutEvent.CHANGED, [])
-    assert cut.left[:-2] == LAST  # what the drive holds
+    assert (forwarded.state, events[-1], judge.committed) == (ForwardState.ABORTED, ForwardEvent.CHANGED, [])
+    assert forwarded.left[:-2] == LAST  # what the drive holds
 
 
-@pytest.mark.parametrize("why", [CutEvent.OVERTAKEN, CutEvent.GONE, CutEvent.ANEW, CutEvent.MET])
-def test_what_ends_a_frame_behind_its_first_byte_fills_it_up_with_what_the_drive_holds(why: CutEvent) -> None:
-    cut, _, _ = early()
-    play(cut, characters(WRITE[:10]))
-    assert len(cut.left) == 8
-    assert cut.go_on(why, 10400) == LAST[8:] + filled_crc(LAST)
-    assert (cut.left[:-2], cut.state) == (LAST, Cut.SPOILT)
+@pytest.mark.parametrize(
+    "why", [ForwardEvent.OVERTAKEN, ForwardEvent.GONE, ForwardEvent.ANEW, ForwardEvent.MET]
+)
+def test_what_ends_a_frame_behind_its_first_byte_fills_it_up_with_what_the_drive_holds(
+    why: ForwardEvent,
+) -> None:
+    forwarded, _, _ = early()
+    play(forwarded, characters(WRITE[:10]))
+    assert len(forwarded.left) == 8
+    assert forwarded.go_on(why, 10400) == LAST[8:] + filled_crc(LAST)
+    assert (forwarded.left[:-2], forwarded.state) == (LAST, ForwardState.ABORTED)
 
 
 def test_silence_behind_the_first_byte_of_a_position_fills_it_up() -> None:
-    cut, _, events = early()
+    forwarded, _, events = early()
     # Eight bytes from 4 000 on are off the wire at 12 000; a character's pause ends at 11 500, the same.
-    assert play(cut, characters(WRITE[:10]), 40000)[-1] == (11500, (LAST[8:] + filled_crc(LAST)).hex(" "))
-    assert (cut.state, events[-1]) == (Cut.SPOILT, CutEvent.STALLED)
+    assert play(forwarded, characters(WRITE[:10]), 40000)[-1] == (
+        11500,
+        (LAST[8:] + filled_crc(LAST)).hex(" "),
+    )
+    assert (forwarded.state, events[-1]) == (ForwardState.ABORTED, ForwardEvent.STALLED)
 
 
 def test_each_position_of_a_reply_begins_to_leave_before_it_is_whole() -> None:
@@ -213,9 +238,9 @@ def test_each_position_of_a_reply_begins_to_leave_before_it_is_whole() -> None:
     frame = append_crc(head + bytes.fromhex("00 00 10 00 00 07 00 FE FF FF"))
     expected = head + bytes.fromhex("00 00 20 00 00 06 00 FE 00 00")
     judge = Adds(shape=shape, expected=expected, head_bytes=3, delay_ns=3000, counts=-3)
-    cut = CutThrough(ReplyArrival(1, asked), judge, PACE)
+    forwarded = ForwardedFrame(ReplyArrival(1, asked), judge, PACE)
     assert (
-        play(cut, characters(frame))
+        play(forwarded, characters(frame))
         == [
             (4000, "01 03 0a"),
             (6000, "00"),
@@ -236,35 +261,38 @@ def test_a_first_byte_behind_which_a_frame_would_end_waits_for_the_next_one() ->
             break
     frame = append_crc(head + WRITE[7:11])
     shape = write_shape(2, 0, 2, is_early=True)
-    cut, _, _ = write(shape=shape, expected=head + LAST[7:], delay_ns=4000)
-    left = play(cut, characters(frame))
-    assert left[-2:] == [(11000, "55 55 00 0b"), (13000, cut.left[-2:].hex(" "))]
-    assert cut.state is Cut.WHOLE
+    forwarded, _, _ = write(shape=shape, expected=head + LAST[7:], delay_ns=4000)
+    left = play(forwarded, characters(frame))
+    assert left[-2:] == [(11000, "55 55 00 0b"), (13000, forwarded.left[-2:].hex(" "))]
+    assert forwarded.state is ForwardState.WHOLE
 
 
 # --- every way in which a frame ends otherwise ----------------------------------------------------------
 
 
 def test_w3_a_bad_check_sum_at_the_end_is_passed_on_as_one_that_is_bad_in_both_bytes() -> None:
-    cut, judge, events = write()
+    forwarded, judge, events = write()
     damaged = WRITE[:-1] + bytes((WRITE[-1] ^ 0x10,))
-    assert play(cut, characters(damaged)) == [*OUT, *DATA, (13000, SPOILT_CRC)]
-    assert (cut.state, events[-1], judge.committed) == (Cut.SPOILT, CutEvent.BAD, [])
+    assert play(forwarded, characters(damaged)) == [*OUT, *DATA, (13000, ABORTED_CRC)]
+    assert (forwarded.state, events[-1], judge.committed) == (ForwardState.ABORTED, ForwardEvent.BAD, [])
 
 
 def test_silence_in_the_middle_fills_it_up_with_what_the_drive_holds() -> None:
-    cut, _, events = write()
+    forwarded, _, events = write()
     # Nine characters, then nothing: 1.5 characters after the ninth.
-    assert play(cut, characters(WRITE[:9]), 40000) == [*OUT, (10500, (LAST[7:] + filled_crc(LAST)).hex(" "))]
-    assert (cut.state, events[-1]) == (Cut.SPOILT, CutEvent.STALLED)
-    assert cut.left[:-2] == LAST
+    assert play(forwarded, characters(WRITE[:9]), 40000) == [
+        *OUT,
+        (10500, (LAST[7:] + filled_crc(LAST)).hex(" ")),
+    ]
+    assert (forwarded.state, events[-1]) == (ForwardState.ABORTED, ForwardEvent.STALLED)
+    assert forwarded.left[:-2] == LAST
 
 
 def test_a_frame_that_broke_off_before_its_delay_is_over_does_not_begin_to_leave() -> None:
     # Three bytes came at 1 000: 1.5 characters later, at 2 500, no more of it comes. Its delay ends at 3 000.
-    cut, _, events = read()
-    assert play(cut, [(1000, READ[:3])], 40000) == []
-    assert (cut.state, events) == (Cut.STORED, [CutEvent.STALLED])
+    forwarded, _, events = read()
+    assert play(forwarded, [(1000, READ[:3])], 40000) == []
+    assert (forwarded.state, events) == (ForwardState.STORED, [ForwardEvent.STALLED])
 
 
 def filled_crc(body: bytes) -> bytes:
@@ -274,74 +302,77 @@ def filled_crc(body: bytes) -> bytes:
 
 def test_a_transmitter_that_would_be_empty_is_filled_before_it_is() -> None:
     # The delay of a port that lied: seven characters of the head have left by 5 000 and last until 12 000.
-    cut, _, events = write(stall_ns=60000)
-    assert play(cut, [(1000, WRITE[:7])], 40000) == [
+    forwarded, _, events = write(stall_ns=60000)
+    assert play(forwarded, [(1000, WRITE[:7])], 40000) == [
         (5000, HEAD.hex(" ")),
         (11500, (LAST[7:] + filled_crc(LAST)).hex(" ")),
     ]
-    assert events[-1] is CutEvent.STALLED
+    assert events[-1] is ForwardEvent.STALLED
 
 
 def test_bytes_that_come_too_late_do_not_mend_a_frame_that_was_due_to_be_filled() -> None:
-    cut, _, _ = write()
-    play(cut, characters(WRITE[:9]))
+    forwarded, _, _ = write()
+    play(forwarded, characters(WRITE[:9]))
     # Nobody called at 10 500: the rest comes first.
-    assert cut.feed(WRITE[9:], 10600) == LAST[7:] + filled_crc(LAST)
-    assert (cut.state, cut.arrival.known) == (Cut.SPOILT, Known.GOOD)  # and may go the usual way
+    assert forwarded.feed(WRITE[9:], 10600) == LAST[7:] + filled_crc(LAST)
+    assert (forwarded.state, forwarded.arrival.progress) == (
+        ForwardState.ABORTED,
+        Progress.GOOD,
+    )  # and may go the usual way
 
 
 def test_what_is_refused_ends_before_any_of_its_data_has_left() -> None:
     position = b"\x7f\xff\xff\xff"
-    cut, _, events = write(refused=frozenset({position}))
-    assert play(cut, characters(append_crc(HEAD + position))) == [
+    forwarded, _, events = write(refused=frozenset({position}))
+    assert play(forwarded, characters(append_crc(HEAD + position))) == [
         *OUT,
         (11000, (LAST[7:] + filled_crc(LAST)).hex(" ")),
     ]
-    assert events == [CutEvent.OPENED, CutEvent.FITTED, CutEvent.REFUSED]
+    assert events == [ForwardEvent.OPENED, ForwardEvent.FITTED, ForwardEvent.REFUSED]
 
 
 def test_a_head_that_goes_on_otherwise_than_expected_is_filled_up_as_expected() -> None:
-    cut, _, events = write()
+    forwarded, _, events = write()
     other = append_crc(bytes.fromhex("01 10 6F 00 00 03 06 55 55 00 08 00 00"))
     # The length is known with the seventh byte; the sixth has left as it came.
     body = bytes.fromhex("01 10 6F 00 00 03") + LAST[6:]
-    assert play(cut, characters(other)) == [
+    assert play(forwarded, characters(other)) == [
         (5000, "01 10 6f 00 00"),
         (6000, "03"),
         (7000, (LAST[6:] + filled_crc(body)).hex(" ")),
     ]
-    assert events == [CutEvent.OPENED, CutEvent.UNFIT]
-    assert cut.arrival.known is Known.GOOD
+    assert events == [ForwardEvent.OPENED, ForwardEvent.UNFIT]
+    assert forwarded.arrival.progress is Progress.GOOD
 
 
 def test_a_stop_spoils_what_is_leaving_at_once() -> None:
-    cut, _, events = write()
-    play(cut, characters(WRITE[:6]))
-    assert cut.go_on(CutEvent.OVERTAKEN, 6400) == LAST[6:] + filled_crc(LAST)
-    assert (cut.state, events[-1]) == (Cut.SPOILT, CutEvent.OVERTAKEN)
-    assert cut.feed(WRITE[6:], 13000) == b""
-    assert cut.arrival.known is Known.GOOD
+    forwarded, _, events = write()
+    play(forwarded, characters(WRITE[:6]))
+    assert forwarded.go_on(ForwardEvent.OVERTAKEN, 6400) == LAST[6:] + filled_crc(LAST)
+    assert (forwarded.state, events[-1]) == (ForwardState.ABORTED, ForwardEvent.OVERTAKEN)
+    assert forwarded.feed(WRITE[6:], 13000) == b""
+    assert forwarded.arrival.progress is Progress.GOOD
 
 
 def test_a_request_with_another_one_behind_it_in_the_same_read_is_given_up() -> None:
-    cut, judge, events = write()
-    play(cut, characters(WRITE[:12]))
-    assert cut.feed(WRITE[12:] + READ, 13000).hex(" ") == SPOILT_CRC
-    assert (events[-1], judge.committed) == (CutEvent.ANEW, [])
+    forwarded, judge, events = write()
+    play(forwarded, characters(WRITE[:12]))
+    assert forwarded.feed(WRITE[12:] + READ, 13000).hex(" ") == ABORTED_CRC
+    assert (events[-1], judge.committed) == (ForwardEvent.ANEW, [])
 
 
 def test_what_has_changed_since_it_was_judged_gets_no_check_sum() -> None:
-    cut, _, events = write(agrees=False)
-    assert play(cut, characters(WRITE)) == [*OUT, *DATA, (13000, SPOILT_CRC)]
-    assert events[-1] is CutEvent.CHANGED
+    forwarded, _, events = write(agrees=False)
+    assert play(forwarded, characters(WRITE)) == [*OUT, *DATA, (13000, ABORTED_CRC)]
+    assert events[-1] is ForwardEvent.CHANGED
 
 
 def test_a_lost_wire_breaks_it_off_and_nothing_more_leaves() -> None:
-    cut, _, _ = write()
-    play(cut, characters(WRITE[:6]))
-    assert cut.go_on(CutEvent.LOST, 6400) == b""
-    assert cut.state is Cut.BROKEN
-    assert play(cut, [(7000, WRITE[6:])], 90000) == []
+    forwarded, _, _ = write()
+    play(forwarded, characters(WRITE[:6]))
+    assert forwarded.go_on(ForwardEvent.LOST, 6400) == b""
+    assert forwarded.state is ForwardState.BROKEN
+    assert play(forwarded, [(7000, WRITE[6:])], 90000) == []
 
 
 @pytest.mark.parametrize(
@@ -352,9 +383,9 @@ def test_a_lost_wire_breaks_it_off_and_nothing_more_leaves() -> None:
     ],
 )
 def test_w4_replies_that_are_not_what_was_asked_for_are_stored(reply: str, left: str) -> None:
-    cut, _, _ = read_reply(delay_ns=0)
-    assert play(cut, characters(bytes.fromhex(reply))) == []
-    assert (cut.state, cut.left.hex(" ")) == (Cut.STORED, left)
+    forwarded, _, _ = read_reply(delay_ns=0)
+    assert play(forwarded, characters(bytes.fromhex(reply))) == []
+    assert (forwarded.state, forwarded.left.hex(" ")) == (ForwardState.STORED, left)
 
 
 # --- seams ------------------------------------------------------------------------------------------------
@@ -366,16 +397,16 @@ def test_the_last_byte_of_a_piece_that_is_a_frame_by_itself_waits_for_the_one_be
     words = bytes.fromhex("12 34")
     position = words + residue_after(HEAD + words).to_bytes(2, "little")
     assert is_intact(HEAD + position)
-    cut, _, _ = write(counts=0)
+    forwarded, _, _ = write(counts=0)
     frame = append_crc(HEAD + position)
-    left = play(cut, characters(frame))
+    left = play(forwarded, characters(frame))
     assert left == [*OUT, (11000, position[:3].hex(" ")), (13000, (position[3:] + frame[-2:]).hex(" "))]
-    spoilt, _, _ = write(counts=0)
+    aborted, _, _ = write(counts=0)
     damaged = frame[:-1] + bytes((frame[-1] ^ 1,))
-    play(spoilt, characters(damaged))
+    play(aborted, characters(damaged))
     # In the place of the byte that waited stands that of the last one: 05.
-    assert spoilt.left[:-2] == HEAD + position[:3] + b"\x05"
-    assert residue_after(spoilt.left) == INVERTED
+    assert aborted.left[:-2] == HEAD + position[:3] + b"\x05"
+    assert residue_after(aborted.left) == INVERTED
 
 
 def test_heads_that_would_have_to_wait_are_stored() -> None:
@@ -398,19 +429,19 @@ def test_the_filling_never_ends_a_frame() -> None:
 
 OUTSIDE = "stalled overtaken anew met gone"
 """What its owner, or time, ends a frame with."""
-TABLE: dict[Cut, dict[str | None, str]] = {
-    Cut.BEGUN: {"head": "opened", "stored": OUTSIDE + " kept lost"},
-    Cut.HEAD: {"leaving": "fitted", "spoilt": OUTSIDE + " unfit", "broken": "lost"},
-    Cut.LEAVING: {
+TABLE: dict[ForwardState, dict[str | None, str]] = {
+    ForwardState.BEGUN: {"head": "opened", "stored": OUTSIDE + " kept lost"},
+    ForwardState.HEAD: {"leaving": "fitted", "spoilt": OUTSIDE + " unfit", "broken": "lost"},
+    ForwardState.LEAVING: {
         "leaving": "judged",
         "whole": "committed",
         "spoilt": OUTSIDE + " unfit refused changed bad",
         "broken": "lost",
     },
-    Cut.STORED: {None: OUTSIDE + " lost"},
-    Cut.WHOLE: {None: OUTSIDE + " lost"},
-    Cut.SPOILT: {None: OUTSIDE + " lost"},
-    Cut.BROKEN: {None: OUTSIDE + " lost"},
+    ForwardState.STORED: {None: OUTSIDE + " lost"},
+    ForwardState.WHOLE: {None: OUTSIDE + " lost"},
+    ForwardState.ABORTED: {None: OUTSIDE + " lost"},
+    ForwardState.BROKEN: {None: OUTSIDE + " lost"},
 }
 """State → where to → by what. None: nothing happens. What is not there cannot be."""
 
@@ -418,81 +449,94 @@ TABLE: dict[Cut, dict[str | None, str]] = {
 def test_the_table_is_the_one_that_was_meant() -> None:
     meant = {
         state: {
-            CutEvent(event): None if after is None else Cut(after)
+            ForwardEvent(event): None if after is None else ForwardState(after)
             for after, events in rows.items()
             for event in events.split()
         }
         for state, rows in TABLE.items()
     }
-    assert {state: dict(rows) for state, rows in CUT_AFTER.items()} == meant
+    assert {state: dict(rows) for state, rows in FORWARD_AFTER.items()} == meant
 
 
-def in_state(state: Cut, on_fault: Callable[[str], None] = lambda _sentence: None) -> CutThrough:
+def in_state(state: ForwardState, on_fault: Callable[[str], None] = lambda _sentence: None) -> ForwardedFrame:
     """Return a write that has come so far."""
-    cut = CutThrough(RequestArrival(), Adds(), PACE, on_fault=on_fault)
-    if state is Cut.STORED:
-        cut.go_on(CutEvent.GONE, 0)
-        return cut
-    bytes_of = {Cut.BEGUN: 4, Cut.HEAD: 6, Cut.LEAVING: 8, Cut.WHOLE: 13}
-    play(cut, characters(WRITE[: bytes_of.get(state, 6)]))
-    if state is Cut.SPOILT:
-        cut.go_on(CutEvent.GONE, 6000)
-    elif state is Cut.BROKEN:
-        cut.go_on(CutEvent.LOST, 6000)
-    assert cut.state is state
-    return cut
+    forwarded = ForwardedFrame(RequestArrival(), Adds(), PACE, on_fault=on_fault)
+    if state is ForwardState.STORED:
+        forwarded.go_on(ForwardEvent.GONE, 0)
+        return forwarded
+    bytes_of = {ForwardState.BEGUN: 4, ForwardState.HEAD: 6, ForwardState.LEAVING: 8, ForwardState.WHOLE: 13}
+    play(forwarded, characters(WRITE[: bytes_of.get(state, 6)]))
+    if state is ForwardState.ABORTED:
+        forwarded.go_on(ForwardEvent.GONE, 6000)
+    elif state is ForwardState.BROKEN:
+        forwarded.go_on(ForwardEvent.LOST, 6000)
+    assert forwarded.state is state
+    return forwarded
 
 
-ENDS = [CutEvent(each) for each in OUTSIDE.split()]
+ENDS = [ForwardEvent(each) for each in OUTSIDE.split()]
 
 
-@pytest.mark.parametrize("why", [*ENDS, CutEvent.LOST])
-@pytest.mark.parametrize("state", list(Cut))
-def test_each_end_in_each_state(state: Cut, why: CutEvent) -> None:
-    cut = in_state(state)
-    before = cut.left
-    filling = cut.go_on(why, 8100)
-    if state not in (Cut.HEAD, Cut.LEAVING):
-        assert (filling, cut.left) == (b"", before)
-        assert cut.state is (Cut.STORED if state is Cut.BEGUN else state)
-    elif why is CutEvent.LOST:
-        assert (filling, cut.left, cut.state) == (b"", before, Cut.BROKEN)
+@pytest.mark.parametrize("why", [*ENDS, ForwardEvent.LOST])
+@pytest.mark.parametrize("state", list(ForwardState))
+def test_each_end_in_each_state(state: ForwardState, why: ForwardEvent) -> None:
+    forwarded = in_state(state)
+    before = forwarded.left
+    filling = forwarded.go_on(why, 8100)
+    if state not in (ForwardState.HEAD, ForwardState.LEAVING):
+        assert (filling, forwarded.left) == (b"", before)
+        assert forwarded.state is (ForwardState.STORED if state is ForwardState.BEGUN else state)
+    elif why is ForwardEvent.LOST:
+        assert (filling, forwarded.left, forwarded.state) == (b"", before, ForwardState.BROKEN)
     else:
-        assert cut.left == before + filling
-        assert (len(cut.left), residue_after(cut.left), cut.state) == (13, INVERTED, Cut.SPOILT)
-    assert cut.is_over
-    assert cut.deadline_ns is None
+        assert forwarded.left == before + filling
+        assert (len(forwarded.left), residue_after(forwarded.left), forwarded.state) == (
+            13,
+            INVERTED,
+            ForwardState.ABORTED,
+        )
+    assert forwarded.is_over
+    assert forwarded.deadline_ns is None
     # Whatever comes from now on, nothing more leaves.
-    assert play(cut, [(9000, WRITE), (20000, WRITE)], 90000) == []
+    assert play(forwarded, [(9000, WRITE), (20000, WRITE)], 90000) == []
 
 
-IMPOSSIBLE = [(state, event) for state in Cut for event in CutEvent if event not in CUT_AFTER[state]]
+IMPOSSIBLE = [
+    (state, event) for state in ForwardState for event in ForwardEvent if event not in FORWARD_AFTER[state]
+]
 
 
 @pytest.mark.parametrize(("state", "event"), IMPOSSIBLE)
-def test_what_cannot_be_is_raised_in_a_test(state: Cut, event: CutEvent) -> None:
-    cut = in_state(state)
+def test_what_cannot_be_is_raised_in_a_test(state: ForwardState, event: ForwardEvent) -> None:
+    forwarded = in_state(state)
     with pytest.raises(ImpossibleEventError, match=f"cut-through: {event.value} cannot be in {state.value}"):
-        cut.go_on(event, 8100)
+        forwarded.go_on(event, 8100)
 
 
 @pytest.mark.parametrize(("state", "event"), IMPOSSIBLE)
 def test_what_cannot_be_is_told_at_a_machine_and_no_frame_comes_of_it(
-    state: Cut, event: CutEvent, monkeypatch: pytest.MonkeyPatch
+    state: ForwardState, event: ForwardEvent, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if is_compiled():
         pytest.skip("the switch is no attribute of what is compiled")
     monkeypatch.setattr(impossible, "_is_raised", False)
     told: list[str] = []
-    cut = in_state(state, told.append)
-    before = cut.left
-    filling = cut.go_on(event, 8100)
+    forwarded = in_state(state, told.append)
+    before = forwarded.left
+    filling = forwarded.go_on(event, 8100)
     assert told == [f"cut-through: {event.value} cannot be in {state.value}"]
-    assert (cut.left, cut.is_over) == (before + filling, True)
-    if state in (Cut.HEAD, Cut.LEAVING):
-        assert (len(cut.left), residue_after(cut.left), cut.state) == (13, INVERTED, Cut.SPOILT)
+    assert (forwarded.left, forwarded.is_over) == (before + filling, True)
+    if state in (ForwardState.HEAD, ForwardState.LEAVING):
+        assert (len(forwarded.left), residue_after(forwarded.left), forwarded.state) == (
+            13,
+            INVERTED,
+            ForwardState.ABORTED,
+        )
     else:
-        assert (filling, cut.state) == (b"", Cut.STORED if state is Cut.BEGUN else state)
+        assert (filling, forwarded.state) == (
+            b"",
+            ForwardState.STORED if state is ForwardState.BEGUN else state,
+        )
 
 
 @pytest.mark.parametrize(
@@ -514,14 +558,14 @@ def test_what_cannot_be_is_told_at_a_machine_and_no_frame_comes_of_it(
 def test_how_late_it_would_have_had_to_begin_by_when_it_was_written(
     came: dict[int, int], written_ns: list[int], needed_ns: int
 ) -> None:
-    cut, _, _ = write(stall_ns=99_000)
-    cut.feed(WRITE[:1], 1000)
+    forwarded, _, _ = write(stall_ns=99_000)
+    forwarded.feed(WRITE[:1], 1000)
     so_far, times = 1, iter(written_ns)
     for count, now_ns in came.items():
-        left = cut.feed(WRITE[so_far:count], now_ns)
+        left = forwarded.feed(WRITE[so_far:count], now_ns)
         so_far = count
         if left:
             until_ns = next(times)
-            cut.written(len(left), until_ns, until_ns)
-    assert (cut.state, cut.left, next(times, None)) == (Cut.WHOLE, SENT, None)
-    assert cut.written_need_ns == needed_ns
+            forwarded.written(len(left), until_ns, until_ns)
+    assert (forwarded.state, forwarded.left, next(times, None)) == (ForwardState.WHOLE, SENT, None)
+    assert forwarded.written_need_ns == needed_ns

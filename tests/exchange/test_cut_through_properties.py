@@ -6,13 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.exchange.cut_through.delay import write_shape
-from gateway.exchange.cut_through.frame import Cut, CutEvent, CutThrough, closed, is_fit_head
+from gateway.exchange.cut_through.frame import ForwardedFrame, ForwardEvent, ForwardState, closed, is_fit_head
 from gateway.modbus.crc import INVERTED, append_crc, ends_a_frame, is_intact, residue_after
-from gateway.modbus.rtu_arrival import Known, RequestArrival
+from gateway.modbus.rtu_arrival import Progress, RequestArrival
 from tests.exchange.cut_bench import CHAR_NS, PACE, Adds
 from tests.soak import repeated
 
-ENDS = (CutEvent.OVERTAKEN, CutEvent.GONE, CutEvent.ANEW, CutEvent.LOST)
+ENDS = (ForwardEvent.OVERTAKEN, ForwardEvent.GONE, ForwardEvent.ANEW, ForwardEvent.LOST)
 words = st.integers(0, 2**32 - 1)
 good_frames = st.binary(min_size=2, max_size=60).map(append_crc)
 
@@ -33,7 +33,7 @@ class Course:
     """A bit of it, counted from its first; beyond its end: none."""
     cut_to: int
     """After so many bytes nothing more comes."""
-    ends: CutEvent | None
+    ends: ForwardEvent | None
     ends_after: int
     """Somebody ends it after so many bytes."""
     delay_ns: int
@@ -97,7 +97,7 @@ def courses(draw: st.DrawFn) -> Course:
 class Left:
     """What became of it."""
 
-    cut: CutThrough
+    forwarded: ForwardedFrame
     judge: Adds
     pieces: list[tuple[int, bytes]]
     rendered: bytes
@@ -114,12 +114,12 @@ def run(course: Course) -> Left:
         refused=frozenset({course.frame[position : position + 4]} if course.refused else ()),
         agrees=course.agrees,
     )
-    cut = CutThrough(RequestArrival(), judge, PACE)
+    forwarded = ForwardedFrame(RequestArrival(), judge, PACE)
     pieces: list[tuple[int, bytes]] = []
 
     def tick_until(now_ns: int) -> None:
-        while (deadline_ns := cut.deadline_ns) is not None and deadline_ns < now_ns:
-            pieces.append((deadline_ns, cut.tick(deadline_ns)))
+        while (deadline_ns := forwarded.deadline_ns) is not None and deadline_ns < now_ns:
+            pieces.append((deadline_ns, forwarded.tick(deadline_ns)))
 
     now_ns, at = 1_000, 0
     came = course.came
@@ -129,14 +129,14 @@ def run(course: Course) -> Left:
             together += 1
         now_ns += course.gaps[at]
         tick_until(now_ns)
-        pieces.append((now_ns, cut.feed(came[at : at + together], now_ns)))
+        pieces.append((now_ns, forwarded.feed(came[at : at + together], now_ns)))
         at += together
         if course.ends is not None and at >= course.ends_after:
-            pieces.append((now_ns, cut.go_on(course.ends, now_ns)))
+            pieces.append((now_ns, forwarded.go_on(course.ends, now_ns)))
     tick_until(now_ns + 100 * CHAR_NS)
     raw = int.from_bytes(course.frame[position : position + 4], "big") + judge.counts
     body = course.frame[:position] + (raw % 2**32).to_bytes(4, "big") + course.frame[position + 4 : -2]
-    return Left(cut, judge, [each for each in pieces if each[1]], append_crc(body))
+    return Left(forwarded, judge, [each for each in pieces if each[1]], append_crc(body))
 
 
 @given(course=courses())
@@ -144,28 +144,28 @@ def test_w3_a_check_sum_is_good_only_where_all_of_it_came_good_and_left_as_it_wa
     course: Course,
 ) -> None:
     left = run(course)
-    cut = left.cut
-    assert b"".join(data for _, data in left.pieces) == cut.left
-    if cut.state is Cut.WHOLE:
-        assert cut.left == left.rendered
-        assert cut.arrival.known is Known.GOOD
+    forwarded = left.forwarded
+    assert b"".join(data for _, data in left.pieces) == forwarded.left
+    if forwarded.state is ForwardState.WHOLE:
+        assert forwarded.left == left.rendered
+        assert forwarded.arrival.progress is Progress.GOOD
         assert course.came == course.frame
-        assert left.judge.committed == [(course.frame[:-2], cut.left[:-2])]
+        assert left.judge.committed == [(course.frame[:-2], forwarded.left[:-2])]
     else:
-        assert not is_intact(cut.left) or cut.state is Cut.STORED
+        assert not is_intact(forwarded.left) or forwarded.state is ForwardState.STORED
         assert left.judge.committed == [] or not course.agrees
 
 
 def a_spoilt_frame_is_as_long_as_it_said_and_no_frame_alone_or_with_others(
     course: Course, left: Left, following: list[bytes]
 ) -> None:
-    if left.cut.state is not Cut.SPOILT:
+    if left.forwarded.state is not ForwardState.ABORTED:
         return
-    spoilt = left.cut.left
-    assert len(spoilt) == len(course.frame)
-    assert residue_after(spoilt) == INVERTED
-    assert not is_intact(following[0] + spoilt)
-    joined = spoilt
+    aborted = left.forwarded.left
+    assert len(aborted) == len(course.frame)
+    assert residue_after(aborted) == INVERTED
+    assert not is_intact(following[0] + aborted)
+    joined = aborted
     for frame in following:
         joined += frame
         assert not is_intact(joined)
@@ -189,9 +189,9 @@ def no_data_leaves_before_its_position_is_judged(course: Course, left: Left) -> 
     position_ends = 7 + 2 * course.word + 4
     at = 0
     for number, (when_ns, data) in enumerate(left.pieces):
-        is_filling = left.cut.state is Cut.SPOILT and number == len(left.pieces) - 1
+        is_filling = left.forwarded.state is ForwardState.ABORTED and number == len(left.pieces) - 1
         if not is_filling:
-            came = max(each.so_far for each in left.cut.pieces if each.came_ns <= when_ns)
+            came = max(each.so_far for each in left.forwarded.pieces if each.came_ns <= when_ns)
             for index in range(at, at + len(data)):
                 needed = position_ends - (course.is_early and index == 7)
                 assert came >= (index + 1 if index < 7 else max(index + 1, needed))
@@ -199,7 +199,7 @@ def no_data_leaves_before_its_position_is_judged(course: Course, left: Left) -> 
                     assert data[index - at] == left.rendered[index]
         at += len(data)
     if course.refused:
-        assert left.cut.state is not Cut.WHOLE
+        assert left.forwarded.state is not ForwardState.WHOLE
 
 
 def the_transmitter_is_never_empty_inside_a_frame(course: Course, left: Left) -> None:
@@ -208,16 +208,20 @@ def the_transmitter_is_never_empty_inside_a_frame(course: Course, left: Left) ->
         assert free_ns is None or when_ns <= free_ns
         free_ns = (when_ns if free_ns is None else free_ns) + CHAR_NS * len(data)
     # And where it began it ended: whole, filled up, or with its wire.
-    assert not left.cut.is_on_the_way
-    assert left.cut.left == b"" or left.cut.state in (Cut.WHOLE, Cut.SPOILT, Cut.BROKEN)
+    assert not left.forwarded.is_on_the_way
+    assert left.forwarded.left == b"" or left.forwarded.state in (
+        ForwardState.WHOLE,
+        ForwardState.ABORTED,
+        ForwardState.BROKEN,
+    )
 
 
 def a_stored_frame_leaves_nothing_and_is_followed_to_its_end(course: Course, left: Left) -> None:
-    cut = left.cut
-    if cut.state in (Cut.BEGUN, Cut.STORED):
-        assert cut.left == b""
+    forwarded = left.forwarded
+    if forwarded.state in (ForwardState.BEGUN, ForwardState.STORED):
+        assert forwarded.left == b""
     if course.came == course.frame:
-        assert cut.arrival.known is Known.GOOD
+        assert forwarded.arrival.progress is Progress.GOOD
 
 
 @settings(max_examples=repeated(3000))

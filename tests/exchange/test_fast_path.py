@@ -68,12 +68,12 @@ def state_of(axis: Axis) -> dict[str, Any]:
     ]
     return {
         "state": state._replace(spec=None, previous=None),  # type: ignore[arg-type]
-        "blends": (state.previous is None, state.spec is compensation._wanted),
+        "blends": (state.previous is None, state.spec is compensation._requested),
         "accepted": compensation.accepted,
         "readback": (readback.anchor_counts, readback.fade, readback.correction_map.correction(12.345)),
         "fields": fields,
         "flags": (
-            axis.motion.state, axis.motion.is_moving, axis.reference.state, axis.motion.said,
+            axis.motion.state, axis.motion.is_moving, axis.reference.state, axis.motion.reported,
             axis.silent_since_ns, axis.reference.is_referenced, axis.is_unsure,
         ),
         "actual": None if actual is None else (actual.counts, actual.seen_ns),
@@ -125,7 +125,7 @@ class Twins:
         elif what == "switch":
             for bench in self.benches:
                 if self.plan.table is not None:
-                    switch(bench.line.axes, "x", is_wanted=bool(amount % 2))
+                    switch(bench.line.axes, "x", is_on=bool(amount % 2))
         else:
             self.pull_the_cable()
         self.compare()

@@ -5,15 +5,15 @@ from typing import Any
 
 import pytest
 
-from gateway.config.build import known_stops
-from gateway.drives.motion import Action, Deed, MotionPlan, TriggerPlan
+from gateway.config.build import shipped_stops
+from gateway.drives.motion import Action, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.plan import OtherUnits
 from gateway.modbus.registers import PositionField, RegisterType
 from gateway.status.line import UnitIds
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, write
 from tests.exchange.staged_bench import RUN_PDU, STOP_PDU, StagedBench, staged_plan
 
-STOPS = OtherUnits(stops=known_stops())
+STOPS = OtherUnits(stops=shipped_stops())
 LIMIT = PositionField(0x0700, RegisterType.INT32)
 OTHER = bytes.fromhex("06 2000 0001")
 
@@ -88,7 +88,7 @@ def test_a_trigger_is_refused_and_the_stop_of_any_known_drive_passes() -> None:
 
 def test_a_stop_of_another_drive_that_is_a_start_of_this_one_is_refused() -> None:
     # Register 0x27 of an ESS-RS: 0x100 stops. Here it is the trigger of a drive that starts with it.
-    trigger = TriggerPlan(0x27, deeds={0x100: Deed(Action.ABSOLUTE)})
+    trigger = TriggerPlan(0x27, deeds={0x100: Operation(Action.ABSOLUTE)})
     plan = replace(staged_plan(), motion=MotionPlan(is_staged=True, triggers=(trigger,)))
     bench = bench_of(plan)
     bench.link.sent.clear()

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.drives.motion import Action, Deed, ModePlan, MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, ModePlan, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, Reference, Role
 from gateway.exchange.status import direction_state
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
@@ -167,10 +167,10 @@ def test_what_was_read_for_a_target_before_a_stop_went_first_is_read_again() -> 
 
 FOLLOW = 0xFFFB
 FOLLOWING_DEEDS = {
-    1: Deed(Action.START),
-    5: Deed(Action.STOP),
-    0: Deed(Action.IGNORE),
-    FOLLOW: Deed(Action.FOLLOW_NEXT),
+    1: Operation(Action.START),
+    5: Operation(Action.STOP),
+    0: Operation(Action.IGNORE),
+    FOLLOW: Operation(Action.FOLLOW_NEXT),
 }
 FOLLOWING = MotionPlan(
     is_staged=True,
@@ -241,7 +241,11 @@ TWO_PATHS = MotionPlan(
     triggers=(
         TriggerPlan(
             TRIGGER,
-            deeds={1: Deed(Action.ABSOLUTE, 0), 2: Deed(Action.ABSOLUTE, 1), 0: Deed(Action.IGNORE)},
+            deeds={
+                1: Operation(Action.ABSOLUTE, 0),
+                2: Operation(Action.ABSOLUTE, 1),
+                0: Operation(Action.IGNORE),
+            },
         ),
     ),
     passes_stored_moves=True,
@@ -273,8 +277,8 @@ CONTROL = 0x3100
 BY_BITS = MotionPlan(
     is_staged=True,
     triggers=(
-        TriggerPlan(CONTROL, mask=0x0050, rising=0x10, deeds={0x10: Deed(Action.START)}),
-        TriggerPlan(CONTROL, mask=0x010F, deeds={0x0F: Deed(Action.IGNORE)}, otherwise=Action.STOP),
+        TriggerPlan(CONTROL, mask=0x0050, rising=0x10, deeds={0x10: Operation(Action.START)}),
+        TriggerPlan(CONTROL, mask=0x010F, deeds={0x0F: Operation(Action.IGNORE)}, otherwise=Action.STOP),
     ),
 )
 
@@ -301,7 +305,7 @@ def test_a_stop_that_moves_the_zero_too_ends_the_reference() -> None:
     zero = 0x3101
     triggers = (
         *BY_BITS.triggers,
-        TriggerPlan(zero, deeds={1: Deed(Action.SET_POSITION)}, otherwise=Action.IGNORE),
+        TriggerPlan(zero, deeds={1: Operation(Action.SET_POSITION)}, otherwise=Action.IGNORE),
     )
     bench = Bench(axis_plan(motion=replace(BY_BITS, triggers=triggers)), serial=False, tcp_drive=True)
     bench.ask(bytes.fromhex("10 3100 0002 04 000F 0000"))
@@ -364,7 +368,7 @@ def stop_beside(word: int) -> bytes:
 
 def next_plan(**changes: object) -> AxisPlan:
     """Return the plan of y, whose trigger is the register behind that of x; 2 runs a distance."""
-    deeds = {**DEEDS, 2: Deed(Action.RELATIVE)}
+    deeds = {**DEEDS, 2: Operation(Action.RELATIVE)}
     plan: dict[str, object] = {
         "name": "y",
         "command": (OTHER,),
@@ -475,7 +479,7 @@ def test_stops_on_a_busy_line_keep_their_order_whatever_else_they_do() -> None:
 def test_an_operator_sets_no_mode_of_another_axis_beside_a_stop_and_takes_nothing_over() -> None:
     """W10: x's trigger and y's mode register lie side by side. The writer of y goes on: 6000 runs as 6010."""
     modes = (ModePlan(NEXT_TRIGGER, actions={1: Action.ABSOLUTE, 2: Action.RELATIVE}),)
-    runs = (TriggerPlan(OTHER_TRIGGER, deeds={1: Deed(Action.START), 0: Deed(Action.IGNORE)}),)
+    runs = (TriggerPlan(OTHER_TRIGGER, deeds={1: Operation(Action.START), 0: Operation(Action.IGNORE)}),)
     y = next_plan(motion=MotionPlan(is_staged=True, modes=modes, triggers=runs))
     bench = StagedBench(staged_plan(), y, serial=False)
     run_pdu = bytes.fromhex("06 0608 0001")
@@ -590,7 +594,7 @@ def test_what_a_stop_of_another_controller_writes_for_an_axis_that_it_does_not_m
     """M3, W10: x's trigger lies before y's position. The second controller stops x and writes 3000 for y,
     2990 backward; the trigger of y's writer is refused until it has written its own again."""
     field = PositionField(NEXT_TRIGGER, RegisterType.INT32, WordOrder.LOW_FIRST)
-    runs = (TriggerPlan(OTHER_TRIGGER, deeds={1: Deed(Action.ABSOLUTE), 0: Deed(Action.IGNORE)}),)
+    runs = (TriggerPlan(OTHER_TRIGGER, deeds={1: Operation(Action.ABSOLUTE), 0: Operation(Action.IGNORE)}),)
     y = next_plan(command=(field,), motion=MotionPlan(is_staged=True, triggers=runs))
     bench = StagedBench(staged_plan(), y, serial=False)
     run_pdu = bytes.fromhex("06 0608 0001")
@@ -646,7 +650,7 @@ def test_a_stop_that_runs_another_axis_does_not_leave_its_target_to_be_written_a
 
 def test_a_broadcast_that_stops_one_drive_and_runs_a_blocked_one_reaches_both() -> None:
     """M3: trigger 1000 stops x and runs y, whose target its drive has refused."""
-    runs = (TriggerPlan(TRIGGER, deeds={STOP: Deed(Action.ABSOLUTE), 0: Deed(Action.IGNORE)}),)
+    runs = (TriggerPlan(TRIGGER, deeds={STOP: Operation(Action.ABSOLUTE), 0: Operation(Action.IGNORE)}),)
     y = next_plan(unit_id=2, motion=MotionPlan(is_staged=True, triggers=runs))
     bench = StagedBench(staged_plan(), y)
     bench.send(write(OTHER, 7000), unit_id=2)

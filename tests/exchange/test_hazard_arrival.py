@@ -267,7 +267,7 @@ def test_m4_an_axis_that_is_held_or_creeps_gets_the_same_words_over_a_switch() -
     for _ in range(4):
         bench.wait(400)
         bench.actual()
-    bench.line.axes[0].enable(is_wanted=False)
+    bench.line.axes[0].enable(is_on=False)
     bench.ask(write(COMMAND, 100_000))
     assert told(bench) == 100_410
 
@@ -356,12 +356,12 @@ def test_m5_a_moving_bit_alone_tells_that_a_distance_has_ended() -> None:
     bench.drive.set_bits(is_done=False)
     bench.poll()
     bench.actual()
-    assert bench.line.axes[0].motion.is_distance_unproven
+    assert bench.line.axes[0].motion.is_distance_unconfirmed
     bench.drive.arrive()
     bench.poll()
     bench.wait(1100)
     assert bench.actual() == 55_000
-    assert not bench.line.axes[0].motion.is_distance_unproven
+    assert not bench.line.axes[0].motion.is_distance_unconfirmed
 
 
 def test_m5_before_the_drive_has_had_the_time_to_start_there_is_no_base() -> None:
@@ -484,7 +484,7 @@ def test_m5_at_neither_end_there_is_no_base(stands_at: int) -> None:
     assert unsure(bench)
     bench.stage(50_000)
     bench.trigger(RUN_PDU)
-    assert not bench.line.axes[0].motion.is_distance_unproven
+    assert not bench.line.axes[0].motion.is_distance_unconfirmed
 
 
 def test_m5_where_both_ends_lie_in_the_window_there_is_no_base() -> None:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.drives.motion import Action, Deed, Form, ModePlan, MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, Form, ModePlan, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.plan import ControllerPlan, Reference
 from gateway.modbus.registers import FieldAccess, PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Port, axis_plan, read, write
@@ -25,9 +25,9 @@ CONTROL = MotionPlan(
     is_staged=True,
     triggers=(
         TriggerPlan(
-            TRIGGER, mask=0x1F, rising=0x10, deeds={0x1F: Deed(Action.ABSOLUTE)}, otherwise=Action.IGNORE
+            TRIGGER, mask=0x1F, rising=0x10, deeds={0x1F: Operation(Action.ABSOLUTE)}, otherwise=Action.IGNORE
         ),
-        TriggerPlan(TRIGGER, mask=0x0F, deeds={0x0F: Deed(Action.IGNORE)}, otherwise=Action.STOP),
+        TriggerPlan(TRIGGER, mask=0x0F, deeds={0x0F: Operation(Action.IGNORE)}, otherwise=Action.STOP),
     ),
 )
 """A control word whose bit 4 starts, and whose enable bits stop."""
@@ -192,7 +192,9 @@ def test_a16_a_homing_that_was_stopped_or_refused_makes_no_reference() -> None:
 
 FOLLOWING = MotionPlan(
     is_staged=True,
-    triggers=(TriggerPlan(TRIGGER, deeds={1: Deed(Action.START), 0xFFFB: Deed(Action.FOLLOW_NEXT)}),),
+    triggers=(
+        TriggerPlan(TRIGGER, deeds={1: Operation(Action.START), 0xFFFB: Operation(Action.FOLLOW_NEXT)}),
+    ),
 )
 
 

@@ -46,13 +46,13 @@ def test_m1_a_half_that_was_withdrawn_with_its_connection_is_not_completed_eithe
 def test_m1_a_half_on_the_wire_when_its_connection_broke_off_is_not_completed(*, is_broken: bool) -> None:
     bench = StagedBench(serial=False)
     image = bench.line.axes[0].fields[0]
-    image.tear()  # nothing is known of its drive: halves go out as they came
+    image.lose_all_words()  # nothing is known of its drive: halves go out as they came
     bench.send(HIGH_1)
     assert bench.link.sent[-1][1] == HIGH_1
     bench.line.controller_gone(bench.port, bench.now_ns, is_broken=is_broken)
     bench.serve()
     # A controller that has closed its connection may go on with the other half.
-    expected = Completeness.TORN if is_broken else Completeness.PARTS_BUFFERED
+    expected = Completeness.ALL_LOST if is_broken else Completeness.PARTS_BUFFERED
     assert image.completeness is expected
 
 
@@ -63,8 +63,8 @@ def test_a_connection_that_breaks_off_tears_what_its_drive_has_acknowledged_in_p
     image = FieldImage(COMMAND)
     image.settle(bytes(4), bytes(4))
     match before:
-        case Completeness.TORN:
-            image.tear(5)
+        case Completeness.ALL_LOST:
+            image.lose_all_words(5)
         case Completeness.PART_REFUSED:
             image.lose(Loss.REFUSED_UNWRITTEN, 0, b"\0\1", arrived_ns=5, follows_ns=0, now_ns=6)
         case Completeness.PARTS_LOST:
@@ -73,7 +73,7 @@ def test_a_connection_that_breaks_off_tears_what_its_drive_has_acknowledged_in_p
             image.buffer(0, b"\0\1", 5, 0)
     assert image.completeness is before
     image.forget_parts()
-    after = Completeness.TORN if before is Completeness.PARTS_BUFFERED else before
+    after = Completeness.ALL_LOST if before is Completeness.PARTS_BUFFERED else before
     assert image.completeness is after
     completed = {
         Completeness.WHOLE: bytes.fromhex("0000 0004"),

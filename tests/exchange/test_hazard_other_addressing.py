@@ -2,7 +2,7 @@
 
 import pytest
 
-from gateway.drives.motion import Action, Addressing, Deed, Form, ModePlan, MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, Addressing, Form, ModePlan, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.plan import ControllerPlan
 from gateway.modbus.registers import BitField, BitTable, FieldAccess, PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import COMMAND, Bench, Memory, Port, axis_plan, read, write
@@ -24,7 +24,7 @@ OPCODES = {
     ),
     "motion": MotionPlan(
         modes=(SPEED_MODE, RELATIVE_SPEED),
-        triggers=(TriggerPlan(0x00F7, deeds={1: Deed(Action.STOP)}, block=0x00F7),),
+        triggers=(TriggerPlan(0x00F7, deeds={1: Operation(Action.STOP)}, block=0x00F7),),
     ),
 }
 
@@ -187,7 +187,7 @@ def test_mei_everything_else_passes_untouched(pdu: str) -> None:
 
 def test_mei_a_staged_target_runs_with_its_control_word() -> None:
     start = TriggerPlan(
-        0x6040, mask=0x5F, rising=0x10, deeds={0x1F: Deed(Action.ABSOLUTE)}, otherwise=Action.IGNORE
+        0x6040, mask=0x5F, rising=0x10, deeds={0x1F: Operation(Action.ABSOLUTE)}, otherwise=Action.IGNORE
     )
     motion = MotionPlan(is_staged=True, triggers=(start,))
     bench = Bench(axis_plan(**MEI, motion=motion), memory=MeiDrive())
@@ -210,8 +210,8 @@ IMAGE = {
         is_staged=True,
         modes=(ModePlan(1, mask=0x0100, actions={0: Action.ABSOLUTE, 0x0100: Action.RELATIVE}),),
         triggers=(
-            TriggerPlan(0, mask=2, rising=2, deeds={2: Deed(Action.START)}, otherwise=Action.IGNORE),
-            TriggerPlan(0, mask=1, deeds={1: Deed(Action.IGNORE)}, otherwise=Action.STOP),
+            TriggerPlan(0, mask=2, rising=2, deeds={2: Operation(Action.START)}, otherwise=Action.IGNORE),
+            TriggerPlan(0, mask=1, deeds={1: Operation(Action.IGNORE)}, otherwise=Action.STOP),
         ),
     ),
 }
@@ -295,8 +295,8 @@ COILS = {
         is_staged=True,
         triggers=(
             *ONLY_ABSOLUTE.triggers,
-            TriggerPlan(0x1C, is_coil=True, deeds={1: Deed(Action.HOME), 0: Deed(Action.IGNORE)}),
-            TriggerPlan(0x19, is_coil=True, deeds={0: Deed(Action.STOP), 1: Deed(Action.IGNORE)}),
+            TriggerPlan(0x1C, is_coil=True, deeds={1: Operation(Action.HOME), 0: Operation(Action.IGNORE)}),
+            TriggerPlan(0x19, is_coil=True, deeds={0: Operation(Action.STOP), 1: Operation(Action.IGNORE)}),
         ),
     ),
     "bits": {

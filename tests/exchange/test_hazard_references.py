@@ -218,7 +218,7 @@ def test_m11_while_one_is_not_referenced_none_is_compensated() -> None:
 
 def test_m11_switching_one_off_switches_all_off() -> None:
     bench = gantry()
-    assert set(switch(bench.line.axes, "y2", is_wanted=False)) == {"y1", "y2"}
+    assert set(switch(bench.line.axes, "y2", is_on=False)) == {"y1", "y2"}
     ask(bench, 1, write(COMMAND, 50_000))
     ask(bench, 1, RUN_PDU)
     assert bench.drive.get(COMMAND) == 50_000

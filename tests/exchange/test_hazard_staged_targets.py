@@ -125,7 +125,7 @@ def test_a2_a_gain_or_table_switched_between_staging_and_trigger_counts_at_the_t
     bench = StagedBench()
     bench.go_to(50_000)
     bench.stage(60_000)
-    assert switch(bench.line.axes, "x", is_wanted=False) == ("x",)
+    assert switch(bench.line.axes, "x", is_on=False) == ("x",)
     bench.writes()
     bench.trigger()
     assert bench.writes() == [write(COMMAND, 60_000).hex(" "), RUN_HEX]
@@ -135,7 +135,7 @@ def test_m2_the_trigger_waits_for_the_acknowledgement_of_the_restaged_target() -
     bench = StagedBench()
     bench.go_to(100_000)
     bench.stage(50_000)
-    switch(bench.line.axes, "x", is_wanted=False)
+    switch(bench.line.axes, "x", is_on=False)
     bench.send(RUN_PDU)
     assert bench.link.take() == write(COMMAND, 50_000)
     bench.line.reply(1, bytes.fromhex("90 04"), bench.now_ns)
@@ -150,7 +150,7 @@ def test_m2_a_restaged_target_that_was_never_acknowledged_runs_nothing() -> None
     bench = StagedBench(serial=False, tcp_drive=True)
     bench.go_to(100_000)
     bench.stage(50_000)
-    switch(bench.line.axes, "x", is_wanted=False)
+    switch(bench.line.axes, "x", is_on=False)
     bench.send(RUN_PDU)
     bench.link.take()
     bench.wait(1000)
@@ -162,7 +162,7 @@ def test_w8_without_added_frames_a_trigger_that_needs_one_is_refused() -> None:
     bench = StagedBench(staged_plan(added_frames=False))
     bench.go_to(50_000)
     bench.stage(60_000)
-    switch(bench.line.axes, "x", is_wanted=False)
+    switch(bench.line.axes, "x", is_on=False)
     assert bench.refused(RUN_PDU) == 4
 
 

@@ -1,6 +1,6 @@
 """Stops at any moment (M3): never refused, never withdrawn, before everything else."""
 
-from gateway.drives.motion import Action, Deed, MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.plan import ControllerPlan, Reference
 from gateway.exchange.status import compensation_state
 from tests.exchange.line_bench import ACTUAL, COMMAND, Port, read, write
@@ -109,8 +109,8 @@ def test_m7_one_lost_reply_is_no_silence() -> None:
 
 def test_m3_a_stop_beside_a_target_waits_for_no_register_that_nobody_has_seen() -> None:
     """Whether the drive follows each position decides about the target in the frame, not about the stop."""
-    stop = TriggerPlan(COMMAND.end, deeds={1: Deed(Action.STOP)}, otherwise=Action.IGNORE)
-    follow = TriggerPlan(0x0800, deeds={1: Deed(Action.FOLLOW_NEXT)}, otherwise=Action.IGNORE)
+    stop = TriggerPlan(COMMAND.end, deeds={1: Operation(Action.STOP)}, otherwise=Action.IGNORE)
+    follow = TriggerPlan(0x0800, deeds={1: Operation(Action.FOLLOW_NEXT)}, otherwise=Action.IGNORE)
     bench = StagedBench(staged_plan(motion=MotionPlan(is_staged=True, triggers=(stop, follow))))
     frame = bytes.fromhex("10 0606 0003 06") + COMMAND.pack(9_000) + b"\x00\x01"
     bench.send(frame)

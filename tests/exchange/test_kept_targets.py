@@ -7,7 +7,7 @@ import pytest
 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.exchange.axis.motion import KEEPING, MotionState
+from gateway.exchange.axis.motion import REPEAT_KINDS, MotionState
 from gateway.exchange.commands import SetReference
 from gateway.exchange.plan import LineTiming, Reference
 from gateway.modbus.registers import BitField
@@ -37,8 +37,8 @@ def test_m9_a_kept_target_is_what_the_rule_says(seen: bool, waits: bool, before:
     _, *rows = (row.split() for row in KEEPING_WALK.strip("\n").splitlines())
     words = ["yes" if each else "no" for each in (seen, waits, before)]
     [found] = [row[3] for row in rows if row[:3] == words]
-    assert KEEPING[seen, waits, before].value == found
-    assert len(KEEPING) == len(rows)
+    assert REPEAT_KINDS[seen, waits, before].value == found
+    assert len(REPEAT_KINDS) == len(rows)
 
 
 # --- a drive that goes with each write -----------------------------------------------------------------

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from gateway.exchange.axis.acknowledge import PROOF_AFTER, End, Proof
+from gateway.exchange.axis.acknowledge import PROOF_AFTER, Proof, WayEnd
 from gateway.exchange.plan import AxisPlan
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
 from tests.exchange.record_bench import RecordBench, Records
@@ -49,7 +49,7 @@ def unsure(bench: Bench) -> bool:
 
 
 def is_open(bench: Bench) -> bool:
-    return bench.line.axes[0].motion.is_distance_unproven
+    return bench.line.axes[0].motion.is_distance_unconfirmed
 
 
 def killed(*, runs: bool = True, distance: int = -15_000, **changes: Any) -> tuple[StagedBench, Records]:
@@ -66,7 +66,7 @@ def killed(*, runs: bool = True, distance: int = -15_000, **changes: Any) -> tup
         bench.line.reply(1, bench.memory.answer(pdu), bench.now_ns)
     record = records.read()
     assert record is not None
-    assert record.unproven is not None
+    assert record.unacknowledged is not None
     assert not record.was_at_target
     if runs:
         bench.memory.answer(pdu)
@@ -290,8 +290,8 @@ def test_m5_a_distance_whose_trigger_waited_is_as_old_as_its_trigger() -> None:
         bench.line.reply(1, bench.memory.answer(pdu), bench.now_ns)
     record = records.read()
     assert record is not None
-    assert record.unproven is not None
-    assert record.unproven.state.at_ns == bench.now_ns
+    assert record.unacknowledged is not None
+    assert record.unacknowledged.state.at_ns == bench.now_ns
 
 
 # --- the same of a target ----------------------------------------------------------------------------------
@@ -368,21 +368,21 @@ def test_m6_where_it_goes_on_to_the_target_before_it_is_that() -> None:
 def test_every_reading_at_an_end_leads_where_the_table_says() -> None:
     """Written by hand: twice at one end decides; once elsewhere, and it begins anew."""
     rows = {
-        (Proof.ONE, End.START): Proof.NOT_EXECUTED,
-        (Proof.ONE, End.END): Proof.EXECUTED,
-        (Proof.ONE, End.NEITHER): Proof.ONE,
-        (Proof.TWO, End.START): Proof.AT_START,
-        (Proof.TWO, End.END): Proof.AT_END,
-        (Proof.TWO, End.NEITHER): Proof.TWO,
-        (Proof.AT_START, End.START): Proof.NOT_EXECUTED,
-        (Proof.AT_START, End.END): Proof.AT_END,
-        (Proof.AT_START, End.NEITHER): Proof.TWO,
-        (Proof.AT_END, End.START): Proof.AT_START,
-        (Proof.AT_END, End.END): Proof.EXECUTED,
-        (Proof.AT_END, End.NEITHER): Proof.TWO,
-        (Proof.NONE, End.START): Proof.NONE,
-        (Proof.NONE, End.END): Proof.NONE,
-        (Proof.NONE, End.NEITHER): Proof.NONE,
+        (Proof.ONE, WayEnd.START): Proof.NOT_EXECUTED,
+        (Proof.ONE, WayEnd.END): Proof.EXECUTED,
+        (Proof.ONE, WayEnd.NEITHER): Proof.ONE,
+        (Proof.TWO, WayEnd.START): Proof.AT_START,
+        (Proof.TWO, WayEnd.END): Proof.AT_END,
+        (Proof.TWO, WayEnd.NEITHER): Proof.TWO,
+        (Proof.AT_START, WayEnd.START): Proof.NOT_EXECUTED,
+        (Proof.AT_START, WayEnd.END): Proof.AT_END,
+        (Proof.AT_START, WayEnd.NEITHER): Proof.TWO,
+        (Proof.AT_END, WayEnd.START): Proof.AT_START,
+        (Proof.AT_END, WayEnd.END): Proof.EXECUTED,
+        (Proof.AT_END, WayEnd.NEITHER): Proof.TWO,
+        (Proof.NONE, WayEnd.START): Proof.NONE,
+        (Proof.NONE, WayEnd.END): Proof.NONE,
+        (Proof.NONE, WayEnd.NEITHER): Proof.NONE,
     }
     assert rows == {(proof, end): after for proof, row in PROOF_AFTER.items() for end, after in row.items()}
 

@@ -186,8 +186,8 @@ class Watching(Link):
         if pdu[0] == 16:
             record = self._records.read()
             if record is not None:  # of the first setpoint there is nothing to go on from yet
-                assert record.unproven is not None
-                assert write(COMMAND, record.unproven.corrected_counts) == pdu
+                assert record.unacknowledged is not None
+                assert write(COMMAND, record.unacknowledged.corrected_counts) == pdu
                 self.checked += 1
         super().send_request(unit_id, pdu)
 

@@ -45,14 +45,14 @@ def test_percentiles_of_a_thousand_times() -> None:
 
 def test_a_high_mark_is_kept_for_ever_and_for_a_minute() -> None:
     mark = HighMark()
-    mark.turn(0)
+    mark.tick(0)
     mark.raise_to(700)
     assert (mark.ever_ns, mark.minute_ns) == (700, 700)
     for second in range(10, 60, 10):  # slots of ten seconds: at 10, 20 … 50 it is still there
-        mark.turn(second * S)
+        mark.tick(second * S)
         assert mark.minute_ns == 700
     mark.raise_to(300)
-    mark.turn(60 * S)
+    mark.tick(60 * S)
     assert mark.minute_ns == 700
-    mark.turn(70 * S)
+    mark.tick(70 * S)
     assert (mark.ever_ns, mark.minute_ns) == (700, 300)

@@ -83,7 +83,7 @@ def test_fc06_only_the_words_that_differ_are_written_anew() -> None:
     bench.settle()
     bench.ask(bytes.fromhex("06 0606 BF68"))
     assert bench.writes() == ["06 06 06 bf 5e"]
-    switch(bench.line.axes, "x", is_wanted=False)
+    switch(bench.line.axes, "x", is_on=False)
     bench.trigger()
     assert bench.writes() == ["06 06 06 bf 68", RUN_PDU.hex(" ")]
 

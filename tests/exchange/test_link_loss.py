@@ -8,7 +8,7 @@ from gateway.catalogue import exchange_events
 from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.link_loss import (
     LINK_LOSS,
-    Base,
+    BaseAfterLoss,
     LinkLoss,
     Reached,
     Recorded,
@@ -16,7 +16,7 @@ from gateway.exchange.link_loss import (
     Words,
 )
 from gateway.exchange.link_loss import (
-    Reference as ReferenceAfter,
+    ReferenceAfterLoss as ReferenceAfter,
 )
 from gateway.exchange.plan import Reference
 from gateway.modbus.registers import BitField
@@ -32,26 +32,33 @@ HOMED = BitField(0x1003, 6)
 READ_HOMED = bytes.fromhex("03 1003 0001")
 
 BY_HAND = {
-    LinkLoss.BLINK: (Words.KEPT, Base.KEPT, ReferenceAfter.KEPT, Reached.KEPT, Silent.NONE, Recorded.GOES_ON),
+    LinkLoss.BLINK: (
+        Words.KEPT,
+        BaseAfterLoss.KEPT,
+        ReferenceAfter.KEPT,
+        Reached.KEPT,
+        Silent.NONE,
+        Recorded.GOES_ON,
+    ),
     LinkLoss.IDLE_CLOSE: (
         Words.UNTIL_READ,
-        Base.FORGOTTEN,
-        ReferenceAfter.IN_DOUBT,
+        BaseAfterLoss.FORGOTTEN,
+        ReferenceAfter.UNCONFIRMED,
         Reached.ASKED_AGAIN,
         Silent.UNTIL_UP,
         Recorded.PAUSED,
     ),
     LinkLoss.OWN_CLOSE: (
         Words.UNTIL_READ,
-        Base.FORGOTTEN,
-        ReferenceAfter.IN_DOUBT,
+        BaseAfterLoss.FORGOTTEN,
+        ReferenceAfter.UNCONFIRMED,
         Reached.ASKED_AGAIN,
         Silent.UNTIL_UP,
         Recorded.PAUSED,
     ),
     LinkLoss.RENEWAL: (
         Words.KEPT,
-        Base.KEPT,
+        BaseAfterLoss.KEPT,
         ReferenceAfter.KEPT,
         Reached.KEPT,
         Silent.GOES_ON,
@@ -59,15 +66,15 @@ BY_HAND = {
     ),
     LinkLoss.LOSS: (
         Words.UNTIL_READ,
-        Base.FORGOTTEN,
-        ReferenceAfter.IN_DOUBT,
+        BaseAfterLoss.FORGOTTEN,
+        ReferenceAfter.UNCONFIRMED,
         Reached.ASKED_AGAIN,
         Silent.UNTIL_UP,
         Recorded.PAUSED,
     ),
     LinkLoss.SILENCE: (
         Words.UNTIL_READ,
-        Base.FORGOTTEN,
+        BaseAfterLoss.FORGOTTEN,
         ReferenceAfter.LOST,
         Reached.KEPT,
         Silent.UNTIL_FRAME,
@@ -75,7 +82,7 @@ BY_HAND = {
     ),
     LinkLoss.RESTART: (
         Words.AS_RECORDED,
-        Base.FORGOTTEN,
+        BaseAfterLoss.FORGOTTEN,
         ReferenceAfter.AS_RECORDED,
         Reached.ASKED_AGAIN,
         Silent.ENDED,

@@ -7,7 +7,7 @@ import pytest
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import Action
-from gateway.exchange.axis.sight import SIGHT_AFTER, Sight, Told
+from gateway.exchange.axis.readability import READABILITY_AFTER, PositionAnswer, Readability
 from gateway.exchange.plan import ControllerPlan
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import (
@@ -382,18 +382,22 @@ def test_w8_a_first_setpoint_is_read_for_once_more() -> None:
 
 def test_every_answer_leads_where_the_table_says() -> None:
     """Written by hand."""
-    flat = {(sight, told): after for sight, row in SIGHT_AFTER.items() for told, after in row.items()}
+    flat = {
+        (readability, told): after
+        for readability, row in READABILITY_AFTER.items()
+        for told, after in row.items()
+    }
     assert flat == {
-        (Sight.OPEN, Told.PLACE): Sight.OPEN,
-        (Sight.OPEN, Told.PASSING): Sight.OPEN,
-        (Sight.OPEN, Told.REFUSAL): Sight.REFUSED_ONCE,
-        (Sight.OPEN, Told.LINK_LOST): Sight.OPEN,
-        (Sight.REFUSED_ONCE, Told.PLACE): Sight.OPEN,
-        (Sight.REFUSED_ONCE, Told.PASSING): Sight.REFUSED_ONCE,
-        (Sight.REFUSED_ONCE, Told.REFUSAL): Sight.REFUSED,
-        (Sight.REFUSED_ONCE, Told.LINK_LOST): Sight.OPEN,
-        (Sight.REFUSED, Told.PLACE): Sight.REFUSED,
-        (Sight.REFUSED, Told.PASSING): Sight.REFUSED_ONCE,
-        (Sight.REFUSED, Told.REFUSAL): Sight.REFUSED,
-        (Sight.REFUSED, Told.LINK_LOST): Sight.OPEN,
+        (Readability.OPEN, PositionAnswer.POSITION): Readability.OPEN,
+        (Readability.OPEN, PositionAnswer.PASSING): Readability.OPEN,
+        (Readability.OPEN, PositionAnswer.REFUSAL): Readability.REFUSED_ONCE,
+        (Readability.OPEN, PositionAnswer.LINK_LOST): Readability.OPEN,
+        (Readability.REFUSED_ONCE, PositionAnswer.POSITION): Readability.OPEN,
+        (Readability.REFUSED_ONCE, PositionAnswer.PASSING): Readability.REFUSED_ONCE,
+        (Readability.REFUSED_ONCE, PositionAnswer.REFUSAL): Readability.REFUSED,
+        (Readability.REFUSED_ONCE, PositionAnswer.LINK_LOST): Readability.OPEN,
+        (Readability.REFUSED, PositionAnswer.POSITION): Readability.REFUSED,
+        (Readability.REFUSED, PositionAnswer.PASSING): Readability.REFUSED_ONCE,
+        (Readability.REFUSED, PositionAnswer.REFUSAL): Readability.REFUSED,
+        (Readability.REFUSED, PositionAnswer.LINK_LOST): Readability.OPEN,
     }

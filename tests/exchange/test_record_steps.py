@@ -61,10 +61,10 @@ def test_a_step_says_what_was_accepted_and_what_is_on_its_way() -> None:
     assert record.came_from == (59_900, was_sent)
     assert list(record.way) == [was_sent, sent]
     assert (record.state.position, record.state.extreme) == (60.0, 60.0)
-    assert record.unproven is None
+    assert record.unacknowledged is None
     bench.send(write(COMMAND, 60_100))
     later = read(data_of(bench))
-    move = later.unproven
+    move = later.unacknowledged
     assert later.nominal_counts == 60_000
     assert move is not None
     assert (move.nominal_counts, move.corrected_counts) == (60_100, last_of(bench))

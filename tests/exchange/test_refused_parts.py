@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from gateway.drives.motion import Action, Deed, Form, MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, Form, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.axis.registers import COMPLETENESS_AFTER, NEXT_PART, Completeness, Loss, NextPart
 from gateway.exchange.plan import ControllerPlan
 from gateway.modbus.registers import PositionField
@@ -241,7 +241,7 @@ def test_m3_a_half_that_starts_the_motion_does_not_run_beside_one_that_was_refus
 def test_m3_a_lost_target_of_one_field_is_not_run_because_another_one_was_written() -> None:
     """Two paths of one drive: path 1 lost a word, path 0 is written whole and releases its own triggers."""
     second = PositionField(0x0610, COMMAND.type, COMMAND.order)
-    deeds = {0: Deed(Action.ABSOLUTE, 0), 1: Deed(Action.ABSOLUTE, 1)}
+    deeds = {0: Operation(Action.ABSOLUTE, 0), 1: Operation(Action.ABSOLUTE, 1)}
     motion = MotionPlan(is_staged=True, triggers=(TriggerPlan(0x050E, deeds=deeds),))
     bench = StagedBench(staged_plan(motion=motion, command=(COMMAND, second), **PROVES), tcp_drive=True)
     bench.ask(write(second, 50_000))

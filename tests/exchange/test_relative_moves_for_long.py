@@ -7,7 +7,7 @@ import pytest
 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.drives.motion import Action, Deed, MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, MotionPlan, Operation, TriggerPlan
 from tests.exchange.line_bench import ACTUAL, read
 from tests.exchange.staged_bench import (
     COMMANDED,
@@ -96,7 +96,7 @@ class Walk:
 @pytest.mark.parametrize("base", BASES, ids=lambda base: base.value)
 def test_m5_nothing_adds_up_over_thousands_of_relative_moves(base: Action) -> None:
     table = make_table(KNOTS, FORWARD, BACKWARD, Units.MM)
-    triggers = (TriggerPlan(TRIGGER, deeds={**DEEDS, 2: Deed(base)}),)
+    triggers = (TriggerPlan(TRIGGER, deeds={**DEEDS, 2: Operation(base)}),)
     motion = MotionPlan(is_staged=True, triggers=triggers)
     bench = StagedBench(staged_plan(table=table, motion=motion))
     bench.go_to(50_000)

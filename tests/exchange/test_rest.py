@@ -22,27 +22,27 @@ link-up         .          .          .          silence
 """
 """By hand, from W6; a dot where nothing changes."""
 STEPS: Final[dict[str, Callable[[Rest], None]]] = {
-    "turnaround": lambda rest: rest.turn_around(10 * MS),
+    "turnaround": lambda rest: rest.begin_turnaround(10 * MS),
     "drain": lambda rest: rest.drain(10 * MS),
     "settled": lambda rest: rest.settle(150 * MS),
     "settled-before": lambda rest: rest.settle(49 * MS),
-    "link-lost-busy": lambda rest: rest.break_off(owes_silence=True),
-    "link-lost-idle": lambda rest: rest.break_off(owes_silence=False),
+    "link-lost-busy": lambda rest: rest.break_off(needs_silence=True),
+    "link-lost-idle": lambda rest: rest.break_off(needs_silence=False),
     "link-up": lambda rest: rest.resume(10 * MS),
 }
 REACHED: Final[dict[str, Callable[[Rest], None]]] = {
     "not": lambda rest: None,
-    "turnaround": lambda rest: rest.turn_around(0),
+    "turnaround": lambda rest: rest.begin_turnaround(0),
     "silence": lambda rest: rest.drain(0),
-    "owed": lambda rest: rest.owe(),
+    "owed": lambda rest: rest.expect_late_reply(),
 }
 
 
 def kind(rest: Rest) -> str:
     """What of a rest can be seen from outside."""
     if rest.until_ns is None:
-        return "owed" if rest.owes_silence else "not"
-    assert rest.is_draining is rest.owes_silence
+        return "owed" if rest.needs_silence else "not"
+    assert rest.is_draining is rest.needs_silence
     return "silence" if rest.is_draining else "turnaround"
 
 

@@ -57,7 +57,7 @@ def play(bench: RecordBench, ops: list[Op]) -> list[object]:
             bench.memory.put(ACTUAL, bench.memory.get(COMMAND))
             bench.wait(100.0)
         elif what == "switch":
-            switch(bench.line.axes, "x", is_wanted=bool(number))
+            switch(bench.line.axes, "x", is_on=bool(number))
         else:
             seen.append(bench.actual())
     return [*seen, *bench.writes[before:]]
@@ -97,7 +97,7 @@ def check_goes_on(plan: AxisPlan, ops: list[Op], at: int) -> RecordBench:
     assert "restored" in again.kinds()
     again.now_ns = bench.now_ns
     if not is_enabled(ops[:at]):  # the configuration decides after a start: tell it the same
-        switch(again.line.axes, "x", is_wanted=False)
+        switch(again.line.axes, "x", is_on=False)
     rest = [("read", 0, 0.0), *ops[at:], ("read", 0, 0.0), ("arrive", 0, 0.0), ("read", 0, 0.0)]
     assert play(again, rest) == play(bench, rest)
     return again

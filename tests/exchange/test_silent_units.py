@@ -5,7 +5,7 @@ from typing import Any, Final
 
 import pytest
 
-from gateway.drives.motion import Action, Deed, MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.plan import LineTiming, Reference
 from gateway.exchange.silent_units import REACH_AFTER, Reach, Sign
 from gateway.modbus.registers import BitField, BitTable
@@ -443,7 +443,8 @@ def test_w6_a_late_frame_of_the_silent_unit_in_the_middle_of_another_exchange_is
 STOP: Final = bytes.fromhex("06 0900 0001")
 STOP_16: Final = bytes.fromhex("10 0900 0001 02 0001")
 MOTION: Final = MotionPlan(
-    is_staged=False, triggers=(TriggerPlan(0x0900, deeds={1: Deed(Action.STOP)}, otherwise=Action.IGNORE),)
+    is_staged=False,
+    triggers=(TriggerPlan(0x0900, deeds={1: Operation(Action.STOP)}, otherwise=Action.IGNORE),),
 )
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from gateway.drives.motion import Action, Deed, ModePlan, MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, ModePlan, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.plan import CompensationMode, Reference
 from gateway.modbus.registers import PositionField
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, read, write
@@ -24,11 +24,11 @@ PATHS = MotionPlan(
         TriggerPlan(
             TRIGGER,
             deeds={
-                0: Deed(Action.IGNORE),
-                RUN: Deed(Action.START, 0),
-                4: Deed(Action.START, 1),
-                STOP: Deed(Action.STOP),
-                100: Deed(Action.HOME),
+                0: Operation(Action.IGNORE),
+                RUN: Operation(Action.START, 0),
+                4: Operation(Action.START, 1),
+                STOP: Operation(Action.STOP),
+                100: Operation(Action.HOME),
             },
         ),
     ),

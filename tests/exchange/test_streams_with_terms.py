@@ -125,7 +125,7 @@ class Streams:
         self.bench.wait(self.random.choice((1.0, 600.0, 20_000.0, 2_000_000.0)))
 
     def switch(self) -> None:
-        switch(self.bench.line.axes, self.random.choice("xy"), is_wanted=self.random.random() < 0.6)
+        switch(self.bench.line.axes, self.random.choice("xy"), is_on=self.random.random() < 0.6)
 
     def gain(self) -> None:
         gain = Gain(self.random.choice((0.0, 0.5, 1.0)), self.random.choice((0.0, 0.5, 1.0)))

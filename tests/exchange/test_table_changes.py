@@ -82,8 +82,8 @@ def test_no_change_walks_over_the_points_of_a_table(setpoints: Setpoints) -> Non
         column.looks = 0
     control.set_tables([axis], FOR_X, [new])
     control.set_gain([axis], "x", Gain(0.5, 0.9))
-    control.switch([axis], "x", is_wanted=False)
-    control.switch([axis], "x", is_wanted=True)
+    control.switch([axis], "x", is_on=False)
+    control.switch([axis], "x", is_on=True)
     axis.lose_reference()
     axis.declare_referenced()
     # The ends of both columns, whenever a curve is made of them; 50 000 where somebody walks.
@@ -125,14 +125,14 @@ def test_a_table_without_the_lost_motion_that_is_configured_is_refused() -> None
 def test_a_change_asked_for_while_a_setpoint_is_on_the_wire_is_as_long_as_its_difference_needs() -> None:
     everywhere = make_table([0, 100], [0.4, 0.4], [0.4, 0.4], Units.MM)
     bench = Bench(stream_plan(table=everywhere, max_correction=0.5, reload_distance=0.1))
-    control.switch(bench.line.axes, "x", is_wanted=False)
+    control.switch(bench.line.axes, "x", is_on=False)
     told = []
     for number in range(100):
         if number == 5:
-            control.switch(bench.line.axes, "x", is_wanted=True)
+            control.switch(bench.line.axes, "x", is_on=True)
         bench.send(write(COMMAND, 50 * number))
         if number == 5:  # the one that begins the change is on its way
-            control.switch(bench.line.axes, "x", is_wanted=False)
+            control.switch(bench.line.axes, "x", is_on=False)
         bench.serve()
         bench.port.take()
         told.append(bench.memory.get(COMMAND) - 50 * number)
@@ -150,7 +150,7 @@ def test_an_axis_that_is_switched_off_reads_on_without_a_jump(way: str) -> None:
     bench.move(10_000)
     assert bench.memory.get(ACTUAL) == 10_500
     if way == "switch":
-        control.switch(bench.line.axes, "x", is_wanted=False)
+        control.switch(bench.line.axes, "x", is_on=False)
     else:
         control.clear_table(bench.line.axes, "x")
     assert bench.actual() == 10_000

@@ -232,7 +232,7 @@ class Machine:
     def onoff(self) -> None:
         model = self.pick()
         model.is_on = not model.is_on
-        switch(self.bench.line.axes, model.name, is_wanted=model.is_on)
+        switch(self.bench.line.axes, model.name, is_on=model.is_on)
 
     def gains(self) -> None:
         model = self.pick()
@@ -339,14 +339,14 @@ class Machine:
         self.killed()
 
     def step(self) -> None:
-        deed = self.random.choice(DEEDS)
+        operation = self.random.choice(DEEDS)
         before = [(m.nominal, self.bench.memory.get(m.command)) for m in self.models.values()]
-        getattr(self, deed)()
+        getattr(self, operation)()
         for model, (nominal, told) in zip(self.models.values(), before, strict=True):
             if model.nominal is not None and model.nominal == nominal:
-                assert self.bench.memory.get(model.command) == told, deed  # nothing moves by itself
+                assert self.bench.memory.get(model.command) == told, operation  # nothing moves by itself
             if model.nominal is not None and model.is_referenced:
-                assert self.read(model) == model.nominal, deed
+                assert self.read(model) == model.nominal, operation
 
 
 @pytest.mark.parametrize("seed", range(16))

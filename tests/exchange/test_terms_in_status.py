@@ -70,7 +70,7 @@ def test_while_it_gives_way_in_a_stream_it_says_what_is_left_of_it() -> None:
     shares = []
     for step in range(600):
         if step == 400:
-            switch(bench.line.axes, "x", is_wanted=False)
+            switch(bench.line.axes, "x", is_on=False)
         counts = 100_000 + 500 * step
         bench.ask(write(COMMAND, counts))
         bench.wait(10.0)
@@ -92,7 +92,7 @@ def test_a_sensor_is_silent_after_its_time_also_when_it_was_never_heard() -> Non
     bench = both()
 
     def state() -> tuple[str, bool]:
-        bench.line.axes[0].tell_terms(bench.now_ns)  # as the line does every few seconds
+        bench.line.axes[0].report_terms(bench.now_ns)  # as the line does every few seconds
         thermal = terms(bench)["thermal"]
         return thermal["state"], thermal["is_silent"]
 

@@ -79,8 +79,8 @@ class Machine:
         self.bench.wait(self.random.choice((1.0, 600.0, 20_000.0, 2_000_000.0)))
 
     def off(self) -> None:
-        for is_wanted in (False, True):
-            switch(self.bench.line.axes, "x", is_wanted=is_wanted)
+        for is_on in (False, True):
+            switch(self.bench.line.axes, "x", is_on=is_on)
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -131,7 +131,7 @@ def test_it_is_told_that_a_sensor_is_silent_also_where_nothing_moves() -> None:
     warm(bench, 30.0)
     bench.move(10_000)
     bench.wait(61_000.0)
-    bench.line.axes[0].tell_terms(bench.now_ns)
+    bench.line.axes[0].report_terms(bench.now_ns)
     bench.actual()
     assert events(bench, "term-held") == ["the sensor says nothing: its last value is held; +10 K count"]
 
@@ -212,11 +212,11 @@ def test_switched_off_it_is_off_with_its_table_and_comes_back_with_it() -> None:
     bench = Bench(warm_plan())
     warm(bench, 30.0)
     bench.move(1_000_000)
-    switch(bench.line.axes, "x", is_wanted=False)
+    switch(bench.line.axes, "x", is_on=False)
     assert bench.actual() == 1_000_000
     bench.move(999_000)
     assert told(bench) == 999_000
-    switch(bench.line.axes, "x", is_wanted=True)
+    switch(bench.line.axes, "x", is_on=True)
     bench.move(1_000_000)
     assert told(bench) == 999_885
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import pytest
 
-from gateway.drives.motion import Action, Deed, MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.plan import ControllerPlan, LineTiming, Reference, Role
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Link, Port, axis_plan, read, write
 from tests.exchange.silent_bench import ANSWER, OTHER, SILENT, controller, line, polled_in_turn
@@ -18,7 +18,8 @@ WRITE: Final = bytes.fromhex("06 0700 0001")
 WRITE_SILENT: Final = bytes.fromhex("86 0B")
 STOP: Final = bytes.fromhex("06 0900 0001")
 MOTION: Final = MotionPlan(
-    is_staged=False, triggers=(TriggerPlan(0x0900, deeds={1: Deed(Action.STOP)}, otherwise=Action.IGNORE),)
+    is_staged=False,
+    triggers=(TriggerPlan(0x0900, deeds={1: Operation(Action.STOP)}, otherwise=Action.IGNORE),),
 )
 
 

@@ -38,7 +38,7 @@ def staged(plan: AxisPlan | None = None) -> tuple[StagedBench, Records]:
     record = said(records)
     assert (record.nominal_counts, record.corrected_counts) == (50_000, 50_010)
     assert (record.has_target, record.was_at_target, record.was_done_seen) == (True, True, True)
-    assert record.unproven is None
+    assert record.unacknowledged is None
     return bench, records
 
 
@@ -73,7 +73,7 @@ def test_a_stored_position_ends_it_too() -> None:
     bench, records = staged()
     assert bench.refused(STORED_PDU) == 4  # it never reaches the drive
     assert said(records).has_target
-    switch(bench.line.axes, "x", is_wanted=False)
+    switch(bench.line.axes, "x", is_on=False)
     bench.go_to(40_000)
     bench.send(STORED_PDU)
     assert records.read() is None
@@ -124,11 +124,11 @@ def test_a_staged_target_changes_nothing_until_its_trigger() -> None:
     bench.send(RUN_PDU)
     record = said(records)
     assert (record.nominal_counts, record.has_target) == (50_000, True)
-    assert record.unproven is not None
-    assert (record.unproven.nominal_counts, record.unproven.corrected_counts) == (20_000, 19_990)
+    assert record.unacknowledged is not None
+    assert (record.unacknowledged.nominal_counts, record.unacknowledged.corrected_counts) == (20_000, 19_990)
     bench.serve()
     record = said(records)
-    assert (record.nominal_counts, record.unproven) == (20_000, None)
+    assert (record.nominal_counts, record.unacknowledged) == (20_000, None)
 
 
 def test_the_record_is_written_before_the_frame_goes_out_and_again_after_the_reply() -> None:
@@ -150,7 +150,7 @@ def test_the_record_is_written_before_the_frame_goes_out_and_again_after_the_rep
     bench.link.send_request = noted_request  # type: ignore[method-assign]
     bench.port.send_reply = noted_reply  # type: ignore[method-assign]
     bench.ask(write(COMMAND, 60_000))
-    assert [r.unproven.nominal_counts for r in at_send if r and r.unproven] == [60_000]
+    assert [r.unacknowledged.nominal_counts for r in at_send if r and r.unacknowledged] == [60_000]
     # The controller does not wait for the record: its reply is out before the target is taken as accepted.
     assert [r.nominal_counts for r in at_reply if r] == [50_000]
     assert said(records).nominal_counts == 60_000
@@ -201,8 +201,8 @@ def test_a_lost_reply_leaves_both_targets_possible() -> None:
     for _ in range(2):
         record = said(records)
         assert record.nominal_counts == 50_000
-        assert record.unproven is not None
-        assert record.unproven.nominal_counts == 20_000
+        assert record.unacknowledged is not None
+        assert record.unacknowledged.nominal_counts == 20_000
         bench.wait(1_001)  # nobody answers
     bench.wait(1_000)  # the line is silent
     bench.port.replies.clear()
@@ -225,7 +225,7 @@ def test_a_refused_target_is_as_the_register_map_says(writes_nothing: bool) -> N
     bench.line.reply(1, bytes.fromhex("90 04"), bench.now_ns)
     record = said(records)
     assert record.nominal_counts == 50_000
-    assert (record.unproven is None) is writes_nothing
+    assert (record.unacknowledged is None) is writes_nothing
 
 
 def test_a_half_that_was_lost_on_the_way_leaves_the_words_unknown() -> None:
@@ -266,7 +266,7 @@ def test_switching_off_is_no_motion_and_the_record_follows_with_the_next_target(
     records = Records()
     bench = Bench(axis_plan(), before_up=records.attach)
     bench.move(50_000)
-    switch(bench.line.axes, "x", is_wanted=False)
+    switch(bench.line.axes, "x", is_on=False)
     assert said(records).state.spec.digest
     bench.move(60_000)
     record = said(records)
@@ -288,8 +288,8 @@ def relative_bench() -> tuple[StagedBench, Records]:
         _, pdu = bench.link.sent.pop(0)
         bench.line.reply(1, bench.memory.answer(pdu), bench.now_ns)
     record = said(records)
-    assert record.unproven is not None
-    assert record.unproven.is_distance
+    assert record.unacknowledged is not None
+    assert record.unacknowledged.is_distance
     return bench, records
 
 

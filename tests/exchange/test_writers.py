@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.drives.motion import Action, Deed
+from gateway.drives.motion import Action, Operation
 from gateway.exchange.plan import ControllerPlan, Role
 from gateway.exchange.status import axis_status, compensation_state
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, axis_plan, read, write
@@ -355,7 +355,7 @@ def test_w10_a_second_writer_is_told_of_once_a_minute() -> None:
 
 
 def test_w10_more_refused_frames_than_are_kept_lose_everything_of_the_axis() -> None:
-    deeds = {**STAGED.triggers[0].deeds, **{n: Deed(Action.OTHER_MOTION) for n in range(2_000, 2_040)}}
+    deeds = {**STAGED.triggers[0].deeds, **{n: Operation(Action.OTHER_MOTION) for n in range(2_000, 2_040)}}
     plan = staged_plan(motion=replace(STAGED, triggers=(replace(STAGED.triggers[0], deeds=deeds),)))
     bench = StagedBench(plan)
     cnc, panel = controller("cnc"), controller("panel")

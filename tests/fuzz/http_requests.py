@@ -26,15 +26,15 @@ from gateway.compensation.settings import AxisSettings
 from gateway.compensation.units import Units
 from gateway.config.http_model import TokenSection
 from gateway.limits import Reports
-from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.broadcast import Broadcast
 from gateway.supervisor.http.answers import LOCAL, TCP
 from gateway.supervisor.http.application import ASKING_PATHS, LOCAL_PATHS, Served
 from gateway.supervisor.http.documents import Window
 from gateway.supervisor.http.guard import READS, Guard, Rules
-from gateway.supervisor.http.listener import Connection, Door
-from gateway.supervisor.http.login import Access, Sessions, Tokens
-from gateway.supervisor.http.refusals import Refusals
-from gateway.supervisor.outcome import Outcome
+from gateway.supervisor.http.listener import HttpConnection, HttpServer
+from gateway.supervisor.http.login import Authenticator, Sessions, Tokens
+from gateway.supervisor.http.refusals import HttpRefusals
+from gateway.supervisor.outcome import ReloadOutcome
 from tests.exchange.line_bench import LOST_MOTION
 from tests.status_models import model_of
 from tests.supervisor.http.doors import TOKEN, WRONG, write_token
@@ -59,28 +59,34 @@ class Site:
         self.reloads = 0
         self.said: list[tuple[str, dict[str, object]]] = []
         self.now_s = AN_HOUR_S
-        feeds = Feeds()
+        broadcast = Broadcast()
         digest = keep_table(folder, LOST_MOTION)
         table: dict[str, object] = AXIS["table"]  # type: ignore[assignment]
-        feeds.publish(model_of(model(snapshot(axis={"table": {**table, "compiled": digest, "points": 2}}))))
+        broadcast.publish(
+            model_of(model(snapshot(axis={"table": {**table, "compiled": digest, "points": 2}})))
+        )
         settings = AxisSettings(Units.MM, 1000.0)
-        window = Window(feeds, folder, lambda axis: settings if axis == "x" else None, self.reload, self.say)
+        window = Window(
+            broadcast, folder, lambda axis: settings if axis == "x" else None, self.reload, self.say
+        )
         self.served = served = Served(window)
         self.tokens = Tokens((TokenSection(name="people", file="people.token"),), folder, self._unusable)
         self.sessions = Sessions()
-        access = Access(self.tokens, self.sessions, Refusals(self.say), COOKIE, lambda: self.now_s)
+        access = Authenticator(self.tokens, self.sessions, HttpRefusals(self.say), COOKIE, lambda: self.now_s)
         # Somebody who reads events, says something behind that and goes is noticed with the next word to him.
-        self.tcp, self.local = (Door(replace(limits, heartbeat_s=HEARTBEAT_S)) for limits in (TCP, LOCAL))
+        self.tcp, self.local = (
+            HttpServer(replace(limits, heartbeat_s=HEARTBEAT_S)) for limits in (TCP, LOCAL)
+        )
         over_tcp = Rules(READS | {"POST"}, "127.0.0.1", ASKING_PATHS)
         self.tcp.serve(Guard(served.application(self.tcp, ASKING_PATHS, access), over_tcp, access))
         self.local.serve(
             Guard(served.application(self.local, LOCAL_PATHS), Rules(READS | {"POST"}, there_is=LOCAL_PATHS))
         )
 
-    async def reload(self) -> Outcome:
+    async def reload(self) -> ReloadOutcome:
         """Count who asks for it."""
         self.reloads += 1
-        return Outcome()
+        return ReloadOutcome()
 
     def say(self, event: EventEntry, severity: Severity | None = None, **fields: object) -> None:
         """Keep what the log would have."""
@@ -114,7 +120,7 @@ def requests(data: bytes) -> None:
 
 async def _say(page: Site, data: bytes) -> None:
     kind = data[0] if data else 0
-    door = page.local if kind & 1 else page.tcp
+    http_server = page.local if kind & 1 else page.tcp
     shows = TOKEN.encode() in data or b"SESSION" in data
     said = data[1:].replace(b"SESSION", page.session())
     page.said.clear()
@@ -123,7 +129,7 @@ async def _say(page: Site, data: bytes) -> None:
     reloads = page.reloads
     ours, theirs = socket.socketpair()
     ours.setblocking(False)
-    _, connection = await asyncio.get_running_loop().connect_accepted_socket(door.connection, theirs)
+    _, connection = await asyncio.get_running_loop().connect_accepted_socket(http_server.connection, theirs)
     heard = b""
     pieces = 1 + (kind >> 4)
     size = -(-len(said) // pieces) or 1
@@ -136,10 +142,10 @@ async def _say(page: Site, data: bytes) -> None:
     finally:
         ours.close()
     end_s = time.monotonic() + PATIENCE_S
-    while (door._state.tasks or door._state.connections) and time.monotonic() < end_s:  # noqa: ASYNC110 - nobody tells
+    while (http_server._state.tasks or http_server._state.connections) and time.monotonic() < end_s:  # noqa: ASYNC110 - nobody tells
         await asyncio.sleep(0.001)
-    assert not door._state.tasks, "a request that never ends"
-    assert not door._state.connections, "a connection that never ends"
+    assert not http_server._state.tasks, "a request that never ends"
+    assert not http_server._state.connections, "a connection that never ends"
     _judge(page, heard, is_local=bool(kind & 1), shows=shows)
     if TOKEN.encode() not in data:
         assert TOKEN.encode() not in heard, "the token is told"
@@ -147,7 +153,7 @@ async def _say(page: Site, data: bytes) -> None:
     assert page.reloads == reloads or kind & 1, "a reload over TCP"
 
 
-async def _listen(ours: socket.socket, connection: Connection) -> bytes:
+async def _listen(ours: socket.socket, connection: HttpConnection) -> bytes:
     """Return what is answered, until nothing more can come."""
     heard, quiet = b"", 0
     end_s = time.monotonic() + PATIENCE_S

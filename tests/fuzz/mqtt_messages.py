@@ -23,7 +23,7 @@ from gateway.supervisor.mqtt.commands import Commander
 from gateway.supervisor.mqtt.connection import encode
 from gateway.supervisor.mqtt.interfaces import Orders
 from gateway.supervisor.mqtt.settings import COMMANDS, Topics
-from gateway.supervisor.outcome import Outcome
+from gateway.supervisor.outcome import ReloadOutcome
 from gateway.supervisor.temperatures import LARGEST, WrongTemperatureError, read_payload
 from tests.fuzz.script import Script, said
 
@@ -70,9 +70,9 @@ async def _command(kind: int, command: str, answers_to: str, payload: bytes) -> 
     asked: list[Request | None] = []
     events: list[dict[str, object]] = []
 
-    async def reload() -> Outcome:
+    async def reload() -> ReloadOutcome:
         asked.append(None)
-        return Outcome()
+        return ReloadOutcome()
 
     def ask(request: Request) -> Reply:
         asked.append(request)

@@ -9,7 +9,7 @@ from gateway.config.problems import ConfigErrors, Problem
 from gateway.exchange.line import LineExchange
 from gateway.modbus.mbap import MbapDecoder
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder
-from gateway.supervisor.http.login import Access
+from gateway.supervisor.http.login import Authenticator
 from gateway.supervisor.mqtt.commands import Commander
 from tests.exchange.line_bench import write
 from tests.fuzz import configuration, exchange, http_requests, line, mbap, mqtt_messages, rtu
@@ -183,13 +183,13 @@ def test_an_answer_on_a_topic_of_our_own_is_seen(monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_page_that_lets_strangers_look_is_seen(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    class Open(Access):
+    class Open(Authenticator):
         def refusal(self, scope: Any) -> None:
             scope["state"]["visitor"] = self.try_token(TOKEN, "")
 
     data = b"\x00GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n"
     http_requests.requests(data)
-    monkeypatch.setattr(http_requests, "Access", Open)
+    monkeypatch.setattr(http_requests, "Authenticator", Open)
     page = http_requests.Site(tmp_path)
     monkeypatch.setattr(http_requests, "site", lambda: page)
     with pytest.raises(AssertionError, match="shown to a stranger"):

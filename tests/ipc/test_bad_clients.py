@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from gateway.exchange.commands import MAX_TABLES, Disable, SetTable, TableFor
-from gateway.ipc.desk import Desk
+from gateway.ipc.handlers import RequestHandlers
 from gateway.ipc.messages import (
     Done,
     GetStatus,
@@ -57,9 +57,11 @@ class Counter:
 async def serving(
     state: Path, counter: Counter, masters: frozenset[int] | None = None
 ) -> AsyncIterator[ControlServer]:
-    desk = Desk(counter.answer, counter.hand_over, complain=counter.complaints.append)
+    desk = RequestHandlers(counter.answer, counter.hand_over, complain=counter.complaints.append)
     if masters is not None:
-        desk = Desk(counter.answer, counter.hand_over, complain=counter.complaints.append, masters=masters)
+        desk = RequestHandlers(
+            counter.answer, counter.hand_over, complain=counter.complaints.append, masters=masters
+        )
     server = ControlServer(state, desk)
     await server.open()
     try:

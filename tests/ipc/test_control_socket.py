@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from gateway.exchange.commands import Disable, Enable, SetReference
 from gateway.ipc import messages
+from gateway.ipc.address import SocketError, socket_path
 from gateway.ipc.client import NoGatewayError, ask
 from gateway.ipc.messages import (
     Done,
@@ -27,7 +28,6 @@ from gateway.ipc.messages import (
     decode_request,
     encode,
 )
-from gateway.ipc.place import SocketError, socket_path
 from gateway.ipc.server import ControlServer
 
 PATIENCE_S = 30.0

@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
-from gateway.ipc.desk import LONGEST_WAIT_S, Desk
+from gateway.ipc.handlers import LONGEST_WAIT_S, RequestHandlers
 from gateway.ipc.listener import EVENTS_KEPT
 from gateway.ipc.messages import (
     GetStatus,
@@ -64,7 +64,7 @@ def pong(request: Request) -> Reply:
 
 @contextlib.asynccontextmanager
 async def serving(state: Path, model: Counting, idle_s: float = 30.0) -> AsyncIterator[ControlServer]:
-    server = ControlServer(state, Desk(pong, status=model.status), idle_s)
+    server = ControlServer(state, RequestHandlers(pong, status=model.status), idle_s)
     await server.open()
     try:
         yield server
@@ -106,7 +106,7 @@ async def test_snapshots_come_by_themselves_and_events_as_they_happen(tmp_path: 
     async with serving(tmp_path, Counting()) as server, listening(server, Subscribe(interval_s=0.05)) as ear:
         assert await ear.next() == Snapshot(status=numbered(1))
         assert await ear.next() == Snapshot(status=numbered(2))
-        server.tell(happened(7))
+        server.publish_event(happened(7))
         while not isinstance(message := await ear.next(), Happened):
             assert isinstance(message, Snapshot)
         assert message == happened(7)
@@ -136,7 +136,7 @@ async def serving_between_frames(state: Path, leaving: list[bool]) -> AsyncItera
     def status() -> RelayModel:
         return numbered(len(leaving))
 
-    desk = Desk(answer, status=status, has_to_wait=is_leaving)
+    desk = RequestHandlers(answer, status=status, has_to_wait=is_leaving)
     server = ControlServer(state, desk)
     await server.open()
     try:
@@ -186,7 +186,7 @@ async def test_what_happens_brings_the_next_snapshot_forward(tmp_path: Path) -> 
     async with serving(tmp_path, Counting()) as server, listening(server, SLOW) as ear:
         assert await ear.next() == Snapshot(status=numbered(1))
         for number in (7, 8):
-            server.tell(happened(number))
+            server.publish_event(happened(number))
         assert [await ear.next(), await ear.next()] == [happened(7), happened(8)]
         assert await ear.next() == Snapshot(status=numbered(2))  # one for both
 
@@ -209,7 +209,7 @@ async def test_a_listener_that_does_not_read_keeps_the_newest_and_knows_how_many
             deaf.sendall(encode(SLOW))
             await _until(lambda: server.has_listeners)
             for number in range(total):
-                server.tell(happened(number))
+                server.publish_event(happened(number))
                 if number % 4 == 3:
                     await asyncio.sleep(0)  # a turn of the loop, so that what can be sent is
             [session] = server._clients.sessions
@@ -280,7 +280,7 @@ async def test_a_listener_that_goes_away_is_forgotten(tmp_path: Path) -> None:
         async with listening(server, Subscribe(interval_s=0.05)):
             assert server.has_listeners
         await _until(lambda: not server.clients)
-        server.tell(happened(1))  # and nobody minds
+        server.publish_event(happened(1))  # and nobody minds
 
 
 async def _until(condition: Any) -> None:
@@ -298,7 +298,7 @@ async def test_a_listener_that_talks_nonsense_and_takes_nothing_is_dropped(tmp_p
             [session] = server._clients.sessions
             async with asyncio.timeout(PATIENCE_S):
                 while not session._outbox.waiting_bytes:  # the refusal will have to wait behind it
-                    server.tell(happened(1))
+                    server.publish_event(happened(1))
                     await asyncio.sleep(0)
             deaf.sendall(b"nonsense\n")
             await _until(lambda: not server.clients)

@@ -13,7 +13,7 @@ import pytest
 
 from gateway.exchange.commands import VERSION, SetTable, TableFor
 from gateway.ipc.client import NoGatewayError, ask
-from gateway.ipc.desk import Desk
+from gateway.ipc.handlers import RequestHandlers
 from gateway.ipc.messages import (
     Done,
     Happened,
@@ -29,7 +29,7 @@ from gateway.ipc.messages import (
     encode,
 )
 from gateway.ipc.sealed_memory import seal
-from gateway.ipc.server import NO_PLACE, ControlServer
+from gateway.ipc.server import ALL_TAKEN, ControlServer
 from gateway.ipc.session import GAVE_WAY, MAX_CLIENTS, MAX_LISTENERS
 
 PATIENCE_S = 30.0
@@ -103,7 +103,7 @@ def descriptors() -> int:
 @contextlib.asynccontextmanager
 async def site_in(state: Path) -> AsyncIterator[Site]:
     complaints: list[str] = []
-    desk = Desk(lambda _: Pong(name="", gateway_version="", pid=1), complain=complaints.append)
+    desk = RequestHandlers(lambda _: Pong(name="", gateway_version="", pid=1), complain=complaints.append)
     server = ControlServer(state, desk)
     await server.open()
     site = Site(server, complaints)
@@ -147,7 +147,9 @@ async def test_a_client_whose_table_is_looked_at_keeps_its_place(tmp_path: Path)
         await is_looked_at.wait()
         return Done(changed=("x",))
 
-    server = ControlServer(tmp_path, Desk(lambda _: Pong(name="", gateway_version="", pid=1), hand_over))
+    server = ControlServer(
+        tmp_path, RequestHandlers(lambda _: Pong(name="", gateway_version="", pid=1), hand_over)
+    )
     await server.open()
     request = SetTable(tables=(TableFor("x", "x.tab", "", ""),))
     mine = seal(b"points", "x")
@@ -169,20 +171,20 @@ async def test_without_an_idle_client_the_next_is_refused_with_the_reason(tmp_pa
     async with site_in(tmp_path) as site:
         listeners = [await site.listener() for _ in range(MAX_LISTENERS)]
         halves = [await site.half() for _ in range(MAX_CLIENTS - MAX_LISTENERS)]
-        said = f"the gateway at {site.server.path} refused the request: {NO_PLACE}"
+        said = f"the gateway at {site.server.path} refused the request: {ALL_TAKEN}"
         with pytest.raises(NoGatewayError, match=re.escape(said)):
             await asyncio.to_thread(ask, site.server.path, Ping())
         line = await asyncio.to_thread(_first_line, site.server.path)
-        assert json.loads(line) == {"kind": "refused", "reason": NO_PLACE, "version": VERSION}
+        assert json.loads(line) == {"kind": "refused", "reason": ALL_TAKEN, "version": VERSION}
         # Nobody lost anything by it.
-        site.server.tell(Happened(event="e", severity="info", fields={}, wall_s=1.0))
+        site.server.publish_event(Happened(event="e", severity="info", fields={}, wall_s=1.0))
         for listener in listeners:
             assert isinstance(await listener.told(), Happened)
         for half in halves:
             half._writer.write(encode(Ping())[10:])
             assert isinstance(await half.told(), Pong)
         assert isinstance(await asyncio.to_thread(ask, site.server.path, Ping()), Pong)
-    assert site.complaints[0] == f"a client was refused: {NO_PLACE}"
+    assert site.complaints[0] == f"a client was refused: {ALL_TAKEN}"
 
 
 def _first_line(path: Path) -> bytes:
@@ -205,7 +207,7 @@ async def test_listeners_have_half_of_the_places_and_keep_them(tmp_path: Path) -
             await site.client()
         for _ in range(3 * MAX_CLIENTS):
             assert isinstance(await asyncio.to_thread(ask, site.server.path, Ping()), Pong)
-        site.server.tell(Happened(event="e", severity="info", fields={}, wall_s=1.0))
+        site.server.publish_event(Happened(event="e", severity="info", fields={}, wall_s=1.0))
         for listener in listeners:
             assert isinstance(await listener.told(), Happened)
 
@@ -216,7 +218,9 @@ async def test_a_client_whose_tables_meet_a_bug_of_ours_is_dropped(tmp_path: Pat
 
     caught: list[BaseException | None] = []
     asyncio.get_running_loop().set_exception_handler(lambda _, context: caught.append(context["exception"]))
-    server = ControlServer(tmp_path, Desk(lambda _: Pong(name="", gateway_version="", pid=1), hand_over))
+    server = ControlServer(
+        tmp_path, RequestHandlers(lambda _: Pong(name="", gateway_version="", pid=1), hand_over)
+    )
     await server.open()
     request = SetTable(tables=(TableFor("x", "x.tab", "", ""),))
     mine = seal(b"points", "x")

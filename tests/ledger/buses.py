@@ -13,11 +13,11 @@ while they arrive:
 from collections.abc import Callable
 from typing import Final
 
-from gateway.exchange.cut_through.forward import Wire
+from gateway.exchange.cut_through.forward import SerialTiming
 from tests.ledger.events import Book, Journal
 from tests.ledger.frames import crc
 
-SPOILT_SILENCES: Final = 3
+ABORTED_SILENCES: Final = 3
 """On the wire of the drives."""
 INVERTED: Final = 0xB001
 """What a running check sum comes to behind one whose bytes were both inverted."""
@@ -38,7 +38,7 @@ class Bus:
 
     def __init__(
         self,
-        wire: Wire,
+        wire: SerialTiming,
         name: str,
         length_of: Callable[[bytes], int],
         book: Book,
@@ -55,7 +55,7 @@ class Bus:
         """Of a frame that left in pieces, so far."""
         self._pieces: list[int] = []
         """Where each of its pieces began."""
-        self._spoilt = b""
+        self._aborted = b""
         """The frame before, if it was none."""
         self.in_pieces = self.not_whole = 0
         """Frames that left in pieces: those that were whole, and those that were none."""
@@ -103,7 +103,7 @@ class Bus:
             self._book.seen[f"frames to {self._name} that broke off"] += 1
             self.not_whole += 1
             self._check_no_frame(self._heard)
-        self._heard, self._pieces, self._spoilt = b"", [], b""
+        self._heard, self._pieces, self._aborted = b"", [], b""
 
     def finish(self) -> None:
         """Nothing more comes."""
@@ -114,29 +114,29 @@ class Bus:
 
     def _begin(self, start_ns: int) -> None:
         """The frame before is over, if it left in pieces and never was one."""
-        spoilt, self._heard = self._heard, b""
-        if spoilt:
+        aborted, self._heard = self._heard, b""
+        if aborted:
             self._book.seen[f"spoilt frames to {self._name}"] += 1
             self.not_whole += 1
-            self._check_spoilt(spoilt)
-            self._spoilt = spoilt
+            self._check_aborted(aborted)
+            self._aborted = aborted
             silent_ns = start_ns - self.ends_ns
             if silent_ns < self._silent_ns:
-                self._violation("W12-no-silence-behind", f"{spoilt.hex(' ')}: {silent_ns / 1000} µs")
+                self._violation("W12-no-silence-behind", f"{aborted.hex(' ')}: {silent_ns / 1000} µs")
         self._pieces = []
 
     def _listen(self, frame: bytes) -> None:
         """A whole frame comes: whoever has joined the one before to it has none."""
-        spoilt, self._spoilt = self._spoilt, b""
-        if spoilt and _residue(spoilt + frame) == 0:
-            self._violation("W12-joined", f"{spoilt.hex(' ')} {frame.hex(' ')}")
+        aborted, self._aborted = self._aborted, b""
+        if aborted and _residue(aborted + frame) == 0:
+            self._violation("W12-joined", f"{aborted.hex(' ')} {frame.hex(' ')}")
 
-    def _check_spoilt(self, spoilt: bytes) -> None:
-        self._check_no_frame(spoilt)
-        if _residue(spoilt) != INVERTED:
-            self._violation("W12-not-inverted", spoilt.hex(" "))
-        if len(spoilt) != self._length_of(spoilt):
-            self._violation("W12-cut-short", spoilt.hex(" "))
+    def _check_aborted(self, aborted: bytes) -> None:
+        self._check_no_frame(aborted)
+        if _residue(aborted) != INVERTED:
+            self._violation("W12-not-inverted", aborted.hex(" "))
+        if len(aborted) != self._length_of(aborted):
+            self._violation("W12-cut-short", aborted.hex(" "))
 
     def _check_no_frame(self, heard: bytes) -> None:
         for end in range(SHORTEST, len(heard) + 1):

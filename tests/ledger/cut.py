@@ -10,10 +10,10 @@ import random
 from collections.abc import Callable, Iterator
 from typing import Final, NamedTuple
 
-from gateway.exchange.cut_through.forward import Forwarder, Forwarding, Wire
-from gateway.exchange.cut_through.frame import CutEvent
+from gateway.exchange.cut_through.forward import Forwarder, Forwarding, SerialTiming
+from gateway.exchange.cut_through.frame import ForwardEvent
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, silence_ns
-from tests.ledger.buses import SPOILT_SILENCES, Bus, reply_length, request_length
+from tests.ledger.buses import ABORTED_SILENCES, Bus, reply_length, request_length
 from tests.ledger.clock import MS, Clock
 from tests.ledger.controllers import SerialMaster
 from tests.ledger.events import Book
@@ -25,42 +25,42 @@ BAUD_RATES: Final = (9_600, 19_200, 38_400)
 BITS: Final = 11
 PAUSES: Final = (0.0005, 0.002, 0.02)
 """Share of frames with a pause inside: a port that often makes one gains nothing."""
-LUMPS_MS: Final = (0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 16.0)
+BURSTS_MS: Final = (0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 16.0)
 """Every so often an adapter hands over what has come; 0: each character."""
 
 
 class Speeds(NamedTuple):
     """How fast both wires of a line are, and how their adapters hand characters over."""
 
-    controller: Wire
-    drives: Wire
-    controller_lump_ns: int
-    drives_lump_ns: int
+    controller: SerialTiming
+    drives: SerialTiming
+    controller_burst_ns: int
+    drives_burst_ns: int
     pauses: float
 
 
 def random_speeds(rng: random.Random) -> Speeds:
     """Mostly two wires that are equally fast."""
     bauds = [rng.choice(BAUD_RATES)] * 2 if rng.random() < 0.6 else [rng.choice(BAUD_RATES) for _ in range(2)]
-    wires = [Wire(BITS * 1_000_000_000 // baud, silence_ns(baud)) for baud in bauds]
-    lumps = [int(rng.choice(LUMPS_MS) * MS) for _ in wires]
-    return Speeds(wires[0], wires[1], lumps[0], lumps[1], rng.choice(PAUSES))
+    wires = [SerialTiming(BITS * 1_000_000_000 // baud, silence_ns(baud)) for baud in bauds]
+    bursts = [int(rng.choice(BURSTS_MS) * MS) for _ in wires]
+    return Speeds(wires[0], wires[1], bursts[0], bursts[1], rng.choice(PAUSES))
 
 
-def handed_over(data: bytes, begin_ns: int, char_ns: int, lump_ns: int) -> Iterator[tuple[int, bytes]]:
+def handed_over(data: bytes, begin_ns: int, char_ns: int, burst_ns: int) -> Iterator[tuple[int, bytes]]:
     """Give what an adapter hands over, and when, of characters that come without a pause."""
-    lump, at_ns = b"", 0
+    burst, at_ns = b"", 0
     for index in range(len(data)):
         ends_ns = begin_ns + (index + 1) * char_ns
-        due_ns = -(-ends_ns // lump_ns) * lump_ns if lump_ns else ends_ns
-        if lump and due_ns != at_ns:
-            yield at_ns, lump
-            lump = b""
-        lump, at_ns = lump + data[index : index + 1], due_ns
-    yield at_ns, lump
+        due_ns = -(-ends_ns // burst_ns) * burst_ns if burst_ns else ends_ns
+        if burst and due_ns != at_ns:
+            yield at_ns, burst
+            burst = b""
+        burst, at_ns = burst + data[index : index + 1], due_ns
+    yield at_ns, burst
 
 
-class CutWire(RtuWire):
+class ForwardingWire(RtuWire):
     """RTU on a serial bus, to which requests may leave in pieces."""
 
     speeds: Speeds
@@ -76,7 +76,7 @@ class CutWire(RtuWire):
             request_length,
             self._ledger.book,
             lambda: self._ledger.witness(self._leaving_unit).journal,
-            silences=SPOILT_SILENCES,
+            silences=ABORTED_SILENCES,
         )
         self._decoder = RtuReplyDecoder(speeds.drives.silence_ns)
 
@@ -110,20 +110,20 @@ class CutWire(RtuWire):
         self.bus.break_off()
 
     def _send_back(self, data: bytes, frame: Frame, at_ns: int) -> None:
-        wire, lump_ns = self.speeds.drives, self.speeds.drives_lump_ns
+        wire, burst_ns = self.speeds.drives, self.speeds.drives_burst_ns
         begin_ns = max(at_ns, self.bus.ends_ns + wire.silence_ns)
         cut, pause_ns = len(data), 0
         if self._rng.random() < self.speeds.pauses and len(data) > 4:
             cut, pause_ns = self._rng.randrange(1, len(data)), int(self._rng.uniform(0.1, 3.0) * wire.char_ns)
-        for came_ns, lump in handed_over(data[:cut], begin_ns, wire.char_ns, lump_ns):
-            self._clock.at(came_ns, self._hearing(lump, frame))
+        for came_ns, burst in handed_over(data[:cut], begin_ns, wire.char_ns, burst_ns):
+            self._clock.at(came_ns, self._hearing(burst, frame))
         if cut < len(data):
             begin_ns += cut * wire.char_ns + pause_ns
-            for came_ns, lump in handed_over(data[cut:], begin_ns, wire.char_ns, lump_ns):
-                self._clock.at(came_ns, self._hearing(lump, frame))
+            for came_ns, burst in handed_over(data[cut:], begin_ns, wire.char_ns, burst_ns):
+                self._clock.at(came_ns, self._hearing(burst, frame))
 
-    def _hearing(self, lump: bytes, frame: Frame) -> Callable[[], None]:
-        return lambda: self._heard(lump, frame)
+    def _hearing(self, burst: bytes, frame: Frame) -> Callable[[], None]:
+        return lambda: self._heard(burst, frame)
 
     def _received(self, data: bytes) -> None:
         line, now_ns = self.line, self._clock.now_ns
@@ -151,7 +151,7 @@ class CutWire(RtuWire):
             self._ledger.delivered()
 
 
-class CutMaster(SerialMaster):
+class ForwardingMaster(SerialMaster):
     """A controller on a serial wire, whose requests come a character after the other."""
 
     speeds: Speeds
@@ -178,7 +178,7 @@ class CutMaster(SerialMaster):
     def _send(self, data: bytes) -> float:
         """See ``SerialMaster``: with pauses, broken off, with any byte damaged."""
         rng, seen = self._rng, self._ledger.book.seen
-        wire, lump_ns = self.speeds.controller, self.speeds.controller_lump_ns
+        wire, burst_ns = self.speeds.controller, self.speeds.controller_burst_ns
         chance, cut, pause_ns = rng.random(), len(data), 0
         if chance < self.speeds.pauses:
             cut, pause_ns = rng.randrange(1, len(data)), int(rng.uniform(0.5, 30.0) * wire.char_ns)
@@ -193,27 +193,27 @@ class CutMaster(SerialMaster):
             seen["requests damaged"] += 1
         begin_ns = max(self._clock.now_ns, self.bus.ends_ns + wire.silence_ns)
         end_ns = begin_ns + len(data) * wire.char_ns + pause_ns
-        for came_ns, lump in handed_over(data[:cut], begin_ns, wire.char_ns, lump_ns):
-            self._clock.at(came_ns, self._coming(lump))
+        for came_ns, burst in handed_over(data[:cut], begin_ns, wire.char_ns, burst_ns):
+            self._clock.at(came_ns, self._coming(burst))
         if cut < len(data):
             begin_ns += cut * wire.char_ns + pause_ns
-            for came_ns, lump in handed_over(data[cut:], begin_ns, wire.char_ns, lump_ns):
-                self._clock.at(came_ns, self._coming(lump))
+            for came_ns, burst in handed_over(data[cut:], begin_ns, wire.char_ns, burst_ns):
+                self._clock.at(came_ns, self._coming(burst))
         return (end_ns - self._clock.now_ns) / MS
 
-    def _coming(self, lump: bytes) -> Callable[[], None]:
-        return lambda: self._come(lump)
+    def _coming(self, burst: bytes) -> Callable[[], None]:
+        return lambda: self._come(burst)
 
-    def _come(self, lump: bytes) -> None:
+    def _come(self, burst: bytes) -> None:
         now_ns, forwarder, decoder = self._clock.now_ns, self.forwarder, self._decoder
         self.bus.other_end(now_ns)
         is_fresh = decoder.is_between_frames
-        requests = decoder.feed(lump, now_ns)
+        requests = decoder.feed(burst, now_ns)
         # One that leaves with its last byte has arrived with it.
         is_one = len(requests) == 1
         if is_one:
             self._ledger.arrived(self.book, 0, *requests[0], now_ns)
-        has_left = forwarder.feed(lump, now_ns, is_fresh=is_fresh)
+        has_left = forwarder.feed(burst, now_ns, is_fresh=is_fresh)
         call_when_due(self._clock, forwarder)
         if is_one and not has_left:
             self._line.request(self, 0, *requests[0], now_ns)
@@ -257,7 +257,7 @@ def call_when_due(clock: Clock, forwarder: Forwarder) -> None:
     clock.at(deadline_ns, due)
 
 
-def check_counts(forwarding: Forwarding, wire: CutWire, master: CutMaster, book: Book) -> None:
+def check_counts(forwarding: Forwarding, wire: ForwardingWire, master: ForwardingMaster, book: Book) -> None:
     """Hold what the line has counted against what both wires heard; and put it into the book."""
     wire.bus.finish()
     master.bus.finish()
@@ -266,13 +266,13 @@ def check_counts(forwarding: Forwarding, wire: CutWire, master: CutMaster, book:
         ("replies", forwarding.replies, master.bus),
     ):
         ended, stored = totals.ended, totals.stored
-        book.seen[f"cut line: {what} cut through"] += ended[CutEvent.COMMITTED]
+        book.seen[f"cut line: {what} cut through"] += ended[ForwardEvent.COMMITTED]
         for event, count in ended.items():
-            if event is not CutEvent.COMMITTED:
+            if event is not ForwardEvent.COMMITTED:
                 book.seen[f"cut line: {what} stored, {event.value}"] += stored[event]
                 book.seen[f"cut line: {what} spoilt, {event.value}"] += count - stored[event]
-        spoilt = sum(ended.values()) - sum(stored.values()) - ended[CutEvent.COMMITTED]
-        told, heard = (ended[CutEvent.COMMITTED], spoilt), (bus.in_pieces, bus.not_whole)
+        aborted = sum(ended.values()) - sum(stored.values()) - ended[ForwardEvent.COMMITTED]
+        told, heard = (ended[ForwardEvent.COMMITTED], aborted), (bus.in_pieces, bus.not_whole)
         if heard != told:
             book.violation("counted-otherwise", f"{what}: whole, spoilt {heard} heard, {told} told", None)
     book.seen["cut line: torn"] += forwarding.underruns

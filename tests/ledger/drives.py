@@ -58,7 +58,7 @@ class Motor:
             self.last_sense = 1 if way > 0 else -1
 
 
-class Deed(NamedTuple):
+class Operation(NamedTuple):
     """Something that a drive did."""
 
     kind: str
@@ -98,18 +98,18 @@ class Drive:
         """What the mode register holds."""
         return self.words.get(self.layout.mode, 0)
 
-    def execute(self, pdu: bytes, now_ns: int) -> tuple[bytes, list[Deed]]:
+    def execute(self, pdu: bytes, now_ns: int) -> tuple[bytes, list[Operation]]:
         """Do a request: return the reply, and what the motor was made to do."""
         request = parse(pdu)
         if request.function == 0x41:
             return b"\x41" + pdu[:0:-1], []
         if request.read is None and request.write is None:
             return bytes((request.function | 0x80, 1)), []
-        deeds = self._write(request, now_ns) if request.write else []
+        operations = self._write(request, now_ns) if request.write else []
         if request.read:
             data = bytes_of([self._read(request.read[0] + i, now_ns) for i in range(request.read[1])])
-            return bytes((request.function, len(data))) + data, deeds
-        return (pdu[:5] if request.function == 16 else pdu), deeds
+            return bytes((request.function, len(data))) + data, operations
+        return (pdu[:5] if request.function == 16 else pdu), operations
 
     def _get(self, address: int) -> tuple[int, int]:
         return self.words.get(address, 0), self.words.get(address + 1, 0)
@@ -129,7 +129,7 @@ class Drive:
             return 1 << MOVING_BIT if is_seen_moving else 1 << DONE_BIT
         return self.words.get(address, (address * 7919) & 0xFFFF)
 
-    def _write(self, request: Parsed, now_ns: int) -> list[Deed]:
+    def _write(self, request: Parsed, now_ns: int) -> list[Operation]:
         assert request.write is not None
         address, words = request.write
         if request.mask is not None:
@@ -138,20 +138,20 @@ class Drive:
         self._put(address, words)
         return self._act(range(address, address + len(words)), now_ns)
 
-    def _act(self, written: range, now_ns: int) -> list[Deed]:
+    def _act(self, written: range, now_ns: int) -> list[Operation]:
         layout = self.layout
         if layout.style is Style.IMAGE:
             return self._act_on_image(now_ns) if layout.trigger in written else []
-        deeds: list[Deed] = []
+        operations: list[Operation] = []
         holds_target = layout.command in written or layout.command + 1 in written
         if holds_target and not layout.is_staged:
             is_relative = layout.style is Style.BLOCK and layout.mode in written and bool(self.mode & 1)
-            deeds.append(self._run(now_ns, is_relative=is_relative))
+            operations.append(self._run(now_ns, is_relative=is_relative))
         if layout.trigger in written and layout.style is not Style.PLAIN:
-            deeds += self._act_on_trigger(self.words[layout.trigger], now_ns)
-        return deeds
+            operations += self._act_on_trigger(self.words[layout.trigger], now_ns)
+        return operations
 
-    def _act_on_image(self, now_ns: int) -> list[Deed]:
+    def _act_on_image(self, now_ns: int) -> list[Operation]:
         before, self._control = self._control, self.words[self.layout.trigger]
         if not self._control & CONTROL_ENABLE:
             return [self._stop(now_ns)]
@@ -159,7 +159,7 @@ class Drive:
             return [self._run(now_ns, is_relative=bool(self.mode & IMAGE_RELATIVE))]
         return []
 
-    def _act_on_trigger(self, value: int, now_ns: int) -> list[Deed]:
+    def _act_on_trigger(self, value: int, now_ns: int) -> list[Operation]:
         if value == STOP:
             return [self._stop(now_ns)]
         if value == JOG:
@@ -172,14 +172,14 @@ class Drive:
             return [self._run(now_ns, is_relative=self.mode == MODE_RELATIVE)]
         return []
 
-    def jog(self, now_ns: int) -> Deed:
+    def jog(self, now_ns: int) -> Operation:
         """Go a little further, as by a command or by its panel."""
         was_at, was_moving = self.motor.at(now_ns), self.motor.is_moving(now_ns)
         end_before = self.motor.end
         middle = self.layout.counts(TRAVEL_MM / 2)
         end = was_at + (JOG_COUNTS if was_at < middle else -JOG_COUNTS)
         self._go(end, now_ns)
-        return Deed("jog", was_at, was_moving, was_at, end, end_before)
+        return Operation("jog", was_at, was_moving, was_at, end, end_before)
 
     def _go(self, end: int, now_ns: int) -> None:
         if not self.motor.is_moving(now_ns):
@@ -187,20 +187,20 @@ class Drive:
         self.motor.go(end, now_ns)
         self._last_target = end
 
-    def _stop(self, now_ns: int) -> Deed:
+    def _stop(self, now_ns: int) -> Operation:
         was_at, was_moving = self.motor.at(now_ns), self.motor.is_moving(now_ns)
         end_before = self.motor.end
         self._go(was_at, now_ns)
-        return Deed("stop", was_at, was_moving, was_at, was_at, end_before)
+        return Operation("stop", was_at, was_moving, was_at, was_at, end_before)
 
-    def _run(self, now_ns: int, *, is_relative: bool) -> Deed:
+    def _run(self, now_ns: int, *, is_relative: bool) -> Operation:
         was_at, was_moving = self.motor.at(now_ns), self.motor.is_moving(now_ns)
         base, end_before = 0, self.motor.end
         if is_relative:
             base = self._last_target if self.layout.basis is Basis.TARGET else was_at
         end = base + self.target
         self._go(end, now_ns)
-        return Deed("relative" if is_relative else "absolute", was_at, was_moving, base, end, end_before)
+        return Operation("relative" if is_relative else "absolute", was_at, was_moving, base, end, end_before)
 
 
 def settle_ms(drive: Drive, now_ns: int) -> float:

@@ -78,7 +78,7 @@ class Sample(NamedTuple):
     """The axis when the drive took a frame."""
 
     at: int
-    is_standing: bool
+    is_stationary: bool
     faded: float
     """Counts by which a reading of it may lie beside the branches."""
 

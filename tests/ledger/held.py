@@ -181,7 +181,7 @@ class HeldStream:
 
     def _turn(self) -> None:
         self.is_on = not self.is_on
-        switch(self.bench.line.axes, "x", is_wanted=self.is_on)
+        switch(self.bench.line.axes, "x", is_on=self.is_on)
 
     def _give_table(self) -> None:
         self.number = self.rng.randrange(SCREWS)

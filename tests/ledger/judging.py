@@ -37,7 +37,7 @@ class Judge:
         self.belief = Belief(witness.layout)
         self._control: int | None = None
         """The control word of an image as it was acknowledged last."""
-        self._unproven: Frame | None = None
+        self._unacknowledged: Frame | None = None
         """The last target, if it was not acknowledged; of drives that know no distances."""
         self._is_proven = False
         """It was read back as it was sent."""
@@ -54,7 +54,7 @@ class Judge:
         frame.before = belief.written()
         belief.write(parsed, request.arrived_ns)
         if touched:
-            self._unproven, self._is_proven = None, False
+            self._unacknowledged, self._is_proven = None, False
         frame.written = belief.written()
         frame.intent = self._intent(request, frame)
         if frame.intent is not None:
@@ -150,10 +150,10 @@ class Judge:
             return None
         return self.layout.join((words[start], words[start + 1]))
 
-    def doubt_all(self) -> None:
+    def invalidate_all(self) -> None:
         """The drive may have been switched off: what it holds is not known any more."""
-        self.witness.doubt_all()
-        self.belief.doubt_all(self.witness.now_ns)
+        self.witness.invalidate_all()
+        self.belief.invalidate_all(self.witness.now_ns)
         self._control = None  # a target that was not acknowledged may still be read back
         self._is_proven = False
 
@@ -256,7 +256,7 @@ class Judge:
         if has_proof and frame.before is not None and frame.written is not None:
             self.belief.take_back(parsed, frame.before, frame.written)
         is_place = self.layout.style in (Style.DIRECT, Style.PLAIN)
-        self._unproven = frame if is_place and self._target_of(frame) is not None else None
+        self._unacknowledged = frame if is_place and self._target_of(frame) is not None else None
         self.book.seen["targets not acknowledged"] += bool(touched)
 
     def _read_answered(self, frame: Frame, *, is_native: bool) -> None:
@@ -276,24 +276,26 @@ class Judge:
             is_look = (
                 not frame.candidates and witness.now_ns - max(witness.seen_ns, witness.began_ns) > UNSEEN_NS
             )
-            witness.is_branch_lost |= is_look and not frame.sample.is_standing
+            witness.is_branch_lost |= is_look and not frame.sample.is_stationary
             witness.told(frame.sample.at, is_for_a_move=frame.may_be_added)
-        if layout.has_bits and read[0] <= layout.status < read[0] + read[1] and frame.sample.is_standing:
+        if layout.has_bits and read[0] <= layout.status < read[0] + read[1] and frame.sample.is_stationary:
             witness.done_seen = True
 
     def _prove(self, frame: Frame) -> None:
         """Who reads that a drive holds the target that was never acknowledged may know that it arrived."""
-        unproven, read = self._unproven, frame.parsed.read
-        if unproven is None or read is None or frame.reply is None:
+        unacknowledged, read = self._unacknowledged, frame.parsed.read
+        if unacknowledged is None or read is None or frame.reply is None:
             return
         start = self.layout.command - read[0]
         if not 0 <= start <= read[1] - 2:
             return
         held = self.layout.join(words_of(frame.reply[2:])[start : start + 2])  # type: ignore[arg-type]
-        if held == self._target_of(unproven):
-            self._unproven, self._is_proven = None, True
-            if unproven.written is not None:  # what was refused since was never sent: the drive holds this
-                self.belief.hold(unproven.written)
+        if held == self._target_of(unacknowledged):
+            self._unacknowledged, self._is_proven = None, True
+            if (
+                unacknowledged.written is not None
+            ):  # what was refused since was never sent: the drive holds this
+                self.belief.hold(unacknowledged.written)
 
     def lost_unsent(self, request: Request) -> None:
         """A write never reached the drive; who ignores exceptions believes in it all the same."""

@@ -7,7 +7,7 @@ from typing import Final
 from gateway.compensation.settings import AxisSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.drives.motion import Action, Deed, ModePlan, MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, ModePlan, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
 from gateway.modbus.registers import BitField, FieldAccess, PositionField, RegisterType, WordOrder
 from tests.ledger.screws import TRAVEL_MM, Screw
@@ -143,7 +143,7 @@ def axis_plan(layout: Layout, screw: Screw) -> AxisPlan:
 
 def _motion(layout: Layout) -> MotionPlan:
     relative = ACTIONS[layout.basis] if layout.basis else Action.UNKNOWN
-    others = {STOP: Deed(Action.STOP), JOG: Deed(Action.OTHER_MOTION)}
+    others = {STOP: Operation(Action.STOP), JOG: Operation(Action.OTHER_MOTION)}
     match layout.style:
         case Style.PLAIN:
             return MotionPlan()
@@ -156,19 +156,19 @@ def _motion(layout: Layout) -> MotionPlan:
             return MotionPlan(modes=(mode,), triggers=(trigger,))
         case Style.STICKY:
             mode = ModePlan(layout.mode, actions={MODE_ABSOLUTE: Action.ABSOLUTE, MODE_RELATIVE: relative})
-            deeds = {RUN: Deed(Action.START), **others}
+            deeds = {RUN: Operation(Action.START), **others}
             return MotionPlan(
                 is_staged=True, modes=(mode,), triggers=(TriggerPlan(layout.trigger, deeds=deeds),)
             )
         case Style.TRIGGERED:
-            deeds = {RUN: Deed(Action.ABSOLUTE), **others}
+            deeds = {RUN: Operation(Action.ABSOLUTE), **others}
             if layout.basis is not None:
-                deeds[RUN_RELATIVE] = Deed(relative)
+                deeds[RUN_RELATIVE] = Operation(relative)
             return MotionPlan(is_staged=True, triggers=(TriggerPlan(layout.trigger, deeds=deeds),))
         case Style.IMAGE:
             actions = {0: Action.ABSOLUTE, IMAGE_RELATIVE: relative}
-            start = {CONTROL_START: Deed(Action.START)}
-            enabled = {CONTROL_ENABLE: Deed(Action.IGNORE)}
+            start = {CONTROL_START: Operation(Action.START)}
+            enabled = {CONTROL_ENABLE: Operation(Action.IGNORE)}
             return MotionPlan(
                 is_staged=True,
                 modes=(ModePlan(layout.mode, mask=IMAGE_RELATIVE, actions=actions),),

@@ -51,7 +51,7 @@ from typing import Final
 from gateway.relay.controller_port import HAS_GONE, STOOD_STILL, TOO_SLOW
 from gateway.relay.pulse import AFTERWARDS_NS, EVERY_NS
 from tests.ledger.clock import MS, Clock
-from tests.ledger.drives import Deed
+from tests.ledger.drives import Operation
 from tests.ledger.events import Book
 from tests.ledger.exchanges import Controller, Frame, Request, Sample, may_become
 from tests.ledger.frames import native_success
@@ -357,13 +357,13 @@ class Ledger:
             request.goes_again = True
             request.controller.pending.insert(0, request)
 
-    def did(self, frame: Frame, deeds: list[Deed]) -> None:
+    def did(self, frame: Frame, operations: list[Operation]) -> None:
         """A drive has taken a frame."""
         witness = self.witness(frame.unit)
         motor, now_ns = witness.drive.motor, self.clock.now_ns
-        frame.has_moved = bool(deeds)
-        for deed in deeds:
-            witness.did(deed, frame.intent)
+        frame.has_moved = bool(operations)
+        for operation in operations:
+            witness.did(operation, frame.intent)
         frame.sample = Sample(motor.at(now_ns), not motor.is_moving(now_ns), witness.faded)
 
     def jogged(self, unit: int) -> None:
@@ -447,7 +447,7 @@ class Ledger:
         """A request was not answered, or not even asked, for the silence of its drive."""
         if self.clock.now_ns - self._silent_since.setdefault(unit, since_ns) > LOST_NS:
             self.book.seen["long silences"] += 1
-            self.judges[unit].doubt_all()
+            self.judges[unit].invalidate_all()
 
     def dropping(self) -> None:
         """The connection to the drives is lost: nobody knows what happens to them meanwhile."""
@@ -458,7 +458,7 @@ class Ledger:
         for controller in self.controllers:
             self._give_up_untold(controller)
         for unit, judge in self.judges.items():
-            judge.doubt_all()
+            judge.invalidate_all()
             self._silent_since.setdefault(unit, self.clock.now_ns)
 
     def _give_up_untold(self, controller: Controller) -> None:

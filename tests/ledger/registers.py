@@ -183,7 +183,7 @@ class Belief:
         are_joined = abs(first_ns - second_ns) <= SURELY_JOINED_MS * MS
         return are_joined and min(first_ns, second_ns) >= self.blocked_ns
 
-    def doubt_all(self, now_ns: int) -> None:
+    def invalidate_all(self, now_ns: int) -> None:
         """The drive may hold anything."""
         for register in (*self.target, self.mode):
             register.write(None, 0)

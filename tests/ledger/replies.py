@@ -62,7 +62,7 @@ def _check_position(
     if field != layout.command or field == layout.actual:
         assert frame.sample is not None
         sample = frame.sample
-        judge.witness.check_reading(corrected, part, is_standing=sample.is_standing, faded=sample.faded)
+        judge.witness.check_reading(corrected, part, is_stationary=sample.is_stationary, faded=sample.faded)
         return
     belief = judge.belief
     if not belief.is_target_ok or belief.nominal is None:

@@ -118,8 +118,8 @@ class Wire(DriveLink):
             return
         key, unit_id, pdu = opened
         if fault in IS_DONE or fault is Fault.NONE:
-            reply, deeds = self._drive(unit_id).execute(pdu, self._clock.now_ns)
-            self._ledger.did(frame, deeds)
+            reply, operations = self._drive(unit_id).execute(pdu, self._clock.now_ns)
+            self._ledger.did(frame, operations)
         else:
             reply = pdu[:5]
         if fault in (Fault.REFUSED, Fault.REFUSED_DONE):

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from tests.ledger.clock import MS, Clock
 from tests.ledger.continuity import SLOPE, Continuity, Reading
-from tests.ledger.drives import Deed, Drive
+from tests.ledger.drives import Drive, Operation
 from tests.ledger.events import Book, Journal
 from tests.ledger.layouts import Basis, Layout
 from tests.ledger.screws import Screw
@@ -145,40 +145,42 @@ class Witness:
 
     # --- motions ---------------------------------------------------------------------------------------
 
-    def did(self, deed: Deed, intent: Intent | None) -> None:
+    def did(self, operation: Operation, intent: Intent | None) -> None:
         """Judge what the drive did."""
         now_ns = self._clock.now_ns
-        self.journal.note(f"drive: {deed.kind}", b"", f"{deed.was_at} -> {deed.end}, base {deed.base}")
-        self.book.seen[f"drive {deed.kind}"] += 1
+        self.journal.note(
+            f"drive: {operation.kind}", b"", f"{operation.was_at} -> {operation.end}, base {operation.base}"
+        )
+        self.book.seen[f"drive {operation.kind}"] += 1
         self.began_ns = now_ns
-        has_come_further = self._sample is not None and self._sample[1] != deed.was_at
-        self.done_seen, self._was_moving = False, deed.was_moving or has_come_further
-        if deed.kind in ("stop", "jog"):
-            self._interrupted(deed)
+        has_come_further = self._sample is not None and self._sample[1] != operation.was_at
+        self.done_seen, self._was_moving = False, operation.was_moving or has_come_further
+        if operation.kind in ("stop", "jog"):
+            self._interrupted(operation)
             return
         if intent is None:
-            self._violation("invented-motion", f"the drive went to {deed.end} and nobody had said so")
+            self._violation("invented-motion", f"the drive went to {operation.end} and nobody had said so")
             self._run_range = None
             return
         if not intent.is_trusted:
             self._violation("ran-lost-target", intent.why)
-        self._judge(deed, intent)
-        self._fade_from(deed.was_at)
+        self._judge(operation, intent)
+        self._fade_from(operation.was_at)
         self._moves += 1
         self._clock.at(self.drive.motor.arrives_ns, lambda number=self._moves: self._settled(number))  # type: ignore[misc]
         self.journal.note("  judged", b"", f"nominal {self._run_range} at {now_ns / MS:.3f}")
 
-    def _interrupted(self, deed: Deed) -> None:
+    def _interrupted(self, operation: Operation) -> None:
         self._moves += 1
-        self.is_from_run, self.was_jogged = False, deed.kind == "jog"
-        if deed.kind == "jog" or deed.was_moving:
+        self.is_from_run, self.was_jogged = False, operation.kind == "jog"
+        if operation.kind == "jog" or operation.was_moving:
             self.place = None
-        if deed.kind == "jog":
-            self._fade_from(deed.was_at)
+        if operation.kind == "jog":
+            self._fade_from(operation.was_at)
             self.faded += self._left
         self._run_range = self.place
 
-    def _judge(self, deed: Deed, intent: Intent) -> None:
+    def _judge(self, operation: Operation, intent: Intent) -> None:
         self.place_before = intent.place
         self._is_directed = self._was_nothing = self._fades = False
         if intent.is_unknown:
@@ -186,36 +188,42 @@ class Witness:
             return
         if intent.is_raw:
             self._run_range, self._is_ambiguous = None, True
-            if deed.end - deed.base != intent.nominal:
-                self._violation("touched-unknown", f"{intent.nominal} became {deed.end - deed.base}")
+            if operation.end - operation.base != intent.nominal:
+                self._violation(
+                    "touched-unknown", f"{intent.nominal} became {operation.end - operation.base}"
+                )
             self.faded += self._left
             return
         if intent.is_relative and not intent.nominal:
-            if deed.end != deed.base:
-                self._violation("nothing-became-something", f"a distance of 0 moved it to {deed.end}")
+            if operation.end != operation.base:
+                self._violation("nothing-became-something", f"a distance of 0 moved it to {operation.end}")
             self._run_range, self._is_ambiguous = intent.place, True
             self._was_nothing = True
             return
         self._fades = True
-        low, high = self._destination(deed, intent)
-        ways = self._ways(low, high, deed, intent)
+        low, high = self._destination(operation, intent)
+        ways = self._ways(low, high, operation, intent)
         tolerance = ONE_COUNT if intent.is_relative else ROUNDING
         # What was unsure may be made right, or stay as it was.
-        if self._is_again(low, high, intent) and (not self._was_unsure or deed.end == deed.end_before):
+        if self._is_again(low, high, intent) and (
+            not self._was_unsure or operation.end == operation.end_before
+        ):
             self.book.seen["repeats"] += 1
-            if abs(deed.end - deed.end_before) > (ONE_COUNT if intent.is_relative else 0):
-                self._violation("M4-not-the-same-words", f"{deed.end_before} became {deed.end} for {low}")
+            if abs(operation.end - operation.end_before) > (ONE_COUNT if intent.is_relative else 0):
+                self._violation(
+                    "M4-not-the-same-words", f"{operation.end_before} became {operation.end} for {low}"
+                )
             self._run_range, self._is_ambiguous = (low, high), True
             return
-        fitting = self._fitting(deed.end, low, high, ways, tolerance)
+        fitting = self._fitting(operation.end, low, high, ways, tolerance)
         if not fitting and (self.reading_failed or (len(ways) > 1 and not self._has_directions)):
-            fitting = self._fitting(deed.end, low, high, (True, False), tolerance) or (
-                [low] if low == high and self.is_one_of(deed.end, low) else []
+            fitting = self._fitting(operation.end, low, high, (True, False), tolerance) or (
+                [low] if low == high and self.is_one_of(operation.end, low) else []
             )
             self.book.seen["unsure moves"] += 1
         self._was_unsure = self.reading_failed
         if not fitting:
-            self._complain(deed, low, high, ways, tolerance)
+            self._complain(operation, low, high, ways, tolerance)
         self._is_directed = len(ways) == 1 and not self.reading_failed
         self._run_range = (min(fitting), max(fitting)) if fitting else None
         is_partial = (
@@ -224,24 +232,24 @@ class Witness:
         self._is_ambiguous = len(ways) > 1 or not fitting or self.reading_failed or is_partial
         self.book.seen["ambiguous moves" if len(ways) > 1 else "certain moves"] += 1
 
-    def _destination(self, deed: Deed, intent: Intent) -> Range:
+    def _destination(self, operation: Operation, intent: Intent) -> Range:
         if not intent.is_relative:
             return intent.nominal, intent.nominal
-        if deed.was_moving and self.layout.basis is not Basis.TARGET and intent.nominal:
-            self._violation("relative-of-a-moving-axis", f"from {deed.base} while it was moving")
-        low, high = intent.place or self.band(deed.base)
+        if operation.was_moving and self.layout.basis is not Basis.TARGET and intent.nominal:
+            self._violation("relative-of-a-moving-axis", f"from {operation.base} while it was moving")
+        low, high = intent.place or self.band(operation.base)
         return low + intent.nominal, high + intent.nominal
 
     def _is_again(self, low: int, high: int, intent: Intent) -> bool:
         return low == high and self.is_from_run and intent.place == (low, low)
 
-    def _ways(self, low: int, high: int, deed: Deed, intent: Intent) -> tuple[bool, ...]:
+    def _ways(self, low: int, high: int, operation: Operation, intent: Intent) -> tuple[bool, ...]:
         """Directions in which the move may be taken to go: one where it is certain."""
         if self.is_branch_lost:
             return (True, False)
         sign = self.layout.machine_sign
-        places = self._places(deed.was_at, intent)
-        if intent.place is not None and not deed.was_moving and len(places) == 1:
+        places = self._places(operation.was_at, intent)
+        if intent.place is not None and not operation.was_moving and len(places) == 1:
             beside = 0 if self.done_seen and self.is_from_run else HYSTERESIS + (not self.is_from_run)
             least, most = low - intent.place[1], high - intent.place[0]
         else:
@@ -270,14 +278,16 @@ class Witness:
             if any(abs(end - self.value(nominal, is_forward=way)) <= tolerance for way in ways)
         ]
 
-    def _complain(self, deed: Deed, low: int, high: int, ways: tuple[bool, ...], tolerance: float) -> None:
+    def _complain(
+        self, operation: Operation, low: int, high: int, ways: tuple[bool, ...], tolerance: float
+    ) -> None:
         exact = [round(self.value(low, is_forward=way), 3) for way in (True, False)]
         detail = (
-            f"to nominal {low}..{high} from {deed.was_at} the drive went to {deed.end}; exact would be "
-            f"{exact[0]} forward, {exact[1]} backward, and forward is {ways}"
+            f"to nominal {low}..{high} from {operation.was_at} the drive went to {operation.end}; exact "
+            f"would be {exact[0]} forward, {exact[1]} backward, and forward is {ways}"
         )
-        other = self._fitting(deed.end, low, high, (True, False), tolerance)
-        if not other and low == high and self.is_one_of(deed.end, low):
+        other = self._fitting(operation.end, low, high, (True, False), tolerance)
+        if not other and low == high and self.is_one_of(operation.end, low):
             self._violation("half-way", detail)
         else:
             kind = "wrong-branch" if self.is_from_run or self.place_before is None else "against-the-reading"
@@ -316,7 +326,7 @@ class Witness:
         self._acknowledged = self._moves
         self._end_fade()
 
-    def doubt_all(self) -> None:
+    def invalidate_all(self) -> None:
         """The drive may have been switched off."""
         self.place, self.is_from_run, self.is_in_doubt = None, False, True
         self.done_seen = False
@@ -356,13 +366,15 @@ class Witness:
         elif self._sample is None:
             self._sample = now_ns, self.drive.motor.at(now_ns)
 
-    def check_reading(self, corrected: int, read: dict[int, int], *, is_standing: bool, faded: float) -> None:
+    def check_reading(
+        self, corrected: int, read: dict[int, int], *, is_stationary: bool, faded: float
+    ) -> None:
         """Judge what the controller was told of a position.
 
         ``read``: words by their place in the field; ``faded``: what :attr:`faded` was when it was taken.
         """
         low, high = self.band(corrected, faded)
-        is_settled = is_standing and self.place is not None and corrected == self.drive.motor.end
+        is_settled = is_stationary and self.place is not None and corrected == self.drive.motor.end
         if is_settled and self.place is not None:
             low, high = self.place
             self.book.seen["exact readbacks"] += low == high
@@ -379,7 +391,7 @@ class Witness:
             self._violation(kind, f"{corrected} read as {words}; it stands for {low}..{high}")
         elif len(read) == 2:
             self._check_jump(corrected, fitting[0], max(faded, self._begun_faded))
-            if is_standing and not self.is_in_doubt and corrected == self.drive.motor.end:
+            if is_stationary and not self.is_in_doubt and corrected == self.drive.motor.end:
                 self.place = (fitting[0], fitting[0])
 
     def _check_jump(self, corrected: int, nominal: int, faded: float) -> None:

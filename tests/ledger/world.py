@@ -10,7 +10,7 @@ from gateway.exchange.rest import LONGEST_DRAIN
 from tests.ledger.clock import Clock
 from tests.ledger.connections import BookedLine, TcpMaster
 from tests.ledger.controllers import Master, Script, SerialMaster
-from tests.ledger.cut import CutMaster, CutWire, check_counts, random_speeds
+from tests.ledger.cut import ForwardingMaster, ForwardingWire, check_counts, random_speeds
 from tests.ledger.drives import Drive
 from tests.ledger.events import KEPT, Book
 from tests.ledger.habits import Habits, Step
@@ -122,7 +122,7 @@ class World:
         self.stillness = Stillness(self.clock, self._rng, book)
         self._speeds = random_speeds(self._rng) if setup.is_cut(seed) else None
         is_cut = self._speeds is not None
-        kind = TcpWire if not setup.has_serial_drives else CutWire if is_cut else RtuWire
+        kind = TcpWire if not setup.has_serial_drives else ForwardingWire if is_cut else RtuWire
         self.wire: Wire = kind(
             self.clock, self.ledger, self.drives, self._rng, fault_share, stillness=self.stillness
         )
@@ -132,7 +132,7 @@ class World:
         cut_through = None if self._speeds is None else self._speeds.drives
         self.line = BookedLine(plans, timing, self.wire, lambda event: None, cut_through=cut_through)
         self.wire.line = self.line
-        if isinstance(self.wire, CutWire) and self._speeds is not None:
+        if isinstance(self.wire, ForwardingWire) and self._speeds is not None:
             self.wire.become(self._speeds)
         self.masters = self._masters()
         self._ticked_ns: int | None = None
@@ -156,7 +156,11 @@ class World:
             pass
         self._check_all_answered()
         master, forwarding = self.masters[0], self.line.forwarding
-        if forwarding is not None and isinstance(self.wire, CutWire) and isinstance(master, CutMaster):
+        if (
+            forwarding is not None
+            and isinstance(self.wire, ForwardingWire)
+            and isinstance(master, ForwardingMaster)
+        ):
             self.book.seen["requests of cut lines"] += self.book.seen["requests"] - last + requests
             check_counts(forwarding, self.wire, master, self.book)
 
@@ -232,7 +236,7 @@ class World:
         parts = (self.clock, self.line, self.ledger, plan, script)
         is_rest = role is not Role.MOTION
         if is_serial and self._speeds is not None:
-            master = CutMaster(*parts, rng=self._rng, is_rest=is_rest)
+            master = ForwardingMaster(*parts, rng=self._rng, is_rest=is_rest)
             master.become(self._speeds)
             return master
         if is_serial:

@@ -17,7 +17,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gateway.cli.app import app
-from gateway.commissioning.listen.serial_line import Ear, Setting
+from gateway.commissioning.listen.serial_line import PortSettings, Sniffer
 from gateway.config.load import load
 from gateway.config.problems import ConfigErrors
 from gateway.transport.errors import RefusedError
@@ -72,9 +72,9 @@ def test_three_lines_are_understood(tmp_path: Path) -> None:
             )
             for n, line in enumerate(lines)
         ]
-        for ear in ears:
-            out, errors = ear.communicate(timeout=120)
-            assert ear.returncode == 0, errors
+        for sniffer in ears:
+            out, errors = sniffer.communicate(timeout=120)
+            assert sniffer.returncode == 0, errors
             assert "whole frames come" in errors
             heard.append(json.loads(out))
     assert [line.was_sent for line in lines] == [b"", b"", b""]
@@ -180,15 +180,15 @@ def test_a_proxy_passes_everything_on_and_listens(tmp_path: Path) -> None:
 
 def test_what_is_proposed_lacks_what_nobody_can_hear_and_nothing_else(tmp_path: Path) -> None:
     from gateway.commissioning.listen.overhearing import Overhearing
-    from gateway.commissioning.listen.proposal import Place, proposed
-    from gateway.commissioning.listen.traffic import Tally
+    from gateway.commissioning.listen.proposal import ListenPoint, proposed
+    from gateway.commissioning.listen.traffic import TrafficStatistics
     from gateway.modbus.rtu import encode_rtu
 
     for frames in (oriental, unheard_of, leadshine):
-        line, tally = Overhearing(), Tally()
+        line, statistics = Overhearing(), TrafficStatistics()
         for unit_id, pdu in frames():
-            tally.hear(line.feed(encode_rtu(unit_id, pdu)))
-        text = proposed(Place(setting=Setting(9600, "E")), tally.units)
+            statistics.add(line.feed(encode_rtu(unit_id, pdu)))
+        text = proposed(ListenPoint(setting=PortSettings(9600, "E")), statistics.units)
         file = tmp_path / "gateway.toml"
         file.write_text(text, encoding="utf-8")
         with pytest.raises(ConfigErrors) as caught:
@@ -200,16 +200,16 @@ def test_what_is_proposed_lacks_what_nobody_can_hear_and_nothing_else(tmp_path: 
 
 
 def test_a_port_is_opened_for_reading_only() -> None:
-    with SimulatedLine(9600, unheard_of) as line, Ear(line.path) as ear:
-        ear.set(Setting(9600, "N"))
+    with SimulatedLine(9600, unheard_of) as line, Sniffer(line.path) as sniffer:
+        sniffer.set(PortSettings(9600, "N"))
         with pytest.raises(OSError, match="Bad file descriptor"):
-            os.write(ear._fd, b"\x01")
+            os.write(sniffer._fd, b"\x01")
 
 
 def test_a_port_in_use_is_not_listened_to() -> None:
-    with SimulatedLine(9600, unheard_of) as line, Ear(line.path):  # noqa: SIM117 - the second may not open
+    with SimulatedLine(9600, unheard_of) as line, Sniffer(line.path):  # noqa: SIM117 - the second may not open
         with pytest.raises(RefusedError, match="in use by another program"):
-            Ear(line.path).__enter__()
+            Sniffer(line.path).__enter__()
 
 
 @pytest.mark.parametrize(

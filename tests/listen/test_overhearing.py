@@ -3,7 +3,7 @@
 import pytest
 
 from gateway.commissioning.listen.overhearing import Overheard, Overhearing
-from gateway.commissioning.listen.serial_line import Setting, Trial, settings_to_try
+from gateway.commissioning.listen.serial_line import PortSettings, Trial, settings_to_try
 from gateway.modbus.rtu import encode_rtu
 from tests.listen.uart import Character, marked, received
 
@@ -112,11 +112,15 @@ def test_only_the_right_setting_is_taken(baudrate: int, parity: str) -> None:
                 trial.line.silent()
         if trial.is_right:
             right.append(setting)
-    assert right == [Setting(baudrate, parity)]
+    assert right == [PortSettings(baudrate, parity)]
 
 
 def test_what_is_given_is_not_guessed() -> None:
-    assert settings_to_try(9600, "O") == [Setting(9600, "O")]
-    assert settings_to_try(9600, None) == [Setting(9600, "E"), Setting(9600, "N"), Setting(9600, "O")]
-    assert settings_to_try(9600, "E", has_parity=False) == [Setting(9600, "N")]
+    assert settings_to_try(9600, "O") == [PortSettings(9600, "O")]
+    assert settings_to_try(9600, None) == [
+        PortSettings(9600, "E"),
+        PortSettings(9600, "N"),
+        PortSettings(9600, "O"),
+    ]
+    assert settings_to_try(9600, "E", has_parity=False) == [PortSettings(9600, "N")]
     assert len(set(settings_to_try(None, None))) == 33

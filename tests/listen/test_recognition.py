@@ -4,7 +4,7 @@ import pytest
 
 from gateway.commissioning.listen.overhearing import Overheard
 from gateway.commissioning.listen.recognition import likely, matches
-from gateway.commissioning.listen.traffic import Content, PositionGuess, Tally, guesses
+from gateway.commissioning.listen.traffic import Content, PositionGuess, TrafficStatistics, guesses
 from gateway.drives import library
 from gateway.drives.public import public_traffic
 from gateway.modbus.registers import WordOrder
@@ -18,11 +18,11 @@ TOO_LITTLE = {"festo-cmmt-111"}
 def test_what_is_sent_to_a_drive_in_public_sounds_like_it(drive: str) -> None:
     """The frames are of programs and manuals, not of the profile (decision 24)."""
     unit_id = (library.shipped(drive).unit_id_range or (1, 1))[0]
-    tally = Tally()
+    statistics = TrafficStatistics()
     for sequence in public_traffic(drive):
         pdus = (bytes.fromhex(frame) for frame in sequence.frames)
-        tally.hear(Overheard(unit_id, pdu, is_reply=False) for pdu in pdus)
-    found = [match.drive for match in likely(matches(unit_id, tally.units[unit_id]))]
+        statistics.add(Overheard(unit_id, pdu, is_reply=False) for pdu in pdus)
+    found = [match.drive for match in likely(matches(unit_id, statistics.units[unit_id]))]
     assert (drive in found) == (drive not in TOO_LITTLE)
     assert len(found) <= 2
 

@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any, Self
 
-from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, socket_path
+from gateway.ipc.address import SUPERVISOR_SOCKET_NAME, socket_path
 from gateway.simulator.bus import DriveBus
 from gateway.simulator.clock import scaled_clock
 from gateway.simulator.drive import DEFAULT_REGISTERS, SimulatedAxis, SimulatedDrive

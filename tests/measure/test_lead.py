@@ -7,7 +7,7 @@ import pytest
 from gateway.commissioning.measure.errors import InstrumentError
 from gateway.commissioning.measure.instruments import Lines
 from gateway.commissioning.measure.measuring import instrument_of, plan_of
-from gateway.commissioning.measure.options import Grid, Reader
+from gateway.commissioning.measure.options import Grid, InstrumentOptions
 from gateway.compensation.units import Units
 from gateway.config.load import load
 from gateway.exchange.plan import AxisPlan
@@ -58,10 +58,10 @@ def test_the_first_recipe_of_the_page_shows_a_lead_of_5_and_its_old_one_did_not(
 
 def test_a_pattern_belongs_to_its_kind_of_gauge() -> None:
     for reader in (
-        Reader(gauge="/dev/x", kind=GaugeKind.PATTERN),
-        Reader(gauge="/dev/x", pattern="(?P<value>.)"),
+        InstrumentOptions(gauge="/dev/x", kind=GaugeKind.PATTERN),
+        InstrumentOptions(gauge="/dev/x", pattern="(?P<value>.)"),
     ):
         with pytest.raises(InstrumentError, match="belong together"):
             instrument_of(reader, Lines())
     with pytest.raises(InstrumentError, match="a group that is called value"):
-        instrument_of(Reader(gauge="/dev/x", kind=GaugeKind.PATTERN, pattern="x"), Lines())
+        instrument_of(InstrumentOptions(gauge="/dev/x", kind=GaugeKind.PATTERN, pattern="x"), Lines())

@@ -7,7 +7,7 @@ import pytest
 
 from gateway.commissioning.measure.errors import FileError
 from gateway.commissioning.measure.outcome import (
-    check_places,
+    check_outputs,
     outcome_of,
     survey_before,
     write_report,
@@ -24,7 +24,7 @@ def test_a_table_never_takes_the_place_of_readings(tmp_path: Path) -> None:
     out = tmp_path / "x.readings.csv"
     out.write_text(READINGS_FILE)
     with pytest.raises(FileError, match="a file of readings; give another name for --out"):
-        check_places(out, None, force=True)
+        check_outputs(out, None, force=True)
     loaded, axis = configured(tmp_path, "")
     found = outcome_of(READINGS, axis, is_active=False)
     section = loaded.sections.axes["x"]
@@ -36,7 +36,7 @@ def test_a_table_never_takes_the_place_of_readings(tmp_path: Path) -> None:
 def test_a_folder_that_takes_no_file_is_named_before_anything_moves() -> None:
     # the files of the kernel: nobody may make one there, root neither
     with pytest.raises(FileError, match="nothing can be written to folder /proc"):
-        check_places(Path("/proc/x.csv"), None, force=False)
+        check_outputs(Path("/proc/x.csv"), None, force=False)
 
 
 def test_a_first_table_says_its_home_and_names_outliers(tmp_path: Path) -> None:

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from gateway.commissioning.measure.axis_link import Recipe, recipe_of
+from gateway.commissioning.measure.axis_link import DriveRecipe, recipe_of
 from gateway.commissioning.measure.checks import Compensation, axis_of, controller_of
 from gateway.commissioning.measure.errors import AxisError, UndrivableError
 from gateway.commissioning.measure.options import Pace
-from gateway.commissioning.measure.session import Place, Seen, endpoint_of, preview
+from gateway.commissioning.measure.session import AxisRoute, StartConditions, endpoint_of, preview
 from gateway.config.load import load
 from gateway.drives.library import names
 from gateway.drives.motion import Action
@@ -41,7 +41,7 @@ REFUSED = {
 }
 
 
-def _recipe(tmp_path: Path, axis: str) -> Recipe:
+def _recipe(tmp_path: Path, axis: str) -> DriveRecipe:
     path = tmp_path / "gateway.toml"
     path.write_text(CONFIG.format(drives=5020, controller='tcp = "127.0.0.1:5021"', axis=axis))
     return recipe_of(load(path).plan.lines[0].axes[0])
@@ -150,9 +150,9 @@ def test_it_is_said_what_is_added_beside_the_table(
     path.write_text(CONFIG.format(drives=5020, controller='tcp = "127.0.0.1:5021"', axis=axis))
     line, plan = axis_of(load(path).plan.lines, "x")
     link = controller_of(line, None)
-    place = Place(line, recipe_of(plan), link, endpoint_of(link, None))
+    route = AxisRoute(line, recipe_of(plan), link, endpoint_of(link, None))
     stops = list(bidirectional_cycle([0.0, 10.0], 1.0))
-    said = list(preview(place, Seen(compensation, 0.0, None), stops, "gauge", Pace(2.0, None)))
+    said = list(preview(route, StartConditions(compensation, 0.0, None), stops, "gauge", Pace(2.0, None)))
     (thermal,) = [text for text in said if text.startswith("  thermal")]
     (cross,) = [text for text in said if text.startswith("  cross")]
     assert told[0] in thermal

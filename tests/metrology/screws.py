@@ -51,7 +51,7 @@ Curve = Callable[[Any], Any]
 
 
 @dataclass(frozen=True)
-class Kind:
+class CurveKind:
     """One kind of screw; lengths in mm. ``make`` returns its error and its lost motion, by random phases."""
 
     name: str
@@ -161,24 +161,28 @@ def reduced(phases: Sequence[float]) -> tuple[Curve, Curve]:
 
 
 KINDS: Final = (
-    Kind("straight, 30 µm a metre", 400, straight, 9, 41, 0.4),
-    Kind("slow waves, even targets", 500, slow, 13, 51, 0.5, is_even=True),
-    Kind("slow waves, irregular targets", 500, slow, 13, 51, 0.5),
-    Kind("drunken, lead 10 told", 500, drunken, 17, 41, 0.4, lead=10.0, spread=10.0),
-    Kind("of the issue, lead 5 told", 400, of_the_issue, 21, 81, 0.4, lead=5.0, spread=4.5),
-    Kind("of the issue, lead not told", 400, of_the_issue, 21, 81, 0.4, spread=4.5),
-    Kind("of the issue, even targets, lead 5 told", 400, of_the_issue, 21, 81, 0.4, lead=5.0, is_even=True),
-    Kind("screw and motor, periods told", 300, geared, 25, 61, 0.4, lead=6.0, turns=(2.0,), spread=4.5),
-    Kind("worn in the middle", 400, worn, 17, 41, 0.5),
-    Kind("2 m long", 2000, long, 21, 81, 1.0),
-    Kind("jointed", 600, jointed, 16, 51, 0.6),
-    Kind("short and fine, lead not told", 120, short, 97, 161, 0.4, is_even=True, runs=3),
-    Kind("rack, turn and tooth told", 1000, rack, 41, 121, 1.0, 40 * pi, (2 * pi,), spread=2 * pi),
-    Kind("rack with a butt joint of 12 µm", 600, butted, 21, 61, 0.6),
-    Kind("belt, turn and tooth told", 600, belt, 33, 91, 1.5, 100.0, (5.0,), spread=5.0),
-    Kind("worm of 4°, told, in 0.001°", 360, worm, 37, 81, 0.3, lead=4.0, spread=4.0, units=Units.DEGREE),
-    Kind("worn thread, a dip of 15 µm", 400, dipped, 17, 41, 0.5),
-    Kind("even targets, lead 40 told, motor not", 400, reduced, 21, 41, 0.4, lead=40.0, is_even=True),
+    CurveKind("straight, 30 µm a metre", 400, straight, 9, 41, 0.4),
+    CurveKind("slow waves, even targets", 500, slow, 13, 51, 0.5, is_even=True),
+    CurveKind("slow waves, irregular targets", 500, slow, 13, 51, 0.5),
+    CurveKind("drunken, lead 10 told", 500, drunken, 17, 41, 0.4, lead=10.0, spread=10.0),
+    CurveKind("of the issue, lead 5 told", 400, of_the_issue, 21, 81, 0.4, lead=5.0, spread=4.5),
+    CurveKind("of the issue, lead not told", 400, of_the_issue, 21, 81, 0.4, spread=4.5),
+    CurveKind(
+        "of the issue, even targets, lead 5 told", 400, of_the_issue, 21, 81, 0.4, lead=5.0, is_even=True
+    ),
+    CurveKind("screw and motor, periods told", 300, geared, 25, 61, 0.4, lead=6.0, turns=(2.0,), spread=4.5),
+    CurveKind("worn in the middle", 400, worn, 17, 41, 0.5),
+    CurveKind("2 m long", 2000, long, 21, 81, 1.0),
+    CurveKind("jointed", 600, jointed, 16, 51, 0.6),
+    CurveKind("short and fine, lead not told", 120, short, 97, 161, 0.4, is_even=True, runs=3),
+    CurveKind("rack, turn and tooth told", 1000, rack, 41, 121, 1.0, 40 * pi, (2 * pi,), spread=2 * pi),
+    CurveKind("rack with a butt joint of 12 µm", 600, butted, 21, 61, 0.6),
+    CurveKind("belt, turn and tooth told", 600, belt, 33, 91, 1.5, 100.0, (5.0,), spread=5.0),
+    CurveKind(
+        "worm of 4°, told, in 0.001°", 360, worm, 37, 81, 0.3, lead=4.0, spread=4.0, units=Units.DEGREE
+    ),
+    CurveKind("worn thread, a dip of 15 µm", 400, dipped, 17, 41, 0.5),
+    CurveKind("even targets, lead 40 told, motor not", 400, reduced, 21, 41, 0.4, lead=40.0, is_even=True),
 )
 
 
@@ -186,7 +190,7 @@ KINDS: Final = (
 class Screw:
     """One screw of a kind."""
 
-    kind: Kind
+    kind: CurveKind
     error: Curve
     lost: Curve
 
@@ -221,7 +225,7 @@ class Screw:
 class Case:
     """What came of one measurement, in µm."""
 
-    kind: Kind
+    kind: CurveKind
     targets: int
     noise_um: float
     true: float
@@ -259,22 +263,22 @@ class Case:
         return self.true <= max(self.best * WORSE, self.best + WITHIN_UM / 2)
 
 
-def screw_of(kind: Kind, seed: int) -> tuple[Screw, Random]:
+def screw_of(kind: CurveKind, seed: int) -> tuple[Screw, Random]:
     random = Random(f"{kind.name} {seed}")
     return Screw(kind, *kind.make([random.uniform(0, 2 * pi) for _ in range(5)])), random
 
 
-def targets_of(kind: Kind, count: int, seed: int) -> list[float]:
+def targets_of(kind: CurveKind, count: int, seed: int) -> list[float]:
     if kind.is_even:
         return [kind.length * index / (count - 1) for index in range(count)]
     return random_targets(0.0, kind.length, count, seed=seed, spread=kind.spread)
 
 
-def built(survey: Survey, kind: Kind, fit: Fit) -> Built:
+def built(survey: Survey, kind: CurveKind, fit: Fit) -> Built:
     return build_from(survey, Recipe(fit=fit, periods=kind.periods))
 
 
-def case(kind: Kind, count: int, noise_um: float, seed: int) -> Case:
+def case(kind: CurveKind, count: int, noise_um: float, seed: int) -> Case:
     screw, random = screw_of(kind, seed)
     targets = targets_of(kind, count, seed)
     survey = screw.survey(targets, noise_um, random)
@@ -302,12 +306,12 @@ class Wanted:
     """Which rows of the table."""
 
     seeds: Sequence[int]
-    kinds: Sequence[Kind] = KINDS
+    kinds: Sequence[CurveKind] = KINDS
     few: bool = True
     many: bool = True
     noise_free: bool = True
 
-    def __iter__(self) -> Iterator[tuple[Kind, int, float]]:
+    def __iter__(self) -> Iterator[tuple[CurveKind, int, float]]:
         """Yield those with few targets and noise first: they are what is measured most."""
         for is_few, wish in ((True, self.few), (False, self.many)):
             for is_noisy in (True, False):
@@ -407,7 +411,7 @@ class Drifting(Screw):
         return super().deviation(place, way) + place * (SCALE + GROWTH * share)
 
 
-def drifting_row(kind: Kind, seeds: Sequence[int]) -> str:
+def drifting_row(kind: CurveKind, seeds: Sequence[int]) -> str:
     """Return a line of the second table: means over the seeds, each as it is and as it was found."""
     columns: list[list[float]] = []
     predicted: list[float] = []

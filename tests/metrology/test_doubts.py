@@ -4,7 +4,7 @@ import pytest
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
-from gateway.metrology.doubts import doubts_of
+from gateway.metrology.doubts import plausibility_warnings
 from gateway.metrology.readings import Reading
 
 TARGETS = (0.0, 100.0, 200.0, 300.0, 400.0)
@@ -22,23 +22,23 @@ def readings(*, scale: float = 1.0, end: float = 0.02, zero: float = 0.0) -> lis
 
 @pytest.mark.parametrize("zero", [0.0, -250.0])
 def test_sound_readings_raise_no_doubt_wherever_the_instrument_has_its_zero(zero: float) -> None:
-    assert doubts_of(readings(zero=zero), Units.MM) == []
+    assert plausibility_warnings(readings(zero=zero), Units.MM) == []
 
 
 def test_readings_in_another_unit_than_they_are_said_to_be_in() -> None:
     # 40 µm and 20 µm: 0.06 mm in all. Taken for µm they are 0.06 µm, µm taken for mm they are 60 mm.
-    [small] = doubts_of(readings(scale=1e-3), Units.MM)
+    [small] = plausibility_warnings(readings(scale=1e-3), Units.MM)
     assert "differ by 6e-05 mm in all" in small
-    [large] = doubts_of(readings(scale=1e3), Units.MM)
+    [large] = plausibility_warnings(readings(scale=1e3), Units.MM)
     assert "differ by 60 mm in all" in large
-    assert doubts_of(readings(scale=1e-3), Units.DEGREE) == []
+    assert plausibility_warnings(readings(scale=1e-3), Units.DEGREE) == []
 
 
 def test_an_end_without_overrun_is_named_with_what_is_lost_elsewhere() -> None:
-    [doubt] = doubts_of(readings(end=0.001), Units.MM)
-    assert "at 400 both directions lie 0.001 mm apart, elsewhere at least 0.02" in doubt
-    assert "overrun" in doubt
-    assert doubts_of(readings(end=0.006), Units.MM) == []
+    [warning] = plausibility_warnings(readings(end=0.001), Units.MM)
+    assert "at 400 both directions lie 0.001 mm apart, elsewhere at least 0.02" in warning
+    assert "overrun" in warning
+    assert plausibility_warnings(readings(end=0.006), Units.MM) == []
 
 
 def test_lost_motion_of_both_signs_proves_nothing_about_an_end() -> None:
@@ -48,4 +48,4 @@ def test_lost_motion_of_both_signs_proves_nothing_about_an_end() -> None:
         else each
         for each in readings(end=0.0)
     ]
-    assert doubts_of(mixed, Units.MM) == []
+    assert plausibility_warnings(mixed, Units.MM) == []

@@ -9,7 +9,7 @@ from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.formats import ReadingsContext, Runs, parse_survey
 from gateway.metrology.readings import Reading, Survey
-from gateway.metrology.uncertainty import Known, budget_of, verdict
+from gateway.metrology.uncertainty import UncertaintyInputs, budget_of, verdict
 from gateway.metrology.vdi_3441 import vdi_3441
 
 UP, DOWN = Direction.FORWARD, Direction.BACKWARD
@@ -49,7 +49,7 @@ def test_vdi_3441_needs_scatter_and_both_directions() -> None:
 
 
 def test_the_budget_by_hand() -> None:
-    known = Known(
+    inputs = UncertaintyInputs(
         instrument=0.001,
         misalignment=2.0,
         temperature_range=1.0,
@@ -57,7 +57,7 @@ def test_the_budget_by_hand() -> None:
         expansion_range=1e-6,
         environment=0.002,
     )
-    parts = dict(budget_of(found(), known).parts)
+    parts = dict(budget_of(found(), inputs).parts)
     assert parts["instrument"] * 1000 == pytest.approx(1.0)
     # 0.6 × 2² / 2000 mm = 1.2 µm.
     assert parts["alignment"] * 1000 == pytest.approx(1.2)
@@ -68,7 +68,7 @@ def test_the_budget_by_hand() -> None:
     # 2 × 2 µm / sqrt(3).
     assert parts["repeatability"] * 1000 == pytest.approx(4 / 3**0.5)
     squares = 1.0 + 1.44 + 47.61 + 9.0 + 1.44 + 16 / 3
-    assert budget_of(found(), known).expanded * 1000 == pytest.approx(squares**0.5)
+    assert budget_of(found(), inputs).expanded * 1000 == pytest.approx(squares**0.5)
 
 
 def test_a_limit_is_kept_only_beyond_the_uncertainty() -> None:
@@ -82,9 +82,9 @@ def test_a_limit_is_kept_only_beyond_the_uncertainty() -> None:
 
 def test_what_cannot_be_known_is_refused() -> None:
     with pytest.raises(ReadingsError, match="temperature range -1"):
-        Known(temperature_range=-1.0)
+        UncertaintyInputs(temperature_range=-1.0)
     with pytest.raises(ReadingsError, match="instrument nan"):
-        Known(instrument=float("nan"))
+        UncertaintyInputs(instrument=float("nan"))
 
 
 DISPLACEMENT_ACCURACY = {

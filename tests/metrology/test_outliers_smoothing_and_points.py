@@ -169,11 +169,11 @@ def test_no_smaller_choice_of_points_does(pairs: list[tuple[int, int]], toleranc
     inner = list(before.positions)[1:-1]
     for fewer in range(len(after.positions) - 2):
         for chosen in combinations(inner, fewer):
-            places = [before.first, *chosen, before.last]
+            positions = [before.first, *chosen, before.last]
             other = make_table(
-                places,
-                [correction_at(before, x, UP) for x in places],
-                [correction_at(before, x, DOWN) for x in places],
+                positions,
+                [correction_at(before, x, UP) for x in positions],
+                [correction_at(before, x, DOWN) for x in positions],
                 Units.MM,
             )
             assert loss(before, other).size > tolerance

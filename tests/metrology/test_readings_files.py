@@ -480,9 +480,13 @@ def test_readings_whose_dro_and_dial_both_vary_belong_to_the_nearest_block() -> 
 
 def test_a_sheet_of_dro_and_dial_over_blocks_is_one_way_there_and_one_back() -> None:
     rows = [line.split(",") for line in BOTH_VARY.splitlines()[1:7]]
-    sheet = "dro_mm,measured_mm\n" + "".join(f"{dro},{dial}\n" for dro, _, _, dial in rows)
-    assert {r.target for r in read(sheet).readings} == {0, 25, 50.8}
-    assert deviations_um(read(sheet))[3:] == [(50.8, DOWN, 1, -10.0), (25, DOWN, 1, -9.2), (0, DOWN, 1, -7.2)]
+    worksheet = "dro_mm,measured_mm\n" + "".join(f"{dro},{dial}\n" for dro, _, _, dial in rows)
+    assert {r.target for r in read(worksheet).readings} == {0, 25, 50.8}
+    assert deviations_um(read(worksheet))[3:] == [
+        (50.8, DOWN, 1, -10.0),
+        (25, DOWN, 1, -9.2),
+        (0, DOWN, 1, -7.2),
+    ]
 
 
 def test_one_target_in_two_spellings_is_still_refused_where_no_blocks_are() -> None:
@@ -514,15 +518,15 @@ def test_the_dro_and_the_block_may_be_called_so() -> None:
     same = read(BLOCKS)
     named = BLOCKS.replace("target_mm,direction,run,measured_mm", "dro_mm,direction,run,block_mm")
     assert read(named).readings == same.readings
-    turned = "block_mm,direction,run,dro_mm\n" + "".join(
+    flipped = "block_mm,direction,run,dro_mm\n" + "".join(
         f"{block},{way},{run},{dro}\n"
         for dro, way, run, block in (line.split(",") for line in BLOCKS.splitlines()[1:])
     )
-    assert read(turned).readings == same.readings
-    both = turned.replace("block_mm", "target_mm")
+    assert read(flipped).readings == same.readings
+    both = flipped.replace("block_mm", "target_mm")
     assert "laser.csv:1: 'dro_mm' beside 'target_mm' in the heading" in refused(both)
-    sheet = "dro_mm,measured_mm\n0.001,0\n25.003,25\n50.004,50\n49.994,50\n24.99,25\n-0.01,0\n"
-    assert read(sheet.replace("measured", "block")).readings == read(sheet).readings
+    worksheet = "dro_mm,measured_mm\n0.001,0\n25.003,25\n50.004,50\n49.994,50\n24.99,25\n-0.01,0\n"
+    assert read(worksheet.replace("measured", "block")).readings == read(worksheet).readings
 
 
 def test_what_was_understood_is_one_line() -> None:

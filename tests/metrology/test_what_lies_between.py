@@ -23,7 +23,7 @@ from gateway.metrology.lead import (
     shown_by,
     unseen,
 )
-from gateway.metrology.process import ANALYTIC, Kind, Samples, fitted
+from gateway.metrology.process import ANALYTIC, CurveKind, Samples, fitted
 from gateway.metrology.readings import Reading, Survey
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.screw import screw_of
@@ -271,12 +271,12 @@ def test_harmonics_of_nothing_but_scatter_are_not_significant() -> None:
 
 def test_leaving_out_in_closed_form_is_leaving_out() -> None:
     """Each sample predicted by solving the system of all others, with the same sizes of the curve."""
-    places = np.array([0.0, 11.0, 19.0, 32.0, 40.0, 53.0, 60.0])
+    positions = np.array([0.0, 11.0, 19.0, 32.0, 40.0, 53.0, 60.0])
     values = np.array([0.0, 0.004, 0.003, -0.002, -0.001, 0.005, 0.006])
-    process = fitted(Samples(places, values, np.full(7, 1e-7)), Kind(ANALYTIC, has_short=True))
+    process = fitted(Samples(positions, values, np.full(7, 1e-7)), CurveKind(ANALYTIC, has_short=True))
     missed, expected = process.left_out()
     covariance = np.linalg.inv(process._inverse)
-    rest = values - process._straight(places)
+    rest = values - process._straight(positions)
     for index in range(7):
         others = [other for other in range(7) if other != index]
         weights = np.linalg.solve(covariance[np.ix_(others, others)], covariance[others, index])
@@ -354,7 +354,7 @@ def test_a_fine_run_beside_an_even_grid_brings_the_turn_out() -> None:
     built = build_from(survey(sorted({*grid, *fine}), error), Recipe(fit=Fit.AUTO, periods=periods_of(5.0)))
     assert built.evidence is not None
     assert built.evidence.chosen.shape is Shape.HARMONICS
-    kind = screws.Kind("fine", 300, lambda _: (error, screws.constant(10)), 2, 2, 0)
+    kind = screws.CurveKind("fine", 300, lambda _: (error, screws.constant(10)), 2, 2, 0)
     left = screws.Screw(kind, error, screws.constant(10)).leaves_um(built.table, 0.0, 300.0)
     # Of the 6 µm of a turn hardly anything: the grid alone leaves all of it.
     assert left < 0.6
@@ -397,7 +397,7 @@ def racks(phases: Sequence[float]) -> tuple[screws.Curve, screws.Curve]:
     return screws.total(waves, lambda x: np.where(x < 437.3, 0.0, 0.012)), screws.constant(8)
 
 
-RACKS = screws.Kind("two racks", 1000, racks, 21, 61, 0.4)
+RACKS = screws.CurveKind("two racks", 1000, racks, 21, 61, 0.4)
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -479,7 +479,7 @@ def test_the_upper_bound_does_not_hang_on_the_kind_that_few_targets_choose_by_lu
 
 
 @pytest.mark.parametrize("kind", screws.KINDS, ids=lambda kind: kind.name)
-def test_a_table_leaves_what_it_says_and_no_more_than_the_best(kind: screws.Kind) -> None:
+def test_a_table_leaves_what_it_says_and_no_more_than_the_best(kind: screws.CurveKind) -> None:
     found = [
         screws.case(kind, count, kind.noise_um, seed) for count in (kind.few, kind.many) for seed in (0, 1)
     ]

@@ -29,11 +29,11 @@ PLAIN: list[list[object]] = [
 def workbook(*sheets: list[list[object]]) -> bytes:
     book = openpyxl.Workbook()
     for number, rows in enumerate(sheets):
-        sheet = book.active if number == 0 else book.create_sheet()
-        assert sheet is not None
-        sheet.title = f"S{number + 1}"
+        worksheet = book.active if number == 0 else book.create_sheet()
+        assert worksheet is not None
+        worksheet.title = f"S{number + 1}"
         for row in rows:
-            sheet.append(row)
+            worksheet.append(row)
     return saved(book)
 
 
@@ -107,11 +107,11 @@ def replaced(data: bytes, old: str, new: str) -> bytes:
 @pytest.mark.parametrize("what", ["row", "column"])
 def test_what_is_hidden_is_not_read_in_silence(what: str) -> None:
     book = openpyxl.load_workbook(BytesIO(workbook(PLAIN)))
-    sheet = book["S1"]
+    worksheet = book["S1"]
     if what == "row":
-        sheet.row_dimensions[4].hidden = True
+        worksheet.row_dimensions[4].hidden = True
     else:
-        sheet.column_dimensions["C"].hidden = True
+        worksheet.column_dimensions["C"].hidden = True
     found = refused(saved(book))
     assert f"a hidden {what}" in found
     assert ("x.xlsx[S1]:4" in found) == (what == "row")

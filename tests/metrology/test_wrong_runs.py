@@ -26,7 +26,7 @@ def other_way(each: Reading) -> Reading:
     return Reading(each.target, DOWN if each.direction is UP else UP, each.measured, each.run)
 
 
-def turned(each: Reading) -> Reading:
+def inverted(each: Reading) -> Reading:
     return Reading(each.target, each.direction, each.target - each.deviation, each.run)
 
 
@@ -62,7 +62,7 @@ def survey(
     ("change", "words"),
     [
         (other_way, "run 3: directions swapped"),
-        (turned, "run 3: sign turned"),
+        (inverted, "run 3: sign turned"),
         (counted_down, "run 3: sign turned"),
     ],
 )

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gateway.modbus.crc import append_crc, residue_after
 from gateway.modbus.rtu import RtuRequestDecoder
-from gateway.modbus.rtu_arrival import Known, ReplyArrival, RequestArrival
+from gateway.modbus.rtu_arrival import Progress, ReplyArrival, RequestArrival
 
 WRITE = bytes.fromhex("01 10 6F 00 00 02 04 55 55 00 08 1A 47")
 READ = bytes.fromhex("01 03 02 00 00 02 C5 B3")
@@ -25,11 +25,11 @@ frames = st.one_of(
 def followed(data: bytes, arrival: RequestArrival | None = None) -> str:
     """What is known after each byte, by the first letter of the word."""
     arrival = RequestArrival() if arrival is None else arrival
-    known = ""
+    progress = ""
     for at in range(len(data)):
         assert arrival.feed(data[at : at + 1]) == 1
-        known += arrival.known.value[0]
-    return known
+        progress += arrival.progress.value[0]
+    return progress
 
 
 def reply_to(request: bytes) -> ReplyArrival:
@@ -56,7 +56,7 @@ def test_the_length_is_there_as_soon_as_it_can_be() -> None:
     assert lengths == [0, 0, 0, 0, 0, 0, 13, 13, 13, 13, 13, 13, 13]
     arrival = RequestArrival()
     arrival.feed(READ[:2])
-    assert (arrival.length, arrival.known) == (8, Known.BEGUN)
+    assert (arrival.length, arrival.progress) == (8, Progress.BEGUN)
 
 
 def test_one_wrong_bit_makes_a_frame_bad_and_never_good() -> None:
@@ -65,14 +65,14 @@ def test_one_wrong_bit_makes_a_frame_bad_and_never_good() -> None:
             damaged = WRITE[:at] + bytes((WRITE[at] ^ 1 << bit,)) + WRITE[at + 1 :]
             arrival = RequestArrival()
             assert arrival.feed(damaged) == 13
-            assert arrival.known is Known.BAD
+            assert arrival.progress is Progress.BAD
 
 
 def test_what_follows_a_frame_is_not_its_own() -> None:
     arrival = RequestArrival()
     assert arrival.feed(WRITE[:11]) == 11
     assert arrival.feed(WRITE[11:] + READ) == 2
-    assert (arrival.data, arrival.known) == (WRITE, Known.GOOD)
+    assert (arrival.data, arrival.progress) == (WRITE, Progress.GOOD)
     assert arrival.feed(READ) == 0
 
 
@@ -93,7 +93,7 @@ def test_requests_that_are_not_followed(begun: str) -> None:
     assert followed(data)[-1] == "o"
     arrival = RequestArrival()
     assert arrival.feed(data + bytes(20)) == len(data)
-    assert (arrival.known, arrival.length) == (Known.ODD, 0)
+    assert (arrival.progress, arrival.length) == (Progress.ODD, 0)
 
 
 @pytest.mark.parametrize(
@@ -110,13 +110,13 @@ def test_requests_that_are_not_followed(begun: str) -> None:
 def test_w4_replies_that_are_not_what_was_asked_for_are_odd(reply: str, bytes_until_it_is_odd: int) -> None:
     arrival = reply_to(READ)
     assert arrival.feed(bytes.fromhex(reply)) == bytes_until_it_is_odd
-    assert arrival.known is Known.ODD
+    assert arrival.progress is Progress.ODD
 
 
 def test_the_reply_to_a_vendor_s_function_is_odd() -> None:
     arrival = ReplyArrival(9, bytes.fromhex("65 10 20"))
     arrival.feed(bytes.fromhex("09 65 10"))
-    assert arrival.known is Known.ODD
+    assert arrival.progress is Progress.ODD
 
 
 @given(stream=frames, data=st.data())
@@ -126,9 +126,9 @@ def test_what_is_known_follows_from_the_bytes_alone(stream: bytes, data: st.Data
     whole, cut = RequestArrival(), RequestArrival()
     taken = whole.feed(stream)
     assert sum(cut.feed(piece) for piece in pieces) == taken
-    assert (cut.data, cut.known, cut.length, cut.residue) == (
+    assert (cut.data, cut.progress, cut.length, cut.residue) == (
         whole.data,
-        whole.known,
+        whole.progress,
         whole.length,
         whole.residue,
     )
@@ -141,7 +141,7 @@ def test_w3_a_frame_is_good_only_where_the_decoder_gives_it(stream: bytes) -> No
     arrival = RequestArrival()
     taken = arrival.feed(stream)
     given_frames = RtuRequestDecoder().feed(stream[:taken], 0)
-    if arrival.known is Known.GOOD:
+    if arrival.progress is Progress.GOOD:
         assert given_frames == [(stream[0], stream[1 : taken - 2])]
-    elif arrival.known in (Known.BEGUN, Known.HEAD):
+    elif arrival.progress in (Progress.BEGUN, Progress.HEAD):
         assert given_frames == []

@@ -23,17 +23,17 @@ def heard(echo: ReplyEcho, data: bytes, now_ns: int, cuts: list[int]) -> bytes:
     return left
 
 
-def after(reply: bytes, *, is_told: bool = False) -> ReplyEcho:
-    echo = ReplyEcho(is_told=is_told)
+def after(reply: bytes, *, is_configured: bool = False) -> ReplyEcho:
+    echo = ReplyEcho(is_configured=is_configured)
     echo.sent(reply, 0, WIRE_NS)
     return echo
 
 
 @given(st.lists(st.integers(0, 2 * len(TRIGGER)), max_size=6), st.booleans())
-def test_an_echo_is_taken_out_however_it_comes(cuts: list[int], is_told: bool) -> None:
-    echo = after(TRIGGER, is_told=is_told)
+def test_an_echo_is_taken_out_however_it_comes(cuts: list[int], is_configured: bool) -> None:
+    echo = after(TRIGGER, is_configured=is_configured)
     assert heard(echo, TRIGGER + TRIGGER, 1, cuts) == TRIGGER  # the controller repeats its request
-    assert (echo.echo, echo.echoes, echo.is_undeclared) == (Echo.PRESENT, 1, not is_told)
+    assert (echo.echo, echo.echoes, echo.is_undeclared) == (Echo.PRESENT, 1, not is_configured)
 
 
 @given(st.lists(st.integers(0, len(TARGET)), max_size=6))
@@ -75,7 +75,7 @@ def test_what_comes_later_than_any_adapter_is_a_request() -> None:
 
 
 def test_half_an_echo_that_nothing_follows_is_left_out_where_there_is_one() -> None:
-    echo = after(TRIGGER, is_told=True)
+    echo = after(TRIGGER, is_configured=True)
     assert echo.take(TRIGGER[:3], 1) == b""
     assert echo.take(TARGET, WIRE_NS + LATEST_NS + 1) == TARGET
     echo = after(TRIGGER)  # whose it was nobody knows
@@ -106,9 +106,9 @@ def test_an_adapter_that_returns_nothing_any_more_has_no_echo() -> None:
 
 
 @given(st.booleans())
-def test_a_process_that_stood_still_reads_an_echo_late_and_takes_it_out(is_told: bool) -> None:
+def test_a_process_that_stood_still_reads_an_echo_late_and_takes_it_out(is_configured: bool) -> None:
     late_ns = WIRE_NS + LATEST_NS + 1
-    first = after(TRIGGER, is_told=is_told)
+    first = after(TRIGGER, is_configured=is_configured)
     assert first.take(TRIGGER, late_ns, has_slept=True) == b""
     assert first.echo is Echo.PRESENT
     first.sent(TRIGGER, late_ns, WIRE_NS)

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from gateway.ipc.place import socket_path
+from gateway.ipc.address import socket_path
 from gateway.modbus.mbap import encode_mbap
 from tests.child import started
 from tests.ports import free_port

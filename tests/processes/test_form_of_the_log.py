@@ -133,7 +133,7 @@ def test_what_stops_a_unit_is_an_error_in_the_journal(site: Site, command: tuple
 def test_each_line_of_a_traceback_has_its_priority(log_format: str) -> None:
     """An exception that nobody catches; in JSON it is one line."""
     program = (
-        "from gateway.ipc.notes import LogFormat, take_standard_error\n"
+        "from gateway.ipc.log import LogFormat, take_standard_error\n"
         f"take_standard_error(LogFormat({log_format!r}))\n"
         "raise RuntimeError('a mistake\\nof two lines')\n"
     )

@@ -15,9 +15,9 @@ from pathlib import Path
 
 import pytest
 
+from gateway.ipc.address import socket_path
 from gateway.ipc.client import ask
 from gateway.ipc.messages import GetStatus, Status
-from gateway.ipc.place import socket_path
 from gateway.modbus.mbap import encode_mbap
 from tests.ports import free_port
 from tests.processes.bench import Running, running

@@ -10,8 +10,8 @@ import msgspec
 from gateway.cli.configuration import compile_for_start_or_exit
 from gateway.cli.processes import command_of
 from gateway.ipc.client import ask
+from gateway.ipc.log import LogFormat
 from gateway.ipc.messages import Ping, Pong
-from gateway.ipc.notes import LogFormat
 from gateway.ipc.supervisor_client import ask_supervisor
 from gateway.state.folder import PLAN_NAME
 from gateway.state.plan import VERSION, sealed, unsealed

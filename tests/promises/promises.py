@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from typer.main import get_command
 
+from gateway.catalogue.alarms import ALARMS
 from gateway.catalogue.entry import entries_of
 from gateway.catalogue.events import GROUPS
 from gateway.catalogue.exceptions import EXCEPTIONS
@@ -19,7 +20,6 @@ from gateway.catalogue.refusals import REFUSALS
 from gateway.catalogue.remarks import REMARKS
 from gateway.catalogue.starts import EXIT_CODES
 from gateway.catalogue.states import STATES
-from gateway.catalogue.troubles import TROUBLES
 from gateway.cli.app import app
 from gateway.config.reference import TABLES, rows
 from gateway.drives.library import names
@@ -48,7 +48,7 @@ def _keys() -> Iterator[str]:
 def _codes() -> Iterator[str]:
     for group in GROUPS:
         yield from (f"event {entry.name}: {severities(entry)}" for entry in entries_of(group))
-    yield from (f"trouble {entry.kind}: {entry.severity.value}" for entry in TROUBLES.values())
+    yield from (f"trouble {entry.kind}: {entry.severity.value}" for entry in ALARMS.values())
     yield from (f"refusal {code_of(entry)}" for entry in REFUSALS)
     yield from (f"remark {entry.code}: {entry.severity}" for entry in REMARKS)
     yield from (f"exception 0x{entry.code:02X}: {entry.title}" for entry in EXCEPTIONS)

@@ -20,7 +20,7 @@ from gateway.exchange.plan import (
     Reference,
     Role,
 )
-from gateway.ipc.notes import Note
+from gateway.ipc.log import LogEntry
 from gateway.modbus.registers import PositionField, RegisterType
 from gateway.relay.gateway import Relay
 from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
@@ -114,7 +114,7 @@ class Bench:
     """Everything around one relay. Closed from the outside in by ``aclose``."""
 
     stack: contextlib.AsyncExitStack = field(default_factory=contextlib.AsyncExitStack)
-    notes: list[Note] = field(default_factory=list)
+    notes: list[LogEntry] = field(default_factory=list)
 
     def cable(self) -> NullModem:
         cable = NullModem()

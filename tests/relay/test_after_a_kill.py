@@ -10,9 +10,9 @@ import pytest
 
 from gateway.exchange.plan import LineTiming
 from gateway.exchange.queue import REQUEST_BYTES, WAITING_BYTES
+from gateway.ipc.address import socket_path
 from gateway.ipc.client import NoGatewayError, ask
 from gateway.ipc.messages import Ping
-from gateway.ipc.place import socket_path
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
 from gateway.recording import traffic
@@ -183,4 +183,4 @@ async def test_a_rest_is_recorded_and_replayed(bench: "Bench", tools: "Tools", t
     replay = Replay(plan)
     for number, line in enumerate(recorder.path.read_bytes().splitlines(keepends=True), start=1):
         replay.feed(number, traffic.decode(line))
-    assert (replay.result.different, replay.result.is_cut_off) == (0, False)
+    assert (replay.result.different, replay.result.is_truncated) == (0, False)

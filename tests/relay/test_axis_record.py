@@ -41,8 +41,8 @@ class Opened:
         self.record.open(self.told.append, is_used=is_used)
 
     @property
-    def recalled(self) -> Remembered | None:
-        return None if self.axis.record is None else self.axis.record.recalled
+    def saved(self) -> Remembered | None:
+        return None if self.axis.record is None else self.axis.record.saved
 
 
 @pytest.fixture
@@ -68,8 +68,8 @@ def test_a_good_file_is_recalled_and_stays_as_it_is_until_it_is_decided(path: Pa
     before = path.read_bytes()
     for _ in range(2):
         opened = Opened(path)
-        assert opened.recalled is not None
-        assert (opened.recalled.nominal_counts, opened.told) == (20_000, [])
+        assert opened.saved is not None
+        assert (opened.saved.nominal_counts, opened.told) == (20_000, [])
         opened.record.close()
         assert path.read_bytes() == before
 
@@ -103,14 +103,14 @@ def test_a_spoilt_file_is_made_anew_and_the_axis_begins_without_it(
     assert callable(spoil)
     spoil(path)
     opened = Opened(path)
-    assert opened.recalled is None
+    assert opened.saved is None
     assert opened.axis.record is not None
     assert len(opened.told) == 1
     assert opened.told[0].startswith(f"{path}: {why}")
     assert opened.told[0].endswith("the axis starts without its record")
     opened.record.close()
     again = Opened(path)
-    assert (again.recalled, again.told) == (None, [])
+    assert (again.saved, again.told) == (None, [])
     again.record.close()
 
 
@@ -134,8 +134,8 @@ def test_a_file_that_is_cut_in_use_is_made_anew_and_holds_from_then_on(path: Pat
     ]
     record[0].close()
     opened = Opened(path)
-    assert opened.recalled is not None
-    assert opened.recalled.nominal_counts == 40_000
+    assert opened.saved is not None
+    assert opened.saved.nominal_counts == 40_000
     opened.record.close()
 
 
@@ -191,7 +191,7 @@ def test_an_axis_in_shadow_mode_keeps_none_and_empties_what_there_is(path: Path)
 
 def test_a_run_that_is_recorded_begins_with_nothing(path: Path) -> None:
     opened = Opened(path, is_used=False)
-    assert opened.recalled is None
+    assert opened.saved is None
     assert opened.axis.record is not None
     assert "a recording begins with nothing" in opened.told[0]
     opened.record.close()

@@ -21,7 +21,7 @@ from gateway.modbus.registers import BitField
 from gateway.recording import traffic
 from gateway.recording.capture import Capture, NoCaptureError, Timed
 from gateway.recording.replay import Replay, ReplayResult
-from gateway.recording.tape import TEXT
+from gateway.recording.trace_buffer import TEXT
 from gateway.relay.gateway import Relay
 from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import TcpEndpoint
@@ -122,16 +122,16 @@ async def test_a_capture_has_the_frames_of_both_sides(bench: "Bench", tools: "To
     [up] = [(t_ns, entry.t) for t_ns, entry in timed if isinstance(entry, traffic.Up)]
     assert up[0] == up[1]
     result = replayed(plan, timed)
-    assert (result.different, result.outputs, result.is_cut_off) == (0, 2, False)
+    assert (result.different, result.outputs, result.is_truncated) == (0, 2, False)
 
 
 async def test_what_only_a_newer_release_understands_is_told(
     bench: "Bench", tools: "Tools", tmp_path: Path
 ) -> None:
     _, relay, _ = await running(bench, tools, tmp_path, tools.axis(), Memory())
-    tape = relay._lines[0].tape
-    assert tape is not None
-    tape.put(TEXT, 7, 0, b'{"kind":"dance","line":"line","t":7}')
+    trace_buffer = relay._lines[0].trace_buffer
+    assert trace_buffer is not None
+    trace_buffer.put(TEXT, 7, 0, b'{"kind":"dance","line":"line","t":7}')
     with pytest.raises(NoCaptureError, match=r"'dance'.*; command and gateway have to be"):
         await captured(relay)
 

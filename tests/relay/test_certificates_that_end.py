@@ -25,9 +25,9 @@ async def ending(tools: "Tools", bench: "Bench", folder: Path) -> tuple[Site, Pa
     return site, certificate, key
 
 
-def turn(site: Site, now: datetime) -> None:
+def tick(site: Site, now: datetime) -> None:
     """What the relay does every five seconds, at a time of our own."""
-    site.relay._lines[0]._fronts[0].turn(now)
+    site.relay._lines[0]._controllers[0].tick(now)
 
 
 def days_left(site: Site) -> dict[str, int]:
@@ -51,10 +51,10 @@ async def test_it_is_told_at_the_start_then_daily_and_when_it_ends(
         "days_left": 1,
     }
     assert days_left(site) == {"certificate": 1, "clients": 99, "revoked": 99}
-    turn(site, start + DAY / 2)
-    turn(site, start + DAY + timedelta(minutes=5))
+    tick(site, start + DAY / 2)
+    tick(site, start + DAY + timedelta(minutes=5))
     await tools.eventually(lambda: len(site.told(SOON)) == 2)
-    turn(site, start + 2 * DAY + timedelta(minutes=5))
+    tick(site, start + 2 * DAY + timedelta(minutes=5))
     await tools.eventually(lambda: len(site.told(ENDED)) == 1)
     assert len(site.told(SOON)) == 2
 
@@ -67,10 +67,10 @@ async def test_one_that_was_renewed_while_nobody_connected_is_not_told_of(
     new_certificate, new_key = site.shop.server("renewed")
     new_key.replace(key)
     new_certificate.replace(certificate)
-    turn(site, now_utc() + DAY + timedelta(minutes=5))
+    tick(site, now_utc() + DAY + timedelta(minutes=5))
     await tools.eventually(lambda: len(site.told("certificates-renewed")) == 1)
     await tools.eventually(lambda: days_left(site)["certificate"] == 99)
-    turn(site, now_utc() + DAY + timedelta(minutes=10))
+    tick(site, now_utc() + DAY + timedelta(minutes=10))
     await site.connect(site.shop.controller("mill", "Operator"))  # through the same thread: it has looked
     await tools.eventually(lambda: len(site.status["sessions"]) == 1)
     assert (len(site.told(SOON)), site.told(ENDED)) == (1, [])
@@ -80,7 +80,7 @@ async def test_a_relay_that_stops_tells_no_more(tools: "Tools", bench: "Bench", 
     site, _, _ = await ending(tools, bench, tmp_path)
     await tools.eventually(lambda: len(site.told(SOON)) == 1)
     await site.relay.stop()
-    turn(site, now_utc() + 3 * DAY)
+    tick(site, now_utc() + 3 * DAY)
     assert site.told(ENDED) == []
 
 
@@ -90,7 +90,7 @@ async def test_certificates_that_last_are_told_of_by_nobody(
     site = Site(tools, bench, tmp_path)
     await site.start()
     assert days_left(site) == {"certificate": 99, "clients": 99, "revoked": 99}
-    turn(site, now_utc() + 60 * DAY)
+    tick(site, now_utc() + 60 * DAY)
     await site.connect(site.shop.controller("mill", "Operator"))
     await tools.eventually(lambda: len(site.status["sessions"]) == 1)
     assert site.told(SOON) == []

@@ -14,8 +14,14 @@ import pytest
 
 from gateway.clock import boot_ns
 from gateway.compensation.settings import Setpoints
-from gateway.exchange.cut_through.delay import LEARNED_AFTER, Piece, Shape, acknowledgement_shape, write_shape
-from gateway.exchange.cut_through.frame import CutEvent
+from gateway.exchange.cut_through.delay import (
+    LEARNED_AFTER,
+    FrameShape,
+    Piece,
+    acknowledgement_shape,
+    write_shape,
+)
+from gateway.exchange.cut_through.frame import ForwardEvent
 from gateway.exchange.line import LineExchange
 from gateway.modbus.crc import INVERTED, append_crc, is_intact, residue_after
 from gateway.relay.gateway import Relay
@@ -125,7 +131,7 @@ class Wires:
         self.drive_paced.close()
 
 
-def pieces_of(shape: Shape, late_ns: int) -> list[Piece]:
+def pieces_of(shape: FrameShape, late_ns: int) -> list[Piece]:
     """How a frame came of which all but the first byte was so late."""
     return [Piece(number * CHAR_NS + late_ns * (number > 0), number + 1) for number in range(shape.length)]
 
@@ -203,15 +209,18 @@ async def test_a_setpoint_and_its_reply_leave_while_they_arrive(
         is_seen = wires.paced.seen_before_last >= 7 and wires.drive_paced.seen_before_last >= 2
         if (
             is_seen
-            and wires.forwarding.requests.ended[CutEvent.COMMITTED]
-            and wires.forwarding.replies.ended[CutEvent.COMMITTED]
+            and wires.forwarding.requests.ended[ForwardEvent.COMMITTED]
+            and wires.forwarding.replies.ended[ForwardEvent.COMMITTED]
         ):
             break
-    assert wires.forwarding.requests.ended[CutEvent.COMMITTED]
-    assert wires.forwarding.replies.ended[CutEvent.COMMITTED]
+    assert wires.forwarding.requests.ended[ForwardEvent.COMMITTED]
+    assert wires.forwarding.replies.ended[ForwardEvent.COMMITTED]
     assert wires.paced.seen_before_last >= 7
     assert wires.drive_paced.seen_before_last >= 2
-    assert (wires.forwarding.requests.ended[CutEvent.MET], wires.forwarding.replies.ended[CutEvent.BAD]) == (
+    assert (
+        wires.forwarding.requests.ended[ForwardEvent.MET],
+        wires.forwarding.replies.ended[ForwardEvent.BAD],
+    ) == (
         0,
         0,
     )

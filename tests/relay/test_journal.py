@@ -10,8 +10,8 @@ from gateway.catalogue import exchange_events
 from gateway.catalogue.entry import Severity
 from gateway.catalogue.process_events import STATUS
 from gateway.exchange.events import Event
+from gateway.ipc.log import LogEntry, LogFormat, log_writer
 from gateway.ipc.log_thread import CAPACITY, LogThread
-from gateway.ipc.notes import LogFormat, Note, note_writer
 from gateway.relay.journal import Journal
 from gateway.relay.run import _Log
 
@@ -19,39 +19,39 @@ from gateway.relay.run import _Log
 def test_without_a_writer_the_newest_notes_are_kept() -> None:
     journal = Journal(None)
     for number in range(CAPACITY + 5):
-        journal.note(STATUS, number=number)
+        journal.log(STATUS, number=number)
     notes = journal.recent()
     assert len(notes) == CAPACITY
     assert notes[-1].fields == {"number": CAPACITY + 4}
 
 
 def test_an_event_of_the_exchange_is_a_note_at_once() -> None:
-    written: list[Note] = []
-    told: list[Note] = []
+    written: list[LogEntry] = []
+    told: list[LogEntry] = []
     journal = Journal(written.append)
-    journal.on_note = told.append
+    journal.on_entry = told.append
     journal.exchange_event("xyz", Event(exchange_events.WITHDRAWN, "x", "too late"))
-    [note] = written
-    assert (note.event, note.severity) == ("withdrawn", Severity.WARNING)
-    assert note.fields == {"line": "xyz", "axis": "x", "detail": "too late"}
+    [entry] = written
+    assert (entry.event, entry.severity) == ("withdrawn", Severity.WARNING)
+    assert entry.fields == {"line": "xyz", "axis": "x", "detail": "too late"}
     assert told == written
     assert journal.recent() == ()
 
 
 def test_good_news_is_no_warning() -> None:
-    written: list[Note] = []
+    written: list[LogEntry] = []
     journal = Journal(written.append)
     journal.exchange_event("xyz", Event(exchange_events.BUDGET_OVERRUN, "x", "1200 µs"))
     journal.exchange_event("xyz", Event(exchange_events.BUDGET_KEPT, "x", "100 exchanges"))
-    assert [(note.event, note.severity) for note in written] == [
+    assert [(entry.event, entry.severity) for entry in written] == [
         ("budget-overrun", Severity.WARNING),
         ("budget-kept", Severity.INFO),
     ]
 
 
 def test_a_service_logs_json_lines(capfd: pytest.CaptureFixture[str]) -> None:
-    write = note_writer(LogFormat.JSON)
-    write(Note(Severity.WARNING, "line-down", {"line": "xyz"}, 0.0))
+    write = log_writer(LogFormat.JSON)
+    write(LogEntry(Severity.WARNING, "line-down", {"line": "xyz"}, 0.0))
     assert json.loads(capfd.readouterr().err) == {
         "event": "line-down",
         "level": "warning",
@@ -61,8 +61,8 @@ def test_a_service_logs_json_lines(capfd: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_person_reads_plain_lines(capfd: pytest.CaptureFixture[str]) -> None:
-    write = note_writer(LogFormat.CONSOLE)
-    write(Note(Severity.INFO, "ready", {"addresses": "127.0.0.1:1502"}, 0.0))
+    write = log_writer(LogFormat.CONSOLE)
+    write(LogEntry(Severity.INFO, "ready", {"addresses": "127.0.0.1:1502"}, 0.0))
     line = capfd.readouterr().err
     assert "ready" in line
     assert "127.0.0.1:1502" in line
@@ -70,7 +70,7 @@ def test_a_person_reads_plain_lines(capfd: pytest.CaptureFixture[str]) -> None:
 
 
 def test_what_the_loop_would_print_itself_goes_into_the_log() -> None:
-    written: list[Note] = []
+    written: list[LogEntry] = []
     loop = asyncio.new_event_loop()
     with LogThread(written.append) as log:
         loop.set_exception_handler(_Log(log).unexpected)
@@ -78,7 +78,7 @@ def test_what_the_loop_would_print_itself_goes_into_the_log() -> None:
         loop.call_soon(loop.stop)
         loop.run_forever()
     loop.close()
-    [note] = written
-    assert (note.event, note.severity) == ("unexpected", Severity.ERROR)
-    assert "Exception in callback" in str(note.fields["detail"])
-    assert "ValueError: invalid literal for int() with base 10: 'no number'" in str(note.fields["traceback"])
+    [entry] = written
+    assert (entry.event, entry.severity) == ("unexpected", Severity.ERROR)
+    assert "Exception in callback" in str(entry.fields["detail"])
+    assert "ValueError: invalid literal for int() with base 10: 'no number'" in str(entry.fields["traceback"])

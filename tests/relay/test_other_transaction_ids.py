@@ -8,7 +8,7 @@ from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan, LineTiming
 from gateway.exchange.ports import ControllerPort
 from gateway.modbus.mbap import encode_mbap
-from gateway.relay.drive_link import MbapDriveLink, OtherIds, UnitIds
+from gateway.relay.drive_link import MbapDriveLink, OtherIds, ReplyUnitIds
 from gateway.transport import memory
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ READ = bytes.fromhex("03 0010 0001")
 REPLY = bytes.fromhex("03 02 2222")
 NO_RESPONSE = bytes.fromhex("83 0B")
 MS = 1_000_000
-ONE_DRIVE = UnitIds()
+ONE_DRIVE = ReplyUnitIds()
 
 
 class Controller(ControllerPort):
@@ -35,7 +35,7 @@ class Controller(ControllerPort):
 class Drives:
     """A Modbus/TCP line whose drive is in the hands of the test."""
 
-    def __init__(self, far: "RawEnd", unit_ids: UnitIds = ONE_DRIVE) -> None:
+    def __init__(self, far: "RawEnd", unit_ids: ReplyUnitIds = ONE_DRIVE) -> None:
         self.told: list[tuple[int, str]] = []
         self.events: list[Event] = []
         self.link = MbapDriveLink(
@@ -128,7 +128,7 @@ async def test_what_was_answered_after_all_counts_for_nothing(tools: "Tools") ->
 
 
 async def test_of_several_drives_another_one_is_not_meant(tools: "Tools") -> None:
-    drives = Drives(tools.raw_end(), UnitIds(are_many=True))
+    drives = Drives(tools.raw_end(), ReplyUnitIds(are_many=True))
     drives.ask((0, 2))
     assert drives.told == []
     drives.ask((0, 1))

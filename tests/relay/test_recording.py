@@ -14,7 +14,7 @@ import pytest
 from gateway.compensation.settings import ThermalSettings
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.drives.motion import Action, Deed, MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.commands import (
     ClearTable,
     Command,
@@ -190,7 +190,7 @@ def staged(tools: "Tools") -> AxisPlan:
         unit_id=2,
         referenced=Reference.DRIVE_BIT,
         bits={"homed": BitField(200, 0), "done": BitField(200, 1)},
-        motion=MotionPlan(is_staged=True, triggers=(TriggerPlan(120, deeds={1: Deed(Action.START)}),)),
+        motion=MotionPlan(is_staged=True, triggers=(TriggerPlan(120, deeds={1: Operation(Action.START)}),)),
     )
 
 
@@ -253,7 +253,7 @@ async def test_random_traffic_with_time_outs_and_reconnects_replays_to_the_same_
     await chat(bench, relay, seed)
     await relay.stop()
     result = replayed(path, plan)
-    assert (result.different, result.first, result.is_cut_off) == (0, [], False)
+    assert (result.different, result.first, result.is_truncated) == (0, [], False)
     kinds = {type(entry).__name__ for entry in entries_of(path)}
     assert kinds >= {
         "Header",
@@ -292,7 +292,7 @@ async def test_temperatures_and_another_axis_replay_to_the_same_bytes(
         await chat(bench, relay, seed)
     await relay.stop()
     result = replayed(path, plan)
-    assert (result.different, result.first, result.is_cut_off) == (0, [], False)
+    assert (result.different, result.first, result.is_truncated) == (0, [], False)
     told = [entry.command for entry in entries_of(path) if isinstance(entry, traffic.Commanded)]
     found = [each.celsius for each in told if isinstance(each, SetTemperature)]
     assert found == [21.0, 3000.0, 35.0, 3000.0, 15.0, 3000.0]
@@ -395,7 +395,7 @@ async def test_a_recording_that_was_cut_off_is_replayed_as_far_as_it_goes(
         replay = Replay(plan)
         for number, entry in enumerate(entries[:length], start=1):
             replay.feed(number, entry)
-        assert (replay.result.different, replay.result.is_cut_off) == (0, True)
+        assert (replay.result.different, replay.result.is_truncated) == (0, True)
 
 
 async def test_a_full_disk_ends_the_recording_loudly_and_not_the_gateway(

@@ -195,5 +195,5 @@ async def test_what_was_handed_over_is_in_a_recording_and_replayed(
     replay = Replay(plan)
     for number, line in enumerate(path.read_bytes().splitlines(keepends=True), start=1):
         replay.feed(number, traffic.decode(line))
-    assert (replay.result.different, replay.result.is_cut_off) == (0, False)
+    assert (replay.result.different, replay.result.is_truncated) == (0, False)
     assert replay.result.outputs >= 8  # four requests, four answers

@@ -8,7 +8,7 @@ from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, OtherUnits
 from gateway.exchange.ports import ControllerPort
 from gateway.modbus.mbap import encode_mbap
-from gateway.relay.drive_link import MbapDriveLink, UnitIds
+from gateway.relay.drive_link import MbapDriveLink, ReplyUnitIds
 from gateway.relay.gateway import Relay
 from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.transport import memory
@@ -35,7 +35,7 @@ class Controller(ControllerPort):
 class Drives:
     """A Modbus/TCP line whose drive is in the hands of the test."""
 
-    def __init__(self, far: "RawEnd", unit_ids: UnitIds) -> None:
+    def __init__(self, far: "RawEnd", unit_ids: ReplyUnitIds) -> None:
         self.wrong: list[tuple[int, int]] = []
         self.link = MbapDriveLink(0, unit_ids, lambda asked, answered: self.wrong.append((asked, answered)))
         self.line = LineExchange((), LineTiming(), self.link, lambda _: None)
@@ -52,7 +52,7 @@ class Drives:
 
 
 async def test_w6_one_drive_may_answer_with_any_unit_id_and_is_told_of_once(tools: "Tools") -> None:
-    drives = Drives(tools.raw_end(), UnitIds())
+    drives = Drives(tools.raw_end(), ReplyUnitIds())
     for number in (1, 2):
         drives.asks(number)
         drives.answers(number, 0)
@@ -62,7 +62,7 @@ async def test_w6_one_drive_may_answer_with_any_unit_id_and_is_told_of_once(tool
 
 
 async def test_w6_what_a_drive_is_known_to_answer_with_is_not_counted(tools: "Tools") -> None:
-    drives = Drives(tools.raw_end(), UnitIds(answers_as=0))
+    drives = Drives(tools.raw_end(), ReplyUnitIds(answers_as=0))
     drives.asks(1)
     drives.answers(1, 0)
     assert drives.controller.replies == [REPLY]
@@ -71,7 +71,7 @@ async def test_w6_what_a_drive_is_known_to_answer_with_is_not_counted(tools: "To
 
 
 async def test_w6_of_several_drives_another_one_answers_nothing(tools: "Tools") -> None:
-    drives = Drives(tools.raw_end(), UnitIds(are_many=True))
+    drives = Drives(tools.raw_end(), ReplyUnitIds(are_many=True))
     drives.asks(1)
     drives.answers(1, 2)
     assert drives.controller.replies == []
@@ -85,7 +85,7 @@ async def test_w6_of_several_drives_another_one_answers_nothing(tools: "Tools") 
 async def test_a_reply_that_is_too_long_ends_its_exchange_and_not_the_line(
     tools: "Tools", length: int
 ) -> None:
-    drives = Drives(tools.raw_end(), UnitIds())
+    drives = Drives(tools.raw_end(), ReplyUnitIds())
     drives.asks(1)
     header = bytes.fromhex("0001 0000") + length.to_bytes(2, "big") + b"\1"
     drives.link.received(header + bytes((3, (length - 3) & 0xFF)) + bytes(length - 3), 2 * MS)

@@ -6,10 +6,10 @@ import tempfile
 from pathlib import Path
 from typing import Final
 
-from gateway.cli.table_plot import story_of
-from gateway.commissioning.demo.cycle import Listener, run_round
+from gateway.cli.table_plot import axis_data_of
+from gateway.commissioning.demo.cycle import DemoObserver, run_round
 from gateway.commissioning.demo.result import REPORT_RUNS, report_of
-from gateway.report.story import Report
+from gateway.report.axis_data import Report
 from gateway.report.writing import write_report
 from gateway.tabfile import FileContext, inspect_table
 from tests.browser import started_browser
@@ -23,13 +23,13 @@ SPEED_UP: Final = 100.0
 def take_table() -> None:
     """Draw a table as ``pitch-gateway table plot`` does."""
     loaded = inspect_table(TABLE, FileContext())
-    report = Report(f"Correction table {TABLE.name}", (story_of(loaded, None),), "")
+    report = Report(f"Correction table {TABLE.name}", (axis_data_of(loaded, None),), "")
     write_report(report, FOLDER / "report-table.png", force=True)
 
 
 def take_page(folder: Path) -> None:
     """Make a round of the demonstration and take the part of its report that is about one axis."""
-    view = asyncio.run(run_round(1, folder, SPEED_UP, Listener(), REPORT_RUNS))
+    view = asyncio.run(run_round(1, folder, SPEED_UP, DemoObserver(), REPORT_RUNS))
     told = report_of(view, "")
     page = folder / "report.html"
     write_report(Report(told.title, told.axes[:1], told.made_at, told.facts), page)

@@ -4,7 +4,7 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.metrology.readings import Reading, Survey
-from gateway.report.story import AxisStory, Report
+from gateway.report.axis_data import AxisData, Report
 
 DEVIATIONS_UM = {
     (0.0, Direction.FORWARD): (1.0, 3.0),
@@ -31,7 +31,7 @@ def table() -> CorrectionTable:
     return make_table([0, 10, 30, 40], [0.0, 0.01, -0.005, 0.02], [-0.02, -0.01, -0.02, 0.0], Units.MM)
 
 
-def story(**changes: object) -> AxisStory:
+def axis_data(**changes: object) -> AxisData:
     """Return an axis of which everything is known."""
     told: dict[str, object] = {
         "axis": "x",
@@ -42,9 +42,9 @@ def story(**changes: object) -> AxisStory:
         "facts": {"machine": "mill"},
         "notes": ("the laser was warm",),
     }
-    return AxisStory(**{**told, **changes})  # type: ignore[arg-type]
+    return AxisData(**{**told, **changes})  # type: ignore[arg-type]
 
 
-def report(*stories: AxisStory) -> Report:
+def report(*stories: AxisData) -> Report:
     """Return a report of these axes."""
-    return Report("Accuracy of a mill", stories or (story(),), "2026-11-21", {"customer": "Smith & Sons"})
+    return Report("Accuracy of a mill", stories or (axis_data(),), "2026-11-21", {"customer": "Smith & Sons"})

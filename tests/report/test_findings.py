@@ -13,11 +13,11 @@ from gateway.metrology.residue import LeftOut
 from gateway.report.errors import ReportError
 from gateway.report.findings import FIGURES, about_readings, find, sentence
 from gateway.report.html import results_table
-from tests.report.stories import story, survey
+from tests.report.stories import axis_data, survey
 
 
 def said(**changes: object) -> str:
-    return sentence(find(story(**changes))).replace("\N{NO-BREAK SPACE}", " ")
+    return sentence(find(axis_data(**changes))).replace("\N{NO-BREAK SPACE}", " ")
 
 
 def test_a_customer_reads_what_it_was_and_what_it_is() -> None:
@@ -55,14 +55,14 @@ def test_nothing_left_is_not_so_many_times_better(is_predicted: bool) -> None:
 
 def test_a_part_of_the_axis_does_not_compare_with_the_whole() -> None:
     half = [replace(each, target=each.target / 2, measured=each.measured / 2) for each in survey().readings]
-    found = find(story(after=Survey(tuple(half), Units.MM)))
+    found = find(axis_data(after=Survey(tuple(half), Units.MM)))
     words = "accurate to 10.8 µm, but over 0 to 50 mm instead of 0 to 100 mm: these do not compare."
     assert sentence(found).replace("\N{NO-BREAK SPACE}", " ").endswith(words)
     assert results_table(found).count("<td>–</td>") == len(FIGURES)
     moved = [
         replace(each, target=each.target + 10, measured=each.measured + 10) for each in survey().readings
     ]
-    assert find(story(after=Survey(tuple(moved), Units.MM))).other_stretch == ""
+    assert find(axis_data(after=Survey(tuple(moved), Units.MM))).other_stretch == ""
 
 
 def test_an_axis_without_a_name_has_none() -> None:
@@ -115,11 +115,11 @@ def test_a_table_alone_tells_what_it_changes() -> None:
 )
 def test_what_cannot_be_told_is_refused(changes: dict[str, object], words: str) -> None:
     with pytest.raises(ReportError, match=words):
-        find(story(**changes))
+        find(axis_data(**changes))
 
 
 def test_fewer_runs_than_the_standard_asks_for_are_named() -> None:
-    found = find(story())
+    found = find(axis_data())
     assert found.before is not None
     words = (
         "2 targets, 2 runs in each direction; no test after ISO 230-2: 2 targets, of 5 on this length; "
@@ -127,7 +127,7 @@ def test_fewer_runs_than_the_standard_asks_for_are_named() -> None:
     )
     assert about_readings(found.before) == words
     one_sided = tuple(each for each in survey().readings if each.direction is Direction.FORWARD)
-    found = find(story(before=Survey(one_sided * 3, Units.MM)))
+    found = find(axis_data(before=Survey(one_sided * 3, Units.MM)))
     assert found.before is not None
     assert about_readings(found.before) == (
         "2 targets, 6 runs forward only; no test after ISO 230-2: 2 targets, of 5 on this length; "
@@ -135,7 +135,7 @@ def test_fewer_runs_than_the_standard_asks_for_are_named() -> None:
     )
     gap = tuple(each for each in survey().readings if (each.target, each.run) != (0.0, 1))
     gap = tuple(each for each in gap if each.direction is Direction.FORWARD or each.target != 0.0)
-    found = find(story(before=Survey(gap, Units.MM)))
+    found = find(axis_data(before=Survey(gap, Units.MM)))
     assert found.before is not None
     words = "2 targets, 1 to 2 runs in each direction; some targets were approached from one side only"
     assert about_readings(found.before).startswith(words)

@@ -9,7 +9,7 @@ from playwright.sync_api import Browser, BrowserContext, Page
 
 from gateway.report.writing import write_report
 from tests.browser import started_browser
-from tests.report.stories import report, story
+from tests.report.stories import axis_data, report
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,7 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("report") / "report.html"
-    write_report(report(story(), story(axis="y")), path)
+    write_report(report(axis_data(), axis_data(axis="y")), path)
     return path
 
 

@@ -8,9 +8,9 @@ import pytest
 from gateway import __version__
 from gateway.compensation.direction import Direction
 from gateway.metrology.readings import Survey
-from gateway.report.story import Report
+from gateway.report.axis_data import Report
 from gateway.report.writing import render
-from tests.report.stories import report, story, survey
+from tests.report.stories import axis_data, report, survey
 
 VOID = {"meta", "link", "br"}
 
@@ -94,7 +94,7 @@ def test_the_results_of_iso_230_2_to_the_digit(page: Page) -> None:
 
 def test_what_the_readings_do_not_carry_is_a_dash() -> None:
     forward = tuple(each for each in survey().readings if each.direction is Direction.FORWARD)
-    rows = Page(report(story(before=Survey(forward, survey().units), after=None))).tables[0]
+    rows = Page(report(axis_data(before=Survey(forward, survey().units), after=None))).tables[0]
     assert {row[0]: row[1] for row in rows[1:]} == {
         "A accuracy": "–",
         "A forward": "8.83",
@@ -146,7 +146,7 @@ def test_it_tells_everything_that_was_given(page: Page) -> None:
 
 
 def test_a_prediction_is_marked_wherever_it_stands() -> None:
-    predicted = Page(report(story(is_predicted=True)))
+    predicted = Page(report(axis_data(is_predicted=True)))
     assert predicted.tables[0][0] == ["quantity", "before", "after, predicted at the targets", "left over"]
     for words in (
         "After (predicted): 2 targets",
@@ -192,7 +192,7 @@ EVIL = '<script>alert("1")</script> & \' $x_1$ --> \x00\x1b[31m\udcff\u202e 数�
 
 def test_what_strangers_wrote_is_text() -> None:
     facts = {EVIL: EVIL}
-    axis = story(axis=EVIL, facts=facts, notes=(EVIL,))
+    axis = axis_data(axis=EVIL, facts=facts, notes=(EVIL,))
     evil = Page(Report(EVIL, (axis,), EVIL, facts))
     assert not {"script"} & {tag for tag, _ in evil.tags}
     assert "<script" not in evil.source
@@ -204,7 +204,7 @@ def test_what_strangers_wrote_is_text() -> None:
 
 
 def test_every_name_is_given_once_and_every_reference_has_its_name() -> None:
-    two = Page(report(story(), story()))
+    two = Page(report(axis_data(), axis_data()))
     ids = [attributes["id"] for _, attributes in two.tags if "id" in attributes]
     assert len(ids) == len(set(ids))
     named = re.findall(r"url\(#([^)]*)\)", two.source) + re.findall(r'href="#([^"]*)"', two.source)
@@ -213,7 +213,7 @@ def test_every_name_is_given_once_and_every_reference_has_its_name() -> None:
 
 
 def test_readings_that_nothing_follows_are_measured_not_before() -> None:
-    alone = Page(report(story(table=None, after=None)))
+    alone = Page(report(axis_data(table=None, after=None)))
     assert alone.tables[0][0] == ["quantity", "measured"]
     assert "Measured: 2 targets" in alone.text
     assert "B̄ its mean with its sign, negative where the nut stays behind" in alone.text

@@ -12,12 +12,12 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.metrology.evaluation import evaluate
 from gateway.metrology.readings import Survey
+from gateway.report.axis_data import Report
 from gateway.report.drawing import MOST_POINTS
 from gateway.report.findings import find
 from gateway.report.page import sentence_lines, shown_figures
-from gateway.report.story import Report
 from gateway.report.writing import render
-from tests.report.stories import report, story, survey
+from tests.report.stories import axis_data, report, survey
 
 SVG = "{http://www.w3.org/2000/svg}"
 NUMBERS = re.compile(r"-?\d+(?:\.\d+)?")
@@ -79,7 +79,7 @@ def test_every_picture_is_there_with_its_curves(drawing: Drawing) -> None:
 
 
 def test_a_long_sentence_is_told_to_its_end() -> None:
-    lines = sentence_lines(find(story(before=survey(runs=1), after=survey(runs=1), axis="a name " * 9)))
+    lines = sentence_lines(find(axis_data(before=survey(runs=1), after=survey(runs=1), axis="a name " * 9)))
     assert " ".join(lines).endswith("it did not become better.")
     assert [len(line) <= 106 for line in lines] == [True, True]
 
@@ -152,12 +152,12 @@ def test_the_dashed_lines_of_the_residue_are_accuracy_apart(drawing: Drawing) ->
 
 
 def test_what_nobody_measured_is_not_drawn() -> None:
-    only = Drawing(report(story(before=None, after=None)))
+    only = Drawing(report(axis_data(before=None, after=None)))
     assert {name.split("-")[0] for name in only.names("axis1-")} == {"correction", "backlash", "slope"}
     one_way = make_table([0, 10], [0.0, 0.01], [0.0, 0.01], Units.MM)
-    uni = Drawing(report(story(table=one_way, before=None, after=None)))
+    uni = Drawing(report(axis_data(table=one_way, before=None, after=None)))
     assert uni.names("axis1-") == {"correction-both", "correction-zero", "slope-both", "slope-zero"}
-    once = Drawing(report(story(table=None, before=survey(runs=1), after=None)))
+    once = Drawing(report(axis_data(table=None, before=survey(runs=1), after=None)))
     shown = {"mean-forward", "mean-backward", "dots-forward", "dots-backward", "zero"}
     assert once.names("axis1-readings-before-") == shown
 
@@ -165,13 +165,13 @@ def test_what_nobody_measured_is_not_drawn() -> None:
 def test_a_single_target_and_a_table_of_zeros_are_drawn_too() -> None:
     here = tuple(each for each in survey().readings if each.target == 100.0)
     zeros = make_table([0, 1], [0.0, 0.0], [0.0, 0.0], Units.MM)
-    one = Drawing(report(story(before=Survey(here, Units.MM), table=zeros, after=None)))
+    one = Drawing(report(axis_data(before=Survey(here, Units.MM), table=zeros, after=None)))
     assert one.marks("axis1-readings-before-dots-forward") == 2
     assert one.heights("axis1-correction", "both") == [0, 0]
 
 
 def test_each_axis_has_its_own_sheet() -> None:
-    two = Drawing(report(story(), story(axis="y", before=None, after=None)))
+    two = Drawing(report(axis_data(), axis_data(axis="y", before=None, after=None)))
     assert two.names("axis2-correction-") == {"forward", "backward", "zero"}
 
 
@@ -180,12 +180,12 @@ def test_a_table_of_100_000_points_stays_small_and_keeps_its_peaks() -> None:
     forward = [0.05 * sin(i / 9000) for i in range(count)]
     forward[77_777] = 0.09
     long = make_table([i * 0.1 for i in range(count)], forward, [0.0] * count, Units.MM)
-    big = Drawing(report(story(table=long, before=None, after=None)))
+    big = Drawing(report(axis_data(table=long, before=None, after=None)))
     assert len(big.text) < 300_000
     heights = big.heights("axis1-correction", "forward")
     assert len(heights) <= MOST_POINTS
     assert max(heights) / sorted(heights)[-2] == pytest.approx(90 / 50, abs=0.01)
-    page = render(report(story(table=long, before=None, after=None)), ".html").decode()
+    page = render(report(axis_data(table=long, before=None, after=None)), ".html").decode()
     assert "Of each 101 of the 100000 points the smallest and the largest are drawn." in page
     assert "The first 1000 are listed" in page
     assert page.count('<tr><th scope="row">') == 1000

@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 
+from gateway.report.axis_data import Report
 from gateway.report.errors import ReportError
-from gateway.report.story import Report
-from gateway.report.writing import MOST_SHEETS, place, render, write_report
-from tests.report.stories import report, story
+from gateway.report.writing import MOST_SHEETS, put_file, render, write_report
+from tests.report.stories import axis_data, report
 
 ROOT = Path(__file__).parents[2]
 
@@ -100,9 +100,9 @@ def test_a_stick_that_knows_no_links_takes_a_report_too(
 ) -> None:
     monkeypatch.setattr(Path, "hardlink_to", no_links)
     path = tmp_path / "report.svg"
-    place(path, b"first", force=False)
+    put_file(path, b"first", force=False)
     with pytest.raises(ReportError, match="a file of this name"):
-        place(path, b"second", force=False)
+        put_file(path, b"second", force=False)
     assert path.read_bytes() == b"first"
     assert names_in(tmp_path) == ["report.svg"]
 
@@ -125,7 +125,7 @@ def test_a_report_of_nothing_is_none(tmp_path: Path) -> None:
 
 
 def test_more_axes_than_a_picture_can_show_are_for_a_page() -> None:
-    many = report(*[story(axis=f"a{index}") for index in range(MOST_SHEETS + 1)])
+    many = report(*[axis_data(axis=f"a{index}") for index in range(MOST_SHEETS + 1)])
     with pytest.raises(ReportError, match=r"25 axes: one picture shows 24 at most; write \.html"):
         render(many, ".png")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gateway.ipc.service_manager import ServiceManager
-from gateway.relay.watchdog import Accepting, Heart
+from gateway.relay.watchdog import Accepting, WatchdogFeeder
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.null_modem import NullModem
 from gateway.transport.serial import SerialPort
@@ -54,7 +54,7 @@ async def test_the_watchdog_is_fed_while_nothing_is_stuck_and_again_afterwards(t
         manager = ServiceManager(f"{tmp_path}/notify", watchdog_ns=4_000_000)
         why = [""]
         told: list[str] = []
-        heart = Heart(manager, lambda now_ns: why[0], told.append, lambda: "all is well")
+        feeder = WatchdogFeeder(manager, lambda now_ns: why[0], told.append, lambda: "all is well")
         loop = asyncio.get_running_loop()
         async with asyncio.timeout(30):
             assert await loop.sock_recv(ear, 300) == b"WATCHDOG=1\nSTATUS=all is well"
@@ -65,7 +65,7 @@ async def test_the_watchdog_is_fed_while_nothing_is_stuck_and_again_afterwards(t
             assert heard == b"STATUS=line xyz: nothing moves"
             why[0] = ""
             assert await loop.sock_recv(ear, 300) == b"WATCHDOG=1\nSTATUS=all is well"
-        heart.stop()
+        feeder.stop()
         manager.close()
         assert told == ["line xyz: nothing moves"]
 

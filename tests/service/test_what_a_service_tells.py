@@ -24,8 +24,8 @@ def test_each_message_is_one_datagram(ear: socket.socket, tmp_path: Path, *, is_
         ear.bind(name.replace("@", "\0"))
         manager.ready("2 of 2 lines up")
         manager.alive("2 of 2 lines up")
-        manager.say("1 of 2\nlines up")
-        manager.say("1 of 2 lines up")
+        manager.show_status("1 of 2\nlines up")
+        manager.show_status("1 of 2 lines up")
         manager.stopping(1.5)
         manager.drop("tcp-1")
         told = [ear.recv(300) for _ in range(5)]
@@ -42,7 +42,7 @@ def test_a_descriptor_goes_along(ear: socket.socket, tmp_path: Path) -> None:
     manager = ServiceManager(str(tmp_path / "notify"))
     with ear, contextlib.closing(manager), (tmp_path / "kept").open("w") as file:
         ear.bind(str(tmp_path / "notify"))
-        manager.keep("tty-1", file.fileno())
+        manager.store("tty-1", file.fileno())
         message, [descriptor], _, _ = socket.recv_fds(ear, 300, 4)
         assert message == b"FDSTORE=1\nFDNAME=tty-1"
         assert os.path.sameopenfile(descriptor, file.fileno())
@@ -85,7 +85,7 @@ def test_that_it_is_ready_reaches_a_manager_that_did_not_read_at_first(
             while True:
                 assert b"READY" not in ear.recv(300)
         for _ in range(2):
-            manager.alive("1 of 1 lines up") if is_watched else manager.say("1 of 1 lines up")
+            manager.alive("1 of 1 lines up") if is_watched else manager.show_status("1 of 1 lines up")
         assert ear.recv(300) == (b"READY=1\nWATCHDOG=1" if is_watched else b"READY=1")
         with contextlib.suppress(BlockingIOError):
             assert ear.recv(300) == b"WATCHDOG=1"  # once is enough

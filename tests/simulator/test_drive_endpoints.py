@@ -299,5 +299,5 @@ async def test_drives_on_a_pty_hear_as_they_were_told_to(hearing: Hearing, obeye
         os.close(fd)
         port.close()
     assert len(bus.ledger.writes_to(1, COMMAND)) == 1 + obeyed
-    assert server.ear is not None
-    assert server.ear.frames_odd == 1 - obeyed
+    assert server.uart is not None
+    assert server.uart.frames_odd == 1 - obeyed

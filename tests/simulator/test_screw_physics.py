@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from gateway.simulator.errors import SimulatorError
 from gateway.simulator.mechanics import Encoder, Flank, Mechanics, Play
-from gateway.simulator.motion import Dynamics, plan_motion, standing
+from gateway.simulator.motion import Dynamics, plan_motion, standstill
 from gateway.simulator.screw import PeriodicError, Screw, Wear, worn_screw
 from gateway.simulator.world import MOST_UM_PER_M
 
@@ -119,7 +119,7 @@ def test_a_move_is_continuous_and_ends_at_its_target(
 
 
 def test_an_axis_at_rest_stays() -> None:
-    assert plan_motion(3.0, 0.0, 3.0, 1.0, Dynamics(10.0, 10.0)) == standing(3.0, 1.0)
+    assert plan_motion(3.0, 0.0, 3.0, 1.0, Dynamics(10.0, 10.0)) == standstill(3.0, 1.0)
 
 
 def machine(backlash_mm: float = 0.040) -> Mechanics:

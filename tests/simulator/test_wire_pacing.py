@@ -70,14 +70,14 @@ def test_a_usb_adapter_hands_over_in_lumps_of_its_latency_timer() -> None:
 
 
 def test_a_full_packet_leaves_the_adapter_at_once() -> None:
-    wire = PacedWire(1000, 10, adapter=Adapter(latency_timer_ms=1000.0, lump_bytes=3))
+    wire = PacedWire(1000, 10, adapter=Adapter(latency_timer_ms=1000.0, burst_bytes=3))
     wire.send(b"abcd", 0)
     assert wire.receive(30 * MS) == b"abc"
     assert wire.receive(1040 * MS) == b"d"
 
 
 def test_a_uart_hands_over_at_a_level_of_its_fifo_or_when_it_was_quiet_for_four_characters() -> None:
-    wire = PacedWire(1000, 10, adapter=Adapter(quiet_characters=4.0, lump_bytes=8))
+    wire = PacedWire(1000, 10, adapter=Adapter(quiet_characters=4.0, burst_bytes=8))
     wire.send(b"0123456789", 0)  # at 10, 20 to 100 ms
     assert wire.receive(79 * MS) == b""
     assert wire.receive(80 * MS) == b"01234567"
@@ -144,8 +144,8 @@ def test_faults_are_seeded_and_counted() -> None:
             Adapter(),
             Adapter(latency_timer_ms=16.0),
             Adapter(jitter_ms=3.0),
-            Adapter(quiet_characters=4.0, lump_bytes=8, jitter_ms=2.0),
-            Adapter(latency_timer_ms=1.0, quiet_characters=4.0, lump_bytes=14),
+            Adapter(quiet_characters=4.0, burst_bytes=8, jitter_ms=2.0),
+            Adapter(latency_timer_ms=1.0, quiet_characters=4.0, burst_bytes=14),
         ]
     ),
 )

@@ -10,11 +10,11 @@ import pytest
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.process_events import CAPTURE_FAILED
 from gateway.config.load import Loaded, load
-from gateway.ipc.desk import Desk
+from gateway.ipc.handlers import RequestHandlers
 from gateway.ipc.messages import Done
 from gateway.ipc.server import ControlServer
 from gateway.recording import traffic
-from gateway.recording.tape import REPLY, SEGMENTS, TEXT, Tape
+from gateway.recording.trace_buffer import REPLY, SEGMENTS, TEXT, TraceBuffer
 from gateway.supervisor.capturing import Capturing, write_capture
 from tests.config.config_bench import GOOD, written
 
@@ -33,11 +33,11 @@ def configured(folder: Path) -> Loaded:
 async def test_what_the_tape_holds_is_written_and_the_oldest_files_give_way(tmp_path: Path) -> None:
     loaded = configured(tmp_path)
     state = tmp_path / "state"
-    tape = Tape("xyz", SEGMENTS * 4096, 0, 0)
-    tape.put(TEXT, 5, 0, traffic.encode(traffic.Up("xyz", 5)))
-    tape.put(REPLY, 7, 1, bytes.fromhex("830B"))
-    tape.show()
-    desk = Desk(lambda _request: Done(), tapes=lambda: {"xyz": tape.descriptor})
+    trace_buffer = TraceBuffer("xyz", SEGMENTS * 4096, 0, 0)
+    trace_buffer.put(TEXT, 5, 0, traffic.encode(traffic.Up("xyz", 5)))
+    trace_buffer.put(REPLY, 7, 1, bytes.fromhex("830B"))
+    trace_buffer.show()
+    desk = RequestHandlers(lambda _request: Done(), tapes=lambda: {"xyz": trace_buffer.descriptor})
     server = ControlServer(state, desk)
     await server.open()
     files = []
@@ -47,7 +47,7 @@ async def test_what_the_tape_holds_is_written_and_the_oldest_files_give_way(tmp_
         assert entries == 2
         files.append(file)
     await server.close()
-    tape.close()
+    trace_buffer.close()
     assert [file.name for file in files] == [
         f"capture-20260102T03040{second}Z-drive-silent.jsonl" for second in range(3)
     ]
@@ -96,8 +96,10 @@ async def test_a_capture_that_cannot_be_written_says_where_and_what_to_do(
     monkeypatch.setattr("gateway.supervisor.capturing.AFTER_S", 0.0)
     monkeypatch.setattr("gateway.supervisor.capturing.PREFIX", "nowhere/capture-")
     state = tmp_path / "state"
-    tape = Tape("xyz", SEGMENTS * 4096, 0, 0)
-    server = ControlServer(state, Desk(lambda _request: Done(), tapes=lambda: {"xyz": tape.descriptor}))
+    trace_buffer = TraceBuffer("xyz", SEGMENTS * 4096, 0, 0)
+    server = ControlServer(
+        state, RequestHandlers(lambda _request: Done(), tapes=lambda: {"xyz": trace_buffer.descriptor})
+    )
     await server.open()
     said: asyncio.Queue[str] = asyncio.Queue()
     capturing = Capturing(state, lambda event, **fields: said.put_nowait(fields["detail"]))
@@ -108,6 +110,6 @@ async def test_a_capture_that_cannot_be_written_says_where_and_what_to_do(
     running.cancel()
     await asyncio.wait([running])
     await server.close()
-    tape.close()
+    trace_buffer.close()
     assert detail.startswith(f"{state}/nowhere/capture-")
     assert "drive-silent.jsonl: No such file or directory; " in detail

@@ -5,12 +5,12 @@ import contextlib
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
-from gateway.ipc.desk import Desk
+from gateway.ipc.address import socket_path
+from gateway.ipc.handlers import RequestHandlers
 from gateway.ipc.messages import Happened, Pong, Request
-from gateway.ipc.place import socket_path
 from gateway.ipc.server import ControlServer
 from gateway.status.model import RelayModel
-from gateway.supervisor.link import Link
+from gateway.supervisor.link import RelayLink
 from tests.status_models import relay_model_of
 
 PATIENCE_S = 30.0
@@ -38,14 +38,14 @@ class Heard:
 
 
 @contextlib.asynccontextmanager
-async def linked(state: Path) -> AsyncIterator[tuple[Link, Heard]]:
+async def linked(state: Path) -> AsyncIterator[tuple[RelayLink, Heard]]:
     heard = Heard()
 
     def lost(why: str) -> None:
         assert not link.is_up  # whoever publishes it now says so too
         heard.lost.append(why)
 
-    link = Link(socket_path(state), heard.up, lost, heard.events.append, heard.snapshot)
+    link = RelayLink(socket_path(state), heard.up, lost, heard.events.append, heard.snapshot)
     task = asyncio.create_task(link.run())
     try:
         yield link, heard
@@ -57,7 +57,7 @@ async def linked(state: Path) -> AsyncIterator[tuple[Link, Heard]]:
 
 @contextlib.asynccontextmanager
 async def relay(state: Path, status: RelayModel = STATUS) -> AsyncIterator[ControlServer]:
-    server = ControlServer(state, Desk(pong, status=lambda: status))
+    server = ControlServer(state, RequestHandlers(pong, status=lambda: status))
     await server.open()
     try:
         yield server
@@ -77,7 +77,9 @@ async def test_the_newest_snapshot_stays_when_the_relay_is_lost_and_says_so(tmp_
             await until(lambda: link.snapshot == STATUS)
             assert link.is_up
             assert heard.snapshots
-            server.tell(Happened(event="line-up", severity="info", fields={"line": "xyz"}, wall_s=1.0))
+            server.publish_event(
+                Happened(event="line-up", severity="info", fields={"line": "xyz"}, wall_s=1.0)
+            )
             await until(lambda: bool(heard.events))
             assert heard.events[0].fields == {"line": "xyz"}
         await until(lambda: bool(heard.lost))

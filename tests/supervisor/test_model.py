@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
-from gateway.catalogue.troubles import HIDES, TROUBLES
+from gateway.catalogue.alarms import ALARMS, HIDES
 from gateway.config.problems import Problem
-from gateway.supervisor.book import Book, Entry, FileState
-from gateway.supervisor.chronicle import Chronicle
+from gateway.supervisor.active_alarms import STALE_S
 from gateway.supervisor.model import NO_LIMITS, Limits, whole_model
-from gateway.supervisor.outcome import Outcome
-from gateway.supervisor.trouble import STALE_S
+from gateway.supervisor.outcome import ReloadOutcome
+from gateway.supervisor.recent_history import RecentHistory
+from gateway.supervisor.table_files import FileState, TableFileEntry, TableFiles
 from tests.status_models import plain, relay_model_of, supervisor_of
 
 AXIS: dict[str, Any] = {
@@ -30,13 +30,13 @@ SNAPSHOT: dict[str, Any] = {
 WELL: dict[str, Any] = {
     name: {"problem": None} for name in ("configuration", "tables_folder", "state_folder", "http", "mqtt")
 }
-WAITING = Entry("y.tab", FileState.WAITING)
+WAITING = TableFileEntry("y.tab", FileState.WAITING)
 REJECTED = Problem("tables/x.tab", "axis.x.table", "no number", "a number", 7)
 
 
 def model(
     snapshot: dict[str, Any] | None = SNAPSHOT,
-    outcome: Outcome | None = None,
+    outcome: ReloadOutcome | None = None,
     *,
     moving: frozenset[str] = frozenset(),
     age_s: float | None = 0.1,
@@ -44,15 +44,15 @@ def model(
     supervisor: dict[str, Any] | None = WELL,
     silent_after_s: Limits = NO_LIMITS,
 ) -> dict[str, Any]:
-    book = Book()
-    book.enter({"x": "x.tab"}, outcome or Outcome())
+    table_files = TableFiles()
+    table_files.enter({"x": "x.tab"}, outcome or ReloadOutcome())
     return plain(
         whole_model(
             "mill-1",
             None if snapshot is None else relay_model_of(snapshot),
             is_relay_up=is_up,
             snapshot_age_s=age_s,
-            tables=book.entries(moving),
+            tables=table_files.entries(moving),
             supervisor=None if supervisor is None else supervisor_of(supervisor),
             silent_after_s=silent_after_s,
         )
@@ -90,7 +90,7 @@ def test_what_the_relay_said_is_not_changed() -> None:
 
 
 def test_a_rejected_file_says_its_first_problem_and_keeps_what_the_relay_has() -> None:
-    found = model(outcome=Outcome(rejected={"x": (REJECTED,)}))
+    found = model(outcome=ReloadOutcome(rejected={"x": (REJECTED,)}))
     table = found["axes"]["x"]["table"]
     assert (table["status"], table["points"]) == ("rejected", 3)
     assert table["error"] == "tables/x.tab:7: axis.x.table: no number; a number"
@@ -100,7 +100,7 @@ def test_a_rejected_file_says_its_first_problem_and_keeps_what_the_relay_has() -
 
 
 def test_a_file_that_was_removed_counts_more_than_what_it_leads_to() -> None:
-    found = model(with_axis(compensation="no-table"), Outcome(absent=frozenset("x")))
+    found = model(with_axis(compensation="no-table"), ReloadOutcome(absent=frozenset("x")))
     assert found["axes"]["x"]["table"]["status"] == "removed"
     assert kinds(found) == [("warning", "table-removed", "axis x")]
 
@@ -112,7 +112,7 @@ def test_a_file_that_is_being_saved_is_waited_for_without_alarm() -> None:
 
 
 def test_a_bad_file_that_is_being_saved_again_keeps_its_problem_until_it_has_been_read() -> None:
-    found = model(outcome=Outcome(rejected={"x": (REJECTED,)}), moving=frozenset("x"))
+    found = model(outcome=ReloadOutcome(rejected={"x": (REJECTED,)}), moving=frozenset("x"))
     assert found["axes"]["x"]["table"]["status"] == "waiting"
     assert found["axes"]["x"]["table"]["error"]
 
@@ -135,7 +135,7 @@ def test_an_axis_that_is_not_corrected_is_a_trouble(compensation: str, severity:
 
 @pytest.mark.parametrize("compensation", ["blocked", "off"])
 def test_a_rejected_file_does_not_hide_that_the_axis_is_not_corrected(compensation: str) -> None:
-    found = model(with_axis(compensation=compensation), Outcome(rejected={"x": (REJECTED,)}))
+    found = model(with_axis(compensation=compensation), ReloadOutcome(rejected={"x": (REJECTED,)}))
     assert {kind for _, kind, _ in kinds(found)} == {"table-rejected", compensation}
 
 
@@ -480,7 +480,7 @@ def test_what_stands_in_the_list_is_what_axis_and_gateway_are_called() -> None:
 
 
 def test_what_follows_from_a_trouble_never_hides_that() -> None:
-    order = list(TROUBLES.values())
+    order = list(ALARMS.values())
     for cause, effects in HIDES.items():
         assert cause not in effects
         for effect in effects:
@@ -655,7 +655,7 @@ def test_a_relay_of_an_older_release_says_nothing_of_controllers_and_misses_none
 
 
 def test_the_worst_trouble_decides_and_an_axis_that_it_does_not_name_stays_healthy() -> None:
-    found = model(with_drive(SILENT, unit_id="2"), Outcome(rejected={"x": (REJECTED,)}))
+    found = model(with_drive(SILENT, unit_id="2"), ReloadOutcome(rejected={"x": (REJECTED,)}))
     assert {**found["verdict"], "since": ""} == {"state": "error", "since": "", "errors": 2, "warnings": 0}
     assert words_of(found["axes"]["x"]) == ("error", "table-rejected", "Table refused")
     only = model(supervisor={**WELL, "mqtt": {"problem": "refused"}})
@@ -681,9 +681,9 @@ def test_before_the_relay_was_heard_the_gateway_waits() -> None:
 
 def positions(*snapshots: dict[str, Any], wait_s: float = 0.0) -> dict[str, Any]:
     """Return where axis x is called to be after these snapshots."""
-    chronicle = Chronicle()
+    recent = RecentHistory()
     for snapshot in snapshots:
-        chronicle.take(relay_model_of(snapshot), time.monotonic() - wait_s)
+        recent.take(relay_model_of(snapshot), time.monotonic() - wait_s)
         wait_s = 0.0
     found = whole_model(
         "mill-1",
@@ -692,7 +692,7 @@ def positions(*snapshots: dict[str, Any], wait_s: float = 0.0) -> dict[str, Any]
         snapshot_age_s=0.1,
         tables={},
         supervisor=supervisor_of(WELL),
-        chronicle=chronicle,
+        recent=recent,
     )
     position: dict[str, Any] = plain(found.axes["x"].position)
     return position
@@ -737,7 +737,7 @@ def test_what_a_silent_relay_read_last_is_no_reading() -> None:
 
 def test_an_axis_that_is_well_again_is_healthy_since_then() -> None:
     hours = [9]
-    chronicle = Chronicle(lambda: datetime(2026, 5, 1, hours[0], tzinfo=UTC))
+    recent = RecentHistory(lambda: datetime(2026, 5, 1, hours[0], tzinfo=UTC))
 
     def since(snapshot: dict[str, Any]) -> str:
         found = whole_model(
@@ -747,7 +747,7 @@ def test_an_axis_that_is_well_again_is_healthy_since_then() -> None:
             snapshot_age_s=0.1,
             tables={},
             supervisor=supervisor_of(WELL),
-            chronicle=chronicle,
+            recent=recent,
         )
         return str(found.axes["x"].verdict.since)
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from gateway.catalogue.troubles import DRIVE_SILENT
+from gateway.catalogue.alarms import DRIVE_SILENT
 from gateway.status.model import AcknowledgedBy
 from gateway.supervisor import past as past_module
-from gateway.supervisor.chronicle import Chronicle
+from gateway.supervisor.active_alarms import Alarm
 from gateway.supervisor.past import Past
-from gateway.supervisor.trouble import Trouble
+from gateway.supervisor.recent_history import RecentHistory
 from tests.status_models import relay_model_of
 
 NOON_S = datetime(2026, 5, 1, 12, tzinfo=UTC).timestamp()
@@ -33,12 +33,12 @@ class Keeping:
     """A past with a clock of its own: 0 s is noon."""
 
     def __init__(self, state: Path) -> None:
-        self.chronicle = Chronicle()
-        self.past = Past(state, self.chronicle, say)
+        self.recent = RecentHistory()
+        self.past = Past(state, self.recent, say)
 
     async def at(self, second: float, nominal: float | None) -> None:
-        self.chronicle.take(relay_model_of(snapshot(nominal)), second)
-        await self.past.keep(second, NOON_S + second)
+        self.recent.take(relay_model_of(snapshot(nominal)), second)
+        await self.past.write_new(second, NOON_S + second)
 
     async def of(self, span_s: float, second: float) -> list[tuple[float, float | None]]:
         found = await self.past.of("x", span_s, second, NOON_S + second)
@@ -71,7 +71,7 @@ async def test_a_relay_that_says_nothing_leaves_a_gap(tmp_path: Path) -> None:
     keeping = Keeping(tmp_path)
     await keeping.at(0, 1.0)
     for second in (10, 20, 30):
-        await keeping.past.keep(second, NOON_S + second)
+        await keeping.past.write_new(second, NOON_S + second)
     [file] = (tmp_path / "history").iterdir()
     assert len(file.read_text().splitlines()) == 2
 
@@ -119,8 +119,8 @@ async def test_a_clock_that_is_set_back_costs_one_file(tmp_path: Path) -> None:
     keeping = Keeping(tmp_path)
     await keeping.at(7200, 1.0)
     for number in range(10):
-        keeping.chronicle.take(relay_model_of(snapshot(2.0)), 7200 + 10 * (number + 1))
-        await keeping.past.keep(7200 + 10 * (number + 1), NOON_S + 10 * number)
+        keeping.recent.take(relay_model_of(snapshot(2.0)), 7200 + 10 * (number + 1))
+        await keeping.past.write_new(7200 + 10 * (number + 1), NOON_S + 10 * number)
     assert len(list((tmp_path / "history").iterdir())) == 2
 
 
@@ -166,18 +166,18 @@ async def test_a_disk_with_little_room_is_left_alone(tmp_path: Path, monkeypatch
 
 
 async def test_an_acknowledgement_outlives_the_process_and_ends_with_its_alarm(tmp_path: Path) -> None:
-    silent = Trouble(DRIVE_SILENT, ("xyz", "1"), "axis x", "silent", ("x",), 60.0)
+    silent = Alarm(DRIVE_SILENT, ("xyz", "1"), "axis x", "silent", ("x",), 60.0)
     noon = datetime.fromtimestamp(NOON_S, UTC)
     before = Keeping(tmp_path)
-    [told] = before.chronicle.stamp([silent], noon)
+    [told] = before.recent.stamp([silent], noon)
     assert told.acknowledged is None
-    before.chronicle.acknowledge("drive-silent", "axis x", told.since, "shift", noon)
-    await before.past.keep(0, NOON_S)
+    before.recent.acknowledge("drive-silent", "axis x", told.since, "shift", noon)
+    await before.past.write_new(0, NOON_S)
     assert (tmp_path / "acknowledged.json").stat().st_mode & 0o777 == 0o600
 
     after = Keeping(tmp_path)
     await after.past.recall()
-    [again] = after.chronicle.stamp([silent], datetime.fromtimestamp(NOON_S + 300, UTC))
+    [again] = after.recent.stamp([silent], datetime.fromtimestamp(NOON_S + 300, UTC))
     assert again.since == told.since == "2026-05-01T11:59:00+00:00"
     assert again.acknowledged == AcknowledgedBy(by="shift", at="2026-05-01T12:00:00+00:00")
 
@@ -185,6 +185,6 @@ async def test_an_acknowledgement_outlives_the_process_and_ends_with_its_alarm(t
 async def test_a_file_of_acknowledgements_that_is_none_is_told(tmp_path: Path) -> None:
     (tmp_path / "acknowledged.json").write_text('[{"kind": 1}]')
     said: list[str] = []
-    past = Past(tmp_path, Chronicle(), lambda event, *_, **fields: said.append(event.name))
+    past = Past(tmp_path, RecentHistory(), lambda event, *_, **fields: said.append(event.name))
     await past.recall()
     assert said == ["acknowledgements-lost"]

@@ -4,9 +4,9 @@ import asyncio
 from pathlib import Path
 
 from gateway.config.load import load
+from gateway.ipc.address import socket_path
+from gateway.ipc.log import LogEntry
 from gateway.ipc.messages import Ping, Pong, Status, decode_request, encode
-from gateway.ipc.notes import Note
-from gateway.ipc.place import socket_path
 from gateway.state.plan import shape_of
 from gateway.status.model import RelayModel
 from gateway.supervisor.supervisor import Supervisor
@@ -27,7 +27,7 @@ async def test_a_mistake_of_ours_is_told_and_ends_nothing(tmp_path: Path) -> Non
         writer.write(encode(pong if isinstance(request, Ping) else Status(status=RelayModel())))
         writer.close()
 
-    notes: list[Note] = []
+    notes: list[LogEntry] = []
     supervisor = Supervisor(config, tmp_path / "state", notes.append)
     listening = await asyncio.start_unix_server(relay_of_nobodys, socket_path(tmp_path / "state"))
     async with listening:
@@ -36,7 +36,7 @@ async def test_a_mistake_of_ours_is_told_and_ends_nothing(tmp_path: Path) -> Non
             outcome = await asyncio.wait_for(supervisor.reload(), 30.0)
             assert "the supervisor made a mistake: KeyError: 'x' (tables.py:" in outcome.problems[0]
         assert not running.done()
-        model = supervisor.feeds.model
+        model = supervisor.broadcast.model
         assert model is not None
         assert model.supervisor is not None
         assert "made a mistake" in str(model.supervisor.tables_folder.problem)

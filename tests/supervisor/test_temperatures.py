@@ -16,10 +16,10 @@ from gateway.config.axis_model import AxisSection
 from gateway.config.sections import Sections
 from gateway.exchange.commands import SetTemperature
 from gateway.ipc.messages import Done, Reply, Request
-from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.broadcast import Broadcast
 from gateway.supervisor.mqtt.interfaces import Orders
 from gateway.supervisor.mqtt.service import MqttService
-from gateway.supervisor.outcome import Outcome
+from gateway.supervisor.outcome import ReloadOutcome
 from gateway.supervisor.temperatures import Temperatures, WrongTemperatureError, read_payload
 from tests.mosquitto import PATIENCE_S, broker_in, watching
 from tests.supervisor.mqtt.mqtt_bench import settings
@@ -141,8 +141,8 @@ async def test_a_topic_may_be_for_several_axes_and_a_retained_message_for_none()
         relay,
     ):
         assert found.topics == ("hall", "else")
-        found.hear("hall", b"19", is_retained=True)
-        found.hear("hall", b"21.5", is_retained=False)
+        found.on_message("hall", b"19", is_retained=True)
+        found.on_message("hall", b"21.5", is_retained=False)
         await relay.until(2)
         assert relay.told == [("a", 21.5), ("b", 21.5)]
         assert relay.said == []
@@ -151,22 +151,22 @@ async def test_a_topic_may_be_for_several_axes_and_a_retained_message_for_none()
 async def test_a_fault_is_said_once_until_a_good_value_came() -> None:
     async with following(sections_with({"mqtt": "hall"})) as (found, relay):
         for payload in (b"nan", b"warm", b"inf"):
-            found.hear("hall", payload, is_retained=False)
+            found.on_message("hall", payload, is_retained=False)
         assert [name for name, _ in relay.said] == ["temperature-wrong"]
         assert relay.said[0][1].startswith("hall: found 'nan'; allowed: a number")
-        found.hear("hall", b"21.5", is_retained=False)
+        found.on_message("hall", b"21.5", is_retained=False)
         await relay.until(2)
         async with asyncio.timeout(PATIENCE_S):
-            while found._said:  # noqa: ASYNC110 - nothing is told of this
+            while found._reported:  # noqa: ASYNC110 - nothing is told of this
                 await asyncio.sleep(0)
-        found.hear("hall", b"nan", is_retained=False)
+        found.on_message("hall", b"nan", is_retained=False)
         assert len(relay.said) == 2
 
 
 async def test_what_the_relay_refuses_is_said() -> None:
     async with following(sections_with({"mqtt": "hall"})) as (found, relay):
         relay.reply = Done(problems=("axis a: 3000 °C is no temperature",))
-        found.hear("hall", b"3000", is_retained=False)
+        found.on_message("hall", b"3000", is_retained=False)
         await relay.until(2)
         assert relay.said == [("temperature-wrong", "axis a: 3000 °C is no temperature")]
 
@@ -278,8 +278,8 @@ async def test_a_float_that_is_no_number_is_not_told_to_the_relay() -> None:
 
 
 async def test_a_real_broker_brings_it(tmp_path: Path) -> None:
-    async def reload() -> Outcome:
-        return Outcome()
+    async def reload() -> ReloadOutcome:
+        return ReloadOutcome()
 
     with broker_in(tmp_path) as broker:
         async with (
@@ -292,7 +292,9 @@ async def test_a_real_broker_brings_it(tmp_path: Path) -> None:
             def say(event: EventEntry, severity: Severity | None = None, **fields: object) -> None:
                 connected.set()
 
-            service = MqttService(Feeds(), say, Orders(reload, relay.ask), tmp_path, hear=found.hear)
+            service = MqttService(
+                Broadcast(), say, Orders(reload, relay.ask), tmp_path, on_message=found.on_message
+            )
             service.follow(replace(settings(broker.port, tmp_path), sensors=found.topics))
             running = asyncio.create_task(service.run())
             try:

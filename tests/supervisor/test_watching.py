@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.supervisor.sights import look
+from gateway.supervisor.file_stamps import scan
 from gateway.supervisor.watching import Watch
 
 NAMES = {"x": "x.tab"}
@@ -59,10 +59,10 @@ def test_a_file_counts_as_it_was_seen_once_it_was_taken(tmp_path: Path) -> None:
         watch = Watch()
         watch.follow(tmp_path, NAMES)
         assert watch.still == {}
-        await watch.look()
+        await watch.scan()
         assert watch.still == {"x.tab": None}
         began_s = time.monotonic()
-        seen = look(tmp_path, ["x.tab"])
+        seen = scan(tmp_path, ["x.tab"])
         watch.take(seen, began_s=began_s)
         assert watch.still == seen
         watch.take({}, waiting={"x"}, began_s=began_s)
@@ -77,11 +77,11 @@ def test_a_file_that_was_read_since_the_last_look_does_not_move(tmp_path: Path) 
         table.write_text("one")
         watch = Watch()
         watch.follow(tmp_path, NAMES)
-        await watch.look()
-        watch.take(look(tmp_path, ["x.tab"]), began_s=time.monotonic())
+        await watch.scan()
+        watch.take(scan(tmp_path, ["x.tab"]), began_s=time.monotonic())
         table.write_text("another")
         began_s = time.monotonic()
-        seen = look(tmp_path, ["x.tab"])  # as a reload that somebody asks for does
+        seen = scan(tmp_path, ["x.tab"])  # as a reload that somebody asks for does
         watch.take(seen, began_s=began_s)
         assert watch.moving == frozenset()
         assert watch.still == seen
@@ -96,9 +96,9 @@ def test_a_file_that_changed_while_it_was_read_moves(tmp_path: Path) -> None:
         watch = Watch()
         watch.follow(tmp_path, NAMES)
         began_s = time.monotonic()
-        seen = look(tmp_path, ["x.tab"])
+        seen = scan(tmp_path, ["x.tab"])
         table.write_text("another")
-        await watch.look()
+        await watch.scan()
         watch.take(seen, began_s=began_s)
         assert watch.moving == {"x"}
 
@@ -111,8 +111,8 @@ def test_what_was_seen_in_another_folder_says_nothing(tmp_path: Path) -> None:
         (tmp_path / "x.tab").write_text("one")
         watch = Watch()
         watch.follow(tmp_path, NAMES)
-        await watch.look()
+        await watch.scan()
         watch.follow(tmp_path / "other", NAMES)
-        assert (dict(watch.still), dict(watch.sights)) == ({}, {})
+        assert (dict(watch.still), dict(watch.stamps)) == ({}, {})
 
     asyncio.run(still())

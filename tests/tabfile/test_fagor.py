@@ -11,7 +11,7 @@ from gateway.compensation.units import Units
 from gateway.tabfile import (
     ErrorSense,
     HomeSide,
-    Severity,
+    LintSeverity,
     TabFileError,
     WriteOptions,
     dialect_named,
@@ -73,7 +73,7 @@ def test_the_old_name_of_the_sense_is_taken_and_remarked() -> None:
     old = parse(PRINTED, error_sense=None, fagor_sense=COMMAND)
     assert old.table == parse(PRINTED, error_sense=COMMAND).table
     [remark] = old.source.remarks
-    assert (remark.code, remark.severity) == ("R14", Severity.INFO)
+    assert (remark.code, remark.severity) == ("R14", LintSeverity.INFO)
     assert "error_sense = 'command_minus_actual'" in remark.message
 
 
@@ -136,12 +136,12 @@ def test_axis_must_be_the_one_it_is_read_for() -> None:
 
 
 def test_rotary_table_of_a_whole_turn_repeats() -> None:
-    turn = "P001 C0 EC 0.01\nP002 C180 EC 0.02\nP003 C360 EC 0.01\n"
-    assert parse(turn, file_units=Units.DEGREE).source.behaves_as == ("modulo = 360",)
-    assert parse(turn).source.behaves_as == ('outside = "hold"',)
+    revolution = "P001 C0 EC 0.01\nP002 C180 EC 0.02\nP003 C360 EC 0.01\n"
+    assert parse(revolution, file_units=Units.DEGREE).source.behaves_as == ("modulo = 360",)
+    assert parse(revolution).source.behaves_as == ('outside = "hold"',)
     half_open = "P001 C0 EC 0.01 EC 0.1\nP002 C180 EC 0.02 EC 0\nP003 C360 EC 0.01 EC 0.2\n"
     assert parse(half_open, file_units=Units.DEGREE).source.behaves_as == ('outside = "hold"',)
-    open_turn = turn.replace("C360 EC 0.01", "C360 EC 0.011")
+    open_turn = revolution.replace("C360 EC 0.01", "C360 EC 0.011")
     assert parse(open_turn, file_units=Units.DEGREE).source.behaves_as == ('outside = "hold"',)
 
 

@@ -80,17 +80,17 @@ def test_fanuc_reference_at_either_end() -> None:
 
 def test_fanuc_turn_has_its_first_point_twice_and_sums_up_to_nothing() -> None:
     # the rotary example of the manual: reference 60, 45 degrees, 60 = 68; values are ours
-    turn = fanuc("60 60 68 1 45", "-2 1 2 -1 0 3 -2 -1 -2", 60)
-    table = parse(turn, **DEGREES).table
+    revolution = fanuc("60 60 68 1 45", "-2 1 2 -1 0 3 -2 -1 -2", 60)
+    table = parse(revolution, **DEGREES).table
     assert (table.first, table.last) == (0.0, 360.0)
     assert list(table.forward) == in_micrometres([0, 1, 3, 2, 2, 5, 3, 2, 0])
-    error = refused(turn.replace("60,-2", "60,-3"), **DEGREES)
+    error = refused(revolution.replace("60,-2", "60,-3"), **DEGREES)
     assert (error.line, error.found) == (7, "-3 at point 60, but -2 at point 68, a turn later")
-    error = refused(turn.replace("65,3", "65,4"), **DEGREES)
+    error = refused(revolution.replace("65,3", "65,4"), **DEGREES)
     assert "sum up to 1 over a turn" in error.found
     assert "at most one turn" in str(refused(fanuc("0 1 3 1 121", "0 0 0", 1), **DEGREES))
     # on a linear axis point 60 is a section like any other
-    assert parse(turn, **MM).table.first == -45.0
+    assert parse(revolution, **MM).table.first == -45.0
 
 
 def test_mitsubishi_values_are_twice_the_step_on_both_sides() -> None:

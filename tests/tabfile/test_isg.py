@@ -40,7 +40,7 @@ kw.ssfk.table[0].pos 0
 kw.ssfk.table[1].pos 50.5
 kw.ssfk.table[2].pos -30
 """
-TURN = ONE_WAY.replace("100000", "1800000").replace("[2].pos -30", "[2].pos 0") + "kw.ssfk.modulo 1\n"
+REVOLUTION = ONE_WAY.replace("100000", "1800000").replace("[2].pos -30", "[2].pos 0") + "kw.ssfk.modulo 1\n"
 FILE = Texts("achskw1.lis")
 parse, refused = FILE.parse, FILE.refused
 
@@ -134,20 +134,20 @@ def test_both_keys_of_the_sense_must_agree() -> None:
 
 def test_modulo_list_needs_its_units() -> None:
     with pytest.raises(TabFileError, match=r"0\.0001 degree on a rotary axis"):
-        parse(TURN)
-    loaded = parse(TURN, file_units=Units.DEGREE)
+        parse(REVOLUTION)
+    loaded = parse(REVOLUTION, file_units=Units.DEGREE)
     assert loaded.table.units is Units.DEGREE
     assert (loaded.table.first, loaded.table.last) == (0.0, 360.0)
     assert loaded.source.behaves_as == ("modulo = 360",)
     assert loaded.source.value_unit == "0.0001 degree"
-    assert parse(TURN, file_units=Units.MM).table.units is Units.MM
+    assert parse(REVOLUTION, file_units=Units.MM).table.units is Units.MM
 
 
 def test_modulo_list_must_close() -> None:
     with pytest.raises(TabFileError, match="first and last pos values differ") as caught:
-        parse(TURN.replace("[2].pos 0", "[2].pos 1"), file_units=Units.DEGREE)
+        parse(REVOLUTION.replace("[2].pos 0", "[2].pos 1"), file_units=Units.DEGREE)
     assert caught.value.line == 8
-    two = TURN.replace("bilateral 0", "bilateral 1") + "".join(
+    two = REVOLUTION.replace("bilateral 0", "bilateral 1") + "".join(
         f"kw.ssfk.table[{i}].neg {value}\n" for i, value in enumerate([3, 5, 4])
     )
     with pytest.raises(TabFileError, match="first and last neg values differ") as caught:

@@ -9,8 +9,8 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import (
     FileContext,
+    LintSeverity,
     LoadedTable,
-    Severity,
     TabFileError,
     TableState,
     V1Layout,
@@ -202,7 +202,7 @@ def test_c10_ends_that_the_rule_of_home_does_not_explain_are_an_info() -> None:
     """CNC Services' sample begins forward with 0.4272 and ends backward with -2.6518, where TB058 wants 0."""
     sample = read_table(TABLES / "centroid-v2" / "cnc10z.tab", FileContext())
     [info] = [lint for lint in sample.lints if lint.code == "R12"]
-    assert info.severity is Severity.INFO
+    assert info.severity is LintSeverity.INFO
     assert "0.4272" in info.message
     assert "-2.6518" in info.message
     assert "impossible to acquire meaningful data" in info.message

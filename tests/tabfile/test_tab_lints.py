@@ -11,8 +11,8 @@ from gateway.compensation.units import Units
 from gateway.tabfile import (
     Decoded,
     FileContext,
+    LintSeverity,
     LoadedTable,
-    Severity,
     SourceRow,
     TabFileError,
     parse_table,
@@ -352,7 +352,7 @@ def test_l12_correction_above_its_limit_is_an_error() -> None:
     assert microns(rising, rising, max_slope=0.1).errors == ()
     too_far = [*rising, 0.51]
     (lint,) = microns(too_far, too_far, max_slope=0.1).errors
-    assert (lint.code, lint.severity, lint.line) == ("L12", Severity.ERROR, 12)
+    assert (lint.code, lint.severity, lint.line) == ("L12", LintSeverity.ERROR, 12)
     (lint,) = microns(rising, rising, max_slope=0.1, max_correction=0.4).errors
     assert "0.4" in lint.message
 

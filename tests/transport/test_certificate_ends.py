@@ -42,7 +42,7 @@ class Told:
         self.events.clear()
         for time in times:
             if self.endings.is_due(time):
-                self.endings.tell(time)
+                self.endings.report(time)
         return [(name, fields["detail"], fields["days_left"]) for name, fields in self.events]
 
 
@@ -91,7 +91,7 @@ def test_the_same_certificate_read_anew_is_told_of_no_more_often(told: Told) -> 
     told.paths["certificate"].write_bytes(told.paths["clients"].read_bytes())
     told.endings.take(read_held(told.paths))
     assert told.at(END - 8 * DAY, END + DAY) == []
-    assert told.endings._told == {}
+    assert told.endings._reported == {}
 
 
 @pytest.mark.parametrize("is_own_first", [True, False])

@@ -8,7 +8,7 @@ from gateway.clock import boot_ns
 from gateway.transport.certificates import TlsFiles
 from gateway.transport.channel import Channel
 from gateway.transport.handshakes import HOSTS, MADE_ROOM, HandshakeLimits
-from gateway.transport.secured import Door, Failure
+from gateway.transport.secured import Failure, TlsServer
 from gateway.transport.tls import ServerContexts
 from tests.certificates import Shop
 
@@ -140,15 +140,15 @@ async def test_a_connection_that_makes_room_is_closed_and_told_of(tmp_path: Path
     certificate, key = shop.server()
     contexts = ServerContexts(TlsFiles(str(certificate), str(key), str(shop.path)), print, print)
     failures: list[Failure] = []
-    door = Door(contexts, lambda _: None, failures.append, lambda host, _: pytest.fail(host))
+    tls_server = TlsServer(contexts, lambda _: None, failures.append, lambda host, _: pytest.fail(host))
     now_ns = boot_ns()
     ends = [End(f"10.0.0.{n // 8}:{n}") for n in range(33)]
     for n, end in enumerate(ends):
-        door.connection().opened(end, now_ns + n * S)
+        tls_server.connection().opened(end, now_ns + n * S)
     assert [end.is_closed for end in ends] == [True] + [False] * 32
     assert [(each.peer, each.reason) for each in failures] == [("10.0.0.0:0", MADE_ROOM)]
-    assert door.limits.running == 32
-    door.close()
+    assert tls_server.limits.running == 32
+    tls_server.close()
 
 
 def test_very_many_hosts_share_one_measure_and_do_not_fill_the_memory() -> None:

@@ -49,8 +49,8 @@ class Tree:
     def trigger(self) -> Path:
         return self.port / "tty" / "ttyUSB0" / "rx_trig_bytes"
 
-    def tuned(self, *, is_wanted: bool = True) -> tuple[LatencySettings, tuple[str, ...]]:
-        return tune(self.handle, is_wanted=is_wanted, sysfs=self.sysfs)
+    def tuned(self, *, is_low: bool = True) -> tuple[LatencySettings, tuple[str, ...]]:
+        return tune(self.handle, is_low=is_low, sysfs=self.sysfs)
 
 
 @pytest.fixture
@@ -106,7 +106,7 @@ def test_an_ftdi_timer_and_a_fifo_trigger_are_lowered_and_read_back(tree: Tree) 
 def test_a_port_that_is_to_be_left_alone_is_only_read(tree: Tree) -> None:
     tree.timer.write_text("16\n")
     tree.trigger.write_text("14\n")
-    settings, slow = tree.tuned(is_wanted=False)
+    settings, slow = tree.tuned(is_low=False)
     assert (settings.ftdi_latency_timer_ms, settings.rx_trig_bytes) == (16, 14)
     assert slow == ()
     assert (tree.timer.read_text(), tree.trigger.read_text()) == ("16\n", "14\n")
@@ -244,7 +244,7 @@ async def test_what_is_slow_is_said_once_until_it_changes() -> None:
     said: list[str] = []
     port = SerialPort(SerialEndpoint("/dev/ttyNONE"), _Nobody(), said.append, said.append)
     for slow in (("timer",), ("timer",), (), (), ("timer", "trigger")):
-        port._say_slow(slow)
+        port._report_slow(slow)
     assert said == ["timer", "timer; trigger"]
 
 

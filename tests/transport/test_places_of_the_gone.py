@@ -13,10 +13,10 @@ import pytest
 
 from gateway.clock import boot_ns
 from gateway.times import NS_PER_MS, NS_PER_S
+from gateway.transport.connections import Closing
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.limits import ConnectionLimits
-from gateway.transport.peer_probe import LONGEST_NS, PeerProbe, Seen, Verdict, verdict
-from gateway.transport.places import Closing
+from gateway.transport.peer_probe import LONGEST_NS, PeerProbe, PeerState, PeerVerdict, verdict
 from gateway.transport.tcp import Refusal, TcpListener
 
 if TYPE_CHECKING:
@@ -33,37 +33,37 @@ def seen(
     heard_ms: int = -8_000,
     repeated: bool = False,
     probed: bool = False,
-) -> Seen:
+) -> PeerState:
     """Return what is seen, in ms since the peer is asked."""
     now, sent, heard = (BEGAN_NS + ms * NS_PER_MS for ms in (now_ms, sent_ms, heard_ms))
-    return Seen(now, sent, heard, is_repeated=repeated, is_probed=probed)
+    return PeerState(now, sent, heard, is_repeated=repeated, is_probed=probed)
 
 
 @pytest.mark.parametrize(
     ("what", "probed_ms", "expected"),
     [
         # Quiet alone tells nothing, however long.
-        (seen(0), None, Verdict.UNKNOWN),
-        (seen(10_000), None, Verdict.UNKNOWN),
+        (seen(0), None, PeerVerdict.UNKNOWN),
+        (seen(10_000), None, PeerVerdict.UNKNOWN),
         # Something came: it is there, also where a probe after it waits.
-        (seen(40, heard_ms=30), None, Verdict.THERE),
-        (seen(900, heard_ms=0, probed=True), 10, Verdict.THERE),
+        (seen(40, heard_ms=30), None, PeerVerdict.THERE),
+        (seen(900, heard_ms=0, probed=True), 10, PeerVerdict.THERE),
         # A probe that is not acknowledged counts from when it was seen to be out.
-        (seen(509, probed=True), 10, Verdict.UNKNOWN),
-        (seen(510, probed=True), 10, Verdict.GONE),
+        (seen(509, probed=True), 10, PeerVerdict.UNKNOWN),
+        (seen(510, probed=True), 10, PeerVerdict.GONE),
         # What was sent once may be acknowledged late on purpose, and counts for nothing.
-        (seen(2_000, sent_ms=-100, heard_ms=-200), None, Verdict.UNKNOWN),
+        (seen(2_000, sent_ms=-100, heard_ms=-200), None, PeerVerdict.UNKNOWN),
         # What was sent once more counts from then, also where that was before it was asked.
-        (seen(99, sent_ms=-400, heard_ms=-900, repeated=True), None, Verdict.UNKNOWN),
-        (seen(100, sent_ms=-400, heard_ms=-900, repeated=True), None, Verdict.GONE),
+        (seen(99, sent_ms=-400, heard_ms=-900, repeated=True), None, PeerVerdict.UNKNOWN),
+        (seen(100, sent_ms=-400, heard_ms=-900, repeated=True), None, PeerVerdict.GONE),
         # It acknowledged something since, and lost the rest.
-        (seen(200, sent_ms=-400, heard_ms=-300, repeated=True), None, Verdict.UNKNOWN),
+        (seen(200, sent_ms=-400, heard_ms=-300, repeated=True), None, PeerVerdict.UNKNOWN),
         # Nobody can tell: it stays.
-        (seen(LONGEST_NS // NS_PER_MS), None, Verdict.THERE),
+        (seen(LONGEST_NS // NS_PER_MS), None, PeerVerdict.THERE),
     ],
 )
 def test_a_peer_is_gone_only_where_it_did_not_acknowledge(
-    what: Seen, probed_ms: int | None, expected: Verdict
+    what: PeerState, probed_ms: int | None, expected: PeerVerdict
 ) -> None:
     probed_ns = None if probed_ms is None else BEGAN_NS + probed_ms * NS_PER_MS
     assert verdict(what, BEGAN_NS, probed_ns, PATIENCE_NS) is expected
@@ -72,7 +72,7 @@ def test_a_peer_is_gone_only_where_it_did_not_acknowledge(
 def test_without_anything_out_no_peer_is_ever_gone() -> None:
     for now_ms, heard_ms in product((0, 499, 500, 5_000, 60_000), (-100_000, -1, 0, 400)):
         what = seen(now_ms, heard_ms=min(heard_ms, now_ms))
-        assert verdict(what, BEGAN_NS, None, PATIENCE_NS) is not Verdict.GONE
+        assert verdict(what, BEGAN_NS, None, PATIENCE_NS) is not PeerVerdict.GONE
 
 
 class Door:
@@ -185,9 +185,9 @@ async def test_all_is_set_as_it_was_when_a_peer_was_asked(door: Door, eventually
         began_ns = boot_ns()
         probe = PeerProbe(peer, 100 * NS_PER_MS, began_ns)
         assert [peer.getsockopt(socket.IPPROTO_TCP, option) for option in options] == [1, 100, 60_000]
-        while probe.look(boot_ns()) is Verdict.UNKNOWN:  # noqa: ASYNC110 - the kernel tells nobody
+        while probe.check(boot_ns()) is PeerVerdict.UNKNOWN:  # noqa: ASYNC110 - the kernel tells nobody
             await asyncio.sleep(0.01)
-        assert probe.look(boot_ns()) is Verdict.THERE
+        assert probe.check(boot_ns()) is PeerVerdict.THERE
         # The peer has said something a moment ago, so the probe left a second after that.
         assert boot_ns() - began_ns < 3 * NS_PER_S
         probe.end()

@@ -12,10 +12,10 @@ import sys
 from typing import Final
 
 from gateway.clock import boot_ns
+from gateway.transport.connections import Closing
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.limits import ConnectionLimits
 from gateway.transport.loop import RelayLoop
-from gateway.transport.places import Closing
 from gateway.transport.tcp import Refusal, TcpListener
 from tests.transport.conftest import Recorder
 

@@ -30,7 +30,7 @@ ENUMS: Final = (
     "Block",
     "BlockEvent",
     "Completeness",
-    "Cut",
+    "ForwardState",
     "Known",
     "MotionEvent",
     "MotionState",
@@ -43,7 +43,7 @@ ENUMS: Final = (
     "Step",
     "StopEvent",
     "Stopping",
-    "CutEvent",
+    "ForwardEvent",
     "WireEvent",
 )
 """Names of enums whose members are taken for each other."""

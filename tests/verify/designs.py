@@ -331,7 +331,7 @@ LOST_BETWEEN: Final = (
     ("homed_bit", 1),
     *ask("status-wide", axis=1),
 )
-UNPROVEN: Final[tuple[tuple[Happening, ...], ...]] = (
+UNCONFIRMED: Final[tuple[tuple[Happening, ...], ...]] = (
     (("drive", "obey-refuse"),),
     (("drive", "obey"), *(("wait",),) * (2 + DRAIN_TICKS)),
 )
@@ -782,7 +782,7 @@ CLOSING: Final = (
         answers=("ack", "obey-refuse", "obey"),
         is_answered=False,
         judges_blocks=False,
-        ways=tuple(_perhaps_gone(each, ("switch",)) for each in UNPROVEN),
+        ways=tuple(_perhaps_gone(each, ("switch",)) for each in UNCONFIRMED),
     ),
     _small_staged(
         "s-group-bit",
@@ -797,7 +797,7 @@ CLOSING: Final = (
         horizon_ticks=14,
         judges_blocks=False,
         checks_way_back=False,
-        ways=(LOST_BETWEEN, *(_perhaps_gone(each, ("homed_bit", 1)) for each in UNPROVEN)),
+        ways=(LOST_BETWEEN, *(_perhaps_gone(each, ("homed_bit", 1)) for each in UNCONFIRMED)),
     ),
     _small(
         "s-group-movers",
@@ -811,7 +811,7 @@ CLOSING: Final = (
         answers=("ack", "obey-refuse", "obey"),
         is_answered=False,
         judges_blocks=False,
-        ways=(*(_movers_perhaps_gone(each) for each in UNPROVEN), KEPT_BESIDE_ANEW),
+        ways=(*(_movers_perhaps_gone(each) for each in UNCONFIRMED), KEPT_BESIDE_ANEW),
     ),
     _small_staged(
         "s-group-refused",

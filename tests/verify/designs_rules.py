@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Final
 
 from gateway.compensation.settings import Setpoints
-from gateway.drives.motion import Action, Deed, ModePlan, MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, ModePlan, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
 from gateway.exchange.rights import Rights
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
@@ -50,7 +50,7 @@ STICKY: Final = MotionPlan(
             resets_to=1,
         ),
     ),
-    triggers=(TriggerPlan(TRIGGER, deeds={**DEEDS, RUN: Deed(Action.START)}),),
+    triggers=(TriggerPlan(TRIGGER, deeds={**DEEDS, RUN: Operation(Action.START)}),),
 )
 
 

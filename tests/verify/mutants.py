@@ -36,7 +36,7 @@ _EXCHANGE: Final = ROOT / "gateway" / "exchange"
 FILES: Final = (
     *(_EXCHANGE / "axis" / f"{each}.py" for each in ("motion", "reference", "acknowledge", "interlock")),
     *(_EXCHANGE / "axis" / f"{each}.py" for each in ("axis", "registers")),
-    *(_EXCHANGE / f"{each}.py" for each in ("effects", "group", "decode", "turns", "transaction")),
+    *(_EXCHANGE / f"{each}.py" for each in ("effects", "group", "decode", "scheduler", "transaction")),
     *(
         _EXCHANGE / "cut_through" / f"{each}.py"
         for each in ("frame", "delay", "forward", "line", "requests", "replies")
@@ -62,8 +62,8 @@ EXAMPLES: Final = """examples:
   python -m tests.verify.mutants --most-worlds 24          of each only so many worlds, the likeliest first
   python -m tests.verify.mutants --again                   then what survived, with all worlds
   python -m tests.verify.mutants --summary                 what is known by now
-  python -m tests.verify.mutants gateway/exchange/turns.py --list
-  python -m tests.verify.mutants --named turns:Turns.take --again
+  python -m tests.verify.mutants gateway/exchange/scheduler.py --list
+  python -m tests.verify.mutants --named scheduler:Scheduler.take --again
 """
 
 

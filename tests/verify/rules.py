@@ -14,7 +14,7 @@ from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from gateway.times import NS_PER_S
 from tests.exchange.line_bench import ACTUAL, COMMAND, write
 from tests.exchange.staged_bench import COMMANDED, JOG, MODE, RUN, RUN_RELATIVE, STATUS, STOP, STORED, TRIGGER
-from tests.verify import beams, facts
+from tests.verify import facts, gantries
 from tests.verify.errors import BrokenRuleError
 
 if TYPE_CHECKING:
@@ -154,7 +154,7 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes, stopping: Stopping = S
 def _break_off_silent(world: "World", number: int) -> None:
     """A drive of a beam whose turn has come was silent so long that nobody knows it any more (M11)."""
     if facts.was_out_of_reach(world, number):
-        beams.broken_off(world)
+        gantries.broken_off(world)
 
 
 def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes) -> "Wire":
@@ -175,8 +175,8 @@ def _sent(world: "World", port: int, request: "Asked", unit_id: int, pdu: bytes)
     reads_place = pdu[0] == 3 and (pdu[1] << 8 | pdu[2], 2) in READABLE
     moves_or_reads = pdu in RUNS or writes_target(pdu) or reads_place
     if facts.is_other_motion(pdu):
-        beams.broken_off(world)
-    moves_or_reads &= not beams.is_fixed(world)
+        gantries.broken_off(world)
+    moves_or_reads &= not gantries.is_fixed(world)
     if moves_or_reads and not request.is_bit_asked and facts.has_to_ask(world, number, is_target=pdu[0] != 3):
         raise BrokenRuleError(
             f"sent before the bit was read on which the reference hangs: {pdu.hex(' ')} (M9)"
@@ -294,7 +294,9 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
     is_distance = any(runs_distance(world, number, each.pdu) for each in moving)
     run = axis.run
     if is_distance and address == ACTUAL.address and axis.goes_counts is not None and run is not None:
-        note_run(world, number, doubt=max(run.doubt, 1))  # no place on the way is the base of a distance (M5)
+        note_run(
+            world, number, uncertainty=max(run.uncertainty, 1)
+        )  # no place on the way is the base of a distance (M5)
     # Beside its target a reading that is a moment old tells no direction.
     is_beside = any(abs(axis.stands_counts - each) <= CORRECTION_COUNTS for each in world.design.targets)
     is_beside |= "nudge" in world.design.happenings or "mode-absolute" in world.design.menu
@@ -302,8 +304,10 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
     is_there = run is not None and run.is_acked and abs(axis.stands_counts - run.end_counts) <= NEAR_COUNTS
     is_again = is_there and not world.design.is_stream  # which begins anew after what it does not know
     is_again &= len(moving) == 1 and moving[0].pdu == run_pdu(world, run)
-    is_again &= run is None or run.doubt < 2
-    is_again &= not (world.design.groups and beams.is_anew(world, number))  # it is made anew, for another one
+    is_again &= run is None or run.uncertainty < 2
+    is_again &= not (
+        world.design.groups and gantries.is_anew(world, number)
+    )  # it is made anew, for another one
     is_again &= "calm" not in world.design.happenings  # a drive that gave up has said done, and goes again
     why = ""
     if address == COMMAND.address:
@@ -313,7 +317,7 @@ def _judge_need(world: "World", number: int, pdu: bytes, unsent: "list[Asked]") 
         why = "" if is_distance else "no distance waits"
     elif address == ACTUAL.address:
         is_seen = run is not None and run.is_told and run.seen == 3 and run.state == "active"
-        is_seen &= run is None or run.doubt < 2
+        is_seen &= run is None or run.uncertainty < 2
         if not moving:
             why = "no target waits"
         elif world.design.is_buffered:
@@ -432,15 +436,15 @@ def _is_still_in_force(world: "World", number: int, made_with: tuple[str, int, b
     """Whether a target need not be written anew once more: of a group all go by what holds as they go."""
     if not world.design.groups:
         return True
-    return not beams.is_doubtful(world) and made_with == beams.in_force(world, number)
+    return not gantries.is_doubtful(world) and made_with == gantries.in_force(world, number)
 
 
 def _judge_peer_restaging(world: "World", port: int, request: "Asked", number: int, shown: str) -> str:
     """Judge a write of the target of another axis, for the first trigger of its group (M11)."""
-    if beams.is_fixed(world) and not beams.is_doubtful(world):
+    if gantries.is_fixed(world) and not gantries.is_doubtful(world):
         return f"a target is written anew for another axis, and one has gone: {shown} (M11)"
-    found = beams.in_force(world, number)
-    if (number, found) in request.restaged_peers and not beams.is_doubtful(world):
+    found = gantries.in_force(world, number)
+    if (number, found) in request.restaged_peers and not gantries.is_doubtful(world):
         return f"the staged target of another axis was written anew twice: {shown} (2)"
     if world.state.beliefs[port][number].lost and found[0] not in PASSING:
         return f"a target that was lost is written anew: {shown} (4)"
@@ -480,9 +484,9 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
     run = axis.run
     if world.design.groups:
         is_known = not belief.lost & NEVER_WRITTEN
-        beams.leaves(world, number, belief.steps * world.design.step_counts, is_known=is_known)
+        gantries.leaves(world, number, belief.steps * world.design.step_counts, is_known=is_known)
         state = world.state
-        compensation, table, is_gain_half = beams.in_force(world, number)
+        compensation, table, is_gain_half = gantries.in_force(world, number)
     else:
         compensation, table, is_gain_half = request.restaged or (
             world.said(number).compensation, state.table, state.is_gain_half,
@@ -502,7 +506,7 @@ def _aim(world: "World", port: int, number: int, pdu: bytes, request: "Asked") -
         base,
         _arrived(axis),
         axis.tried,
-        beams.others_in_force(world, number),
+        gantries.others_in_force(world, number),
     )
 
 
@@ -569,7 +573,7 @@ def _judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
             f"an axis that was seen to have arrived at {was.end_counts} is taken for unsure (M6)"
         )
     if aim.is_unsure and not is_passing and aim.base is None and not world.design.is_stream:
-        _judge_doubt(world, number, aim)
+        _judge_uncertainty(world, number, aim)
     is_certain = aim.base is None or aim.base[1]
     # What it is told again is no surer than it was, though it was moved by something else since.
     kept = axis.run
@@ -579,7 +583,7 @@ def _judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
     is_unsure = aim.is_unsure or is_flagged or not is_certain
     made = aim if aim.base is not None else _made_with(axis, aim, nominal, end)
     if world.design.groups and not world.design.is_stream:
-        beams.goes(world, number, nominal, is_kept=_is_of_another(world, made, aim, nominal, end))
+        gantries.goes(world, number, nominal, is_kept=_is_of_another(world, made, aim, nominal, end))
         axis = world.state.axes[number]
     if made is not aim and is_passing:  # words of before: who is off does not say how sure they were
         is_unsure = True
@@ -590,10 +594,10 @@ def _judge_motion(world: "World", number: int, end: int, wire: "Wire") -> "Run":
     run = run._replace(is_set_out=is_set_out, was_lost=aim.is_lost)
     before = axis.run
     is_again = before is not None and (before.nominal_counts, before.end_counts) == (nominal, end)
-    return run._replace(doubt=before.doubt) if before is not None and is_again else run
+    return run._replace(uncertainty=before.uncertainty) if before is not None and is_again else run
 
 
-def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
+def _judge_uncertainty(world: "World", number: int, aim: "Aim") -> None:
     """A branch is assumed only where no reading could tell: for want of one, or beside its branches (M6)."""
     plan, axis = world.design.plans[number], world.state.axes[number]
     run = axis.run
@@ -627,7 +631,7 @@ def _judge_doubt(world: "World", number: int, aim: "Aim") -> None:
 def _judge_side(world: "World", axis: "Axis", way: "Run", aim: "Aim") -> None:
     """On a way of which it was known where it began a reading tells the nominal place exactly (M6)."""
     is_same = (way.table, way.is_gain_half) == (aim.table, aim.is_gain_half) and way.state == aim.state
-    if way.is_recalled or way.is_unsure or not is_same or way.doubt:
+    if way.is_recalled or way.is_unsure or not is_same or way.uncertainty:
         return
     ends = _branches(world, way.nominal_counts, aim)
     is_forward = abs(way.end_counts - ends[0]) <= abs(way.end_counts - ends[1])
@@ -670,7 +674,7 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
         is_other = (run.table, run.is_gain_half) != (aim.table, aim.is_gain_half)
         is_other |= (run.state in PASSING) is not (aim.state in PASSING)
         is_away = axis.stands_counts != run.end_counts  # it was looked for, and not found there (M6)
-        is_known = run.has_blinked or (run.is_told and run.doubt < 2)  # else it may be anywhere
+        is_known = run.has_blinked or (run.is_told and run.uncertainty < 2)  # else it may be anywhere
         is_excused = (
             run.is_unsure or aim.is_unsure or (is_other and (run.is_restarted or is_away or not is_known))
         )
@@ -678,7 +682,7 @@ def _judge_target(world: "World", axis: "Axis", end: int, aim: "Aim") -> None:
         is_lost = "unreferenced" in (run.state, aim.state)
         is_excused |= bool(world.design.groups) and is_other and is_lost and _is_another_away(world, axis)
         number = next(each for each, other in enumerate(world.state.axes) if other is axis)
-        is_excused |= bool(world.design.groups) and is_other and beams.is_anew(world, number)
+        is_excused |= bool(world.design.groups) and is_other and gantries.is_anew(world, number)
         is_excused |= bool(world.design.groups) and is_other and run.was_lost
         # A stream begins anew with the offset that its drive has by then; what is more is motion.
         is_excused |= world.design.is_stream and not run.is_told
@@ -846,7 +850,7 @@ def _judge_record(world: "World", number: int) -> None:
         note_run(world, number, is_recalled=False, is_open=False)
         return
     # The same target again is the same words, and needs no read: the record says what the drive holds.
-    is_acked = axis.goes_counts is None and not world.design.plans[number].has_rules and not run.doubt
+    is_acked = axis.goes_counts is None and not world.design.plans[number].has_rules and not run.uncertainty
     seen = run.kept_seen if axis.goes_counts is None else 0
     is_told = axis.tried is None or not world.design.is_stream  # its setpoint after that one is lost still
     note_run(world, number, is_told=is_told, is_recalled=False, is_acked=is_acked, seen=seen)
@@ -884,11 +888,11 @@ def note_answer(world: "World", wire: "Wire", reply: bytes) -> None:
     """Take note of what the drive has answered, before its controller sees it."""
     number = facts.number_of(world, wire.unit_id)
     if facts.was_out_of_reach(world, number):
-        beams.broken_off(world)
+        gantries.broken_off(world)
     _note_answer(world, wire, reply)
     is_refused = reply[1:] == b"\x01" or _proves_nothing_written(world, number, reply)
     is_refused &= reply[0] == wire.pdu[0] | 0x80
-    beams.ended(world, wire, is_native=_is_native(wire.pdu, reply), is_refused=is_refused)
+    gantries.ended(world, wire, is_native=_is_native(wire.pdu, reply), is_refused=is_refused)
     if wire.pdu[0] == 3 and wire.pdu[1:3] == MODE_HEAD[1:] and _is_native(wire.pdu, reply):
         know_rules(world, facts.number_of(world, wire.unit_id))
     is_read = wire.pdu[0] == 3 and _is_native(wire.pdu, reply)
@@ -1080,7 +1084,7 @@ def _forget(world: "World", number: int, wire: "Wire", *, was_told: bool = False
 
 def note_silence(world: "World", wire: "Wire") -> None:
     """Take note of a frame that was not answered in time."""
-    beams.ended(world, wire, is_native=False)
+    gantries.ended(world, wire, is_native=False)
     number = facts.number_of(world, wire.unit_id)
     before = world.state.axes[number].run
     was_told = before is not None and before.is_told
@@ -1313,7 +1317,7 @@ def _judge_refusal(world: "World", port: int, request: "Asked", pdu: bytes, *, i
     if world.design.groups and not (is_own or request.is_sent or is_hushed):
         _break_off_silent(world, request.axis)
     if not (is_own or request.is_sent):
-        beams.never_left(world, request)
+        gantries.never_left(world, request)
     if request.pdu == RUN_PDU and pdu[1] == LOST and not is_own:
         _judge_refused_run(world, request)
     if axis.deadline_ms and not is_own and pdu[1] == BUSY and not is_late:
@@ -1428,9 +1432,9 @@ def _note_seen(world: "World", read: "Wire", reply: bytes) -> None:
         note_run(world, number, is_done_since=dropped or run.is_done_since)
     if run is not None and address == STATUS and world.design.is_done_doubtful:
         is_early = axis.is_done and axis.stands_counts != run.end_counts
-        is_late = not axis.is_done and run.doubt > 0
-        run = run._replace(doubt=2 if is_early or is_late else max(run.doubt, int(axis.is_done)))
-        note_run(world, number, doubt=run.doubt)
+        is_late = not axis.is_done and run.uncertainty > 0
+        run = run._replace(uncertainty=2 if is_early or is_late else max(run.uncertainty, int(axis.is_done)))
+        note_run(world, number, uncertainty=run.uncertainty)
     if run is None or not run.is_told or axis.stands_counts != run.end_counts:
         return
     seen = run.seen

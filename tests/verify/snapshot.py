@@ -20,14 +20,14 @@ from typing import Any, Final, NamedTuple
 from gateway.compensation.axis import AxisCompensation
 from gateway.exchange.axis.acknowledge import ON_WIRE_AFTER, SteadyTarget
 from gateway.exchange.axis.axis import Axis
-from gateway.exchange.axis.beam import BEAM_AFTER
+from gateway.exchange.axis.gantry import GANTRY_AFTER
 from gateway.exchange.axis.impossible import IGNORED
 from gateway.exchange.axis.interlock import BLOCK_AFTER, Block
 from gateway.exchange.axis.motion import MOTION_AFTER
 from gateway.exchange.axis.reference import REFERENCE_AFTER
 from gateway.exchange.axis.registers import Completeness
 from gateway.exchange.cut_through.forward import Forwarder, RequestWay
-from gateway.exchange.cut_through.frame import Cut
+from gateway.exchange.cut_through.frame import ForwardState
 from gateway.exchange.line import LineExchange
 from gateway.exchange.status import compensation_state, direction_state
 from gateway.exchange.transaction import PHASE_AFTER, STOP_AFTER, Phase, Stopping
@@ -131,7 +131,7 @@ NOT_COMPARED: Final = {
 """Attributes that are put back and not compared, by name."""
 NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
     "_since_ns": lambda each: each.completeness is Completeness.PARTS_LOST,
-    "_missing": lambda each: each.is_torn,
+    "_missing": lambda each: each.is_incomplete,
     "_parts": lambda each: each.completeness in (Completeness.PARTS_LOST, Completeness.PARTS_BUFFERED),
     "silent_until_ns": lambda each: each.silent_since_ns is not None,
     "heard_ns": lambda each: each.compensation.has_target or each.unacknowledged is not None,
@@ -145,7 +145,9 @@ NEEDS: Final[dict[str, Callable[[Any], bool]]] = {
     "_last_byte_ns": lambda each: each._buffer,
     "_is_behind_frame": lambda each: each._buffer,
     "_last_ns": lambda each: (
-        isinstance(each._way, RequestWay) and each._frame is not None and each._frame.state is Cut.BEGUN
+        isinstance(each._way, RequestWay)
+        and each._frame is not None
+        and each._frame.state is ForwardState.BEGUN
     ),
     "_now_ns": lambda each: not isinstance(each, Forwarder),
 }
@@ -558,7 +560,7 @@ class Lens:
         get = attrgetter(*names) if len(names) > 1 else lambda each: (getattr(each, names[0]),)
         name = kind.__name__
 
-        def turned(value: Any) -> Any:
+        def hashable(value: Any) -> Any:
             values = tuple(value) if is_tuple else get(value)
             kinds, found = self._kinds, [name]
             for at in kept:
@@ -567,15 +569,15 @@ class Lens:
                     found.append(values[at] if how is None else how(values[at]))
             return tuple(found)
 
-        return lambda value: self._remembered(value, turned)
+        return lambda value: self._remembered(value, hashable)
 
-    def _remembered(self, value: Any, turned: Callable[[Any], Any]) -> Any:
+    def _remembered(self, value: Any, hashable: Callable[[Any], Any]) -> Any:
         """Turn an object that never changes, once for all unless instants or passing objects hang from it."""
         known = self._frozen.get(id(value))
         if known is not None:
             return known[1]
         was_timed, self._is_timed = self._is_timed, False
-        found = turned(value)
+        found = hashable(value)
         if not self._is_timed:
             found = ("#", self._tokens_of.setdefault(found, len(self._tokens_of)))
             if len(self._frozen) > 200_000:
@@ -710,7 +712,7 @@ def said_of(axis: Axis) -> Said:
         compensation_state(axis),
         direction_state(axis),
         axis.reference.is_referenced,
-        axis.reference.was_told,
+        axis.reference.was_reported,
         axis.blocked_by is not None,
         axis.interlock.block is not Block.NONE,
         None if accepted is None else accepted.nominal_counts,
@@ -724,7 +726,7 @@ def refused(line: LineExchange) -> int:
 
 def is_resting(line: LineExchange) -> bool:
     """Whether a line, or the drive on it that was silent last, falls silent before anything else leaves."""
-    return line.rest.until_ns is not None or line.silent_units.owes
+    return line.rest.until_ns is not None or line.silent_units.awaits_late_reply
 
 
 def stopping_of(line: LineExchange) -> Stopping:
@@ -809,7 +811,7 @@ _TABLES: Final[tuple[tuple[str, dict[Any, Any]], ...]] = (
     ("", MOTION_AFTER),
     ("", BLOCK_AFTER),
     *((f"{way.value} + ", rows) for way, rows in REFERENCE_AFTER.items()),
-    ("beam: ", BEAM_AFTER),
+    ("beam: ", GANTRY_AFTER),
     ("on the wire: ", ON_WIRE_AFTER),
     ("request: ", PHASE_AFTER),
     ("stop: ", STOP_AFTER),

@@ -10,16 +10,26 @@ from typing import Final
 
 from gateway.catalogue import exchange_events
 from gateway.catalogue.entry import entries_of
-from gateway.exchange.cut_through.frame import CutEvent
+from gateway.exchange.cut_through.frame import ForwardEvent
 from tests.verify.snapshot import all_rows
 
 EXCEPTIONS: Final = (1, 4, 6, 0x0A, 0x0B)
-CUT_REQUESTS: Final = frozenset(CutEvent) - {CutEvent.OPENED, CutEvent.FITTED, CutEvent.JUDGED, CutEvent.KEPT}
-CUT_REPLIES: Final = CUT_REQUESTS - {CutEvent.OVERTAKEN, CutEvent.MET, CutEvent.UNFIT, CutEvent.REFUSED}
+FORWARDED_REQUESTS: Final = frozenset(ForwardEvent) - {
+    ForwardEvent.OPENED,
+    ForwardEvent.FITTED,
+    ForwardEvent.JUDGED,
+    ForwardEvent.KEPT,
+}
+FORWARDED_REPLIES: Final = FORWARDED_REQUESTS - {
+    ForwardEvent.OVERTAKEN,
+    ForwardEvent.MET,
+    ForwardEvent.UNFIT,
+    ForwardEvent.REFUSED,
+}
 """Nothing overtakes a reply or meets it, its head is known before it begins, and it can be turned back."""
-CUT_ENDS: Final = frozenset(
+FORWARD_ENDS: Final = frozenset(
     f"cut {name} {event.value}"
-    for name, events in (("request", CUT_REQUESTS), ("reply", CUT_REPLIES))
+    for name, events in (("request", FORWARDED_REQUESTS), ("reply", FORWARDED_REPLIES))
     for event in events
 )
 """How what has left in part while it arrived can end (W12)."""
@@ -58,5 +68,5 @@ def missing(met: Collection[str]) -> list[str]:
     """Return what should have been met and was not."""
     wanted = {f"row {name}" for name in all_rows()}
     wanted |= {f"event {kind.name}" for kind in entries_of(exchange_events)}
-    wanted |= {f"exception {code:#04x}" for code in EXCEPTIONS} | CUT_ENDS
+    wanted |= {f"exception {code:#04x}" for code in EXCEPTIONS} | FORWARD_ENDS
     return sorted(wanted - set(met) - set(NOT_MET))

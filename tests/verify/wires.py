@@ -402,9 +402,9 @@ class BytesWorld(World):
 def world_of(design: Design) -> World:
     """Return the world of a design."""
     if design.is_cut:
-        from tests.verify.wires_cut import CutWorld
+        from tests.verify.wires_cut import ForwardingWorld
 
-        return CutWorld(design)
+        return ForwardingWorld(design)
     if design.is_rtu:
         from tests.verify.wires_rtu import RtuWorld
 

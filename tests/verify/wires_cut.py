@@ -15,8 +15,8 @@ from collections.abc import Callable, Iterable
 from typing import Any, Final
 
 from gateway.exchange.cut_through.delay import (
+    FrameShape,
     MeasuredDelay,
-    Shape,
     acknowledgement_shape,
     margin_ns,
     read_shape,
@@ -24,8 +24,8 @@ from gateway.exchange.cut_through.delay import (
     write_shape,
 )
 from gateway.exchange.cut_through.forward import Forwarding, RequestWay
-from gateway.exchange.cut_through.forward import Wire as LineWire
-from gateway.exchange.cut_through.frame import Cut, CutEvent
+from gateway.exchange.cut_through.forward import SerialTiming as LineWire
+from gateway.exchange.cut_through.frame import ForwardEvent, ForwardState
 from gateway.exchange.cut_through.replies import Passed
 from gateway.exchange.events import Event
 from gateway.exchange.ports import ControllerPort
@@ -53,14 +53,14 @@ QUIET: Final = (
     *("split", "reply_delay", "reply_more", "reply_stall", "reply_bad"),
 )
 """Events with which no request and no reply is whole: they change no axis."""
-ENDS: Final = tuple(f"{name} {event.value}" for name in ("request", "reply") for event in CutEvent)
+ENDS: Final = tuple(f"{name} {event.value}" for name in ("request", "reply") for event in ForwardEvent)
 CUTS_OFF: Final = ("unplug", "kill", "kill_bare")
 """After these nothing of a request follows on what has left."""
 CUTS_REPLY_OFF: Final = ("disconnect", "kill", "kill_bare")
 """The same of a reply."""
 
 
-def steady(*shapes: Shape) -> dict[Shape, MeasuredDelay]:
+def steady(*shapes: FrameShape) -> dict[FrameShape, MeasuredDelay]:
     """Return the delays of a port that was measured before."""
     delays = {shape: MeasuredDelay(shape, CHAR_NS, CHAR_NS, margin_ns(CHAR_NS)) for shape in shapes}
     for delay in delays.values():
@@ -111,7 +111,7 @@ def reply_length_of(frame: bytes) -> int:
     return 5 + frame[2] if len(frame) > 2 else 5
 
 
-class CutPipe(WirePipe):
+class ForwardingPipe(WirePipe):
     """The wire of the drives: each frame on it is whole, or is none and has its full length (W3)."""
 
     length_of: Callable[[bytes], int] = staticmethod(request_length_of)
@@ -120,7 +120,7 @@ class CutPipe(WirePipe):
         super().__init__(take)
         self.leaving = b""
         """What has left of a frame that is not whole."""
-        self.owes_silence = False
+        self.needs_silence = False
         """A spoilt frame was the last one."""
         self.ends: list[str] = []
         """How frames have ended since the last event of the world began."""
@@ -129,7 +129,7 @@ class CutPipe(WirePipe):
 
     def write(self, data: bytes) -> None:
         """See ``Channel``. Raises BrokenRuleError."""
-        if self.owes_silence:
+        if self.needs_silence:
             raise BrokenRuleError(f"no silence behind a spoilt frame: {data.hex(' ')} (W12)")
         self.written.append(data)
         frame = self.leaving = self.leaving + data
@@ -141,27 +141,27 @@ class CutPipe(WirePipe):
         if len(frame) > length or residue not in (INTACT, INVERTED):
             raise BrokenRuleError(f"neither a frame nor one that was spoilt: {frame.hex(' ')} (W12)")
         self.leaving = b""
-        self.owes_silence = residue == INVERTED
-        self.ends.append("spoilt" if self.owes_silence else "whole")
-        if not self.owes_silence:
+        self.needs_silence = residue == INVERTED
+        self.ends.append("spoilt" if self.needs_silence else "whole")
+        if not self.needs_silence:
             super().write(frame)
 
     def break_off(self) -> None:
         """It was lost: what comes later comes after a long silence."""
         self.leaving = b""
-        self.owes_silence = False
+        self.needs_silence = False
 
 
-class ReplyPipe(CutPipe):
+class ReplyPipe(ForwardingPipe):
     """The wire of a controller. Nothing is said at once behind a spoilt reply."""
 
     length_of = staticmethod(reply_length_of)
 
 
-class CutSide(RtuSide):
+class ForwardingSide(RtuSide):
     """One gateway between two serial lines that cuts requests and replies through."""
 
-    pipe_kind = CutPipe
+    pipe_kind = ForwardingPipe
     port_pipe_kind = ReplyPipe
     port_wire = CONTROLLER
 
@@ -211,10 +211,10 @@ class CutSide(RtuSide):
             raise BrokenRuleError("a frame stands still in the middle, and is not filled up (W12)")
         super().fall_silent(now_ns)
         for pipe in (*self.wires, self.link.pipe):
-            pipe.owes_silence = False
+            pipe.needs_silence = False
         for port in self.ports:
             frame = port._forwarder._frame
-            if frame is not None and frame.state is Cut.BEGUN:
+            if frame is not None and frame.state is ForwardState.BEGUN:
                 port._forwarder.drop()
 
     def gone(self, port: int, now_ns: int) -> None:
@@ -255,9 +255,9 @@ class CutSide(RtuSide):
         self.forwarding.drives.drop()
 
     @property
-    def wires(self) -> list[CutPipe]:
+    def wires(self) -> list[ForwardingPipe]:
         """Of the controllers."""
-        return [pipe for pipe in self.pipes if isinstance(pipe, CutPipe)]
+        return [pipe for pipe in self.pipes if isinstance(pipe, ForwardingPipe)]
 
     @property
     def forwarding(self) -> Forwarding:
@@ -266,7 +266,7 @@ class CutSide(RtuSide):
         return self.line.forwarding
 
     @property
-    def pipe_of_reply(self) -> CutPipe | None:
+    def pipe_of_reply(self) -> ForwardingPipe | None:
         """The wire on which a reply leaves, as the line has it."""
         frame, transaction = self.forwarding.drives._frame, self.forwarding._reply_way._transaction
         if frame is None or not frame.is_on_the_way:
@@ -279,7 +279,7 @@ class CutSide(RtuSide):
         return tuple(
             totals.ended[event] - totals.stored[event]
             for totals in (self.forwarding.requests, self.forwarding.replies)
-            for event in CutEvent
+            for event in ForwardEvent
         )
 
     def cut_off(self, now_ns: int) -> None:
@@ -289,35 +289,35 @@ class CutSide(RtuSide):
         self.link.pipe.break_off()
 
 
-class CutWorld(RtuWorld):
+class ForwardingWorld(RtuWorld):
     """A world whose requests come in pieces, and leave so where they may."""
 
     def __init__(self, design: Design) -> None:
         super().__init__(design)
-        side = self._cut_side
+        side = self._forwarding_side
         axes = {id(each) for each in Lens(side.line.axes, TICK_NS, design.horizon_ticks).objects}
         self._of_axes = tuple(i for i, each in enumerate(side.lens.objects) if id(each) in axes)
 
-    def side_of(self, ways: dict[str, int], tell: Callable[[Event], None]) -> CutSide:
+    def side_of(self, ways: dict[str, int], tell: Callable[[Event], None]) -> ForwardingSide:
         """See ``World``."""
-        return CutSide(self.design, tell)
+        return ForwardingSide(self.design, tell)
 
     @property
-    def _cut_side(self) -> CutSide:
+    def _forwarding_side(self) -> ForwardingSide:
         side = self.sides[0]
-        assert isinstance(side, CutSide)
+        assert isinstance(side, ForwardingSide)
         return side
 
     @property
     def is_leaving(self) -> bool:
         """Whether the line says that a request is leaving."""
-        found = on_its_way(self._cut_side.line)
+        found = on_its_way(self._forwarding_side.line)
         return found is not None and found.phase is Phase.LEAVING
 
     @property
     def is_replying(self) -> bool:
         """Whether a reply is leaving."""
-        return self._cut_side.pipe_of_reply is not None
+        return self._forwarding_side.pipe_of_reply is not None
 
     # --- what can happen -------------------------------------------------------------------------------
 
@@ -357,7 +357,7 @@ class CutWorld(RtuWorld):
             found += [("anew", *each) for each in self._requests()]
         if self.is_leaving and "stuck" in design.happenings:
             found += [("stuck", *each) for each in self._requests()]
-        is_waited_for = self._cut_side.ports[0]._forward_timer.deadline_ns is not None
+        is_waited_for = self._forwarding_side.ports[0]._forward_timer.deadline_ns is not None
         if is_waited_for:
             found.append(("stall",) if self.is_leaving else ("delay",))
         if self.is_leaving and "noise" in design.happenings:
@@ -389,7 +389,7 @@ class CutWorld(RtuWorld):
             found.append(("reply_more",))
         if "again" in design.happenings and state.asked[0]:
             found += [("ask", 0, *each) for each in self._requests()]
-        if self._cut_side.link.real._forward_timer.deadline_ns is not None:
+        if self._forwarding_side.link.real._forward_timer.deadline_ns is not None:
             found.append(("reply_stall",) if self.is_replying else ("reply_delay",))
         return found
 
@@ -404,11 +404,11 @@ class CutWorld(RtuWorld):
 
     def happen(self, event: Happening) -> None:
         """See ``World``."""
-        side = self._cut_side
+        side = self._forwarding_side
         reply_pipe, cut_ends = side.pipe_of_reply, side.ends()
         for each in side.wires:
             each.ends.clear()
-            each.owes_silence = False
+            each.needs_silence = False
         self._happen(event)
         for each in (*side.wires, side.link.pipe):
             self.tally.note(each.written)
@@ -430,12 +430,12 @@ class CutWorld(RtuWorld):
             each.ends.clear()
 
     def _happen(self, event: Happening) -> None:
-        pipe = self._cut_side.link.pipe
+        pipe = self._forwarding_side.link.pipe
         was_leaving, may_be_untouched = self.is_leaving, event[0] in (*QUIET, "tail")
         axes = self._axes() if may_be_untouched else ()
         pipe.ends.clear()
         super().happen(event)
-        self._cut_side.drop_what_is_over()
+        self._forwarding_side.drop_what_is_over()
         ends = tuple(pipe.ends)
         pipe.ends.clear()
         if self.is_leaving is not bool(pipe.leaving):
@@ -458,12 +458,12 @@ class CutWorld(RtuWorld):
 
     def _axes(self) -> tuple[int, ...]:
         """Return what is to be known of the axes."""
-        tokens = self._cut_side.lens.take(self.now_ns).tokens
+        tokens = self._forwarding_side.lens.take(self.now_ns).tokens
         return tuple(tokens[i] for i in self._of_axes)
 
     def _collect(self, answered: Wire | None = None, reply: bytes = b"") -> None:
         wire = answered if answered is not None else self.state.wire
-        for number, pipe in enumerate(self._cut_side.wires):
+        for number, pipe in enumerate(self._forwarding_side.wires):
             if "spoilt" in pipe.ends and wire is not None and wire.owner == number:
                 self._hear_nothing(wire)
         super()._collect(answered, reply)
@@ -480,18 +480,18 @@ class CutWorld(RtuWorld):
 
     def _call(self, name: str, *args: Any) -> None:
         if name == "link_down":
-            self._cut_side.cut_off(*args)
+            self._forwarding_side.cut_off(*args)
             return
         super()._call(name, *args)
 
     @property
     def _missing(self) -> int:
         """How many bytes of a position need not have come for its first one to leave."""
-        return self._cut_side.is_high_first
+        return self._forwarding_side.is_high_first
 
     def _half_bytes(self) -> bytes:
         name, axis, number, _ = self.state.half
-        return self._cut_side.encode(self.design.plans[axis].unit_id, self.pdu(name, number))
+        return self._forwarding_side.encode(self.design.plans[axis].unit_id, self.pdu(name, number))
 
     def _end_half(self) -> bytes:
         """Return the rest of what has begun to come; it comes now."""
@@ -509,7 +509,7 @@ class CutWorld(RtuWorld):
         come = min(DATA - self._missing, len(data) - 1)
         piece = data[self.state.come : come]
         self.state = self.state._replace(come=come)
-        self._cut_side.feed(0, piece, self.now_ns)
+        self._forwarding_side.feed(0, piece, self.now_ns)
         self._collect()
 
     def _on_delay(self) -> None:
@@ -521,13 +521,13 @@ class CutWorld(RtuWorld):
         self._pass_once()
 
     def _pass_once(self) -> None:
-        self._cut_side.line.world_ns = self.now_ns
-        pass_once(self._cut_side.ports[0]._forward_timer)
+        self._forwarding_side.line.world_ns = self.now_ns
+        pass_once(self._forwarding_side.ports[0]._forward_timer)
         self._collect()
 
     def _on_noise(self) -> None:
         """Bytes come from the drives while a request leaves to them."""
-        self._cut_side.hear(b"\x55", self.now_ns)
+        self._forwarding_side.hear(b"\x55", self.now_ns)
         self._collect()
 
     def _on_tail(self) -> None:
@@ -536,14 +536,14 @@ class CutWorld(RtuWorld):
         rest = self._end_half()
         self._give_up(0)
         if ticks:
-            self._cut_side.feed(0, rest, self.now_ns)
-            self._cut_side.fall_silent(self.now_ns)
+            self._forwarding_side.feed(0, rest, self.now_ns)
+            self._forwarding_side.fall_silent(self.now_ns)
             self._collect()
             return
         transaction_id, _ = self._register(name, axis, number)
         stored = self._stored(rest) if self.is_leaving else None
-        self._cut_side.feed(0, rest, self.now_ns)
-        sent = list(self._cut_side.link.sent)
+        self._forwarding_side.feed(0, rest, self.now_ns)
+        sent = list(self._forwarding_side.link.sent)
         if stored is not None and sent and (sent, self._axes()) != stored:
             raise BrokenRuleError(f"stored it would have left as {stored[0]}, not as {sent} (W12)")
         if stored is not None and sent:  # it has had the line since it began
@@ -554,7 +554,7 @@ class CutWorld(RtuWorld):
 
     def _stored(self, rest: bytes) -> tuple[list[tuple[int, bytes]], tuple[int, ...]]:
         """Return what would leave if nothing had left yet, and what was known of the axes then."""
-        side = self._cut_side
+        side = self._forwarding_side
         before, told, met = side.lens.take(self.now_ns), list(self.told), set(self.tally.events)
         side.line._transactions.current = None
         side.ports[0]._forwarder.drop()
@@ -570,16 +570,16 @@ class CutWorld(RtuWorld):
         """The rest comes with a bad check sum: nobody has asked for anything."""
         rest = self._end_half()
         self._give_up(0)
-        self._cut_side.feed(0, rest[:-1] + bytes((rest[-1] ^ 0x5A,)), self.now_ns)
-        self._cut_side.fall_silent(self.now_ns)
+        self._forwarding_side.feed(0, rest[:-1] + bytes((rest[-1] ^ 0x5A,)), self.now_ns)
+        self._forwarding_side.fall_silent(self.now_ns)
         self._collect()
 
     def _on_tail_odd(self) -> None:
         """It goes on with another head, that of a write of one register, and with a bad check sum."""
         self._end_half()
         self._give_up(0)
-        self._cut_side.feed(0, bytes.fromhex("00 01 02 12 34 00 00"), self.now_ns)
-        self._cut_side.fall_silent(self.now_ns)
+        self._forwarding_side.feed(0, bytes.fromhex("00 01 02 12 34 00 00"), self.now_ns)
+        self._forwarding_side.fall_silent(self.now_ns)
         self._collect()
 
     def _on_anew(self, name: str, axis: int, number: int = 0) -> None:
@@ -590,7 +590,7 @@ class CutWorld(RtuWorld):
         self._register(*before[:3])
         self._give_up(0)
         _, data = self._register_rtu(name, axis, number)
-        self._cut_side.feed(0, rest + data, self.now_ns)
+        self._forwarding_side.feed(0, rest + data, self.now_ns)
         self._collect()
 
     def _on_stuck(self, name: str, axis: int, number: int = 0) -> None:
@@ -601,7 +601,7 @@ class CutWorld(RtuWorld):
         self._end_half()
         self._give_up(0)
         _, data = self._register_rtu(name, axis, number)
-        side = self._cut_side
+        side = self._forwarding_side
         side.line.world_ns = self.now_ns
         pass_by(side.ports[0]._timer)
         side.feed(0, data, self.now_ns)
@@ -634,7 +634,7 @@ class CutWorld(RtuWorld):
     def _reply_to_come(self) -> bytes:
         """Return the rest of the reply of which a part has come."""
         assert self.state.split
-        return self._cut_side.encode(*self.state.split)[self.state.reply_come :]
+        return self._forwarding_side.encode(*self.state.split)[self.state.reply_come :]
 
     def _on_split(self, what: str = "ack") -> None:
         """The drive obeys, or refuses, and the first bytes of its reply come."""
@@ -650,14 +650,14 @@ class CutWorld(RtuWorld):
         self.state = self.state._replace(
             wire=wire._replace(is_obeyed=True), split=(wire.unit_id, reply), reply_come=CUT
         )
-        self._cut_side.hear(self._cut_side.encode(wire.unit_id, reply)[:CUT], self.now_ns)
+        self._forwarding_side.hear(self._forwarding_side.encode(wire.unit_id, reply)[:CUT], self.now_ns)
         self._collect()
 
     def _on_reply_more(self) -> None:
         """All of it comes but its check sum, and the last byte before it where that decides less."""
         rest = self._reply_to_come()[: -2 - self._missing]
         self.state = self.state._replace(reply_come=self.state.reply_come + len(rest))
-        self._cut_side.hear(rest, self.now_ns)
+        self._forwarding_side.hear(rest, self.now_ns)
         self._collect()
 
     def _on_reply_delay(self) -> None:
@@ -669,15 +669,15 @@ class CutWorld(RtuWorld):
         self._pass_reply_timer()
 
     def _pass_reply_timer(self) -> None:
-        self._cut_side.line.world_ns = self.now_ns
-        pass_once(self._cut_side.link.real._forward_timer)
+        self._forwarding_side.line.world_ns = self.now_ns
+        pass_once(self._forwarding_side.link.real._forward_timer)
         self._collect()
 
     def _on_reply_bad(self) -> None:
         """The rest comes with a bad check sum: nobody has said anything."""
         rest = self._reply_to_come()
         self._forget_reply()
-        self._cut_side.hear(rest[:-1] + bytes((rest[-1] ^ 0x5A,)), self.now_ns)
+        self._forwarding_side.hear(rest[:-1] + bytes((rest[-1] ^ 0x5A,)), self.now_ns)
         self._collect()
 
     def _on_reply_tail(self) -> None:
@@ -688,14 +688,14 @@ class CutWorld(RtuWorld):
         wire, is_cut_off, rest = self.state.wire, self.state.is_cut_off, self._reply_to_come()
         assert self.state.split
         reply = self.state.split[1]
-        pipe = self._cut_side.pipe_of_reply
+        pipe = self._forwarding_side.pipe_of_reply
         stored = None if pipe is None else self._stored_reply(pipe, rest)
         self._forget_reply()
         is_whole = wire is not None and wire.is_obeyed and not is_cut_off
         if is_whole:
             self.state = self.state._replace(wire=None)
-        self._cut_side.hear(rest, self.now_ns)
-        found = self._passed(), list(self._cut_side.link.sent), self._axes()
+        self._forwarding_side.hear(rest, self.now_ns)
+        found = self._passed(), list(self._forwarding_side.link.sent), self._axes()
         if pipe is not None and stored is not None:
             if "spoilt" in pipe.ends:
                 found = stored[0], *found[1:]
@@ -710,13 +710,13 @@ class CutWorld(RtuWorld):
             self._on_wait()
 
     def _passed(self) -> list[list[bytes]]:
-        return [[pdu for _, pdu in replies] for replies in self._cut_side.replies]
+        return [[pdu for _, pdu in replies] for replies in self._forwarding_side.replies]
 
     def _stored_reply(
-        self, pipe: CutPipe, rest: bytes
+        self, pipe: ForwardingPipe, rest: bytes
     ) -> tuple[list[list[bytes]], list[tuple[int, bytes]], tuple[int, ...]]:
         """Return what controllers would hear, and what would be, if nothing of a reply had left yet."""
-        side = self._cut_side
+        side = self._forwarding_side
         before, told, met = side.lens.take(self.now_ns), list(self.told), set(self.tally.events)
         side.drop_reply()
         pipe.leaving = b""
@@ -728,4 +728,4 @@ class CutWorld(RtuWorld):
         return found
 
 
-__all__ = ["CutWorld"]
+__all__ = ["ForwardingWorld"]

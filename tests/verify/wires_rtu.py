@@ -9,7 +9,7 @@ what they end at the instant of the last byte. Frames leave at once: the silence
 from collections.abc import Callable
 from typing import Final
 
-from gateway.exchange.cut_through.forward import Wire as LineWire
+from gateway.exchange.cut_through.forward import SerialTiming as LineWire
 from gateway.exchange.events import Event
 from gateway.exchange.plan import NO_OTHER_UNITS, OtherUnits
 from gateway.exchange.ports import Stamps

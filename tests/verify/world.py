@@ -51,10 +51,10 @@ from tests.exchange.staged_bench import (
     TRIGGER,
     ZERO,
 )
-from tests.verify import beams, facts, rules
-from tests.verify.beams import Beam
+from tests.verify import facts, gantries, rules
 from tests.verify.errors import BrokenRuleError
 from tests.verify.facts import Facts
+from tests.verify.gantries import Gantry
 from tests.verify.rules import BOTH, LIMIT, LIMIT_COUNTS, MASK, OLD_TICKS, PATIENCE_TICKS, WARM
 from tests.verify.screw import REGROUND, WORN, Screw
 from tests.verify.snapshot import (
@@ -301,7 +301,7 @@ class Run(NamedTuple):
     """Of ``seen``, what its record keeps over a kill."""
     was_lost: bool = False
     """It passed 1:1, and nobody but its drive knows what was held when it was triggered."""
-    doubt: int = 0
+    uncertainty: int = 0
     """1: its drive has said done; 2: and that where it did not stand, or not any more: a look tells more
     (M6). Over repeats, too; kept only where a done bit may do so."""
 
@@ -391,7 +391,7 @@ class State(NamedTuple):
     """The unit id and the rest of a reply of which a part has come."""
     reply_come: int = 0
     """How many bytes of that reply have come, where replies are cut through."""
-    beam: Beam | None = None
+    gantry: Gantry | None = None
     """What the first trigger of its group has fixed."""
     owed: tuple[tuple[str, str], ...] = ()
     """Axis and event that is told with the next answer."""
@@ -625,8 +625,10 @@ class World:
         for name in self.records.buffers if self.design.has_record else ():
             found = self.records.read(name)
             key += lens.token(None if found is None else found._replace(generation=0)).to_bytes(4, "big")
-            if found is not None and found.unproven is not None:  # how old that is decides what proves it
-                ticks = (kept.now_ns - found.unproven.state.at_ns) // TICK_NS
+            if (
+                found is not None and found.unacknowledged is not None
+            ):  # how old that is decides what proves it
+                ticks = (kept.now_ns - found.unacknowledged.state.at_ns) // TICK_NS
                 key += min(ticks, self.design.drop_ticks + 1).to_bytes(1, "big", signed=True)
         return key
 
@@ -961,7 +963,7 @@ class World:
         """Done falls of an axis that stands: it moves a little, or the bit has flickered."""
         axis = self.state.axes[number]
         run = axis.run
-        is_sure = run is not None and run.is_told and bool(run.seen & 2) and run.doubt < 2
+        is_sure = run is not None and run.is_told and bool(run.seen & 2) and run.uncertainty < 2
         if run is not None:
             run = run._replace(seen=0, is_told=False, has_blinked=is_sure or run.has_blinked)
         was_done = axis.was_done or is_sure
@@ -1005,7 +1007,7 @@ class World:
         run = self.state.axes[number].run
         self._put(number, self.state.axes[number].stands_counts + NUDGED_COUNTS)
         if run is not None:
-            run = run._replace(is_told=False, is_acked=False, seen=0, is_unsure=True, doubt=2)
+            run = run._replace(is_told=False, is_acked=False, seen=0, is_unsure=True, uncertainty=2)
             self._set(number, self.state.axes[number]._replace(run=run))
 
     def _put(self, number: int, at: int) -> None:
@@ -1059,7 +1061,7 @@ class World:
         self._set(number, axis._replace(is_homed=not axis.is_homed))
 
     def _on_unplug(self) -> None:
-        beams.broken_off(self)
+        gantries.broken_off(self)
         self.state = self.state._replace(is_up=False, owed_stops=0, given_up=())
         rules.end_hush(self)  # the whole line is silent when it comes up
         self._forget_runs()
@@ -1134,7 +1136,7 @@ class World:
 
     def _restart(self, *, is_record_kept: bool, is_whole: bool = True) -> None:
         """``is_whole``: every axis has the record that was written last (else none of a group counts)."""
-        beams.broken_off(self)
+        gantries.broken_off(self)
         wire = self.state.wire
         is_clean = (self.state.table, self.state.is_gain_half, self.state.is_wanted) == (0, False, True)
         rules.end_hush(self)
@@ -1195,7 +1197,7 @@ class World:
         found = self.records.read(self.design.plans[number].name) if self.design.has_record else None
         if found is None:
             return None
-        ends = (found.corrected_counts, found.unproven and found.unproven.corrected_counts)
+        ends = (found.corrected_counts, found.unacknowledged and found.unacknowledged.corrected_counts)
         tried = self.state.axes[number].tried
         return tried if tried is not None and tried.end_counts in ends else None
 
@@ -1348,7 +1350,7 @@ class World:
         is_there = end == axis.stands_counts
         is_again = axis.run is not None and axis.run.nominal_counts == run.nominal_counts
         if axis.has_crept:  # its done bit says more than that it goes there
-            run = run._replace(doubt=2)
+            run = run._replace(uncertainty=2)
         self._set(
             number,
             axis._replace(

@@ -26,7 +26,7 @@ from gateway.simulator.controller import Arrival, AxisController
 from gateway.simulator.errors import SimulatorError
 
 
-class Phase(Enum):
+class DemoPhase(Enum):
     """Steps of one round, in their order, in words for a person."""
 
     WAITING = "waiting"
@@ -55,11 +55,11 @@ class AxisView:
     backlash_um: float
     pitch_error_um: float
     """Range of the screw's own error over the table, without backlash."""
-    phase: Phase = Phase.WAITING
+    phase: DemoPhase = DemoPhase.WAITING
     stops_done: int = 0
     stops_total: int = 0
     nominal: float = 0.0
-    told: float = 0.0
+    commanded: float = 0.0
     """What the drive was told: nominal plus correction."""
     nut: float = 0.0
     stops: int = 0
@@ -89,7 +89,7 @@ class AxisView:
         return self.stops > 0 and self.inexact_readbacks == 0
 
 
-class Listener:
+class DemoObserver:
     """Hears of a round; this one does nothing about it."""
 
     def on_view(self, view: "View") -> None:
@@ -108,9 +108,9 @@ class View:
 
     seed: int
     axes: dict[str, AxisView]
-    listener: Listener
+    listener: DemoObserver
 
-    def begin(self, axis: AxisView, phase: Phase, stops: int) -> None:
+    def begin(self, axis: AxisView, phase: DemoPhase, stops: int) -> None:
         """A step of an axis begins."""
         axis.phase, axis.stops_done, axis.stops_total = phase, 0, stops
         self.listener.on_phase(axis)
@@ -127,7 +127,7 @@ UM_PER_MM: Final = 1000.0
 
 
 async def run_round(
-    seed: int, folder: Path, speed_up: float, listener: Listener, report_runs: int = 0
+    seed: int, folder: Path, speed_up: float, listener: DemoObserver, report_runs: int = 0
 ) -> View:
     """Run all steps on all axes at once and return what there was to see.
 
@@ -151,7 +151,7 @@ async def run_round(
                 await round_.on_all_axes(round_.measure_with)
             await round_.on_all_axes(round_.judge_with)
         for axis_view in view.axes.values():
-            view.begin(axis_view, Phase.DONE, 0)
+            view.begin(axis_view, DemoPhase.DONE, 0)
         listener.on_end(view)
         return view
 
@@ -197,7 +197,7 @@ class _Station:
     view: AxisView
     controller: AxisController
 
-    def note(self, arrival: Arrival) -> None:
+    def add(self, arrival: Arrival) -> None:
         """Write down what can be seen at a stop."""
         axis, view = self.axis, self.view
         view.stops_done += 1
@@ -205,7 +205,7 @@ class _Station:
         view.inexact_readbacks += not arrival.is_exact
         view.nut = axis.laser.true_mm(axis.clock()) / axis.spec.mm
         view.nominal = axis.spec.wiring.nominal(arrival.commanded_counts)
-        view.told = axis.spec.wiring.nominal(axis.mechanics.target_counts)
+        view.commanded = axis.spec.wiring.nominal(axis.mechanics.target_counts)
 
     def judged(self, arrival: Arrival, nut: float) -> Judged:
         """Compare where the nut is with where the controller wanted it."""
@@ -245,7 +245,7 @@ class _Round:
 
         await self._home(station)
         axis.laser.zero(axis.clock())
-        await self._survey(Phase.MEASURING, station, view.before, show)
+        await self._survey(DemoPhase.MEASURING, station, view.before, show)
         home = HomeReference(0.0, axis.spec.home_direction)
         survey = Survey(tuple(view.before), axis.spec.units)
         recipe = Recipe(home=home, step=axis.spec.step, fit=Fit.AUTO)
@@ -254,16 +254,16 @@ class _Round:
     async def measure_with(self, station: _Station) -> None:
         """Read the laser at the same targets with the correction in force. The laser keeps its zero."""
         await self._home(station)
-        await self._survey(Phase.MEASURING_WITH, station, station.view.after, lambda *_: None)
+        await self._survey(DemoPhase.MEASURING_WITH, station, station.view.after, lambda *_: None)
 
     async def judge_without(self, station: _Station) -> None:
         """Go to the random targets from both sides; the table exists, but nobody uses it yet."""
-        await self._judge(Phase.WITHOUT, station, station.view.without)
+        await self._judge(DemoPhase.WITHOUT, station, station.view.without)
 
     async def judge_with(self, station: _Station) -> None:
         """Make the same moves, corrected. The laser keeps its zero."""
         await self._home(station)
-        await self._judge(Phase.WITH, station, station.view.corrected)
+        await self._judge(DemoPhase.WITH, station, station.view.corrected)
 
     async def _on_axis(self, axis: RigAxis, step: _Step) -> None:
         async with axis.controller() as controller:
@@ -272,14 +272,14 @@ class _Round:
     async def _home(self, station: _Station) -> None:
         """Go to 0 in the direction of homing, which the table has as its reference."""
         spec = station.axis.spec
-        self._view.begin(station.view, Phase.HOMING, 0)
+        self._view.begin(station.view, DemoPhase.HOMING, 0)
         before = Stop(-spec.home_direction.value * spec.overrun, spec.home_direction, measure=False)
         for stop in (before, Stop(0.0, spec.home_direction, measure=False)):
-            station.note(await station.controller.move(stop))
+            station.add(await station.controller.move(stop))
 
     async def _survey(
         self,
-        phase: Phase,
+        phase: DemoPhase,
         station: _Station,
         readings: list[Reading],
         show: Callable[[Arrival, Reading], None],
@@ -298,7 +298,7 @@ class _Round:
         stops = list(bidirectional_cycle(axis.spec.measured, axis.spec.overrun, self._runs))
         await self._run(phase, station, stops, read_laser)
 
-    async def _judge(self, phase: Phase, station: _Station, judged: list[Judged]) -> None:
+    async def _judge(self, phase: DemoPhase, station: _Station, judged: list[Judged]) -> None:
         def judge(arrival: Arrival) -> None:
             judged.append(station.judged(arrival, station.view.nut))
 
@@ -307,12 +307,12 @@ class _Round:
         await self._run(phase, station, stops, judge)
 
     async def _run(
-        self, phase: Phase, station: _Station, stops: list[Stop], at_stop: Callable[[Arrival], None]
+        self, phase: DemoPhase, station: _Station, stops: list[Stop], at_stop: Callable[[Arrival], None]
     ) -> None:
         """Go from stop to stop; ``at_stop`` sees those that count while the axis stands there."""
         self._view.begin(station.view, phase, len(stops))
         async for arrival in station.controller.run(iter(stops)):
-            station.note(arrival)
+            station.add(arrival)
             if arrival.stop.measure:
                 at_stop(arrival)
 

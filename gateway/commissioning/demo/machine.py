@@ -40,7 +40,7 @@ MOVED: Final = 0.3
 """So many steps at most a target lies off a point of the table: ISO 230-2 asks for irregular targets."""
 
 
-class Cable(Enum):
+class CableProtocol(Enum):
     """What a cable carries."""
 
     TCP = "tcp"
@@ -55,8 +55,8 @@ class AxisSpec:
     """
 
     name: str
-    controller: Cable
-    drive: Cable
+    controller: CableProtocol
+    drive: CableProtocol
     counts_per_unit: float
     low: float
     high: float
@@ -111,18 +111,18 @@ class AxisSpec:
 
 
 def _registers(command: int, actual: int, status: int, order: WordOrder) -> AxisRegisters:
-    def place(address: int) -> tuple[PositionField, ...]:
+    def fields_at(address: int) -> tuple[PositionField, ...]:
         return (PositionField(address, RegisterType.INT32, order),)
 
     bits = {name: BitField(status, bit) for name, bit in (("done", 4), ("homed", 8), ("moving", 1))}
-    return AxisRegisters(command=place(command), actual=place(actual), bits=bits)
+    return AxisRegisters(command=fields_at(command), actual=fields_at(actual), bits=bits)
 
 
 AXES: Final = (
     AxisSpec(
         name="x",
-        controller=Cable.TCP,
-        drive=Cable.TCP,
+        controller=CableProtocol.TCP,
+        drive=CableProtocol.TCP,
         counts_per_unit=2000.0,
         low=-300.0,
         high=0.0,
@@ -132,8 +132,8 @@ AXES: Final = (
     ),
     AxisSpec(
         name="y",
-        controller=Cable.RTU,
-        drive=Cable.RTU,
+        controller=CableProtocol.RTU,
+        drive=CableProtocol.RTU,
         counts_per_unit=1000.0,
         low=0.0,
         high=250.0,
@@ -143,8 +143,8 @@ AXES: Final = (
     ),
     AxisSpec(
         name="z",
-        controller=Cable.TCP,
-        drive=Cable.RTU,
+        controller=CableProtocol.TCP,
+        drive=CableProtocol.RTU,
         counts_per_unit=-50_000.0,
         low=-8.0,
         high=0.0,
@@ -191,7 +191,7 @@ class RigAxis:
         """Bring the drive onto its cable and lay the controller's; ``exits`` takes them away."""
         axis = SimulatedAxis(self.spec.name, self.spec.registers, self.mechanics)
         bus = DriveBus([SimulatedDrive(self.spec.unit_id, [axis])])
-        if self.spec.drive is Cable.TCP:
+        if self.spec.drive is CableProtocol.TCP:
             tcp = TcpDriveServer(bus, self.clock, host=LOOPBACK)
             await tcp.start()
             exits.push_async_callback(tcp.stop)
@@ -200,7 +200,7 @@ class RigAxis:
             pty = exits.enter_context(closing(Pty()))
             exits.enter_context(closing(SerialDriveServer(bus, self.clock, pty.master_fd)))
             self.drive_address = pty.path
-        if self.spec.controller is Cable.TCP:
+        if self.spec.controller is CableProtocol.TCP:
             self._controller_end = TcpEndpoint(LOOPBACK, free_port())
             self.controller_address = str(self._controller_end)
         else:
@@ -286,17 +286,18 @@ def _axis(axis: RigAxis, *, corrected: bool) -> str:
     """Return the line of an axis, and the axis."""
     spec, registers = axis.spec, axis.spec.registers
     margin = 2 * spec.overrun
+    port = _DRIVE_PORT if spec.drive is CableProtocol.RTU else ""
     use = f'table = "{table_name(spec)}"\ncompensation = "on"' if corrected else 'compensation = "off"'
     return f"""
 [line.{spec.name}]
-drives = {{ {spec.drive.value} = "{axis.drive_address}"{_DRIVE_PORT if spec.drive is Cable.RTU else ""} }}
+drives = {{ {spec.drive.value} = "{axis.drive_address}"{port} }}
 response_timeout_ms = {PATIENCE_MS}
 
 [[line.{spec.name}.controllers]]
 name = "controller-{spec.name}"
 {spec.controller.value} = "{axis.controller_address}"
 timeout_ms = {PATIENCE_MS}
-{_CONTROLLER_PORT if spec.controller is Cable.RTU else ""}
+{_CONTROLLER_PORT if spec.controller is CableProtocol.RTU else ""}
 [axis.{spec.name}]
 line = "{spec.name}"
 unit_id = {spec.unit_id}

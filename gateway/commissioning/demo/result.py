@@ -13,7 +13,7 @@ from gateway.commissioning.demo.machine import (
     table_name,
 )
 from gateway.metrology.readings import Reading, Survey
-from gateway.report.story import AxisStory, Report
+from gateway.report.axis_data import AxisData, Report
 from gateway.report.words import shortest
 
 REQUIRED_RATIO: Final = 1 / 20
@@ -91,11 +91,11 @@ INSTRUMENT: Final = "the simulated laser"
 def report_of(view: View, made_at: str) -> Report:
     """Return what the laser saw in a round, all axes."""
     facts = {"machine": f"simulated, seed {view.seed}", "instrument": INSTRUMENT}
-    axes = tuple(_story(axis) for axis in view.axes.values())
+    axes = tuple(_axis_data(axis) for axis in view.axes.values())
     return Report("A worn machine becomes accurate", axes, made_at, facts)
 
 
-def _story(axis: AxisView) -> AxisStory:
+def _axis_data(axis: AxisView) -> AxisData:
     spec = axis.spec
     facts = {
         "cables": f"controller {spec.controller.value}, drive {spec.drive.value}",
@@ -113,7 +113,7 @@ def _story(axis: AxisView) -> AxisStory:
         f"sides, the nut was off by up to {axis.error_without_um:.1f} µm without correction and by up to "
         f"{axis.error_with_um:.1f} µm with it."
     )
-    return AxisStory(
+    return AxisData(
         spec.name,
         spec.units,
         axis.table,

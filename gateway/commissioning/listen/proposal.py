@@ -10,8 +10,8 @@ from typing import Any, Final
 
 from gateway.commissioning.first_configuration import PARITIES
 from gateway.commissioning.listen.recognition import Match, likely, matches
-from gateway.commissioning.listen.serial_line import Setting
-from gateway.commissioning.listen.traffic import PositionGuess, UnitTally, Use, function_name
+from gateway.commissioning.listen.serial_line import PortSettings
+from gateway.commissioning.listen.traffic import PositionGuess, RegisterUse, UnitStatistics, function_name
 from gateway.drives import library
 from gateway.transport.endpoints import TcpEndpoint
 
@@ -20,15 +20,15 @@ SPLICED: Final = "/dev/serial/by-id/THE-ADAPTER-AT-THE-"
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class ListenPoint:
     """Where was listened: on a serial line, or before a drive at a TCP address."""
 
-    setting: Setting | None = None
+    setting: PortSettings | None = None
     near: TcpEndpoint | None = None
     far: TcpEndpoint | None = None
 
 
-def proposed(place: Place, units: dict[int, UnitTally]) -> str:
+def proposed(listen_point: ListenPoint, units: dict[int, UnitStatistics]) -> str:
     """Return a configuration, or nothing where no unit id takes targets."""
     axes = [
         (unit_id, likely(matches(unit_id, unit)), unit.positions())
@@ -47,7 +47,7 @@ def proposed(place: Place, units: dict[int, UnitTally]) -> str:
         'tables = "tables"',
         "",
         "[line.main]",
-        *_line(place),
+        *_line(listen_point),
         "",
     ]
     for name, (unit_id, found, positions) in zip(AXIS_NAMES, moving, strict=False):
@@ -55,21 +55,21 @@ def proposed(place: Place, units: dict[int, UnitTally]) -> str:
     return "\n".join(lines)
 
 
-def _line(place: Place) -> list[str]:
-    if place.far is not None and place.near is not None:
-        key = "rtu_over_tcp" if place.far.rtu else "tcp"
+def _line(listen_point: ListenPoint) -> list[str]:
+    if listen_point.far is not None and listen_point.near is not None:
+        key = "rtu_over_tcp" if listen_point.far.rtu else "tcp"
         return [
-            f"drives = {{ {key} = {json.dumps(str(place.far))} }}",
+            f"drives = {{ {key} = {json.dumps(str(listen_point.far))} }}",
             "",
             "[[line.main.controllers]]",
             'name = "controller"',
-            f"{key} = {json.dumps(str(place.near))}",
+            f"{key} = {json.dumps(str(listen_point.near))}",
             "# timeout_ms = FILL IN       # after this the controller gives up; take it from its program",
         ]
-    assert place.setting is not None
-    word = PARITIES[place.setting.parity]
+    assert listen_point.setting is not None
+    word = PARITIES[listen_point.setting.parity]
     # The standard gives a character without parity a second stop bit; most devices have one all the same.
-    keys = f'baudrate = {place.setting.baudrate}, parity = "{word}", stop_bits = 1'
+    keys = f'baudrate = {listen_point.setting.baudrate}, parity = "{word}", stop_bits = 1'
     return [
         "# Stop bits cannot be heard. Each side of the gateway has an adapter of its own.",
         f"drives = {{ rtu = {json.dumps(SPLICED + 'DRIVES')}, {keys} }}",
@@ -119,7 +119,7 @@ SHOWN_USES = 12
 SHOWN_DRIVES = 3
 
 
-def unit_data(unit_id: int, unit: UnitTally) -> dict[str, Any]:
+def unit_data(unit_id: int, unit: UnitStatistics) -> dict[str, Any]:
     """Return what was heard of a unit id as plain data."""
     found = matches(unit_id, unit)
     return {
@@ -147,7 +147,7 @@ def unit_data(unit_id: int, unit: UnitTally) -> dict[str, Any]:
     }
 
 
-def unit_lines(unit_id: int, unit: UnitTally) -> Iterator[str]:
+def unit_lines(unit_id: int, unit: UnitStatistics) -> Iterator[str]:
     """Yield what was heard of a unit id in words."""
     name = f"unit {unit_id}" if unit_id else "unit 0 (everybody; nobody answers)"
     refused = ", ".join(f"{count} × exception {code}" for code, count in sorted(unit.exceptions.items()))
@@ -169,13 +169,13 @@ def unit_lines(unit_id: int, unit: UnitTally) -> Iterator[str]:
         )
 
 
-def _use_text(use: Use) -> str:
+def _use_text(use: RegisterUse) -> str:
     verb = "writes" if use.is_write else "reads"
     end = f" to {use.last:#06x}" if use.quantity > 1 else ""
     return f"{function_name(use.function)}: {verb} {use.address:#06x}{end}"
 
 
-def _drive_text(unit_id: int, unit: UnitTally) -> Iterator[str]:
+def _drive_text(unit_id: int, unit: UnitStatistics) -> Iterator[str]:
     found = likely(matches(unit_id, unit))
     if found:
         names = " or ".join(f"{match.drive} ({library.shipped(match.drive).title})" for match in found)

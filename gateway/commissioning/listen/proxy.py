@@ -10,7 +10,7 @@ from contextlib import suppress
 from typing import Final
 
 from gateway.commissioning.listen.overhearing import Overheard, Overhearing
-from gateway.commissioning.listen.traffic import Tally
+from gateway.commissioning.listen.traffic import TrafficStatistics
 from gateway.modbus.mbap import MbapDecoder
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.errors import AbsentError, RefusedError
@@ -67,13 +67,19 @@ class RtuConversation:
 
 
 class Proxy:
-    """Listens on ``near``, connects to ``far`` for each connection, counts in ``tally``."""
+    """Listens on ``near``, connects to ``far`` for each connection, counts in ``statistics``."""
 
-    def __init__(self, near: TcpEndpoint, far: TcpEndpoint, tally: Tally, say: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        near: TcpEndpoint,
+        far: TcpEndpoint,
+        statistics: TrafficStatistics,
+        report: Callable[[str], None],
+    ) -> None:
         self._near = near
         self._far = far
-        self._tally = tally
-        self._say = say
+        self._statistics = statistics
+        self._report = report
         self._listener = ProtocolListener(self._protocol)
         self._tasks: set[asyncio.Task[None]] = set()
 
@@ -120,9 +126,9 @@ class Proxy:
                 to_drive, from_us = await asyncio.open_connection(self._far.host, self._far.port)
         except OSError as error:
             why = why_not_reached(self._far, error)
-            self._say(f"{why}; the connection of {peer[0]} is closed")
+            self._report(f"{why}; the connection of {peer[0]} is closed")
             return
-        self._say(f"{peer[0]} is connected")
+        self._report(f"{peer[0]} is connected")
         conversation = RtuConversation() if self._far.rtu else MbapConversation()
         try:
             async with asyncio.TaskGroup() as ways:
@@ -130,7 +136,7 @@ class Proxy:
                 ways.create_task(self._pass(to_drive, writer, conversation.from_drive))
         finally:
             from_us.close()
-            self._say(f"{peer[0]} has gone")
+            self._report(f"{peer[0]} has gone")
 
     async def _pass(
         self,
@@ -142,7 +148,7 @@ class Proxy:
         with suppress(OSError):
             while data := await reader.read(CHUNK_BYTES):
                 writer.write(data)
-                self._tally.hear(heard(data))
+                self._statistics.add(heard(data))
                 await writer.drain()
         with suppress(OSError, RuntimeError):
             writer.write_eof()

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Final
 
-from gateway.commissioning.listen.traffic import BIT_FUNCTIONS, UnitTally, Use
+from gateway.commissioning.listen.traffic import BIT_FUNCTIONS, RegisterUse, UnitStatistics
 from gateway.drives import library
 from gateway.drives.profile import Profile
 from gateway.modbus.registers import BitTable, PositionField
@@ -27,12 +27,12 @@ class Match:
     points: float
     kinds: tuple[str, ...]
     """What of it was heard: keys of ``POINTS``."""
-    known: float
+    share: float
     """Share of the different uses that it knows."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Known:
+class _ProfileRegisters:
     """Registers of a profile by what they are: addresses that are written, and that are read."""
 
     written: dict[str, frozenset[int]]
@@ -40,7 +40,7 @@ class _Known:
     coils: dict[str, frozenset[int]]
 
 
-def matches(unit_id: int, unit: UnitTally) -> list[Match]:
+def matches(unit_id: int, unit: UnitStatistics) -> list[Match]:
     """Return the profiles that fit, the best first."""
     uses = list(unit.uses)
     found = [match for name in library.names() if (match := _match(name, unit_id, uses)) is not None]
@@ -52,7 +52,7 @@ def likely(found: list[Match]) -> list[Match]:
     return [match for match in found if found[0].points - match.points < CLEAR_POINTS]
 
 
-def _match(name: str, unit_id: int, uses: list[Use]) -> Match | None:
+def _match(name: str, unit_id: int, uses: list[RegisterUse]) -> Match | None:
     profile = library.shipped(name)
     low, high = profile.unit_id_range or (0, 255)
     functions = {use.function for use in uses}
@@ -60,11 +60,11 @@ def _match(name: str, unit_id: int, uses: list[Use]) -> Match | None:
         return None
     if profile.function_codes and not functions <= {int(code) for code in profile.function_codes}:
         return None
-    known = _known(name)
+    registers = _registers_of(name)
     kinds = set()
     understood = 0
     for use in uses:
-        kind = _kind(use, known)
+        kind = _kind(use, registers)
         if kind is not None:
             kinds.add(kind)
             understood += 1
@@ -75,16 +75,16 @@ def _match(name: str, unit_id: int, uses: list[Use]) -> Match | None:
     return Match(name, points, tuple(kind for kind in POINTS if kind in kinds), share)
 
 
-def _kind(use: Use, known: _Known) -> str | None:
+def _kind(use: RegisterUse, registers: _ProfileRegisters) -> str | None:
     """Return what a use is to a profile: the first of the kinds that it touches."""
     is_bits = use.function in BIT_FUNCTIONS
-    places = known.coils if is_bits else known.written if use.is_write else known.read
+    kinds = registers.coils if is_bits else registers.written if use.is_write else registers.read
     touched = range(use.address, use.address + use.quantity)
-    return next((kind for kind, addresses in places.items() if not addresses.isdisjoint(touched)), None)
+    return next((kind for kind, addresses in kinds.items() if not addresses.isdisjoint(touched)), None)
 
 
 @cache
-def _known(name: str) -> _Known:
+def _registers_of(name: str) -> _ProfileRegisters:
     profile: Profile = library.shipped(name)
     registers = profile.registers
     targets = _spans(field for position in registers.command for field in position.fields())
@@ -97,7 +97,7 @@ def _known(name: str) -> _Known:
     bits = [bit for _, bit in registers.bits.named()]
     is_register = {bit.address: bit.table is BitTable.REGISTER for bit in bits}
     settings = frozenset({address for address in modes if address is not None} | others)
-    return _Known(
+    return _ProfileRegisters(
         written={"targets": targets, "triggers": frozenset(triggers), "settings": settings},
         read={
             "positions": actual,

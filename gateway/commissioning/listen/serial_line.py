@@ -42,7 +42,7 @@ BAUDRATES: Final = (19200, 9600, 115200, 38400, 57600, 4800, 230400, 2400, 46080
 PARITIES: Final = ("E", "N", "O")
 
 
-class Setting(NamedTuple):
+class PortSettings(NamedTuple):
     """How a port is set. Stop bits cannot be heard: a receiver looks at the first one only."""
 
     baudrate: int
@@ -53,7 +53,9 @@ class Setting(NamedTuple):
         return f"{self.baudrate} 8{self.parity}"
 
 
-def settings_to_try(baudrate: int | None, parity: str | None, *, has_parity: bool = True) -> list[Setting]:
+def settings_to_try(
+    baudrate: int | None, parity: str | None, *, has_parity: bool = True
+) -> list[PortSettings]:
     """Return what is tried, the usual first; what is given is not guessed.
 
     >>> [str(each) for each in settings_to_try(None, None)[:4]]
@@ -63,15 +65,17 @@ def settings_to_try(baudrate: int | None, parity: str | None, *, has_parity: boo
     kinds = PARITIES if parity is None else (parity,)
     if not has_parity:
         kinds = ("N",)
-    usual = [Setting(rate, kind) for rate in rates for kind in kinds if kind != "O" or parity == "O"]
-    return usual + [each for rate in rates for kind in kinds if (each := Setting(rate, kind)) not in usual]
+    usual = [PortSettings(rate, kind) for rate in rates for kind in kinds if kind != "O" or parity == "O"]
+    return usual + [
+        each for rate in rates for kind in kinds if (each := PortSettings(rate, kind)) not in usual
+    ]
 
 
 @dataclass(slots=True)
 class Trial:
     """What came at one setting."""
 
-    setting: Setting
+    setting: PortSettings
     line: Overhearing = field(default_factory=Overhearing)
     unmarking: Unmarking = field(default_factory=Unmarking)
     received: int = 0
@@ -99,7 +103,7 @@ class Trial:
         return self.received >= GIVE_UP_BYTES and (self.line.frames == 0 or has_wrong)
 
 
-class Ear:
+class Sniffer:
     """A port that is only read; enter it to open it.
 
     Raises AbsentError and RefusedError when it is opened: not there, in use, no permission, no serial port.
@@ -139,7 +143,7 @@ class Ear:
         if not self.is_pty:
             fcntl.ioctl(self._fd, termios.TIOCMBIC, struct.pack("I", termios.TIOCM_RTS))
 
-    def set(self, setting: Setting) -> None:
+    def set(self, setting: PortSettings) -> None:
         """Set the port; what came before is thrown away.
 
         Raises:
@@ -173,24 +177,24 @@ class Ear:
 
 
 def find_setting(
-    ear: Ear, settings: list[Setting], until_ns: int, say: Callable[[str], None]
+    sniffer: Sniffer, settings: list[PortSettings], until_ns: int, report: Callable[[str], None]
 ) -> tuple[Trial | None, list[Overheard]]:
     """Try one setting after the other, again and again, until one is right or the time is over.
 
     Returns the right one with the frames that were heard with it; else the one with most whole frames, if any
-    had one. ``say`` gets a sentence for each that was tried.
+    had one. ``report`` gets a sentence for each that was tried.
     """
     best: Trial | None = None
     heard_best: list[Overheard] = []
     while boot_ns() < until_ns:
         for setting in settings:
-            ear.set(setting)
+            sniffer.set(setting)
             trial = Trial(setting)
-            heard = [*_listen(ear, trial, min(until_ns, boot_ns() + int(DWELL_S * NS_PER_S)))]
+            heard = [*_listen(sniffer, trial, min(until_ns, boot_ns() + int(DWELL_S * NS_PER_S)))]
             if trial.is_right:
                 return trial, heard
             wrong = trial.unmarking.errors
-            say(
+            report(
                 f"{setting}: {trial.received} bytes, {trial.line.frames} whole frames"
                 + (f", {wrong} characters with a wrong parity or frame" if wrong else "")
             )
@@ -201,7 +205,7 @@ def find_setting(
     return best, heard_best
 
 
-def _listen(ear: Ear, trial: Trial, until_ns: int) -> Iterator[Overheard]:
+def _listen(sniffer: Sniffer, trial: Trial, until_ns: int) -> Iterator[Overheard]:
     while not (trial.is_right or trial.is_hopeless) and boot_ns() < until_ns:
-        data = ear.read(min(SILENCE_MS, max(0.0, (until_ns - boot_ns()) / NS_PER_MS)))
+        data = sniffer.read(min(SILENCE_MS, max(0.0, (until_ns - boot_ns()) / NS_PER_MS)))
         yield from trial.feed(data) if data else trial.line.silent()

@@ -26,7 +26,7 @@ BIT_FUNCTIONS: Final = frozenset(
 BIT_WRITES: Final = frozenset({FunctionCode.WRITE_SINGLE_COIL, FunctionCode.WRITE_MULTIPLE_COILS})
 
 
-class Use(NamedTuple):
+class RegisterUse(NamedTuple):
     """One way in which registers (or coils) are used."""
 
     function: int
@@ -61,7 +61,7 @@ class PositionGuess:
 
 
 @dataclass(slots=True)
-class UnitTally:
+class UnitStatistics:
     """One unit id."""
 
     requests: int = 0
@@ -69,7 +69,7 @@ class UnitTally:
     replies_alone: int = 0
     """Replies of which no request was heard."""
     exceptions: Counter[int] = field(default_factory=Counter)
-    uses: Counter[Use] = field(default_factory=Counter)
+    uses: Counter[RegisterUse] = field(default_factory=Counter)
     unplaced: Counter[int] = field(default_factory=Counter)
     """Function codes of requests that name no registers."""
     contents: deque[Content] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
@@ -84,28 +84,28 @@ class UnitTally:
         return guesses(list(self.contents))
 
 
-class Tally:
+class TrafficStatistics:
     """Counts frames."""
 
     def __init__(self) -> None:
-        self.units: dict[int, UnitTally] = {}
+        self.units: dict[int, UnitStatistics] = {}
 
     @property
     def requests(self) -> int:
         """How many there were."""
         return sum(unit.requests for unit in self.units.values())
 
-    def hear(self, frames: Iterable[Overheard]) -> None:
+    def add(self, frames: Iterable[Overheard]) -> None:
         """Count frames, in their order."""
         for frame in frames:
-            unit = self.units.setdefault(frame.unit_id, UnitTally())
+            unit = self.units.setdefault(frame.unit_id, UnitStatistics())
             if frame.is_reply:
                 _reply(unit, frame)
             else:
                 _request(unit, frame.pdu)
 
 
-def _request(unit: UnitTally, pdu: bytes) -> None:
+def _request(unit: UnitStatistics, pdu: bytes) -> None:
     unit.requests += 1
     uses = list(uses_of(pdu))
     unit.uses.update(uses)
@@ -116,7 +116,7 @@ def _request(unit: UnitTally, pdu: bytes) -> None:
         unit.contents.append(Content(True, access.write_address, _words(access.words(pdu))))
 
 
-def _reply(unit: UnitTally, frame: Overheard) -> None:
+def _reply(unit: UnitStatistics, frame: Overheard) -> None:
     if not frame.request:
         unit.replies_alone += 1
         return
@@ -132,26 +132,30 @@ def _reply(unit: UnitTally, frame: Overheard) -> None:
         unit.contents.append(Content(False, access.read_address, words))
 
 
-def uses_of(pdu: bytes) -> Iterator[Use]:
+def uses_of(pdu: bytes) -> Iterator[RegisterUse]:
     """Yield what a request does to registers, coils or inputs.
 
     >>> [*uses_of(bytes.fromhex("10 0058 0002 04 0000 2710"))]
-    [Use(function=16, is_write=True, address=88, quantity=2)]
+    [RegisterUse(function=16, is_write=True, address=88, quantity=2)]
     """
     function = pdu[0]
     if function in BIT_FUNCTIONS and len(pdu) >= 5:
         quantity = (
             1 if function == FunctionCode.WRITE_SINGLE_COIL else max(1, int.from_bytes(pdu[3:5], "big"))
         )
-        yield Use(function, function in BIT_WRITES, int.from_bytes(pdu[1:3], "big"), quantity)
+        yield RegisterUse(function, function in BIT_WRITES, int.from_bytes(pdu[1:3], "big"), quantity)
         return
     access = access_of(pdu)
     if access is None:
         return
     if access.write_quantity:
-        yield Use(function, is_write=True, address=access.write_address, quantity=access.write_quantity)
+        yield RegisterUse(
+            function, is_write=True, address=access.write_address, quantity=access.write_quantity
+        )
     if access.read_quantity:
-        yield Use(function, is_write=False, address=access.read_address, quantity=access.read_quantity)
+        yield RegisterUse(
+            function, is_write=False, address=access.read_address, quantity=access.read_quantity
+        )
 
 
 def _words(data: bytes) -> tuple[int, ...]:
@@ -180,8 +184,8 @@ def guesses(contents: list[Content]) -> list[PositionGuess]:
 
 def _guesses_in(contents: list[Content], words: WordOrder) -> Iterator[tuple[float, PositionGuess]]:
     """Yield guesses with the mean size of their targets."""
-    told, seen = _numbers(contents, words)
-    for command, targets in told.items():
+    written, seen = _numbers(contents, words)
+    for command, targets in written.items():
         if len(targets) < LEAST_TARGETS:
             continue
         size = sum(abs(counts) for _, counts in targets) / len(targets)
@@ -196,7 +200,7 @@ _Numbers = dict[int, list[tuple[int, int]]]
 
 
 def _numbers(contents: list[Content], words: WordOrder) -> tuple[_Numbers, _Numbers]:
-    told: _Numbers = {}
+    written: _Numbers = {}
     seen: _Numbers = {}
     image: dict[int, int] = {}
     for moment, content in enumerate(contents):
@@ -211,10 +215,10 @@ def _numbers(contents: list[Content], words: WordOrder) -> tuple[_Numbers, _Numb
             if not content.is_write:
                 seen.setdefault(address, []).append((moment, counts))
                 continue
-            of_address = told.setdefault(address, [])
+            of_address = written.setdefault(address, [])
             if abs(counts) > NEAR_COUNTS and (not of_address or of_address[-1][1] != counts):
                 of_address.append((moment, counts))
-    return told, seen
+    return written, seen
 
 
 def _joined(first: int, second: int, words: WordOrder) -> int:

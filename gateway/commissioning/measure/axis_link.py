@@ -53,7 +53,7 @@ class Lever:
 
 
 @dataclass(frozen=True, slots=True)
-class Recipe:
+class DriveRecipe:
     """How one axis is driven."""
 
     plan: AxisPlan
@@ -82,7 +82,7 @@ class Recipe:
         for trigger in self.plan.motion.triggers:
             if trigger.is_coil or trigger.address != address:
                 continue
-            does = trigger.deed(word, before).action
+            does = trigger.operation(word, before).action
             if does not in (*allowed, Action.IGNORE):
                 raise UndrivableError(
                     f"axis {self.plan.name}: register {trigger.address:#06x} holds {before:#06x}; writing "
@@ -91,7 +91,7 @@ class Recipe:
                 )
 
 
-def recipe_of(plan: AxisPlan) -> Recipe:
+def recipe_of(plan: AxisPlan) -> DriveRecipe:
     """Return how an axis is driven.
 
     Raises:
@@ -107,17 +107,17 @@ def recipe_of(plan: AxisPlan) -> Recipe:
     following = tuple(trigger for trigger in motion.triggers if trigger.can_follow and not trigger.is_coil)
     target_words = range(target.address, target.end)
     if motion.starts_on and not motion.starts_on.isdisjoint(target_words):
-        return Recipe(plan, target, None, stop, mode, following)
+        return DriveRecipe(plan, target, None, stop, mode, following)
     if motion.starts_on:
         raise _undrivable(plan, "its moves are started by writing further registers (starts_on)")
     if not motion.is_staged:
-        return Recipe(plan, target, None, stop, mode, following)
+        return DriveRecipe(plan, target, None, stop, mode, following)
     start = next((lever for lever in (_starting(each, motion) for each in levers) if lever), None)
     if start is None:
         raise _undrivable(
             plan, "a written target waits for a trigger, and no trigger register has a value that starts it"
         )
-    return Recipe(plan, target, start, stop, mode, following)
+    return DriveRecipe(plan, target, start, stop, mode, following)
 
 
 def writes(plan: AxisPlan, address: int, data: bytes) -> list[bytes]:
@@ -174,14 +174,16 @@ def _check_mode(plan: AxisPlan, mode: ModePlan) -> None:
 def _stays(lever: Lever, levers: list[TriggerPlan]) -> bool:
     """Whether a stop is a bit of a control word, in which 0 stops too: set, it would hold the next move."""
     others = (each for each in levers if each is not lever.trigger and each.address == lever.trigger.address)
-    return any(each.deed(0, None).action is Action.STOP for each in others)
+    return any(each.operation(0, None).action is Action.STOP for each in others)
 
 
 def _starting(trigger: TriggerPlan, motion: MotionPlan) -> Lever | None:
     """Return what runs the first target of the map, as an absolute move."""
-    wanted = {Action.ABSOLUTE, Action.START}
+    actions = {Action.ABSOLUTE, Action.START}
     values = [
-        value for value, deed in trigger.deeds.items() if deed.action in wanted and deed.number in (None, 0)
+        value
+        for value, operation in trigger.deeds.items()
+        if operation.action in actions and operation.number in (None, 0)
     ]
     if not values or (motion.mode(0) is None and any(motion.modes)):
         return None
@@ -193,7 +195,7 @@ def _stopping(trigger: TriggerPlan) -> Lever | None:
 
     0 is none: it takes an enabling bit away, and the axis would run out freely, or go on when it comes back.
     """
-    stops = (value for value, deed in trigger.deeds.items() if deed.action is Action.STOP and value)
+    stops = (value for value, operation in trigger.deeds.items() if operation.action is Action.STOP and value)
     value = next(stops, None)
     return None if value is None else Lever(trigger, value)
 
@@ -205,10 +207,10 @@ def _undrivable(plan: AxisPlan, why: str) -> UndrivableError:
     )
 
 
-STANDING_BITS: Final = (DONE_BIT, MOVING_BIT, ALARM_BIT)
+STANDSTILL_BITS: Final = (DONE_BIT, MOVING_BIT, ALARM_BIT)
 
 
-class Asking(Protocol):
+class AxisMaster(Protocol):
     """One exchange at a time, as ``ModbusMaster`` does it."""
 
     async def exchange(self, unit_id: int, pdu: bytes) -> bytes:
@@ -221,7 +223,7 @@ class LostAxisError(AxisError):
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class AxisSnapshot:
     """An axis at one moment. Bits are None where the map has none."""
 
     position: float
@@ -233,7 +235,7 @@ class Look:
 class AxisLink:
     """Drives one axis by its recipe."""
 
-    def __init__(self, master: Asking, recipe: Recipe) -> None:
+    def __init__(self, master: AxisMaster, recipe: DriveRecipe) -> None:
         self.recipe = recipe
         self.plan = recipe.plan
         self._master = master
@@ -272,13 +274,13 @@ class AxisLink:
         bit = self.plan.bits.get(name)
         if bit is None:
             return None
-        words = await self._read(read_bit(self._axis, Purpose.STANDING, bit), f"bit {name}")
+        words = await self._read(read_bit(self._axis, Purpose.STANDSTILL, bit), f"bit {name}")
         return bit.is_set(int.from_bytes(words))
 
-    async def look(self) -> Look:
+    async def snapshot(self) -> AxisSnapshot:
         """Read the bits that tell whether it moves, then where it is. Raises AxisError."""
-        done, moving, alarm = [await self.bit(name) for name in STANDING_BITS]
-        return Look(await self.position(), done, moving, alarm)
+        done, moving, alarm = [await self.bit(name) for name in STANDSTILL_BITS]
+        return AxisSnapshot(await self.position(), done, moving, alarm)
 
     async def is_homed(self) -> bool | None:
         """Read the homed bit. Raises AxisError."""

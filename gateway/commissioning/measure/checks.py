@@ -196,10 +196,10 @@ def check_range(link: AxisLink, stops: Sequence[Stop], *, is_corrected: bool) ->
         if not low <= stop.nominal <= high:
             what = "target" if stop.measure else "turn-around point (--overrun)"
             overrun = min(
-                abs(turn.nominal - target.nominal)
-                for turn in stops
+                abs(turnaround.nominal - target.nominal)
+                for turnaround in stops
                 for target in stops
-                if target.measure and not turn.measure
+                if target.measure and not turnaround.measure
             )
             raise AxisError(
                 f"the {what} {stop.nominal:.9g} is outside travel = [{low:.9g}, {high:.9g}] {units}: give "
@@ -237,29 +237,29 @@ def check_overrun(plan: AxisPlan, overrun: float) -> None:
         )
 
 
-async def check_standing(link: AxisLink) -> float:
+async def check_may_move(link: AxisLink) -> float:
     """Check that the axis is ready to move, and return where it stands.
 
     Raises:
         AxisError: alarm, moving, not homed, outside travel, no reply.
     """
     plan = link.plan
-    look = await link.look()
-    if look.is_alarm:
+    snapshot = await link.snapshot()
+    if snapshot.is_alarm:
         raise AxisError(f"axis {plan.name} reports an alarm (bits.{ALARM_BIT}): clear it at the drive")
-    if look.is_moving:
+    if snapshot.is_moving:
         raise AxisError(f"axis {plan.name} is moving: wait until it stands, and nobody else moves it")
     if plan.referenced is Reference.DRIVE_BIT and await link.is_homed() is False:
         raise AxisError(f"axis {plan.name} is not homed: home it first")
     assert plan.settings.travel is not None
     low, high = plan.settings.travel
     slack = plan.settings.travel_margin
-    if not low - slack <= look.position <= high + slack:
+    if not low - slack <= snapshot.position <= high + slack:
         raise AxisError(
-            f"axis {plan.name} stands at {look.position:.9g}, outside travel = [{low:.9g}, {high:.9g}]: "
+            f"axis {plan.name} stands at {snapshot.position:.9g}, outside travel = [{low:.9g}, {high:.9g}]: "
             "bring it inside, or correct zero_counts"
         )
-    return look.position
+    return snapshot.position
 
 
 def _axis_status(status: RelayModel, axis: AxisPlan) -> AxisStatus:

@@ -35,23 +35,23 @@ _WHOLE: Final = re.compile(r"\s*[+-]?\d+\s*")
 
 
 class Columns:
-    """The columns of one file; ``wanted`` is the name of one in its first row, or its number from 1.
+    """The columns of one file; ``column`` is the name of one in its first row, or its number from 1.
 
     Raises:
         InstrumentError: no delimiter of one character, column 0.
     """
 
-    def __init__(self, path: str, wanted: str, delimiter: str) -> None:
+    def __init__(self, path: str, column: str, delimiter: str) -> None:
         self._path = path
-        self._wanted = wanted
+        self._column = column
         self._delimiter = "\t" if delimiter in TAB else delimiter
         if len(self._delimiter) != 1 or self._delimiter in '"\r\n':
             raise InstrumentError(
                 f"--delimiter {delimiter!r}: the one character that stands between columns, such as ; or tab"
             )
-        if wanted.isdecimal() and int(wanted) < 1:
+        if column.isdecimal() and int(column) < 1:
             raise InstrumentError("--column 0: columns count from 1")
-        self._index = int(wanted) - 1 if wanted.isdecimal() else 0
+        self._index = int(column) - 1 if column.isdecimal() else 0
         self._width: int | None = None
 
     def settle(self, rows: bytes) -> None:
@@ -62,14 +62,14 @@ class Columns:
         """
         above = [self._cells(row) for row in rows.decode("utf-8-sig", "replace").splitlines()]
         names = [name.strip() for name in above[0]] if above else []
-        if not self._wanted.isdecimal():
-            if names.count(self._wanted) != 1:
+        if not self._column.isdecimal():
+            if names.count(self._column) != 1:
                 raise InstrumentError(
-                    f"{self._path}: --column {self._wanted}: its first row has "
+                    f"{self._path}: --column {self._column}: its first row has "
                     f"{', '.join(names) or 'nothing'}; give one of these names, or a number from 1, and with "
                     "--delimiter what stands between columns"
                 )
-            self._index = names.index(self._wanted)
+            self._index = names.index(self._column)
         heads = [row for row in above if any(row) and not any(_CELL.fullmatch(cell) for cell in row)]
         if heads:
             self._width = len(heads[-1])
@@ -222,9 +222,9 @@ class Keyboard:
 
     title = "keyboard"
 
-    def __init__(self, lines: Lines, say: Callable[[str], None]) -> None:
+    def __init__(self, lines: Lines, show: Callable[[str], None]) -> None:
         self._lines = lines
-        self._say = say
+        self._show = show
 
     async def open(self) -> None:
         """See :class:`Instrument`."""
@@ -234,12 +234,12 @@ class Keyboard:
         if early := self._lines.early():
             if early == "q":
                 raise StoppedError("q on the keyboard")
-            self._say(f"  {early!r} was typed before the axis stood: not taken\n")
+            self._show(f"  {early!r} was typed before the axis stood: not taken\n")
 
     async def read(self, stop: str) -> float:
         """See :class:`Instrument`. Asks until it is a number; ``q`` ends the run."""
         while True:
-            self._say(f"{stop}: reading (q stops): ")
+            self._show(f"{stop}: reading (q stops): ")
             line = await self._lines.line()
             if line is None:
                 raise InstrumentError("standard input has ended: nobody types readings any more")
@@ -248,7 +248,7 @@ class Keyboard:
             try:
                 return number_of(line)
             except BadReadingError as error:
-                self._say(f"  {error}\n")
+                self._show(f"  {error}\n")
 
     def close(self) -> None:
         """See :class:`Instrument`."""

@@ -31,7 +31,7 @@ from gateway.commissioning.measure.errors import (
     MeasureError,
 )
 from gateway.commissioning.measure.instruments import GrowingCsv, Instrument, Keyboard, Lines, SerialGauge
-from gateway.commissioning.measure.options import Grid, MeasureOptions, Pace, Reader
+from gateway.commissioning.measure.options import Grid, InstrumentOptions, MeasureOptions, Pace
 from gateway.commissioning.measure.readings_file import (
     SUFFIX,
     Earlier,
@@ -41,8 +41,15 @@ from gateway.commissioning.measure.readings_file import (
     facts_of,
     read_earlier,
 )
-from gateway.commissioning.measure.running import Manners, Showing
-from gateway.commissioning.measure.session import Place, Seen, Session, endpoint_of, look, preview
+from gateway.commissioning.measure.running import RunSettings, Showing
+from gateway.commissioning.measure.session import (
+    AxisRoute,
+    MeasureSession,
+    StartConditions,
+    check_ready,
+    endpoint_of,
+    preview,
+)
 from gateway.compensation.settings import DEFAULT_MAX_SLOPE
 from gateway.compensation.units import Units
 from gateway.config.load import Loaded
@@ -118,7 +125,7 @@ def _spread(grid: Grid) -> float | None:
     return grid.lead
 
 
-def instrument_of(reader: Reader, lines: Lines, unit: str = "mm") -> Instrument:
+def instrument_of(reader: InstrumentOptions, lines: Lines, unit: str = "mm") -> Instrument:
     """Return the instrument, not yet open; ``unit`` is the one in which its readings are taken.
 
     Raises:
@@ -153,7 +160,7 @@ def instrument_of(reader: Reader, lines: Lines, unit: str = "mm") -> Instrument:
     return SerialGauge(reader.kind, endpoint, request, reader.timeout_s, pattern=pattern, unit=unit)
 
 
-def manners_of(pace: Pace, reader: Reader, axis: AxisPlan) -> Manners:
+def run_settings_of(pace: Pace, reader: InstrumentOptions, axis: AxisPlan) -> RunSettings:
     """Return how the run goes, in units of the axis. Raises InstrumentError: unknown units."""
     units = axis.settings.units
     window = units.from_mm(WINDOW_MM) if pace.window is None else pace.window
@@ -162,7 +169,7 @@ def manners_of(pace: Pace, reader: Reader, axis: AxisPlan) -> Manners:
         window > 0 and largest > 0 and isfinite(window) and isfinite(largest) and isfinite(reader.zero_at)
     ):
         raise InstrumentError("--window and --largest-deviation: greater than 0; --zero-at: a position")
-    return Manners(
+    return RunSettings(
         dwell_s=pace.dwell_s,
         window=window,
         move_timeout_s=pace.move_timeout_s,
@@ -173,17 +180,17 @@ def manners_of(pace: Pace, reader: Reader, axis: AxisPlan) -> Manners:
     )
 
 
-def _factor(told: str | None, units: Units) -> float:
-    if told is None:
+def _factor(given: str | None, units: Units) -> float:
+    if given is None:
         return 1.0
     factors = {
         "mm": units.from_mm(1.0),
         "um": units.from_mm(1.0 / UM_PER_MM),
         "inch": Units.INCH.convert_factor(units),
     }
-    if told not in factors:
-        raise InstrumentError(f"--reading-units {told}: allowed are {', '.join(factors)}")
-    return factors[told]
+    if given not in factors:
+        raise InstrumentError(f"--reading-units {given}: allowed are {', '.join(factors)}")
+    return factors[given]
 
 
 def _prompt(text: str) -> None:
@@ -192,10 +199,10 @@ def _prompt(text: str) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class RunResult:
     """What a whole run led to."""
 
-    outcome: outcome.Outcome
+    outcome: outcome.RunOutcome
     readings_file: Path
     written: tuple[str, ...]
     """What was written besides, a line each."""
@@ -232,13 +239,13 @@ class Measuring:
         choice, results = options.choice, options.results
         line, plan = axis_of(loaded.plan.lines, choice.axis)
         link = controller_of(line, choice.controller)
-        self._place = Place(line, recipe_of(plan), link, endpoint_of(link, choice.port))
+        self._route = AxisRoute(line, recipe_of(plan), link, endpoint_of(link, choice.port))
         self._out_format = outcome.check_format(results.out_format, plan)
-        outcome.check_places(results.out, results.report, force=results.force)
+        outcome.check_outputs(results.out, results.report, force=results.force)
         self._lines = Lines()
         unit = options.reader.units or plan.settings.units.value
         self.instrument = instrument_of(options.reader, self._lines, unit)
-        self._manners = manners_of(options.pace, options.reader, plan)
+        self._settings = run_settings_of(options.pace, options.reader, plan)
         self._loaded = loaded
         self._shape = shape_of(loaded.plan)
         self._section = loaded.sections.axes[plan.name]
@@ -254,11 +261,11 @@ class Measuring:
         """Of the new table's even grid; None: its points are the targets."""
         self._before = None if results.before is None else outcome.survey_before(results.before, plan)
         self._plan: MeasuringPlan | None = None
-        self._seen: Seen | None = None
+        self._seen: StartConditions | None = None
         self._left: list[Stop] = []
         self.readings_file = results.resume
 
-    def look(self) -> int:
+    def check_ready(self) -> int:
         """Check all that must be right before the axis moves; return how many stops are left.
 
         Nothing is written to the drive.
@@ -271,7 +278,7 @@ class Measuring:
         if self._results.resume is not None:
             check_order(self._results.resume, stops, done)
         self._plan, self._left = plan, remaining(stops, len(done))
-        self._seen = asyncio.run(look(self._place, plan, stops, self._status))
+        self._seen = asyncio.run(check_ready(self._route, plan, stops, self._status))
         self._check_same(self._seen)
         self._choose_points(plan, self._seen)
         return len(self._left)
@@ -279,7 +286,7 @@ class Measuring:
     def preview(self) -> Iterator[str]:
         """Yield what a person has to know before the axis moves, after :meth:`look`."""
         plan, seen = self._looked()
-        yield from preview(self._place, seen, self._left, self.instrument.title, self._pace)
+        yield from preview(self._route, seen, self._left, self.instrument.title, self._pace)
         for warning in lead_warnings(plan.targets, self._periods, self.units):
             yield f"  lead          {warning}"
 
@@ -296,7 +303,7 @@ class Measuring:
         plan, seen = self._looked()
         done = 0 if self._earlier is None else len(self._earlier.readings)
         with self._file(plan, seen) as file:
-            session = Session(self._place, self.instrument, self._manners, file, showing)
+            session = MeasureSession(self._route, self.instrument, self._settings, file, showing)
             total = 2 * len(plan.targets) * plan.runs
             try:
                 showing.begin(total, done)
@@ -307,7 +314,7 @@ class Measuring:
                     file.path.unlink(missing_ok=True)
                 raise EndedEarlyError(str(error), took, session.stopped_by) from error
 
-    def result(self) -> Measured:
+    def result(self) -> RunResult:
         """Make something of all readings, as they stand in their file, whatever becomes of this.
 
         Raises:
@@ -335,9 +342,9 @@ class Measuring:
                 written.append(f"{results.report}: the report")
         except MeasureError as error:
             raise MeasureError(f"{error} (the readings are in {path})") from None
-        return Measured(found, path, tuple(written))
+        return RunResult(found, path, tuple(written))
 
-    def _looked(self) -> tuple[MeasuringPlan, Seen]:
+    def _looked(self) -> tuple[MeasuringPlan, StartConditions]:
         assert self._plan is not None, "look comes first"
         assert self._seen is not None
         return self._plan, self._seen
@@ -353,7 +360,7 @@ class Measuring:
             raise FileError(f"{resume}: was begun for axis {earlier.facts.get('axis')}")
         return earlier.plan, earlier.readings
 
-    def _check_same(self, seen: Seen) -> None:
+    def _check_same(self, seen: StartConditions) -> None:
         """Readings with and without a table, or with two tables, make no table."""
         if self._earlier is None:
             return
@@ -364,7 +371,7 @@ class Measuring:
                 f"{seen.compensation.fact}: bring it back, or measure anew"
             )
 
-    def _choose_points(self, plan: MeasuringPlan, seen: Seen) -> None:
+    def _choose_points(self, plan: MeasuringPlan, seen: StartConditions) -> None:
         """Choose the points of the new table before the work. Raises FileError: it could not be written."""
         results, axis, section = self._results, self._axis, self._section
         if seen.compensation.is_active and axis.table is not None:
@@ -395,7 +402,7 @@ class Measuring:
         return reply.status
 
     @contextmanager
-    def _file(self, plan: MeasuringPlan, seen: Seen) -> Iterator[ReadingsFile]:
+    def _file(self, plan: MeasuringPlan, seen: StartConditions) -> Iterator[ReadingsFile]:
         results, axis = self._results, self._axis
         now = time.strftime("%Y-%m-%dT%H:%M:%S%z")
         if results.resume is not None:

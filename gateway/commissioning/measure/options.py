@@ -60,7 +60,7 @@ class Pace:
 
 
 @dataclass(frozen=True, slots=True)
-class Reader:
+class InstrumentOptions:
     """The instrument, and how what it shows becomes a machine position; neither CSV nor gauge: a person."""
 
     csv: Annotated[Path | None, Option("Take readings from this file, to which rows are appended.")] = None
@@ -130,5 +130,5 @@ class MeasureOptions:
     choice: AxisChoice
     grid: Grid = Grid()
     pace: Pace = Pace()
-    reader: Reader = Reader()
+    reader: InstrumentOptions = InstrumentOptions()
     results: Results = Results()

@@ -28,7 +28,7 @@ from gateway.metrology.recipe import Built, Recipe, build_from
 from gateway.metrology.refine import Refined, refine_table
 from gateway.metrology.resample import grid_positions
 from gateway.metrology.residue import LeftOut, left_out_json, left_out_line, left_out_text, predicted_residue
-from gateway.metrology.scale import told_scale
+from gateway.metrology.scale import reliable_scale
 from gateway.tabfile import DIALECTS, TabFileError, Written, dialect_named, parse_table
 from gateway.tabfile.conversion import reader_lines, write
 
@@ -37,7 +37,7 @@ SMALL: Final = {Units.MM: (1000.0, "µm"), Units.INCH: (10_000.0, "tenths (0.000
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class ChangeFromActive:
     """Where a new table differs most from the active one, in units of the axis; signed, new less old."""
 
     position: float
@@ -46,14 +46,14 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class RunOutcome:
     """Everything that a whole run leads to."""
 
     survey: Survey
     evaluation: Evaluation
     table: CorrectionTable
     is_refined: bool
-    change: Change | None = None
+    change: ChangeFromActive | None = None
     """None: no table was in use before."""
     notes: tuple[str, ...] = field(default=())
     active: CorrectionTable | None = None
@@ -106,7 +106,7 @@ def outcome_of(
     periods: tuple[Period, ...] = (),
     step: float | None = None,
     refusal: Callable[[CorrectionTable], str | None] | None = None,
-) -> Outcome:
+) -> RunOutcome:
     """Evaluate the readings and make the table of them, along the curve that leaves least between targets.
 
     ``periods`` are what the error may repeat with. ``step`` lays an even grid over the travel, for a new
@@ -120,9 +120,9 @@ def outcome_of(
     if active is not None and axis.settings.backlash is not None:
         active = with_backlash(active, axis.settings.backlash)
         notes.append("the new table holds the backlash too: take the key backlash away when you use it")
-    turn = longest(periods)
-    notes += notes_of(survey, axis.settings.counts_per_unit, with_scale=not is_active, lead=turn)
-    if not is_active and (scale := told_scale(survey, turn)) and scale.is_large:
+    longest_period = longest(periods)
+    notes += notes_of(survey, axis.settings.counts_per_unit, with_scale=not is_active, lead=longest_period)
+    if not is_active and (scale := reliable_scale(survey, longest_period)) and scale.is_large:
         notes.append(
             "more than 0.3 mm/m is no screw but a wrong scale: put it right first, and measure again"
         )
@@ -150,18 +150,20 @@ def outcome_of(
         raise MeasureError(str(error)) from None
     change = None if active is None else largest_change(active, done.table, axis)
     used = active if is_active else None
-    return Outcome(survey, evaluation, done.table, is_active, change, (*done.notes, *notes), used, left_out)
+    return RunOutcome(
+        survey, evaluation, done.table, is_active, change, (*done.notes, *notes), used, left_out
+    )
 
 
-def largest_change(old: CorrectionTable, new: CorrectionTable, axis: AxisPlan) -> Change:
+def largest_change(old: CorrectionTable, new: CorrectionTable, axis: AxisPlan) -> ChangeFromActive:
     """Return where two tables differ most, at the points of both."""
     specs = [spec_of_table(table, axis.settings) for table in (old, new)]
-    places = sorted({*old.positions, *new.positions})
+    positions = sorted({*old.positions, *new.positions})
     changes = [
-        Change(place, direction, after - before)
-        for place in places
+        ChangeFromActive(position, direction, after - before)
+        for position in positions
         for direction, share in ((Direction.FORWARD, 1.0), (Direction.BACKWARD, 0.0))
-        for before, after in [[spec.map_at(share).correction(place) for spec in specs]]
+        for before, after in [[spec.map_at(share).correction(position) for spec in specs]]
     ]
     return max(changes, key=lambda change: abs(change.amount))
 
@@ -176,17 +178,17 @@ def _home(axis: AxisPlan, survey: Survey, *, is_over_travel: bool = False) -> Ho
     return HomeReference(0.0, Direction(axis.settings.home_approach))
 
 
-def check_format(told: str | None, axis: AxisPlan) -> str:
+def check_format(given: str | None, axis: AxisPlan) -> str:
     """Return the dialect of the table that is to be written. Raises FileError: there is none of that name."""
     names = [dialect.name for dialect in DIALECTS]
-    if told is not None:
-        if told not in names:
-            raise FileError(f"--out-format {told}: allowed are {', '.join(names)}")
-        return told
+    if given is not None:
+        if given not in names:
+            raise FileError(f"--out-format {given}: allowed are {', '.join(names)}")
+        return given
     return next(name for name in (axis.table_format, *FALLBACK_FORMATS) if name in names)
 
 
-def check_places(out: Path | None, report: Path | None, *, force: bool) -> None:
+def check_outputs(out: Path | None, report: Path | None, *, force: bool) -> None:
     """Check before the work that its results can be written where they are wanted. Raises FileError."""
     if out is not None and out.exists() and not force:
         raise FileError(f"{out}: a file of this name; give a new name, or --force")
@@ -202,10 +204,10 @@ def check_places(out: Path | None, report: Path | None, *, force: bool) -> None:
             ) from None
     if report is not None:
         from gateway.report.errors import ReportError
-        from gateway.report.writing import check_place
+        from gateway.report.writing import check_path
 
         try:
-            check_place(report, force=force)
+            check_path(report, force=force)
         except ReportError as error:
             raise FileError(str(error)) from None
 
@@ -280,7 +282,7 @@ def refusal(format_name: str, table: CorrectionTable, axis: AxisPlan, section: A
 
 
 def write_table(
-    outcome: Outcome, out: Path, format_name: str, axis: AxisPlan, section: AxisSection, *, force: bool
+    outcome: RunOutcome, out: Path, format_name: str, axis: AxisPlan, section: AxisSection, *, force: bool
 ) -> list[str]:
     """Write the table as the axis's ``table_options`` read it; return what a person should know.
 
@@ -348,7 +350,7 @@ def survey_before(path: Path, axis: AxisPlan) -> Survey:
     return survey
 
 
-def _told(outcome: Outcome) -> tuple[str, ...]:
+def _report_notes(outcome: RunOutcome) -> tuple[str, ...]:
     """Return what the report has to say beside its figures: of a refined table there are none in it."""
     if not outcome.is_refined or outcome.left_out is None:
         return outcome.notes
@@ -356,21 +358,23 @@ def _told(outcome: Outcome) -> tuple[str, ...]:
     return (*outcome.notes, f"the next table, made of these readings, will leave between its points {left}")
 
 
-def write_report(outcome: Outcome, path: Path, axis: str, before: Survey | None, *, force: bool) -> None:
+def write_report(outcome: RunOutcome, path: Path, axis: str, before: Survey | None, *, force: bool) -> None:
     """Write the report; ``before`` are readings of an earlier run, without a table. Raises FileError."""
+    from gateway.report.axis_data import AxisData, Report
     from gateway.report.errors import ReportError
-    from gateway.report.story import AxisStory, Report
     from gateway.report.writing import write_report as write_file
 
     survey = outcome.survey
     if outcome.is_refined:
         # beside readings with a table stands that table, not the better one that was made of them
-        story = AxisStory(axis, survey.units, outcome.active, before, survey)
+        axis_data = AxisData(axis, survey.units, outcome.active, before, survey)
     else:
         after = predicted_residue(survey, outcome.table)
-        story = AxisStory(axis, survey.units, outcome.table, survey, after, is_predicted=True)
-    story = replace(story, facts=survey.facts, left_out=outcome.left_out, notes=_told(outcome))
-    report = Report(f"Axis {axis}", (story,), survey.facts.get("measured", ""))
+        axis_data = AxisData(axis, survey.units, outcome.table, survey, after, is_predicted=True)
+    axis_data = replace(
+        axis_data, facts=survey.facts, left_out=outcome.left_out, notes=_report_notes(outcome)
+    )
+    report = Report(f"Axis {axis}", (axis_data,), survey.facts.get("measured", ""))
     try:
         write_file(report, path, force=force)
     except ReportError as error:

@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeVar
 
-from gateway.commissioning.measure.axis_link import AxisLink, Look, LostAxisError
+from gateway.commissioning.measure.axis_link import AxisLink, AxisSnapshot, LostAxisError
 from gateway.commissioning.measure.errors import AxisError, BadReadingError, StoppedError
 from gateway.commissioning.measure.instruments import Instrument, Lines
 from gateway.commissioning.measure.readings_file import ReadingsFile
@@ -27,7 +27,7 @@ Result = TypeVar("Result")
 class Showing:
     """Told of everything as it happens, and shows nothing of it. Positions are in units of the axis."""
 
-    def say(self, text: str) -> None:
+    def show(self, text: str) -> None:
         """Say one sentence."""
 
     def begin(self, total: int, done: int) -> None:
@@ -100,7 +100,7 @@ class Halt:
 
 
 @dataclass(frozen=True, slots=True)
-class Manners:
+class RunSettings:
     """How a run goes; lengths in units of the axis."""
 
     dwell_s: float
@@ -125,7 +125,7 @@ class Run:
         self,
         link: AxisLink,
         instrument: Instrument,
-        manners: Manners,
+        settings: RunSettings,
         file: ReadingsFile,
         *,
         showing: Showing,
@@ -133,7 +133,7 @@ class Run:
     ) -> None:
         self._link = link
         self._instrument = instrument
-        self._manners = manners
+        self._settings = settings
         self._file = file
         self._showing = showing
         self._units = link.plan.settings.units.value
@@ -156,13 +156,13 @@ class Run:
             self.halt.check()
             await self._move(stop)
             if stop.measure:
-                await self.halt.wait(self._manners.dwell_s)
+                await self.halt.wait(self._settings.dwell_s)
                 reading = await self._reading(stop)
                 self._file.append(reading)
                 self.readings.append(reading)
                 self._showing.took(reading)
 
-    async def leave_standing(self, link: AxisLink | None = None) -> str:
+    async def bring_to_standstill(self, link: AxisLink | None = None) -> str:
         """Stop the axis if it may be moving, and say where it stands and how it was stopped.
 
         ``link``: another connection, where the own one is lost.
@@ -178,33 +178,33 @@ class Run:
             except LostAxisError:
                 raise
             except AxisError as error:  # who refuses the stop has refused the move before, most likely
-                look = await self._until_still(STILL_FOR_SURE)
+                snapshot = await self._until_still(STILL_FOR_SURE)
                 self.may_move = False
-                return f"{self._stands(look)}; its stop was refused: {error}"
-        look = await self._until_still()
+                return f"{self._position_text(snapshot)}; its stop was refused: {error}"
+        snapshot = await self._until_still()
         if self.may_move:
             await self._link.let_go()
-            if not self._is_near((await self._until_still()).position, look.position):
+            if not self._is_near((await self._until_still()).position, snapshot.position):
                 await self._link.stop()
                 raise AxisError("it moved again when its stop was taken back, and was stopped once more")
             self.may_move = False
-        return f"{self._stands(look)}; {how}" if how else self._stands(look)
+        return f"{self._position_text(snapshot)}; {how}" if how else self._position_text(snapshot)
 
-    def _stands(self, look: Look) -> str:
-        return f"axis {self._link.plan.name} stands at {look.position:.6g} {self._units}"
+    def _position_text(self, snapshot: AxisSnapshot) -> str:
+        return f"axis {self._link.plan.name} stands at {snapshot.position:.6g} {self._units}"
 
-    async def _until_still(self, looks: int = STILL) -> Look:
-        first = await self._link.look()
+    async def _until_still(self, looks: int = STILL) -> AxisSnapshot:
+        first = await self._link.snapshot()
         still = 0
         try:
             async with asyncio.timeout(STOP_TIMEOUT_S):
                 while still < looks:
                     await asyncio.sleep(POLL_S)
-                    look = await self._link.look()
-                    if self._is_near(look.position, first.position) and not look.is_moving:
+                    snapshot = await self._link.snapshot()
+                    if self._is_near(snapshot.position, first.position) and not snapshot.is_moving:
                         still += 1
                     else:
-                        still, first = 0, look
+                        still, first = 0, snapshot
         except TimeoutError:
             raise AxisError(
                 f"axis {self._link.plan.name} still moves {STOP_TIMEOUT_S:g} s after the stop command: press "
@@ -227,31 +227,31 @@ class Run:
         self.may_move = True
         await self._link.go(stop.nominal, starts)
         loop = asyncio.get_running_loop()
-        give_up_s = loop.time() + self._manners.move_timeout_s
-        still, last = 0, await self._link.look()
+        give_up_s = loop.time() + self._settings.move_timeout_s
+        still, last = 0, await self._link.snapshot()
         while still < STILL:
             await self.halt.wait(POLL_S)
-            look = await self._link.look()
-            if look.is_alarm:
+            snapshot = await self._link.snapshot()
+            if snapshot.is_alarm:
                 raise AxisError(
                     f"axis {self._link.plan.name} reports an alarm on the way to {stop.nominal:.9g}"
                 )
-            is_there = abs(look.position - stop.nominal) <= self._manners.window
-            is_still = self._is_near(look.position, last.position)
-            says_so = look.is_done is not False and look.is_moving is not True
-            still, last = (still + 1 if is_there and is_still and says_so else 0), look
+            is_there = abs(snapshot.position - stop.nominal) <= self._settings.window
+            is_still = self._is_near(snapshot.position, last.position)
+            says_so = snapshot.is_done is not False and snapshot.is_moving is not True
+            still, last = (still + 1 if is_there and is_still and says_so else 0), snapshot
             if loop.time() > give_up_s:
-                raise AxisError(self._why_not_there(stop, look))
+                raise AxisError(self._why_not_there(stop, snapshot))
         self.may_move = False
 
-    def _why_not_there(self, stop: Stop, look: Look) -> str:
-        limit, away = self._manners.move_timeout_s, abs(look.position - stop.nominal)
+    def _why_not_there(self, stop: Stop, snapshot: AxisSnapshot) -> str:
+        limit, away = self._settings.move_timeout_s, abs(snapshot.position - stop.nominal)
         name = self._link.plan.name
-        if away > self._manners.window:
+        if away > self._settings.window:
             return (
-                f"axis {name} is at {look.position:.9g} {limit:g} s after it was sent to {stop.nominal:.9g}: "
-                "does it move at all? longer moves need --move-timeout; a wider --window than "
-                f"{self._manners.window:g} where it stops {away:.6g} {self._units} away"
+                f"axis {name} is at {snapshot.position:.9g} {limit:g} s after it was sent to "
+                f"{stop.nominal:.9g}: does it move at all? longer moves need --move-timeout; a wider "
+                f"--window than {self._settings.window:g} where it stops {away:.6g} {self._units} away"
             )
         return f"axis {name} is at {stop.nominal:.9g}, but its bits do not say so within {limit:g} s"
 
@@ -272,7 +272,7 @@ class Run:
     async def _position_at(self, stop: Stop) -> float:
         """Return where the axis is. Raises AxisError: not at its target any more."""
         here = await self._link.position()
-        if abs(here - stop.nominal) > self._manners.window + self._slack:
+        if abs(here - stop.nominal) > self._settings.window + self._slack:
             raise AxisError(
                 f"axis {self._link.plan.name} is at {here:.9g} and no longer at {stop.nominal:.9g}, where it "
                 "had arrived: somebody else moves it, or its drive lets go; no reading was taken"
@@ -286,13 +286,13 @@ class Run:
         return await self._instrument.read(where)
 
     def _checked(self, stop: Stop, raw: float) -> Reading:
-        manners = self._manners
-        measured = manners.zero_at + manners.sign * manners.scale * raw
+        settings = self._settings
+        measured = settings.zero_at + settings.sign * settings.scale * raw
         reading = Reading(stop.nominal, stop.direction, measured, stop.run)
-        if abs(reading.deviation) > manners.largest_deviation:
+        if abs(reading.deviation) > settings.largest_deviation:
             raise BadReadingError(
                 f"{raw:.9g} makes {measured:.9g} {self._units}, {reading.deviation:+.6g} from the target: "
-                f"more than {manners.largest_deviation:g} (--largest-deviation): a slip, the zero of the "
+                f"more than {settings.largest_deviation:g} (--largest-deviation): a slip, the zero of the "
                 "instrument (--zero-at), its sign (--reversed) or its units (--reading-units)?"
             )
         return reading
@@ -301,9 +301,9 @@ class Run:
         """Show what was wrong; read again only if somebody says so."""
         if self.lines is None:
             raise error
-        self._showing.say(f"{where}: {error}")
+        self._showing.show(f"{where}: {error}")
         while True:
-            self._showing.say("r reads again, q stops")
+            self._showing.show("r reads again, q stops")
             answer = await self.halt.during(self.lines.line())
             if answer == "r":
                 return

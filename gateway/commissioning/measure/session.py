@@ -12,13 +12,13 @@ from itertools import pairwise
 from math import inf
 from typing import Any, Final
 
-from gateway.commissioning.measure.axis_link import AxisLink, LostAxisError, Recipe
+from gateway.commissioning.measure.axis_link import AxisLink, DriveRecipe, LostAxisError
 from gateway.commissioning.measure.checks import (
     Compensation,
     check_line,
+    check_may_move,
     check_overrun,
     check_range,
-    check_standing,
     check_writer,
     compensation_of,
 )
@@ -26,7 +26,7 @@ from gateway.commissioning.measure.errors import AxisError, MeasureError
 from gateway.commissioning.measure.instruments import Instrument, Lines
 from gateway.commissioning.measure.options import Pace
 from gateway.commissioning.measure.readings_file import MeasuringPlan, ReadingsFile
-from gateway.commissioning.measure.running import Halt, Manners, Run, Showing
+from gateway.commissioning.measure.running import Halt, Run, RunSettings, Showing
 from gateway.exchange.plan import AxisPlan, Reference
 from gateway.metrology.cycle import Stop
 from gateway.metrology.readings import Reading
@@ -42,11 +42,11 @@ Status = Callable[[], RelayModel]
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class AxisRoute:
     """The axis, how it is driven, and where it is reached."""
 
     line: LinePlan
-    recipe: Recipe
+    recipe: DriveRecipe
     controller: ControllerLink
     endpoint: TcpEndpoint | SerialEndpoint
 
@@ -56,7 +56,7 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class StartConditions:
     """What was found before anything moves."""
 
     compensation: Compensation
@@ -86,34 +86,36 @@ def endpoint_of(link: ControllerLink, port: str | None) -> TcpEndpoint | SerialE
 
 
 @asynccontextmanager
-async def connected(place: Place) -> AsyncIterator[AxisLink]:
+async def connected(route: AxisRoute) -> AsyncIterator[AxisLink]:
     """Connect to the gateway. Raises AxisError: nobody there, in use, no permission."""
     try:
-        async with place.master() as master:
-            yield AxisLink(master, place.recipe)
+        async with route.master() as master:
+            yield AxisLink(master, route.recipe)
     except TransportError as error:
         raise AxisError(
-            f"controller {place.controller.plan.name} ({place.endpoint}): {error.detail}"
+            f"controller {route.controller.plan.name} ({route.endpoint}): {error.detail}"
         ) from None
 
 
-async def look(place: Place, plan: MeasuringPlan, stops: list[Stop], status: Status) -> Seen:
+async def check_ready(
+    route: AxisRoute, plan: MeasuringPlan, stops: list[Stop], status: Status
+) -> StartConditions:
     """Look at everything that must be right before the axis moves. Nothing is written.
 
     Raises:
         AxisError: something is not.
     """
-    axis = place.recipe.plan
+    axis = route.recipe.plan
     now = status()
-    check_line(now, place.line)
+    check_line(now, route.line)
     compensation = compensation_of(now, axis)
     await _until_free(status, axis)
     check_overrun(axis, plan.overrun)
-    async with connected(place) as link:
+    async with connected(route) as link:
         check_range(link, stops, is_corrected=compensation.is_active)
-        position = await check_standing(link)
+        position = await check_may_move(link)
         await link.starts()
-        return Seen(compensation, position, await link.needed_mode())
+        return StartConditions(compensation, position, await link.needed_mode())
 
 
 async def _until_free(status: Status, axis: AxisPlan) -> None:
@@ -129,21 +131,28 @@ async def _until_free(status: Status, axis: AxisPlan) -> None:
         await asyncio.sleep(FREE_AFTER_S / 2)
 
 
-class Session:
+class MeasureSession:
     """Runs the stops that are left. What was read stays in :attr:`readings` however it ends."""
 
     def __init__(
-        self, place: Place, instrument: Instrument, manners: Manners, file: ReadingsFile, showing: Showing
+        self,
+        route: AxisRoute,
+        instrument: Instrument,
+        settings: RunSettings,
+        file: ReadingsFile,
+        showing: Showing,
     ) -> None:
         self.readings: list[Reading] = []
         self.stopped_by: signal.Signals | None = None
-        self._place = place
+        self._route = route
         self._instrument = instrument
-        self._manners = manners
+        self._settings = settings
         self._file = file
         self._showing = showing
 
-    async def run(self, stops: list[Stop], seen: Seen, status: Status, lines: Lines | None) -> None:
+    async def run(
+        self, stops: list[Stop], seen: StartConditions, status: Status, lines: Lines | None
+    ) -> None:
         """Measure. The axis stands when it ends, or the error says that nobody knows.
 
         Raises:
@@ -153,20 +162,22 @@ class Session:
         self._listen(halt)
         await self._instrument.open()
         try:
-            async with connected(self._place) as link:
-                run = Run(link, self._instrument, self._manners, self._file, showing=self._showing, halt=halt)
+            async with connected(self._route) as link:
+                run = Run(
+                    link, self._instrument, self._settings, self._file, showing=self._showing, halt=halt
+                )
                 run.lines = lines
                 run.readings = self.readings
                 run.check_unchanged = self._unchanged(seen, status)
                 # A person has thought about the question meanwhile.
-                check_writer(await asyncio.to_thread(status), self._place.recipe.plan)
+                check_writer(await asyncio.to_thread(status), self._route.recipe.plan)
                 await run.check_unchanged()
-                await check_standing(link)
+                await check_may_move(link)
                 await self._measure(run, link, stops, seen)
         finally:
             self._instrument.close()
 
-    async def _measure(self, run: Run, link: AxisLink, stops: list[Stop], seen: Seen) -> None:
+    async def _measure(self, run: Run, link: AxisLink, stops: list[Stop], seen: StartConditions) -> None:
         try:
             if seen.needed_mode is not None:
                 await link.set_mode(seen.needed_mode[1])
@@ -174,16 +185,16 @@ class Session:
         except BaseException as error:  # whatever it was, the axis must not go on by itself
             with suppress(Exception):  # who shows it may be gone: the axis has to be stopped all the same
                 self._showing.end()
-                self._showing.say(f"stopping: {error}")
+                self._showing.show(f"stopping: {error}")
                 self._showing.happened("stopping", {"error": str(error)})
-            await self._leave_standing(run, error)
+            await self._bring_to_standstill(run, error)
             raise
         self._showing.end()
 
-    async def _leave_standing(self, run: Run, error: BaseException) -> None:
+    async def _bring_to_standstill(self, run: Run, error: BaseException) -> None:
         try:
             try:
-                self._told(await run.leave_standing())
+                self._show_stop(await run.bring_to_standstill())
             except LostAxisError:
                 await self._stop_anew(run)
         except MeasureError as second:
@@ -198,12 +209,12 @@ class Session:
 
     async def _stop_anew(self, run: Run) -> None:
         """The connection is gone, perhaps only that one: stop the axis over another."""
-        async with connected(self._place) as link:
-            self._told(await run.leave_standing(link))
+        async with connected(self._route) as link:
+            self._show_stop(await run.bring_to_standstill(link))
 
-    def _told(self, how: str) -> None:
+    def _show_stop(self, how: str) -> None:
         with suppress(Exception):  # nobody may be listening any more
-            self._showing.say(how)
+            self._showing.show(how)
             self._showing.happened("standing", {"text": how})
 
     def _listen(self, halt: Halt) -> None:
@@ -216,9 +227,9 @@ class Session:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             loop.add_signal_handler(number, stop, number)
 
-    def _unchanged(self, seen: Seen, status: Status) -> Callable[[], Any]:
+    def _unchanged(self, seen: StartConditions, status: Status) -> Callable[[], Any]:
         """Return what checks that readings with and without a table are never mixed."""
-        axis = self._place.recipe.plan
+        axis = self._route.recipe.plan
 
         async def check() -> None:
             now = compensation_of(await asyncio.to_thread(status), axis)
@@ -236,9 +247,11 @@ SETTLE_S: Final = 0.3
 """Looks at an axis that has arrived, and the exchanges of one stop."""
 
 
-def preview(place: Place, seen: Seen, stops: Sequence[Stop], instrument: str, pace: Pace) -> Iterator[str]:
+def preview(
+    route: AxisRoute, seen: StartConditions, stops: Sequence[Stop], instrument: str, pace: Pace
+) -> Iterator[str]:
     """Yield which axis moves, how far, how often, with what correction, and how it is stopped."""
-    recipe, axis = place.recipe, place.recipe.plan
+    recipe, axis = route.recipe, route.recipe.plan
     units, state = axis.settings.units.value, seen.compensation.state
     low, high = min(stop.nominal for stop in stops), max(stop.nominal for stop in stops)
     use = f"{axis.table_name} is refined" if seen.compensation.is_active else "the readings make a new table"
@@ -248,11 +261,11 @@ def preview(place: Place, seen: Seen, stops: Sequence[Stop], instrument: str, pa
     yield f"  stops         {len(stops)}, with a reading at {readings} of them"
     yield f"  compensation  {state}: {use}"
     yield f"  instrument    {instrument}"
-    yield f"  connection    controller {place.controller.plan.name} at {place.endpoint}"
+    yield f"  connection    controller {route.controller.plan.name} at {route.endpoint}"
     yield f"  each move     begins with {recipe.start or 'the writing of its target'}"
     yield f"  Ctrl-C        {recipe.stop or 'commands it back to where it is then: its map names no stop'}"
     yield "  speed         the drive's own, for no register map names a speed: make it slow at the drive"
-    yield f"  time          {_time(place, stops, seen.position, pace)}"
+    yield f"  time          {_time(route, stops, seen.position, pace)}"
     if seen.needed_mode is not None and recipe.mode is not None:
         before, after = seen.needed_mode
         yield f"  mode          register {recipe.mode.address:#06x} is set from {before:#06x} to {after:#06x}"
@@ -281,11 +294,11 @@ def _terms(axis: AxisPlan, *, is_active: bool) -> Iterator[str]:
             )
 
 
-def _time(place: Place, stops: Sequence[Stop], position: float, pace: Pace) -> str:
+def _time(route: AxisRoute, stops: Sequence[Stop], position: float, pace: Pace) -> str:
     ways = [position, *(stop.nominal for stop in stops)]
     distance = sum(abs(after - before) for before, after in pairwise(ways))
     waits_s = len(stops) * SETTLE_S + sum(stop.measure for stop in stops) * pace.dwell_s
-    settings = place.recipe.plan.settings
+    settings = route.recipe.plan.settings
     speed = pace.speed or settings.max_speed
     units = settings.units.value
     if not 0.0 < speed < inf:

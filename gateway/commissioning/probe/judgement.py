@@ -5,7 +5,13 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Final
 
-from gateway.commissioning.probe.readings import LAST_UNIT_ID, AxisReadings, OnWrongCrc, Place, Reading
+from gateway.commissioning.probe.readings import (
+    LAST_UNIT_ID,
+    AxisReadings,
+    OnWrongCrc,
+    ProbedRegister,
+    RegisterReading,
+)
 from gateway.compensation.correction_spec import spec_of_table
 from gateway.compensation.settings import AxisSettings
 from gateway.exchange.field_counts import counts_of
@@ -30,7 +36,7 @@ class Weight(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class ProbeFinding:
     """One sentence: what was found, and what to do."""
 
     weight: Weight
@@ -38,7 +44,7 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
-class Position:
+class MachinePosition:
     """A position on the drive's scale in machine units, and what it is nominally on either branch."""
 
     raw: float
@@ -58,9 +64,9 @@ def machine_position(settings: AxisSettings, field: PositionField, raw: float) -
     return (counts_of(field, raw) - settings.zero_counts) / settings.counts_per_unit
 
 
-def position_of(plan: AxisPlan, reading: Reading) -> Position:
+def position_of(plan: AxisPlan, reading: RegisterReading) -> MachinePosition:
     """Return what a reading means; nominal positions are on the controller's scale."""
-    field, raw = reading.place.field, reading.raw
+    field, raw = reading.register.field, reading.raw
     assert field is not None
     assert raw is not None
     settings = plan.settings
@@ -70,19 +76,19 @@ def position_of(plan: AxisPlan, reading: Reading) -> Position:
         spec = spec_of_table(plan.table, settings)
         forward, backward = (spec.map_at(share).nominal(corrected) for share in (1.0, 0.0))
     offset = settings.machine_offset
-    return Position(raw, corrected, forward - offset, backward - offset)
+    return MachinePosition(raw, corrected, forward - offset, backward - offset)
 
 
-def findings_of(found: AxisReadings) -> list[Finding]:
+def findings_of(found: AxisReadings) -> list[ProbeFinding]:
     """Return everything that is wrong, and everything to know before the first move."""
     findings = [*_echoes(found), *_answers(found), *_bits(found)]
     for name in ("actual", "commanded", "command"):
         reading = found.of(name)
         if reading is not None:
-            findings += _place_of(found, reading)
+            findings += _position_findings(found, reading)
     return [
         *findings,
-        *_order_untold(found),
+        *_word_order_unclear(found),
         *_agreement(found),
         *_steadiness(found),
         *_scale(found),
@@ -91,7 +97,7 @@ def findings_of(found: AxisReadings) -> list[Finding]:
     ]
 
 
-def _check_sums(found: AxisReadings) -> Iterator[Finding]:
+def _check_sums(found: AxisReadings) -> Iterator[ProbeFinding]:
     """Whether the map says what the drive does with a wrong check sum."""
     did, is_mapped = found.on_wrong_crc, found.plan.checks_crc
     if did is OnWrongCrc.ANSWERED:
@@ -100,27 +106,27 @@ def _check_sums(found: AxisReadings) -> Iterator[Finding]:
     elif did is OnWrongCrc.REFUSED and is_mapped:
         yield _error(f"it answers a read with a wrong check sum, where the standard wants silence; {FORBID}")
     elif did is OnWrongCrc.SILENT and not is_mapped:
-        yield _note("it is silent where a check sum is wrong, although its map says checks_crc = false")
+        yield _remark("it is silent where a check sum is wrong, although its map says checks_crc = false")
 
 
-def _note(text: str) -> Finding:
-    return Finding(Weight.NOTE, text)
+def _remark(text: str) -> ProbeFinding:
+    return ProbeFinding(Weight.NOTE, text)
 
 
-def _error(text: str) -> Finding:
-    return Finding(Weight.ERROR, text)
+def _error(text: str) -> ProbeFinding:
+    return ProbeFinding(Weight.ERROR, text)
 
 
-def _warning(text: str) -> Finding:
-    return Finding(Weight.WARNING, text)
+def _warning(text: str) -> ProbeFinding:
+    return ProbeFinding(Weight.WARNING, text)
 
 
-def _echoes(found: AxisReadings) -> Iterator[Finding]:
+def _echoes(found: AxisReadings) -> Iterator[ProbeFinding]:
     if found.echoes:
         yield _error(f"{found.echoes}; else the return of a write is taken for its acknowledgement")
 
 
-def _answers(found: AxisReadings) -> Iterator[Finding]:
+def _answers(found: AxisReadings) -> Iterator[ProbeFinding]:
     if found.instead:
         yield _error(
             f"unit id {found.plan.unit_id} {found.instead}: such a reply answers nothing; bring the firmware "
@@ -138,8 +144,8 @@ def _answers(found: AxisReadings) -> Iterator[Finding]:
         return
     for reading in found.readings.values():
         if reading.problem:
-            unseen = f". {UNSEEN}" if reading.is_refused and reading.place.name == "actual" else ""
-            yield _error(f"{reading.place}: {reading.problem}{unseen}")
+            unseen = f". {UNSEEN}" if reading.is_refused and reading.register.name == "actual" else ""
+            yield _error(f"{reading.register}: {reading.problem}{unseen}")
     if not found.plan.actual:
         yield _warning("no actual position is mapped: the gateway cannot see where the axis is")
     for why in found.left_out:
@@ -151,13 +157,13 @@ def _who_answers(found: AxisReadings) -> str:
         return "pitch-gateway probe --scan tells which unit ids do"
     if not found.answering:
         return "no other does either"
-    return f"{said_ids(found.answering)} instead"
+    return f"{ids_text(found.answering)} instead"
 
 
-def said_ids(answering: Sequence[int]) -> str:
+def ids_text(answering: Sequence[int]) -> str:
     """Say which unit ids answer.
 
-    >>> said_ids([1, 3]), said_ids([2])
+    >>> ids_text([1, 3]), ids_text([2])
     ('unit ids 1, 3 answer', 'unit id 2 answers')
     """
     if len(answering) == 1:
@@ -167,7 +173,7 @@ def said_ids(answering: Sequence[int]) -> str:
     return f"unit ids {', '.join(map(str, answering))} answer"
 
 
-def _bits(found: AxisReadings) -> Iterator[Finding]:
+def _bits(found: AxisReadings) -> Iterator[ProbeFinding]:
     homed, done = found.bit(HOMED_BIT), found.bit(DONE_BIT)
     moving, alarm = found.bit(MOVING_BIT), found.bit(ALARM_BIT)
     if alarm:
@@ -186,85 +192,90 @@ def _is_inside(settings: AxisSettings, position: float) -> bool:
     return low - settings.travel_margin <= position <= high + settings.travel_margin
 
 
-def _place_of(found: AxisReadings, reading: Reading) -> Iterator[Finding]:
+def _position_findings(found: AxisReadings, reading: RegisterReading) -> Iterator[ProbeFinding]:
     """Whether a position can be one of this axis, as mapped and with its words the other way round."""
-    settings, field, raw = found.plan.settings, reading.place.field, reading.raw
+    settings, field, raw = found.plan.settings, reading.register.field, reading.raw
     assert field is not None
     assert raw is not None
     here = machine_position(settings, field, raw)
     if settings.travel is None:
-        if _looks_turned(field, raw):
-            yield _turned(reading, "is a whole number of 65536 as mapped")
+        if _looks_swapped(field, raw):
+            yield _swapped(reading, "is a whole number of 65536 as mapped")
         return
     low, high = settings.travel
     units = settings.units.value
     if _is_inside(settings, here):
-        yield from _outside_table(found.plan, reading.place, here)
+        yield from _outside_table(found.plan, reading.register, here)
         return
     if field.words > 1 and not field.type.is_float:
-        turned = machine_position(settings, field, other_order(field).unpack(reading.words))
-        if _is_inside(settings, turned):
-            yield _turned(
-                reading, f"is at {here:.10g} {units} as mapped and at {turned:.10g} {units} with the other"
+        swapped = machine_position(settings, field, other_order(field).unpack(reading.words))
+        if _is_inside(settings, swapped):
+            yield _swapped(
+                reading, f"is at {here:.10g} {units} as mapped and at {swapped:.10g} {units} with the other"
             )
             return
     text = (
-        f"{reading.place} is at machine position {here:.10g} {units}, outside travel {low:g} to {high:g}: "
+        f"{reading.register} is at machine position {here:.10g} {units}, outside travel {low:g} to {high:g}: "
         "check counts_per_unit, zero_counts and machine_offset, the address and the type"
     )
-    yield _warning(text) if reading.place.name == "command" else _error(text)
+    yield _warning(text) if reading.register.name == "command" else _error(text)
 
 
-def _order_untold(found: AxisReadings) -> Iterator[Finding]:
+def _word_order_unclear(found: AxisReadings) -> Iterator[ProbeFinding]:
     """Whether the axis stands where a wrong word order would not show, as a freshly homed one does at 0."""
-    untold = [
-        f"{reading.place} is {reading.raw:.0f}"
+    unclear = [
+        f"{reading.register} is {reading.raw:.0f}"
         for reading in map(found.of, ("actual", "commanded"))
         if reading is not None and _reads_either_way(found.plan.settings, reading)
     ]
-    if untold:
+    if unclear:
         yield _warning(
-            f"the word order cannot be told here: {', '.join(untold)}, and a good position with the words "
+            f"the word order cannot be told here: {', '.join(unclear)}, and a good position with the words "
             "the other way round too; jog the axis and probe again"
         )
 
 
-def _reads_either_way(settings: AxisSettings, reading: Reading) -> bool:
-    field, raw = reading.place.field, reading.raw
+def _reads_either_way(settings: AxisSettings, reading: RegisterReading) -> bool:
+    field, raw = reading.register.field, reading.raw
     if field is None or raw is None or field.words == 1 or field.type.is_float:
         return False
-    turned = other_order(field).unpack(reading.words)
-    if turned == raw:
+    swapped = other_order(field).unpack(reading.words)
+    if swapped == raw:
         return True
     return settings.travel is not None and all(
-        _is_inside(settings, machine_position(settings, field, either)) for either in (raw, turned)
+        _is_inside(settings, machine_position(settings, field, either)) for either in (raw, swapped)
     )
 
 
-def _looks_turned(field: PositionField, raw: float) -> bool:
+def _looks_swapped(field: PositionField, raw: float) -> bool:
     return field.words > 1 and not field.type.is_float and raw != 0 and raw % HIGH_WORD == 0
 
 
-def _turned(reading: Reading, why: str) -> Finding:
-    field = reading.place.field
+def _swapped(reading: RegisterReading, why: str) -> ProbeFinding:
+    field = reading.register.field
     assert field is not None
     return _error(
-        f"{reading.place}: the word order looks wrong: it {why}; "
+        f"{reading.register}: the word order looks wrong: it {why}; "
         f'try words = "{other_order(field).order.value}"'
     )
 
 
-def _outside_table(plan: AxisPlan, place: Place, here: float) -> Iterator[Finding]:
+def _outside_table(plan: AxisPlan, register: ProbedRegister, here: float) -> Iterator[ProbeFinding]:
     table = plan.table
-    if table is None or plan.settings.modulo or place.name != "actual" or table.first <= here <= table.last:
+    if (
+        table is None
+        or plan.settings.modulo
+        or register.name != "actual"
+        or table.first <= here <= table.last
+    ):
         return
     yield _warning(
-        f"{place} is at machine position {here:.10g}, outside its table ({table.first:g} to {table.last:g}): "
-        f"there outside = {plan.settings.outside.kind.value} holds"
+        f"{register} is at machine position {here:.10g}, outside its table ({table.first:g} to "
+        f"{table.last:g}): there outside = {plan.settings.outside.kind.value} holds"
     )
 
 
-def _agreement(found: AxisReadings) -> Iterator[Finding]:
+def _agreement(found: AxisReadings) -> Iterator[ProbeFinding]:
     """Whether the positions of a standing axis are about the same."""
     actual = found.of("actual")
     if actual is None or found.bit(MOVING_BIT):
@@ -284,41 +295,41 @@ def _agreement(found: AxisReadings) -> Iterator[Finding]:
                 else "check its address, its word order and its scale"
             )
             yield _warning(
-                f"{reading.place} is at {there:.10g} and {actual.place} at {here:.10g} "
+                f"{reading.register} is at {there:.10g} and {actual.register} at {here:.10g} "
                 f"{settings.units.value}: {hint}"
             )
 
 
-def _steadiness(found: AxisReadings) -> Iterator[Finding]:
+def _steadiness(found: AxisReadings) -> Iterator[ProbeFinding]:
     """Two readings of a standing axis differ by its jitter; by 65536 where the words are turned."""
     first, second = found.of("actual"), found.again
     if first is None or second is None or found.bit(MOVING_BIT):
         return
     if second.problem:
-        yield _error(f"{second.place}, read once more: {second.problem}")
+        yield _error(f"{second.register}, read once more: {second.problem}")
         return
-    field = first.place.field
+    field = first.register.field
     assert field is not None
     assert first.raw is not None
     assert second.raw is not None
     jump = second.raw - first.raw
-    turned = other_order(field)
+    swapped = other_order(field)
     if field.words > 1 and not field.type.is_float and abs(jump) >= HIGH_WORD:
-        small = turned.unpack(second.words) - turned.unpack(first.words)
+        small = swapped.unpack(second.words) - swapped.unpack(first.words)
         if abs(small) < HIGH_WORD:
-            yield _turned(
+            yield _swapped(
                 first, f"jumps by {jump:.0f} between two readings, and by {small:.0f} with the other"
             )
             return
     moved = abs(counts_of(field, jump) / found.plan.settings.counts_per_unit)
     if moved > found.plan.settings.hysteresis:
         yield _warning(
-            f"{first.place} changed by {moved:.10g} {found.plan.settings.units.value} between two readings: "
-            "the axis moves, or hysteresis is smaller than its jitter"
+            f"{first.register} changed by {moved:.10g} {found.plan.settings.units.value} between two "
+            "readings: the axis moves, or hysteresis is smaller than its jitter"
         )
 
 
-def _scale(found: AxisReadings) -> Iterator[Finding]:
+def _scale(found: AxisReadings) -> Iterator[ProbeFinding]:
     """What a person has to compare: no single place of an axis tells a scale that is wrong by ten."""
     actual, settings = found.of("actual"), found.plan.settings
     if actual is None or actual.raw is None or settings.travel is None:
@@ -328,29 +339,29 @@ def _scale(found: AxisReadings) -> Iterator[Finding]:
     if not _is_inside(settings, here):
         return  # said already
     low, high = sorted(settings.zero_counts + end * counts for end in settings.travel)
-    field = actual.place.field
+    field = actual.register.field
     assert field is not None
-    yield _note(
-        f"{actual.place} reads {counts_of(field, actual.raw):.10g} counts, and travel is {low:.10g} to "
+    yield _remark(
+        f"{actual.register} reads {counts_of(field, actual.raw):.10g} counts, and travel is {low:.10g} to "
         f"{high:.10g} counts: is the axis really at {here:.6g} {units}? A counts_per_unit that is wrong by "
         f"ten looks good here too; prove it by a move of {TRIAL_MOVE[settings.units]:g} {units}, which "
         "pitch-gateway signtest --moved judges"
     )
 
 
-def _unit_ids(found: AxisReadings) -> Iterator[Finding]:
+def _unit_ids(found: AxisReadings) -> Iterator[ProbeFinding]:
     """What the answer to an unused unit id says about ``other_units``."""
     if found.unused is None:
         return
     unused, own = found.unused.unit_id, found.plan.unit_id
     if found.unused.is_answered:
-        yield _note(
+        yield _remark(
             f"the drive answers for unit id {unused} too, which it was not given: it does not look at unit "
             f"ids, and what a controller sends to another one than {own} reaches it. What would move it is "
             "refused there, as long as other_units does not name that unit id"
         )
     else:
-        yield _note(
+        yield _remark(
             f"nobody answers for unit id {unused}, which has no axis: unit ids are looked at here. Has this "
             "address further devices? Name their unit ids in the line, as in other_units = [7, 8]; else "
             "writes to them are refused where they look like positions of this axis"

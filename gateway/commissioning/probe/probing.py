@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from gateway.commissioning.probe.judgement import Finding, Weight, findings_of, position_of, said_ids
+from gateway.commissioning.probe.judgement import ProbeFinding, Weight, findings_of, ids_text, position_of
 from gateway.commissioning.probe.readings import (
     RETURNED,
     AxisReadings,
@@ -37,7 +37,7 @@ BEFORE_THE_FIRST_MOVE: Final = (
 class Probed:
     """What was read of axes and what it means, and which lines could not be reached."""
 
-    axes: tuple[tuple[AxisReadings, tuple[Finding, ...]], ...]
+    axes: tuple[tuple[AxisReadings, tuple[ProbeFinding, ...]], ...]
     problems: tuple[str, ...]
 
     @property
@@ -110,7 +110,7 @@ async def probe(
                 for each in of_line:
                     each.echoes = returns_requests(line.drives) if master.returned >= RETURNED else ""
                 for each in of_line:
-                    await ask_with_wrong_crc(master.exchange_spoilt, line, each)
+                    await ask_with_wrong_crc(master.exchange_with_wrong_crc, line, each)
         except TransportError as error:
             problems.append(_unreached(line, error))
     return Probed(tuple((each, tuple(findings_of(each))) for each in found), tuple(problems))
@@ -132,22 +132,22 @@ def _unreached(line: LinePlan, error: TransportError) -> str:
     return f"line.{line.name}.drives.{endpoint_key(line.drives)}: {error.detail}"
 
 
-def _is_wrong(findings: Sequence[Finding]) -> bool:
+def _is_wrong(findings: Sequence[ProbeFinding]) -> bool:
     return any(finding.weight is Weight.ERROR for finding in findings)
 
 
-def _axis_data(found: AxisReadings, findings: Sequence[Finding]) -> dict[str, Any]:
+def _axis_data(found: AxisReadings, findings: Sequence[ProbeFinding]) -> dict[str, Any]:
     positions = {
         name: {
-            "address": reading.place.address,
-            "raw": place.raw,
-            "machine_position": place.corrected,
-            "nominal_forward": place.forward,
-            "nominal_backward": place.backward,
+            "address": reading.register.address,
+            "raw": position.raw,
+            "machine_position": position.corrected,
+            "nominal_forward": position.forward,
+            "nominal_backward": position.backward,
         }
         for name, reading in found.readings.items()
-        if reading.words and reading.place.field is not None
-        for place in [position_of(found.plan, reading)]
+        if reading.words and reading.register.field is not None
+        for position in [position_of(found.plan, reading)]
     }
     return {
         "unit_id": found.plan.unit_id,
@@ -162,7 +162,7 @@ def _axis_data(found: AxisReadings, findings: Sequence[Finding]) -> dict[str, An
     }
 
 
-def _axis_lines(found: AxisReadings, findings: Sequence[Finding]) -> Iterator[str]:
+def _axis_lines(found: AxisReadings, findings: Sequence[ProbeFinding]) -> Iterator[str]:
     plan = found.plan
     units = plan.settings.units.value
     answers = found.instead or ("answers" if found.answers else "no answer")
@@ -171,16 +171,16 @@ def _axis_lines(found: AxisReadings, findings: Sequence[Finding]) -> Iterator[st
     if bits and found.answers and not found.instead:
         yield f"  bits       {', '.join(bits)}"
     for name, reading in found.readings.items():
-        if not reading.words or reading.place.field is None:
+        if not reading.words or reading.register.field is None:
             continue
-        place = position_of(plan, reading)
+        position = position_of(plan, reading)
         yield (
-            f"  {name:<10} raw {_raw(place.raw)}, machine position {place.corrected:.10g} {units}; "
-            f"nominal {place.forward:.10g} forward, {place.backward:.10g} backward"
+            f"  {name:<10} raw {_raw(position.raw)}, machine position {position.corrected:.10g} {units}; "
+            f"nominal {position.forward:.10g} forward, {position.backward:.10g} backward"
         )
     yield from (f"  {finding.weight.value}: {finding.text}" for finding in findings)
     if found.answering:
-        yield f"  scan: {said_ids(found.answering)}"
+        yield f"  scan: {ids_text(found.answering)}"
     if all(finding.weight is Weight.NOTE for finding in findings):
         yield "  nothing that was read is wrong"
 

@@ -37,7 +37,7 @@ class OnWrongCrc(Enum):
     """It obeys."""
 
 
-class Asking(Protocol):
+class ProbeMaster(Protocol):
     """One exchange at a time, as ``ModbusMaster`` does it."""
 
     async def exchange(self, unit_id: int, pdu: bytes) -> bytes:
@@ -46,7 +46,7 @@ class Asking(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class ProbedRegister:
     """A register that is read. ``name`` is its key in the register map, with a number from the second on."""
 
     name: str
@@ -65,10 +65,10 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class RegisterReading:
     """What a read brought: words, or what went wrong."""
 
-    place: Place
+    register: ProbedRegister
     words: bytes = b""
     problem: str = ""
     is_silent: bool = False
@@ -80,13 +80,13 @@ class Reading:
     @property
     def raw(self) -> float | None:
         """Content of a position's register."""
-        field_ = self.place.field
+        field_ = self.register.field
         return field_.unpack(self.words) if self.words and field_ is not None else None
 
     @property
     def is_set(self) -> bool | None:
         """What a bit says."""
-        bit = self.place.bit
+        bit = self.register.bit
         return bit.is_set(int.from_bytes(self.words, "big")) if self.words and bit is not None else None
 
 
@@ -104,8 +104,8 @@ class AxisReadings:
     """Everything that was read of one axis."""
 
     plan: AxisPlan
-    readings: dict[str, Reading] = field(default_factory=dict)
-    again: Reading | None = None
+    readings: dict[str, RegisterReading] = field(default_factory=dict)
+    again: RegisterReading | None = None
     """The actual position once more, last of all."""
     unused: UnusedUnit | None = None
     """A unit id that nothing is known of, where it was asked."""
@@ -118,7 +118,7 @@ class AxisReadings:
     left_out: list[str] = field(default_factory=list)
     """What was not read, and why."""
 
-    def of(self, name: str) -> Reading | None:
+    def of(self, name: str) -> RegisterReading | None:
         """Return one reading that brought something."""
         reading = self.readings.get(name)
         return reading if reading is not None and reading.words else None
@@ -141,32 +141,32 @@ class AxisReadings:
         return next((reading.instead for reading in readings if reading.instead), "") if is_none else ""
 
 
-async def read_axis(master: Asking, plan: AxisPlan) -> AxisReadings:
+async def read_axis(master: ProbeMaster, plan: AxisPlan) -> AxisReadings:
     """Read every bit and position of an axis that may be read."""
     found = AxisReadings(plan)
     if not plan.safe_read:
         found.left_out.append("its register map says safe_read = false: nothing is read")
         return found
     axis = Axis(plan)
-    for place in _places(found):
-        found.readings[place.name] = await _read(master, axis, place)
+    for register in _registers(found):
+        found.readings[register.name] = await _read(master, axis, register)
         silent = [reading for reading in found.readings.values() if reading.is_silent or reading.instead]
         if len(silent) >= SILENT_READS and len(silent) == len(found.readings):
             found.left_out.append("it does not answer: the rest was not asked for")
             return found
     actual = found.of("actual")
     if actual is not None:
-        found.again = await _read(master, axis, actual.place)
+        found.again = await _read(master, axis, actual.register)
     return found
 
 
-async def scan(master: Asking, line: LinePlan, found: Sequence[AxisReadings]) -> tuple[int, ...]:
+async def scan(master: ProbeMaster, line: LinePlan, found: Sequence[AxisReadings]) -> tuple[int, ...]:
     """Return the unit ids from 1 to 247 that answer one read each, and keep them in ``found``.
 
     What is read is the first register of the first axis that may be read. A drive that has no such register
     refuses it, which is an answer too. Axes with ``safe_read = false`` are left alone.
     """
-    first = next(((axis, place) for axis in line.axes for place in places_of(axis)), None)
+    first = next(((axis, register) for axis in line.axes for register in registers_of(axis)), None)
     if first is None:
         return ()
     frame = frame_of(Axis(first[0]), first[1])
@@ -183,7 +183,7 @@ async def scan(master: Asking, line: LinePlan, found: Sequence[AxisReadings]) ->
     return answering
 
 
-async def _is_there(master: Asking, unit_id: int, pdu: bytes) -> bool:
+async def _is_there(master: ProbeMaster, unit_id: int, pdu: bytes) -> bool:
     try:
         reply = await master.exchange(unit_id, pdu)
     except OtherIdError:
@@ -193,21 +193,21 @@ async def _is_there(master: Asking, unit_id: int, pdu: bytes) -> bool:
     return not _is_nobody(reply)
 
 
-async def ask_unused_unit(master: Asking, line: LinePlan, found: AxisReadings) -> None:
+async def ask_unused_unit(master: ProbeMaster, line: LinePlan, found: AxisReadings) -> None:
     """Read what the axis has just told once more, of a unit id that nothing is known of.
 
     Only where the answer decides something: on Modbus/TCP with one axis unit id (docs/wire-rules.md, W7).
     """
     axis_ids = {axis.unit_id for axis in line.axes}
     is_mbap = isinstance(line.drives, TcpEndpoint) and not line.drives.rtu
-    told = next((reading for reading in found.readings.values() if reading.words), None)
-    if not is_mbap or len(axis_ids) != 1 or told is None:
+    answered = next((reading for reading in found.readings.values() if reading.words), None)
+    if not is_mbap or len(axis_ids) != 1 or answered is None:
         return
-    known = axis_ids | line.other_units.unit_ids
-    unit_id = next((each for each in range(LAST_UNIT_ID, 0, -1) if each not in known), None)
+    used_ids = axis_ids | line.other_units.unit_ids
+    unit_id = next((each for each in range(LAST_UNIT_ID, 0, -1) if each not in used_ids), None)
     if unit_id is None:
         return
-    frame = frame_of(Axis(found.plan), told.place)
+    frame = frame_of(Axis(found.plan), answered.register)
     try:
         is_answered = not is_exception(await master.exchange(unit_id, frame.pdu))
     except NoReplyError:
@@ -220,13 +220,13 @@ async def ask_with_wrong_crc(
 ) -> None:
     """Read what the axis has just told once more, with a wrong check sum: a drive is to say nothing (W12).
 
-    Only on a serial line: only there a gateway sends such frames. ``ask`` is ``exchange_spoilt`` of a
+    Only on a serial line: only there a gateway sends such frames. ``ask`` is ``exchange_with_wrong_crc`` of a
     ``ModbusMaster``.
     """
-    told = next((reading for reading in found.readings.values() if reading.words), None)
-    if told is None or not isinstance(line.drives, SerialEndpoint):
+    answered = next((reading for reading in found.readings.values() if reading.words), None)
+    if answered is None or not isinstance(line.drives, SerialEndpoint):
         return
-    frame = frame_of(Axis(found.plan), told.place)
+    frame = frame_of(Axis(found.plan), answered.register)
     try:
         reply = await ask(found.plan.unit_id, frame.pdu)
     except NoReplyError:
@@ -235,15 +235,15 @@ async def ask_with_wrong_crc(
         found.on_wrong_crc = OnWrongCrc.REFUSED if is_exception(reply) else OnWrongCrc.ANSWERED
 
 
-def places_of(plan: AxisPlan) -> list[Place]:
+def registers_of(plan: AxisPlan) -> list[ProbedRegister]:
     """Return the registers of an axis that may be read, bits first; none where its map lets nothing be."""
-    return list(_places(AxisReadings(plan))) if plan.safe_read else []
+    return list(_registers(AxisReadings(plan))) if plan.safe_read else []
 
 
-def _places(found: AxisReadings) -> Iterator[Place]:
+def _registers(found: AxisReadings) -> Iterator[ProbedRegister]:
     plan = found.plan
     for name, bit in plan.bits.items():
-        yield Place(f"bits.{name}", bit=bit)
+        yield ProbedRegister(f"bits.{name}", bit=bit)
     for role, fields in (("actual", plan.actual), ("commanded", plan.commanded), ("command", plan.command)):
         readable = [f for f in fields if f.is_readable]
         if fields and not readable:
@@ -251,46 +251,46 @@ def _places(found: AxisReadings) -> Iterator[Place]:
             why = "it can only be written" if is_written else "it stands in longer frames only"
             found.left_out.append(f"{role}: {why}")
         for number, field_ in enumerate(readable[:1] if role == "command" else readable, start=1):
-            place = Place(role if number == 1 else f"{role} {number}", field_)
+            register = ProbedRegister(role if number == 1 else f"{role} {number}", field_)
             if field_.words > plan.max_registers:
                 found.left_out.append(
-                    f"{place}: it fills {field_.words} registers, and the drive takes {plan.max_registers}"
+                    f"{register}: it fills {field_.words} registers, and the drive takes {plan.max_registers}"
                 )
             else:
-                yield place
+                yield register
 
 
-async def _read(master: Asking, axis: Axis, place: Place) -> Reading:
-    frame = frame_of(axis, place)
+async def _read(master: ProbeMaster, axis: Axis, register: ProbedRegister) -> RegisterReading:
+    frame = frame_of(axis, register)
     try:
         reply = await master.exchange(axis.plan.unit_id, frame.pdu)
         if is_exception(reply) and reply[-1] in LATER:  # as the gateway does it
             reply = await master.exchange(axis.plan.unit_id, frame.pdu)
     except OtherIdError as error:
-        return Reading(place, problem=str(error), instead=str(error))
+        return RegisterReading(register, problem=str(error), instead=str(error))
     except NoReplyError as error:
-        return Reading(place, problem=str(error), is_silent=True)
+        return RegisterReading(register, problem=str(error), is_silent=True)
     if _is_nobody(reply):
-        return Reading(place, problem=_exception(reply), is_silent=True)
+        return RegisterReading(register, problem=_exception(reply), is_silent=True)
     if is_exception(reply):
         why = f"the drive refuses to be read there: {_exception(reply)}"
-        return Reading(place, problem=why, is_refused=True)
+        return RegisterReading(register, problem=why, is_refused=True)
     words = frame.words_of(reply)
     if words is None:
-        return Reading(place, problem=f"the reply is none to what was asked: {reply.hex(' ')}")
-    if place.field is not None and not isfinite(place.field.unpack(words)):
-        return Reading(
-            place, problem=f"{words.hex(' ')} is no finite {place.field.type.value}: check its type"
+        return RegisterReading(register, problem=f"the reply is none to what was asked: {reply.hex(' ')}")
+    if register.field is not None and not isfinite(register.field.unpack(words)):
+        return RegisterReading(
+            register, problem=f"{words.hex(' ')} is no finite {register.field.type.value}: check its type"
         )
-    return Reading(place, words)
+    return RegisterReading(register, words)
 
 
-def frame_of(axis: Axis, place: Place) -> AddedFrame:
+def frame_of(axis: Axis, register: ProbedRegister) -> AddedFrame:
     """Return the read of a register."""
-    if place.field is not None:
-        return read_field(axis, Purpose.ACTUAL, place.field)
-    assert place.bit is not None
-    return read_bit(axis, Purpose.STANDING, place.bit)
+    if register.field is not None:
+        return read_field(axis, Purpose.ACTUAL, register.field)
+    assert register.bit is not None
+    return read_bit(axis, Purpose.STANDSTILL, register.bit)
 
 
 def _is_nobody(reply: bytes) -> bool:

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field
 from math import ceil, log10
 from typing import Any, Final
 
-from gateway.commissioning.probe.readings import Place, frame_of, places_of
+from gateway.commissioning.probe.readings import ProbedRegister, frame_of, registers_of
 from gateway.exchange.axis.axis import Axis
 from gateway.state.plan import LinePlan
 from gateway.times import NS_PER_MS
@@ -210,10 +210,10 @@ async def measure_line(line: LinePlan) -> LineTimes:
     found = LineTimes(line)
     asked = _asked(line, found)
     async with open_line(line, line.timing.gap_ms) as master:
-        for axis, place in asked:
+        for axis, register in asked:
             unit = UnitTimes(axis.plan.name, axis.plan.unit_id)
             found.units.append(unit)
-            await _read_often(master, axis, place, unit)
+            await _read_often(master, axis, register, unit)
     if asked and all(unit.took_ms for unit in found.units):
         for gap_ms in GAPS_MS:
             async with open_line(line, gap_ms) as master:
@@ -224,23 +224,23 @@ async def measure_line(line: LinePlan) -> LineTimes:
     return found
 
 
-def _asked(line: LinePlan, found: LineTimes) -> list[tuple[Axis, Place]]:
+def _asked(line: LinePlan, found: LineTimes) -> list[tuple[Axis, ProbedRegister]]:
     """Return what is read of each unit id: the actual position where there is one."""
-    asked: dict[int, tuple[Axis, Place]] = {}
+    asked: dict[int, tuple[Axis, ProbedRegister]] = {}
     for plan in line.axes:
-        places = places_of(plan)
-        if not places:
+        registers = registers_of(plan)
+        if not registers:
             found.left_out.append(f"axis {plan.name}: its register map lets nothing be read")
             continue
-        place = next((each for each in places if each.name == "actual"), places[0])
-        asked.setdefault(plan.unit_id, (Axis(plan), place))
+        register = next((each for each in registers if each.name == "actual"), registers[0])
+        asked.setdefault(plan.unit_id, (Axis(plan), register))
     return list(asked.values())
 
 
-async def _read_often(master: ModbusMaster, axis: Axis, place: Place, unit: UnitTimes) -> None:
+async def _read_often(master: ModbusMaster, axis: Axis, register: ProbedRegister, unit: UnitTimes) -> None:
     lost_in_a_row = 0
     for _ in range(READS):
-        took_ms = await _read_once(master, axis, place)
+        took_ms = await _read_once(master, axis, register)
         if took_ms is None:
             unit.lost += 1
             lost_in_a_row += 1
@@ -251,20 +251,20 @@ async def _read_often(master: ModbusMaster, axis: Axis, place: Place, unit: Unit
         unit.took_ms.append(took_ms)
 
 
-async def _lost(master: ModbusMaster, asked: Sequence[tuple[Axis, Place]]) -> int:
+async def _lost(master: ModbusMaster, asked: Sequence[tuple[Axis, ProbedRegister]]) -> int:
     lost = 0
     for _ in range(GAP_READS):
-        for axis, place in asked:
-            lost += await _read_once(master, axis, place) is None
+        for axis, register in asked:
+            lost += await _read_once(master, axis, register) is None
             if lost >= GIVEN_UP_AFTER:
                 return lost
     return lost
 
 
-async def _read_once(master: ModbusMaster, axis: Axis, place: Place) -> float | None:
+async def _read_once(master: ModbusMaster, axis: Axis, register: ProbedRegister) -> float | None:
     """Return how long an answer took, in ms, also one that refuses; None: it did not come."""
     try:
-        await master.exchange(axis.plan.unit_id, frame_of(axis, place).pdu)
+        await master.exchange(axis.plan.unit_id, frame_of(axis, register).pdu)
     except NoReplyError:
         return None
     return master.took_ns / NS_PER_MS

@@ -16,8 +16,8 @@ from gateway.config.settings_of import settings_of
 from gateway.config.terms_model import TemperatureSource, ThermalSpec
 from gateway.config.toml import KeyPath
 from gateway.drives.registers import (
+    ClaimedSpan,
     RegisterMap,
-    Span,
     bit_spans,
     clashes,
     first_of_keys,
@@ -49,7 +49,7 @@ def check_axes(findings: Findings, sections: Sections) -> None:
         _check_registers(findings, path, axis)
         _check_setpoints(findings, path, axis)
         _check_without_table(findings, path, axis)
-        _check_mode_is_said(findings, path, axis)
+        _check_mode_is_given(findings, path, axis)
     for name, axis in sections.axes.items():
         path = ("axis", name)
         _check_modulo(findings, path, axis)
@@ -121,7 +121,9 @@ def _warn_of_counted_registers(findings: Findings, path: KeyPath, raw: object) -
         )
 
 
-def _refuse_shared(findings: Findings, key: KeyPath, other_key: KeyPath, span: Span, other: Span) -> None:
+def _refuse_shared(
+    findings: Findings, key: KeyPath, other_key: KeyPath, span: ClaimedSpan, other: ClaimedSpan
+) -> None:
     findings.refuse(
         key,
         f"{span} overlaps {other} of {key_text(other_key)}",
@@ -153,7 +155,7 @@ def _check_shared_registers(findings: Findings, axes: Mapping[str, AxisSection])
             )
 
 
-def _shared(one: RegisterMap, other: RegisterMap) -> list[tuple[Span, Span]]:
+def _shared(one: RegisterMap, other: RegisterMap) -> list[tuple[ClaimedSpan, ClaimedSpan]]:
     positions, other_positions = position_spans(one), position_spans(other)
     candidates = (
         *((p, q) for p in positions for q in (*other_positions, *bit_spans(other))),
@@ -209,7 +211,7 @@ def _check_without_table(findings: Findings, path: KeyPath, axis: AxisSection) -
         check_backlash_alone(findings, path, axis)
 
 
-def _check_mode_is_said(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
+def _check_mode_is_given(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
     """A file that ran keeps its meaning, so a missing key corrects; but nobody may be surprised by that."""
     what = "its table" if axis.table is not None else "its backlash"
     if (axis.table is None and axis.backlash is None) or "compensation" in axis.model_fields_set:

@@ -23,7 +23,7 @@ from gateway.config.sections import Sections
 from gateway.config.settings_of import settings_of
 from gateway.config.tables import AxisTable, find_file, read_file
 from gateway.config.toml import KeyPath
-from gateway.ipc.place import ROOT_UID, why_too_long
+from gateway.ipc.address import ROOT_UID, why_too_long
 from gateway.state.folder import why_no_folder, why_open_to_others
 from gateway.tabfile import TableState
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
@@ -67,7 +67,7 @@ def check_table(findings: Findings, name: str, axis: AxisSection, found: AxisTab
     path = ("axis", name)
     settings = settings_of(axis)
     table = _check_backlash(findings, path, settings, found.table)
-    _check_turn(findings, path, settings, table)
+    _check_revolution(findings, path, settings, table)
     _check_that_it_repeats(findings, path, settings, found)
     _check_outside(findings, path, settings, table)
     _check_hysteresis(findings, path, axis, settings, table)
@@ -120,7 +120,9 @@ def _branches(table: CorrectionTable) -> tuple[tuple[str, list[float]], ...]:
     return ("forward", list(table.forward)), ("backward", list(table.backward))
 
 
-def _check_turn(findings: Findings, path: KeyPath, settings: AxisSettings, table: CorrectionTable) -> None:
+def _check_revolution(
+    findings: Findings, path: KeyPath, settings: AxisSettings, table: CorrectionTable
+) -> None:
     if not settings.modulo:
         return
     try:
@@ -138,14 +140,14 @@ def _check_that_it_repeats(
     source = found.source
     if source.source.modulo is None or settings.modulo:
         return
-    turn = source.source.modulo * source.table.units.convert_factor(settings.units)
-    if settings.travel is not None and settings.travel[1] - settings.travel[0] <= turn * (1 + ROUNDING):
+    revolution = source.source.modulo * source.table.units.convert_factor(settings.units)
+    if settings.travel is not None and settings.travel[1] - settings.travel[0] <= revolution * (1 + ROUNDING):
         return
     findings.warn(
         (*path, "table"),
-        f"on the control of {found.path.name} the table begins again after {turn:.10g} "
+        f"on the control of {found.path.name} the table begins again after {revolution:.10g} "
         f"{settings.units.value}; here it does not: outside it {_OUTSIDE_WORDS[settings.outside.kind]}",
-        f"add to the axis: modulo = {turn:.10g}",
+        f"add to the axis: modulo = {revolution:.10g}",
     )
 
 
@@ -279,7 +281,7 @@ def check_open_files(
     for path, key in _named(config, readings, drives, crosses):
         found.setdefault(path, key)
     for path, key in found.items():
-        warning = None if _is_kept_apart(path) else why_open_to_others(path, None)
+        warning = None if _is_sticky_folder(path) else why_open_to_others(path, None)
         if warning is not None:
             findings.warn(key, warning.found, warning.remedy)
 
@@ -300,7 +302,7 @@ def _named(
             yield config.parent / drive.name, ("axis", axis, "drive")
 
 
-def _is_kept_apart(path: Path) -> bool:
+def _is_sticky_folder(path: Path) -> bool:
     """Whether it is a folder as /tmp, in which nobody may replace or remove what belongs to another user."""
     try:
         mode = path.stat().st_mode
@@ -319,11 +321,11 @@ def check_permissions(findings: Findings, sections: Sections, *, is_start: bool)
     """
     if not is_start and os.geteuid() == ROOT_UID:
         return
-    say = findings.refuse if is_start else findings.warn
-    for key, place in _opened(findings, sections):
-        why = why_no_device(place) if isinstance(place, SerialEndpoint) else why_no_port(place)
+    report = findings.refuse if is_start else findings.warn
+    for key, endpoint in _opened(findings, sections):
+        why = why_no_device(endpoint) if isinstance(endpoint, SerialEndpoint) else why_no_port(endpoint)
         if why is not None and not findings.is_refused(key):
-            say(key, *why)
+            report(key, *why)
 
 
 def _opened(findings: Findings, sections: Sections) -> Iterator[tuple[KeyPath, TcpEndpoint | SerialEndpoint]]:

@@ -28,20 +28,20 @@ WILDCARDS: Final = frozenset({"0.0.0.0", "::"})  # noqa: S104 (to be recognised,
 
 
 @dataclass(frozen=True, slots=True)
-class Use:
+class EndpointUse:
     """A place in the world, and the key that names it."""
 
     key: KeyPath
-    place: TcpEndpoint | SerialEndpoint
+    endpoint: TcpEndpoint | SerialEndpoint
 
 
 def check_lines(
     findings: Findings, lines: Mapping[str, LineSection], unit_ids: Mapping[str, Collection[int]]
 ) -> None:
     """Check all lines, each for itself and against the others; ``unit_ids``: of the axes of each line."""
-    drives = [Use(drives_key(name, line), line.drives.endpoint) for name, line in lines.items()]
+    drives = [EndpointUse(drives_key(name, line), line.drives.endpoint) for name, line in lines.items()]
     listeners = [
-        Use(
+        EndpointUse(
             (*controller_key(findings, name, controller.name, i), controller.way),
             controller.endpoint,
         )
@@ -56,7 +56,7 @@ def check_lines(
         _check_units(findings, name, line, set(unit_ids.get(name, ())))
         _check_open_listeners(findings, name, line)
     _check_ipv6_alone(findings, listeners)
-    ports = [use for use in (*drives, *listeners) if isinstance(use.place, SerialEndpoint)]
+    ports = [use for use in (*drives, *listeners) if isinstance(use.endpoint, SerialEndpoint)]
     _check_devices(findings, sorted(ports, key=lambda use: findings.document.lines.of(use.key) or 0))
     _check_addresses(findings, drives, listeners)
 
@@ -172,65 +172,66 @@ def _check_open_listeners(findings: Findings, name: str, line: LineSection) -> N
         )
 
 
-def _check_ipv6_alone(findings: Findings, listeners: list[Use]) -> None:
+def _check_ipv6_alone(findings: Findings, listeners: list[EndpointUse]) -> None:
     """Elsewhere ``[::]`` often takes IPv4 connections too; here nobody is let in who was not asked for."""
-    places = [use.place for use in listeners if isinstance(use.place, TcpEndpoint)]
+    endpoints = [use.endpoint for use in listeners if isinstance(use.endpoint, TcpEndpoint)]
     for use in listeners:
-        if not is_ipv6_alone(use.place):
+        if not is_ipv6_alone(use.endpoint):
             continue
-        both = TcpEndpoint("0.0.0.0", use.place.port)  # noqa: S104 - to be named, not to be bound
-        if any(is_same(place, both) for place in places):
+        both = TcpEndpoint("0.0.0.0", use.endpoint.port)  # noqa: S104 - to be named, not to be bound
+        if any(is_same(endpoint, both) for endpoint in endpoints):
             continue
         findings.warn(
             use.key,
-            f"{use.place} takes IPv6 connections alone",
+            f"{use.endpoint} takes IPv6 connections alone",
             f'for IPv4 alone write {use.key[-1]} = "{both.host}:{both.port}"; for both give the line a '
             "second controller with that address, and a name of its own; for IPv6 alone name the address of "
             "this machine that it is for",
         )
 
 
-def is_ipv6_alone(place: TcpEndpoint | SerialEndpoint) -> TypeGuard[TcpEndpoint]:
+def is_ipv6_alone(endpoint: TcpEndpoint | SerialEndpoint) -> TypeGuard[TcpEndpoint]:
     """Whether whoever means all addresses of this machine may not know that it is those of IPv6 alone."""
-    return isinstance(place, TcpEndpoint) and _canonical(place.host) == "::"
+    return isinstance(endpoint, TcpEndpoint) and _canonical(endpoint.host) == "::"
 
 
-def _check_devices(findings: Findings, uses: list[Use]) -> None:
+def _check_devices(findings: Findings, uses: list[EndpointUse]) -> None:
     """Two names of one device (by-id, by-path, ttyUSB0) are one device."""
     first: dict[str, KeyPath] = {}
     for use in uses:
-        device = os.path.realpath(str(use.place))
+        device = os.path.realpath(str(use.endpoint))
         if device in first:
             findings.refuse(
                 use.key,
-                f"{use.place} is in use by {key_text(first[device])} already",
+                f"{use.endpoint} is in use by {key_text(first[device])} already",
                 "give each port one use: a serial port serves one controller or one bus of drives",
             )
         first.setdefault(device, use.key)
 
 
-def _check_addresses(findings: Findings, drives: list[Use], listeners: list[Use]) -> None:
+def _check_addresses(findings: Findings, drives: list[EndpointUse], listeners: list[EndpointUse]) -> None:
     for i, use in enumerate(drives):
         for other in drives[:i]:
-            if is_same(use.place, other.place):
+            if is_same(use.endpoint, other.endpoint):
                 findings.refuse(
                     use.key,
-                    f"{use.place} is in use by {key_text(other.key)} already",
+                    f"{use.endpoint} is in use by {key_text(other.key)} already",
                     "put all drives behind one address into one line",
                 )
     for i, use in enumerate(listeners):
         for other in listeners[:i]:
-            if is_same(use.place, other.place, wildcard_hosts=WILDCARDS):
+            if is_same(use.endpoint, other.endpoint, wildcard_hosts=WILDCARDS):
                 findings.refuse(
                     use.key,
-                    f"{use.place} is listened on by {key_text(other.key)} already",
+                    f"{use.endpoint} is listened on by {key_text(other.key)} already",
                     "give each controller a port of its own",
                 )
         for other in drives:
-            if is_same(use.place, other.place, wildcard_hosts=WILDCARDS):
+            if is_same(use.endpoint, other.endpoint, wildcard_hosts=WILDCARDS):
                 findings.refuse(
                     use.key,
-                    f"{use.place} is the address of {key_text(other.key)}: the gateway would talk to itself",
+                    f"{use.endpoint} is the address of {key_text(other.key)}: the gateway would talk to "
+                    "itself",
                     "let the controller connect to another port",
                 )
 
@@ -378,10 +379,10 @@ def check_budget(
         if any(map(findings.is_refused, keys)) or any(axis.registers is None for axis in axes.values()):
             continue
         for judgement in judge(line_plan(name, sections, tables, drives)):
-            _note(findings, sections, judgement)
+            _report(findings, sections, judgement)
 
 
-def _note(findings: Findings, sections: Sections, judgement: Judgement) -> None:
+def _report(findings: Findings, sections: Sections, judgement: Judgement) -> None:
     key = judgement.key
     if key[0] == "line" and key[2] == "controllers":
         _, line, _, index, *rest = key

@@ -9,10 +9,10 @@ from gateway.config.findings import Findings
 from gateway.config.line_model import Connect, LineSection
 from gateway.config.sections import Sections
 from gateway.config.toml import KeyPath
-from gateway.drives.meanings import rule_meaning
 from gateway.drives.motion import Action
 from gateway.drives.profile import motion_faults
 from gateway.drives.registers import DoneMeans, RegisterMap
+from gateway.drives.rule_keys import rule_key
 from gateway.exchange.plan import Reference, Role
 
 # --- Whether an axis can be moved the way its registers and its other keys say; profiles are looked at too
@@ -35,7 +35,7 @@ def check_motion(findings: Findings, sections: Sections) -> None:
         _check_stops(findings, path, registers)
         if axis.is_corrected:
             _check_relative(findings, path, axis, registers)
-            _check_restaging(findings, path, axis, registers)
+            _check_rewriting(findings, path, axis, registers)
             _check_stream(findings, path, axis, registers)
             _check_arrival(findings, path, axis, registers)
 
@@ -52,7 +52,7 @@ def _check_arrival(findings: Findings, path: KeyPath, axis: AxisSection, registe
 
 
 def _check_stops(findings: Findings, path: KeyPath, registers: RegisterMap) -> None:
-    if registers.trigger and rule_meaning(registers, Action.STOP) is None:
+    if registers.trigger and rule_key(registers, Action.STOP) is None:
         findings.warn(
             (*path, "registers", "trigger"),
             "no value is listed that stops the axis",
@@ -62,7 +62,7 @@ def _check_stops(findings: Findings, path: KeyPath, registers: RegisterMap) -> N
 
 def _check_relative(findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap) -> None:
     """Warn where nothing tells where a relative move starts after something else than a target."""
-    key = rule_meaning(registers, *RELATIVE)
+    key = rule_key(registers, *RELATIVE)
     if key is None or axis.relative_unknown is Unmapped.PASS:
         return
     lack, do = _lack_of_base(axis, registers)
@@ -95,7 +95,7 @@ def _lack_of_base(axis: AxisSection, registers: RegisterMap) -> tuple[str, str]:
     return "", ""
 
 
-def _check_restaging(findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap) -> None:
+def _check_rewriting(findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap) -> None:
     if registers.staged and axis.added_frames is AddedFrames.NEVER:
         findings.warn(
             (*path, "added_frames"),
@@ -108,7 +108,7 @@ def _check_restaging(findings: Findings, path: KeyPath, axis: AxisSection, regis
 def _check_stream(findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap) -> None:
     if axis.setpoints is not Setpoints.STREAM or not registers.staged:
         return
-    if rule_meaning(registers, Action.FOLLOW, Action.FOLLOW_NEXT) is None:
+    if rule_key(registers, Action.FOLLOW, Action.FOLLOW_NEXT) is None:
         findings.warn(
             (*path, "setpoints"),
             'setpoints = "stream", and the drive waits for a trigger after each target',
@@ -164,7 +164,7 @@ def _lacks(way: Reference, registers: RegisterMap) -> list[tuple[str, str]]:
     if way is Reference.DRIVE_BIT and bits.homed is None:
         lacks.append(("without registers.bits.homed", "name the bit that says that the drive is homed"))
     if way is Reference.HOMING:
-        if rule_meaning(registers, Action.HOME) is None:
+        if rule_key(registers, Action.HOME) is None:
             what = "and no value of registers.mode or registers.trigger homes"
             lacks.append((what, "list the value that homes the axis under home"))
         if bits.homed is None and bits.done is None:
@@ -178,7 +178,7 @@ def _lacks(way: Reference, registers: RegisterMap) -> list[tuple[str, str]]:
 
 
 def _sets_position(registers: RegisterMap) -> bool:
-    by_value = rule_meaning(registers, Action.SET_POSITION) is not None
+    by_value = rule_key(registers, Action.SET_POSITION) is not None
     return by_value or any(position.set_position for position in registers.actual)
 
 

@@ -13,8 +13,8 @@ from gateway.config.line_model import ControllerSection, LineSection
 from gateway.config.rights_model import RightsKeys
 from gateway.config.sections import Sections
 from gateway.config.toml import KeyPath
-from gateway.drives.meanings import rule_meaning
 from gateway.drives.motion import Action
+from gateway.drives.rule_keys import rule_key
 from gateway.exchange.access import MONITOR_FUNCTIONS
 from gateway.exchange.plan import Role
 from gateway.files import FileRefusedError
@@ -95,16 +95,16 @@ def _check_role(findings: Findings, rights: RightsKeys, key: KeyPath) -> None:
 def _check_unit_ids(
     findings: Findings, rights: RightsKeys, key: KeyPath, axes: Axes, *, is_broadcast: bool
 ) -> None:
-    known = {axis.unit_id for axis in axes.values()}
+    axis_unit_ids = {axis.unit_id for axis in axes.values()}
     for index, unit_id in enumerate(rights.unit_ids):
-        if unit_id not in known and not (is_broadcast and unit_id == BROADCAST_UNIT_ID):
-            shown = ", ".join(map(str, sorted(known)))
+        if unit_id not in axis_unit_ids and not (is_broadcast and unit_id == BROADCAST_UNIT_ID):
+            shown = ", ".join(map(str, sorted(axis_unit_ids)))
             findings.warn(
                 (*key, "unit_ids", index),
                 f"no axis of this line has unit id {unit_id}",
                 f"the axes have {shown}; leave it so if something else on the line has it",
             )
-    left_out = sorted(known - set(rights.unit_ids))
+    left_out = sorted(axis_unit_ids - set(rights.unit_ids))
     if is_broadcast and left_out:
         shown = ", ".join(map(str, left_out))
         findings.warn(
@@ -123,12 +123,12 @@ def _check_positions(findings: Findings, rights: RightsKeys, key: KeyPath, axes:
         for index, span in enumerate(rights.writable):
             for field in fields:
                 last = field.end - 1
-                is_apart = last < span.first or span.last < field.address
-                if not is_apart and not span.first <= field.address <= last <= span.last:
-                    cut, whole = f"{span.first:04X}-0x{span.last:04X}", f"{field.address:04X}-0x{last:04X}"
+                is_disjoint = last < span.first or span.last < field.address
+                if not is_disjoint and not span.first <= field.address <= last <= span.last:
+                    part, whole = f"{span.first:04X}-0x{span.last:04X}", f"{field.address:04X}-0x{last:04X}"
                     findings.refuse(
                         (*key, "writable", index),
-                        f"0x{cut} holds a part of a command position of axis {name}, which is 0x{whole}",
+                        f"0x{part} holds a part of a command position of axis {name}, which is 0x{whole}",
                         "take all of its addresses, or none",
                     )
 
@@ -191,17 +191,17 @@ def check_roles(findings: Findings, sections: Sections) -> None:
     with_stops = {
         axis.line
         for axis in (sections.axes | sections.partial_axes).values()
-        if axis.registers is not None and rule_meaning(axis.registers, Action.STOP) is not None
+        if axis.registers is not None and rule_key(axis.registers, Action.STOP) is not None
     }
     for name, line in sections.lines.items():
         for index, controller in enumerate(line.controllers):
             key = controller_key(findings, name, controller.name, index)
-            places = {(*key, "roles", given): each.role for given, each in controller.roles.items()}
-            for place, role in (places or {key: controller.role}).items():
+            role_keys = {(*key, "roles", given): each.role for given, each in controller.roles.items()}
+            for role_key, role in (role_keys or {key: controller.role}).items():
                 if role is not Role.OPERATOR or name in with_stops:
                     continue
                 findings.warn(
-                    (*place, "role"),
+                    (*role_key, "role"),
                     'role = "operator", and the registers of no axis of this line list a stop',
                     "it may only read here; list the values under stop in mode or trigger, or write "
                     '"monitor"',
@@ -326,7 +326,7 @@ class _Check:
         except FileRefusedError as error:
             self._refuse("revoked", f"{self._files.revoked}: {error.found}", error.remedy)
             return
-        self._say("revoked", list_problem(self._files.revoked, ends, self._now))
+        self._report_time("revoked", list_problem(self._files.revoked, ends, self._now))
 
     def _facts(self, key: str, name: str) -> tuple[Facts, ...]:
         try:
@@ -336,12 +336,12 @@ class _Check:
             return ()
 
     def _check_time(self, key: str, facts: Facts) -> None:
-        self._say(key, time_problem(facts, self._now))
+        self._report_time(key, time_problem(facts, self._now))
 
-    def _say(self, key: str, problem: TimeProblem | None) -> None:
+    def _report_time(self, key: str, problem: TimeProblem | None) -> None:
         if problem is not None:
-            say = self._warn if problem.is_good_now else self._refuse
-            say(key, problem.found, problem.remedy)
+            report = self._warn if problem.is_good_now else self._refuse
+            report(key, problem.found, problem.remedy)
 
     def _check_strength(self, key: str, facts: Facts) -> None:
         if facts.weakness:

@@ -37,17 +37,17 @@ TOKENS_KEY: Final = ("http", "tokens")
 def check_http(findings: Findings, http: HttpSection, lines: Mapping[str, LineSection]) -> None:
     """Refuse an address that a controller connects to, and one beyond this machine where anybody may look."""
     _check_names(findings, http)
-    place = http.endpoint
-    if place is None or findings.is_refused(KEY):
+    endpoint = http.endpoint
+    if endpoint is None or findings.is_refused(KEY):
         return
-    _check_controllers(findings, place, lines)
-    if not is_loopback(place.host):
-        _check_open(findings, http, place)
-    if is_ipv6_alone(place):
+    _check_controllers(findings, endpoint, lines)
+    if not is_loopback(endpoint.host):
+        _check_open(findings, http, endpoint)
+    if is_ipv6_alone(endpoint):
         findings.warn(
             KEY,
-            f"{place} takes IPv6 connections alone",
-            f'for IPv4 alone write listen = "0.0.0.0:{place.port}"; for both have a proxy of yours in '
+            f"{endpoint} takes IPv6 connections alone",
+            f'for IPv4 alone write listen = "0.0.0.0:{endpoint.port}"; for both have a proxy of yours in '
             "front, which reaches the page at 127.0.0.1; for IPv6 alone name the address of this machine "
             "that it is for",
         )
@@ -119,7 +119,7 @@ def _check_names(findings: Findings, http: HttpSection) -> None:
             findings.refuse(key, f'a second token "{name}"', "give each token its own name")
 
 
-def _check_open(findings: Findings, http: HttpSection, place: TcpEndpoint) -> None:
+def _check_open(findings: Findings, http: HttpSection, endpoint: TcpEndpoint) -> None:
     """Beyond this machine nobody looks without showing who he is, and nothing secret goes as plain text."""
     if findings.is_refused(TOKENS_KEY) or findings.is_refused(TLS_KEY):
         return  # as it is meant it may well be closed
@@ -127,31 +127,31 @@ def _check_open(findings: Findings, http: HttpSection, place: TcpEndpoint) -> No
     if http.tls is None and http.tokens:
         findings.refuse(
             KEY,
-            f"whoever listens to the network at {place} could read the tokens and use them himself",
+            f"whoever listens to the network at {endpoint} could read the tokens and use them himself",
             f"add [http.tls] with certificate and key, {local}",
         )
     elif http.tls is None:
         findings.refuse(
             KEY,
-            f"whoever reaches {place} could read the status of the gateway",
+            f"whoever reaches {endpoint} could read the status of the gateway",
             f"add tokens or clients, and [http.tls] with certificate and key, {local}",
         )
     elif not http.tokens and http.tls.clients is None:
         findings.refuse(
             KEY,
-            f"whoever reaches {place} could read the status of the gateway",
+            f"whoever reaches {endpoint} could read the status of the gateway",
             f"add tokens, or clients to [http.tls], {local}",
         )
 
 
-def _check_controllers(findings: Findings, place: TcpEndpoint, lines: Mapping[str, LineSection]) -> None:
+def _check_controllers(findings: Findings, endpoint: TcpEndpoint, lines: Mapping[str, LineSection]) -> None:
     for name, line in lines.items():
         for i, controller in enumerate(line.controllers):
-            if is_same(place, controller.endpoint, wildcard_hosts=WILDCARDS):
+            if is_same(endpoint, controller.endpoint, wildcard_hosts=WILDCARDS):
                 key = (*controller_key(findings, name, controller.name, i), controller.way)
                 findings.refuse(
                     KEY,
-                    f"{place} is listened on by {key_text(key)} already",
+                    f"{endpoint} is listened on by {key_text(key)} already",
                     'give the page another port, or listen = "" for none',
                 )
 

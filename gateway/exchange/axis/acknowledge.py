@@ -104,7 +104,7 @@ class Proof(Enum):
     """It did not: the axis stands at its start."""
 
 
-class End(Enum):
+class WayEnd(Enum):
     """At which end of its way an axis is seen."""
 
     __hash__ = object.__hash__
@@ -115,12 +115,12 @@ class End(Enum):
     """At neither, or where both windows overlap."""
 
 
-PROOF_AFTER: Final[dict[Proof, dict[End, Proof]]] = {
-    Proof.ONE: {End.START: Proof.NOT_EXECUTED, End.END: Proof.EXECUTED, End.NEITHER: Proof.ONE},
-    Proof.TWO: {End.START: Proof.AT_START, End.END: Proof.AT_END, End.NEITHER: Proof.TWO},
-    Proof.AT_START: {End.START: Proof.NOT_EXECUTED, End.END: Proof.AT_END, End.NEITHER: Proof.TWO},
-    Proof.AT_END: {End.START: Proof.AT_START, End.END: Proof.EXECUTED, End.NEITHER: Proof.TWO},
-    Proof.NONE: {End.START: Proof.NONE, End.END: Proof.NONE, End.NEITHER: Proof.NONE},
+PROOF_AFTER: Final[dict[Proof, dict[WayEnd, Proof]]] = {
+    Proof.ONE: {WayEnd.START: Proof.NOT_EXECUTED, WayEnd.END: Proof.EXECUTED, WayEnd.NEITHER: Proof.ONE},
+    Proof.TWO: {WayEnd.START: Proof.AT_START, WayEnd.END: Proof.AT_END, WayEnd.NEITHER: Proof.TWO},
+    Proof.AT_START: {WayEnd.START: Proof.NOT_EXECUTED, WayEnd.END: Proof.AT_END, WayEnd.NEITHER: Proof.TWO},
+    Proof.AT_END: {WayEnd.START: Proof.AT_START, WayEnd.END: Proof.EXECUTED, WayEnd.NEITHER: Proof.TWO},
+    Proof.NONE: {WayEnd.START: Proof.NONE, WayEnd.END: Proof.NONE, WayEnd.NEITHER: Proof.NONE},
 }
 """What each reading of an axis that may stand makes of it. What decides is there no more."""
 AT_ONE_END: Final = frozenset({Proof.AT_START, Proof.AT_END})

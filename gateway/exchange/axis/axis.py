@@ -16,8 +16,8 @@ machine            says                                    sees
 ``motion``         where it is                             acknowledgements, stops, bits, actual positions
 ``acknowledge``    whether its drive has taken a target    frames that leave, their end, readings at both ends
 ``interlock``      whether its triggers are refused        targets that were lost, targets that came whole
-``beam``           what the first of a group has fixed     triggers of all axes of its group
-``sight``          whether its drive tells where it is     answers to the gateway's own reads
+``gantry``         what the first of a group has fixed     triggers of all axes of its group
+``readability``    whether its drive tells where it is     answers to the gateway's own reads
 =================  ======================================  ================================================
 
 Whether positions are to be corrected a person decides (``is_enabled``), or a drive whose registers were moved
@@ -52,8 +52,8 @@ from gateway.compensation.readback import Fade, Readback
 from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import Action, Form
 from gateway.exchange.axis.acknowledge import Acknowledgement, Proof, Rendering, SteadyTarget
-from gateway.exchange.axis.beam import Beam, BeamEvent, Fixed
 from gateway.exchange.axis.cross_term import Partner
+from gateway.exchange.axis.gantry import Fixed, Gantry, GantryEvent
 from gateway.exchange.axis.hold import Hold
 from gateway.exchange.axis.hunting import MOST, Hunting
 from gateway.exchange.axis.interlock import Block, Interlock
@@ -65,9 +65,10 @@ from gateway.exchange.axis.motion import (
     MotionEvent,
     MotionState,
 )
+from gateway.exchange.axis.readability import READABILITY_AFTER, PositionAnswer, Readability
 from gateway.exchange.axis.record import (
     PROVEN,
-    Fate,
+    Decision,
     Finding,
     Record,
     TableNotFoundError,
@@ -78,7 +79,6 @@ from gateway.exchange.axis.record import (
 from gateway.exchange.axis.record_layout import Remembered, RememberedMove
 from gateway.exchange.axis.reference import AxisReference, ReferenceEvent
 from gateway.exchange.axis.registers import FieldImage, RuleImage
-from gateway.exchange.axis.sight import SIGHT_AFTER, Sight, Told
 from gateway.exchange.axis.terms import Terms
 from gateway.exchange.events import Event
 from gateway.exchange.field_counts import counts_of, raw_of, steps_of
@@ -96,7 +96,7 @@ from gateway.times import NS_PER_MS, NS_PER_S
 
 SEEN_LATELY_NS: Final = 500 * NS_PER_MS
 """An actual position seen so long ago says where a stream begins, where none can be read."""
-RESTAGED_EVERY_NS: Final = 60 * NS_PER_S
+REWRITTEN_EVERY_NS: Final = 60 * NS_PER_S
 """How often restaging is reported; all of it is counted."""
 _SAYS_NOTHING_WRITTEN: Final = frozenset(
     {
@@ -116,7 +116,9 @@ MOVES_OTHERWISE: Final = frozenset(
     }
 )
 """Actions after which the last target does not say any more where the axis is."""
-_REFUSED: Final = Sight.REFUSED  # a member is looked up slowly, and these are asked for with each sample
+_REFUSED: Final = (
+    Readability.REFUSED
+)  # a member is looked up slowly, and these are asked for with each sample
 _MOVING: Final = MotionState.MOVING
 _SUPERSEDED: Final = MotionState.SUPERSEDED
 REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
@@ -130,12 +132,12 @@ class Axis:
         "asked_actual",
         "asked_commanded",
         "base",
-        "beam",
         "began",
         "compensation",
         "events",
         "fields",
         "fixed",
+        "gantry",
         "has_branches",
         "hold",
         "holds_unrun",
@@ -150,18 +152,18 @@ class Axis:
         "motion",
         "peers",
         "plan",
+        "readability",
         "record",
         "reference",
+        "reported_referenced",
+        "reported_rewrite_ns",
+        "reported_unknown",
+        "reported_unsure",
+        "requested",
         "rules",
-        "sight",
         "silent_since_ns",
         "silent_until_ns",
         "terms",
-        "told_referenced",
-        "told_restaged_ns",
-        "told_unknown",
-        "told_unsure",
-        "wanted",
     )
 
     def __init__(self, plan: AxisPlan) -> None:
@@ -176,7 +178,7 @@ class Axis:
         """Whether the gateway may add reads of this axis's registers (W8)."""
         self.asked_actual = self.asked(plan.actual)
         """The actual position that the gateway may read by itself (W8); None: it only sees it in passing."""
-        self.sight = Sight.OPEN
+        self.readability = Readability.OPEN
         """Whether its drive tells that; where it does not, ``asked_actual`` is None."""
         self.asked_commanded = self.asked(plan.commanded)
         """The same of the drive's own commanded position."""
@@ -190,10 +192,10 @@ class Axis:
         """How the last target was meant: the best guess for one that is staged before its mode is known."""
         # --- its machines
         self.compensation = AxisCompensation(plan.settings)
-        self.reference = AxisReference(plan, self.tell_fault)
-        self.acknowledgement = Acknowledgement(self.tell_fault)
-        self.motion = Motion(plan, self.compensation, self.acknowledgement, self.fields, self.tell_fault)
-        self.interlock = Interlock(self.tell_fault)
+        self.reference = AxisReference(plan, self.report_fault)
+        self.acknowledgement = Acknowledgement(self.report_fault)
+        self.motion = Motion(plan, self.compensation, self.acknowledgement, self.fields, self.report_fault)
+        self.interlock = Interlock(self.report_fault)
         self.is_alarmed = False
         """Its alarm bit was set when it was seen last: only its rise tells of something."""
         self.silent_since_ns: int | None = None
@@ -202,7 +204,7 @@ class Axis:
         # --- its group
         self.peers: tuple[Axis, ...] = ()
         """The other axes of its group (M11)."""
-        self.beam: Beam | None = None
+        self.gantry: Gantry | None = None
         """What the first trigger of its group has fixed; one for all of its axes."""
         self.fixed: Fixed | None = None
         """What counts in place of reference and switch until its group has gone (M11); None: nothing does."""
@@ -212,7 +214,7 @@ class Axis:
         self.terms = Terms(plan) if plan.thermal or plan.cross else None
         self.base: CorrectionSpec = NOTHING
         """What the table asks for."""
-        self.wanted: CorrectionSpec = NOTHING
+        self.requested: CorrectionSpec = NOTHING
         """The same with its terms."""
         self.has_branches = False
         """Whether the direction of travel makes a difference to the correction."""
@@ -225,14 +227,14 @@ class Axis:
         """What the line has still to report."""
         self.began: tuple[float, float] | None = None
         """Offset with which a stream has begun and what of it was motion, in units, until it is told."""
-        self.told_unsure = False
-        self.told_restaged_ns: int | None = None
-        self.told_unknown: tuple[tuple[int, int], ...] | None = None
+        self.reported_unsure = False
+        self.reported_rewrite_ns: int | None = None
+        self.reported_unknown: tuple[tuple[int, int], ...] | None = None
         """Register contents that were reported as unknown last."""
         self._choose_correction()
         if self.reference.is_referenced:
-            self.compensation.find_reference(self.wanted)
-        self.told_referenced = None if self.reference.follows_homed_bit else self.reference.is_referenced
+            self.compensation.find_reference(self.requested)
+        self.reported_referenced = None if self.reference.follows_homed_bit else self.reference.is_referenced
 
     @property
     def goes_as_referenced(self) -> bool:
@@ -266,13 +268,13 @@ class Axis:
     @property
     def is_unsure(self) -> bool:
         """Whether the branch in force was assumed, where there are two and they count."""
-        is_assumed = self.compensation.is_unsure or self.motion.is_distance_unproven
+        is_assumed = self.compensation.is_unsure or self.motion.is_distance_unconfirmed
         return is_assumed and self.has_branches and not self.compensation.is_passing
 
     @property
-    def is_out_of_sight(self) -> bool:
+    def is_unreadable(self) -> bool:
         """Whether it is not asked where it is because its drive refuses to tell."""
-        return self.sight is Sight.REFUSED
+        return self.readability is Readability.REFUSED
 
     def asked(self, fields: tuple[PositionField, ...]) -> PositionField | None:
         """Return the one of some positions that the gateway may read by itself; None: none."""
@@ -283,7 +285,7 @@ class Axis:
         image = self.fields[number]
         return (
             self.compensation.accepted is not None
-            and not image.is_torn
+            and not image.is_incomplete
             and image.nominal_words == nominal_words
             and image.corrected_words is not None
             and (number != self.motion.last_number or self.is_dry_run or self.motion.holds_target(number))
@@ -327,30 +329,30 @@ class Axis:
             return words
         return field_.pack(corrected - steps_of(field_, correction))
 
-    def tell(self, kind: EventEntry, detail: str = "") -> None:
+    def report(self, kind: EventEntry, detail: str = "") -> None:
         """Report something about this axis."""
         self.events.append(Event(kind, self.plan.name, detail))
 
-    def tell_unknown(self, contents: tuple[tuple[int, int], ...]) -> None:
+    def report_unknown(self, contents: tuple[tuple[int, int], ...]) -> None:
         """Report register contents that mean something the map does not know: the same ones once."""
-        if self.told_unknown == contents:
+        if self.reported_unknown == contents:
             return
-        self.told_unknown = contents
+        self.reported_unknown = contents
         shown = ", ".join(f"{address:#06x} = {word:#06x}" for address, word in contents)
         what = f"the register map does not know {shown}" if shown else "nobody can tell what a frame means"
-        self.tell(exchange_events.UNKNOWN_MODE, f"{what}: it passed untouched")
+        self.report(exchange_events.UNKNOWN_MODE, f"{what}: it passed untouched")
 
-    def tell_fault(self, sentence: str) -> None:
+    def report_fault(self, sentence: str) -> None:
         """One of its machines met an event that cannot be in its state: a bug of this program.
 
         The safest counts from now on: nobody knows where the axis is, its reference is lost where a bit tells
         it anew, its triggers are refused until a complete target was accepted.
         """
-        self.tell(exchange_events.INTERNAL_FAULT, sentence)
+        self.report(exchange_events.INTERNAL_FAULT, sentence)
         self.motion.enter(MotionState.UNKNOWN)
         if self.reference.follows_homed_bit:
             was_referenced = self.reference.is_referenced
-            self.reference.doubt()
+            self.reference.invalidate()
             self._follow_reference(was_referenced=was_referenced)
         why = "the gateway has a fault: triggers are refused until a complete target was accepted"
         self.block_triggers(ExceptionCode.SERVER_DEVICE_FAILURE, why)
@@ -360,32 +362,32 @@ class Axis:
         if self.record is not None:
             self.publish()
         reference = self.reference
-        if reference.is_referenced is not self.told_referenced and reference.was_told:
-            self._tell_reference()
-        if self.is_unsure is not self.told_unsure:
-            self.told_unsure = self.is_unsure
-            if self.told_unsure:
+        if reference.is_referenced is not self.reported_referenced and reference.was_reported:
+            self._report_reference()
+        if self.is_unsure is not self.reported_unsure:
+            self.reported_unsure = self.is_unsure
+            if self.reported_unsure:
                 detail = "where the axis is could not be told; it keeps its branch"
-                if self.is_out_of_sight:
+                if self.is_unreadable:
                     detail += "; its drive refuses to tell its actual position"
-                self.tell(exchange_events.DIRECTION_UNSURE, detail)
+                self.report(exchange_events.DIRECTION_UNSURE, detail)
         if not self.events:
             return ()
         taken = tuple(self.events)
         self.events = []
         return taken
 
-    def _tell_reference(self) -> None:
-        self.told_referenced = self.reference.is_referenced
+    def _report_reference(self) -> None:
+        self.reported_referenced = self.reference.is_referenced
         if self.reference.is_referenced:
-            self.tell(exchange_events.AXIS_REFERENCED)
+            self.report(exchange_events.AXIS_REFERENCED)
             return
         detail = "the drive does not say that it is homed: positions pass 1:1"
         if not self.reference.follows_homed_bit:
             detail = "it may not stand where its drive says any more: positions pass 1:1"
         if self.reference.waits_for_peers and self.reference.is_found:
             detail = "another axis of its group is not referenced: positions pass 1:1"
-        self.tell(exchange_events.REFERENCE_LOST, detail)
+        self.report(exchange_events.REFERENCE_LOST, detail)
 
     # --- where it is -----------------------------------------------------------------------------------
 
@@ -404,15 +406,15 @@ class Axis:
 
         ``was_closed``: a connection was closed in order, by its server when it was idle or by us.
         """
-        if self.beam is not None:
-            self.beam.happens(BeamEvent.ENDED)
+        if self.gantry is not None:
+            self.gantry.happens(GantryEvent.ENDED)
         self.motion.lose_reach(KeptOver.ORDERLY_CLOSE if was_closed else KeptOver.LOSS)
         self._forget_words()
 
-    def doubt_words(self) -> None:
+    def invalidate_words(self) -> None:
         """The drive may hold other targets than it was told; what the controller believes stays."""
         for image in self.fields:
-            image.doubt()
+            image.invalidate()
 
     # --- whether its positions mean anything -----------------------------------------------------------
 
@@ -435,10 +437,10 @@ class Axis:
     def _take_reference(self, *, is_referenced: bool) -> None:
         """Let positions mean something from now on, or nothing."""
         self.motion.change_reference()
-        self.doubt_words()
+        self.invalidate_words()
         if is_referenced:
-            self.motion.forget_place()  # it may have been counted from another zero
-            self.compensation.find_reference(self.wanted)
+            self.motion.forget_position()  # it may have been counted from another zero
+            self.compensation.find_reference(self.requested)
         else:
             self.compensation.lose_reference()
 
@@ -466,10 +468,10 @@ class Axis:
         """
         members = [each for each in (self, *self.peers) if each.compensation.accepted is not None]
         self.reference_happens(ReferenceEvent.DECLARED)
-        if self.beam is not None:
+        if self.gantry is not None:
             self.follow_group()
         for member in members:
-            member.motion.keep_over(KeptOver.DECLARATION)
+            member.motion.mark_kept_over(KeptOver.DECLARATION)
 
     def follow_group(self) -> None:
         """Compensate the axes of its group only while every one of them knows where it is (M11)."""
@@ -484,9 +486,9 @@ class Axis:
         self.reference.wait_for_peers(waits=waits)
         self._follow_reference(was_referenced=was_referenced)
 
-    def join(self, peers: "tuple[Axis, ...]", beam: Beam) -> None:
+    def join(self, peers: "tuple[Axis, ...]", gantry: Gantry) -> None:
         """Be one of a group from now on."""
-        self.peers, self.beam = peers, beam
+        self.peers, self.gantry = peers, gantry
         self.follow_group()
 
     # --- what the first trigger of its group fixes (M11) -----------------------------------------------
@@ -506,9 +508,9 @@ class Axis:
 
     def _put_off(self, fixed: Fixed) -> None:
         """Note what has to wait until nothing is fixed any more."""
-        assert self.beam is not None
+        assert self.gantry is not None
         self.fixed = fixed
-        self.beam.put_off()
+        self.gantry.put_off()
 
     def fix(self, run: Rendering | None, *, keeps_words: bool) -> None:
         """Its group goes: reference and correction are what they are now, until nothing is fixed any more."""
@@ -542,10 +544,10 @@ class Axis:
 
     def may_have_gone_to(self, number: int, nominal_words: bytes) -> bool:
         """Whether some words are the absolute target that was sent last and never acknowledged."""
-        unproven, field = self.motion.unacknowledged, self.plan.command[number]
-        if unproven is None or unproven.move is None or unproven.is_distance:
+        unacknowledged, field = self.motion.unacknowledged, self.plan.command[number]
+        if unacknowledged is None or unacknowledged.move is None or unacknowledged.is_distance:
             return False
-        return counts_of(field, field.unpack(nominal_words)) == unproven.move.nominal_counts
+        return counts_of(field, field.unpack(nominal_words)) == unacknowledged.move.nominal_counts
 
     # --- which words may stay as they are (M4, M11) ------------------------------------------------------
 
@@ -556,7 +558,7 @@ class Axis:
         another switch, table or gain while another axis goes by what is asked for. Setpoints of a stream may:
         what is asked for comes into force with way that they go, and the same one again has none.
         """
-        if self.beam is None or self.compensation.is_stream or not self.is_other(spec):
+        if self.gantry is None or self.compensation.is_stream or not self.is_other(spec):
             return True
         if self.fixed is not None:
             return self.fixed.keeps_words
@@ -587,9 +589,9 @@ class Axis:
             assert self.motion.unacknowledged is not None
             assert self.motion.unacknowledged.move is not None
             return self.motion.unacknowledged.move.state.spec
-        retained, accepted = self.motion.superseded_as(number, nominal_words), self.compensation.accepted
-        if retained is not None:
-            return retained.move.state.spec
+        superseded, accepted = self.motion.superseded_as(number, nominal_words), self.compensation.accepted
+        if superseded is not None:
+            return superseded.move.state.spec
         field = self.plan.command[number]
         if accepted is None or counts_of(field, field.unpack(nominal_words)) != accepted.nominal_counts:
             return None
@@ -597,7 +599,7 @@ class Axis:
 
     def is_other(self, spec: CorrectionSpec) -> bool:
         """Whether a correction is that of another switch, table or gain than what counts for it now."""
-        asked = self.wanted if self.goes_as_referenced else NOTHING
+        asked = self.requested if self.goes_as_referenced else NOTHING
         if spec.curve is None or asked.curve is None:
             return spec.curve is not asked.curve
         is_same_table = spec.curve is asked.curve or spec.table_digest == asked.table_digest
@@ -621,7 +623,7 @@ class Axis:
     def _want(self) -> None:
         """Ask for what its table says, where its positions mean something and nothing else is fixed."""
         if self.reference.is_referenced and self.fixed is None:
-            self.compensation.want(self.wanted)
+            self.compensation.want(self.requested)
 
     def _choose_correction(self) -> None:
         if self.fixed is not None:
@@ -635,12 +637,12 @@ class Axis:
             curve = self.base.curve
             one_way = curve is not None and curve.table.is_unidirectional and self.base.gain.is_even
             self.has_branches = not one_way
-        self.wanted = self.base if self.terms is None else self.terms.on(self.base, self.plan)
+        self.requested = self.base if self.terms is None else self.terms.on(self.base, self.plan)
 
-    def enable(self, *, is_wanted: bool) -> None:
+    def enable(self, *, is_on: bool) -> None:
         """Apply the table, or stop to: with the next different target, never by itself."""
         if not self.reference.is_remapped:
-            self.is_enabled = is_wanted
+            self.is_enabled = is_on
         self._choose_correction()
         self._want()
 
@@ -675,9 +677,9 @@ class Axis:
         """End the compensation until the gateway is started again: its registers mean something else now."""
         if self.reference.is_remapped:
             return
-        self.tell(exchange_events.COMPENSATION_ENDED, REMAPPED)
-        if self.beam is not None:
-            self.beam.happens(BeamEvent.ENDED)
+        self.report(exchange_events.COMPENSATION_ENDED, REMAPPED)
+        if self.gantry is not None:
+            self.gantry.happens(GantryEvent.ENDED)
         self.reference.end()
         self.is_enabled = False
         self._choose_correction()
@@ -689,23 +691,23 @@ class Axis:
         terms = self.terms
         assert terms is not None
         if terms.follow(self.base, self.plan, now_ns):
-            self.wanted = terms.on(self.base, self.plan)
+            self.requested = terms.on(self.base, self.plan)
             self._want()
-        self.tell_terms(now_ns)
+        self.report_terms(now_ns)
 
-    def tell_terms(self, now_ns: int) -> None:
+    def report_terms(self, now_ns: int) -> None:
         """Report what is new about how well its terms are known."""
         if self.terms is not None:
             self.events += self.terms.events(self.plan.name, now_ns)
 
     def move_zero(self) -> None:
         """The drive counts from another zero: what it was told, and where it was seen, mean nothing now."""
-        self.doubt_words()
-        self.motion.forget_place()
+        self.invalidate_words()
+        self.motion.forget_position()
         if self.compensation.is_stream:
             self.compensation.begin_anew()
             if self.reference.is_referenced:
-                self.compensation.find_reference(self.wanted)
+                self.compensation.find_reference(self.requested)
 
     def begin_stream(self, number: int, nominal_words: bytes, fresh: Actual | None, now_ns: int) -> None:
         """Let the offset that the drive has be in force before the first setpoint of a stream (M6).
@@ -729,7 +731,7 @@ class Axis:
         rest = self.compensation.assume_offset(actual.counts, counts_of(field_, raw), self.base, slack)
         self.began = (self.compensation.state.spec.offset, rest)
 
-    def tell_beginning(self) -> None:
+    def report_beginning(self) -> None:
         """Report with what offset a stream has begun."""
         if self.began is None:
             return
@@ -738,7 +740,7 @@ class Axis:
         if offset or rest:
             what = f"the drive stood {offset:+.6g} {units} from the first setpoint, which stays in force"
             motion = f"; {rest:+.6g} {units} more cannot be a correction and were gone" if rest else ""
-            self.tell(exchange_events.STREAM_BEGAN, f"{what} until the table has taken over{motion}")
+            self.report(exchange_events.STREAM_BEGAN, f"{what} until the table has taken over{motion}")
 
     # --- silence ---------------------------------------------------------------------------------------
 
@@ -786,14 +788,14 @@ class Axis:
         if self.record is not None:
             self.record.pause()
         self._lose_reach(was_closed=was_closed)
-        self.motion.forget_place()
-        self.hear_place(Told.LINK_LOST)
+        self.motion.forget_position()
+        self.update_readability(PositionAnswer.LINK_LOST)
         self.fall_silent(now_ns, now_ns)
 
-    def hear_place(self, told: Told) -> None:
+    def update_readability(self, answer: PositionAnswer) -> None:
         """Take note of what its drive answers when the gateway asks it where the axis is."""
-        self.sight = SIGHT_AFTER[self.sight][told]
-        self.asked_actual = None if self.is_out_of_sight else self.asked(self.plan.actual)
+        self.readability = READABILITY_AFTER[self.readability][answer]
+        self.asked_actual = None if self.is_unreadable else self.asked(self.plan.actual)
 
     # --- a target on its way ---------------------------------------------------------------------------
 
@@ -802,7 +804,7 @@ class Axis:
         record, acknowledgement = self.record, self.acknowledgement
         if record is None:
             return
-        if record.recalled is not None:
+        if record.saved is not None:
             self.drop_record("a target came before the axis was read")
         if rendering.move is None and not rendering.is_distance:
             return  # a repeat changes nothing
@@ -811,7 +813,7 @@ class Axis:
             self.send_motion()
             return
         acknowledgement.send(rendering)
-        record.keep(self.motion, acknowledgement, self.wanted)
+        record.write_ahead(self.motion, acknowledgement, self.requested)
 
     def send_steady(self, target: SteadyTarget) -> bool:
         """The same of a target on the fast path; whether it was kept without being rendered.
@@ -822,8 +824,8 @@ class Axis:
         if record is None or steady is None:
             return True  # a repeat changes nothing
         acknowledgement = self.acknowledgement
-        if acknowledgement.pending is not None or not record.keep_step(
-            self.motion, self.wanted, steady, target.corrected_counts
+        if acknowledgement.pending is not None or not record.write_step_ahead(
+            self.motion, self.requested, steady, target.corrected_counts
         ):
             return False
         acknowledgement.send(None)
@@ -834,16 +836,16 @@ class Axis:
         record = self.record
         if record is None:
             return
-        if record.recalled is not None:
+        if record.saved is not None:
             self.drop_record("the axis was moved before it was read")
         self.acknowledgement.send_motion()
-        record.keep(self.motion, self.acknowledgement, self.wanted)
+        record.write_ahead(self.motion, self.acknowledgement, self.requested)
 
-    def note_staged(self) -> None:
+    def mark_staged(self) -> None:
         """Its drive has a target that no trigger has run."""
         self.holds_unrun = True
 
-    def note_run(self, action: Action) -> None:
+    def mark_run(self, action: Action) -> None:
         """Its drive runs a target, which was meant as ``action`` says."""
         self.holds_unrun = False
         self.last_run = action
@@ -859,7 +861,7 @@ class Axis:
         ``epoch``: of its field, when the target was sent.
         """
         self.fields[rendering.number].settle(rendering.nominal_words, rendering.corrected_words, epoch)
-        self.motion.hear_from(now_ns)
+        self.motion.mark_heard(now_ns)
         if rendering.move is None:
             self.compensation.touch(now_ns)
         else:
@@ -868,7 +870,7 @@ class Axis:
     def acknowledge_steady(self, number: int, target: SteadyTarget, now_ns: int) -> None:
         """The same of a target on the fast path: it goes on in its direction, or is a repeat."""
         self.fields[number].settle(target.nominal_words, target.corrected_words, target.epoch)
-        self.motion.hear_from(now_ns)
+        self.motion.mark_heard(now_ns)
         steady = target.steady
         if steady is None:
             self.compensation.touch(now_ns)
@@ -882,15 +884,15 @@ class Axis:
             not compensation.is_stream
             and compensation.state.travel.direction is not move.state.travel.direction
         ):
-            self._note_branch_change(now_ns)
+            self._count_branch_change(now_ns)
         self.motion.go(rendering, move, now_ns)
 
-    def _note_branch_change(self, now_ns: int) -> None:
-        if self.has_branches and self.hunting.note_change(now_ns):
+    def _count_branch_change(self, now_ns: int) -> None:
+        if self.has_branches and self.hunting.count_change(now_ns):
             detail = f"its branch changed more than {MOST} times in 10 s"
-            self.tell(exchange_events.BRANCH_HUNTS, detail)
+            self.report(exchange_events.BRANCH_HUNTS, detail)
 
-    def leave_unproven(self, rendering: Rendering, now_ns: int) -> None:
+    def leave_unacknowledged(self, rendering: Rendering, now_ns: int) -> None:
         """A target was sent and not acknowledged: the drive may hold it or not.
 
         Of a repeat it holds the same words in either case.
@@ -901,11 +903,11 @@ class Axis:
         image = self.fields[rendering.number]
         if image.corrected_words == rendering.corrected_words:
             rendering = self.acknowledgement.marked(rendering, rendering._replace(stood_there=True))
-        self.leave_run_unproven(rendering, now_ns)
+        self.leave_run_unacknowledged(rendering, now_ns)
         image.leave(rendering.nominal_words, rendering.corrected_words)
         image.forget()
 
-    def leave_run_unproven(self, rendering: Rendering, now_ns: int) -> None:
+    def leave_run_unacknowledged(self, rendering: Rendering, now_ns: int) -> None:
         """A trigger was not acknowledged: the drive holds its target, and may be going there or not."""
         motion = self.motion
         kept = motion.superseded_as(rendering.number, rendering.nominal_words)
@@ -929,35 +931,35 @@ class Axis:
         ``is_own``: for its own sake, not because another axis of the group was blocked (M11).
         """
         if self.interlock.refuse(code, is_own=is_own):
-            self.tell(exchange_events.AXIS_BLOCKED, why)
+            self.report(exchange_events.AXIS_BLOCKED, why)
 
     def release_triggers(self, epoch: int) -> None:
         """A complete target was accepted; ``epoch``: when it was sent."""
         if self.interlock.complete(epoch):
-            self.tell(
+            self.report(
                 exchange_events.AXIS_RELEASED, "a complete target was accepted: its triggers pass again"
             )
 
     # --- a staged target that is written once more -----------------------------------------------------
 
-    def restage(self, rendering: Rendering, first: int, words: bytes, epoch: int) -> None:
+    def acknowledge_rewrite(self, rendering: Rendering, first: int, words: bytes, epoch: int) -> None:
         """The drive acknowledged words of a staged target, from its word ``first`` on (M2)."""
-        self.fields[rendering.number].restage(rendering.nominal_words, first, words, epoch)
+        self.fields[rendering.number].acknowledge_rewrite(rendering.nominal_words, first, words, epoch)
 
-    def tell_restaged(self, count: int, now_ns: int) -> None:
+    def report_rewritten(self, count: int, now_ns: int) -> None:
         """Report restaging now and then: where an axis goes to and fro, every second move needs it."""
-        told_ns = self.told_restaged_ns
-        if told_ns is None or now_ns - told_ns >= RESTAGED_EVERY_NS:
-            self.told_restaged_ns = now_ns
+        reported_ns = self.reported_rewrite_ns
+        if reported_ns is None or now_ns - reported_ns >= REWRITTEN_EVERY_NS:
+            self.reported_rewrite_ns = now_ns
             detail = f"a staged target was written anew for its trigger; {count} on this line since the start"
-            self.tell(exchange_events.RESTAGED, detail)
+            self.report(exchange_events.RESTAGED, detail)
 
-    def lose_restaged(self, rendering: Rendering, code: int, why: str) -> None:
+    def lose_rewritten(self, rendering: Rendering, code: int, why: str) -> None:
         """A staged target that was written anew was not acknowledged."""
         image = self.fields[rendering.number]
         image.leave(rendering.nominal_words, rendering.corrected_words)
-        image.doubt_restaged(rendering.corrected_words)
-        image.tear()
+        image.invalidate_rewritten(rendering.corrected_words)
+        image.lose_all_words()
         self.block_triggers(code, why)
 
     # --- another writer --------------------------------------------------------------------------------
@@ -965,7 +967,7 @@ class Axis:
     def take_over(self, former: str, code: int) -> None:
         """What the former writer wrote is no part of what the next one means, who writes all of it (M3)."""
         for image in self.fields:
-            image.tear()
+            image.lose_all_words()
         if self.plan.motion.waits_for_trigger and self.rules.staged is not None:
             why = (
                 f"it was taken over from {former}: triggers are refused until a complete target was accepted"
@@ -980,7 +982,7 @@ class Axis:
     def lose_everything(self, code: int) -> None:
         """More requests of a writer were lost than are remembered: all of its targets and modes are."""
         for image in self.fields:
-            image.tear()
+            image.lose_all_words()
         for mode in self.plan.motion.modes:
             if mode is not None:
                 self.lose_mode(mode.address, code)
@@ -990,7 +992,7 @@ class Axis:
     def overwrite(self, numbers: list[int], writer: str, code: int) -> None:
         """A stop of somebody else changed targets: whoever moves the axis has to write them again."""
         for number in numbers:
-            self.fields[number].tear()
+            self.fields[number].lose_all_words()
         if not numbers:
             return
         self.hold.overwrite(writer)
@@ -1008,16 +1010,16 @@ class Axis:
         before, now = self.motion.actual, Actual(counts_of(field_, raw), asked_ns)
         was_unseen = self.motion.is_unseen(asked_ns)
         self.motion.see(now)
-        if self.sight is _REFUSED:
-            self.hear_place(Told.PASSING)
-        if self.record is not None and self.record.recalled is not None:
+        if self.readability is _REFUSED:
+            self.update_readability(PositionAnswer.PASSING)
+        if self.record is not None and self.record.saved is not None:
             self._decide_record(now)
         if self.motion.unacknowledged is not None:
             self._prove(before, now)
         self.compensation.observe(now.counts)
         is_at_rest = self.motion.is_at_rest
         if self.compensation.accepted is not None:
-            self.motion.see_place(now)
+            self.motion.see_position(now)
         elif self.motion.seen_at_superseded is False:
             for member in (self, *self.peers):  # of a beam all targets of before a loss count, or none (M11)
                 if member.motion.state is _SUPERSEDED:
@@ -1032,7 +1034,7 @@ class Axis:
     def _prove(self, before: Actual | None, now: Actual) -> None:
         """Take a target without a reply as accepted when the axis is seen to have gone there (M7)."""
         target = self.motion.unacknowledged
-        if self.motion.is_distance_unproven:
+        if self.motion.is_distance_unconfirmed:
             self.prove_distance(now, before)
         elif target is not None and target.move is not None and self.motion.is_proven(before, now):
             self.go(target, target.move, now.seen_ns)
@@ -1048,16 +1050,16 @@ class Axis:
         elif proof is Proof.NOT_EXECUTED:
             self.motion.run_not(target.start)
 
-    def note_rule(self, address: int, word: int) -> None:
+    def observe_rule(self, address: int, word: int) -> None:
         """Note what a mode or trigger register was read to hold."""
-        self.rules.note_read(address, word)
+        self.rules.store_read(address, word)
 
     def observe_bit(self, name: str, asked_ns: int, *, is_set: bool) -> None:
         """Note one of the drive's status bits, as it was when asked at ``asked_ns``."""
         if not self.motion.is_unseen(
             asked_ns
         ):  # whoever looks again does not see by it where the axis has been since
-            self.motion.hear_from(asked_ns)
+            self.motion.mark_heard(asked_ns)
         if name == DONE_BIT:
             self.motion.observe_done(asked_ns, is_done=is_set)
         elif name == MOVING_BIT:
@@ -1082,16 +1084,16 @@ class Axis:
         They also prove that a target arrived which was never acknowledged, unless the drive held the same
         words before; of a distance they say nothing about its having run.
         """
-        unproven, image = self.motion.unacknowledged, self.fields[number]
+        unacknowledged, image = self.motion.unacknowledged, self.fields[number]
         if (
-            unproven is not None
-            and unproven.number == number
-            and unproven.corrected_words == words
-            and not unproven.stood_there
-            and not unproven.is_distance
+            unacknowledged is not None
+            and unacknowledged.number == number
+            and unacknowledged.corrected_words == words
+            and not unacknowledged.stood_there
+            and not unacknowledged.is_distance
             and not self.plan.motion.waits_for_trigger
         ):
-            self.acknowledge(unproven, self.motion.heard_ns)
+            self.acknowledge(unacknowledged, self.motion.heard_ns)
         return image.means(words) or self.nominal_words(field_, words, readback)
 
     def read_back(self, number: int, words: bytes) -> None:
@@ -1100,47 +1102,47 @@ class Axis:
         Where they are those of the target of before a lost link, its drive has kept it: nothing else is told
         by that, and what was lost on the way there stays lost (M3).
         """
-        image, retained = self.fields[number], self.motion.superseded
-        if retained is None or retained.number != number or retained.corrected_words != words:
+        image, superseded = self.fields[number], self.motion.superseded
+        if superseded is None or superseded.number != number or superseded.corrected_words != words:
             return
-        if image.nominal_words is None and not image.is_torn:
-            image.settle(retained.nominal_words, words)
+        if image.nominal_words is None and not image.is_incomplete:
+            image.settle(superseded.nominal_words, words)
 
     # --- its record ------------------------------------------------------------------------------------
 
-    def keep_record(self, record: Record | None) -> None:
+    def attach_record(self, record: Record | None) -> None:
         """Keep a record from now on, and let that of the run before count where it does; None: keep none."""
         self.record = record
-        if record is not None and record.recalled is not None and not self.is_enabled:
+        if record is not None and record.saved is not None and not self.is_enabled:
             self.drop_record("the compensation of the axis is off")
 
     @property
     def is_recalling(self) -> bool:
         """Whether it is not decided yet if the record of the run before counts."""
-        return self.record is not None and self.record.recalled is not None
+        return self.record is not None and self.record.saved is not None
 
     def publish(self) -> None:
         """Let its record say what holds now."""
         if self.record is not None:
-            self.record.publish(self.motion, self.acknowledgement, self.wanted)
+            self.record.publish(self.motion, self.acknowledgement, self.requested)
 
     def _decide_record(self, actual: Actual) -> None:
         """Find out, with an actual position, whether the record of the run before counts."""
         record = self.record
         assert record is not None
-        recalled = record.recalled
-        assert recalled is not None
+        saved = record.saved
+        assert saved is not None
         if not self.reference.is_referenced:
             lacking = [each for each in (self, *self.peers) if each.reference.is_lost]
             if not lacking:
                 return
-            if not (self.compensation.is_stream and recalled.is_of_this_boot):
+            if not (self.compensation.is_stream and saved.is_of_this_boot):
                 if self in lacking:
                     self.drop_record("the axis is not referenced now")
                 return
-        found = find(self.motion, recalled, record.first or actual, actual)
+        found = find(self.motion, saved, record.first or actual, actual)
         if found is None:
-            record.look_first(actual)
+            record.start_polling(actual)
         elif isinstance(found, str):
             self.drop_record(found)
         else:
@@ -1150,62 +1152,64 @@ class Axis:
     def _take_group_up(self) -> None:
         """Take all axes of the group up, as soon as the records of all of them fit."""
         members = [self, *(peer for peer in self.peers if peer.record is not None)]
-        fates = [member.record.fate for member in members if member.record is not None]
-        if Fate.NONE in fates or Fate.DROPPED in fates:
+        decisions = [member.record.decision for member in members if member.record is not None]
+        if Decision.NONE in decisions or Decision.DROPPED in decisions:
             self.drop_record("another axis of its group has none that counts")
-        elif Fate.OPEN not in fates:
+        elif Decision.OPEN not in decisions:
             for member in members:
-                if member.record is not None and member.record.fate is Fate.FITS:
+                if member.record is not None and member.record.decision is Decision.FITS:
                     member.take_up(member.record)
 
     def drop_record(self, reason: str) -> None:
         """The record of the run before does not count."""
         assert self.record is not None
-        self.record.decide(Fate.DROPPED)
+        self.record.decide(Decision.DROPPED)
         self.record.clear()
-        self.tell(exchange_events.RECORD_NOT_USED, f"{reason}; it starts without its record")
+        self.report(exchange_events.RECORD_NOT_USED, f"{reason}; it starts without its record")
         for peer in self.peers:
             if peer.is_recalling:
                 peer.drop_record(f"axis {self.plan.name} of its group starts without one")
 
     def take_up(self, record: Record) -> None:
         """Go on from the record of the run before, which fits: all of it, or nothing of it."""
-        recalled, fitting = record.recalled, record.finding
-        assert recalled is not None
+        saved, fitting = record.saved, record.finding
+        assert saved is not None
         assert fitting is not None
         finding, actual = fitting
-        find_table = partial(record.find_table, self.plan.table, self.wanted)
+        find_table = partial(record.find_table, self.plan.table, self.requested)
         try:
-            settings, wanted, now_ns = self.plan.settings, self.wanted, actual.seen_ns
-            state = state_of(settings, wanted, recalled.state, find_table, now_ns)
-            move = recalled.unproven
-            after = None if move is None else state_of(settings, wanted, move.state, find_table, now_ns)
+            settings, requested, now_ns = self.plan.settings, self.requested, actual.seen_ns
+            state = state_of(settings, requested, saved.state, find_table, now_ns)
+            move = saved.unacknowledged
+            after = None if move is None else state_of(settings, requested, move.state, find_table, now_ns)
         except TableNotFoundError:
             self.drop_record("the table that was in force is not the one configured now")
             return
         except (TableError, SettingsError) as error:
             self.drop_record(f"the table that was in force cannot be used any more ({error})")
             return
-        self._restore(recalled, state, is_at_target=finding is Finding.AT_TARGET)
+        self._restore(saved, state, is_at_target=finding is Finding.AT_TARGET)
         if move is not None and after is not None:
-            self._restore_unproven(recalled, move, after, finding)
+            self._restore_unacknowledged(saved, move, after, finding)
         self._resume_terms(actual.seen_ns)
         if not self.reference.is_referenced:
             self.motion.displace(keeps_branch=self.compensation.is_stream)
             self.compensation.lose_reference()  # what a stream has passed with stays, and fades (M9)
-        record.decide(Fate.TAKEN)
+        record.decide(Decision.TAKEN)
         settings, in_force = self.plan.settings, self.compensation.state
         position = (
             self.compensation.machine_position(self.motion.nominal_of(actual.counts))
             - settings.machine_offset
         )
-        is_open = "; whether it has gone there is not certain yet" if self.motion.is_distance_unproven else ""
-        self.tell(
+        is_open = (
+            "; whether it has gone there is not certain yet" if self.motion.is_distance_unconfirmed else ""
+        )
+        self.report(
             exchange_events.RESTORED,
             f"goes on from its record: nominal {position:.6g} {settings.units.value}, the drive at "
             f"{actual.counts:.10g} counts, {in_force.travel.direction.name.lower()}, progress of a reversal "
             f"{in_force.progress:.3g}, of a change-over {in_force.change:.3g}, generation "
-            f"{recalled.generation}{is_open}",
+            f"{saved.generation}{is_open}",
         )
 
     @property
@@ -1218,36 +1222,34 @@ class Axis:
         """
         return self.motion.has_rules
 
-    def _restore(self, recalled: Remembered, state: State, *, is_at_target: bool) -> None:
+    def _restore(self, saved: Remembered, state: State, *, is_at_target: bool) -> None:
         """Be where the record says, on its branch, with its correction."""
         accepted = None
-        if is_at_target or (recalled.has_target and not self.may_have_stopped):
-            accepted = Accepted(recalled.nominal_counts, recalled.corrected_counts)
-        fade = None if recalled.fade is None else Fade(*recalled.fade)
-        came_from = None if recalled.came_from is None else Accepted(*recalled.came_from)
-        self.compensation.resume(
-            state, accepted, recalled.anchor_counts, fade, recalled.way, came_from=came_from
-        )
+        if is_at_target or (saved.has_target and not self.may_have_stopped):
+            accepted = Accepted(saved.nominal_counts, saved.corrected_counts)
+        fade = None if saved.fade is None else Fade(*saved.fade)
+        came_from = None if saved.came_from is None else Accepted(*saved.came_from)
+        self.compensation.resume(state, accepted, saved.anchor_counts, fade, saved.way, came_from=came_from)
         if accepted is None:
-            place = MotionState.STOPPED
+            motion_state = MotionState.STOPPED
         elif not is_at_target:
-            place = _MOVING  # a record does not say how well the start of the way was known
-        elif recalled.may_have_left:
-            place = MotionState.MAY_HAVE_LEFT
-        elif recalled.was_done_seen:
-            place = MotionState.ARRIVED
+            motion_state = _MOVING  # a record does not say how well the start of the way was known
+        elif saved.may_have_left:
+            motion_state = MotionState.MAY_HAVE_LEFT
+        elif saved.was_done_seen:
+            motion_state = MotionState.ARRIVED
         else:
-            place = MotionState.IN_WINDOW if self.compensation.readback.fade is None else _MOVING
-        self.motion.resume(place, state.at_ns if recalled.is_of_this_boot else 0, recalled.number)
-        if accepted is not None and recalled.knows_words:
-            field_ = self.plan.command[recalled.number]
-            self.fields[recalled.number].settle(
+            motion_state = MotionState.IN_WINDOW if self.compensation.readback.fade is None else _MOVING
+        self.motion.resume(motion_state, state.at_ns if saved.is_of_this_boot else 0, saved.number)
+        if accepted is not None and saved.knows_words:
+            field_ = self.plan.command[saved.number]
+            self.fields[saved.number].settle(
                 field_.pack(raw_of(field_, accepted.nominal_counts)),
                 field_.pack(raw_of(field_, accepted.corrected_counts)),
             )
 
-    def _restore_unproven(
-        self, recalled: Remembered, move: RememberedMove, after: State, finding: Finding
+    def _restore_unacknowledged(
+        self, saved: Remembered, move: RememberedMove, after: State, finding: Finding
     ) -> None:
         """Take the target that was on its way as accepted, or as one that nobody acknowledged."""
         field_ = self.plan.command[move.number]
@@ -1257,10 +1259,10 @@ class Axis:
             corrected_words = field_.pack(raw_of(field_, move.corrected_counts))
         correction_counts = move.corrected_counts - move.nominal_counts
         planned = Move(move.nominal_counts, correction_counts, self.compensation.map_of(after), after)
-        proof = proof_of(self.plan.settings, recalled, finding)
+        proof = proof_of(self.plan.settings, saved, finding)
         start = None
-        if recalled.has_target and (move.is_distance or proof is not Proof.ONE):
-            start = Accepted(recalled.nominal_counts, recalled.corrected_counts)
+        if saved.has_target and (move.is_distance or proof is not Proof.ONE):
+            start = Accepted(saved.nominal_counts, saved.corrected_counts)
         rendering = Rendering(
             move.number,
             nominal_words,
@@ -1274,8 +1276,8 @@ class Axis:
         if finding not in PROVEN:
             # Its record goes on to name it, for the next start as for this one.
             self.acknowledgement.go_on_naming(rendering)
-            is_timed = recalled.is_of_this_boot and proof is Proof.TWO
-            self.leave_unproven(rendering, after.at_ns if is_timed else self.motion.heard_ns)
+            is_timed = saved.is_of_this_boot and proof is Proof.TWO
+            self.leave_unacknowledged(rendering, after.at_ns if is_timed else self.motion.heard_ns)
             if finding is Finding.EITHER:
                 self.compensation.read_as_reached(planned, move.corrected_counts)
             return
@@ -1283,7 +1285,7 @@ class Axis:
             self.go(rendering, planned, self.motion.heard_ns)
         else:
             self.acknowledge(rendering, self.motion.heard_ns)
-        if finding is not Finding.AT_UNPROVEN and self.may_have_stopped:
+        if finding is not Finding.AT_UNACKNOWLEDGED and self.may_have_stopped:
             self.motion.displace(keeps_branch=True)
 
     def _resume_terms(self, now_ns: int) -> None:
@@ -1292,8 +1294,8 @@ class Axis:
         if terms is None or spec.curve is None:  # a mere offset holds a table too
             return
         terms.resume(spec, now_ns)
-        self.wanted = spec if spec.is_kin_of(self.base) else terms.on(self.base, self.plan)
-        self.compensation.want(self.wanted)
+        self.requested = spec if spec.is_kin_of(self.base) else terms.on(self.base, self.plan)
+        self.compensation.want(self.requested)
 
 
 def join_terms(axes: Iterable[Axis]) -> None:

@@ -39,7 +39,7 @@ class CrossTerm:
         """Find the other axis among these."""
         self.partner = axes.get(self.axis, self.partner)
 
-    def look(self) -> None:
+    def refresh(self) -> None:
         """Take note of the last target of the other axis, which counts from now on."""
         self.seen = self.target
 
@@ -49,7 +49,7 @@ class CrossTerm:
         return self._plan.axis
 
     @property
-    def known_partner(self) -> Partner | None:
+    def referenced_partner(self) -> Partner | None:
         """The other axis, where it is there, its registers mean what they did, and it knows where it is."""
         partner = self.partner
         if partner is None or partner.reference.is_remapped or not partner.reference.is_referenced:
@@ -59,15 +59,15 @@ class CrossTerm:
     @property
     def target(self) -> Accepted | None:
         """The last accepted target of the other axis, where it says where that axis is."""
-        partner = self.known_partner
+        partner = self.referenced_partner
         return None if partner is None else partner.motion.compensation.accepted
 
-    def place(self, now_ns: int) -> Counts | None:
+    def position(self, now_ns: int) -> Counts | None:
         """Return where the other axis is, in nominal counts; None where nobody knows.
 
         After a stop or a jog it has no target: then a reading of its actual position has to do.
         """
-        target, partner = self.target, self.known_partner
+        target, partner = self.target, self.referenced_partner
         if target is not None:
             return target.nominal_counts
         if partner is None or partner.motion.actual is None:

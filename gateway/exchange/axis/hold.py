@@ -54,7 +54,7 @@ class Hold:
         """Its writer moves it now."""
         self.last_ns = now_ns
 
-    def note_jog(self, writer: str) -> None:
+    def set_jog(self, writer: str) -> None:
         """Note who makes it move without a target; "": nobody any more."""
         self.jogged_by = writer
 

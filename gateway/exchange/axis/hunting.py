@@ -8,24 +8,24 @@ from gateway.times import NS_PER_S
 MOST: Final = 5
 WITHIN_NS: Final = 10 * NS_PER_S
 """More changes than that within so long are worth a word."""
-TOLD_EVERY_NS: Final = 60 * NS_PER_S
+REPORT_EVERY_NS: Final = 60 * NS_PER_S
 
 
 class Hunting:
     """The latest changes of the branch of one axis. Time is monotonic, in ns."""
 
-    __slots__ = ("_changes_ns", "_told_ns")
+    __slots__ = ("_changes_ns", "_reported_ns")
 
     def __init__(self) -> None:
         self._changes_ns: deque[int] = deque(maxlen=MOST + 1)
-        self._told_ns: int | None = None
+        self._reported_ns: int | None = None
 
-    def note_change(self, now_ns: int) -> bool:
+    def count_change(self, now_ns: int) -> bool:
         """Take note of a change; whether it is time to tell."""
         self._changes_ns.append(now_ns)
         if len(self._changes_ns) <= MOST or now_ns - self._changes_ns[0] > WITHIN_NS:
             return False
-        if self._told_ns is not None and now_ns - self._told_ns < TOLD_EVERY_NS:
+        if self._reported_ns is not None and now_ns - self._reported_ns < REPORT_EVERY_NS:
             return False
-        self._told_ns = now_ns
+        self._reported_ns = now_ns
         return True

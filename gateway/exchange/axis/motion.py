@@ -32,9 +32,9 @@ from gateway.exchange.axis.acknowledge import (
     DECIDED,
     PROOF_AFTER,
     Acknowledgement,
-    End,
     Proof,
     Rendering,
+    WayEnd,
 )
 from gateway.exchange.axis.impossible import IGNORED, fault, sentence_of
 from gateway.exchange.axis.registers import FieldImage
@@ -143,7 +143,7 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
         MotionEvent.NOT_ACKNOWLEDGED: MotionState.UNACKNOWLEDGED,
         MotionEvent.STOPPED: MotionState.UNKNOWN,  # it stands on a branch that nobody knows
         MotionEvent.DISPLACED: MotionState.UNKNOWN,
-        # It goes to no target of ours: a bit says only whether it moves (``Said``).
+        # It goes to no target of ours: a bit says only whether it moves (``Reported``).
         MotionEvent.DONE: IGNORED,
         MotionEvent.DONE_ALONE: IGNORED,
         MotionEvent.NOT_DONE: IGNORED,
@@ -276,7 +276,7 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
 state itself: it is entered anew, with what the event brings. A pair that is not here cannot be."""
 
 
-class Said(Enum):
+class Reported(Enum):
     """What the drive has said since the last motion began: the end of an old one and of this look alike."""
 
     NOTHING = "nothing"
@@ -297,7 +297,7 @@ class Actual:
 # --- the target of before a loss ---------------------------------------------------------------------------
 
 
-class Keeping(Enum):
+class RepeatKind(Enum):
     """What a target is that equals the one of before a loss of reach or reference."""
 
     NEW = "new"
@@ -309,16 +309,16 @@ class Keeping(Enum):
     """Nobody may look, and its drive waits for a trigger: refused until a reading or a different target."""
 
 
-KEEPING: Final[dict[tuple[bool, bool, bool], Keeping]] = {
+REPEAT_KINDS: Final[dict[tuple[bool, bool, bool], RepeatKind]] = {
     # was seen there since, its drive waits for a trigger, had been seen there before the loss
-    (True, True, True): Keeping.SAME_WORDS,
-    (True, True, False): Keeping.SAME_WORDS,
-    (True, False, True): Keeping.SAME_WORDS,
-    (True, False, False): Keeping.SAME_WORDS,
-    (False, False, True): Keeping.SAME_WORDS,
-    (False, False, False): Keeping.SAME_WORDS,
-    (False, True, True): Keeping.UNSEEN,
-    (False, True, False): Keeping.NEW,
+    (True, True, True): RepeatKind.SAME_WORDS,
+    (True, True, False): RepeatKind.SAME_WORDS,
+    (True, False, True): RepeatKind.SAME_WORDS,
+    (True, False, False): RepeatKind.SAME_WORDS,
+    (False, False, True): RepeatKind.SAME_WORDS,
+    (False, False, False): RepeatKind.SAME_WORDS,
+    (False, True, True): RepeatKind.UNSEEN,
+    (False, True, False): RepeatKind.NEW,
 }
 """What a kept target is; one that was seen elsewhere is not kept any more."""
 
@@ -377,7 +377,7 @@ class Motion:
         "is_start_known",
         "last_number",
         "plan",
-        "said",
+        "reported",
         "sent_off_ns",
         "state",
         "superseded",
@@ -411,7 +411,7 @@ class Motion:
         self.is_start_known = False
         """It was known where it stood, and on which branch, when it set out; only while ``MOVING``."""
         # --- what was seen and said
-        self.said = Said.NOTHING
+        self.reported = Reported.NOTHING
         self.sent_off_ns = 0
         """When the drive was made to move last, or may have been."""
         self.last_number: int | None = None
@@ -482,11 +482,11 @@ class Motion:
         self.send_off(sent_off_ns)
         self.last_number = number
 
-    def note_more(self, unacknowledged: Rendering) -> None:
+    def replace_unacknowledged(self, unacknowledged: Rendering) -> None:
         """Know more of the target that was not acknowledged, which stays the same one."""
         self.unacknowledged = unacknowledged
 
-    def keep_over(self, over: KeptOver) -> None:
+    def mark_kept_over(self, over: KeptOver) -> None:
         """Note over what the target of before a loss is kept, where there is one."""
         if self.superseded is not None:
             self.superseded = self.superseded._replace(over=over)
@@ -496,7 +496,7 @@ class Motion:
     def send_off(self, now_ns: int) -> None:
         """The drive is made to move, or may be: what it said before is of the time before."""
         self.sent_off_ns = now_ns
-        self.said = Said.NOTHING
+        self.reported = Reported.NOTHING
 
     def displace(self, moved_ns: int | None = None, *, keeps_branch: bool = False) -> None:
         """Something else than the last target decides where the axis is (M5).
@@ -588,26 +588,26 @@ class Motion:
         self.actual = actual
         self.heard_ns = actual.seen_ns
 
-    def forget_place(self) -> None:
+    def forget_position(self) -> None:
         """What the drive said of its place means nothing any more."""
         self.actual = None
 
-    def hear_from(self, now_ns: int) -> None:
+    def mark_heard(self, now_ns: int) -> None:
         """The drive has acknowledged something, or told one of its bits."""
         self.heard_ns = now_ns
 
-    def hear(self, asked_ns: int, *, moves: bool) -> None:
+    def observe_motion(self, asked_ns: int, *, moves: bool) -> None:
         """Take note of the drive's word that it moves, or stands, wherever it goes."""
         if asked_ns < self.sent_off_ns:
             return
         if moves:
-            self.said = Said.MOVES
-        elif self.said is Said.MOVES:
-            self.said = Said.STOOD
+            self.reported = Reported.MOVES
+        elif self.reported is Reported.MOVES:
+            self.reported = Reported.STOOD
 
     def observe_done(self, asked_ns: int, *, is_done: bool) -> None:
         """Note the drive's done bit; of an axis that goes nowhere we know it only says whether it moves."""
-        self.hear(asked_ns, moves=not is_done)
+        self.observe_motion(asked_ns, moves=not is_done)
         if asked_ns < self.sent_off_ns:
             return
         has_actual = bool(self.plan.actual)
@@ -620,9 +620,9 @@ class Motion:
         """Note the drive's moving bit; where there is a done bit that may be older, that one counts."""
         self.is_moving = is_moving
         if DONE_BIT not in self.plan.bits:
-            self.hear(asked_ns, moves=is_moving)
+            self.observe_motion(asked_ns, moves=is_moving)
 
-    def see_place(self, actual: Actual) -> None:
+    def see_position(self, actual: Actual) -> None:
         """Notice that the axis has come to its target, or that something else moved it away (M4)."""
         if actual.seen_ns < self.sent_off_ns:
             return
@@ -643,7 +643,7 @@ class Motion:
             event = MotionEvent.ELSEWHERE
         self.happens(event)
 
-    def look(self, actual: Actual, *, is_for_distance: bool) -> None:
+    def take_poll(self, actual: Actual, *, is_for_distance: bool) -> None:
         """The axis was asked for, because nobody had seen it for a while: it may have been moved.
 
         One that was not at its target yet may be anywhere on its way there; a distance has no base there.
@@ -708,18 +708,18 @@ class Motion:
         window = settings.in_position_counts
         is_at_end = abs(now.counts - target.corrected_counts) <= window
         is_at_start = abs(now.counts - target.start.corrected_counts) <= window
-        end = End.NEITHER if is_at_end is is_at_start else End.END if is_at_end else End.START
+        end = WayEnd.NEITHER if is_at_end is is_at_start else WayEnd.END if is_at_end else WayEnd.START
         if proof in AT_ONE_END and (
             before is None or abs(now.counts - before.counts) > settings.hysteresis_counts
         ):
             proof = Proof.TWO  # it creeps
         proof = PROOF_AFTER[proof][end]
         if proof not in DECIDED and proof is not target.proof:
-            self.note_more(self._acknowledgement.marked(target, target._replace(proof=proof)))
+            self.replace_unacknowledged(self._acknowledgement.marked(target, target._replace(proof=proof)))
         return proof
 
     @property
-    def is_distance_unproven(self) -> bool:
+    def is_distance_unconfirmed(self) -> bool:
         """Whether a distance was sent of which nobody knows if it ran: its axis is at one of two places.
 
         So it is with a target that the axis may have gone to or have come past (``record.Finding.EITHER``).
@@ -727,7 +727,7 @@ class Motion:
         target = self.unacknowledged
         return target is not None and (target.is_distance or target.proof is not Proof.ONE)
 
-    def looks_wanted(self, now_ns: int) -> int:
+    def polls_needed(self, now_ns: int) -> int:
         """How often it has to be read to tell whether it went, of a target that its record names; 0: not."""
         target = self.unacknowledged
         if target is None or target.proof in (Proof.ONE, Proof.NONE) or not self.may_stand(now_ns):
@@ -774,12 +774,12 @@ class Motion:
 
     def has_started(self, asked_ns: int) -> bool:
         """Whether a done bit that was asked for then is not that of the move before."""
-        is_new = self.said is not Said.NOTHING or asked_ns - self.sent_off_ns >= self._done_drop_ns
+        is_new = self.reported is not Reported.NOTHING or asked_ns - self.sent_off_ns >= self._done_drop_ns
         return is_new and asked_ns >= self.sent_off_ns
 
     def may_stand(self, asked_ns: int) -> bool:
         """Whether a position that was asked for then may be that of an axis that has come to rest."""
-        return self.has_started(asked_ns) and self.said is not Said.MOVES
+        return self.has_started(asked_ns) and self.reported is not Reported.MOVES
 
     def nominal_of(self, corrected_counts: Counts) -> float:
         """Nominal counts of an actual position, as the controller would read it, not rounded."""
@@ -800,8 +800,8 @@ class Motion:
         if self.is_moving:
             return "it moves"
         if accepted is None:
-            is_untold = self.last_number is None and self.state is _UNKNOWN
-            return "" if is_untold else "nobody knows where it stands"
+            is_never_commanded = self.last_number is None and self.state is _UNKNOWN
+            return "" if is_never_commanded else "nobody knows where it stands"
         if self.state in WAS_THERE and self.state is not _MAY_HAVE_LEFT:
             return ""
         if not self.plan.actual:
@@ -864,16 +864,16 @@ class Motion:
             return None
         return kept
 
-    def keeping(self, number: int, nominal_words: bytes) -> Keeping:
+    def repeat_kind(self, number: int, nominal_words: bytes) -> RepeatKind:
         """Return what a target is by what is known now, that may be the one of before a loss."""
         kept = self.superseded_as(number, nominal_words)
         if kept is None:
-            return Keeping.NEW
+            return RepeatKind.NEW
         if kept.is_declared:
-            return Keeping.SAME_WORDS
+            return RepeatKind.SAME_WORDS
         if not self.plan.actual and not kept.is_other_reference:
-            return Keeping.SAME_WORDS  # no reading can ever tell, and its positions still mean something
-        return KEEPING[self.is_seen_at_superseded, self.plan.motion.waits_for_trigger, kept.was_there]
+            return RepeatKind.SAME_WORDS  # no reading can ever tell, and its positions still mean something
+        return REPEAT_KINDS[self.is_seen_at_superseded, self.plan.motion.waits_for_trigger, kept.was_there]
 
     @property
     def is_seen_at_superseded(self) -> bool:

@@ -37,7 +37,7 @@ LARGEST_COUNTS: Final = 2.0**53
 """Beyond it a double does not hold every whole count; such a target is not kept."""
 STILL_FOLLOWS_NS: Final = 5 * NS_PER_S
 """A record of this boot and no older may be of a drive that still follows its last setpoint."""
-LONGEST_LOOK_NS: Final = 100 * NS_PER_MS
+LONGEST_POLL_NS: Final = 100 * NS_PER_MS
 """So long it is watched whether the drive comes nearer."""
 _NO_TARGET: Final[tuple[float, ...]] = (0.0, 0.0)
 _NO_FADE: Final = (False, 0.0, 0.0, 0.0, 0.0)
@@ -57,7 +57,7 @@ def digest_of_axis(plan: AxisPlan) -> bytes:
     return scale_digest(plan.settings, (plan.unit_id, len(plan.command), tuple(fields)))
 
 
-class Fate(Enum):
+class Decision(Enum):
     """What became of the record of the run before."""
 
     NONE = "none"
@@ -77,22 +77,22 @@ class Finding(Enum):
     """At the last accepted target."""
     ON_WAY = "on-way"
     """On the way to it, or on which it was stopped."""
-    AT_UNPROVEN = "at-unproven"
+    AT_UNACKNOWLEDGED = "at-unproven"
     """At the target that was on its way to the drive when the gateway ended: it has got there."""
-    ON_WAY_TO_UNPROVEN = "on-way-to-unproven"
+    ON_WAY_TO_UNACKNOWLEDGED = "on-way-to-unproven"
     """On the way to that one, where no other target can have brought it."""
     EITHER = "either"
     """At that one, and on the way to the last accepted target: nobody knows yet which of them it went to."""
 
 
-PROVEN: Final = frozenset({Finding.AT_UNPROVEN, Finding.ON_WAY_TO_UNPROVEN})
+PROVEN: Final = frozenset({Finding.AT_UNACKNOWLEDGED, Finding.ON_WAY_TO_UNACKNOWLEDGED})
 """Findings which prove that the drive had got the unproven target."""
 
 
 class Record:
     """The record of one axis: what is written for the next run, and what the run before left.
 
-    ``recalled`` is the record of the run before, until it is decided whether it counts.
+    ``saved`` is the record of the run before, until it is decided whether it counts.
     """
 
     __slots__ = (
@@ -103,15 +103,15 @@ class Record:
         "_slots",
         "_step",
         "_written",
-        "fate",
+        "decision",
         "finding",
         "first",
-        "looks",
-        "recalled",
+        "polls",
+        "saved",
     )
 
     def __init__(
-        self, slots: RecordSlots, recalled: Remembered | None, find_table: FindTable | None = None
+        self, slots: RecordSlots, saved: Remembered | None, find_table: FindTable | None = None
     ) -> None:
         self._slots = slots
         self._find_elsewhere = find_table
@@ -123,57 +123,57 @@ class Record:
         """What of it does not change while setpoints go on in their direction; None: no step may follow."""
         self._step = (0, False)
         """The last step after it: how many targets of the run were accepted, whether one was on its way."""
-        self.fate = Fate.NONE if recalled is None else Fate.OPEN
-        self.recalled = recalled
+        self.decision = Decision.NONE if saved is None else Decision.OPEN
+        self.saved = saved
         self.first: Actual | None = None
         """Where the drive was read to be first."""
         self.finding: tuple[Finding, Actual] | None = None
-        self.looks = 0
+        self.polls = 0
         """How often something was read of the drive since, to tell whether it has got its last target."""
-        if recalled is None:
+        if saved is None:
             self.clear()
 
     # --- from the run before ---------------------------------------------------------------------------
 
     @property
-    def wants_look(self) -> bool:
+    def wants_poll(self) -> bool:
         """Whether the drive has to be read once more before it is decided."""
-        return self.fate is Fate.OPEN and self.first is not None
+        return self.decision is Decision.OPEN and self.first is not None
 
-    def look_first(self, actual: Actual) -> None:
+    def start_polling(self, actual: Actual) -> None:
         """The drive has to be watched: one that comes nearer to its target is on its way there."""
         self.first = self.first or actual
 
-    def look_again(self) -> None:
+    def count_poll(self) -> None:
         """The drive is read once more, to tell whether it has got its last target."""
-        self.looks += 1
+        self.polls += 1
 
     def fit(self, finding: Finding, actual: Actual) -> None:
         """It counts, as far as this axis is concerned."""
-        self.fate, self.finding = Fate.FITS, (finding, actual)
+        self.decision, self.finding = Decision.FITS, (finding, actual)
 
-    def decide(self, fate: Fate) -> None:
+    def decide(self, decision: Decision) -> None:
         """Note what became of the record; it is there only as long as that is open."""
-        self.fate, self.recalled, self.finding = fate, None, None
+        self.decision, self.saved, self.finding = decision, None, None
 
     def find_table(
-        self, table: CorrectionTable | None, wanted: CorrectionSpec, digest: bytes
+        self, table: CorrectionTable | None, requested: CorrectionSpec, digest: bytes
     ) -> CorrectionTable | None:
         """Return the table with a digest: the one configured, or one that is kept elsewhere."""
-        if wanted.table_digest == digest:
+        if requested.table_digest == digest:
             return table
         return None if self._find_elsewhere is None else self._find_elsewhere(digest)
 
     # --- for the run after -----------------------------------------------------------------------------
 
-    def publish(self, motion: Motion, acknowledgement: Acknowledgement, wanted: CorrectionSpec) -> None:
+    def publish(self, motion: Motion, acknowledgement: Acknowledgement, requested: CorrectionSpec) -> None:
         """Write down what has changed since it was written last."""
-        if self._is_paused or self.recalled is not None or acknowledgement.on_wire is not OnWire.NOTHING:
+        if self._is_paused or self.saved is not None or acknowledgement.on_wire is not OnWire.NOTHING:
             return
         if acknowledgement.pending is not None:
             return  # the target may have arrived or not, and the record says so
         compensation = motion.compensation
-        if self._goes_on(motion, wanted):
+        if self._goes_on(motion, requested):
             if self._step != (compensation.steps, False):
                 self._slots.write_step(compensation.step, None)
                 self._step = (compensation.steps, False)
@@ -182,31 +182,33 @@ class Record:
             compensation.state,
             compensation.readback,
             compensation.accepted,
-            wanted,
+            requested,
             motion.state,
             motion.is_start_known,
             _knows_words(motion),
             motion.state is MotionState.IN_WINDOW and _was_there(motion),
         )
         if now != self._written:
-            self._write(motion, acknowledgement, wanted)
+            self._write(motion, acknowledgement, requested)
             self._written = now
             if compensation.is_stream and compensation.accepted is not None and not self._is_empty:
                 number, knows_words = motion.last_number, _knows_words(motion)
-                place = (motion.state, motion.is_start_known)
-                self._base = (compensation.base, wanted, *place, number, knows_words)
+                motion_state = (motion.state, motion.is_start_known)
+                self._base = (compensation.base, requested, *motion_state, number, knows_words)
                 self._step = (0, False)
 
-    def keep(self, motion: Motion, acknowledgement: Acknowledgement, wanted: CorrectionSpec) -> None:
+    def write_ahead(
+        self, motion: Motion, acknowledgement: Acknowledgement, requested: CorrectionSpec
+    ) -> None:
         """Write down what holds before a frame leaves, and the frame."""
-        self._write(motion, acknowledgement, wanted)
+        self._write(motion, acknowledgement, requested)
         self._written, self._base = (), None
 
-    def keep_step(
-        self, motion: Motion, wanted: CorrectionSpec, steady: SteadyMove, corrected_counts: Counts
+    def write_step_ahead(
+        self, motion: Motion, requested: CorrectionSpec, steady: SteadyMove, corrected_counts: Counts
     ) -> bool:
         """The same of a target that goes on in its direction; whether that could be written as a step."""
-        if not (self._goes_on(motion, wanted) and -LARGEST_COUNTS <= corrected_counts <= LARGEST_COUNTS):
+        if not (self._goes_on(motion, requested) and -LARGEST_COUNTS <= corrected_counts <= LARGEST_COUNTS):
             return False
         compensation = motion.compensation
         going = (steady.nominal_counts, corrected_counts, steady.position, steady.extreme, steady.now_ns)
@@ -214,16 +216,16 @@ class Record:
         self._step = (compensation.steps, True)
         return True
 
-    def _goes_on(self, motion: Motion, wanted: CorrectionSpec) -> bool:
+    def _goes_on(self, motion: Motion, requested: CorrectionSpec) -> bool:
         """Whether nothing has changed since the newest record but a run of targets."""
         base = self._base
         if base is None:
             return False
-        state, asked, place, is_start_known, number, knows_words = base
+        state, asked, motion_state, is_start_known, number, knows_words = base
         return (
             motion.compensation.base is state
-            and wanted is asked
-            and motion.state is place
+            and requested is asked
+            and motion.state is motion_state
             and motion.is_start_known is is_start_known
             and motion.last_number == number
             and _knows_words(motion) is knows_words
@@ -244,7 +246,7 @@ class Record:
         """The link to the drives is up."""
         self._is_paused = False
 
-    def _write(self, motion: Motion, acknowledgement: Acknowledgement, wanted: CorrectionSpec) -> None:
+    def _write(self, motion: Motion, acknowledgement: Acknowledgement, requested: CorrectionSpec) -> None:
         """Write the record that follows from the state of an axis; it follows from nothing else."""
         compensation, on_wire = motion.compensation, acknowledgement.on_wire
         low, high = compensation.way
@@ -256,10 +258,10 @@ class Record:
         _, _, _, anchor, fade, _ = compensation.readback
         move = None
         pending = acknowledgement.pending if on_wire is OnWire.TARGET else None
-        specs: Specs = (state.spec, state.previous, None, None, wanted)
+        specs: Specs = (state.spec, state.previous, None, None, requested)
         if pending is not None and pending.move is not None:
             after = pending.move.state
-            specs = (state.spec, state.previous, after.spec, after.previous, wanted)
+            specs = (state.spec, state.previous, after.spec, after.previous, requested)
             ends = (pending.move.nominal_counts, pending.corrected_counts)
             move = (pending.is_distance, pending.number, *ends, *_state_numbers(after))
         has_target = accepted is not None
@@ -298,7 +300,7 @@ def _was_there(motion: Motion) -> bool:
 
 def _holds_its_words(image: FieldImage) -> bool:
     """Whether the drive holds the words of the last target, and nothing was lost on the way there since."""
-    return image.corrected_words is not None and image.nominal_words is not None and not image.is_torn
+    return image.corrected_words is not None and image.nominal_words is not None and not image.is_incomplete
 
 
 def _state_numbers(state: State) -> tuple[object, ...]:
@@ -337,7 +339,7 @@ def find(motion: Motion, record: Remembered, first: Actual, now: Actual) -> Find
         now: the last one; the same at the first look.
     """
     finding = _find(motion, record, now.counts)
-    move = record.unproven
+    move = record.unacknowledged
     is_distance = move is not None and move.is_distance
     if finding is Finding.EITHER and not (
         is_distance or proof_of(motion.plan.settings, record, finding) is Proof.TWO
@@ -351,18 +353,18 @@ def find(motion: Motion, record: Remembered, first: Actual, now: Actual) -> Find
     if motion.compensation.is_stream and record.has_target and _is_recent(record, first):
         if _has_come_nearer(motion.plan.settings, record, first.counts, now.counts):
             return Finding.ON_WAY
-        if now.seen_ns - first.seen_ns <= LONGEST_LOOK_NS:
+        if now.seen_ns - first.seen_ns <= LONGEST_POLL_NS:
             return None
     low, high = record.way
     if record.was_at_target or low == high:
-        said = f"at {record.corrected_counts:.10g}"
+        where = f"at {record.corrected_counts:.10g}"
     else:
-        said = f"between {low:.10g} and {high:.10g}"
-    return f"the drive stands at {now.counts:.10g} counts, and the record says {said}"
+        where = f"between {low:.10g} and {high:.10g}"
+    return f"the drive stands at {now.counts:.10g} counts, and the record says {where}"
 
 
 def _is_recent(record: Remembered, first: Actual) -> bool:
-    at_ns = record.state.at_ns if record.unproven is None else record.unproven.state.at_ns
+    at_ns = record.state.at_ns if record.unacknowledged is None else record.unacknowledged.state.at_ns
     return record.is_of_this_boot and 0 <= first.seen_ns - at_ns <= STILL_FOLLOWS_NS
 
 
@@ -370,8 +372,8 @@ def _has_come_nearer(settings: AxisSettings, record: Remembered, before: Counts,
     """Whether the drive goes to one of the last two setpoints, by more than a standing one trembles."""
     near = settings.hysteresis_counts
     targets = [record.corrected_counts]
-    if record.unproven is not None:
-        targets.append(record.unproven.corrected_counts)
+    if record.unacknowledged is not None:
+        targets.append(record.unacknowledged.corrected_counts)
     return any(abs(before - target) - abs(now - target) > near for target in targets)
 
 
@@ -388,7 +390,7 @@ def _find(motion: Motion, record: Remembered, counts: Counts) -> Finding | None:
     is_at_target = record.has_target and from_target <= near
     is_on_way = is_at_target or (not record.was_at_target and low - near <= counts <= high + near)
     before = Finding.AT_TARGET if is_at_target else Finding.ON_WAY
-    move = record.unproven
+    move = record.unacknowledged
     if move is None:
         return before if is_on_way else None
     from_move = abs(counts - move.corrected_counts)
@@ -396,12 +398,12 @@ def _find(motion: Motion, record: Remembered, counts: Counts) -> Finding | None:
     if from_move <= settings.in_position_counts and is_ambiguous:  # it may stand some counts off
         return Finding.EITHER
     if from_move <= near and not (is_at_target and from_target <= from_move):
-        return Finding.AT_UNPROVEN
+        return Finding.AT_UNACKNOWLEDGED
     if is_on_way:
         return before
     low, high = min(low, move.corrected_counts), max(high, move.corrected_counts)
     if low - near <= counts <= high + near:
-        return Finding.ON_WAY_TO_UNPROVEN
+        return Finding.ON_WAY_TO_UNACKNOWLEDGED
     return None
 
 
@@ -411,18 +413,18 @@ def proof_of(settings: AxisSettings, record: Remembered, finding: Finding) -> Pr
     Of a machine that was switched off since nobody knows what was done to it meanwhile: it counts only where
     it stands at the target before.
     """
-    move = record.unproven
+    move = record.unacknowledged
     if move is None or not (move.is_distance or finding is Finding.EITHER):
         return Proof.ONE
     if not (record.has_target and (record.is_of_this_boot or finding is Finding.AT_TARGET)):
         return Proof.NONE
-    apart_counts = abs(move.corrected_counts - record.corrected_counts)
-    return Proof.TWO if apart_counts > 2.0 * settings.in_position_counts else Proof.NONE
+    distance_counts = abs(move.corrected_counts - record.corrected_counts)
+    return Proof.TWO if distance_counts > 2.0 * settings.in_position_counts else Proof.NONE
 
 
 def state_of(
     settings: AxisSettings,
-    wanted: CorrectionSpec,
+    requested: CorrectionSpec,
     numbers: RememberedState,
     find_table: FindTable,
     now_ns: int,
@@ -437,8 +439,10 @@ def state_of(
         position=numbers.position,
         travel=Travel(Direction(numbers.direction), numbers.extreme),
         progress=numbers.progress,
-        spec=_spec(settings, wanted, numbers.spec, find_table),
-        previous=None if numbers.previous is None else _spec(settings, wanted, numbers.previous, find_table),
+        spec=_spec(settings, requested, numbers.spec, find_table),
+        previous=None
+        if numbers.previous is None
+        else _spec(settings, requested, numbers.previous, find_table),
         change=numbers.change,
         change_distance=numbers.change_distance,
         is_unsure=numbers.is_unsure,
@@ -447,7 +451,7 @@ def state_of(
 
 
 def _spec(
-    settings: AxisSettings, wanted: CorrectionSpec, numbers: RememberedSpec, find_table: FindTable
+    settings: AxisSettings, requested: CorrectionSpec, numbers: RememberedSpec, find_table: FindTable
 ) -> CorrectionSpec:
     """Return the correction that numbers stand for: the one wanted now, where it is the same.
 
@@ -458,9 +462,9 @@ def _spec(
     if not numbers.digest:
         return CorrectionSpec(offset=numbers.offset) if numbers.offset else NOTHING
     gain = Gain(numbers.forward_gain, numbers.backward_gain)
-    if numbers.was_wanted and wanted.table_digest == numbers.digest and wanted.gain == gain:
-        is_same = (wanted.offset, wanted.tilt) == (numbers.offset, numbers.tilt)
-        return wanted if is_same else with_line(wanted, numbers.offset, numbers.tilt)
+    if numbers.was_requested and requested.table_digest == numbers.digest and requested.gain == gain:
+        is_same = (requested.offset, requested.tilt) == (numbers.offset, numbers.tilt)
+        return requested if is_same else with_line(requested, numbers.offset, numbers.tilt)
     table = find_table(numbers.digest)
     if table is None:
         raise TableNotFoundError

@@ -75,7 +75,7 @@ _EMPTY: Final = (
 _NO_STEP: Final[tuple[object, ...]] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
 _NO_MOVE: Final[tuple[object, ...]] = (0.0, 0.0, 0.0, 0.0, 0)
 _IS_THERE: Final = 1
-_IS_WANTED: Final = 2
+_IS_REQUESTED: Final = 2
 _NO_SPEC: Final = _SPEC.pack(0, b"", 0.0, 0.0, 0.0)
 
 
@@ -95,7 +95,7 @@ class RememberedSpec(NamedTuple):
     offset: float
     tilt: float
     """Of the line: at machine position 0 in units, and its slope."""
-    was_wanted: bool
+    was_requested: bool
     """Nothing but another line was asked for then."""
 
 
@@ -146,7 +146,7 @@ class Remembered(NamedTuple):
     anchor_counts: float
     fade: tuple[float, float, float, float] | None
     """Difference in counts, start, end, way the other way; of ``compensation.readback.Fade``."""
-    unproven: RememberedMove | None
+    unacknowledged: RememberedMove | None
     is_of_this_boot: bool
     """The machine has not been started anew since: its clock goes on."""
     came_from: tuple[Counts, Counts] | None = None
@@ -340,10 +340,10 @@ def why_not_readable(data: bytes | memoryview, name: str, size: int | None = Non
     return ""
 
 
-def _spec_bytes(spec: CorrectionSpec | None, wanted: CorrectionSpec) -> bytes:
+def _spec_bytes(spec: CorrectionSpec | None, requested: CorrectionSpec) -> bytes:
     if spec is None:
         return _NO_SPEC
-    flags = _IS_THERE | (_IS_WANTED if spec is wanted or spec.is_kin_of(wanted) else 0)
+    flags = _IS_THERE | (_IS_REQUESTED if spec is requested or spec.is_kin_of(requested) else 0)
     return _SPEC.pack(flags, spec.table_digest, spec.gain.forward, spec.gain.backward, spec.offset)
 
 
@@ -380,11 +380,11 @@ def _remembered(body: bytes, tilts: Sequence[float], *, is_of_this_boot: bool) -
         return None
     spec, previous, move_spec, move_previous = map(_spec, _SPEC.iter_unpack(spec_bytes), tilts)
     assert spec is not None
-    unproven = None
+    unacknowledged = None
     if has_move:
         assert move_spec is not None
         is_distance, number, nominal, corrected, *state = _MOVE.unpack_from(body, _MOVE_AT)
-        unproven = RememberedMove(
+        unacknowledged = RememberedMove(
             is_distance, number, _counts(nominal), _counts(corrected), _state(state, move_spec, move_previous)
         )
     return Remembered(
@@ -402,7 +402,7 @@ def _remembered(body: bytes, tilts: Sequence[float], *, is_of_this_boot: bool) -
         _state(base[10:18], spec, previous),
         base[18],
         (base[20], base[21], base[22], base[23]) if base[19] else None,
-        unproven,
+        unacknowledged,
         is_of_this_boot,
     )
 
@@ -426,7 +426,7 @@ def _after_step(found: Remembered, step: tuple[Any, ...]) -> Remembered:
         nominal, corrected, position, extreme, at_ns = numbers[7:]
         state = found.state._replace(position=position, extreme=extreme, at_ns=at_ns)
         move = RememberedMove(False, found.number, _counts(nominal), _counts(corrected), state)
-    return found._replace(unproven=move)
+    return found._replace(unacknowledged=move)
 
 
 def _state(numbers: Sequence[Any], spec: RememberedSpec, previous: RememberedSpec | None) -> RememberedState:
@@ -440,8 +440,8 @@ def _spec(fields: tuple[Any, ...], tilt: float) -> RememberedSpec | None:
     flags, digest, forward, backward, offset = fields
     if not flags & _IS_THERE:
         return None
-    was_wanted = bool(flags & _IS_WANTED)
-    return RememberedSpec(digest if any(digest) else b"", forward, backward, offset, tilt, was_wanted)
+    was_requested = bool(flags & _IS_REQUESTED)
+    return RememberedSpec(digest if any(digest) else b"", forward, backward, offset, tilt, was_requested)
 
 
 def _counts(counts: float) -> Counts:

@@ -206,7 +206,7 @@ class AxisReference:
         "kind",
         "state",
         "waits_for_peers",
-        "was_told",
+        "was_reported",
     )
 
     def __init__(self, plan: AxisPlan, on_fault: Callable[[str], None]) -> None:
@@ -221,7 +221,7 @@ class AxisReference:
         self.state = REFERENCE_AT_START[plan.referenced]
         self.is_unconfirmed = self.follows_homed_bit
         """The bit that decides has to be read before positions pass."""
-        self.was_told = not self.follows_homed_bit
+        self.was_reported = not self.follows_homed_bit
         """Whether the homed bit was ever seen, where it decides."""
         self.bit_seen_ns = 0
         """When the bit that decides was seen last."""
@@ -244,11 +244,11 @@ class AxisReference:
             self.state = after
         if self.follows_homed_bit:
             if event in BITS:
-                self.is_unconfirmed, self.was_told = False, True
+                self.is_unconfirmed, self.was_reported = False, True
             elif event in ASKS_AGAIN:
                 self.is_unconfirmed = True
 
-    def doubt(self) -> None:
+    def invalidate(self) -> None:
         """Nobody knows where it is until that was read anew, or said."""
         self.state = _NOT_REFERENCED
         self.is_unconfirmed = self.follows_homed_bit
@@ -302,7 +302,7 @@ class AxisReference:
     @property
     def is_lost(self) -> bool:
         """Whether it is certain that the axis does not know where it is."""
-        return self.was_told and self.state is not _REFERENCED
+        return self.was_reported and self.state is not _REFERENCED
 
     @property
     def hangs_on_a_bit(self) -> bool:

@@ -32,7 +32,7 @@ class Completeness(Enum):
     PART_REFUSED = "part-refused"
     """The drive refused a part and proved that it wrote nothing. What it holds is known, but no trigger runs
     it before every word was acknowledged anew, or one frame wrote them all."""
-    TORN = "torn"
+    ALL_LOST = "torn"
     """A write was lost: every word has to come again."""
     PARTS_LOST = "parts-lost"
     """Since then some words came which never reached the drive: they count when the others follow soon."""
@@ -56,11 +56,11 @@ class Loss(Enum):
 
 
 COMPLETENESS_AFTER: Final[dict[tuple[Completeness, Loss], Completeness]] = {
-    **{(state, Loss.REFUSED_UNWRITTEN): Completeness.TORN for state in Completeness},
+    **{(state, Loss.REFUSED_UNWRITTEN): Completeness.ALL_LOST for state in Completeness},
     (Completeness.WHOLE, Loss.REFUSED_UNWRITTEN): Completeness.PART_REFUSED,
     (Completeness.PART_REFUSED, Loss.REFUSED_UNWRITTEN): Completeness.PART_REFUSED,
-    **{(state, Loss.REFUSED): Completeness.TORN for state in Completeness},
-    **{(state, Loss.DENIED): Completeness.TORN for state in Completeness},
+    **{(state, Loss.REFUSED): Completeness.ALL_LOST for state in Completeness},
+    **{(state, Loss.DENIED): Completeness.ALL_LOST for state in Completeness},
     **{(state, Loss.TOO_EARLY): Completeness.PARTS_LOST for state in Completeness},
     **{(state, Loss.WITHDRAWN): Completeness.PARTS_LOST for state in Completeness},
 }
@@ -89,7 +89,7 @@ NEXT_PART: Final[dict[tuple[Completeness, bool, bool], NextPart]] = {
         for state, found in (
             (Completeness.WHOLE, NextPart.COMPLETED),
             (Completeness.PART_REFUSED, NextPart.COMPLETED if heard else NextPart.REFUSED),
-            (Completeness.TORN, NextPart.AS_IT_CAME if waits else NextPart.REFUSED),
+            (Completeness.ALL_LOST, NextPart.AS_IT_CAME if waits else NextPart.REFUSED),
             (Completeness.PARTS_LOST, NextPart.JOINED),
             (Completeness.PARTS_BUFFERED, NextPart.JOINED),
         )
@@ -108,7 +108,7 @@ class FieldImage:
         "_lost_ns",
         "_missing",
         "_parts",
-        "_restaged",
+        "_rewritten",
         "_since_ns",
         "_there",
         "_waits",
@@ -134,7 +134,7 @@ class FieldImage:
         """When the controller was told of a part that the drive refused."""
         self._missing = self._all_words
         self._since_ns = 0
-        self._restaged: dict[int, bytes] = {}
+        self._rewritten: dict[int, bytes] = {}
         """Words that were written anew one by one while ``corrected_words`` is not known, by their number."""
         self._lost_ns = 0
         """When the newest write that was lost had come."""
@@ -149,7 +149,7 @@ class FieldImage:
         return self._there[0] if len(self._there) == 1 else None
 
     @property
-    def is_torn(self) -> bool:
+    def is_incomplete(self) -> bool:
         """Whether a write was lost and not every word has been acknowledged anew since."""
         return self.completeness is not Completeness.WHOLE
 
@@ -170,8 +170,8 @@ class FieldImage:
         """
         self.nominal_words = nominal_words
         self._there = () if corrected_words is None else (corrected_words,)
-        if self._restaged:
-            self._restaged.clear()
+        if self._rewritten:
+            self._rewritten.clear()
         self.may_be_corrected = corrected_words != nominal_words
         if epoch is not None and epoch != self.epoch:
             return
@@ -188,19 +188,19 @@ class FieldImage:
     def forget(self) -> None:
         """Nobody knows any more what the drive holds."""
         self.nominal_words = None
-        self.doubt()
+        self.invalidate()
         if self.completeness is Completeness.PART_REFUSED:
-            self.completeness = Completeness.TORN  # the next part has nothing to be completed from
+            self.completeness = Completeness.ALL_LOST  # the next part has nothing to be completed from
 
-    def doubt(self) -> None:
+    def invalidate(self) -> None:
         """The drive may hold another target than it was told; what the controller believes stays."""
         self._there = ()
-        self._restaged.clear()
+        self._rewritten.clear()
 
-    def doubt_restaged(self, corrected_words: bytes) -> None:
+    def invalidate_rewritten(self, corrected_words: bytes) -> None:
         """A target was written anew, and not acknowledged: the drive holds it so, or as before."""
         either = (self.corrected_words, corrected_words)
-        self.doubt()
+        self.invalidate()
         self._there = either
 
     def means(self, words: bytes) -> bytes | None:
@@ -213,9 +213,9 @@ class FieldImage:
         if there is not None:
             return there[2 * first : 2 * first + len(words)] == words
         count = len(words) // 2
-        return all(self._restaged.get(first + i) == words[2 * i : 2 * i + 2] for i in range(count))
+        return all(self._rewritten.get(first + i) == words[2 * i : 2 * i + 2] for i in range(count))
 
-    def restage(self, nominal_words: bytes, first: int, words: bytes, epoch: int) -> None:
+    def acknowledge_rewrite(self, nominal_words: bytes, first: int, words: bytes, epoch: int) -> None:
         """Note that the drive acknowledged words of a target that was written anew, from word ``first`` on.
 
         A word that is not known stays so: the target counts as written once each of them came.
@@ -223,19 +223,19 @@ class FieldImage:
         count = len(nominal_words) // 2
         there = self.corrected_words
         if there is None:
-            self._restaged.update({first + i: words[2 * i : 2 * i + 2] for i in range(len(words) // 2)})
-            if len(self._restaged) < count:
+            self._rewritten.update({first + i: words[2 * i : 2 * i + 2] for i in range(len(words) // 2)})
+            if len(self._rewritten) < count:
                 self.leave(nominal_words, None)
                 return
-            there = b"".join([self._restaged[word] for word in range(count)])
+            there = b"".join([self._rewritten[word] for word in range(count)])
         merged = there[: 2 * first] + words + there[2 * first + len(words) :]
         self.settle(nominal_words, merged, epoch, written=0)
 
-    def tear(self, arrived_ns: int = 0) -> None:
+    def lose_all_words(self, arrived_ns: int = 0) -> None:
         """Note that a whole write was lost, and when it had come: every word has to come again."""
         self._lost_ns = max(self._lost_ns, arrived_ns)
         self.epoch += 1
-        self.completeness = Completeness.TORN
+        self.completeness = Completeness.ALL_LOST
         self._missing = self._all_words
 
     def next_part(self, arrived_ns: int) -> NextPart:
@@ -269,20 +269,20 @@ class FieldImage:
 
     def buffer(self, first: int, words: bytes, arrived_ns: int, follows_ns: int) -> None:
         """Note a part that the drive acknowledged as it came, while the other parts are not known."""
-        self.doubt()
+        self.invalidate()
         covers_all = not self._all_words & ~self._missing & ~_mask(first, words)
-        is_new = not self.is_torn or covers_all or not self._are_joined(arrived_ns, follows_ns)
+        is_new = not self.is_incomplete or covers_all or not self._are_joined(arrived_ns, follows_ns)
         stays_buffered = is_new or self.completeness is Completeness.PARTS_BUFFERED
         if is_new:
-            self.tear()
-        self._keep_part(first, words, arrived_ns, follows_ns)
+            self.lose_all_words()
+        self._store_part(first, words, arrived_ns, follows_ns)
         if stays_buffered and self.completeness is Completeness.PARTS_LOST:
             self.completeness = Completeness.PARTS_BUFFERED
 
     def forget_parts(self) -> None:
         """The connection of some parts broke off: nothing that comes on another one completes them."""
         if self.completeness is Completeness.PARTS_BUFFERED:
-            self.tear()
+            self.lose_all_words()
 
     def lose(
         self, loss: Loss, first: int, words: bytes, *, arrived_ns: int, follows_ns: int, now_ns: int
@@ -300,24 +300,24 @@ class FieldImage:
         """
         after = COMPLETENESS_AFTER[self.completeness, loss]
         if after is Completeness.PART_REFUSED and self.nominal_words is None:
-            after = Completeness.TORN  # nothing is there that the next part could be completed from
+            after = Completeness.ALL_LOST  # nothing is there that the next part could be completed from
         if after is Completeness.PARTS_LOST and words:
-            self._keep_part(first, words, arrived_ns, follows_ns)
+            self._store_part(first, words, arrived_ns, follows_ns)
         elif after is Completeness.PART_REFUSED:
             self._lost_ns = max(self._lost_ns, arrived_ns)
             self.epoch += 1
             self.completeness, self._missing, self._heard_ns = after, self._all_words, now_ns
         else:
-            self.tear(arrived_ns)
+            self.lose_all_words(arrived_ns)
 
-    def _keep_part(self, first: int, words: bytes, arrived_ns: int, follows_ns: int) -> None:
+    def _store_part(self, first: int, words: bytes, arrived_ns: int, follows_ns: int) -> None:
         """Keep a part for the others that follow."""
         if arrived_ns < self._lost_ns:
-            self.tear()
+            self.lose_all_words()
             return
         is_kept = self.completeness in (Completeness.PARTS_LOST, Completeness.PARTS_BUFFERED)
         if not (is_kept and self._are_joined(arrived_ns, follows_ns)):
-            self.tear()
+            self.lose_all_words()
             self._since_ns = arrived_ns
         self._lost_ns = arrived_ns
         self.epoch += 1
@@ -325,7 +325,7 @@ class FieldImage:
         self._parts[2 * first : 2 * first + len(words)] = words
         self._missing &= ~_mask(first, words)
         if not self._missing:  # all of it was there, and was lost as a whole
-            self.tear()
+            self.lose_all_words()
 
 
 def _mask(first: int, words: bytes) -> int:
@@ -388,18 +388,18 @@ class RuleImage:
         mode_word = None if mode is None else self._words.get(mode.address)
         return mode is not None and mode_word is not None and mode.action(mode_word) is Action.FOLLOW
 
-    def note_words(self, words: dict[int, int], epoch: int) -> None:
+    def store_words(self, words: dict[int, int], epoch: int) -> None:
         """Note what the drive acknowledged; ``epoch``: of its axis, when it was sent."""
         self._words.update(words)
         for address in words:
             if self._lost_modes.get(address, (0, 0))[1] <= epoch:
                 self._lost_modes.pop(address, None)
 
-    def note_read(self, address: int, word: int) -> None:
+    def store_read(self, address: int, word: int) -> None:
         """Note what a register was read to hold."""
         self._words[address] = word
 
-    def note_coils(self, coils: dict[int, int]) -> None:
+    def store_coils(self, coils: dict[int, int]) -> None:
         """Note which coils the drive acknowledged."""
         self._coils.update(coils)
 
@@ -407,7 +407,7 @@ class RuleImage:
         """Note the command field that was written last."""
         self.staged = number
 
-    def doubt(self, words: dict[int, int], coils: dict[int, int]) -> None:
+    def invalidate(self, words: dict[int, int], coils: dict[int, int]) -> None:
         """Note that what these registers and coils hold is not known any more."""
         for address in words:
             self._words.pop(address, None)

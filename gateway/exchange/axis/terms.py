@@ -21,13 +21,13 @@ from gateway.exchange.plan import AxisPlan
 from gateway.status.axis import CrossStatus, TermsStatus, ThermalStatus
 from gateway.times import NS_PER_MS, NS_PER_S
 
-LOOK_NS: Final = 500 * NS_PER_MS
+UPDATE_NS: Final = 500 * NS_PER_MS
 """At the slowest, the temperature is followed so often: at 2 K/min and 1 m of steel a step is 0.2 µm."""
 ROUNDING: Final = 1e-9
 """Share of a limit by which decimal fractions may exceed it."""
 FITS_AGAIN_NS: Final = 60 * NS_PER_S
 """So long a line has to fit before it is told again that it does not: a sensor trembles about the limit."""
-_SAID: Final = {
+_EVENTS: Final = {
     TermState.FOLLOWING: exchange_events.TERM_FOLLOWS,
     TermState.HELD: exchange_events.TERM_HELD,
     TermState.FADING: exchange_events.TERM_FADES,
@@ -58,10 +58,10 @@ class Terms:
         self._is_cross_known = False
         self._lost_ns: int | None = None
         """Since when nobody has known where one of the other axes is."""
-        self._said: dict[str, TermState] = {}
+        self._reported: dict[str, TermState] = {}
         self._began_ns: int | None = None
         self._was_missed = False
-        self._told_too_large_ns: int | None = None
+        self._too_large_reported_ns: int | None = None
         """When it was last seen to be too large, since it was told."""
 
     # --- what is heard ---------------------------------------------------------------------------------
@@ -108,7 +108,7 @@ class Terms:
 
     def follow(self, base: CorrectionSpec, plan: AxisPlan, now_ns: int) -> bool:
         """Work out the line anew; whether another one is asked for now."""
-        self._due_ns = now_ns + LOOK_NS
+        self._due_ns = now_ns + UPDATE_NS
         offset, tilt = self._cross_now(now_ns), 0.0
         if self.thermal is not None:
             settings = self.thermal.settings
@@ -165,12 +165,12 @@ class Terms:
             return 0.0
         total, is_known = 0.0, True
         for cross in self.crosses:
-            cross.look()
-            place = cross.place(now_ns)
-            if place is None:
+            cross.refresh()
+            position = cross.position(now_ns)
+            if position is None:
                 is_known = False
             else:
-                total += cross.correction(place)
+                total += cross.correction(position)
         if is_known:
             self._cross = self._held_cross = total
             self._lost_ns = None
@@ -193,7 +193,7 @@ class Terms:
 
     def cross_state(self, now_ns: int) -> TermState:
         """Return how well it is known where the other axes are."""
-        if all(cross.place(now_ns) is not None for cross in self.crosses):
+        if all(cross.position(now_ns) is not None for cross in self.crosses):
             return TermState.FOLLOWING
         if not self._is_cross_known:
             return TermState.WAITING
@@ -206,24 +206,24 @@ class Terms:
         """Return what has changed since it was asked last; nothing else changes."""
         found = []
         for kind, state in self.states(now_ns).items():
-            said = self._said.get(kind, TermState.WAITING)
+            reported = self._reported.get(kind, TermState.WAITING)
             if state is TermState.WAITING and kind == "thermal" and self._is_missed(now_ns):
                 detail = "no temperature has been heard since the start: nothing is added"
                 found.append(Event(exchange_events.TERM_HELD, name, detail, (("term", kind),)))
-            if state is not said:
-                self._said[kind] = state
-                event = _SAID.get(state)
+            if state is not reported:
+                self._reported[kind] = state
+                event = _EVENTS.get(state)
                 # Another axis may be known and lost again before it ever counted: then it is waited for.
-                if event is not None and event is not _SAID.get(said):
+                if event is not None and event is not _EVENTS.get(reported):
                     found.append(Event(event, name, self._detail(kind, state), (("term", kind),)))
-        told_ns = self._told_too_large_ns
+        reported_ns = self._too_large_reported_ns
         if self.is_too_large:
-            self._told_too_large_ns = now_ns
-            if told_ns is None:
+            self._too_large_reported_ns = now_ns
+            if reported_ns is None:
                 detail = "with the table it would come to more than max_correction; it does not follow"
                 found.append(Event(exchange_events.TERM_TOO_LARGE, name, detail))
-        elif told_ns is not None and now_ns - told_ns > FITS_AGAIN_NS:
-            self._told_too_large_ns = None
+        elif reported_ns is not None and now_ns - reported_ns > FITS_AGAIN_NS:
+            self._too_large_reported_ns = None
         return found
 
     def _is_missed(self, now_ns: int) -> bool:

@@ -10,9 +10,9 @@ keep their baud rates exactly. What adapters, drivers and this process add, nobo
 
 Counted in characters of wires that are both equally fast a write of one position of two registers leaves four
 characters after it began to arrive: the last byte of its position is the eleventh to come, and the first one
-the eighth to leave. Where the first three bytes decide that one (``Gate.is_early``), it leaves three after.
-Its acknowledgement leaves two later, for the check sum has to have come before its own leaves; so do a read
-without positions, and its reply three. A gateway that stores adds all 13 + 8 characters of both.
+the eighth to leave. Where the first three bytes decide that one (``ByteThreshold.is_early``), it leaves three
+after. Its acknowledgement leaves two later, for the check sum has to have come before its own leaves; so do a
+read without positions, and its reply three. A gateway that stores adds all 13 + 8 characters of both.
 """
 
 from collections import deque
@@ -25,18 +25,18 @@ from gateway.modbus.lengths import ADU_OVERHEAD, MIN_ADU
 from gateway.modbus.rtu_arrival import BLOCK_HEAD, REGISTERS_HEAD
 
 CRC_BYTES: Final = 2
-FUNCTION_KNOWN: Final = 2
+FUNCTION_BYTES: Final = 2
 """Bytes of a frame that say who is meant and what is done."""
-PAGE_KNOWN: Final = 3
+PAGE_BYTES: Final = 3
 """Bytes of a request that also say in which 256 registers the first one is."""
-ADDRESS_KNOWN: Final = MIN_ADU
+ADDRESS_BYTES: Final = MIN_ADU
 """Bytes of a request that also say at which register."""
-COUNT_KNOWN: Final = 3
+COUNT_BYTES: Final = 3
 """Bytes of the reply to a read that also say how long it is."""
 READ_BYTES: Final = REGISTERS_HEAD + CRC_BYTES
 
 
-class Gate(NamedTuple):
+class ByteThreshold(NamedTuple):
     """Byte ``first`` of a frame, and all behind it, leave only when ``needs`` bytes of it have come."""
 
     first: int
@@ -55,15 +55,15 @@ class Gate(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class FrameShape:
     """A frame of so many bytes, with unit id and check sum, and what its bytes wait for.
 
     Gates stand in their order. Every byte waits at least for itself, and the check sum for all that came.
     """
 
     length: int
-    gates: tuple[Gate, ...]
-    late: "Shape | None" = None
+    thresholds: tuple[ByteThreshold, ...]
+    late: "FrameShape | None" = None
     """What the frame is where none of its bytes leaves sooner than is always safe; None: what it is here."""
 
     def needs(self, index: int) -> int:
@@ -76,7 +76,7 @@ class Shape:
         """
         if index >= self.length - CRC_BYTES:
             return self.length
-        return max([index + 1] + [gate.needs_of(index) for gate in self.gates])
+        return max([index + 1] + [threshold.needs_of(index) for threshold in self.thresholds])
 
     def leaves(self, come: int) -> int:
         """Return how many of its bytes may have left when ``come`` have come, without its check sum.
@@ -87,9 +87,9 @@ class Shape:
         [0, 0, 0, 3, 4, 5, 6, 7, 7, 7, 8, 11, 11, 11]
         """
         most = min(come, self.length - CRC_BYTES)
-        for gate in self.gates:
-            if come < gate.needs:
-                most = min(most, gate.first + (gate.is_early and come == gate.needs - 1))
+        for threshold in self.thresholds:
+            if come < threshold.needs:
+                most = min(most, threshold.first + (threshold.is_early and come == threshold.needs - 1))
         return most
 
     def reach(self, before: bytes, now: bytes, reach: int) -> int:
@@ -105,9 +105,9 @@ class Shape:
         if not before:
             return FAR_COUNTS
         longest = 0
-        for gate in self.gates:
-            if gate.is_early:
-                step = abs(_position(gate, now) - _position(gate, before))
+        for threshold in self.thresholds:
+            if threshold.is_early:
+                step = abs(_position(threshold, now) - _position(threshold, before))
                 longest = max(longest, min(step, COUNTS - step))
         remembered = 0 if reach == FAR_COUNTS else reach - reach // FORGOTTEN
         return max(2 * longest + NEAR_COUNTS, remembered)
@@ -119,12 +119,12 @@ class Shape:
         """
         if ends_a_frame(residue_after(frame[: self.needs(0)])):
             return False  # no piece ends there
-        for gate in self.gates:
-            if gate.is_early:
-                position = _position(gate, frame)
+        for threshold in self.thresholds:
+            if threshold.is_early:
+                position = _position(threshold, frame)
                 if (position - reach) >> 24 != (position + reach) >> 24:
                     return False
-                if ends_a_frame(residue_after(frame[: gate.first + 1])):
+                if ends_a_frame(residue_after(frame[: threshold.first + 1])):
                     return False
         return True
 
@@ -139,11 +139,11 @@ FORGOTTEN: Final = 16
 """So large a part of an older reach is taken off with each frame."""
 
 
-def _position(gate: Gate, frame: bytes) -> int:
-    return int.from_bytes(frame[gate.first : gate.needs], "big")
+def _position(threshold: ByteThreshold, frame: bytes) -> int:
+    return int.from_bytes(frame[threshold.first : threshold.needs], "big")
 
 
-def write_shape(words: int, first_word: int, position_words: int, *, is_early: bool = False) -> Shape:
+def write_shape(words: int, first_word: int, position_words: int, *, is_early: bool = False) -> FrameShape:
     """Return the shape of a write of ``words`` registers that hold a position from ``first_word`` on.
 
     It begins to leave when it is known where it writes, its data when the position is whole: until then it
@@ -154,40 +154,44 @@ def write_shape(words: int, first_word: int, position_words: int, *, is_early: b
     """
     data_ends = BLOCK_HEAD + 2 * (first_word + position_words)
     length = BLOCK_HEAD + 2 * words + CRC_BYTES
-    late = Shape(length, (Gate(0, ADDRESS_KNOWN), Gate(BLOCK_HEAD, data_ends, is_judged=True)))
+    late = FrameShape(
+        length, (ByteThreshold(0, ADDRESS_BYTES), ByteThreshold(BLOCK_HEAD, data_ends, is_judged=True))
+    )
     if not is_early:
         return late
-    data = Gate(BLOCK_HEAD, data_ends, is_judged=True, is_early=True)
-    return Shape(length, (Gate(0, PAGE_KNOWN), data), late)
+    data = ByteThreshold(BLOCK_HEAD, data_ends, is_judged=True, is_early=True)
+    return FrameShape(length, (ByteThreshold(0, PAGE_BYTES), data), late)
 
 
-def read_shape() -> Shape:
+def read_shape() -> FrameShape:
     """Return the shape of a read. It changes nothing in a drive, and may begin to leave at its function."""
-    return Shape(READ_BYTES, (Gate(0, FUNCTION_KNOWN),))
+    return FrameShape(READ_BYTES, (ByteThreshold(0, FUNCTION_BYTES),))
 
 
-def acknowledgement_shape() -> Shape:
+def acknowledgement_shape() -> FrameShape:
     """Return the shape of the reply to a write of a block: unit id, function, address, count."""
-    return Shape(READ_BYTES, (Gate(0, FUNCTION_KNOWN),))
+    return FrameShape(READ_BYTES, (ByteThreshold(0, FUNCTION_BYTES),))
 
 
-def reply_shape(words: int, positions: Sequence[tuple[int, int]] = (), early: Collection[int] = ()) -> Shape:
+def reply_shape(
+    words: int, positions: Sequence[tuple[int, int]] = (), early: Collection[int] = ()
+) -> FrameShape:
     """Return the shape of the reply to a read of ``words`` registers.
 
     ``positions``: the first register of each and how many it has, in their order. ``early``: the first
     registers of those that have four bytes, the highest first.
     """
-    length = ADU_OVERHEAD + FUNCTION_KNOWN + 2 * words
-    gates, late = [Gate(0, COUNT_KNOWN)], [Gate(0, COUNT_KNOWN)]
+    length = ADU_OVERHEAD + FUNCTION_BYTES + 2 * words
+    thresholds, late = [ByteThreshold(0, COUNT_BYTES)], [ByteThreshold(0, COUNT_BYTES)]
     for word, count in positions:
-        first, data_ends = COUNT_KNOWN + 2 * word, COUNT_KNOWN + 2 * (word + count)
-        late.append(Gate(first, data_ends, is_judged=True))
-        gates.append(late[-1]._replace(is_early=word in early))
-    shape = Shape(length, tuple(late))
-    return Shape(length, tuple(gates), shape) if early else shape
+        first, data_ends = COUNT_BYTES + 2 * word, COUNT_BYTES + 2 * (word + count)
+        late.append(ByteThreshold(first, data_ends, is_judged=True))
+        thresholds.append(late[-1]._replace(is_early=word in early))
+    shape = FrameShape(length, tuple(late))
+    return FrameShape(length, tuple(thresholds), shape) if early else shape
 
 
-def delay_ns(shape: Shape, in_ns: int, out_ns: int) -> int:
+def delay_ns(shape: FrameShape, in_ns: int, out_ns: int) -> int:
     """Return how long after the first bit of a frame came its own first bit may leave, at the earliest.
 
     Args:
@@ -198,7 +202,7 @@ def delay_ns(shape: Shape, in_ns: int, out_ns: int) -> int:
     return max(shape.needs(index) * in_ns - index * out_ns for index in range(shape.length))
 
 
-def stored_ns(shape: Shape, in_ns: int) -> int:
+def stored_ns(shape: FrameShape, in_ns: int) -> int:
     """Return the same for a gateway that waits for the whole frame."""
     return shape.length * in_ns
 
@@ -210,7 +214,7 @@ class Piece(NamedTuple):
     so_far: int
 
 
-def needed_ns(shape: Shape, pieces: Sequence[Piece], out_ns: int) -> int:
+def needed_ns(shape: FrameShape, pieces: Sequence[Piece], out_ns: int) -> int:
     """Return how long after its first piece a frame that has come would have had to begin to leave.
 
     The pieces are those of a whole frame, in their order. Between two pieces only the first byte that needs
@@ -278,7 +282,7 @@ class MeasuredDelay:
         "shape",
     )
 
-    def __init__(self, shape: Shape, in_ns: int, out_ns: int, margin_ns: int) -> None:
+    def __init__(self, shape: FrameShape, in_ns: int, out_ns: int, margin_ns: int) -> None:
         self.shape = shape
         self._margin_ns = margin_ns
         self.out_ns = out_ns
@@ -293,12 +297,12 @@ class MeasuredDelay:
         """Where enough were seen, and it is not worth it: after how long a frame could begin to leave, and
         after how long the soonest was whole, both since its first piece."""
 
-    def note(self, pieces: Sequence[Piece], own_ns: int = 0, written_need_ns: int = 0) -> None:
+    def add(self, pieces: Sequence[Piece], own_ns: int = 0, written_need_ns: int = 0) -> None:
         """Learn from a frame that has come whole, whether it was cut through or stored.
 
         ``own_ns``: so long the gateway took between reading its last bytes and writing them.
         ``written_need_ns``: by its writing one that was cut through would have had to begin so long after its
-        first piece (``CutThrough.written_need_ns``).
+        first piece (``ForwardedFrame.written_need_ns``).
         """
         needs_ns, wholes_ns = self._needs_ns, self._wholes_ns
         need_ns = needed_ns(self.shape, pieces, self.out_ns)
@@ -329,19 +333,19 @@ class Delays:
         self._in_ns = in_ns
         self._out_ns = out_ns
         self._margin_ns = margin_ns
-        self.measured: dict[Shape, MeasuredDelay] = {}
+        self.measured: dict[FrameShape, MeasuredDelay] = {}
 
     def measure(
-        self, shape: Shape, pieces: Sequence[Piece], own_ns: int = 0, written_need_ns: int = 0
+        self, shape: FrameShape, pieces: Sequence[Piece], own_ns: int = 0, written_need_ns: int = 0
     ) -> MeasuredDelay:
         """Learn from how a frame came, whatever became of it; return what is known now."""
         delay = self.measured.get(shape)
         if delay is None:
             delay = self.measured[shape] = MeasuredDelay(shape, self._in_ns, self._out_ns, self._margin_ns)
-        delay.note(pieces, own_ns, written_need_ns)
+        delay.add(pieces, own_ns, written_need_ns)
         return delay
 
-    def of(self, shape: Shape) -> int | None:
+    def of(self, shape: FrameShape) -> int | None:
         """Return after how long a frame of a shape may begin to leave; None: it is stored."""
         delay = self.measured.get(shape)
         return None if delay is None else delay.delay_ns

@@ -20,34 +20,41 @@ from gateway.exchange.cut_through.delay import (
     CRC_BYTES,
     REMEMBERED,
     Delays,
+    FrameShape,
     Piece,
-    Shape,
     guard_ns,
     margin_ns,
 )
-from gateway.exchange.cut_through.frame import Cut, CutEvent, CutThrough, Pace
+from gateway.exchange.cut_through.frame import ForwardedFrame, ForwardEvent, ForwardingPace, ForwardState
 from gateway.exchange.cut_through.line import ForwardingLine
 from gateway.exchange.cut_through.replies import Replies, ReplyJudge, reply_shape_of
 from gateway.exchange.cut_through.requests import WRITE, Heads, RequestJudge, beginning_of, shape_of
-from gateway.exchange.dispatch import Units
+from gateway.exchange.dispatch import UnitMaps
 from gateway.exchange.fast_path import ReadPath, WritePath
 from gateway.exchange.ports import ControllerPort, DriveLink, Stamps
 from gateway.exchange.tap import Tap
 from gateway.exchange.transaction import FastPath, Phase, Transaction
-from gateway.modbus.rtu_arrival import Known, ReplyArrival, RequestArrival
+from gateway.modbus.rtu_arrival import Progress, ReplyArrival, RequestArrival
 from gateway.modbus.rtu_line import pause_ns
 from gateway.status.line import CutThroughStatus, Forwarded
 from gateway.times import NS_PER_MS, NS_PER_US
 
-SPOILT_SILENCES: Final = 3
+ABORTED_SILENCES: Final = 3
 """So many silences follow a spoilt frame: whoever cannot tell its length has to see where it ended."""
 WASTED: Final = frozenset(
-    {CutEvent.UNFIT, CutEvent.REFUSED, CutEvent.CHANGED, CutEvent.STALLED, CutEvent.ANEW, CutEvent.MET}
+    {
+        ForwardEvent.UNFIT,
+        ForwardEvent.REFUSED,
+        ForwardEvent.CHANGED,
+        ForwardEvent.STALLED,
+        ForwardEvent.ANEW,
+        ForwardEvent.MET,
+    }
 )
 """Why a frame was spoilt that stored would have left whole."""
 
 
-class Wire(NamedTuple):
+class SerialTiming(NamedTuple):
     """A serial wire: how fast its characters come, and how long it is silent between frames."""
 
     char_ns: int
@@ -69,7 +76,7 @@ class Pauses:
         self._longest: deque[int] = deque((char_ns,), maxlen=REMEMBERED)
         self.longest_ns = char_ns
 
-    def note(self, pieces: Sequence[Piece]) -> None:
+    def add(self, pieces: Sequence[Piece]) -> None:
         """Learn from a frame that came whole."""
         longest_ns = 0
         for before, piece in pairwise(pieces):
@@ -84,16 +91,16 @@ class Totals:
     __slots__ = ("ended", "gain_ns", "stored")
 
     def __init__(self) -> None:
-        self.ended = dict.fromkeys(CutEvent, 0)
+        self.ended = dict.fromkeys(ForwardEvent, 0)
         """How they ended, and why: COMMITTED were cut through, KEPT stored."""
-        self.stored = dict.fromkeys(CutEvent, 0)
+        self.stored = dict.fromkeys(ForwardEvent, 0)
         """Those of them of which nothing had left."""
         self.gain_ns = 0
         """How much sooner all that were cut through began to leave than they were whole."""
 
     def status(self) -> Forwarded:
         """Return what the status says: cut through, stored or spoilt, and why."""
-        whole = self.ended[CutEvent.COMMITTED]
+        whole = self.ended[ForwardEvent.COMMITTED]
         return Forwarded(
             cut_through=whole,
             gain_us=round(self.gain_ns / whole / NS_PER_US) if whole else None,
@@ -101,7 +108,7 @@ class Totals:
             spoilt={
                 event.value: number - self.stored[event]
                 for event, number in self.ended.items()
-                if event is not CutEvent.COMMITTED and number > self.stored[event]
+                if event is not ForwardEvent.COMMITTED and number > self.stored[event]
             },
         )
 
@@ -127,14 +134,14 @@ class Forwarding:
         self,
         line: ForwardingLine,
         link: DriveLink,
-        units: Units,
-        wire: Wire,
+        units: UnitMaps,
+        wire: SerialTiming,
         *,
         gap_ns: int,
         stored_units: frozenset[int],
         on_change: Callable[[], None],
-        tell_no_gain: Callable[[str], None],
-        tell_fault: Callable[[str], None],
+        report_no_gain: Callable[[str], None],
+        report_fault: Callable[[str], None],
         tap: Tap | None,
     ) -> None:
         self.tap = tap
@@ -143,16 +150,16 @@ class Forwarding:
         self.units = units
         self.wire = wire
         self.stored_units = stored_units
-        self.silence_ns = max(gap_ns, SPOILT_SILENCES * wire.silence_ns)
+        self.silence_ns = max(gap_ns, ABORTED_SILENCES * wire.silence_ns)
         """After a spoilt request."""
         self.requests = Totals()
         self.replies = Totals()
         self.underruns = 0
         """Frames inside of which the transmitter was empty."""
         self.on_change = on_change
-        self.tell_no_gain = tell_no_gain
-        self.tell_fault = tell_fault
-        self._told: set[tuple[str, str]] = set()
+        self.report_no_gain = report_no_gain
+        self.report_fault = report_fault
+        self._reported: set[tuple[str, str]] = set()
         self._reply_way = ReplyWay(self)
         self.drives = self._reply_way.forwarder
         """Follows the replies of the drives."""
@@ -160,7 +167,7 @@ class Forwarding:
 
     # --- the ports of controllers -----------------------------------------------------------------------
 
-    def follow(self, port: ControllerPort, wire: Wire) -> "Forwarder":
+    def follow(self, port: ControllerPort, wire: SerialTiming) -> "Forwarder":
         """Follow the requests of a port that was opened, on its wire."""
         way = self._ways[port] = RequestWay(self, port, wire)
         return way.forwarder
@@ -169,7 +176,7 @@ class Forwarding:
         """A port was lost."""
         way = self._ways.pop(port, None)
         if way is not None:
-            way.forwarder.end(CutEvent.GONE, now_ns)
+            way.forwarder.end(ForwardEvent.GONE, now_ns)
 
     def way_of(self, port: ControllerPort | None) -> "RequestWay | None":
         """Return the way of the requests of a port; None: they are not followed."""
@@ -183,13 +190,13 @@ class Forwarding:
 
     # --- what the line says of its transactions ---------------------------------------------------------
 
-    def end_request(self, transaction: Transaction, why: CutEvent, now_ns: int) -> None:
+    def end_request(self, transaction: Transaction, why: ForwardEvent, now_ns: int) -> None:
         """Let no more of a request leave that is leaving."""
         way = self.way_of(transaction.port)
         assert way is not None
         way.forwarder.end(why, now_ns)
 
-    def end_reply(self, why: CutEvent, now_ns: int) -> None:
+    def end_reply(self, why: ForwardEvent, now_ns: int) -> None:
         """Nobody waits for the reply any more, or it will not come."""
         self.drives.end(why, now_ns)
 
@@ -199,9 +206,9 @@ class Forwarding:
 
     def answered(self, path: FastPath, transaction: Transaction, reply: bytes, now_ns: int) -> bytes | None:
         """Return what ``path.answered`` says, which is asked once for each reply."""
-        return self._reply_way.turned(transaction) or path.answered(transaction, reply, now_ns)
+        return self._reply_way.nominal_reply(transaction) or path.answered(transaction, reply, now_ns)
 
-    def note(self, transaction: Transaction, reply: bytes, passed: bytes | None, now_ns: int) -> None:
+    def add(self, transaction: Transaction, reply: bytes, passed: bytes | None, now_ns: int) -> None:
         """Remember a request that was answered, and how long the gateway took with it and with its reply.
 
         ``passed``: what its controller was told, if that is known: it took the fast path.
@@ -210,32 +217,34 @@ class Forwarding:
         pdu = transaction.pdu
         if way is None or transaction.added is not None:
             return
-        asked, told = self.link.stamps, way.port.stamps
+        asked, answered = self.link.stamps, way.port.stamps
         way.own_ns = asked.sent_ns - asked.paced_ns - (transaction.started_ns or transaction.arrived_ns)
-        self._reply_way.own_ns = told.sent_ns - told.paced_ns - now_ns
+        self._reply_way.own_ns = answered.sent_ns - answered.paced_ns - now_ns
         if reply[0] != pdu[0] or transaction.unit_id in self.stored_units:
             return
         if pdu[0] == WRITE and reply != pdu[:5]:
             return
         if passed is not None and isinstance(transaction.path, ReadPath):
-            way.replies.note(transaction, passed)
+            way.replies.add(transaction, passed)
         sent = _sent_pdu(transaction)
         unit_id = bytes((transaction.unit_id,))
         path = self.units.path_of(transaction.unit_id, pdu)
-        way.heads.note(path, unit_id + pdu, unit_id + sent)
+        way.heads.add(path, unit_id + pdu, unit_id + sent)
 
     # --- figures ----------------------------------------------------------------------------------------
 
-    def learn(self, way: "Way", controller: str, delays: Delays, shape: Shape, frame: CutThrough) -> None:
+    def learn(
+        self, way: "Way", controller: str, delays: Delays, shape: FrameShape, frame: ForwardedFrame
+    ) -> None:
         """Learn from how a frame came, whatever became of it; tell once where such frames gain nothing."""
         if shape.late is not None:
             delays.measure(shape.late, frame.pieces, way.own_ns, frame.written_need_ns)
         delay = delays.measure(shape, frame.pieces, way.own_ns, frame.written_need_ns)
-        if delay.no_gain is None or (controller, way.what) in self._told:
+        if delay.no_gain is None or (controller, way.what) in self._reported:
             return
-        self._told.add((controller, way.what))
+        self._reported.add((controller, way.what))
         begins_ms, whole_ms = (each / NS_PER_MS for each in delay.no_gain)
-        self.tell_no_gain(
+        self.report_no_gain(
             f"{way.what} of {controller}: one of {shape.length} bytes could begin to leave {begins_ms:.2f} "
             f"ms after its first bytes came, and is whole after {whole_ms:.2f} ms"
         )
@@ -262,9 +271,9 @@ class Forwarder:
         self._way = way
         self._forwarding = forwarding
         self._pauses = Pauses(in_ns)
-        self._frame: CutThrough | None = None
+        self._frame: ForwardedFrame | None = None
         """The one that arrives, or came last. None: of the one that arrives nothing leaves early."""
-        self._came: CutThrough | None = None
+        self._came: ForwardedFrame | None = None
         """One that came whole, and from which the port has not learned yet."""
         self._last_ns = 0
         """When the last bytes came."""
@@ -290,15 +299,15 @@ class Forwarder:
         if is_fresh and self._way.begins(silent_ns, self._frame):
             if self._frame is not None and self._frame.is_on_the_way:
                 # Nobody looked for so long that the decoder gave the rest of it up before the guard rang.
-                self.end(CutEvent.STALLED, now_ns)
+                self.end(ForwardEvent.STALLED, now_ns)
             self._learn()
             self._frame = self._way.begin(self._pauses.longest_ns, self._happened)
         frame = self._frame
         if frame is None:
             return False
-        was, was_known = frame.state, frame.arrival.known
+        was, previous_progress = frame.state, frame.arrival.progress
         out = frame.feed(data, now_ns)
-        if was_known is not Known.GOOD and frame.arrival.known is Known.GOOD:
+        if previous_progress is not Progress.GOOD and frame.arrival.progress is Progress.GOOD:
             self._came = frame
         return self._go_on(frame, was, out)
 
@@ -309,7 +318,7 @@ class Forwarder:
             self._now_ns = now_ns
             self._go_on(frame, frame.state, frame.tick(now_ns))
 
-    def end(self, why: CutEvent, now_ns: int) -> None:
+    def end(self, why: ForwardEvent, now_ns: int) -> None:
         """Let no more leave of the frame that arrives. A request takes the usual way, if all of it comes."""
         frame = self._frame
         if frame is not None:
@@ -320,24 +329,24 @@ class Forwarder:
         """What came is over, and nothing more leaves of it."""
         self._frame = None
 
-    def _happened(self, event: CutEvent) -> None:
+    def _happened(self, event: ForwardEvent) -> None:
         """Take note of a step of the frame that arrives, in the middle of it."""
         frame = self._frame
         assert frame is not None
-        if event is CutEvent.OPENED:
+        if event is ForwardEvent.OPENED:
             self._way.opened(frame.expected, self._now_ns)
         elif frame.is_over:
             totals = self._way.totals
             totals.ended[event] += 1
-            totals.stored[event] += frame.state is Cut.STORED
-            if frame.state is Cut.WHOLE:
+            totals.stored[event] += frame.state is ForwardState.STORED
+            if frame.state is ForwardState.WHOLE:
                 gain_ns = self._now_ns - frame.began_ns
                 totals.gain_ns += gain_ns
                 self._way.gained(frame.expected, gain_ns)
-            elif frame.state is Cut.SPOILT and event in WASTED:
+            elif frame.state is ForwardState.ABORTED and event in WASTED:
                 self._way.wasted(frame.expected)
 
-    def _go_on(self, frame: CutThrough, was: Cut, out: bytes) -> bool:
+    def _go_on(self, frame: ForwardedFrame, was: ForwardState, out: bytes) -> bool:
         """Write what leaves; return whether all of it has left with its own check sum."""
         if not out and frame.state is was:
             return False
@@ -350,13 +359,13 @@ class Forwarder:
             self._forwarding.underruns += frame.gap_ns > 0
             self._way.ended(frame, out, self._now_ns)
         self._forwarding.on_change()
-        return frame.state is Cut.WHOLE
+        return frame.state is ForwardState.WHOLE
 
     def _learn(self) -> None:
         """Learn from the frame before, when the next one begins: nothing that leaves waits for it."""
         frame, self._came = self._came, None
         if frame is not None:
-            self._pauses.note(frame.pieces)
+            self._pauses.add(frame.pieces)
             self._way.learn(frame)
 
 
@@ -380,11 +389,11 @@ class Way:
         self.own_ns = 0
         """So long the gateway took between reading and writing the last one that was answered."""
 
-    def begins(self, silent_ns: int, frame: CutThrough | None) -> bool:
+    def begins(self, silent_ns: int, frame: ForwardedFrame | None) -> bool:
         """Whether a frame begins that comes after a silence, and after this frame."""
         raise NotImplementedError
 
-    def begin(self, longest_ns: int, on_event: Callable[[CutEvent], None]) -> CutThrough | None:
+    def begin(self, longest_ns: int, on_event: Callable[[ForwardEvent], None]) -> ForwardedFrame | None:
         """Return a frame that begins; None: nothing of it leaves early.
 
         ``longest_ns``: so far apart its pieces come.
@@ -394,7 +403,7 @@ class Way:
     def opened(self, expected: bytes, now_ns: int) -> None:
         """A frame begins to leave."""
 
-    def send(self, frame: CutThrough, piece: bytes, now_ns: int) -> Stamps:
+    def send(self, frame: ForwardedFrame, piece: bytes, now_ns: int) -> Stamps:
         """Let a piece of a frame leave, the last one if it is whole; return when that was."""
         raise NotImplementedError
 
@@ -405,11 +414,11 @@ class Way:
         """A frame was spoilt that stored would have left whole."""
         raise NotImplementedError
 
-    def ended(self, frame: CutThrough, filling: bytes, now_ns: int) -> None:
+    def ended(self, frame: ForwardedFrame, filling: bytes, now_ns: int) -> None:
         """Nothing more of a frame leaves; ``filling``: the bytes that have left last."""
         raise NotImplementedError
 
-    def learn(self, frame: CutThrough) -> None:
+    def learn(self, frame: ForwardedFrame) -> None:
         """Learn from a frame that came whole, whatever became of it."""
         raise NotImplementedError
 
@@ -419,7 +428,7 @@ class RequestWay(Way):
 
     __slots__ = ("_transaction", "heads", "port", "replies", "wire")
 
-    def __init__(self, forwarding: Forwarding, port: ControllerPort, wire: Wire) -> None:
+    def __init__(self, forwarding: Forwarding, port: ControllerPort, wire: SerialTiming) -> None:
         super().__init__(forwarding, "requests", forwarding.requests, wire.char_ns)
         drives = forwarding.wire
         self.port = port
@@ -431,17 +440,17 @@ class RequestWay(Way):
         self._transaction: Transaction | None = None
         """The request that is leaving; None: none is, or the line did not let it begin."""
 
-    def begins(self, silent_ns: int, frame: CutThrough | None) -> bool:
+    def begins(self, silent_ns: int, frame: ForwardedFrame | None) -> bool:
         """See ``Way``."""
         return silent_ns >= self.wire.silence_ns
 
-    def begin(self, longest_ns: int, on_event: Callable[[CutEvent], None]) -> CutThrough | None:
+    def begin(self, longest_ns: int, on_event: Callable[[ForwardEvent], None]) -> ForwardedFrame | None:
         """See ``Way``."""
         forwarding = self.forwarding
         line = forwarding.line
         judge = RequestJudge(self.port, forwarding.units, self.heads, line.may_forward, self._commit)
         pace = _pace(self.wire, forwarding.wire, longest_ns)
-        return CutThrough(RequestArrival(), judge, pace, on_event, forwarding.tell_fault)
+        return ForwardedFrame(RequestArrival(), judge, pace, on_event, forwarding.report_fault)
 
     def opened(self, expected: bytes, now_ns: int) -> None:
         """See ``Way``."""
@@ -454,10 +463,10 @@ class RequestWay(Way):
             return None
         return self.forwarding.line.commit(transaction, path, pdu, target, now_ns)
 
-    def send(self, frame: CutThrough, piece: bytes, now_ns: int) -> Stamps:
+    def send(self, frame: ForwardedFrame, piece: bytes, now_ns: int) -> Stamps:
         """See ``Way``."""
         forwarding, transaction = self.forwarding, self._transaction
-        if transaction is not None and frame.state is Cut.WHOLE:
+        if transaction is not None and frame.state is ForwardState.WHOLE:
             forwarding.line.forward_last(transaction, frame.left[1:-CRC_BYTES], piece, now_ns)
             forwarding.expect(transaction)
         elif transaction is not None:
@@ -473,17 +482,17 @@ class RequestWay(Way):
         forwarding = self.forwarding
         self.heads.pay(expected, -(forwarding.silence_ns + len(expected) * forwarding.wire.char_ns))
 
-    def ended(self, frame: CutThrough, filling: bytes, now_ns: int) -> None:
+    def ended(self, frame: ForwardedFrame, filling: bytes, now_ns: int) -> None:
         """See ``Way``."""
         transaction, self._transaction = self._transaction, None
-        if transaction is not None and frame.state is Cut.SPOILT:
+        if transaction is not None and frame.state is ForwardState.ABORTED:
             forwarding = self.forwarding
             # Counted from the writing: between reading and writing the process may have stood still.
             written_ns = forwarding.link.stamps.sent_ns + len(filling) * forwarding.wire.char_ns
             until_ns = max(frame.empty_ns, written_ns) + forwarding.silence_ns
-            forwarding.line.spoilt(transaction, until_ns, now_ns)
+            forwarding.line.aborted(transaction, until_ns, now_ns)
 
-    def learn(self, frame: CutThrough) -> None:
+    def learn(self, frame: ForwardedFrame) -> None:
         """See ``Way``."""
         data = frame.arrival.data
         self.heads.saw(data)
@@ -509,16 +518,16 @@ class ReplyWay(Way):
         self._transaction, self._judge = transaction, None
         self.forwarder.drop()
 
-    def turned(self, transaction: Transaction) -> bytes | None:
+    def nominal_reply(self, transaction: Transaction) -> bytes | None:
         """Return what the reply to a request was found to say when all of it had come; None: not asked."""
         judge = self._judge
-        return judge.turned if judge is not None and self._transaction is transaction else None
+        return judge.nominal_reply if judge is not None and self._transaction is transaction else None
 
-    def begins(self, silent_ns: int, frame: CutThrough | None) -> bool:
+    def begins(self, silent_ns: int, frame: ForwardedFrame | None) -> bool:
         """See ``Way``. A request has one reply."""
         return frame is None
 
-    def begin(self, longest_ns: int, on_event: Callable[[CutEvent], None]) -> CutThrough | None:
+    def begin(self, longest_ns: int, on_event: Callable[[ForwardEvent], None]) -> ForwardedFrame | None:
         """See ``Way``."""
         transaction = self._transaction
         if transaction is None or transaction.phase is not Phase.SENT or transaction.is_orphan:
@@ -529,15 +538,15 @@ class ReplyWay(Way):
         self._judge = ReplyJudge(transaction, asked.replies)
         arrival = ReplyArrival(transaction.wire_unit_id, transaction.pdu)
         pace = _pace(self.forwarding.wire, asked.wire, longest_ns)
-        return CutThrough(arrival, self._judge, pace, on_event, self.forwarding.tell_fault)
+        return ForwardedFrame(arrival, self._judge, pace, on_event, self.forwarding.report_fault)
 
-    def send(self, frame: CutThrough, piece: bytes, now_ns: int) -> Stamps:
+    def send(self, frame: ForwardedFrame, piece: bytes, now_ns: int) -> Stamps:
         """See ``Way``."""
         transaction, tap = self._transaction, self.forwarding.tap
         assert transaction is not None
         port = transaction.port
         assert port is not None
-        if frame.state is Cut.WHOLE:
+        if frame.state is ForwardState.WHOLE:
             reply = frame.left[1:-CRC_BYTES]
             if tap is not None:
                 tap.answered_early(port, transaction.transaction_id, transaction.unit_id, reply)
@@ -554,12 +563,14 @@ class ReplyWay(Way):
             if asked is not None and shape is not None:
                 asked.replies.rest(shape)
 
-    def ended(self, frame: CutThrough, filling: bytes, now_ns: int) -> None:
+    def ended(self, frame: ForwardedFrame, filling: bytes, now_ns: int) -> None:
         """See ``Way``."""
-        if self._transaction is not None and (frame.state is Cut.WHOLE or frame.state is Cut.SPOILT):
+        if self._transaction is not None and (
+            frame.state is ForwardState.WHOLE or frame.state is ForwardState.ABORTED
+        ):
             self._transaction.give_up()  # its controller has heard what it hears
 
-    def learn(self, frame: CutThrough) -> None:
+    def learn(self, frame: ForwardedFrame) -> None:
         """See ``Way``."""
         judge = frame.judge
         assert isinstance(judge, ReplyJudge)
@@ -569,16 +580,16 @@ class ReplyWay(Way):
             asked.replies.came(shape)
 
 
-def _pace(comes_on: Wire, leaves_on: Wire, longest_ns: int) -> Pace:
+def _pace(comes_on: SerialTiming, leaves_on: SerialTiming, longest_ns: int) -> ForwardingPace:
     """Return how fast a frame leaves whose pieces come so far apart at most, and what is too slow."""
-    return Pace(leaves_on.char_ns, comes_on.pause_ns + longest_ns, guard_ns(leaves_on.char_ns))
+    return ForwardingPace(leaves_on.char_ns, comes_on.pause_ns + longest_ns, guard_ns(leaves_on.char_ns))
 
 
 def _sent_pdu(transaction: Transaction) -> bytes:
     """Return a request as it left."""
     path, target, pdu = transaction.path, transaction.target, transaction.pdu
     if target is not None and isinstance(path, WritePath):
-        start, end = path.place
+        start, end = path.byte_range
         return pdu[:start] + target.corrected_words + pdu[end:]
     requests = transaction.requests
     return requests[0].sent_pdu if len(requests) == 1 else pdu

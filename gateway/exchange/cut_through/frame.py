@@ -43,13 +43,13 @@ from typing import Final, NamedTuple
 
 from gateway.compiled import mypyc_attr
 from gateway.exchange.axis.impossible import IGNORED, sentence_of
-from gateway.exchange.cut_through.delay import CRC_BYTES, Delays, Piece, Shape
+from gateway.exchange.cut_through.delay import CRC_BYTES, Delays, FrameShape, Piece
 from gateway.modbus.crc import INTACT, SEAM, ends_a_frame, inverted_crc, residue_after
 from gateway.modbus.lengths import MIN_ADU
-from gateway.modbus.rtu_arrival import Known, RequestArrival
+from gateway.modbus.rtu_arrival import Progress, RequestArrival
 
 
-class Cut(Enum):
+class ForwardState(Enum):
     """How far a frame has come on its way through."""
 
     __hash__ = object.__hash__
@@ -64,13 +64,13 @@ class Cut(Enum):
     """Nothing of it has left, and nothing will from here: it takes the usual way."""
     WHOLE = "whole"
     """It left with its own check sum."""
-    SPOILT = "spoilt"
+    ABORTED = "spoilt"
     """It was filled up and closed so that it is no frame."""
     BROKEN = "broken"
     """The wire on which it left was lost: it ends where that ended."""
 
 
-class CutEvent(Enum):
+class ForwardEvent(Enum):
     """What happens to a frame on its way through."""
 
     __hash__ = object.__hash__
@@ -107,60 +107,62 @@ class CutEvent(Enum):
     """The wire on which it leaves was lost."""
 
 
-def _from_outside(after: Cut | None, lost: Cut | None) -> dict[CutEvent, Cut | None]:
+def _from_outside(
+    after: ForwardState | None, lost: ForwardState | None
+) -> dict[ForwardEvent, ForwardState | None]:
     """Return the rows of what its owner, or time, ends a frame with. It can come in each state."""
     return {
-        CutEvent.STALLED: after,
-        CutEvent.OVERTAKEN: after,
-        CutEvent.ANEW: after,
-        CutEvent.MET: after,
-        CutEvent.GONE: after,
-        CutEvent.LOST: lost,
+        ForwardEvent.STALLED: after,
+        ForwardEvent.OVERTAKEN: after,
+        ForwardEvent.ANEW: after,
+        ForwardEvent.MET: after,
+        ForwardEvent.GONE: after,
+        ForwardEvent.LOST: lost,
     }
 
 
-CUT_AFTER: Final[Mapping[Cut, Mapping[CutEvent, Cut | None]]] = {
-    Cut.BEGUN: {
-        CutEvent.OPENED: Cut.HEAD,
-        CutEvent.KEPT: Cut.STORED,
-        **_from_outside(Cut.STORED, lost=Cut.STORED),
+FORWARD_AFTER: Final[Mapping[ForwardState, Mapping[ForwardEvent, ForwardState | None]]] = {
+    ForwardState.BEGUN: {
+        ForwardEvent.OPENED: ForwardState.HEAD,
+        ForwardEvent.KEPT: ForwardState.STORED,
+        **_from_outside(ForwardState.STORED, lost=ForwardState.STORED),
     },
-    Cut.HEAD: {
-        CutEvent.FITTED: Cut.LEAVING,
-        CutEvent.UNFIT: Cut.SPOILT,
-        **_from_outside(Cut.SPOILT, lost=Cut.BROKEN),
+    ForwardState.HEAD: {
+        ForwardEvent.FITTED: ForwardState.LEAVING,
+        ForwardEvent.UNFIT: ForwardState.ABORTED,
+        **_from_outside(ForwardState.ABORTED, lost=ForwardState.BROKEN),
     },
-    Cut.LEAVING: {
-        CutEvent.JUDGED: Cut.LEAVING,
-        CutEvent.COMMITTED: Cut.WHOLE,
-        CutEvent.UNFIT: Cut.SPOILT,  # its length turns out to be another one
-        CutEvent.REFUSED: Cut.SPOILT,
-        CutEvent.CHANGED: Cut.SPOILT,
-        CutEvent.BAD: Cut.SPOILT,
-        **_from_outside(Cut.SPOILT, lost=Cut.BROKEN),
+    ForwardState.LEAVING: {
+        ForwardEvent.JUDGED: ForwardState.LEAVING,
+        ForwardEvent.COMMITTED: ForwardState.WHOLE,
+        ForwardEvent.UNFIT: ForwardState.ABORTED,  # its length turns out to be another one
+        ForwardEvent.REFUSED: ForwardState.ABORTED,
+        ForwardEvent.CHANGED: ForwardState.ABORTED,
+        ForwardEvent.BAD: ForwardState.ABORTED,
+        **_from_outside(ForwardState.ABORTED, lost=ForwardState.BROKEN),
     },
-    Cut.STORED: _from_outside(IGNORED, lost=IGNORED),
-    Cut.WHOLE: _from_outside(IGNORED, lost=IGNORED),
-    Cut.SPOILT: _from_outside(IGNORED, lost=IGNORED),
-    Cut.BROKEN: _from_outside(IGNORED, lost=IGNORED),
+    ForwardState.STORED: _from_outside(IGNORED, lost=IGNORED),
+    ForwardState.WHOLE: _from_outside(IGNORED, lost=IGNORED),
+    ForwardState.ABORTED: _from_outside(IGNORED, lost=IGNORED),
+    ForwardState.BROKEN: _from_outside(IGNORED, lost=IGNORED),
 }
 """Where each event leads. What is not there cannot be; :data:`IGNORED` changes nothing. Only one row leads to
 WHOLE."""
-SAFEST: Final[Mapping[Cut, Cut | None]] = {
-    Cut.BEGUN: Cut.STORED,
-    Cut.HEAD: Cut.SPOILT,
-    Cut.LEAVING: Cut.SPOILT,
-    Cut.STORED: IGNORED,
-    Cut.WHOLE: IGNORED,
-    Cut.SPOILT: IGNORED,
-    Cut.BROKEN: IGNORED,
+SAFEST: Final[Mapping[ForwardState, ForwardState | None]] = {
+    ForwardState.BEGUN: ForwardState.STORED,
+    ForwardState.HEAD: ForwardState.ABORTED,
+    ForwardState.LEAVING: ForwardState.ABORTED,
+    ForwardState.STORED: IGNORED,
+    ForwardState.WHOLE: IGNORED,
+    ForwardState.ABORTED: IGNORED,
+    ForwardState.BROKEN: IGNORED,
 }
 """Where what cannot be leads: what has left becomes no frame, and the request takes the usual way."""
-OVER: Final = frozenset({Cut.STORED, Cut.WHOLE, Cut.SPOILT, Cut.BROKEN})
+OVER: Final = frozenset({ForwardState.STORED, ForwardState.WHOLE, ForwardState.ABORTED, ForwardState.BROKEN})
 """States in which nothing more of a frame leaves from here."""
 
 
-class Pace(NamedTuple):
+class ForwardingPace(NamedTuple):
     """How fast frames leave, and what is too slow."""
 
     out_ns: int
@@ -175,18 +177,18 @@ class Pace(NamedTuple):
 class Opening:
     """A frame that may be cut through: what it is expected to be."""
 
-    shape: Shape
+    shape: FrameShape
     delay_ns: int
     """After its first piece came; see ``MeasuredDelay``."""
     filler: bytes
     """The last one that was acknowledged, as it left, without its check sum."""
 
 
-NOT_EXPECTED: Final = Opening(Shape(0, ()), 0, b"")
+NOT_EXPECTED: Final = Opening(FrameShape(0, ()), 0, b"")
 """What a frame is expected to be of which nobody knows yet."""
 
 
-def opening_of(shape: Shape, delays: Delays, filler: bytes, *, is_early: bool) -> Opening | None:
+def opening_of(shape: FrameShape, delays: Delays, filler: bytes, *, is_early: bool) -> Opening | None:
     """Return how a frame of this shape begins to leave; None: it is stored.
 
     ``is_early``: its first bytes may be expected to stay what they are; else it is late, if it has to be.
@@ -263,10 +265,10 @@ def closed(left: bytes, filler: bytes) -> bytes:
     """
     residue, alone = residue_after(left), SEAM
     filled = bytearray()
-    for number, wanted in enumerate(filler):
+    for number, filler_byte in enumerate(filler):
         is_last = number == len(filler) - 1
         for change in range(0x100):
-            byte = bytes((wanted ^ change,))
+            byte = bytes((filler_byte ^ change,))
             after, after_alone = residue_after(byte, residue), residue_after(byte, alone)
             if ends_a_frame(after) or ends_a_frame(after_alone):
                 continue
@@ -277,7 +279,7 @@ def closed(left: bytes, filler: bytes) -> bytes:
     return bytes(filled) + inverted_crc(residue)
 
 
-class CutThrough:
+class ForwardedFrame:
     """One frame on its way through; see the head of this file.
 
     Args:
@@ -289,6 +291,7 @@ class CutThrough:
     """
 
     __slots__ = (
+        "_judged",
         "_last_came_ns",
         "_left_ns",
         "_off_ns",
@@ -299,7 +302,6 @@ class CutThrough:
         "_pace",
         "_rendered",
         "_sure",
-        "_told",
         "arrival",
         "began_ns",
         "empty_ns",
@@ -315,12 +317,12 @@ class CutThrough:
         self,
         arrival: RequestArrival,
         judge: Judge,
-        pace: Pace,
-        on_event: Callable[[CutEvent], None] = lambda _event: None,
+        pace: ForwardingPace,
+        on_event: Callable[[ForwardEvent], None] = lambda _event: None,
         on_fault: Callable[[str], None] = lambda _sentence: None,
     ) -> None:
         self.arrival = arrival
-        self.state = Cut.BEGUN
+        self.state = ForwardState.BEGUN
         self.left = b""
         """What has left."""
         self.began_ns = 0
@@ -346,7 +348,7 @@ class CutThrough:
         """Positions that were judged."""
         self._sure = b""
         """The first byte of the next one, if it leaves before that is whole."""
-        self._told = 0
+        self._judged = 0
         """Those of them that were told of."""
         self._last_came_ns = 0
         self._left_ns = 0
@@ -357,7 +359,7 @@ class CutThrough:
     @property
     def is_on_the_way(self) -> bool:
         """Whether bytes of it have left, and others have to follow."""
-        return self.state is Cut.HEAD or self.state is Cut.LEAVING
+        return self.state is ForwardState.HEAD or self.state is ForwardState.LEAVING
 
     @property
     def is_over(self) -> bool:
@@ -374,7 +376,9 @@ class CutThrough:
         """When :meth:`tick` wants to be called; None: not before something else happens."""
         if self.is_on_the_way:
             return min(self._last_came_ns + self._pace.stall_ns, self.empty_ns - self._pace.guard_ns)
-        return self._opens_ns if self.state is Cut.BEGUN and self._opening is not NOT_EXPECTED else None
+        return (
+            self._opens_ns if self.state is ForwardState.BEGUN and self._opening is not NOT_EXPECTED else None
+        )
 
     @property
     def _opens_ns(self) -> int:
@@ -382,14 +386,14 @@ class CutThrough:
 
     def feed(self, data: bytes, now_ns: int) -> bytes:
         """Take bytes that came, of this frame and behind it; return those that leave now."""
-        if self._stands_still(now_ns):
-            self.go_on(CutEvent.STALLED, now_ns)
+        if self._is_stalled(now_ns):
+            self.go_on(ForwardEvent.STALLED, now_ns)
         due = self.tick(now_ns)
         has_more = self._take(data, now_ns) < len(data)
         if self.is_over:
             return due
         if has_more and self.is_on_the_way:
-            return due + self.go_on(CutEvent.ANEW, now_ns)
+            return due + self.go_on(ForwardEvent.ANEW, now_ns)
         return due + self._leave(now_ns)
 
     def tick(self, now_ns: int) -> bytes:
@@ -398,12 +402,12 @@ class CutThrough:
         if deadline_ns is None or now_ns < deadline_ns:
             return b""
         if self.is_on_the_way:
-            return self.go_on(CutEvent.STALLED, now_ns)
+            return self.go_on(ForwardEvent.STALLED, now_ns)
         return self._leave(now_ns)
 
-    def go_on(self, event: CutEvent, now_ns: int) -> bytes:
+    def go_on(self, event: ForwardEvent, now_ns: int) -> bytes:
         """Take a step of :data:`CUT_AFTER`; return what fills it up, where that spoils it."""
-        row = CUT_AFTER[self.state]
+        row = FORWARD_AFTER[self.state]
         if event in row:
             after = row[event]
         else:
@@ -413,7 +417,7 @@ class CutThrough:
             return b""
         self.state = after
         self._on_event(event)
-        if after is not Cut.SPOILT:
+        if after is not ForwardState.ABORTED:
             return b""
         body = self._opening.shape.length - CRC_BYTES
         return self._write(closed(self.left, self._opening.filler[len(self.left) : body]), now_ns)
@@ -436,9 +440,9 @@ class CutThrough:
 
     # --- steps -----------------------------------------------------------------------------------------
 
-    def _stands_still(self, now_ns: int) -> bool:
+    def _is_stalled(self, now_ns: int) -> bool:
         """Whether nothing of it has left and its bytes come too late: its delay counts from the first one."""
-        has_begun = self.state is Cut.BEGUN and bool(self.pieces)
+        has_begun = self.state is ForwardState.BEGUN and bool(self.pieces)
         return has_begun and now_ns - self._last_came_ns > self._pace.stall_ns
 
     def _take(self, data: bytes, now_ns: int) -> int:
@@ -450,71 +454,71 @@ class CutThrough:
 
     def _leave(self, now_ns: int) -> bytes:
         """Go as far as its bytes allow; return those that leave."""
-        if self.state is Cut.BEGUN and not self._opens(now_ns):
+        if self.state is ForwardState.BEGUN and not self._opens(now_ns):
             return b""
-        known = self.arrival.known
-        if self.state is Cut.HEAD and known is not Known.BEGUN:
-            filling = self.go_on(CutEvent.FITTED if self._is_expected() else CutEvent.UNFIT, now_ns)
+        progress = self.arrival.progress
+        if self.state is ForwardState.HEAD and progress is not Progress.BEGUN:
+            filling = self.go_on(ForwardEvent.FITTED if self._is_expected() else ForwardEvent.UNFIT, now_ns)
             if self.is_over:
                 return filling
-        if self.state is Cut.LEAVING:
-            if known is Known.ODD:
-                return self.go_on(CutEvent.UNFIT, now_ns)
+        if self.state is ForwardState.LEAVING:
+            if progress is Progress.ODD:
+                return self.go_on(ForwardEvent.UNFIT, now_ns)
             why_not = self._judge_positions(now_ns)
             if why_not is not None:
                 return self.go_on(why_not, now_ns)
-            while self._told < self._rendered:
-                self._told += 1
-                filling = self.go_on(CutEvent.JUDGED, now_ns)
+            while self._judged < self._rendered:
+                self._judged += 1
+                filling = self.go_on(ForwardEvent.JUDGED, now_ns)
                 if self.is_over:
                     return filling
-            if known is Known.BAD:
-                return self.go_on(CutEvent.BAD, now_ns)
-            if known is Known.GOOD:
+            if progress is Progress.BAD:
+                return self.go_on(ForwardEvent.BAD, now_ns)
+            if progress is Progress.GOOD:
                 return self._commit(now_ns)
         return self._write(self._piece(), now_ns)
 
     def _opens(self, now_ns: int) -> bool:
         """See whether its bytes say by now that it may be cut through; return whether it begins to leave."""
         if self.arrival.is_over:
-            self.go_on(CutEvent.KEPT, now_ns)
+            self.go_on(ForwardEvent.KEPT, now_ns)
             return False
-        if self._stands_still(now_ns):
-            self.go_on(CutEvent.STALLED, now_ns)  # it would have to be spoilt as soon as it had begun
+        if self._is_stalled(now_ns):
+            self.go_on(ForwardEvent.STALLED, now_ns)  # it would have to be spoilt as soon as it had begun
             return False
         # Each time anew: what it was expected to be before its delay was over may be another thing now.
         self._opening = self.judge.opening(self.arrival.data, now_ns) or NOT_EXPECTED
         if self._opening is NOT_EXPECTED or now_ns < self._opens_ns or not self._piece():
             return False
         # What is known by now to be another one, or to be refused, need not be spoilt: nothing has left.
-        is_head_known = self.arrival.known is not Known.BEGUN
+        is_head_known = self.arrival.progress is not Progress.BEGUN
         if is_head_known and not (self._is_expected() and self._judge_positions(now_ns) is None):
-            self.go_on(CutEvent.KEPT, now_ns)
+            self.go_on(ForwardEvent.KEPT, now_ns)
             return False
-        self.go_on(CutEvent.OPENED, now_ns)
-        return self.state is Cut.HEAD
+        self.go_on(ForwardEvent.OPENED, now_ns)
+        return self.state is ForwardState.HEAD
 
     def _is_expected(self) -> bool:
         arrival, opening = self.arrival, self._opening
         return arrival.length == opening.shape.length and self.judge.fits(opening, arrival.data)
 
-    def _judge_positions(self, now_ns: int) -> CutEvent | None:
+    def _judge_positions(self, now_ns: int) -> ForwardEvent | None:
         """Have the positions judged that have come; return why one may not leave, None: all of them may."""
         come = self.arrival.data
-        judged = [gate for gate in self._opening.shape.gates if gate.is_judged]
-        for gate in judged[self._rendered :]:
-            if len(come) < gate.needs:
-                if gate.is_early and len(come) == gate.needs - 1:
-                    byte = self._opening.filler[gate.first : gate.first + 1]
-                    if self.judge.begins_with(byte[0], come, gate.first, now_ns):
+        judged = [threshold for threshold in self._opening.shape.thresholds if threshold.is_judged]
+        for threshold in judged[self._rendered :]:
+            if len(come) < threshold.needs:
+                if threshold.is_early and len(come) == threshold.needs - 1:
+                    byte = self._opening.filler[threshold.first : threshold.first + 1]
+                    if self.judge.begins_with(byte[0], come, threshold.first, now_ns):
                         self._sure = byte
                 break
-            words = self.judge.rendered(come[: gate.needs], gate.first, gate.needs, now_ns)
+            words = self.judge.rendered(come[: threshold.needs], threshold.first, threshold.needs, now_ns)
             if words is None:
-                return CutEvent.REFUSED
+                return ForwardEvent.REFUSED
             if not words.startswith(self._sure):
-                return CutEvent.CHANGED
-            self._out += come[len(self._out) : gate.first] + words
+                return ForwardEvent.CHANGED
+            self._out += come[len(self._out) : threshold.first] + words
             self._rendered += 1
             self._sure = b""
         return None
@@ -524,9 +528,9 @@ class CutThrough:
         come, shape = self.arrival.data, self._opening.shape
         may = shape.leaves(len(come))
         out = self._out + come[len(self._out) : may]
-        for gate in shape.gates:
-            if gate.is_early and len(come) == gate.needs - 1:
-                out = out[: gate.first] + self._sure
+        for threshold in shape.thresholds:
+            if threshold.is_early and len(come) == threshold.needs - 1:
+                out = out[: threshold.first] + self._sure
                 may = len(out)
         residues = [residue_after(self.left)]
         for index in range(len(self.left), may):
@@ -540,9 +544,9 @@ class CutThrough:
         came = self.arrival.data[:body]
         out = self._out + came[len(self._out) :]
         if not self.judge.commits(came, out, now_ns):
-            return self.go_on(CutEvent.CHANGED, now_ns)
-        filling = self.go_on(CutEvent.COMMITTED, now_ns)
-        if self.state is not Cut.WHOLE:
+            return self.go_on(ForwardEvent.CHANGED, now_ns)
+        filling = self.go_on(ForwardEvent.COMMITTED, now_ns)
+        if self.state is not ForwardState.WHOLE:
             return filling
         whole = out + residue_after(out).to_bytes(CRC_BYTES, "little")
         return self._write(whole[len(self.left) :], now_ns)

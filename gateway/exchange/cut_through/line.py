@@ -9,10 +9,10 @@ from gateway.exchange.plan import LineTiming
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.queue import WaitingQueue
 from gateway.exchange.rest import Rest
+from gateway.exchange.scheduler import Scheduler
 from gateway.exchange.silent_units import SilentUnits
 from gateway.exchange.tap import Tap
 from gateway.exchange.transaction import FastPath, Step, Transaction, Transactions
-from gateway.exchange.turns import Turns
 from gateway.times import NS_PER_MS
 
 
@@ -39,7 +39,7 @@ class ForwardingLine:
         waiting: WaitingQueue,
         *,
         transactions: Transactions,
-        turns: Turns,
+        scheduler: Scheduler,
         silent_units: SilentUnits,
         link_state: LinkState,
         rest: Rest,
@@ -50,7 +50,7 @@ class ForwardingLine:
         self._link = link
         self._waiting = waiting
         self._transactions = transactions
-        self._turns = turns
+        self._scheduler = scheduler
         self._silent_units = silent_units
         self._link_state = link_state
         self._rest = rest
@@ -72,8 +72,8 @@ class ForwardingLine:
 
         Whatever comes meanwhile waits, as for one that has left (W6).
         """
-        if self._turns.gaps.is_watching:
-            self._turns.note_motion(now_ns)
+        if self._scheduler.gaps.is_watching:
+            self._scheduler.motion_came(now_ns)
         transaction = Transaction(port, 0, expected[0], expected[1:], now_ns)
         return transaction if self._transactions.begin(transaction) else None
 
@@ -108,7 +108,7 @@ class ForwardingLine:
         if transaction.target is not None:
             path.left(transaction)
 
-    def spoilt(self, transaction: Transaction, until_ns: int, now_ns: int) -> None:
+    def aborted(self, transaction: Transaction, until_ns: int, now_ns: int) -> None:
         """It was spoilt: nothing is sent before the silence behind it is over.
 
         If all of it comes it is a request as any other, behind the silence.
@@ -116,6 +116,6 @@ class ForwardingLine:
         if self._transactions.current is transaction:
             self._transactions.free_wire()
         self._transactions.never_left(transaction, now_ns)
-        self._rest.spoil(until_ns)
-        self._turns.gaps.ended(transaction, now_ns, until_ns)
+        self._rest.hold_after_abort(until_ns)
+        self._scheduler.gaps.ended(transaction, now_ns, until_ns)
         self._go_on(now_ns)

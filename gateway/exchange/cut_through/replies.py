@@ -12,12 +12,12 @@ have left, and passed on whole where none has.
 from typing import Final, NamedTuple
 
 from gateway.exchange.cut_through.delay import (
-    COUNT_KNOWN,
+    COUNT_BYTES,
     CRC_BYTES,
     FAR_COUNTS,
-    FUNCTION_KNOWN,
+    FUNCTION_BYTES,
     Delays,
-    Shape,
+    FrameShape,
     acknowledgement_shape,
     reply_shape,
 )
@@ -37,22 +37,22 @@ class Passed(NamedTuple):
     frame: bytes
     """As its controller got it, without check sum."""
     reach: int
-    """How far from it the positions of the next one may be expected (``Shape.reach``)."""
+    """How far from it the positions of the next one may be expected (``FrameShape.reach``)."""
 
 
 NOT_PASSED: Final = Passed(b"", FAR_COUNTS)
 
 
-def reply_shape_of(transaction: Transaction) -> Shape | None:
+def reply_shape_of(transaction: Transaction) -> FrameShape | None:
     """Return the shape of the reply to what is on the wire; None: it is not cut through."""
     path = transaction.path
     if isinstance(path, WritePath):
         return ACKNOWLEDGEMENT
     if not isinstance(path, ReadPath):
         return None
-    head, ended = FUNCTION_KNOWN, 0  # of the PDU of a reply: function and byte count
+    head, ended = FUNCTION_BYTES, 0  # of the PDU of a reply: function and byte count
     positions, early = [], []
-    for which, (start, end) in enumerate(path.places):
+    for which, (start, end) in enumerate(path.byte_ranges):
         if start < ended:
             return None  # two positions share a register: what it leaves as is decided by both
         first = (start - head) // 2
@@ -72,10 +72,10 @@ class Replies:
         self.delays = delays
         """From the wire of the drives to the controller's."""
         self._passed: dict[tuple[int, bytes], Passed] = {}
-        self._stored: dict[Shape, int] = {}
+        self._stored: dict[FrameShape, int] = {}
         """How many more of a shape are stored."""
 
-    def note(self, transaction: Transaction, passed: bytes) -> None:
+    def add(self, transaction: Transaction, passed: bytes) -> None:
         """Remember what a read was answered: the PDU as its controller got it."""
         key, shape = (transaction.unit_id, transaction.pdu), reply_shape_of(transaction)
         if len(self._passed) >= REMEMBERED_REPLIES and key not in self._passed:
@@ -86,13 +86,13 @@ class Replies:
         reach = shape.reach(before.frame, frame, before.reach) if shape and is_whole else FAR_COUNTS
         self._passed[key] = Passed(frame, reach)
 
-    def came(self, shape: Shape) -> None:
+    def came(self, shape: FrameShape) -> None:
         """A reply of a shape came whole, whatever became of it."""
         left = self._stored.pop(shape, 0) - 1
         if left > 0:
             self._stored[shape] = left
 
-    def rest(self, shape: Shape) -> None:
+    def rest(self, shape: FrameShape) -> None:
         """One of a shape was spoilt: the next ones are stored."""
         self._stored[shape] = STORED_FOR
 
@@ -119,21 +119,21 @@ class ReplyJudge(Judge):
         replies: what is known of the replies of its port.
     """
 
-    __slots__ = ("_replies", "_turned", "transaction", "turned")
+    __slots__ = ("_next_position", "_replies", "nominal_reply", "transaction")
 
     def __init__(self, transaction: Transaction, replies: Replies) -> None:
         self.transaction = transaction
         self._replies = replies
-        self._turned = 0
+        self._next_position = 0
         """Positions that were turned back."""
-        self.turned: bytes | None = None
+        self.nominal_reply: bytes | None = None
         """What the whole reply says to its controller, as soon as all of it was taken note of."""
 
     def opening(self, begun: bytes, now_ns: int) -> Opening | None:
         """See ``Judge``."""
         path = self.transaction.path
-        known_by = FUNCTION_KNOWN if isinstance(path, WritePath) else COUNT_KNOWN
-        if len(begun) < known_by or not self._may_begin(now_ns):
+        needed_bytes = FUNCTION_BYTES if isinstance(path, WritePath) else COUNT_BYTES
+        if len(begun) < needed_bytes or not self._may_begin(now_ns):
             return None
         if isinstance(path, ReadPath) and not path.is_sure:
             return None
@@ -153,15 +153,15 @@ class ReplyJudge(Judge):
         """See ``Judge``."""
         path = self.transaction.path
         assert isinstance(path, ReadPath)
-        words = path.turned(self.transaction, self._turned, begun[first:end])
-        self._turned += 1
+        words = path.nominal_words(self.transaction, self._next_position, begun[first:end])
+        self._next_position += 1
         return words
 
     def begins_with(self, byte: int, begun: bytes, first: int, now_ns: int) -> bool:
         """See ``Judge``."""
         path = self.transaction.path
         assert isinstance(path, ReadPath)
-        return path.begins_with(byte, self.transaction, self._turned, begun[first:])
+        return path.begins_with(byte, self.transaction, self._next_position, begun[first:])
 
     def commits(self, frame: bytes, sent: bytes, now_ns: int) -> bool:
         """See ``Judge``. The whole reply is taken note of, as one that was stored.
@@ -170,5 +170,5 @@ class ReplyJudge(Judge):
         """
         path = self.transaction.path
         assert path is not None
-        self.turned = path.answered(self.transaction, frame[1:], now_ns)
-        return self.turned == sent[1:]
+        self.nominal_reply = path.answered(self.transaction, frame[1:], now_ns)
+        return self.nominal_reply == sent[1:]

@@ -2,7 +2,7 @@
 
 :class:`Heads` remembers the requests of one controller's port that were acknowledged. What begins like one of
 them is expected to go on like it. :class:`RequestJudge` answers for one request on its way
-(``frame.CutThrough``): it has no judgement of its own, but asks the fast path.
+(``frame.ForwardedFrame``): it has no judgement of its own, but asks the fast path.
 
 What is never cut through has no entry here: only reads that a fast path knows, and writes of one whole
 position (FC16) to drives whose map has no modes, triggers or stops. So a stop, a trigger, FC06, a broadcast
@@ -15,17 +15,17 @@ from typing import Final, NamedTuple
 
 from gateway.exchange.axis.acknowledge import SteadyTarget
 from gateway.exchange.cut_through.delay import (
-    ADDRESS_KNOWN,
+    ADDRESS_BYTES,
     FAR_COUNTS,
-    FUNCTION_KNOWN,
-    PAGE_KNOWN,
+    FUNCTION_BYTES,
+    PAGE_BYTES,
     Delays,
-    Shape,
+    FrameShape,
     read_shape,
     write_shape,
 )
 from gateway.exchange.cut_through.frame import Judge, Opening, is_fit_head, opening_of
-from gateway.exchange.dispatch import Units
+from gateway.exchange.dispatch import UnitMaps
 from gateway.exchange.fast_path import WritePath
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.transaction import FastPath, Transaction
@@ -47,14 +47,14 @@ STORED_FOR: Final = 256
 class Expected(NamedTuple):
     """The newest acknowledged request of those that begin alike."""
 
-    shape: Shape
+    shape: FrameShape
     sent: bytes
     """As it left, without its check sum."""
     reach: int
-    """How far from it the next one may be expected (``Shape.reach``)."""
+    """How far from it the next one may be expected (``FrameShape.reach``)."""
 
 
-def shape_of(path: FastPath | None, frame: bytes) -> Shape | None:
+def shape_of(path: FastPath | None, frame: bytes) -> FrameShape | None:
     """Return the shape of a request, whole or only its head; None: it is not cut through.
 
     ``path``: its fast path, if it has one.
@@ -66,7 +66,7 @@ def shape_of(path: FastPath | None, frame: bytes) -> Shape | None:
         return READ
     if function != WRITE or not isinstance(path, WritePath):
         return None
-    start, end = path.place
+    start, end = path.byte_range
     data = BLOCK_HEAD - 1
     words, first, count = frame[BLOCK_HEAD - 1] // 2, (start - data) // 2, (end - start) // 2
     return write_shape(words, first, count, is_early=path.is_early)
@@ -77,10 +77,10 @@ def beginning_of(begun: bytes) -> bytes:
 
     Empty, while not so many have come.
     """
-    if len(begun) < FUNCTION_KNOWN:
+    if len(begun) < FUNCTION_BYTES:
         return b""
-    known_by = ADDRESS_KNOWN if begun[1] == WRITE else FUNCTION_KNOWN
-    return begun[:known_by] if len(begun) >= known_by else b""
+    needed_bytes = ADDRESS_BYTES if begun[1] == WRITE else FUNCTION_BYTES
+    return begun[:needed_bytes] if len(begun) >= needed_bytes else b""
 
 
 class Heads:
@@ -104,7 +104,7 @@ class Heads:
         self._stored: dict[bytes, int] = {}
         """How many more are stored of those that began so: it did not pay."""
 
-    def note(self, path: FastPath | None, frame: bytes, sent: bytes) -> None:
+    def add(self, path: FastPath | None, frame: bytes, sent: bytes) -> None:
         """Remember a request that was acknowledged, as it came and as it left, both without check sum.
 
         Two that begin alike and go on otherwise are both stored from then on. Reads may differ: they change
@@ -134,9 +134,9 @@ class Heads:
     def saw(self, frame: bytes) -> None:
         """A request came whole, whatever it is: by the first three bytes of a write it may be another one."""
         beginning = beginning_of(frame)
-        if len(beginning) != ADDRESS_KNOWN:
+        if len(beginning) != ADDRESS_BYTES:
             return
-        page = beginning[:PAGE_KNOWN]
+        page = beginning[:PAGE_BYTES]
         if len(self._pages) >= REMEMBERED_BEGINNINGS and page not in self._pages:
             self._pages.clear()
         self._pages[page] = beginning if self._pages.get(page, beginning) == beginning else b""
@@ -164,7 +164,7 @@ class Heads:
 
     def opening(self, begun: bytes) -> Opening | None:
         """Return what a request is expected to be that begins so; None: it is stored, or more has to come."""
-        alone = self._pages.get(begun[:PAGE_KNOWN], b"")
+        alone = self._pages.get(begun[:PAGE_BYTES], b"")
         beginning = beginning_of(begun) or alone
         expected = self._expected.get(beginning)
         if expected is None or beginning in self._stored:
@@ -191,7 +191,7 @@ class RequestJudge(Judge):
     def __init__(
         self,
         port: ControllerPort,
-        units: Units,
+        units: UnitMaps,
         heads: Heads,
         may_forward: Callable[[ControllerPort, int], bool],
         leaves: Callable[[FastPath, bytes, SteadyTarget | None, int], bytes | None],
@@ -229,7 +229,10 @@ class RequestJudge(Judge):
         """See ``Judge``."""
         path = self.path
         assert isinstance(path, WritePath)
-        start, stop = 1 + path.place[0], 1 + path.place[1]  # of the frame, which has a unit id before its PDU
+        start, stop = (
+            1 + path.byte_range[0],
+            1 + path.byte_range[1],
+        )  # of the frame, which has a unit id before its PDU
         target = path.judged(self._port, begun[start:stop], now_ns)
         if target is None:
             return None
@@ -247,7 +250,7 @@ class RequestJudge(Judge):
         path, target = self.path, self._target
         assert path is not None
         if isinstance(path, WritePath):
-            start, stop = path.place
+            start, stop = path.byte_range
             target = path.judged(self._port, frame[1 + start : 1 + stop], self._judged_ns)
             if target is None or frame[: 1 + start] + target.corrected_words + frame[1 + stop :] != sent:
                 return False
@@ -263,7 +266,7 @@ def leave_on(
     """
     if target is None or not isinstance(path, WritePath):
         return path.sent(transaction, now_ns)
-    path.keep(transaction, target)
-    start, stop = path.place
+    path.write_ahead(transaction, target)
+    start, stop = path.byte_range
     pdu = transaction.pdu
     return pdu[:start] + target.corrected_words + pdu[stop:]

@@ -37,7 +37,7 @@ from gateway.metrology.formats.cells import decimal
 from gateway.metrology.formats.context import ReadingsContext, Runs, settled_axis, settled_units
 from gateway.metrology.formats.rows import Row, to_survey
 from gateway.metrology.readings import Survey
-from gateway.tabfile.text import Line, SourceText, shown, to_decimal, to_integer
+from gateway.tabfile.text import SourceLine, SourceText, shown, to_decimal, to_integer
 
 NAME: Final = "api-pos"
 TITLE: Final = "API .pos of an XD laser, direction from the order of the positions"
@@ -148,20 +148,20 @@ def _parse(source: SourceText) -> _File:
     return _File(facts, tuple(stops), tuple(material))
 
 
-def _pairs(line: Line) -> Iterator[tuple[str, str]]:
+def _pairs(line: SourceLine) -> Iterator[tuple[str, str]]:
     parts = _KEY.split(line.text)
     for key, fact in zip(parts[1::2], parts[2::2], strict=True):
         yield key, " ".join(fact.split())
 
 
-def _stop(source: SourceText, line: Line, cells: Sequence[str], names: Sequence[str]) -> _Stop:
+def _stop(source: SourceText, line: SourceLine, cells: Sequence[str], names: Sequence[str]) -> _Stop:
     if len(cells) != len(names):
         raise source.error(f"{len(cells)} numbers", f"{len(names)}: {' '.join(names)}", line=line.number)
     status = to_integer(cells[_HEADING.index("Status")])
     if status != 0:
-        meaning = _STATUS.get(status or 0, "unknown")
+        status_text = _STATUS.get(status or 0, "unknown")
         raise source.error(
-            f"status {shown(cells[3])} ({meaning}): the laser did not vouch for this reading",
+            f"status {shown(cells[3])} ({status_text}): the laser did not vouch for this reading",
             "readings of status 0: measure this run again, or take its rows out and correct NumofPoints",
             line=line.number,
         )
@@ -255,13 +255,13 @@ def _about_temperature(source: SourceText, file: _File, units: Units) -> list[st
     if abs(celsius - 20.0) <= _NEAR_20_C:
         return []
     expansion = to_decimal(file.facts.get("ExpCoef", ("", 0))[0])
-    told = ""
+    expansion_text = ""
     if expansion is not None:
         per_kelvin = expansion * 1.8 if is_fahrenheit else expansion
-        told = f", expansion {per_kelvin:.4g} µm a metre and kelvin"
+        expansion_text = f", expansion {per_kelvin:.4g} µm a metre and kelvin"
     remark = (
-        f"{source.name}: material at {celsius:.1f} °C{told}: whether the laser's program has taken that out "
-        "already the file does not say; look in the program before anything is normalised to 20 °C"
+        f"{source.name}: material at {celsius:.1f} °C{expansion_text}: whether the laser's program has taken "
+        "that out already the file does not say; look in the program before anything is normalised to 20 °C"
     )
     return [remark]
 

@@ -8,8 +8,8 @@ from typing import Final
 from gateway.compensation.units import Units
 from gateway.metrology.readings import STATED
 from gateway.tabfile.csv_text import GROUPED, MAX_PROBLEMS, split_cells
-from gateway.tabfile.errors import Problem, TabFileError
-from gateway.tabfile.text import DECIMAL_ALLOWED, Line, SourceText, shown, to_decimal
+from gateway.tabfile.errors import FileProblem, TabFileError
+from gateway.tabfile.text import DECIMAL_ALLOWED, SourceLine, SourceText, shown, to_decimal
 
 SEPARATORS: Final = ("\t", ";", ",")
 _WITH_COMMA: Final = re.compile(r"[+-]?[0-9]*,[0-9]+")
@@ -38,17 +38,17 @@ NO_COMMA: Final = f"{DECIMAL_ALLOWED}: replace the commas, or set the program so
 
 
 @dataclass(frozen=True, slots=True)
-class Sheet:
+class Worksheet:
     """A text of cells: its heading, its lines under it, and the facts that its comments state."""
 
-    heading: Line
+    heading: SourceLine
     names: tuple[str, ...]
     lines: tuple[tuple[int, tuple[str, ...]], ...]
     """Line number and cells."""
     facts: dict[str, str]
 
 
-def heading_of(source: SourceText) -> tuple[Line, str] | None:
+def heading_of(source: SourceText) -> tuple[SourceLine, str] | None:
     """Return the first line that is no comment, and its separator; None where no separator is in it."""
     for line in source.lines:
         if line.text.strip('"\t;,') and not _is_comment(line):
@@ -63,7 +63,7 @@ def heading_words(source: SourceText) -> list[tuple[str, ...]]:
     return [words(cell) for cell in found[0].text.split(found[1])] if found else []
 
 
-def sheet_of(source: SourceText, allowed: str) -> Sheet:
+def worksheet_of(source: SourceText, allowed: str) -> Worksheet:
     """Split a text into cells.
 
     Decimal commas are taken for points where semicolons or tabs separate. What a spreadsheet adds is taken
@@ -94,7 +94,7 @@ def sheet_of(source: SourceText, allowed: str) -> Sheet:
         problems = [*problems[: MAX_PROBLEMS - 1], source.problem(more, "")]
     if problems:
         raise TabFileError(*problems)
-    return Sheet(heading, names, _with_points(source, lines, separator), facts)
+    return Worksheet(heading, names, _with_points(source, lines, separator), facts)
 
 
 def _with_points(
@@ -131,11 +131,11 @@ def _with_points(
     )
 
 
-def _is_comment(line: Line) -> bool:
+def _is_comment(line: SourceLine) -> bool:
     return line.text.lstrip('"').startswith("#")
 
 
-def _state(source: SourceText, line: Line, separator: str, facts: dict[str, str]) -> None:
+def _state(source: SourceText, line: SourceLine, separator: str, facts: dict[str, str]) -> None:
     """Keep the fact that a comment states; a spreadsheet ends it with empty cells.
 
     Raises:
@@ -156,11 +156,13 @@ def _state(source: SourceText, line: Line, separator: str, facts: dict[str, str]
     facts[key] = fact
 
 
-def _wrong_count(source: SourceText, line: Line, found: int, wanted: int, separator: str) -> Problem:
-    comma = ", which a decimal comma would explain" if separator == "," and found > wanted else ""
+def _wrong_count(
+    source: SourceText, line: SourceLine, found: int, expected: int, separator: str
+) -> FileProblem:
+    comma = ", which a decimal comma would explain" if separator == "," and found > expected else ""
     return source.problem(
         f"{found} cells{comma}",
-        f"{wanted}, as in the heading; numbers with a decimal point",
+        f"{expected}, as in the heading; numbers with a decimal point",
         line=line.number,
     )
 
@@ -206,18 +208,18 @@ def unit_of(name: str) -> tuple[Units, float] | None:
     return None
 
 
-def units_of(source: SourceText, sheet: Sheet) -> Units | None:
+def units_of(source: SourceText, worksheet: Worksheet) -> Units | None:
     """Return the units of positions that a heading states, None where it states none.
 
     Raises:
         TabFileError: names of different units.
     """
-    stated = [(name, unit[0]) for name in sheet.names if (unit := unit_of(name)) is not None]
+    stated = [(name, unit[0]) for name in worksheet.names if (unit := unit_of(name)) is not None]
     for name, units in _others(stated):
         raise source.error(
             f"mixed units: {shown(stated[0][0])} is of {stated[0][1].value}, {shown(name)} of {units.value}",
             "one unit for target and reading (µm go with mm, tenths with inches)",
-            line=sheet.heading.number,
+            line=worksheet.heading.number,
         )
     return stated[0][1] if stated else None
 

@@ -23,13 +23,13 @@ from typing import Final
 
 from gateway.compensation.direction import Direction
 from gateway.metrology.formats.cells import (
-    Sheet,
+    Worksheet,
     decimal,
     heading_words,
-    sheet_of,
     unit_of,
     units_of,
     words,
+    worksheet_of,
 )
 from gateway.metrology.formats.context import ReadingsContext, settled_axis, settled_units
 from gateway.metrology.formats.rows import Row, to_survey
@@ -73,76 +73,78 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
     Raises:
         TabFileError: a heading or a cell that is not grammar, or readings that do not belong together.
     """
-    sheet = sheet_of(source, HEADING)
-    places = _places(source, sheet)
-    units = settled_units(source, context, units_of(source, sheet), sheet.heading.number)
-    scales = [(unit_of(name) or (units, 1.0))[1] for name in sheet.names]
-    reading = "measured" if "measured" in places else "deviation"
+    worksheet = worksheet_of(source, HEADING)
+    columns = _columns(source, worksheet)
+    units = settled_units(source, context, units_of(source, worksheet), worksheet.heading.number)
+    scales = [(unit_of(name) or (units, 1.0))[1] for name in worksheet.names]
+    reading = "measured" if "measured" in columns else "deviation"
     rows = []
-    for line, cells in sheet.lines:
+    for line, cells in worksheet.lines:
         values = {
-            what: decimal(source, line, cells[places[what]], what) * scales[places[what]]
+            what: decimal(source, line, cells[columns[what]], what) * scales[columns[what]]
             for what in ("target", reading)
         }
         measured = values[reading] + (values["target"] if reading == "deviation" else 0.0)
-        run = _run(source, line, cells[places["run"]])
-        direction = _direction(source, line, cells[places["direction"]])
-        warm = _temperature(source, line, cells[places["temperature"]]) if "temperature" in places else None
+        run = _run(source, line, cells[columns["run"]])
+        direction = _direction(source, line, cells[columns["direction"]])
+        warm = _temperature(source, line, cells[columns["temperature"]]) if "temperature" in columns else None
         rows.append(Row(line, values["target"], direction, run, measured, warm))
-    axis = settled_axis(source, context, sheet.facts.get("axis"))
-    return to_survey(source, rows, units, axis=axis, facts=sheet.facts)
+    axis = settled_axis(source, context, worksheet.facts.get("axis"))
+    return to_survey(source, rows, units, axis=axis, facts=worksheet.facts)
 
 
-def _places(source: SourceText, sheet: Sheet) -> dict[str, int]:
+def _columns(source: SourceText, worksheet: Worksheet) -> dict[str, int]:
     """Return which cell holds what."""
-    places: dict[str, int] = {}
-    for index, name in enumerate(sheet.names):
+    columns: dict[str, int] = {}
+    for index, name in enumerate(worksheet.names):
         parts = words(name)
         what = parts[0] if parts else ""
         if what in _OVER_BLOCKS:
-            if (other := _OVER_BLOCKS[what]) in places:
+            if (other := _OVER_BLOCKS[what]) in columns:
                 raise source.error(
-                    f"{shown(name)} beside {shown(sheet.names[places[other]])} in the heading",
+                    f"{shown(name)} beside {shown(worksheet.names[columns[other]])} in the heading",
                     "the DRO as dro_mm, and the gauge block, or what the instrument shows, as block_mm",
-                    line=sheet.heading.number,
+                    line=worksheet.heading.number,
                 )
             what = other
-        if what not in _NAMES or what in places:
-            twice = "a second " if what in places else ""
-            raise source.error(f"{twice}{shown(name)} in the heading", HEADING, line=sheet.heading.number)
+        if what not in _NAMES or what in columns:
+            twice = "a second " if what in columns else ""
+            raise source.error(f"{twice}{shown(name)} in the heading", HEADING, line=worksheet.heading.number)
         if what == "temperature":
             if parts[1:] not in {(), ("c",), ("deg", "c")}:
                 raise source.error(
-                    f"{shown(name)} in the heading", "temperature_c: in °C", line=sheet.heading.number
+                    f"{shown(name)} in the heading", "temperature_c: in °C", line=worksheet.heading.number
                 )
-            places[what] = index
+            columns[what] = index
             continue
         unit = unit_of(name)
         if len(parts) > 1 and unit is None:
             raise source.error(
                 f"{shown(name)} in the heading: an unknown unit",
                 "mm, inch, deg; deviations also um, tenth, arcsec",
-                line=sheet.heading.number,
+                line=worksheet.heading.number,
             )
         if unit is not None and unit[1] != 1.0 and what != "deviation":
             raise source.error(
-                f"{shown(name)} in the heading", f"{what}_{unit[0].value}", line=sheet.heading.number
+                f"{shown(name)} in the heading", f"{what}_{unit[0].value}", line=worksheet.heading.number
             )
-        places[what] = index
-    missing = [what for what in ("target", "direction", "run") if what not in places]
-    if missing or ("measured" in places) == ("deviation" in places):
+        columns[what] = index
+    missing = [what for what in ("target", "direction", "run") if what not in columns]
+    if missing or ("measured" in columns) == ("deviation" in columns):
         found = f"no {' and no '.join(missing)}" if missing else "not one of measured and deviation"
         in_order = "; or dro_mm,measured_mm, where the order of the lines tells the directions"
         raise source.error(
-            f"{found} in the heading", f"{HEADING}{in_order if missing else ''}", line=sheet.heading.number
+            f"{found} in the heading",
+            f"{HEADING}{in_order if missing else ''}",
+            line=worksheet.heading.number,
         )
-    if "deviation" in places and unit_of(sheet.names[places["deviation"]]) is None:
+    if "deviation" in columns and unit_of(worksheet.names[columns["deviation"]]) is None:
         raise source.error(
-            f"{shown(sheet.names[places['deviation']])} in the heading, without a unit",
+            f"{shown(worksheet.names[columns['deviation']])} in the heading, without a unit",
             "deviation_um, deviation_mm, deviation_inch, deviation_tenth, deviation_deg or deviation_arcsec",
-            line=sheet.heading.number,
+            line=worksheet.heading.number,
         )
-    return places
+    return columns
 
 
 def _temperature(source: SourceText, line: int, text: str) -> float:

@@ -9,7 +9,7 @@ from gateway.files import FileRefusedError, read_regular_file
 from gateway.metrology.formats import api_pos, iso_csv, manual, renishaw_rtl, wide_csv, workbook
 from gateway.metrology.formats.context import ReadingsContext
 from gateway.metrology.readings import Survey
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.text import MAX_BYTES, SourceText, decode, listed
 
 
@@ -42,7 +42,7 @@ def read_survey(path: Path, context: ReadingsContext | None = None) -> Survey:
     try:
         data = read_regular_file(path, MAX_BYTES, "a file of readings")
     except FileRefusedError as error:
-        raise TabFileError(Problem(str(path), str(error), "")) from None
+        raise TabFileError(FileProblem(str(path), str(error), "")) from None
     return parse_survey(data, str(path), context)
 
 
@@ -53,7 +53,7 @@ def parse_survey(data: bytes, name: str, context: ReadingsContext | None = None)
         TabFileError: see there.
     """
     context = context or ReadingsContext()
-    source = _sheet(data, name) if workbook.is_workbook(data) else decode(data, name, "readings")
+    source = _worksheet_text(data, name) if workbook.is_workbook(data) else decode(data, name, "readings")
     return _choose(source, context.format).read(source, context)
 
 
@@ -61,7 +61,7 @@ def is_readings(path: Path) -> bool:
     """Whether a file exists and looks like one of readings."""
     try:
         data = read_regular_file(path, MAX_BYTES, "a file of readings")
-        source = _sheet(data, str(path)) if workbook.is_workbook(data) else decode(data, str(path))
+        source = _worksheet_text(data, str(path)) if workbook.is_workbook(data) else decode(data, str(path))
     except (FileRefusedError, TabFileError):
         return False
     return _is_known(source)
@@ -71,7 +71,7 @@ def _is_known(source: SourceText) -> bool:
     return any(each.recognise(source) for each in FORMATS)
 
 
-def _sheet(data: bytes, name: str) -> SourceText:
+def _worksheet_text(data: bytes, name: str) -> SourceText:
     """Return the sheet of a spreadsheet that has the readings.
 
     Raises:
@@ -79,27 +79,27 @@ def _sheet(data: bytes, name: str) -> SourceText:
             several do.
     """
     found = workbook.sheets(data, name)
-    known = [each for each in found if _is_known(each)]
-    if len(known) == 1:
-        return known[0]
+    recognized = [each for each in found if _is_known(each)]
+    if len(recognized) == 1:
+        return recognized[0]
     if len(found) == 1:
         return found[0]
-    what = f"{len(known)} sheets of readings" if known else "no sheet that looks like readings"
-    names = listed(each.name.removeprefix(name) for each in known or found)
+    what = f"{len(recognized)} sheets of readings" if recognized else "no sheet that looks like readings"
+    names = listed(each.name.removeprefix(name) for each in recognized or found)
     raise TabFileError(
-        Problem(
+        FileProblem(
             name, f"{what}: {names}", "one sheet of readings in a spreadsheet: delete the others in a copy"
         )
     )
 
 
-def _choose(source: SourceText, told: str | None) -> ReadingsFormat:
+def _choose(source: SourceText, given: str | None) -> ReadingsFormat:
     named = {each.name: each for each in FORMATS}
-    if told is not None and told not in named:
-        raise source.error(f"format {told!r}", ", ".join(named))
+    if given is not None and given not in named:
+        raise source.error(f"format {given!r}", ", ".join(named))
     fitting = [each for each in FORMATS if each.recognise(source)]
-    if told is not None:
-        return named[told]
+    if given is not None:
+        return named[given]
     if len(fitting) == 1:
         return fitting[0]
     raise source.error(

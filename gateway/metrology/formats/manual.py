@@ -21,7 +21,15 @@ from typing import Final
 
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
-from gateway.metrology.formats.cells import Sheet, decimal, heading_words, sheet_of, unit_of, units_of, words
+from gateway.metrology.formats.cells import (
+    Worksheet,
+    decimal,
+    heading_words,
+    unit_of,
+    units_of,
+    words,
+    worksheet_of,
+)
 from gateway.metrology.formats.context import ReadingsContext, settled_axis, settled_units
 from gateway.metrology.formats.rows import TOGETHER, Row, to_survey
 from gateway.metrology.readings import Survey
@@ -47,45 +55,45 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
         TabFileError: a heading or a cell that is not grammar, fewer than two lines, a DRO column that turns
             more than once.
     """
-    sheet = sheet_of(source, HEADING)
-    places = _places(source, sheet)
-    units = settled_units(source, context, units_of(source, sheet), sheet.heading.number)
+    worksheet = worksheet_of(source, HEADING)
+    columns = _columns(source, worksheet)
+    units = settled_units(source, context, units_of(source, worksheet), worksheet.heading.number)
     table = []
-    for line, cells in sheet.lines:
-        dro, measured = (decimal(source, line, cells[places[what]], what) for what in ("dro", "measured"))
+    for line, cells in worksheet.lines:
+        dro, measured = (decimal(source, line, cells[columns[what]], what) for what in ("dro", "measured"))
         table.append((line, dro, measured))
     ways, remarks = _ways(source, table)
     rows = [Row(line, dro, way, 1, measured) for (line, dro, measured), way in zip(table, ways, strict=True)]
-    if "count" in places:
+    if "count" in columns:
         remarks.append(
-            f"{source.name}: {shown(sheet.names[places['count']])} is not used: nothing says its scale"
+            f"{source.name}: {shown(worksheet.names[columns['count']])} is not used: nothing says its scale"
         )
-    if "correction" in places:
-        remarks += _differing(source, sheet, rows, units)
-    axis = settled_axis(source, context, sheet.facts.get("axis"))
-    return to_survey(source, rows, units, axis=axis, facts=sheet.facts, remarks=remarks)
+    if "correction" in columns:
+        remarks += _differing(source, worksheet, rows, units)
+    axis = settled_axis(source, context, worksheet.facts.get("axis"))
+    return to_survey(source, rows, units, axis=axis, facts=worksheet.facts, remarks=remarks)
 
 
-def _places(source: SourceText, sheet: Sheet) -> dict[str, int]:
-    places: dict[str, int] = {}
-    for index, name in enumerate(sheet.names):
+def _columns(source: SourceText, worksheet: Worksheet) -> dict[str, int]:
+    columns: dict[str, int] = {}
+    for index, name in enumerate(worksheet.names):
         parts = ["measured" if part == "block" else part for part in words(name)]
         found = [what for what in _COLUMNS if what in parts]
-        if len(found) != 1 or found[0] in places:
-            raise source.error(f"{shown(name)} in the heading", HEADING, line=sheet.heading.number)
+        if len(found) != 1 or found[0] in columns:
+            raise source.error(f"{shown(name)} in the heading", HEADING, line=worksheet.heading.number)
         unit = unit_of(name)
         if unit is not None and unit[1] != 1.0 and found[0] != "correction":
             raise source.error(
                 f"{shown(name)} in the heading",
                 f"positions in {unit[0].value}",
-                line=sheet.heading.number,
+                line=worksheet.heading.number,
             )
-        places[found[0]] = index
-    if not {"dro", "measured"} <= set(places):
+        columns[found[0]] = index
+    if not {"dro", "measured"} <= set(columns):
         raise source.error(
-            "no DRO or no measured position in the heading", HEADING, line=sheet.heading.number
+            "no DRO or no measured position in the heading", HEADING, line=worksheet.heading.number
         )
-    return places
+    return columns
 
 
 def _ways(source: SourceText, table: list[tuple[int, float, float]]) -> tuple[list[Direction], list[str]]:
@@ -100,32 +108,33 @@ def _ways(source: SourceText, table: list[tuple[int, float, float]]) -> tuple[li
         raise source.error(
             f"DRO {table[1][1]:.9g} twice at the start", "the order of the stops", line=table[1][0]
         )
-    ways, turned_at = [first], None
+    ways, reversed_at = [first], None
     for (line_before, before, _), (line, dro, _) in pairwise(table):
         sense = _sense(before, dro, near)
         if sense is not ways[-1]:
             # The same position again, or nearly, is the first stop of the way back, taken after an overrun.
-            if turned_at is not None:
+            if reversed_at is not None:
                 raise source.error(
                     f"DRO {dro:.9g} after {before:.9g}: the axis turns for the second time (first in line "
-                    f"{turned_at})",
+                    f"{reversed_at})",
                     "one sweep, or one there and one back; more runs as iso-csv: target, direction, run, "
                     "measured",
                     line=line,
                 )
-            turned_at = line if sense is None else line_before
+            reversed_at = line if sense is None else line_before
             sense = Direction.BACKWARD if first is Direction.FORWARD else Direction.FORWARD
         ways.append(sense)
     start = f"{source.name}:{table[0][0]}: {table[0][1]:.9g} is the first stop"
     remarks = [f"{start}: taken as approached {first.name.lower()}; come from beyond it"]
-    if turned_at is not None:
-        at = next(dro for line, dro, _ in table if line == turned_at)
+    if reversed_at is not None:
+        at = next(dro for line, dro, _ in table if line == reversed_at)
         back = ways[-1].name.lower()
-        remarks.append(f"{source.name}:{turned_at}: the axis turned round at {at:.9g}, {back} from there")
+        remarks.append(f"{source.name}:{reversed_at}: the axis turned round at {at:.9g}, {back} from there")
         if sum(dro == at for _, dro, _ in table) > 1:
             remarks.append(
-                f"{source.name}:{turned_at}: {at:.9g} is there twice, the second time as approached {back}: "
-                "right if the axis went beyond it and came back; a line that is doubled must be deleted"
+                f"{source.name}:{reversed_at}: {at:.9g} is there twice, the second time as approached "
+                f"{back}: right if the axis went beyond it and came back; a line that is "
+                "doubled must be deleted"
             )
     return ways, remarks
 
@@ -136,12 +145,12 @@ def _sense(before: float, after: float, near: float) -> Direction | None:
     return Direction.FORWARD if after > before else Direction.BACKWARD
 
 
-def _differing(source: SourceText, sheet: Sheet, rows: list[Row], units: Units) -> list[str]:
+def _differing(source: SourceText, worksheet: Worksheet, rows: list[Row], units: Units) -> list[str]:
     """Name corrections beside the readings that are not DRO - measured."""
-    index = next(i for i, name in enumerate(sheet.names) if "correction" in words(name))
-    scale = (unit_of(sheet.names[index]) or (units, 1.0))[1]
+    index = next(i for i, name in enumerate(worksheet.names) if "correction" in words(name))
+    scale = (unit_of(worksheet.names[index]) or (units, 1.0))[1]
     remarks = []
-    for row, (line, cells) in zip(rows, sheet.lines, strict=True):
+    for row, (line, cells) in zip(rows, worksheet.lines, strict=True):
         written = decimal(source, line, cells[index], "correction")
         right = (row.target - row.measured) / scale
         decimals = len(cells[index].partition(".")[2])

@@ -33,7 +33,7 @@ from gateway.metrology.formats.cells import decimal
 from gateway.metrology.formats.context import ReadingsContext, Runs, settled_axis, settled_units
 from gateway.metrology.formats.rows import Row, to_survey
 from gateway.metrology.readings import Survey
-from gateway.tabfile.text import Line, SourceText, shown, to_integer
+from gateway.tabfile.text import SourceLine, SourceText, shown, to_integer
 
 NAME: Final = "renishaw-rtl"
 TITLE: Final = "Renishaw .rtl, deviations in µm, direction kept"
@@ -161,7 +161,7 @@ def _check_end(source: SourceText, file: _File) -> list[str]:
     ]
 
 
-def _target_line(source: SourceText, file: _File, line: Line, *, in_targets: bool) -> bool:
+def _target_line(source: SourceText, file: _File, line: SourceLine, *, in_targets: bool) -> bool:
     """Take a line of the target section; returns whether positions may follow."""
     key, colon, fact = (part.strip() for part in line.text.partition(":"))
     if not colon and in_targets:
@@ -185,14 +185,14 @@ def _target_line(source: SourceText, file: _File, line: Line, *, in_targets: boo
     return False
 
 
-def _whole(source: SourceText, line: Line, text: str, what: str) -> int:
+def _whole(source: SourceText, line: SourceLine, text: str, what: str) -> int:
     number = to_integer(text)
     if number is None or number < 1:
         raise source.error(f"{what} {shown(text)}", "a whole number above 0", line=line.number)
     return number
 
 
-def _deviation(source: SourceText, line: Line) -> tuple[int, int, int, float]:
+def _deviation(source: SourceText, line: SourceLine) -> tuple[int, int, int, float]:
     cells = line.text.split()
     if len(cells) != 3:
         raise source.error(f"{len(cells)} numbers", "3: run, target, deviation in µm", line=line.number)
@@ -259,7 +259,7 @@ def _ways(
     source: SourceText,
     file: _File,
     runs: dict[int, list[tuple[int, int, float]]],
-    told: Runs | None,
+    given: Runs | None,
 ) -> tuple[dict[int, Direction], list[str]]:
     """Return the direction of each run, and what a person should know about it."""
     rises = {run: _rises(source, [target for _, target, _ in lines]) for run, lines in runs.items()}
@@ -270,20 +270,20 @@ def _ways(
             raise source.error(
                 f"runs {', '.join(map(str, odd))} out of turn", "one way in odd runs, back in even ones"
             )
-        if told is not None and told is not Runs.ALTERNATE:
-            raise source.error(f"runs in both directions, told {told.value}", "alternate, or nothing")
+        if given is not None and given is not Runs.ALTERNATE:
+            raise source.error(f"runs in both directions, told {given.value}", "alternate, or nothing")
         ways = {run: _way(rise is up_the_list) for run, rise in rises.items()}
         note = "" if up_the_list else f"{source.name}: the targets fall, so odd runs are backward"
         return ways, [note] if note else []
-    if told is None:
+    if given is None:
         raise source.error(
             f"{len(runs)} run(s), all in one order of the targets: nothing proves their directions",
             "--runs alternate (odd runs in the order of the targets, even runs back), forward or backward",
             line=file.run_count[0] if file.run_count else None,
         )
-    if told is Runs.ALTERNATE:
+    if given is Runs.ALTERNATE:
         return {run: _way((run % 2 == 1) is up_the_list) for run in runs}, []
-    return dict.fromkeys(runs, _way(told is Runs.FORWARD)), []
+    return dict.fromkeys(runs, _way(given is Runs.FORWARD)), []
 
 
 def _rises(source: SourceText, numbers: Sequence[int]) -> bool:

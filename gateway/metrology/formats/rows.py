@@ -11,7 +11,7 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
 from gateway.metrology.readings import APPROACHES, NEAR, Reading, Survey
 from gateway.tabfile.csv_text import MAX_PROBLEMS
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.text import SourceText
 
 FAR: Final = 0.5
@@ -111,22 +111,22 @@ def _at_blocks(source: SourceText, rows: Sequence[Row]) -> tuple[Sequence[Row], 
         for row in rows
     ]
     sizes = sorted(set(blocks.values()))
-    said = (
+    remark = (
         f"readings over {len(sizes)} gauge blocks from {sizes[0]:.9g} to {sizes[-1]:.9g}: the blocks "
         "are the targets, and each reading is of the nearest"
     )
     first = {row.run: row.target for row in sorted(rows, key=lambda row: row.line, reverse=True)}
     starts = sorted(first.values())
     if starts[0] < starts[-1]:
-        said += f"; the runs begin at {starts[0]:.9g} to {starts[-1]:.9g}, which counts as scatter"
-    return moved, said
+        remark += f"; the runs begin at {starts[0]:.9g} to {starts[-1]:.9g}, which counts as scatter"
+    return moved, remark
 
 
 def _check_astray(
     source: SourceText, rows: Sequence[Row], groups: Sequence[Sequence[float]], reach: float
 ) -> None:
     """Name the stops without which those of each block lie together, where they are few."""
-    problems: list[Problem] = []
+    problems: list[FileProblem] = []
     for group in groups:
         stops = [row for row in rows if group[0] <= row.target <= group[-1]]
         middle = median(row.target for row in stops)
@@ -151,7 +151,7 @@ def _check_sizes(
     source: SourceText, rows: Sequence[Row], groups: Sequence[Sequence[float]], reach: float
 ) -> None:
     """Name a block that is said to be another than at its other stops."""
-    problems: list[Problem] = []
+    problems: list[FileProblem] = []
     for group in groups:
         stops = [row for row in rows if group[0] <= row.target <= group[-1]]
         usual = median(row.measured for row in stops)

@@ -18,7 +18,15 @@ import re
 from typing import Final
 
 from gateway.compensation.direction import Direction
-from gateway.metrology.formats.cells import Sheet, decimal, heading_of, sheet_of, unit_of, units_of, words
+from gateway.metrology.formats.cells import (
+    Worksheet,
+    decimal,
+    heading_of,
+    unit_of,
+    units_of,
+    words,
+    worksheet_of,
+)
 from gateway.metrology.formats.context import ReadingsContext, Runs, settled_axis, settled_units
 from gateway.metrology.formats.rows import Row, to_survey
 from gateway.metrology.readings import Survey
@@ -53,20 +61,20 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
         TabFileError: a heading or a cell that is not grammar, runs without a way that nobody tells, readings
             that may be positions as well as deviations.
     """
-    sheet = sheet_of(source, HEADING)
-    units = settled_units(source, context, units_of(source, sheet), sheet.heading.number)
-    runs = _runs(source, sheet, context.runs)
+    worksheet = worksheet_of(source, HEADING)
+    units = settled_units(source, context, units_of(source, worksheet), worksheet.heading.number)
+    runs = _runs(source, worksheet, context.runs)
     table = []
-    for line, cells in sheet.lines:
+    for line, cells in worksheet.lines:
         target = decimal(source, line, cells[0], "target")
         table += [
-            (line, target, at, decimal(source, line, cell, sheet.names[at]))
+            (line, target, at, decimal(source, line, cell, worksheet.names[at]))
             for at, cell in enumerate(cells[1:], start=1)
             if cell
         ]
     small = {
         at: unit[1]
-        for at, name in enumerate(sheet.names)
+        for at, name in enumerate(worksheet.names)
         if at and (unit := unit_of(name)) is not None and unit[1] != 1.0
     }
     are_positions = not small and _are_positions(source, [(t, v) for _, t, _, v in table])
@@ -75,8 +83,8 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
         way, run = runs[at]
         measured = value if are_positions else target + value * small.get(at, 1.0)
         rows.append(Row(line, target, way, run, measured))
-    axis = settled_axis(source, context, sheet.facts.get("axis"))
-    return to_survey(source, rows, units, axis=axis, facts=sheet.facts)
+    axis = settled_axis(source, context, worksheet.facts.get("axis"))
+    return to_survey(source, rows, units, axis=axis, facts=worksheet.facts)
 
 
 def _run(name: str) -> tuple[Direction | None, int] | None:
@@ -97,32 +105,34 @@ def _run(name: str) -> tuple[Direction | None, int] | None:
     return (Direction.FORWARD if forward else Direction.BACKWARD if backward else None), numbers[0]
 
 
-def _runs(source: SourceText, sheet: Sheet, told: Runs | None) -> dict[int, tuple[Direction, int]]:
+def _runs(source: SourceText, worksheet: Worksheet, given: Runs | None) -> dict[int, tuple[Direction, int]]:
     found: dict[int, tuple[Direction, int]] = {}
-    for at, name in enumerate(sheet.names[1:], start=1):
+    for at, name in enumerate(worksheet.names[1:], start=1):
         run = _run(name)
         if run is None:
-            raise source.error(f"{shown(name)} in the heading", HEADING, line=sheet.heading.number)
+            raise source.error(f"{shown(name)} in the heading", HEADING, line=worksheet.heading.number)
         way, number = run
         if way is None:
-            if told is None:
+            if given is None:
                 raise source.error(
                     f"{shown(name)} in the heading, without a way",
                     "--runs alternate (odd runs forward, even runs back), forward or backward; or forward 1, "
                     "backward 1 in the heading",
-                    line=sheet.heading.number,
+                    line=worksheet.heading.number,
                 )
-            way, number = _told_way(told, number)
+            way, number = _given_way(given, number)
         if (way, number) in found.values():
-            raise source.error(f"a second {shown(name)} in the heading", HEADING, line=sheet.heading.number)
+            raise source.error(
+                f"a second {shown(name)} in the heading", HEADING, line=worksheet.heading.number
+            )
         found[at] = (way, number)
     return found
 
 
-def _told_way(told: Runs, number: int) -> tuple[Direction, int]:
-    if told is Runs.ALTERNATE:
+def _given_way(given: Runs, number: int) -> tuple[Direction, int]:
+    if given is Runs.ALTERNATE:
         return (Direction.FORWARD if number % 2 else Direction.BACKWARD), (number + 1) // 2
-    return (Direction.FORWARD if told is Runs.FORWARD else Direction.BACKWARD), number
+    return (Direction.FORWARD if given is Runs.FORWARD else Direction.BACKWARD), number
 
 
 def _are_positions(source: SourceText, pairs: list[tuple[float, float]]) -> bool:

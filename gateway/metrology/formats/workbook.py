@@ -12,7 +12,7 @@ from datetime import date, time
 from io import BytesIO
 from typing import TYPE_CHECKING, Final
 
-from gateway.tabfile.errors import Problem, TabFileError
+from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.text import SourceText, decode, listed
 
 if TYPE_CHECKING:
@@ -58,14 +58,14 @@ def sheets(data: bytes, name: str) -> tuple[SourceText, ...]:
     """
     if data.startswith(_OLE):
         raise TabFileError(
-            Problem(name, "a spreadsheet of an old format (.xls)", f"save it as .xlsx, or {_AS_CSV}")
+            FileProblem(name, "a spreadsheet of an old format (.xls)", f"save it as .xlsx, or {_AS_CSV}")
         )
     try:
         import openpyxl
         from openpyxl.utils.exceptions import InvalidFileException
     except ImportError:
         raise TabFileError(
-            Problem(
+            FileProblem(
                 name,
                 "a spreadsheet, and openpyxl, which reads it, is not installed",
                 f"{_INSTALL}; or {_AS_CSV}",
@@ -76,12 +76,12 @@ def sheets(data: bytes, name: str) -> tuple[SourceText, ...]:
             unpacked = sum(each.file_size for each in file.infolist())
         if unpacked > MAX_UNPACKED_BYTES:
             found = f"{unpacked} bytes when unpacked"
-            raise TabFileError(Problem(name, found, f"at most {MAX_UNPACKED_BYTES}; {_AS_CSV}"))
+            raise TabFileError(FileProblem(name, found, f"at most {MAX_UNPACKED_BYTES}; {_AS_CSV}"))
         values = openpyxl.load_workbook(BytesIO(data), data_only=True)
         formulas = openpyxl.load_workbook(BytesIO(data))
     except (InvalidFileException, *_DAMAGED):
         raise TabFileError(
-            Problem(
+            FileProblem(
                 name,
                 "no spreadsheet that can be read: damaged, locked or of another format",
                 f"an .xlsx; {_AS_CSV}",
@@ -89,34 +89,34 @@ def sheets(data: bytes, name: str) -> tuple[SourceText, ...]:
         ) from None
     sources = tuple(_sources(values, formulas, name))
     if not sources:
-        raise TabFileError(Problem(name, "a spreadsheet with nothing in it", "a sheet with readings"))
+        raise TabFileError(FileProblem(name, "a spreadsheet with nothing in it", "a sheet with readings"))
     return sources
 
 
 def _sources(values: "Workbook", formulas: "Workbook", name: str) -> Iterator[SourceText]:
-    for sheet in values.worksheets:
-        where = f"{name}[{sheet.title}]"
-        text = "\n".join(_lines(sheet, formulas[sheet.title], where))
+    for worksheet in values.worksheets:
+        where = f"{name}[{worksheet.title}]"
+        text = "\n".join(_lines(worksheet, formulas[worksheet.title], where))
         if text.strip():
             yield decode(text.encode(), where, "a sheet")
 
 
-def _lines(sheet: "Worksheet", formulas: "Worksheet", where: str) -> Iterator[str]:
-    if sheet.max_column > MAX_COLUMNS:
-        raise TabFileError(Problem(where, f"{sheet.max_column} columns", f"at most {MAX_COLUMNS}"))
-    hidden = [key for key, each in sheet.column_dimensions.items() if each.hidden]
-    for number, cells in enumerate(sheet.iter_rows(), start=1):
+def _lines(worksheet: "Worksheet", formulas: "Worksheet", where: str) -> Iterator[str]:
+    if worksheet.max_column > MAX_COLUMNS:
+        raise TabFileError(FileProblem(where, f"{worksheet.max_column} columns", f"at most {MAX_COLUMNS}"))
+    hidden = [key for key, each in worksheet.column_dimensions.items() if each.hidden]
+    for number, cells in enumerate(worksheet.iter_rows(), start=1):
         texts = [_text(cell.value) for cell in cells]
-        is_hidden = bool(sheet.row_dimensions[number].hidden) and any(texts)
+        is_hidden = bool(worksheet.row_dimensions[number].hidden) and any(texts)
         if is_hidden or (hidden and any(texts)):
             what = "row" if is_hidden else f"column {listed(hidden)}"
             raise TabFileError(
-                Problem(where, f"a hidden {what}", "rows and columns that are shown, or deleted", number)
+                FileProblem(where, f"a hidden {what}", "rows and columns that are shown, or deleted", number)
             )
         for cell in cells:
             if cell.value is None and formulas[cell.coordinate].data_type == "f":
                 raise TabFileError(
-                    Problem(
+                    FileProblem(
                         where,
                         f"a formula without its result in {cell.coordinate}",
                         f"open and save it in the spreadsheet program, or {_AS_CSV}",

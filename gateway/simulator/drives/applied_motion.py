@@ -30,7 +30,7 @@ WIDE_DISTANCE: Final = 350
 
 FEED_RELATIVE: Final = 0x66
 FEED_ABSOLUTE: Final = 0x67
-SENSOR_FEEDS: Final = frozenset({0x68, 0x69, 0x6A, 0x6B, 0x6C, 0x6D})
+SENSOR_MOVES: Final = frozenset({0x68, 0x69, 0x6A, 0x6B, 0x6C, 0x6D})
 SEEK_HOME: Final = 0x6E
 FIND_HOME: Final = 0xDB
 QUEUE_EXECUTE: Final = 0x78
@@ -54,7 +54,7 @@ class AppliedMotion16(MotorDrive):
     functions = frozenset({3, 6, 16})
     distance = DISTANCE
     positions: tuple[int, ...] = (ENCODER, COMMANDED)
-    known = ((0, 199),)
+    register_ranges = ((0, 199),)
 
     is_enabled = True
 
@@ -105,7 +105,7 @@ class AppliedMotion16(MotorDrive):
             motor.relative(self.get32(self.distance), Basis.COMMANDED, now_s)
         elif opcode in {SEEK_HOME, FIND_HOME}:
             motor.home(now_s)
-        elif opcode in {JOG, QUEUE_EXECUTE, FOLLOW_ENCODER} | JOGS_BY_INPUTS | SENSOR_FEEDS:
+        elif opcode in {JOG, QUEUE_EXECUTE, FOLLOW_ENCODER} | JOGS_BY_INPUTS | SENSOR_MOVES:
             motor.other()
         elif opcode not in HARMLESS:
             self.unheard_of(OPCODE, opcode)
@@ -116,7 +116,7 @@ class AppliedMotion32(AppliedMotion16):
 
     distance = WIDE_DISTANCE
     positions = (WIDE_COMMANDED, WIDE_ENCODER)
-    known = ((0, 511),)
+    register_ranges = ((0, 511),)
 
     def written(self, before: dict[int, int], now_s: float) -> None:
         """The speed acts while it jogs, and 0 lets it stand."""

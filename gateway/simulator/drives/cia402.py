@@ -10,7 +10,7 @@ from enum import Enum
 from typing import Final
 
 from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, bits_of
-from gateway.simulator.server import ILLEGAL_ADDRESS, ILLEGAL_VALUE, RefusedError
+from gateway.simulator.server import ILLEGAL_ADDRESS, ILLEGAL_VALUE, ModbusExceptionError
 
 CONTROL: Final = 0x6040
 STATUS: Final = 0x6041
@@ -199,12 +199,12 @@ class ObjectRegisters(Drive402):
     def read_words(self, address: int, count: int) -> bytes:
         indexes = self._indexes(address, count)
         if not self.write_only.isdisjoint(indexes):
-            raise RefusedError(ILLEGAL_ADDRESS)
+            raise ModbusExceptionError(ILLEGAL_ADDRESS)
         return b"".join(self.objects[index] for index in indexes)
 
     def before_write(self, address: int, count: int, now_s: float) -> None:
         if not self.read_only.isdisjoint(self._indexes(address, count)):
-            raise RefusedError(ILLEGAL_ADDRESS)
+            raise ModbusExceptionError(ILLEGAL_ADDRESS)
 
     def write_words(self, address: int, data: bytes, now_s: float) -> None:
         """Put the frame into its objects, and act when all of them are there."""
@@ -224,10 +224,10 @@ class ObjectRegisters(Drive402):
         index: int | None = address
         while count > 0:
             if index is None or index not in self.object_words:
-                raise RefusedError(ILLEGAL_ADDRESS)
+                raise ModbusExceptionError(ILLEGAL_ADDRESS)
             indexes.append(index)
             count -= self.object_words[index]
             index = self.following(index)
         if count:
-            raise RefusedError(ILLEGAL_VALUE)
+            raise ModbusExceptionError(ILLEGAL_VALUE)
         return indexes

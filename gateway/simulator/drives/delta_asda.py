@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, Order, bits_of
-from gateway.simulator.server import RefusedError
+from gateway.simulator.server import ModbusExceptionError
 
 ALARM: Final = 0x0002
 MONITOR: Final = 0x0012
@@ -95,7 +95,7 @@ class DeltaAsda(MotorDrive):
 
     def before_write(self, address: int, count: int, now_s: float) -> None:
         if MONITORS & set(range(address, address + count)):
-            raise RefusedError(READ_ONLY)
+            raise ModbusExceptionError(READ_ONLY)
 
     def show(self) -> None:
         motor = self.motor
@@ -137,16 +137,16 @@ class DeltaAsda(MotorDrive):
         elif value <= LAST_PATH:
             self._run(value, now_s)
         else:
-            raise RefusedError(ILLEGAL_VALUE)
+            raise ModbusExceptionError(ILLEGAL_VALUE)
 
     def _run(self, path: int, now_s: float) -> None:
-        place = DEFINITIONS + PATH_STRIDE * path
-        definition, number = self.image.word(place), self.get32(TARGETS + PATH_STRIDE * path)
+        address = DEFINITIONS + PATH_STRIDE * path
+        definition, number = self.image.word(address), self.get32(TARGETS + PATH_STRIDE * path)
         kind, command = definition & TYPE, definition & COMMAND
         if kind == SPEED:
             self.motor.other()
         elif kind not in POINTS or command not in {ABSOLUTE, FROM_ACTUAL, FROM_TARGET}:
-            self.unheard_of(place, definition)
+            self.unheard_of(address, definition)
         else:
             self._path = path
             if command == ABSOLUTE:

@@ -39,7 +39,7 @@ class FestoCmmoFhpp(MotorDrive):
     """See the module."""
 
     functions = frozenset({3, 7, 16, 23})
-    known = ((0, WORDS - 1),)
+    register_ranges = ((0, WORDS - 1),)
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
         super().__init__(unit_id, motors)

@@ -24,7 +24,7 @@ IMAGE_WORDS: Final = 28
 ZSW1: Final = 100
 ACTUAL: Final = 105
 FAULT_CODE: Final = 109
-KNOWN: Final = ((0, IMAGE_WORDS - 1), (ZSW1, ZSW1 + IMAGE_WORDS - 1), (400, 401), (500, 599))
+REGISTER_RANGES: Final = ((0, IMAGE_WORDS - 1), (ZSW1, ZSW1 + IMAGE_WORDS - 1), (400, 401), (500, 599))
 
 ON_BITS: Final = 0x000F
 NOT_REJECTED: Final = 1 << 4
@@ -49,7 +49,7 @@ class FestoCmmt111(MotorDrive):
     """See the module."""
 
     functions = frozenset({3, 6, 16, 43})
-    known = KNOWN
+    register_ranges = REGISTER_RANGES
     order = Order.LOW_FIRST
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
@@ -110,10 +110,10 @@ class FestoCmmt111(MotorDrive):
 
     def _jog(self, was: int, bits: int, now_s: float) -> None:
         """Forward or reverse; both at once are neither."""
-        turned, turns = was not in (0, JOG), bits not in (0, JOG)
-        if turns and bits != was:
+        was_jogging, is_jogging = was not in (0, JOG), bits not in (0, JOG)
+        if is_jogging and bits != was:
             self.motor.other()
-        elif turned and not turns:
+        elif was_jogging and not is_jogging:
             self.motor.stop(now_s)
 
     def _run(self, before: dict[int, int], risen: int, now_s: float) -> None:

@@ -47,21 +47,27 @@ DECELERATION_STOP: Final = 0x042C
 STATUS_COILS: Final = 0x0100
 EXPANSION_COILS: Final = 0x0120
 
-KNOWN: Final = ((0x0D00, 0x0D03), (0x1000, 0x3FFF), (0x9000, 0x9015), (0x9800, 0x9800), (0x9900, 0x9908))
-KNOWN_COILS: Final = ((0x0100, 0x013F), (0x0400, 0x043F))
+REGISTER_RANGES: Final = (
+    (0x0D00, 0x0D03),
+    (0x1000, 0x3FFF),
+    (0x9000, 0x9015),
+    (0x9800, 0x9800),
+    (0x9900, 0x9908),
+)
+COIL_RANGES: Final = ((0x0100, 0x013F), (0x0400, 0x043F))
 
 
 class IaiRoboCylinder(MotorDrive):
     """See the module."""
 
     functions = frozenset({1, 3, 5, 6, 16})
-    known = KNOWN
+    register_ranges = REGISTER_RANGES
     _rest: int | None = None
     """Where a move goes that is paused."""
 
     def has_bits(self, function: int, address: int, count: int) -> bool:
         """The coils at 0x0100 can only be read."""
-        return within(address, count, KNOWN_COILS if function == 1 else KNOWN_COILS[1:])
+        return within(address, count, COIL_RANGES if function == 1 else COIL_RANGES[1:])
 
     def show(self) -> None:
         """Coil n of a group is bit 15 - n of its register."""

@@ -28,7 +28,7 @@ from gateway.simulator.drives.motor_drive import Motor, bits_of, signed
 ORDER: Final = 0x6000
 WATCHDOG: Final = 0x6039
 QUICK_STOP: Final = 0x605A
-HOME_PLACE: Final = 0x607C
+HOME_POSITION: Final = 0x607C
 SPEED: Final = 0x6081
 RUNS: Final = frozenset({3, 4})
 """Modes that run without a rise of bit 4: speed and torque."""
@@ -36,7 +36,7 @@ HERE: Final = 0
 """The homing method that moves nothing."""
 OBJECT_WORDS: Final = {
     **dict.fromkeys((ORDER, WATCHDOG, CONTROL, STATUS, QUICK_STOP, MODE, MODE_SHOWN, METHOD, 0x609A), 1),
-    **dict.fromkeys((ACTUAL, TARGET, HOME_PLACE, SPEED, 0x6099, 0x609B), 2),
+    **dict.fromkeys((ACTUAL, TARGET, HOME_POSITION, SPEED, 0x6099, 0x609B), 2),
     **dict.fromkeys((0x6083, 0x6084, 0x6085), 1),
 }
 READ_ONLY: Final = frozenset({STATUS, MODE_SHOWN, ACTUAL})
@@ -85,7 +85,7 @@ class JmcRc(ObjectRegisters):
 
     def go_home(self, now_s: float) -> None:
         if self.number(METHOD) == HERE:
-            self.motor.set_position(self.number(HOME_PLACE), now_s)
+            self.motor.set_position(self.number(HOME_POSITION), now_s)
         else:
             self.motor.home(now_s)
 

@@ -28,7 +28,7 @@ OBJECTS: Final = (
     *(CONTROL, STATUS, MODE, ACTUAL, TARGET),
     *(0x4100, 0x4410, 0x4420, 0x4A00, 0x4B00, 0x4C00, 0x4D00, 0x5010, 0x5020, 0x6F00),
 )
-KNOWN: Final = tuple((address, address + 1) for address in OBJECTS)
+REGISTER_RANGES: Final = tuple((address, address + 1) for address in OBJECTS)
 ERROR_FUNCTIONS: Final = {3: 0x81, 6: 0x86, 16: 0x90}
 
 
@@ -36,7 +36,7 @@ class KincoFd(Drive402):
     """See the module."""
 
     functions = frozenset({3, 6, 16})
-    known = KNOWN
+    register_ranges = REGISTER_RANGES
     order = Order.LOW_FIRST
     steps = False
     mode_at = MODE

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, bits_of
-from gateway.simulator.server import RefusedError
+from gateway.simulator.server import ModbusExceptionError
 
 POSITION: Final = 0
 VELOCITY: Final = 2
@@ -51,7 +51,7 @@ class KollmorgenAkd2g(MotorDrive):
     """See the module."""
 
     functions = frozenset({3, 6, 16})
-    known = ((0, LAST_REGISTER),)
+    register_ranges = ((0, LAST_REGISTER),)
     most_motors = 2
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
@@ -85,7 +85,7 @@ class KollmorgenAkd2g(MotorDrive):
                 self._write(parameter, data[at : at + 4], now_s)
         self.show()
         if error and not self.error_mode:
-            raise RefusedError(error)
+            raise ModbusExceptionError(error)
 
     def _wrong(self, parameter: int, address: int, end: int) -> int:
         """Return the code for a parameter that cannot be written, or 0."""

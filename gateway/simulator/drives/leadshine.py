@@ -54,7 +54,7 @@ NOTHING: Final = 0
 MOTOR_ON: Final = 0x000F
 """Of the closed-loop models: 0 takes the current away where the enabling input is off."""
 
-KNOWN: Final = ((0x0000, 0x0FFF), (0x1000, 0x2FFF), (0x6000, 0x6FFF))
+REGISTER_RANGES: Final = ((0x0000, 0x0FFF), (0x1000, 0x2FFF), (0x6000, 0x6FFF))
 SERVO_ALARM: Final = 0x0B03
 SERVO_STATE: Final = 0x0B05
 SERVO_CONTROL: Final = 0x0033
@@ -75,7 +75,7 @@ class LeadshinePr(MotorDrive):
     """Steppers: CS2RS, iCL-RS, EM2RS / DM-RS."""
 
     functions = frozenset({3, 6, 16})
-    known = KNOWN
+    register_ranges = REGISTER_RANGES
     auxiliaries: tuple[int, ...] = (AUXILIARY,)
     """Registers of the control word."""
     harmless = frozenset({NOTHING, 0x2244})

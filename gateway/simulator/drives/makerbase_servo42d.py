@@ -14,7 +14,7 @@ from struct import pack, unpack
 from typing import Final
 
 from gateway.simulator.drives.motor_drive import Basis, MotorDrive
-from gateway.simulator.server import ILLEGAL_ADDRESS, ILLEGAL_VALUE, RefusedError
+from gateway.simulator.server import ILLEGAL_ADDRESS, ILLEGAL_VALUE, ModbusExceptionError
 
 CARRY: Final = 0x0030
 """Turns, and behind them the place in the turn."""
@@ -43,8 +43,8 @@ COMMANDS: Final = frozenset({CLEAR_STALL, HOME, SET_ZERO, ENABLE, EMERGENCY_STOP
 LENGTHS: Final = {SPEED: SPEED_WORDS} | dict.fromkeys(MOVES, MOVE_WORDS) | dict.fromkeys(COMMANDS, 1)
 """Registers of each command."""
 GO: Final = 1
-COUNTS_PER_TURN: Final = 16_384
-PULSES_PER_TURN: Final = 3_200
+COUNTS_PER_REVOLUTION: Final = 16_384
+PULSES_PER_REVOLUTION: Final = 3_200
 FAILED: Final = b"\xff\xff"
 
 
@@ -67,23 +67,23 @@ class MakerbaseServo42d(MotorDrive):
     def before_write(self, address: int, count: int, now_s: float) -> None:
         """An opcode comes with all of its data and nothing else."""
         if address not in LENGTHS:
-            raise RefusedError(ILLEGAL_ADDRESS)
+            raise ModbusExceptionError(ILLEGAL_ADDRESS)
         if count != LENGTHS[address]:
-            raise RefusedError(ILLEGAL_VALUE)
+            raise ModbusExceptionError(ILLEGAL_VALUE)
 
     def read_words(self, address: int, count: int) -> bytes:
         """Opcodes cannot be read, and each reading stands for itself."""
         if address not in READINGS:
-            raise RefusedError(ILLEGAL_ADDRESS)
+            raise ModbusExceptionError(ILLEGAL_ADDRESS)
         counts = self.motor.actual_counts
         match address:
             case reading if reading == ACTUAL:
                 return (counts % (1 << 48)).to_bytes(6)
             case reading if reading == CARRY:
-                turns, place = divmod(counts, COUNTS_PER_TURN)
-                return pack(">iH", turns, place)
+                revolutions, remainder = divmod(counts, COUNTS_PER_REVOLUTION)
+                return pack(">iH", revolutions, remainder)
             case reading if reading == PULSES:
-                return pack(">i", round(counts * PULSES_PER_TURN / COUNTS_PER_TURN))
+                return pack(">i", round(counts * PULSES_PER_REVOLUTION / COUNTS_PER_REVOLUTION))
             case _:
                 return self._state().to_bytes(2)
 
@@ -107,7 +107,7 @@ class MakerbaseServo42d(MotorDrive):
             if data == bytes(2):
                 self.motor.stop(now_s)
         elif data != GO.to_bytes(2):
-            raise RefusedError(ILLEGAL_VALUE)
+            raise ModbusExceptionError(ILLEGAL_VALUE)
         elif address == HOME:
             self.motor.home(now_s)
         elif address == EMERGENCY_STOP:
@@ -115,7 +115,7 @@ class MakerbaseServo42d(MotorDrive):
         elif address == CLEAR_STALL:
             self.motor.mechanics.alarm = False
         elif self.motor.is_moving:
-            raise RefusedError(ILLEGAL_VALUE)
+            raise ModbusExceptionError(ILLEGAL_VALUE)
         else:
             self.motor.set_position(0, now_s)
 
@@ -127,6 +127,6 @@ class MakerbaseServo42d(MotorDrive):
         elif opcode == RELATIVE_COORDINATE:
             self.motor.relative(position, Basis.COMMANDED, now_s)
         elif opcode == ABSOLUTE_PULSES:
-            self.motor.absolute(round(position * COUNTS_PER_TURN / PULSES_PER_TURN), now_s)
+            self.motor.absolute(round(position * COUNTS_PER_REVOLUTION / PULSES_PER_REVOLUTION), now_s)
         else:
             self.motor.other()

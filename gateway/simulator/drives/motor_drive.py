@@ -172,7 +172,7 @@ class MotorDrive(RegisterServer):
 
     order = Order.HIGH_FIRST
     most_motors = 1
-    known: Sequence[tuple[int, int]] = ((0, 0xFFFF),)
+    register_ranges: Sequence[tuple[int, int]] = ((0, 0xFFFF),)
     """The first and the last register of each range that it has."""
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
@@ -194,9 +194,9 @@ class MotorDrive(RegisterServer):
 
     def unheard_of(self, address: int, value: int) -> None:
         """Say that a command came that this drive, as it is simulated, does not know: it does nothing."""
-        said = f"unit {self.unit_id}: {value:#06x} in {address:#06x} means nothing to this simulated drive"
-        self.ledger.unheard_of.append(said)
-        LOG.warning(said)
+        text = f"unit {self.unit_id}: {value:#06x} in {address:#06x} means nothing to this simulated drive"
+        self.ledger.unheard_of.append(text)
+        LOG.warning(text)
 
     def get32(self, address: int) -> int:
         """Return a signed number of two registers."""
@@ -214,7 +214,7 @@ class MotorDrive(RegisterServer):
         self.image.set_word(address + 1, low)
 
     def has(self, address: int, count: int) -> bool:
-        return within(address, count, self.known)
+        return within(address, count, self.register_ranges)
 
     def refresh(self, now_s: float) -> None:
         self._now_s = now_s

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from gateway.simulator.drives.motor_drive import Basis, Motor, MotorDrive, bits_of, signed
-from gateway.simulator.server import EXECUTION_FAILED, RefusedError
+from gateway.simulator.server import EXECUTION_FAILED, ModbusExceptionError
 
 DATA: Final = 0x0058
 TYPE: Final = 0x005A
@@ -91,7 +91,7 @@ class OrientalAz(MotorDrive):
 
     def before_write(self, address: int, count: int, now_s: float) -> None:
         if self.is_busy:
-            raise RefusedError(EXECUTION_FAILED)
+            raise ModbusExceptionError(EXECUTION_FAILED)
 
     def show(self) -> None:
         motor = self.motor
@@ -166,13 +166,13 @@ class OrientalAz(MotorDrive):
 
     def run_stored(self, number: int, now_s: float) -> None:
         """Start the operation that the drive keeps under a number."""
-        place = STORED_TYPE + DATA_STRIDE * number
-        self.run(self.get32(place), self.get32(place + 2), now_s)
+        address = STORED_TYPE + DATA_STRIDE * number
+        self.run(self.get32(address), self.get32(address + 2), now_s)
 
     def check_ready(self) -> None:
         """Refuse to move without current, with an alarm, or while STOP is on."""
         if not self.is_excited or self.motor.has_alarm or self.image.word(INPUT) & STOP:
-            raise RefusedError(EXECUTION_FAILED)
+            raise ModbusExceptionError(EXECUTION_FAILED)
 
     def run(self, operation_type: int, position: int, now_s: float) -> None:
         """Start an operation."""
@@ -185,7 +185,7 @@ class OrientalAz(MotorDrive):
             self.motor.other()
         else:
             self.unheard_of(TYPE + 1, operation_type)
-            raise RefusedError(EXECUTION_FAILED)
+            raise ModbusExceptionError(EXECUTION_FAILED)
 
 
 def trigger_of_low_word(word: int) -> int:

@@ -40,19 +40,19 @@ ABSOLUTE: Final = 1
 RELATIVE: Final = 2
 TARGET: Final = 0x9104
 
-KNOWN: Final = ((0x0400, 0x07FF), (0x9000, 0x9010), (0x9100, 0x9111))
-KNOWN_BITS: Final = ((0x00, 0x7F),)
+REGISTER_RANGES: Final = ((0x0400, 0x07FF), (0x9000, 0x9010), (0x9100, 0x9111))
+BIT_RANGES: Final = ((0x00, 0x7F),)
 
 
 class SmcLec(MotorDrive):
     """See the module."""
 
     functions = frozenset({1, 2, 3, 5, 8, 15, 16})
-    known = KNOWN
+    register_ranges = REGISTER_RANGES
 
     def has_bits(self, function: int, address: int, count: int) -> bool:
         """Coils end where the inputs begin."""
-        return within(address, count, KNOWN_BITS)
+        return within(address, count, BIT_RANGES)
 
     def show(self) -> None:
         motor = self.motor

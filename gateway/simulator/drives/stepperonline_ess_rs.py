@@ -10,7 +10,7 @@ ignored. Not simulated: segments started by inputs, speeds, limits.
 from typing import Final
 
 from gateway.simulator.drives.motor_drive import Basis, MotorDrive, Order, bits_of
-from gateway.simulator.server import RefusedError
+from gateway.simulator.server import ModbusExceptionError
 
 ALARM: Final = 0x0006
 MOTION: Final = 0x0007
@@ -32,14 +32,14 @@ SET_ZERO: Final = 0x0031
 NO_MOTION: Final = frozenset({0x0000, 0x0012, 0x0042})
 """Nothing; enable; save."""
 ILLEGAL_VALUE: Final = 7
-KNOWN: Final = ((0x0000, 0x00BF),)
+REGISTER_RANGES: Final = ((0x0000, 0x00BF),)
 
 
 class StepperonlineEssRs(MotorDrive):
     """See the module."""
 
     functions = frozenset({3, 6, 16})
-    known = KNOWN
+    register_ranges = REGISTER_RANGES
     max_read = 16
 
     def show(self) -> None:
@@ -71,7 +71,7 @@ class StepperonlineEssRs(MotorDrive):
 
     def _trigger(self, word: int, now_s: float) -> None:
         if word & ~BITS:
-            raise RefusedError(ILLEGAL_VALUE)
+            raise ModbusExceptionError(ILLEGAL_VALUE)
         if word & STOPS:
             self.motor.stop(now_s)
         elif word & HOME:

@@ -12,7 +12,7 @@ auxiliary register takes one command at a time. Not simulated: jog, speeds, stor
 from typing import Final
 
 from gateway.simulator.drives.motor_drive import Basis, MotorDrive, bits_of
-from gateway.simulator.server import EXECUTION_FAILED, RefusedError
+from gateway.simulator.server import EXECUTION_FAILED, ModbusExceptionError
 
 STATUS: Final = 4
 POSITION: Final = 8
@@ -32,14 +32,14 @@ HOME: Final = 1 << 4
 STOPS: Final = 1 << 5 | 1 << 6
 BITS: Final = START | ABSOLUTE | INTERRUPT | JOG | HOME | STOPS
 TAKEN_REGISTERS: Final = 4
-KNOWN: Final = ((0, 199),)
+REGISTER_RANGES: Final = ((0, 199),)
 
 
 class TlR(MotorDrive):
     """See the module."""
 
     functions = frozenset({3, 6, 16})
-    known = KNOWN
+    register_ranges = REGISTER_RANGES
 
     def show(self) -> None:
         motor = self.motor
@@ -76,7 +76,7 @@ class TlR(MotorDrive):
             self.motor.home(now_s)
         elif word & START:
             if self.motor.is_moving and not word & INTERRUPT:
-                raise RefusedError(EXECUTION_FAILED)
+                raise ModbusExceptionError(EXECUTION_FAILED)
             if word & ABSOLUTE:
                 self.motor.absolute(self.get32(TARGET), now_s)
             else:

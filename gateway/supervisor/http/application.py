@@ -12,18 +12,18 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route
 
+from gateway.catalogue.alarms import ALARMS
 from gateway.catalogue.publishing_events import HTTP_FAILED
-from gateway.catalogue.troubles import TROUBLES
 from gateway.limits import Reports
 from gateway.status.model import Model
 from gateway.supervisor.http.answers import NO_STORE, json_answer, not_there, problem, raw_json, shortened
 from gateway.supervisor.http.curves import Tables
 from gateway.supervisor.http.documents import Frames, Histories, PageFile, Window, read_page
-from gateway.supervisor.http.listener import Door
-from gateway.supervisor.http.login import CHALLENGE, Access, Entrance
+from gateway.supervisor.http.listener import HttpServer
+from gateway.supervisor.http.login import CHALLENGE, Authenticator, LoginRoutes
 from gateway.supervisor.http.metrics import Metrics
-from gateway.supervisor.http.stream import MEDIA_TYPE, EndlessResponse, EventStream, Models, Wish
-from gateway.supervisor.verdict import State
+from gateway.supervisor.http.stream import MEDIA_TYPE, EndlessResponse, EventStream, Models, StreamOptions
+from gateway.supervisor.verdict import Health
 
 PATHS: Final = (
     "/",
@@ -51,7 +51,7 @@ class Served:
     def __init__(self, window: Window) -> None:
         self._window = window
         self._models = Models()
-        self._metrics = Metrics(window.feeds)
+        self._metrics = Metrics(window.broadcast)
         self._tables = Tables(window)
         self._frames = Frames(window)
         self._histories = Histories(window)
@@ -62,24 +62,29 @@ class Served:
         """Begin nothing that takes long any more."""
         self._tables.close()
 
-    def application(self, door: Door, there_is: Sequence[str], access: Access | None = None) -> Starlette:
-        """Return the application of one listener; ``door`` counts those who stay, ``access`` knows them."""
-        entrance = Entrance(access, self._window)
+    def application(
+        self, http_server: HttpServer, there_is: Sequence[str], access: Authenticator | None = None
+    ) -> Starlette:
+        """Return the application of one listener.
+
+        ``http_server`` counts those who stay, ``access`` knows them.
+        """
+        login_routes = LoginRoutes(access, self._window)
         answers: dict[str, Answer] = {
             "/": self._index,
             "/status": self._status,
             "/healthz": self._healthz,
             "/metrics": self._metrics_page,
-            "/events": _Events(self._window, self._models, door, access).answer,
+            "/events": _Events(self._window, self._models, http_server, access).answer,
             "/tables/NAME": self._tables.answer,
             "/history/NAME": self._histories.answer,
             "/frames/NAME": self._frames.answer,
             "/page/NAME": self._page_file,
             "/reload": self._reload,
-            "/session": entrance.session,
-            "/login": entrance.log_in,
-            "/logout": entrance.log_out,
-            "/acknowledge": entrance.acknowledge,
+            "/session": login_routes.session,
+            "/login": login_routes.log_in,
+            "/logout": login_routes.log_out,
+            "/acknowledge": login_routes.acknowledge,
         }
 
         async def missing(request: Request, _error: Exception) -> Response:
@@ -118,19 +123,19 @@ class Served:
         return self._page[name].answer(request)
 
     async def _status(self, request: Request) -> Response:
-        model = self._window.feeds.model
+        model = self._window.broadcast.model
         return problem(503, NOTHING_YET) if model is None else raw_json(self._models.encoded(model))
 
     async def _healthz(self, request: Request) -> Response:
         """Answer 200 as long as commands reach the drives; the text is the verdict, with what is wrong."""
-        model = self._window.feeds.model
+        model = self._window.broadcast.model
         reasons = why_unhealthy(model)
         if reasons and is_stranger(request):
             return problem(503, "not well; whoever shows a token is told why")
         if reasons or model is None:
             return json_answer({"problems": reasons}, 503)
         state = model.verdict.state
-        lines = ["ok" if state == State.HEALTHY.value else state]
+        lines = ["ok" if state == Health.HEALTHY.value else state]
         if not is_stranger(request):
             lines += [f"{each.severity}: {each.where}: {each.what}" for each in model.troubles]
         return PlainTextResponse("".join(f"{line}\n" for line in lines), headers=NO_STORE)
@@ -146,39 +151,41 @@ class Served:
         """Answer where we made a mistake, and put it into the log."""
         what = f"{shortened(request.scope['path'])}: {type(error).__name__}: {error}"
         if sentence := self._mistakes.sentence("failed", what, time.monotonic_ns()):
-            self._window.say(HTTP_FAILED, detail=sentence)
+            self._window.log(HTTP_FAILED, detail=sentence)
         return problem(500, "the supervisor made a mistake; its log says which")
 
 
 class _Events:
     """``/events`` of one listener."""
 
-    def __init__(self, window: Window, models: Models, door: Door, access: Access | None) -> None:
-        self._door = door
+    def __init__(
+        self, window: Window, models: Models, http_server: HttpServer, access: Authenticator | None
+    ) -> None:
+        self._http_server = http_server
         self._access = access
-        self._stream = EventStream(window.feeds, models, door.limits)
+        self._stream = EventStream(window.broadcast, models, http_server.limits)
 
     async def answer(self, request: Request) -> Response:
-        if self._door.event_readers >= self._door.limits.event_readers:
-            most = self._door.limits.event_readers
+        if self._http_server.event_readers >= self._http_server.limits.event_readers:
+            most = self._http_server.limits.event_readers
             return problem(503, f"{most} read the events already; try again later", {"Retry-After": "10"})
         if request.method == "HEAD":
             return Response(headers=NO_STORE, media_type=MEDIA_TYPE)
         asked = request.query_params
         chooses = "events" in asked or "status" in asked
-        wish = Wish(
+        options = StreamOptions(
             wants_events="events" in asked or not chooses,
             wants_status="status" in asked or not chooses,
             last_id=request.headers.get("last-event-id", ""),
         )
         is_over = None if self._access is None else partial(self._access.until_out, request.state.visitor)
-        return EndlessResponse(self._read(wish), NO_STORE, MEDIA_TYPE, is_over)
+        return EndlessResponse(self._read(options), NO_STORE, MEDIA_TYPE, is_over)
 
-    async def _read(self, wish: Wish) -> AsyncGenerator[bytes, None]:
-        with self._door.event_reader() as has_room:
+    async def _read(self, options: StreamOptions) -> AsyncGenerator[bytes, None]:
+        with self._http_server.event_reader() as has_room:
             if not has_room:  # another one came first
                 return
-            async with contextlib.aclosing(self._stream.read(wish)) as parts:
+            async with contextlib.aclosing(self._stream.read(options)) as parts:
                 async for part in parts:
                     yield part
 
@@ -192,4 +199,4 @@ def why_unhealthy(model: Model | None) -> list[str]:
     """Return why commands do not reach some drive, a sentence each; nothing where they do."""
     if model is None or (model.gateway.relay == "up" and model.gateway.snapshot_age_s is None):
         return [NOTHING_YET]
-    return [f"{each.where}: {each.what}" for each in model.troubles if TROUBLES[each.kind].cuts_off]
+    return [f"{each.where}: {each.what}" for each in model.troubles if ALARMS[each.kind].cuts_off]

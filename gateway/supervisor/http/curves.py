@@ -37,7 +37,7 @@ class NoCurveError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class PlottedCurve:
     """Points of a table, none of them computed, with what is added there. Lengths in the axis's units."""
 
     positions: tuple[float, ...]
@@ -54,7 +54,7 @@ class Curve:
         return len(self.positions) == self.table_points
 
 
-def read_curve(state: Path, digest: str, axis: AxisStatus, settings: AxisSettings, most: int) -> Curve:
+def read_curve(state: Path, digest: str, axis: AxisStatus, settings: AxisSettings, most: int) -> PlottedCurve:
     """Return at most ``most`` points of the compiled table ``digest``; blocks.
 
     ``axis`` is the part of the status model, which says what gain is in force.
@@ -71,9 +71,9 @@ def read_curve(state: Path, digest: str, axis: AxisStatus, settings: AxisSetting
     return _curve(in_force.table, axis.gain, settings.machine_offset, most)
 
 
-def _curve(table: CorrectionTable, gain: Shares, machine_offset: float, most: int) -> Curve:
+def _curve(table: CorrectionTable, gain: Shares, machine_offset: float, most: int) -> PlottedCurve:
     indexes = tuple(thinned(table, max(FEWEST, most)))
-    return Curve(
+    return PlottedCurve(
         positions=tuple(round(table.positions[i] - machine_offset, DECIMALS) for i in indexes),
         forward=_scaled(table.forward, indexes, gain.forward),
         backward=_scaled(table.backward, indexes, gain.backward),
@@ -109,7 +109,7 @@ def thinned(table: CorrectionTable, most: int) -> Iterator[int]:
 
 
 def curve_as_data(
-    name: str, axis: AxisStatus, digest: str, settings: AxisSettings, curve: Curve
+    name: str, axis: AxisStatus, digest: str, settings: AxisSettings, curve: PlottedCurve
 ) -> dict[str, Any]:
     """Return a curve as ``/tables/NAME`` shows it."""
     offset = settings.machine_offset
@@ -163,7 +163,7 @@ def ticks(low: float, high: float, about: int) -> list[float]:
     return [round(n * step, 12) for n in range(first, last + 1)]
 
 
-def drawing(name: str, axis: AxisStatus, curve: Curve) -> str:
+def drawing(name: str, axis: AxisStatus, curve: PlottedCurve) -> str:
     """Return an SVG document."""
     unit, per_unit = FINE.get(axis.units, (axis.units, 1.0))
     branches = [[per_unit * value for value in branch] for branch in (curve.forward, curve.backward)]
@@ -176,7 +176,7 @@ def drawing(name: str, axis: AxisStatus, curve: Curve) -> str:
         *_frame(title, curve, first, last, axis.units),
         *_grid(ticks(first, last, 8), ticks(low, high, 6), x, y),
         _label(WIDTH / 2, HEIGHT - 12, f"position, {axis.units}"),
-        _label(16, (TOP + HEIGHT - BOTTOM) / 2, f"correction, {unit}", turned=True),
+        _label(16, (TOP + HEIGHT - BOTTOM) / 2, f"correction, {unit}", is_rotated=True),
         *_branch(curve.positions, branches[0], x, y, FORWARD_COLOUR, ""),
         *_branch(curve.positions, branches[1], x, y, BACKWARD_COLOUR, "7 4"),
         *_legend(),
@@ -194,13 +194,13 @@ def _scale(low: float, high: float, at_low: float, at_high: float) -> Scale:
     return lambda value: at_low + (value - low) / (high - low) * (at_high - at_low)
 
 
-def _frame(title: str, curve: Curve, first: float, last: float, units: str) -> Iterator[str]:
-    said = f"{curve.table_points} points from {first:g} to {last:g} {units}; what is added while moving."
+def _frame(title: str, curve: PlottedCurve, first: float, last: float, units: str) -> Iterator[str]:
+    text = f"{curve.table_points} points from {first:g} to {last:g} {units}; what is added while moving."
     yield (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" '
         f'height="{HEIGHT}" font-family="sans-serif" font-size="13" fill="{TEXT_COLOUR}" role="img">'
     )
-    yield f"<title>{_text(title)}</title><desc>{_text(said)}</desc>"
+    yield f"<title>{_text(title)}</title><desc>{_text(text)}</desc>"
     yield f'<rect width="{WIDTH}" height="{HEIGHT}" fill="#fff"/>'
     yield f'<text x="{LEFT}" y="24" font-size="15" font-weight="bold">{_text(title)}</text>'
 
@@ -218,14 +218,14 @@ def _grid(across: Sequence[float], up: Sequence[float], x: Scale, y: Scale) -> I
 
 
 def _branch(
-    positions: Sequence[float], values: Sequence[float], x: Scale, y: Scale, *look: str
+    positions: Sequence[float], values: Sequence[float], x: Scale, y: Scale, *style: str
 ) -> Iterator[str]:
-    colour, dashes = look
-    places = [(x(position), y(value)) for position, value in zip(positions, values, strict=True)]
-    line = " ".join(f"{across:.1f},{up:.1f}" for across, up in places)
+    colour, dashes = style
+    points = [(x(position), y(value)) for position, value in zip(positions, values, strict=True)]
+    line = " ".join(f"{across:.1f},{up:.1f}" for across, up in points)
     dashed = f' stroke-dasharray="{dashes}"' if dashes else ""
     yield f'<polyline points="{line}" fill="none" stroke="{colour}" stroke-width="2"{dashed}/>'
-    for across, up in places if len(places) <= MOST_DOTS else ():
+    for across, up in points if len(points) <= MOST_DOTS else ():
         yield f'<circle cx="{across:.1f}" cy="{up:.1f}" r="3" fill="{colour}"/>'
 
 
@@ -238,9 +238,9 @@ def _legend() -> Iterator[str]:
         yield f'<text x="{at + 40}" y="24">{words}</text>'
 
 
-def _label(x: float, y: float, words: str, *, turned: bool = False) -> str:
-    turn = f' transform="rotate(-90 {x:g} {y:g})"' if turned else ""
-    return f'<text x="{x:g}" y="{y:g}" text-anchor="middle"{turn}>{_text(words)}</text>'
+def _label(x: float, y: float, words: str, *, is_rotated: bool = False) -> str:
+    rotation = f' transform="rotate(-90 {x:g} {y:g})"' if is_rotated else ""
+    return f'<text x="{x:g}" y="{y:g}" text-anchor="middle"{rotation}>{_text(words)}</text>'
 
 
 def _text(words: str) -> str:
@@ -273,7 +273,7 @@ class Tables:
         """Answer ``/tables/NAME``."""
         name: str = request.path_params["name"]
         axis_name, is_drawing = name.removesuffix(SVG), name.endswith(SVG)
-        model = self._window.feeds.model
+        model = self._window.broadcast.model
         axes = {} if model is None else model.axes
         if axis_name not in axes:
             names = [f"/tables/{axis}{SVG if is_drawing else ''}" for axis in axes]
@@ -318,10 +318,10 @@ class Tables:
             return json_bytes(curve_as_data(name, axis, digest, settings, curve))
 
         body = await asyncio.get_running_loop().run_in_executor(self._threads, worked_out)
-        self._keep(key, body)
+        self._cache(key, body)
         return body
 
-    def _keep(self, key: tuple[object, ...], body: bytes) -> None:
+    def _cache(self, key: tuple[object, ...], body: bytes) -> None:
         self._kept[key] = body
         while sum(map(len, self._kept.values())) > KEPT_BYTES and len(self._kept) > 1:
             self._kept.popitem(last=False)

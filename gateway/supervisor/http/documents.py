@@ -14,20 +14,20 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from gateway.compensation.settings import AxisSettings
+from gateway.ipc.address import SocketError, socket_path
 from gateway.ipc.client import NoGatewayError
-from gateway.ipc.place import SocketError, socket_path
 from gateway.recording import traffic
 from gateway.recording.capture import Capture, NoCaptureError
 from gateway.recording.readable import Reader
 from gateway.state.plan import GatewayPlan
 from gateway.supervisor import page
-from gateway.supervisor.acknowledged import Acknowledgement
-from gateway.supervisor.aside import aside
-from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.acknowledged import AlarmAcknowledgement
+from gateway.supervisor.broadcast import Broadcast
+from gateway.supervisor.event_log import LogEvent
 from gateway.supervisor.http.answers import NO_STORE, json_answer, not_there, problem, shortened
-from gateway.supervisor.outcome import Outcome
+from gateway.supervisor.in_thread import in_thread
+from gateway.supervisor.outcome import ReloadOutcome
 from gateway.supervisor.past import DAY_S, Noted, time_text, values_text
-from gateway.supervisor.saying import Say
 from gateway.times import NS_PER_S
 
 # --- What the HTTP service sees of the supervisor, and what it may ask of it
@@ -41,18 +41,18 @@ async def _nothing(_axis: str, _span_s: float) -> None:
 class Window:
     """Everything that is served comes through here."""
 
-    feeds: Feeds
+    broadcast: Broadcast
     state: Path
     """The state folder: the compiled tables are there, and the socket ``supervisor.sock``."""
     settings_of: Callable[[str], AxisSettings | None]
     """The settings of an axis in the configuration that was taken; None where there is none yet."""
-    reload: Callable[[], Awaitable[Outcome]]
-    say: Say
+    reload: Callable[[], Awaitable[ReloadOutcome]]
+    log: LogEvent
     history: Callable[[str, float], Awaitable[Sequence[Noted] | None]] = _nothing
     """Where an axis was in so many seconds until now; None: nothing is known of it."""
     plan: Callable[[], GatewayPlan | None] = lambda: None
     """The plan of the configuration that was taken; None where there is none yet."""
-    acknowledge: Callable[[str, str, str, str], Acknowledgement | None] = lambda *_what: None
+    acknowledge: Callable[[str, str, str, str], AlarmAcknowledgement | None] = lambda *_what: None
     """Note that somebody has seen an alarm: its kind, where, since when it is there, and who; None: there is
     none like that."""
 
@@ -88,8 +88,8 @@ class PageFile:
     def answer(self, request: Request) -> Response:
         """Return it, or that it has not changed. A browser asks each time: an upgrade shows at once."""
         headers = {"ETag": self.etag, "Cache-Control": "no-cache"}
-        known = request.headers.get("if-none-match", "")
-        if any(tag.strip().removeprefix("W/") in {self.etag, "*"} for tag in known.split(",")):
+        etags = request.headers.get("if-none-match", "")
+        if any(tag.strip().removeprefix("W/") in {self.etag, "*"} for tag in etags.split(",")):
             return Response(status_code=304, headers=headers)
         return Response(self.content, headers=headers, media_type=self.media_type)
 
@@ -130,7 +130,7 @@ class Frames:
             return problem(503, "others look at the frames; try again in a moment", {"Retry-After": "1"})
         self._reading += 1
         try:
-            frames = await aside(partial(read_frames, self._window.state, plan, line))
+            frames = await in_thread(partial(read_frames, self._window.state, plan, line))
         except (NoGatewayError, NoCaptureError, SocketError) as error:
             return problem(503, str(error))
         finally:
@@ -181,7 +181,7 @@ class Histories:
 
     def __init__(self, window: Window) -> None:
         self._window = window
-        self._turn = asyncio.Semaphore(FILES_AT_ONCE)
+        self._semaphore = asyncio.Semaphore(FILES_AT_ONCE)
 
     async def answer(self, request: Request) -> Response:
         """Return the past of an axis; 404 for an axis that there is not."""
@@ -190,9 +190,9 @@ class Histories:
         asked = request.query_params.get("minutes", str(MINUTES))
         if not asked.isascii() or not asked.isdigit() or not 1 <= int(asked[:9]) <= MOST_MINUTES:
             return problem(400, f"minutes={shortened(asked)}; allowed: 1 to {MOST_MINUTES}")
-        async with self._turn:
+        async with self._semaphore:
             found = await self._window.history(axis, 60.0 * int(asked))
-        model = self._window.feeds.model
+        model = self._window.broadcast.model
         axes = model.axes if model else {}
         if found is None or axis not in axes:
             names = [f"/history/{there}{CSV if is_csv else ''}" for there in axes]

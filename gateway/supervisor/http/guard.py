@@ -18,8 +18,8 @@ from gateway.supervisor.http.answers import (
     problem,
     shortened,
 )
-from gateway.supervisor.http.login import Access, peer_of
-from gateway.supervisor.http.refusals import Refused, tell_nobody
+from gateway.supervisor.http.login import Authenticator, peer_of
+from gateway.supervisor.http.refusals import Refused, ignore_refused
 
 READS: Final = frozenset(("GET", "HEAD"))
 HOSTLESS: Final = frozenset(("/healthz", "/metrics"))
@@ -60,8 +60,8 @@ class Guard:
         self,
         app: ASGIApp,
         rules: Rules,
-        access: Access | None = None,
-        refused: Refused = tell_nobody,
+        access: Authenticator | None = None,
+        refused: Refused = ignore_refused,
     ) -> None:
         self._app = app
         self._rules = rules
@@ -73,7 +73,7 @@ class Guard:
 
         async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
-                self._tell(scope, message["status"])
+                self._report(scope, message["status"])
                 message["headers"] = [
                     *message["headers"],
                     (b"date", formatdate(usegmt=True).encode("ascii")),
@@ -86,7 +86,7 @@ class Guard:
             answer = self._access.refusal(scope)
         await (answer or self._app)(scope, receive, send_with_headers)
 
-    def _tell(self, scope: Scope, status: int) -> None:
+    def _report(self, scope: Scope, status: int) -> None:
         """Have the log know of a request that no page of ours and no program that knows us makes."""
         path = scope["path"]
         if status in _NEVER or (status == NOT_THERE and (not path.startswith("/tables/") or is_probe(path))):

@@ -28,10 +28,10 @@ from gateway.supervisor.http.answers import (
     json_bytes,
     shortened,
 )
-from gateway.supervisor.http.refusals import Refused, tell_nobody
-from gateway.transport.certificates import Held, read_held
+from gateway.supervisor.http.refusals import Refused, ignore_refused
+from gateway.transport.certificates import CertificateInForce, read_held
+from gateway.transport.connections import longest
 from gateway.transport.endpoints import TcpEndpoint
-from gateway.transport.places import longest
 
 # --- One connection: uvicorn's HTTP/1.1, with an end to everything that somebody could keep waiting
 
@@ -51,7 +51,7 @@ def last_words(status: str, what: str) -> bytes:
     return head.encode("ascii") + body
 
 
-class Connection(H11Protocol):
+class HttpConnection(H11Protocol):
     """A connection that may be told to go; :meth:`is_overdue` says when it has to.
 
     ``make_room`` says whether there is room for it, once it is made. ``refused`` is told where there is none,
@@ -245,13 +245,13 @@ def silence_uvicorn() -> None:
         logger.propagate = False
 
 
-class Door:
+class HttpServer:
     """Makes connections for a listener, and holds them to their limits.
 
     :meth:`watch` has to run while it is open, :meth:`close` ends it.
     """
 
-    def __init__(self, limits: Limits, refused: Refused = tell_nobody) -> None:
+    def __init__(self, limits: Limits, refused: Refused = ignore_refused) -> None:
         self.limits = limits
         self.refused = refused
         self.event_readers = 0
@@ -262,13 +262,13 @@ class Door:
         silence_uvicorn()
         self._config = silent_config(app, self.limits.keep_alive_s)
 
-    def connection(self) -> Connection:
+    def connection(self) -> HttpConnection:
         """Return the protocol of a new connection."""
-        return Connection(self._config, self._state, self.limits, self.make_room, self.refused)
+        return HttpConnection(self._config, self._state, self.limits, self.make_room, self.refused)
 
     @property
-    def _connections(self) -> list[Connection]:
-        return [one for one in self._state.connections if isinstance(one, Connection)]
+    def _connections(self) -> list[HttpConnection]:
+        return [one for one in self._state.connections if isinstance(one, HttpConnection)]
 
     def make_room(self) -> bool:
         """Whether one more connection may come; where there are too many another one goes for it.
@@ -323,7 +323,7 @@ class Door:
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class HttpSettings:
     """Two that are equal need nothing to be done."""
 
     endpoint: TcpEndpoint
@@ -360,7 +360,7 @@ class Wanted:
             return None
         return server_context(self.tls, self.folder, needs_client=not self.tokens)
 
-    def held(self) -> tuple[Held, ...]:
+    def held(self) -> tuple[CertificateInForce, ...]:
         """Return what is in the files of TLS, with its times; blocks. Raises NamedFileError."""
         if self.tls is None:
             return ()
@@ -378,7 +378,7 @@ class Wanted:
         )
 
 
-def wanted_by(section: HttpSection, gateway: str, folder: Path) -> Wanted | None:
+def http_settings_of(section: HttpSection, gateway: str, folder: Path) -> HttpSettings | None:
     """Return what a section wants for the gateway of that name; None: no page over TCP.
 
     Its files are relative to ``folder``.
@@ -387,11 +387,11 @@ def wanted_by(section: HttpSection, gateway: str, folder: Path) -> Wanted | None
     if endpoint is None:
         return None
     files = () if tls is None else (tls.certificate, tls.key, tls.clients, tls.revoked)
-    seen = tuple(_look_at(file, folder) for file in files)
-    return Wanted(endpoint, section.tokens, tls, gateway, folder, seen)
+    seen = tuple(_file_mark(file, folder) for file in files)
+    return HttpSettings(endpoint, section.tokens, tls, gateway, folder, seen)
 
 
-def _look_at(file: str | None, folder: Path) -> tuple[int, ...] | None:
+def _file_mark(file: str | None, folder: Path) -> tuple[int, ...] | None:
     try:
         status = path_of(TLS_KEY, file, folder).stat() if file is not None else None
     except (NamedFileError, OSError):

@@ -23,7 +23,7 @@ from gateway.config.http_model import TokenSection
 from gateway.files import mark_of
 from gateway.supervisor.http.answers import JSON, json_answer, problem, shortened
 from gateway.supervisor.http.documents import Window
-from gateway.supervisor.http.refusals import Refusals, WrongTries
+from gateway.supervisor.http.refusals import HttpRefusals, WrongTries
 from gateway.supervisor.page import LOGIN_FILES
 
 # --- The tokens that are in force: read from their files, again as soon as those change, and never shown
@@ -56,18 +56,18 @@ class Tokens:
         self._files = [
             _File(("http", "tokens", index, "file"), section) for index, section in enumerate(sections)
         ]
-        self.look()
+        self.refresh()
 
     @property
     def problems(self) -> list[str]:
         """Why tokens cannot be used, a sentence each."""
         return [file.problem for file in self._files if file.problem is not None]
 
-    def look(self) -> None:
+    def refresh(self) -> None:
         """Read the files that have changed; a token that is in its file no more is in force no more."""
         for file in self._files:
             try:
-                seen = _look_at(path_of(file.key, file.section.file, self._folder))
+                seen = _file_mark(path_of(file.key, file.section.file, self._folder))
                 if seen is None or seen != file.seen:
                     token = read_token(file.key, file.section.file, self._folder)
                     file.digest, file.seen, file.problem = _digest(token), seen, None
@@ -99,7 +99,7 @@ def _digest(token: str) -> bytes:
     return sha256(token.encode("utf-8", "surrogatepass")).digest()
 
 
-def _look_at(path: Path) -> Seen | None:
+def _file_mark(path: Path) -> Seen | None:
     """Return by what a change of a file is noticed; None: it has to be read to know."""
     try:
         status = path.stat()
@@ -121,7 +121,7 @@ _BYTES: Final = 32
 
 
 @dataclass(frozen=True, slots=True)
-class Session:
+class LoginSession:
     """One browser that is let in."""
 
     token: str
@@ -136,7 +136,7 @@ class Sessions:
     """Kept here only: a restart ends all of them. Known by digests, so that a look-up tells nothing."""
 
     def __init__(self) -> None:
-        self._sessions: OrderedDict[bytes, Session] = OrderedDict()
+        self._sessions: OrderedDict[bytes, LoginSession] = OrderedDict()
 
     def __len__(self) -> int:
         return len(self._sessions)
@@ -146,10 +146,10 @@ class Sessions:
         value = secrets.token_urlsafe(_BYTES)
         while len(self._sessions) >= MOST:
             self._sessions.popitem(last=False)
-        self._sessions[_key(value)] = Session(token, digest, now_s + LIFE_S)
+        self._sessions[_key(value)] = LoginSession(token, digest, now_s + LIFE_S)
         return value
 
-    def find(self, value: str, now_s: float) -> Session | None:
+    def find(self, value: str, now_s: float) -> LoginSession | None:
         """Return the session of what a browser shows; None where there is none, or not any more."""
         session = self._sessions.get(_key(value))
         if session is not None and session.ends_s <= now_s:
@@ -157,7 +157,7 @@ class Sessions:
             return None
         return session
 
-    def has(self, session: Session, now_s: float) -> bool:
+    def has(self, session: LoginSession, now_s: float) -> bool:
         """Whether a session goes on."""
         return session.ends_s > now_s and any(session is one for one in self._sessions.values())
 
@@ -172,7 +172,7 @@ def _key(value: str) -> bytes:
 
 # --- Who may look, where that is not everybody: a token, a session that one was shown for, or a certificate
 
-LOOK_S: Final = 1.0
+CHECK_EVERY_S: Final = 1.0
 """How soon somebody who stays is out when his token, or his session, is no more."""
 OPEN_TO_ALL: Final = frozenset(("/", "/healthz", "/login", *(f"/page/{name}" for name in LOGIN_FILES)))
 """What strangers see: the page that asks for the token, and whether the gateway is well, without why not."""
@@ -188,19 +188,19 @@ class Visitor:
     """Of his token, or in his certificate."""
     how: str
     """``token``, ``session`` or ``certificate``."""
-    session: Session | None = None
+    session: LoginSession | None = None
     digest: bytes = b""
     """What his token is known by."""
 
 
-class Access:
+class Authenticator:
     """Says of each request whose it is, before anybody looks at what it asks for."""
 
     def __init__(
         self,
         tokens: Tokens,
         sessions: Sessions,
-        refusals: Refusals,
+        refusals: HttpRefusals,
         cookie: str,
         clock_s: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -215,7 +215,7 @@ class Access:
     def refusal(self, scope: Scope) -> Response | None:
         """Return why a request may not pass, else None: its ``state`` then has the ``visitor``."""
         if scope["method"] == "POST" and (why := _why_cross_site(scope)) is not None:
-            self._refusals.note(HTTP_REFUSED, peer_of(scope), why, self._clock_s())
+            self._refusals.add(HTTP_REFUSED, peer_of(scope), why, self._clock_s())
             return problem(403, why, _CLOSE)
         token = _bearer(scope)
         if token is not None:
@@ -226,7 +226,7 @@ class Access:
             return None
         visitor = self._by_certificate(scope) or self._by_session(scope)
         if visitor is None and scope["path"] not in OPEN_TO_ALL:
-            self._refusals.note(HTTP_REFUSED, peer_of(scope), "no token, and no session", self._clock_s())
+            self._refusals.add(HTTP_REFUSED, peer_of(scope), "no token, and no session", self._clock_s())
             return problem(401, "show a token: Authorization: Bearer …, or log in at /", CHALLENGE)
         scope["state"]["visitor"] = visitor
         return None
@@ -235,14 +235,14 @@ class Access:
         """Return whose token it is, or the answer to a wrong one."""
         now_s = self._clock_s()
         if (wait_s := self._tries.shut_s(peer, now_s)) > 0.0:
-            self._refusals.note(TOKEN_REFUSED, peer, "too many wrong tokens: not looked at", now_s)
+            self._refusals.add(TOKEN_REFUSED, peer, "too many wrong tokens: not looked at", now_s)
             what = "too many wrong tokens came from your address; try again later"
             return problem(429, what, {"Retry-After": str(math.ceil(wait_s))})
-        self._tokens.look()
+        self._tokens.refresh()
         name = self._tokens.name_of(token)
         if name is None:
-            self._tries.note(peer, token, now_s)
-            self._refusals.note(TOKEN_REFUSED, peer, "a wrong token", now_s)
+            self._tries.add(peer, token, now_s)
+            self._refusals.add(TOKEN_REFUSED, peer, "a wrong token", now_s)
             return problem(401, "that is no token of this gateway", CHALLENGE)
         return Visitor(name, "token", digest=self._tokens.digest_of(name))
 
@@ -272,13 +272,13 @@ class Access:
         session = visitor.session
         if session is not None and not self._sessions.has(session, self._clock_s()):
             return False
-        self._tokens.look()
+        self._tokens.refresh()
         return self._tokens.digest_of(visitor.name) == visitor.digest
 
     async def until_out(self, visitor: Visitor) -> None:
         """Wait until a visitor would not be let in any more."""
         while self.is_still_in(visitor):  # noqa: ASYNC110 - a file tells nobody
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(CHECK_EVERY_S)
 
     def _by_certificate(self, scope: Scope) -> Visitor | None:
         name = scope["state"].get("certificate")
@@ -312,8 +312,8 @@ def peer_of(scope: Scope) -> str:
     return scope["client"][0] if scope.get("client") else ""
 
 
-def _header(scope: Scope, wanted: bytes) -> list[str]:
-    return [value.decode("latin-1") for name, value in scope["headers"] if name == wanted]
+def _header(scope: Scope, header: bytes) -> list[str]:
+    return [value.decode("latin-1") for name, value in scope["headers"] if name == header]
 
 
 def _bearer(scope: Scope) -> str | None:
@@ -341,10 +341,10 @@ def _why_cross_site(scope: Scope) -> str | None:
 NOBODY: dict[str, object] = {"by": None, "how": None, "ends_in_s": None, "may_acknowledge": False}
 
 
-class Entrance:
+class LoginRoutes:
     """Answers of one listener; ``access`` is None where everybody may look."""
 
-    def __init__(self, access: Access | None, window: Window) -> None:
+    def __init__(self, access: Authenticator | None, window: Window) -> None:
         self._access = access
         self._window = window
 

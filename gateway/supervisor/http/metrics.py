@@ -19,11 +19,11 @@ from prometheus_client.registry import Collector
 from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
 from gateway.status.axis import ThermalStatus, WholeAxis
 from gateway.status.line import LINE_COUNTERS, CertificateStatus, LineStatus
-from gateway.status.model import COUNTERS, Model, TroubleStatus
+from gateway.status.model import COUNTERS, AlarmStatus, Model
 from gateway.status.times import GatewayTimes
-from gateway.supervisor.book import FileState
-from gateway.supervisor.feeds import Feeds
-from gateway.supervisor.verdict import State
+from gateway.supervisor.broadcast import Broadcast
+from gateway.supervisor.table_files import FileState
+from gateway.supervisor.verdict import Health
 
 US_PER_S: Final = 1e6
 TABLE_STATES: Final = (*(state.value for state in FileState), "none")
@@ -33,12 +33,12 @@ COMPONENTS: Final = ("configuration", "tables_folder", "state_folder", "http", "
 class StatusCollector(Collector):
     """Makes metrics of the newest model each time that somebody asks; keeps nothing."""
 
-    def __init__(self, feeds: Feeds) -> None:
-        self._feeds = feeds
+    def __init__(self, broadcast: Broadcast) -> None:
+        self._broadcast = broadcast
 
     def collect(self) -> Iterator[Metric]:
         """Yield all metrics; none while there is no model."""
-        model = self._feeds.model
+        model = self._broadcast.model
         if model is not None:
             bounds_us = model.gateway.latency_bounds_us or ()
             yield from _of_gateway(model)
@@ -50,9 +50,9 @@ class StatusCollector(Collector):
 class Metrics:
     """The page of metrics."""
 
-    def __init__(self, feeds: Feeds) -> None:
+    def __init__(self, broadcast: Broadcast) -> None:
         self._registry = CollectorRegistry()
-        self._registry.register(StatusCollector(feeds))
+        self._registry.register(StatusCollector(broadcast))
 
     def page(self, accept: str) -> tuple[bytes, str]:
         """Return the page and its type, in the format that ``accept`` asks for."""
@@ -110,15 +110,15 @@ def _verdict(
 ) -> Metric:
     family = _gauge(rest, says, [*labels, "state"])
     for of, verdict in verdicts.items():
-        for state in State:
+        for state in Health:
             family.add_metric((*of, state.value), state.value == verdict)
     return family
 
 
-def _of_troubles(troubles: Sequence[TroubleStatus]) -> Iterator[Metric]:
+def _of_troubles(troubles: Sequence[AlarmStatus]) -> Iterator[Metric]:
     count = _gauge("troubles", "Things that are wrong right now, by severity.", ["severity"])
     for severity in ("error", "warning"):
-        count.add_metric((severity,), sum(trouble.severity == severity for trouble in troubles))
+        count.add_metric((severity,), sum(alarm.severity == severity for alarm in troubles))
     yield count
     each = _gauge("trouble", "1 for each thing that is wrong right now.", ["kind", "severity", "where"])
     since = _gauge(
@@ -127,9 +127,9 @@ def _of_troubles(troubles: Sequence[TroubleStatus]) -> Iterator[Metric]:
         ["kind", "severity", "where"],
     )
     began: dict[tuple[str, str, str], float] = {}
-    for trouble in troubles:
-        labels = (trouble.kind, trouble.severity, trouble.where)
-        instant_s = datetime.fromisoformat(trouble.since).timestamp()
+    for alarm in troubles:
+        labels = (alarm.kind, alarm.severity, alarm.where)
+        instant_s = datetime.fromisoformat(alarm.since).timestamp()
         began[labels] = min(began.get(labels, instant_s), instant_s)
     for labels, instant_s in sorted(began.items()):
         each.add_metric(labels, 1)
@@ -139,16 +139,16 @@ def _of_troubles(troubles: Sequence[TroubleStatus]) -> Iterator[Metric]:
 
 def _of_certificates(model: Model) -> Iterator[Metric]:
     """Yield when certificates end; of several in one file the first to end."""
-    places: dict[str, Sequence[CertificateStatus]] = {}
+    by_listener: dict[str, Sequence[CertificateStatus]] = {}
     if model.supervisor is not None:
-        places["http"] = model.supervisor.http.certificates
+        by_listener["http"] = model.supervisor.http.certificates
     for name, line in model.lines.items():
         for controller in line.controllers:
             if controller.tls:
-                places[f"line {name}, controller {controller.name}"] = controller.tls.certificates
+                by_listener[f"line {name}, controller {controller.name}"] = controller.tls.certificates
     says = "When what is in a file of tls is good no more, in Unix time."
     ends = _gauge("certificate_end_timestamp_seconds", says, ["where", "key", "file", "subject"])
-    for where, certificates in places.items():
+    for where, certificates in by_listener.items():
         for each in certificates:
             if each.ends is not None:
                 labels = (where, each.key, each.file, each.subject)
@@ -179,7 +179,7 @@ def _of_lines(lines: Mapping[str, LineStatus], bounds_us: Iterable[float]) -> It
     yield from (up, wire, added, connected, silent)
     yield from _of_drives(lines)
     yield from _of_ports(lines)
-    yield from _of_cut_through(lines)
+    yield from _of_forwarding(lines)
     for key, declared in LINE_COUNTERS.items():
         if declared.is_metric:
             counter = _counter(f"line_{key}", declared.sentence, ["line"])
@@ -190,22 +190,22 @@ def _of_lines(lines: Mapping[str, LineStatus], bounds_us: Iterable[float]) -> It
     yield from _latency("line", {name: line.gateway_us for name, line in lines.items()}, bounds_us)
 
 
-def _of_cut_through(lines: Mapping[str, LineStatus]) -> Iterator[Metric]:
+def _of_forwarding(lines: Mapping[str, LineStatus]) -> Iterator[Metric]:
     """Yield what became of the frames of lines that cut through; other lines have none of it."""
     whole = _counter("line_frames_cut_through", COUNTERS["cut_through"].sentence, ["line", "frames"])
     stored = _counter("line_frames_stored", COUNTERS["stored"].sentence, ["line", "frames", "why"])
     spoilt = _counter("line_frames_spoilt", COUNTERS["spoilt"].sentence, ["line", "frames", "why"])
     torn = _counter("line_frames_torn", COUNTERS["torn"].sentence, ["line"])
     for name, line in lines.items():
-        cuts = line.cut_through
-        if cuts is UNSET:
+        status = line.cut_through
+        if status is UNSET:
             continue
-        for frames, became in (("requests", cuts.requests), ("replies", cuts.replies)):
+        for frames, became in (("requests", status.requests), ("replies", status.replies)):
             whole.add_metric((name, frames), became.cut_through)
             for counter, counts in ((stored, became.stored), (spoilt, became.spoilt)):
                 for why, count in counts.items():
                     counter.add_metric((name, frames, why), count)
-        torn.add_metric((name,), cuts.torn)
+        torn.add_metric((name,), status.torn)
     if torn.samples:
         yield from (whole, stored, spoilt, torn)
 

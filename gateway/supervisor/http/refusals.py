@@ -8,7 +8,7 @@ from typing import Final
 
 from gateway.catalogue.entry import EventEntry
 from gateway.limits import Reports
-from gateway.supervisor.saying import Say
+from gateway.supervisor.event_log import LogEvent
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import address_of
 
@@ -17,14 +17,14 @@ from gateway.transport.endpoints import address_of
 MOST_WRONG: Final = 10
 WITHIN_S: Final = 60.0
 SHUT_S: Final = 60.0
-MOST_PLACES: Final = 1024
+MOST_SITES: Final = 1024
 """Of which something is kept; for one more the one that was heard of longest ago is forgotten."""
 ONE_SITE_BITS: Final = 64
 """Of an IPv6 address: who has one has all that share them."""
 
 
 @dataclass(slots=True)
-class _Place:
+class _Site:
     wrong: deque[tuple[int, float]] = field(default_factory=lambda: deque(maxlen=MOST_WRONG))
     """The newest different ones, each by its hash, which only this process can work out, and when it came."""
     shut_until_s: float = 0.0
@@ -34,28 +34,28 @@ class WrongTries:
     """Counts by address; times are seconds of the monotonic clock."""
 
     def __init__(self) -> None:
-        self._places: OrderedDict[str, _Place] = OrderedDict()
+        self._sites: OrderedDict[str, _Site] = OrderedDict()
 
     def __len__(self) -> int:
-        return len(self._places)
+        return len(self._sites)
 
     def shut_s(self, address: str, now_s: float) -> float:
         """Return for how long nothing from an address is tried any more; 0 where it is."""
-        place = self._places.get(site_of(address))
-        return 0.0 if place is None else max(0.0, place.shut_until_s - now_s)
+        site = self._sites.get(site_of(address))
+        return 0.0 if site is None else max(0.0, site.shut_until_s - now_s)
 
-    def note(self, address: str, token: str, now_s: float) -> None:
+    def add(self, address: str, token: str, now_s: float) -> None:
         """Count a wrong token."""
         name, shown = site_of(address), hash(token)
-        place = self._places.setdefault(name, _Place())
-        self._places.move_to_end(name)
-        if all(shown != other for other, _ in place.wrong):
-            place.wrong.append((shown, now_s))
-            if len(place.wrong) == MOST_WRONG and now_s - place.wrong[0][1] < WITHIN_S:
-                place.shut_until_s = now_s + SHUT_S
-                place.wrong.clear()
-        while len(self._places) > MOST_PLACES:
-            self._places.popitem(last=False)
+        site = self._sites.setdefault(name, _Site())
+        self._sites.move_to_end(name)
+        if all(shown != other for other, _ in site.wrong):
+            site.wrong.append((shown, now_s))
+            if len(site.wrong) == MOST_WRONG and now_s - site.wrong[0][1] < WITHIN_S:
+                site.shut_until_s = now_s + SHUT_S
+                site.wrong.clear()
+        while len(self._sites) > MOST_SITES:
+            self._sites.popitem(last=False)
 
 
 def site_of(address: str) -> str:
@@ -86,7 +86,7 @@ Refused = Callable[[str, str], None]
 """Is told of who was refused, by his address, and why."""
 
 
-def tell_nobody(_peer: str, _why: str) -> None:
+def ignore_refused(_peer: str, _why: str) -> None:
     """Tell nobody: on the Unix socket whoever asks is this machine's own."""
 
 
@@ -94,29 +94,29 @@ def _others(key: tuple[EventEntry, str]) -> tuple[EventEntry, str]:
     return key[0], OTHERS
 
 
-class Refusals:
+class HttpRefusals:
     """Reports refusals by event and address, never what was shown."""
 
-    def __init__(self, say: Say) -> None:
-        self._say = say
+    def __init__(self, log: LogEvent) -> None:
+        self._log = log
         self._reports: Reports[tuple[EventEntry, str]] = Reports(most=MOST, others=_others)
         self._reasons: dict[tuple[EventEntry, str], str] = {}
         """Of the newest refusal of each."""
 
-    def note(self, event: EventEntry, address: str, reason: str, now_s: float) -> None:
+    def add(self, event: EventEntry, address: str, reason: str, now_s: float) -> None:
         """Count a refusal, and report it where none of that address was reported for a minute."""
         now_ns = int(now_s * NS_PER_S)
         key = self._reports.counted_as((event, site_of(address)))
         self._reasons[key] = reason
         if count := self._reports.due(key, now_ns):
-            self._tell(key, count)
+            self._report(key, count)
 
     def sweep(self, now_s: float) -> None:
         """Report what was held back, and forget the addresses that have been quiet since."""
         for key, count in self._reports.held_back(int(now_s * NS_PER_S)):
-            self._tell(key, count)
+            self._report(key, count)
         self._reasons = {key: reason for key, reason in self._reasons.items() if self._reports.knows(key)}
 
-    def _tell(self, key: tuple[EventEntry, str], times: int) -> None:
+    def _report(self, key: tuple[EventEntry, str], times: int) -> None:
         event, address = key
-        self._say(event, peer=address, detail=self._reasons[key], times=times)
+        self._log(event, peer=address, detail=self._reasons[key], times=times)

@@ -16,15 +16,15 @@ from gateway.catalogue.tls_events import CERTIFICATES_RENEWED
 from gateway.config.checks.lines import is_loopback
 from gateway.config.files import NamedFileError
 from gateway.config.http_model import HttpSection
-from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketError, SocketPlace
+from gateway.ipc.address import SUPERVISOR_SOCKET_NAME, SocketError, SocketFile
 from gateway.status.model import HttpStatus
 from gateway.supervisor.http.answers import LOCAL, TCP, Limits
 from gateway.supervisor.http.application import ASKING_PATHS, LOCAL_PATHS, PATHS, Served
 from gateway.supervisor.http.documents import Window
 from gateway.supervisor.http.guard import READS, Guard, Rules
-from gateway.supervisor.http.listener import Door, Wanted, wanted_by
-from gateway.supervisor.http.login import LOOK_S, Access, Sessions, Tokens
-from gateway.supervisor.http.refusals import Refusals, site_of
+from gateway.supervisor.http.listener import HttpServer, HttpSettings, http_settings_of
+from gateway.supervisor.http.login import CHECK_EVERY_S, Authenticator, Sessions, Tokens
+from gateway.supervisor.http.refusals import HttpRefusals, site_of
 from gateway.transport.certificates import Endings, now_utc
 from gateway.transport.listener import HandshakesAtOnce, ProtocolListener, Tls, bound
 
@@ -52,16 +52,16 @@ class HttpService:
         self._limits = {"tcp": tcp, "local": local}
         self._handshakes = handshakes
         self._section: HttpSection | None = None
-        self._wanted: Wanted | None = None
+        self._http_settings: HttpSettings | None = None
         self._changed = asyncio.Event()
         self._address: str | None = None
         self._tcp_problem: str | None = None
         self._local_problem: str | None = None
         self._tokens: Tokens | None = None
         self._sessions = Sessions()
-        self._refusals = Refusals(window.say)
+        self._refusals = HttpRefusals(window.log)
         self._now = now
-        self._endings = Endings(lambda event, fields: window.say(event, None, **fields), "http.tls")
+        self._endings = Endings(lambda event, fields: window.log(event, None, **fields), "http.tls")
 
     def configure(self, section: HttpSection, gateway: str, folder: Path) -> None:
         """Serve as the configuration of a gateway says from now on; the same as before changes nothing.
@@ -71,9 +71,9 @@ class HttpService:
         if section is self._section:
             return
         self._section = section
-        wanted = wanted_by(section, gateway, folder)
-        if wanted != self._wanted:
-            self._wanted = wanted
+        http_settings = http_settings_of(section, gateway, folder)
+        if http_settings != self._http_settings:
+            self._http_settings = http_settings
             self._changed.set()
 
     @property
@@ -82,7 +82,7 @@ class HttpService:
         of_tokens = [] if self._tokens is None else self._tokens.problems
         problems = [text for text in (self._tcp_problem, self._local_problem, *of_tokens) if text]
         return HttpStatus(
-            listen="" if self._wanted is None else str(self._wanted.endpoint),
+            listen="" if self._http_settings is None else str(self._http_settings.endpoint),
             address=self._address,
             problem="; ".join(problems) or None,
             certificates=self._endings.status(self._now()),
@@ -93,97 +93,99 @@ class HttpService:
         served = Served(self._window)
         try:
             async with asyncio.TaskGroup() as group:
-                group.create_task(self._keep_local(served))
-                group.create_task(self._keep_tcp(served))
+                group.create_task(self._run_local(served))
+                group.create_task(self._run_tcp(served))
         finally:
             served.close()
 
-    async def _keep_tcp(self, served: Served) -> None:
+    async def _run_tcp(self, served: Served) -> None:
         backoff = Backoff(FIRST_WAIT_S, LONGEST_WAIT_S)
         while True:
-            wanted = self._wanted
+            http_settings = self._http_settings
             self._changed.clear()
-            if wanted is None:
+            if http_settings is None:
                 self._tcp_problem = None
                 self._endings.take(())
                 await self._changed.wait()
                 continue
             try:
-                await self._serve_tcp(served, wanted)
+                await self._serve_tcp(served, http_settings)
                 backoff.reset()
             except (OSError, NamedFileError) as error:
                 why = _reason(error) if isinstance(error, OSError) else str(error)
-                self._tcp_problem = f"{wanted.endpoint}: {why}"
+                self._tcp_problem = f"{http_settings.endpoint}: {why}"
                 if not backoff.failures:
-                    self._not_open(str(wanted.endpoint), self._tcp_problem)
+                    self._not_open(str(http_settings.endpoint), self._tcp_problem)
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(backoff.next_s()):
                         await self._changed.wait()
                 if self._changed.is_set():
                     backoff.reset()
 
-    async def _serve_tcp(self, served: Served, wanted: Wanted) -> None:
+    async def _serve_tcp(self, served: Served, http_settings: HttpSettings) -> None:
         """Serve until something else is wanted.
 
         Raises:
             OSError: it cannot be listened there.
             NamedFileError: a certificate, or its key, cannot be used.
         """
-        host = wanted.endpoint.host
-        context = await asyncio.to_thread(wanted.context)
-        held = await asyncio.to_thread(wanted.held)
-        door = Door(self._limits["tcp"], self._refused)
-        access = self._access(wanted)
+        host = http_settings.endpoint.host
+        context = await asyncio.to_thread(http_settings.context)
+        held = await asyncio.to_thread(http_settings.held)
+        http_server = HttpServer(self._limits["tcp"], self._refused)
+        access = self._access(http_settings)
         methods = READS if access is None else READS | {"POST"}
         there_is = PATHS if access is None else ASKING_PATHS
         rules = Rules(methods, host if is_loopback(host) else None, there_is)
-        door.serve(Guard(served.application(door, there_is, access), rules, access, self._refused))
+        http_server.serve(
+            Guard(served.application(http_server, there_is, access), rules, access, self._refused)
+        )
         tls = None if context is None else Tls(context, self._handshakes, self._refused, site_of)
-        listener = ProtocolListener(door.connection, tls)
-        listener.open(await bound(host, wanted.endpoint.port))
+        listener = ProtocolListener(http_server.connection, tls)
+        listener.open(await bound(host, http_settings.endpoint.port))
         self._tcp_problem = None
         if self._endings.is_other(held):
-            self._window.say(CERTIFICATES_RENEWED, detail="http.tls: the page is served with them")
+            self._window.log(CERTIFICATES_RENEWED, detail="http.tls: the page is served with them")
         self._endings.take(held)
-        watching = [asyncio.create_task(door.watch())]
+        watching = [asyncio.create_task(http_server.watch())]
         watching.append(asyncio.create_task(self._watch()))
         try:
-            self._address = wanted.address
-            self._window.say(HTTP_READY, address=self._address)
+            self._address = http_settings.address
+            self._window.log(HTTP_READY, address=self._address)
             await self._changed.wait()
         finally:
-            await _close(listener, door, *watching)
+            await _close(listener, http_server, *watching)
             self._address = self._tokens = None
 
-    def _access(self, wanted: Wanted) -> Access | None:
+    def _access(self, http_settings: HttpSettings) -> Authenticator | None:
         """Return who may look; None: everybody who gets here."""
-        if not wanted.asks_who:
+        if not http_settings.asks_who:
             return None
-        self._tokens = Tokens(wanted.tokens, wanted.folder, self._token_unusable)
-        return Access(self._tokens, self._sessions, self._refusals, wanted.cookie)
+        self._tokens = Tokens(http_settings.tokens, http_settings.folder, self._token_unusable)
+        return Authenticator(self._tokens, self._sessions, self._refusals, http_settings.cookie)
 
     def _refused(self, peer: str, why: str) -> None:
-        self._refusals.note(HTTP_REFUSED, peer, why, time.monotonic())
+        self._refusals.add(HTTP_REFUSED, peer, why, time.monotonic())
 
     async def _watch(self) -> None:
         """Notice tokens and certificates that cannot be used much longer; tell of refusals held back."""
         while True:
             if self._endings.is_due(now := self._now()):
-                self._endings.tell(now)
-            await asyncio.sleep(LOOK_S)
+                self._endings.report(now)
+            await asyncio.sleep(CHECK_EVERY_S)
             if self._tokens is not None:
-                self._tokens.look()
+                self._tokens.refresh()
             self._refusals.sweep(time.monotonic())
 
     def _token_unusable(self, why: str) -> None:
-        self._window.say(TOKEN_UNUSABLE, detail=f"{why}; nobody gets in by it")
+        self._window.log(TOKEN_UNUSABLE, detail=f"{why}; nobody gets in by it")
 
-    async def _keep_local(self, served: Served) -> None:
+    async def _run_local(self, served: Served) -> None:
         backoff = Backoff(FIRST_WAIT_S, LONGEST_WAIT_S)
         while True:
             try:
-                place = SocketPlace(self._window.state, SUPERVISOR_SOCKET_NAME, lock_name=None)
-                listening = place.take()
+                socket_file = SocketFile(self._window.state, SUPERVISOR_SOCKET_NAME, lock_name=None)
+                listening = socket_file.take()
             except SocketError as error:
                 if self._local_problem != str(error):
                     self._local_problem = str(error)
@@ -194,35 +196,37 @@ class HttpService:
                 try:
                     await self._serve_local(served, listening)
                 finally:
-                    place.leave()
+                    socket_file.leave()
 
     async def _serve_local(self, served: Served, listening: socket.socket) -> None:
         """Serve until cancelled."""
-        door = Door(self._limits["local"])
+        http_server = HttpServer(self._limits["local"])
         rules = Rules(READS | {"POST"}, there_is=LOCAL_PATHS)
-        door.serve(Guard(served.application(door, LOCAL_PATHS), rules))
-        listener = ProtocolListener(door.connection)
+        http_server.serve(Guard(served.application(http_server, LOCAL_PATHS), rules))
+        listener = ProtocolListener(http_server.connection)
         listener.open([listening])
-        watching = asyncio.create_task(door.watch())
+        watching = asyncio.create_task(http_server.watch())
         try:
             await asyncio.get_running_loop().create_future()
         finally:
-            await _close(listener, door, watching)
+            await _close(listener, http_server, watching)
 
     def _not_open(self, where: str, why: str) -> None:
-        self._window.say(
+        self._window.log(
             HTTP_NOT_OPEN,
             listen=where,
             detail=f"{why}; it is tried again, and everything else goes on",
         )
 
 
-async def _close(listener: ProtocolListener, door: Door, *watching: "asyncio.Task[None]") -> None:
+async def _close(
+    listener: ProtocolListener, http_server: HttpServer, *watching: "asyncio.Task[None]"
+) -> None:
     await listener.close()
     for task in watching:
         task.cancel()
     await asyncio.gather(*watching, return_exceptions=True)
-    await door.close()
+    await http_server.close()
 
 
 def _reason(error: OSError) -> str:

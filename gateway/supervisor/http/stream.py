@@ -12,7 +12,7 @@ from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from gateway.status.model import Model
-from gateway.supervisor.feeds import Feeds, Told
+from gateway.supervisor.broadcast import Broadcast, NumberedEvent
 from gateway.supervisor.http.answers import Limits, json_bytes
 
 # --- An answer without an end
@@ -76,7 +76,7 @@ RETRY_MS: Final = 2000
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class StreamOptions:
     """What a reader wants to be told."""
 
     wants_events: bool
@@ -105,28 +105,28 @@ class EventStream:
     An event's id is that of this process and the event's number in it: numbers begin anew with each process.
     """
 
-    def __init__(self, feeds: Feeds, models: Models, limits: Limits) -> None:
-        self._feeds = feeds
+    def __init__(self, broadcast: Broadcast, models: Models, limits: Limits) -> None:
+        self._broadcast = broadcast
         self._models = models
         self._limits = limits
         self._process_id = f"{time.time_ns():x}"
 
-    async def read(self, wish: Wish) -> AsyncGenerator[bytes, None]:
+    async def read(self, options: StreamOptions) -> AsyncGenerator[bytes, None]:
         """Yield what one reader is told, from what happened lately on, until it is closed."""
         status_due_s = time.monotonic()
         heartbeat_due_s = status_due_s + self._limits.heartbeat_s
         model: Model | None = None
-        pace_s = self._limits.status_every_s if wish.wants_status else self._limits.heartbeat_s
-        with self._feeds.wanting(pace_s), self._feeds.open() as feed:
-            yield b"retry: %d\n\n" % RETRY_MS + self._recent(wish)
+        pace_s = self._limits.status_every_s if options.wants_status else self._limits.heartbeat_s
+        with self._broadcast.wanting(pace_s), self._broadcast.open() as feed:
+            yield b"retry: %d\n\n" % RETRY_MS + self._recent(options)
             while True:
                 due_s = heartbeat_due_s if model is None else min(status_due_s, heartbeat_due_s)
                 parts: list[bytes] = []
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout_at(due_s):
                         news = await feed.next()
-                        parts += self._missed(news.dropped, wish) + self._events(news.events, wish)
-                        model = news.model if news.model is not None and wish.wants_status else model
+                        parts += self._missed(news.dropped, options) + self._events(news.events, options)
+                        model = news.model if news.model is not None and options.wants_status else model
                 now_s = time.monotonic()
                 if model is not None and now_s >= status_due_s:
                     parts.append(b"event: status\ndata: %s\n\n" % self._models.encoded(model))
@@ -137,25 +137,25 @@ class EventStream:
                     heartbeat_due_s = now_s + self._limits.heartbeat_s
                     yield b"".join(parts)
 
-    def _recent(self, wish: Wish) -> bytes:
+    def _recent(self, options: StreamOptions) -> bytes:
         """Return the events that came before a reader, or after the last one that it saw."""
-        recent = self._feeds.recent
-        process_id, _, number = wish.last_id.partition("-")
+        recent = self._broadcast.recent
+        process_id, _, number = options.last_id.partition("-")
         if process_id == self._process_id and number.isascii() and number.isdigit() and len(number) < 20:
             last = int(number)
             missed = recent[0].number - last - 1 if recent and last < recent[0].number else 0
-            newer = tuple(told for told in recent if told.number > last)
-            return b"".join((*self._missed(missed, wish), *self._events(newer, wish)))
-        return b"".join(self._events(recent, wish))
+            newer = tuple(event for event in recent if event.number > last)
+            return b"".join((*self._missed(missed, options), *self._events(newer, options)))
+        return b"".join(self._events(recent, options))
 
-    def _events(self, events: tuple[Told, ...], wish: Wish) -> list[bytes]:
-        if not wish.wants_events:
+    def _events(self, events: tuple[NumberedEvent, ...], options: StreamOptions) -> list[bytes]:
+        if not options.wants_events:
             return []
         process_id = self._process_id.encode("ascii")
         return [
-            b"event: event\nid: %s-%d\ndata: %s\n\n" % (process_id, told.number, json_bytes(told.as_data()))
-            for told in events
+            b"event: event\nid: %s-%d\ndata: %s\n\n" % (process_id, event.number, json_bytes(event.as_data()))
+            for event in events
         ]
 
-    def _missed(self, count: int, wish: Wish) -> list[bytes]:
-        return [b'event: missed\ndata: {"events":%d}\n\n' % count] if count and wish.wants_events else []
+    def _missed(self, count: int, options: StreamOptions) -> list[bytes]:
+        return [b'event: missed\ndata: {"events":%d}\n\n' % count] if count and options.wants_events else []

@@ -21,10 +21,10 @@ from gateway.exchange.commands import Disable, Enable, SetGain, Share
 from gateway.ipc.client import NoGatewayError
 from gateway.ipc.messages import Done, Request
 from gateway.limits import bucket_of
-from gateway.supervisor.mqtt.connection import BrokerError, Connection, encode
+from gateway.supervisor.event_log import LogEvent
+from gateway.supervisor.mqtt.connection import BrokerConnection, BrokerError, encode
 from gateway.supervisor.mqtt.interfaces import Orders
 from gateway.supervisor.mqtt.settings import COMMANDS, Topics
-from gateway.supervisor.saying import Say
 from gateway.times import NS_PER_S
 
 LONGEST_PAYLOAD: Final = 4096
@@ -35,7 +35,7 @@ BURST: Final = 10
 PER_S: Final = 1.0
 """So many commands may come at once, and then so many in a second."""
 
-TELL_AFTER_S: Final = 2.0
+REPORT_AFTER_S: Final = 2.0
 """So long after a command that came too soon is told what became of it and of those after it."""
 MANY_WAITING: Final = 64
 """Where so many wait, a command to switch off is not kept twice."""
@@ -87,7 +87,7 @@ _RULES: Final = {
 
 
 @dataclass(slots=True)
-class Answer:
+class CommandResult:
     """What came of a command."""
 
     command: str
@@ -119,9 +119,9 @@ class Answer:
         }
 
 
-async def carry_out(command: str, payload: bytes, orders: Orders) -> Answer:
+async def carry_out(command: str, payload: bytes, orders: Orders) -> CommandResult:
     """Do what a message asks for; what is wrong with it, or with doing it, is in the answer."""
-    answer = Answer(command, shown_payload(payload))
+    answer = CommandResult(command, shown_payload(payload))
     if command not in _FORMS:
         answer.problems = (f"there is no command {command[:LONGEST_SHOWN]}; there are {', '.join(COMMANDS)}",)
         return answer
@@ -144,7 +144,7 @@ async def carry_out(command: str, payload: bytes, orders: Orders) -> Answer:
     return answer
 
 
-async def _do(asked: _Asked, command: str, orders: Orders, answer: Answer) -> None:
+async def _do(asked: _Asked, command: str, orders: Orders, answer: CommandResult) -> None:
     request: Request
     match asked:
         case _Gain():
@@ -188,7 +188,7 @@ def shown_payload(payload: bytes) -> str:
 class _Waiting:
     """A command that came and is not answered yet."""
 
-    connection: Connection
+    connection: BrokerConnection
     message: MQTTMessage
     command: str
     payload: bytes
@@ -198,7 +198,7 @@ class _Waiting:
     """So many before it were not carried out, and no answer has said so."""
     repeated: int = 0
     """So many others it stands for."""
-    answer: Answer | None = None
+    answer: CommandResult | None = None
     """Where it is known before its turn."""
 
     @property
@@ -209,13 +209,13 @@ class _Waiting:
 class Commander:
     """Listens for commands; outlives connections."""
 
-    def __init__(self, topics: Topics, orders: Orders, say: Say) -> None:
+    def __init__(self, topics: Topics, orders: Orders, log: LogEvent) -> None:
         self._waiting: deque[_Waiting | asyncio.Event] = deque()
         """In the order in which they came; an event is set when all before it have been answered."""
         self._has_more = asyncio.Event()
         self._topics = topics
         self._orders = orders
-        self._say = say
+        self._log = log
         self._rate = bucket_of(PER_S, BURST)
         self._missed = 0
         """Commands that came too often, since the last one that was let through."""
@@ -224,7 +224,7 @@ class Commander:
         self._last_of_them = ""
         self._retained_seen: set[str] = set()
 
-    def take(self, connection: Connection, message: MQTTMessage) -> None:
+    def take(self, connection: BrokerConnection, message: MQTTMessage) -> None:
         """Have a command carried out in its turn, or say that it is not. Does not block."""
         command = self._topics.command_in(message.topic)
         if message.retain:
@@ -241,10 +241,10 @@ class Commander:
             self._wait(entry)
         else:
             self._missed += axes is None
-            self._note_too_many(entry.shown)
+            self._count_too_many(entry.shown)
             if axes is None and not entry.missed:  # one answer for all that follow
                 text = f"more than {BURST} at once and {PER_S:g} a second: this and what follows is ignored"
-                entry.answer = Answer(command[:64], None, problems=(text,))
+                entry.answer = CommandResult(command[:64], None, problems=(text,))
                 self._wait(entry)
 
     async def run(self) -> None:
@@ -257,8 +257,8 @@ class Commander:
         finally:
             for each in self._waiting:
                 if isinstance(each, _Waiting) and each.answer is None:
-                    self._note_too_many(each.shown)
-            self._tell_of_too_many()
+                    self._count_too_many(each.shown)
+            self._report_too_many()
 
     async def carry_out_waiting(self) -> None:
         """Carry out and answer what waits, in the order in which it came."""
@@ -297,26 +297,26 @@ class Commander:
                 return each
         return None
 
-    def _note_too_many(self, last: str) -> None:
+    def _count_too_many(self, last: str) -> None:
         """Tell of commands that nobody carries out, and which was the last: it is not what holds."""
         self._too_many += 1
         self._last_of_them = last
         if self._too_many == 1:
-            asyncio.get_running_loop().call_later(TELL_AFTER_S, self._tell_of_too_many)
+            asyncio.get_running_loop().call_later(REPORT_AFTER_S, self._report_too_many)
 
-    def _tell_of_too_many(self) -> None:
+    def _report_too_many(self) -> None:
         count, self._too_many = self._too_many, 0
         if count:  # else the end has told of them
-            self._say(MQTT_COMMANDS_TOO_MANY, count=count, last=self._last_of_them)
+            self._log(MQTT_COMMANDS_TOO_MANY, count=count, last=self._last_of_them)
 
-    async def _answer(self, entry: "_Waiting", answer: Answer) -> None:
+    async def _answer(self, entry: "_Waiting", answer: CommandResult) -> None:
         severity = Severity.INFO if answer.result == "done" else Severity.WARNING
         data = answer.as_data()
         if entry.missed:
             data["ignored_before"] = entry.missed
         if entry.repeated:
             data["repeated"] = entry.repeated
-        self._say(MQTT_COMMAND, severity, **data)
+        self._log(MQTT_COMMAND, severity, **data)
         topic = getattr(entry.message.properties, "ResponseTopic", None)
         if topic is None or not self._may_answer(topic):
             return
@@ -330,10 +330,10 @@ class Commander:
         return bool(topic) and not is_own and not any(sign in topic for sign in "+#\0")
 
     def _ignore_retained(self, command: str, topic: str) -> None:
-        known = command if command in COMMANDS else "other"
-        if known not in self._retained_seen:
-            self._retained_seen.add(known)
-            self._say(
+        counted = command if command in COMMANDS else "other"
+        if counted not in self._retained_seen:
+            self._retained_seen.add(counted)
+            self._log(
                 MQTT_COMMAND_IGNORED,
                 command=command[:64],
                 detail="it was published as retained: it would be obeyed again at every start. Take it away "

@@ -22,7 +22,7 @@ from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 
 from gateway.config.mqtt_model import MqttVersion
-from gateway.supervisor.aside import aside
+from gateway.supervisor.in_thread import in_thread
 from gateway.supervisor.mqtt.settings import Settings
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ class NoAnswerError(BrokerError):
     """The broker was reached and does not answer."""
 
 
-class Connection:
+class BrokerConnection:
     """A connection, on the loop that it was made on.
 
     ``take`` gets it and each message as it comes, and must not block.
@@ -76,7 +76,7 @@ class Connection:
         settings: Settings,
         password: str | None,
         context: ssl.SSLContext | None,
-        take: "Callable[[Connection, MQTTMessage], None]",
+        take: "Callable[[BrokerConnection, MQTTMessage], None]",
     ) -> None:
         self._loop = asyncio.get_running_loop()
         self._settings = settings
@@ -112,7 +112,7 @@ class Connection:
             properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
             properties.MaximumPacketSize = LARGEST_PACKET
         host, port, keepalive_s = self._settings.host, self._settings.port, self._settings.keepalive_s
-        await aside(partial(self._client.connect, host, port, keepalive_s, properties=properties))
+        await in_thread(partial(self._client.connect, host, port, keepalive_s, properties=properties))
         self._serve()
         await self._within(self._accepted)
 
@@ -138,7 +138,7 @@ class Connection:
             properties.CorrelationData = correlation
         await self._answer(self._client.publish(topic, payload, qos, retain, properties).mid)
 
-    async def say_goodbye(self) -> None:
+    async def disconnect(self) -> None:
         """Publish what the will would say, which the broker does not where a client leaves; and leave."""
         with contextlib.suppress(BrokerError, TimeoutError):
             async with asyncio.timeout(GOODBYE_S):
@@ -213,8 +213,8 @@ class Connection:
     def _on_disconnect(
         self, _client: Client, _data: object, flags: DisconnectFlags, reason: ReasonCode, *_: object
     ) -> None:
-        is_told = self._accepted.done() or flags.is_disconnect_packet_from_server
-        self._end(BrokerError(reason) if is_told else NoAnswerError())
+        has_reason = self._accepted.done() or flags.is_disconnect_packet_from_server
+        self._end(BrokerError(reason) if has_reason else NoAnswerError())
 
     def _end(self, error: BrokerError) -> None:
         if not self.lost.done():
@@ -241,8 +241,8 @@ class Connection:
 
 @contextlib.asynccontextmanager
 async def connected(
-    settings: Settings, take: Callable[[Connection, MQTTMessage], None]
-) -> AsyncIterator[Connection]:
+    settings: Settings, take: Callable[[BrokerConnection, MQTTMessage], None]
+) -> AsyncIterator[BrokerConnection]:
     """Yield a connection; who is cancelled meanwhile says goodbye, as far as the broker listens.
 
     Raises:
@@ -252,13 +252,13 @@ async def connected(
     """
     password = await asyncio.to_thread(settings.password)
     context = await asyncio.to_thread(settings.tls_context)
-    connection = Connection(settings, password, context, take)
+    connection = BrokerConnection(settings, password, context, take)
     try:
         await connection.open()
         try:
             yield connection
         except asyncio.CancelledError:
-            await connection.say_goodbye()
+            await connection.disconnect()
             raise
     finally:
         connection.close()

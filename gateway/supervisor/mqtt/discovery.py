@@ -21,13 +21,13 @@ from gateway.status.axis import TermsStatus
 from gateway.status.model import Model
 from gateway.supervisor.mqtt.interfaces import Payload
 from gateway.supervisor.mqtt.settings import Settings
-from gateway.supervisor.verdict import State
+from gateway.supervisor.verdict import Health
 
 MAKER: Final = "pitch-gateway"
 QUIET_INTERVALS: Final = 5
 SHORTEST_EXPIRY_S: Final = 15
 TABLE: Final = ("active", "waiting", "rejected", "removed", "none")
-VERDICTS: Final = tuple(state.value for state in State)
+VERDICTS: Final = tuple(state.value for state in Health)
 UNITS: Final = {"mm": "mm", "inch": "in", "degree": "°"}
 """As Home Assistant writes them; the first two are units of its class ``distance``."""
 
@@ -269,9 +269,9 @@ def _term_components(settings: Settings, name: str, units: str, terms: TermsStat
     return found
 
 
-def _at(place: str, entity: Mapping[str, Any]) -> dict[str, Any]:
+def _at(value_path: str, entity: Mapping[str, Any]) -> dict[str, Any]:
     """Return an entity whose value stands somewhere in the terms."""
-    return {**entity, "value_template": f"{{{{ value_json.terms.{place} }}}}"}
+    return {**entity, "value_template": f"{{{{ value_json.terms.{value_path} }}}}"}
 
 
 def _about(model: Model) -> dict[str, Any]:

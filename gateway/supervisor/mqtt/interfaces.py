@@ -8,8 +8,8 @@ from typing import Any, Protocol
 from gateway.broadcast import NewestQueue
 from gateway.ipc.messages import Reply, Request
 from gateway.status.model import Model
-from gateway.supervisor.feeds import EVENTS_KEPT, Feed, News, Told
-from gateway.supervisor.outcome import Outcome
+from gateway.supervisor.broadcast import EVENTS_KEPT, Feed, News, NumberedEvent
+from gateway.supervisor.outcome import ReloadOutcome
 
 Payload = Mapping[str, Any]
 """What becomes one message."""
@@ -19,13 +19,13 @@ Payload = Mapping[str, Any]
 class Orders:
     """What commands are carried out with."""
 
-    reload: Callable[[], Awaitable[Outcome]]
+    reload: Callable[[], Awaitable[ReloadOutcome]]
     """Read configuration and tables anew."""
     ask: Callable[[Request], Reply]
     """Ask the relay; blocks. Raises NoGatewayError."""
 
 
-class Hear(Protocol):
+class OnMessage(Protocol):
     """Takes a message of a sensor; does not block."""
 
     def __call__(self, topic: str, payload: bytes, *, is_retained: bool) -> None:
@@ -33,11 +33,11 @@ class Hear(Protocol):
         ...
 
 
-def hear_nothing(topic: str, payload: bytes, *, is_retained: bool) -> None:
+def ignore_message(topic: str, payload: bytes, *, is_retained: bool) -> None:
     """Take a message and forget it."""
 
 
-class Outbox:
+class PublishQueue:
     """Bounded: of the status only the newest waits, of events the newest :data:`EVENTS_KEPT`."""
 
     def __init__(self) -> None:
@@ -45,7 +45,7 @@ class Outbox:
         """The newest status model."""
         self.dropped = 0
         """Events that were not published, because the broker was away or slow for too long."""
-        self._events: NewestQueue[Told] = NewestQueue(EVENTS_KEPT)
+        self._events: NewestQueue[NumberedEvent] = NewestQueue(EVENTS_KEPT)
         self._is_there = asyncio.Event()
 
     def take(self, news: News) -> None:
@@ -62,11 +62,11 @@ class Outbox:
             self.take(await feed.next())
 
     @property
-    def event(self) -> Told | None:
+    def event(self) -> NumberedEvent | None:
         """The oldest event that waits."""
         return self._events.items[0] if self._events.items else None
 
-    def done_with(self, event: Told) -> None:
+    def done_with(self, event: NumberedEvent) -> None:
         """Note that an event has been published; it may have been dropped meanwhile."""
         if self._events.items and self._events.items[0] is event:
             self._events.items.popleft()

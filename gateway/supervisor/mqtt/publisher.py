@@ -10,13 +10,13 @@ from paho.mqtt.client import MQTTMessage
 from gateway.backoff import Backoff
 from gateway.catalogue.publishing_events import MQTT_COMMANDS_NOT_HEARD, MQTT_CONNECTED, MQTT_LOST
 from gateway.status.model import MqttStatus
+from gateway.supervisor.event_log import LogEvent
 from gateway.supervisor.mqtt.commands import Commander
-from gateway.supervisor.mqtt.connection import Connection, connected
-from gateway.supervisor.mqtt.interfaces import Hear, Orders, Outbox
-from gateway.supervisor.mqtt.reasons import is_cut, taken_over, why
-from gateway.supervisor.mqtt.sending import RETAINED_NAME, Ledger, Sender, Tally
+from gateway.supervisor.mqtt.connection import BrokerConnection, connected
+from gateway.supervisor.mqtt.interfaces import OnMessage, Orders, PublishQueue
+from gateway.supervisor.mqtt.reasons import may_be_taken_over, taken_over, why
+from gateway.supervisor.mqtt.sending import RETAINED_NAME, PublishCounter, PublishedTopics, Sender
 from gateway.supervisor.mqtt.settings import Settings
-from gateway.supervisor.saying import Say
 
 FIRST_WAIT_S: Final = 1.0
 LONGEST_WAIT_S: Final = 60.0
@@ -32,15 +32,22 @@ class Publisher:
     """Publishes what is in ``outbox``, as ``settings`` say; for :class:`MqttService`."""
 
     def __init__(
-        self, settings: Settings, outbox: Outbox, say: Say, orders: Orders, *, state: Path, hear: Hear
+        self,
+        settings: Settings,
+        outbox: PublishQueue,
+        log: LogEvent,
+        orders: Orders,
+        *,
+        state: Path,
+        on_message: OnMessage,
     ) -> None:
         self._settings = settings
         self._outbox = outbox
-        self._say = say
+        self._log = log
         self._state = state
-        self._hear = hear
-        self._commander = Commander(settings.topics, orders, say)
-        self._tally = Tally()
+        self._on_message = on_message
+        self._commander = Commander(settings.topics, orders, log)
+        self._counter = PublishCounter()
         self._connects = 0
         self._is_connected = False
         self._problem: str | None = None
@@ -54,16 +61,16 @@ class Publisher:
             state="connected" if self._is_connected else "connecting",
             broker=self._settings.broker,
             connects=self._connects,
-            published=self._tally.published,
+            published=self._counter.published,
             dropped_events=self._outbox.dropped,
         )
 
     async def run(self) -> None:
         """Publish until cancelled; the broker is told that this is the end, if it listens."""
-        ledger = await asyncio.to_thread(Ledger, self._state / RETAINED_NAME)
+        ledger = await asyncio.to_thread(PublishedTopics, self._state / RETAINED_NAME)
         working = asyncio.create_task(self._commander.run())
         try:
-            await self._keep_connected(ledger)
+            await self._run_connections(ledger)
         finally:
             working.cancel()
             await asyncio.wait((working,))
@@ -72,7 +79,7 @@ class Publisher:
         """Wait until the commands that have come so far have been answered."""
         await self._commander.finish()
 
-    async def _keep_connected(self, ledger: Ledger) -> None:
+    async def _run_connections(self, ledger: PublishedTopics) -> None:
         backoff = Backoff(FIRST_WAIT_S, LONGEST_WAIT_S, spread=SPREAD)
         while True:
             began_s = time.monotonic()
@@ -81,7 +88,7 @@ class Publisher:
                 await self._connection(ledger)
             except Exception as error:  # noqa: BLE001 - tables and page go on, whatever a library comes up with
                 reason = why(error, self._settings)
-                self._short += self._is_connected and is_cut(reason, self._settings)
+                self._short += self._is_connected and may_be_taken_over(reason, self._settings)
                 self._lose(taken_over(self._settings) if self._is_taken_over else reason)
             finally:
                 steady.cancel()
@@ -98,7 +105,7 @@ class Publisher:
         if self._is_connected:
             self._short = 0
 
-    async def _connection(self, ledger: Ledger) -> None:
+    async def _connection(self, ledger: PublishedTopics) -> None:
         """Connect and publish; it ends with an exception, because connections do."""
         async with connected(self._settings, self._take) as connection:
             self._reach(await self._subscribe(connection))
@@ -107,11 +114,11 @@ class Publisher:
                 self._settings,
                 outbox=self._outbox,
                 ledger=ledger,
-                tally=self._tally,
-                say=self._say,
+                counter=self._counter,
+                log=self._log,
             ).run()
 
-    async def _subscribe(self, connection: Connection) -> str | None:
+    async def _subscribe(self, connection: BrokerConnection) -> str | None:
         """Ask for commands and temperatures; returns what the broker does not grant."""
         problem = None
         commands = [(self._settings.topics.commands, 1)] if self._settings.allows_commands else []
@@ -120,10 +127,10 @@ class Publisher:
                 problem = f"the broker does not let the gateway read {', '.join(denied)}: allow it in its ACL"
         return problem
 
-    def _take(self, connection: Connection, message: MQTTMessage) -> None:
+    def _take(self, connection: BrokerConnection, message: MQTTMessage) -> None:
         """Take a command or a temperature, as it comes."""
         if message.topic in self._settings.sensors:
-            self._hear(message.topic, bytes(message.payload), is_retained=message.retain)
+            self._on_message(message.topic, bytes(message.payload), is_retained=message.retain)
         else:
             self._commander.take(connection, message)
 
@@ -131,13 +138,13 @@ class Publisher:
         self._connects += 1
         self._is_connected = True
         self._problem = problem
-        self._say(MQTT_CONNECTED, broker=self._settings.broker, version=self._settings.version.value)
+        self._log(MQTT_CONNECTED, broker=self._settings.broker, version=self._settings.version.value)
         if problem is not None:
-            self._say(MQTT_COMMANDS_NOT_HEARD, detail=problem)
+            self._log(MQTT_COMMANDS_NOT_HEARD, detail=problem)
 
     def _lose(self, reason: str) -> None:
         """Say it once for each reason, not with every attempt."""
         was_connected, self._is_connected = self._is_connected, False
         is_news, self._problem = was_connected or reason != self._problem, reason
         if is_news:  # and the status says it already
-            self._say(MQTT_LOST, broker=self._settings.broker, detail=reason)
+            self._log(MQTT_LOST, broker=self._settings.broker, detail=reason)

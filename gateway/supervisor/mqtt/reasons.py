@@ -41,7 +41,7 @@ def taken_over(settings: Settings) -> str:
     )
 
 
-def is_cut(reason: str, settings: Settings) -> bool:
+def may_be_taken_over(reason: str, settings: Settings) -> bool:
     """Whether a reason is one that a broker gives, or leaves open, where another client takes our place."""
     taken = _REFUSED["Session taken over"].format(client_id=settings.client_id)
     return reason in (taken, _LOST.format(broker=settings.broker, client_id=settings.client_id))

@@ -18,12 +18,12 @@ from gateway.catalogue.publishing_events import MQTT_TOPICS_NOT_NOTED
 from gateway.files import FileRefusedError, read_regular_file
 from gateway.state.folder import write_whole
 from gateway.status.model import Model
-from gateway.supervisor.mqtt.connection import ONLINE, Connection, encode
+from gateway.supervisor.active_alarms import is_fresh
+from gateway.supervisor.event_log import LogEvent
+from gateway.supervisor.mqtt.connection import ONLINE, BrokerConnection, encode
 from gateway.supervisor.mqtt.discovery import discovery_messages
-from gateway.supervisor.mqtt.interfaces import Outbox, Payload
+from gateway.supervisor.mqtt.interfaces import Payload, PublishQueue
 from gateway.supervisor.mqtt.settings import Settings, Topics
-from gateway.supervisor.saying import Say
-from gateway.supervisor.trouble import is_fresh
 
 WORDS_EVERY_S: Final = 10.0
 """So often at most a trouble is told anew of which only the words have changed."""
@@ -71,16 +71,16 @@ def moving_topics(topics: Topics, model: Model) -> dict[str, tuple[str, str]]:
     return lines | {topics.axis(name): ("axes", name) for name in model.axes}
 
 
-def moving_message(model: Model, place: tuple[str, str]) -> Payload | None:
+def moving_message(model: Model, part: tuple[str, str]) -> Payload | None:
     """Return a line or an axis, None where there is nothing to say about it now."""
-    section, name = place
+    section, name = part
     parts = model.lines if section == "lines" else model.axes
     if not is_fresh(model) or name not in parts:
         return None
     return {key: each for key, each in to_builtins(parts[name]).items() if key != "table"}
 
 
-class Ledger:
+class PublishedTopics:
     """The topics that were published retained, on disk. It blocks; one thread at a time."""
 
     def __init__(self, path: Path) -> None:
@@ -88,16 +88,16 @@ class Ledger:
         self.topics = self._read()
         """What the broker may hold, as far as it was noted."""
 
-    def note(self, topics: Iterable[str]) -> None:
+    def save(self, topics: Iterable[str]) -> None:
         """Note exactly these.
 
         Raises:
             OSError: it cannot be written; what was noted before is still there.
         """
-        wanted = frozenset(topics)
-        if wanted != self.topics:
-            self.topics = wanted
-            write_whole(self._path, msgspec.json.encode(sorted(wanted)))
+        new_topics = frozenset(topics)
+        if new_topics != self.topics:
+            self.topics = new_topics
+            write_whole(self._path, msgspec.json.encode(sorted(new_topics)))
 
     def _read(self) -> frozenset[str]:
         with contextlib.suppress(FileRefusedError, msgspec.MsgspecError, UnicodeDecodeError):
@@ -106,7 +106,7 @@ class Ledger:
         return frozenset()
 
 
-class Tally:
+class PublishCounter:
     """What has been published since the start."""
 
     def __init__(self) -> None:
@@ -118,22 +118,22 @@ class Sender:
 
     def __init__(
         self,
-        connection: Connection,
+        connection: BrokerConnection,
         settings: Settings,
         *,
-        outbox: Outbox,
-        ledger: Ledger,
-        tally: Tally,
-        say: Say,
+        outbox: PublishQueue,
+        ledger: PublishedTopics,
+        counter: PublishCounter,
+        log: LogEvent,
     ) -> None:
         self._connection = connection
         self._settings = settings
         self._outbox = outbox
         self._ledger = ledger
-        self._tally = tally
-        self._say = say
-        self._told: dict[str, Payload] = {}
-        self._told_s: dict[str, float] = {}
+        self._counter = counter
+        self._log = log
+        self._sent: dict[str, Payload] = {}
+        self._sent_s: dict[str, float] = {}
 
     async def run(self) -> None:
         """Publish until the connection is lost, which raises BrokerError."""
@@ -158,50 +158,50 @@ class Sender:
             self._outbox.done_with(event)
 
     async def _send_retained(self, model: Model) -> None:
-        wanted = {**retained_messages(self._settings, model), **discovery_messages(self._settings, model)}
-        kept = {self._settings.topics.availability, *wanted}
+        messages = {**retained_messages(self._settings, model), **discovery_messages(self._settings, model)}
+        kept = {self._settings.topics.availability, *messages}
         # As long as the relay has not said which axes there are, none of them is gone.
-        gone = self._ledger.topics.union(self._told) - kept if is_known(model) else frozenset()
-        await self._note(self._ledger.topics.union(kept))
-        for topic, payload in wanted.items():
+        gone = self._ledger.topics.union(self._sent) - kept if is_known(model) else frozenset()
+        await self._save(self._ledger.topics.union(kept))
+        for topic, payload in messages.items():
             if self._is_news(topic, payload):
                 await self._publish(topic, encode(payload), qos=1, retain=True)
-                self._told[topic] = payload
-                self._told_s[topic] = time.monotonic()
+                self._sent[topic] = payload
+                self._sent_s[topic] = time.monotonic()
         if gone:
             await self._take_away(gone)
 
     def _is_news(self, topic: str, payload: Payload) -> bool:
         """Whether a retained message is worth another: words that tell how long something lasts can wait."""
-        told = self._told.get(topic)
-        if told is None or told == payload:
-            return told is None
-        is_only_words = without_words(told) == without_words(payload)
-        return not is_only_words or time.monotonic() - self._told_s[topic] >= WORDS_EVERY_S
+        sent = self._sent.get(topic)
+        if sent is None or sent == payload:
+            return sent is None
+        is_only_words = without_words(sent) == without_words(payload)
+        return not is_only_words or time.monotonic() - self._sent_s[topic] >= WORDS_EVERY_S
 
     async def _take_away(self, gone: frozenset[str]) -> None:
         # Noted first: a broker that ends the connection over a topic that is not ours is asked once only.
-        await self._note(self._ledger.topics - gone)
+        await self._save(self._ledger.topics - gone)
         for topic in sorted(gone):
-            self._told.pop(topic, None)
+            self._sent.pop(topic, None)
             await self._publish(topic, NOTHING, qos=1, retain=True)
 
-    async def _note(self, topics: frozenset[str]) -> None:
+    async def _save(self, topics: frozenset[str]) -> None:
         if topics == self._ledger.topics:
             return
         try:
-            await asyncio.to_thread(self._ledger.note, topics)
+            await asyncio.to_thread(self._ledger.save, topics)
         except OSError as error:
             detail = f"{error}; should an axis be taken away, its retained messages stay at the broker"
-            self._say(MQTT_TOPICS_NOT_NOTED, detail=detail)
+            self._log(MQTT_TOPICS_NOT_NOTED, detail=detail)
 
     async def _send_moving(self, model: Model) -> None:
-        for topic, place in moving_topics(self._settings.topics, model).items():
+        for topic, part in moving_topics(self._settings.topics, model).items():
             # Looked up here, not before the loop: a slow broker gets what is so when it is its turn.
             newest = self._outbox.model
-            if newest is not None and (payload := moving_message(newest, place)) is not None:
+            if newest is not None and (payload := moving_message(newest, part)) is not None:
                 await self._publish(topic, encode(payload))
 
     async def _publish(self, topic: str, payload: bytes, *, qos: int = 0, retain: bool = False) -> None:
         await self._connection.publish(topic, payload, qos=qos, retain=retain)
-        self._tally.published += 1
+        self._counter.published += 1

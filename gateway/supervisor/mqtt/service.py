@@ -5,39 +5,45 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.status.model import MqttStatus
-from gateway.supervisor.feeds import Feeds
-from gateway.supervisor.mqtt.interfaces import Hear, Orders, Outbox, hear_nothing
+from gateway.supervisor.broadcast import Broadcast
+from gateway.supervisor.event_log import LogEvent
+from gateway.supervisor.mqtt.interfaces import OnMessage, Orders, PublishQueue, ignore_message
 from gateway.supervisor.mqtt.settings import Settings
-from gateway.supervisor.saying import Say
 
 if TYPE_CHECKING:
     from gateway.supervisor.mqtt.publisher import Publisher
 
 
 class MqttService:
-    """Publishes what ``feeds`` has.
+    """Publishes what ``broadcast`` has.
 
     ``orders`` carry out what is commanded, where that is allowed; ``state`` is the folder to note topics in;
-    ``hear`` gets what comes from sensors.
+    ``on_message`` gets what comes from sensors.
     """
 
     def __init__(
-        self, feeds: Feeds, say: Say, orders: Orders, state: Path, *, hear: Hear = hear_nothing
+        self,
+        broadcast: Broadcast,
+        log: LogEvent,
+        orders: Orders,
+        state: Path,
+        *,
+        on_message: OnMessage = ignore_message,
     ) -> None:
         self.publisher: Publisher | None = None
         """Who publishes now, if anybody does."""
-        self._feeds = feeds
-        self._say = say
+        self._broadcast = broadcast
+        self._log = log
         self._orders = orders
         self._state = state
-        self._hear = hear
-        self._wanted: Settings | None = None
+        self._on_message = on_message
+        self._settings: Settings | None = None
         self._is_changed = asyncio.Event()
 
     def follow(self, settings: Settings | None) -> None:
         """Publish as these say from now on; None: not at all. What has not changed changes nothing."""
-        if settings != self._wanted:
-            self._wanted = settings
+        if settings != self._settings:
+            self._settings = settings
             self._is_changed.set()
 
     def status(self) -> MqttStatus:
@@ -47,7 +53,7 @@ class MqttService:
     async def run(self) -> None:
         """Run until cancelled; a broker that listens is told of the end."""
         while True:
-            if self._wanted is None:
+            if self._settings is None:
                 await self._is_changed.wait()
             else:
                 await self._publish_until_none()
@@ -55,30 +61,30 @@ class MqttService:
 
     async def _publish_until_none(self) -> None:
         # It outlives a change of settings: the answer to the reload that made it waits in there.
-        outbox = Outbox()
-        with self._feeds.open() as feed:
+        outbox = PublishQueue()
+        with self._broadcast.open() as feed:
             collecting = asyncio.create_task(outbox.collect(feed))
             try:
-                while self._wanted is not None:
+                while self._settings is not None:
                     self._is_changed.clear()
-                    await self._publish(self._wanted, outbox)
+                    await self._publish(self._settings, outbox)
             finally:
                 self.publisher = None
                 collecting.cancel()
 
-    async def _publish(self, settings: Settings, outbox: Outbox) -> None:
+    async def _publish(self, settings: Settings, outbox: PublishQueue) -> None:
         """Publish until there are other settings."""
         # It loads the library, which a gateway without a broker does without. Where that cannot be loaded the
         # supervisor ends here, as soon as a configuration asks for it.
         from gateway.supervisor.mqtt.publisher import Publisher
 
         self.publisher = Publisher(
-            settings, outbox, self._say, self._orders, state=self._state, hear=self._hear
+            settings, outbox, self._log, self._orders, state=self._state, on_message=self._on_message
         )
         publishing = asyncio.create_task(self.publisher.run())
         changing = asyncio.create_task(self._is_changed.wait())
         try:
-            with self._feeds.wanting(settings.interval_s):
+            with self._broadcast.wanting(settings.interval_s):
                 await asyncio.wait((publishing, changing), return_when=asyncio.FIRST_COMPLETED)
             if publishing.done():
                 publishing.result()  # a bug: it ends only when it is told to

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.config.http_model import HttpSection, HttpTlsSection, TokenSection
-from gateway.supervisor.acknowledged import Acknowledgement
+from gateway.supervisor.acknowledged import AlarmAcknowledgement
 from gateway.supervisor.http.answers import TCP, Limits
 from gateway.transport.certificates import now_utc
 from gateway.transport.listener import HandshakesAtOnce
@@ -137,13 +137,13 @@ async def asking(
     tcp: Limits = TCP,
     handshakes: HandshakesAtOnce = HandshakesAtOnce(),  # noqa: B008
     now: Callable[[], datetime] = now_utc,
-    acknowledge: Callable[[str, str, str, str], Acknowledgement | None] | None = None,
+    acknowledge: Callable[[str, str, str, str], AlarmAcknowledgement | None] | None = None,
 ) -> AsyncIterator[Asking]:
     """A service that asks, with one token, ``people``; over TLS where there are certificates."""
     write_token(folder, TOKEN)
     seen = acknowledge or (lambda *_: None)
     async with serving(folder, tcp=tcp, handshakes=handshakes, now=now, acknowledge=seen) as served:
-        served.feeds.publish(model_of(model()))
+        served.broadcast.publish(model_of(model()))
         before = len(served.said)
         may = acknowledge is not None
         wanted = section(served.port, certificates, tokens=tokens, clients=clients, may_acknowledge=may)

@@ -6,7 +6,7 @@ from prometheus_client.metrics_core import Metric
 from prometheus_client.openmetrics.parser import text_string_to_metric_families as parse_openmetrics
 from prometheus_client.parser import text_string_to_metric_families as parse_text
 
-from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.broadcast import Broadcast
 from gateway.supervisor.http.metrics import Metrics
 from tests.status_models import model_of
 
@@ -14,10 +14,10 @@ Samples = dict[tuple[str, tuple[tuple[str, str], ...]], float]
 
 
 def families(newest: dict[str, Any] | None, accept: str = "") -> list[Metric]:
-    feeds = Feeds()
+    broadcast = Broadcast()
     if newest is not None:
-        feeds.publish(model_of(newest))
-    body, media_type = Metrics(feeds).page(accept)
+        broadcast.publish(model_of(newest))
+    body, media_type = Metrics(broadcast).page(accept)
     parse = parse_openmetrics if "openmetrics" in media_type else parse_text
     return list(parse(body.decode()))
 

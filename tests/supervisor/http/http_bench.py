@@ -13,17 +13,17 @@ from gateway.catalogue.entry import EventEntry, Severity
 from gateway.compensation.settings import AxisSettings
 from gateway.compensation.table import CorrectionTable
 from gateway.config.http_model import HttpSection
-from gateway.ipc.place import SUPERVISOR_SOCKET_NAME
+from gateway.ipc.address import SUPERVISOR_SOCKET_NAME
 from gateway.state.folder import write_whole
 from gateway.state.tables import compiled, digest_of, table_path
 from gateway.status.model import GatewayStatus, Model
-from gateway.supervisor.acknowledged import Acknowledgement
-from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.acknowledged import AlarmAcknowledgement
+from gateway.supervisor.broadcast import Broadcast
 from gateway.supervisor.http.answers import LOCAL, TCP, Limits
 from gateway.supervisor.http.documents import Window
 from gateway.supervisor.http.service import HttpService
 from gateway.supervisor.model import whole_model
-from gateway.supervisor.outcome import Outcome
+from gateway.supervisor.outcome import ReloadOutcome
 from gateway.supervisor.past import Noted
 from gateway.transport.certificates import now_utc
 from gateway.transport.listener import HandshakesAtOnce
@@ -262,7 +262,7 @@ class Served:
     """A service that runs, with everything it said."""
 
     service: HttpService
-    feeds: Feeds
+    broadcast: Broadcast
     port: int
     state: Path
     said: list[tuple[str, dict[str, object]]] = field(default_factory=list)
@@ -307,32 +307,32 @@ async def until(condition: Callable[[], bool]) -> None:
 async def serving(
     state: Path,
     *,
-    feeds: Feeds | None = None,
+    broadcast: Broadcast | None = None,
     tcp: Limits = TCP,
     local: Limits = LOCAL,
     handshakes: HandshakesAtOnce = HandshakesAtOnce(),  # noqa: B008
     settings: AxisSettings | None = None,
-    outcome: Outcome | None = None,
+    outcome: ReloadOutcome | None = None,
     now: Callable[[], datetime] = now_utc,
-    acknowledge: Callable[[str, str, str, str], Acknowledgement | None] = lambda *_: None,
+    acknowledge: Callable[[str, str, str, str], AlarmAcknowledgement | None] = lambda *_: None,
     history: Callable[[str, float], Awaitable[Sequence[Noted] | None]] | None = None,
 ) -> AsyncIterator[Served]:
     """A service that is open on both of its listeners."""
-    feeds = Feeds() if feeds is None else feeds
+    broadcast = Broadcast() if broadcast is None else broadcast
     port = free_port()
 
-    async def reload() -> Outcome:
+    async def reload() -> ReloadOutcome:
         served.reloads += 1
-        return outcome or Outcome()
+        return outcome or ReloadOutcome()
 
     def say(event: EventEntry, severity: Severity | None = None, **fields: object) -> None:
         served.said.append((event.name, fields))
 
-    window = Window(feeds, state, lambda axis: settings, reload, say, acknowledge=acknowledge)
+    window = Window(broadcast, state, lambda axis: settings, reload, say, acknowledge=acknowledge)
     if history is not None:
         window = replace(window, history=history)
     service = HttpService(window, tcp, local, handshakes, now=now)
-    served = Served(service, feeds, port, state)
+    served = Served(service, broadcast, port, state)
     service.configure(HttpSection(listen=f"127.0.0.1:{port}"), "mill-1", Path())
     running = asyncio.create_task(service.run())
     try:

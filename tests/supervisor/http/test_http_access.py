@@ -73,7 +73,7 @@ async def test_strangers_see_the_page_that_asks_and_whether_all_is_well(tmp_path
             assert (await visitor.ask(f"/page/{name}")).status == 200
         well = await visitor.ask("/healthz")
         assert (well.status, well.body) == (200, b"ok\n")
-        visitor.served.feeds.publish(model_of({"gateway": {"relay": "up", "snapshot_age_s": None}}))
+        visitor.served.broadcast.publish(model_of({"gateway": {"relay": "up", "snapshot_age_s": None}}))
         ill = await visitor.ask("/healthz")
         assert (ill.status, ill.data) == (503, {"problem": "not well; whoever shows a token is told why"})
         assert "problems" in (await visitor.ask("/healthz", bearer(TOKEN))).data

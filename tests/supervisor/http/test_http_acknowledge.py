@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from gateway.catalogue.troubles import DRIVE_SILENT
+from gateway.catalogue.alarms import DRIVE_SILENT
 from gateway.status.model import AcknowledgedBy
-from gateway.supervisor.acknowledged import Acknowledgement
-from gateway.supervisor.chronicle import Chronicle
-from gateway.supervisor.trouble import Trouble
+from gateway.supervisor.acknowledged import AlarmAcknowledgement
+from gateway.supervisor.active_alarms import Alarm
+from gateway.supervisor.recent_history import RecentHistory
 from tests.supervisor.http.doors import TOKEN, WRONG, Asking, asking, bearer, make_certificates
 from tests.supervisor.http.http_bench import Answer
 
@@ -24,16 +24,16 @@ class Alarms:
     """One drive that has been silent for 12 s at noon."""
 
     def __init__(self) -> None:
-        self.chronicle = Chronicle()
-        self.silent = Trouble(DRIVE_SILENT, ("xyz", "1"), "axis x", "silent", ("x",), 12.0)
-        self.chronicle.stamp([self.silent], NOON)
+        self.recent = RecentHistory()
+        self.silent = Alarm(DRIVE_SILENT, ("xyz", "1"), "axis x", "silent", ("x",), 12.0)
+        self.recent.stamp([self.silent], NOON)
 
-    def acknowledge(self, kind: str, where: str, since: str, by: str) -> Acknowledgement | None:
-        return self.chronicle.acknowledge(kind, where, since, by, NOON)
+    def acknowledge(self, kind: str, where: str, since: str, by: str) -> AlarmAcknowledgement | None:
+        return self.recent.acknowledge(kind, where, since, by, NOON)
 
     @property
     def seen(self) -> object:
-        [told] = self.chronicle.stamp([self.silent], NOON)
+        [told] = self.recent.stamp([self.silent], NOON)
         return told.acknowledged
 
 

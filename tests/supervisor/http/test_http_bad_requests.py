@@ -44,7 +44,7 @@ BAD_PATHS = [
 @pytest.mark.parametrize(("target", "status"), BAD_PATHS, ids=[target[:40] for target, _ in BAD_PATHS])
 async def test_a_bad_path_is_answered_and_nothing_more(tmp_path: Path, target: str, status: int) -> None:
     async with serving(tmp_path) as served:
-        served.feeds.publish(model_of(model()))
+        served.broadcast.publish(model_of(model()))
         answer = await served.ask(target)
         # A head that comes in one piece is whole, however long: then its target is what is too long.
         assert answer.status in ({status, 414} if status == 431 else {status})
@@ -158,7 +158,7 @@ async def test_a_name_that_somebody_bent_to_this_machine_is_refused(
     tmp_path: Path, host: str, status: int
 ) -> None:
     async with serving(tmp_path) as served:
-        served.feeds.publish(model_of(model()))
+        served.broadcast.publish(model_of(model()))
         assert (await served.ask("/status", host=host)).status == status
         # Whoever is on this machine calls its socket what he likes.
         assert (await served.ask("/status", host=host, is_local=True)).status == 200
@@ -189,7 +189,7 @@ async def test_programs_that_name_nobody_may_ask_whether_all_is_well(
     tmp_path: Path, head: str, status: int
 ) -> None:
     async with serving(tmp_path) as served:
-        served.feeds.publish(model_of(model()))
+        served.broadcast.publish(model_of(model()))
         line = await served.connect()
         await line.say(f"{head}\r\n\r\n")
         assert (await line.rest()).split(b" ", 2)[1] == str(status).encode()
@@ -198,7 +198,7 @@ async def test_programs_that_name_nobody_may_ask_whether_all_is_well(
 async def test_a_request_that_never_becomes_whole_is_dropped(tmp_path: Path) -> None:
     limits = Limits(whole_request_s=0.2, sweep_s=0.01)
     async with serving(tmp_path, tcp=limits) as served:
-        served.feeds.publish(model_of(model()))
+        served.broadcast.publish(model_of(model()))
         silent, slow, body, second = [await served.connect() for _ in range(4)]
         await slow.say("GET /status HTTP/1.1\r\n")
         await body.say("GET /status HTTP/1.1\r\nHost: localhost\r\nContent-Length: 10\r\n\r\nabc")
@@ -222,7 +222,7 @@ async def test_a_reader_of_events_is_not_asked_for_another_request(tmp_path: Pat
 
 async def test_an_idle_connection_is_closed_after_a_while(tmp_path: Path) -> None:
     async with serving(tmp_path, tcp=Limits(keep_alive_s=1)) as served:
-        served.feeds.publish(model_of(model()))
+        served.broadcast.publish(model_of(model()))
         line = await served.connect()
         for _ in range(2):
             await line.say("GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n")
@@ -242,7 +242,7 @@ def many_files() -> Iterator[None]:
 @pytest.mark.usefixtures("many_files")
 async def test_a_thousand_idle_connections_keep_nobody_out(tmp_path: Path) -> None:
     async with serving(tmp_path) as served:
-        served.feeds.publish(model_of(model()))
+        served.broadcast.publish(model_of(model()))
         reader = await served.connect()
         await reader.say("GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
         await reader.until(b"event: status\n")
@@ -255,13 +255,13 @@ async def test_a_thousand_idle_connections_keep_nobody_out(tmp_path: Path) -> No
         await idle[999].say("GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n")
         assert (await idle[999].hear()).status == 200
         await reader.until(b"\n\n")
-        served.feeds.publish(model_of(model(age_s=0.7)))
+        served.broadcast.publish(model_of(model(age_s=0.7)))
         assert b'"snapshot_age_s":0.7' in await reader.until(b"event: status\n", b"\n\n")
 
 
 async def test_who_takes_nothing_of_his_answers_keeps_nobody_out(tmp_path: Path) -> None:
     async with serving(tmp_path, tcp=Limits(connections=3)) as served:
-        served.feeds.publish(large_model())
+        served.broadcast.publish(large_model())
         for _ in range(3):
             line = await served.connect()
             line.writer.transport.pause_reading()  # type: ignore[attr-defined]

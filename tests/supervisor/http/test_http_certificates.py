@@ -9,7 +9,7 @@ from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from gateway.catalogue.tls_events import CERTIFICATE_ENDS_SOON
-from gateway.supervisor.http.listener import wanted_by
+from gateway.supervisor.http.listener import http_settings_of
 from gateway.transport.certificates import SOON, now_utc
 from tests.certificates import Shop
 from tests.supervisor.http.doors import asking, section
@@ -63,7 +63,7 @@ async def test_the_end_of_the_pages_certificate_is_told_before_and_when_it_comes
 def test_files_are_named_from_the_root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     two_days(tmp_path / "certificates")
     monkeypatch.chdir(tmp_path)
-    wanted = wanted_by(section(1, Path("certificates")), "mill-1", Path())
+    wanted = http_settings_of(section(1, Path("certificates")), "mill-1", Path())
     assert wanted is not None
     assert [held.file for held in wanted.held()] == [str(tmp_path / "certificates" / "page.crt")]
 
@@ -105,4 +105,4 @@ def test_event_and_alert_come_when_the_check_warns() -> None:
     rules = yaml.safe_load(ALERTS.read_text())["groups"][0]["rules"]
     [rule] = [rule for rule in rules if rule["alert"] == "PitchGatewayCertificateEndsSoon"]
     assert rule["expr"].endswith(f" - time() < {SOON.days} * 86400")
-    assert f"ends within {SOON.days} days;" in CERTIFICATE_ENDS_SOON.meaning
+    assert f"ends within {SOON.days} days;" in CERTIFICATE_ENDS_SOON.description

@@ -10,15 +10,15 @@ import pytest
 from msgspec.structs import replace
 
 from gateway.catalogue.entry import Severity
-from gateway.ipc.notes import Note
-from gateway.supervisor.feeds import EVENTS_KEPT
+from gateway.ipc.log import LogEntry
+from gateway.supervisor.broadcast import EVENTS_KEPT
 from gateway.supervisor.http.answers import Limits
 from tests.status_models import model_of
 from tests.supervisor.http.http_bench import Line, Served, large_model, model, serving, until
 
 
-def note(number: int) -> Note:
-    return Note(Severity.WARNING, "drive-silent", {"line": "xyz", "n": number}, 1_000_000_000.25)
+def entry(number: int) -> LogEntry:
+    return LogEntry(Severity.WARNING, "drive-silent", {"line": "xyz", "n": number}, 1_000_000_000.25)
 
 
 async def reading(served: Served, query: str = "", last_id: str | None = None) -> Line:
@@ -45,9 +45,9 @@ async def messages(line: Line, count: int) -> list[dict[str, Any]]:
 
 async def test_what_happened_lately_comes_first_then_the_status_then_what_happens(tmp_path: Path) -> None:
     async with serving(tmp_path) as served:
-        served.feeds.tell(note(1))
-        served.feeds.tell(note(2))
-        served.feeds.publish(model_of(model()))
+        served.broadcast.publish_event(entry(1))
+        served.broadcast.publish_event(entry(2))
+        served.broadcast.publish(model_of(model()))
         line = await reading(served)
         first, second, status = await messages(line, 3)
         assert [first["event"], second["event"], status["event"]] == ["event", "event", "status"]
@@ -61,14 +61,14 @@ async def test_what_happened_lately_comes_first_then_the_status_then_what_happen
         }
         assert status["data"] == json.loads(json.dumps(model()))
         assert "id" not in status
-        served.feeds.tell(note(3))
+        served.broadcast.publish_event(entry(3))
         assert (await messages(line, 1))[0]["data"]["n"] == 3
 
 
 async def test_whoever_comes_back_gets_what_it_missed_and_nothing_twice(tmp_path: Path) -> None:
     async with serving(tmp_path) as served:
         for number in range(4):
-            served.feeds.tell(note(number))
+            served.broadcast.publish_event(entry(number))
         all_of_them = await messages(await reading(served), 4)
         ids = [message["id"] for message in all_of_them]
         assert len(set(ids)) == 4
@@ -82,10 +82,10 @@ async def test_whoever_comes_back_gets_what_it_missed_and_nothing_twice(tmp_path
 
 async def test_events_that_nobody_keeps_any_more_are_counted(tmp_path: Path) -> None:
     async with serving(tmp_path) as served:
-        served.feeds.tell(note(0))
+        served.broadcast.publish_event(entry(0))
         (first,) = await messages(await reading(served), 1)
         for number in range(1, EVENTS_KEPT + 4):
-            served.feeds.tell(note(number))
+            served.broadcast.publish_event(entry(number))
         missed, oldest = await messages(await reading(served, last_id=first["id"]), 2)
         # 0 was seen; of 1 to 259 the newest 256 are kept, from 4 on.
         assert (missed["event"], missed["data"]) == ("missed", {"events": 3})
@@ -95,26 +95,26 @@ async def test_events_that_nobody_keeps_any_more_are_counted(tmp_path: Path) -> 
 @pytest.mark.parametrize(("query", "kinds"), [("?events", {"event"}), ("?status", {"status"})])
 async def test_a_reader_may_choose(tmp_path: Path, query: str, kinds: set[str]) -> None:
     async with serving(tmp_path, tcp=Limits(status_every_s=0.0)) as served:
-        served.feeds.publish(model_of(model()))
-        served.feeds.tell(note(0))
+        served.broadcast.publish(model_of(model()))
+        served.broadcast.publish_event(entry(0))
         line = await reading(served, query)
         heard: list[dict[str, Any]] = []
         for number in range(5):
             heard += await messages(line, 1)
-            served.feeds.publish(model_of(model()))
-            served.feeds.tell(note(number))
+            served.broadcast.publish(model_of(model()))
+            served.broadcast.publish_event(entry(number))
         assert {message["event"] for message in heard} == kinds
 
 
 async def test_of_many_models_only_the_newest_comes(tmp_path: Path) -> None:
     async with serving(tmp_path, tcp=Limits(status_every_s=0.2)) as served:
-        served.feeds.publish(model_of(model(age_s=0.0)))
+        served.broadcast.publish(model_of(model(age_s=0.0)))
         began_s = time.monotonic()
         line = await reading(served)
         assert (await messages(line, 1))[0]["data"]["gateway"]["snapshot_age_s"] == 0.0
         for number in range(1, 101):
-            served.feeds.publish(model_of(model(age_s=number / 100)))
-        served.feeds.tell(note(0))
+            served.broadcast.publish(model_of(model(age_s=number / 100)))
+        served.broadcast.publish_event(entry(0))
         (event,) = await messages(line, 1)
         assert event["event"] == "event"  # which does not wait for its turn
         (newest,) = await messages(line, 1)
@@ -135,7 +135,7 @@ async def test_a_quiet_reader_hears_that_somebody_is_still_there(tmp_path: Path)
 
 async def _publish_for_ever(served: Served) -> None:
     while True:
-        served.feeds.publish(model_of(model()))
+        served.broadcast.publish(model_of(model()))
         await asyncio.sleep(0)
 
 
@@ -151,7 +151,7 @@ async def test_one_reader_too_many_is_told_so(tmp_path: Path) -> None:
         )
         assert (await served.ask("/metrics")).status == 200
         first.close()
-        await until(lambda: len(served.feeds._feeds) == 1)
+        await until(lambda: len(served.broadcast._subscribers) == 1)
         await (await reading(served)).until(b"retry: 2000\n\n")
 
 
@@ -165,8 +165,8 @@ async def test_a_reader_that_takes_nothing_costs_its_feed_and_is_dropped(tmp_pat
         whole.gateway.name = "a" * 100_000
         sent = 0
         async with asyncio.timeout(20):
-            while len(served.feeds._feeds) == 2:
-                served.feeds.publish(replace(whole, gateway=replace(whole.gateway, uptime_s=float(sent))))
+            while len(served.broadcast._subscribers) == 2:
+                served.broadcast.publish(replace(whole, gateway=replace(whole.gateway, uptime_s=float(sent))))
                 sent += 1
                 # Whoever reads gets each of them all the same.
                 assert (await messages(quick, 1))[0]["data"]["gateway"]["uptime_s"] == sent - 1
@@ -179,7 +179,7 @@ async def test_a_reader_that_takes_nothing_costs_its_feed_and_is_dropped(tmp_pat
 async def test_an_answer_that_nobody_takes_is_dropped(tmp_path: Path) -> None:
     limits = Limits(stalled_s=0.2, sweep_s=0.01)
     async with serving(tmp_path, tcp=limits) as served:
-        served.feeds.publish(large_model())
+        served.broadcast.publish(large_model())
         line = await served.connect()
         line.writer.transport.pause_reading()  # type: ignore[attr-defined]
         await line.say("GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n")

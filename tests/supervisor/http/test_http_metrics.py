@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.broadcast import Broadcast
 from gateway.supervisor.http.metrics import Metrics
 from tests.status_models import model_of
 from tests.supervisor.http.exposition import Samples, families, samples
@@ -238,7 +238,7 @@ def test_a_file_name_cannot_break_the_page() -> None:
 
 async def test_the_page_has_the_type_that_was_asked_for(tmp_path: Path) -> None:
     async with serving(tmp_path) as served:
-        served.feeds.publish(model_of(model()))
+        served.broadcast.publish(model_of(model()))
         plain = await served.ask("/metrics")
         assert (plain.status, plain.headers["content-type"]) == (
             200,
@@ -253,9 +253,9 @@ async def test_the_page_has_the_type_that_was_asked_for(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(shutil.which("promtool") is None, reason="promtool (Debian: prometheus) is not installed")
 def test_promtool_finds_nothing_to_say() -> None:
-    feeds = Feeds()
-    feeds.publish(model_of(with_terms()))
-    body, _ = Metrics(feeds).page("")
+    broadcast = Broadcast()
+    broadcast.publish(model_of(with_terms()))
+    body, _ = Metrics(broadcast).page("")
     assert b"axis_temperature_difference_kelvin" in body
     done = subprocess.run(["promtool", "check", "metrics"], input=body, capture_output=True, check=False)
     assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")

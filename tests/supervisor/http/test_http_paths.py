@@ -7,7 +7,7 @@ import pytest
 
 from gateway.config.problems import Problem
 from gateway.supervisor import page
-from gateway.supervisor.outcome import Outcome
+from gateway.supervisor.outcome import ReloadOutcome
 from tests.status_models import model_of
 from tests.supervisor.http.http_bench import WELL, model, serving, snapshot
 
@@ -36,9 +36,9 @@ async def test_the_status_is_the_newest_model(tmp_path: Path) -> None:
             503,
             {"problem": "nothing is known yet: the supervisor has just been started"},
         )
-        served.feeds.publish(model_of(model(snapshot(axis={"correction": float("nan")}))))
+        served.broadcast.publish(model_of(model(snapshot(axis={"correction": float("nan")}))))
         assert (await served.ask("/status")).data["axes"]["x"]["correction"] is None  # JSON has no NaN
-        served.feeds.publish(model_of(newest := model(snapshot(axis={"correction": 0.25}))))
+        served.broadcast.publish(model_of(newest := model(snapshot(axis={"correction": 0.25}))))
         for is_local in (False, True):
             some = await served.ask("/status", is_local=is_local)
             assert (some.status, some.data) == (200, json.loads(json.dumps(newest)))
@@ -51,7 +51,7 @@ async def test_the_status_is_the_newest_model(tmp_path: Path) -> None:
 
 async def test_a_head_request_gets_the_same_without_the_body(tmp_path: Path) -> None:
     async with serving(tmp_path) as served:
-        served.feeds.publish(model_of(model()))
+        served.broadcast.publish(model_of(model()))
         whole = await served.ask("/status")
         head = await served.ask("/status", "HEAD")
         assert (head.status, head.headers["content-length"]) == (200, str(len(whole.body)))
@@ -78,7 +78,7 @@ async def test_health_fails_when_commands_do_not_reach_the_drives(
 ) -> None:
     async with serving(tmp_path) as served:
         if newest is not None:
-            served.feeds.publish(model_of(newest))
+            served.broadcast.publish(model_of(newest))
         ill = await served.ask("/healthz")
         assert (ill.status, ill.data) == (503, {"problems": reasons})
         # A broker that is away, an axis that is not referenced: no reason to restart anything.
@@ -86,7 +86,7 @@ async def test_health_fails_when_commands_do_not_reach_the_drives(
             snapshot(axis={"compensation": "unreferenced"}),
             supervisor={**WELL, "mqtt": {"problem": "refused"}},
         )
-        served.feeds.publish(model_of(unreferenced))
+        served.broadcast.publish(model_of(unreferenced))
         well = await served.ask("/healthz")
         assert (well.status, well.body.decode().splitlines()) == (
             200,
@@ -96,7 +96,7 @@ async def test_health_fails_when_commands_do_not_reach_the_drives(
                 "warning: mqtt: refused",
             ],
         )
-        served.feeds.publish(model_of(model()))
+        served.broadcast.publish(model_of(model()))
         assert (await served.ask("/healthz")).body == b"ok\n"
 
 
@@ -126,7 +126,7 @@ async def test_over_tcp_nothing_but_reading_is_done(tmp_path: Path, method: str)
 
 async def test_reload_over_the_local_socket_says_what_came_of_it(tmp_path: Path) -> None:
     bad = Problem("tables/y.tab", "axis.y.table", "found -", "allowed: a number", 3, 1)
-    outcome = Outcome(
+    outcome = ReloadOutcome(
         comes={"x": "next-target"},
         gone=("z",),
         changed=("axis.x.gain",),

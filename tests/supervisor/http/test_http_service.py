@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from gateway.config.http_model import HttpSection
-from gateway.ipc.place import SUPERVISOR_SOCKET_NAME, SocketPlace
+from gateway.ipc.address import SUPERVISOR_SOCKET_NAME, SocketFile
 from gateway.status.model import HttpStatus
-from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.broadcast import Broadcast
 from gateway.supervisor.http import service as service_module
 from gateway.supervisor.http.documents import Window
 from tests.ports import free_port
@@ -108,7 +108,7 @@ async def test_the_end_waits_for_nobody_and_leaves_nothing(tmp_path: Path) -> No
             reader = await served.connect(is_local=is_local)
             await reader.say("GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
             await reader.until(b"retry: 2000\n\n")
-    assert served.feeds._feeds == set()
+    assert served.broadcast._subscribers == set()
     assert not served.local.exists()
     with pytest.raises(ConnectionRefusedError):
         await asyncio.open_connection("127.0.0.1", served.port)
@@ -126,7 +126,7 @@ async def test_a_local_socket_that_cannot_be_is_a_problem_and_no_end(tmp_path: P
     said: list[str] = []
     state = tmp_path / ("s" * 100)
     window = Window(
-        Feeds(),
+        Broadcast(),
         state,
         lambda axis: None,
         asyncio.Future,
@@ -139,7 +139,7 @@ async def test_a_local_socket_that_cannot_be_is_a_problem_and_no_end(tmp_path: P
     await until(lambda: len(said) == 2)
     assert sorted(said) == ["http-not-open", "http-ready"]
     assert "supervisor.sock" in str(service.status.problem)
-    served = Served(service, window.feeds, port, state)
+    served = Served(service, window.broadcast, port, state)
     assert (await served.ask("/metrics")).status == 200
     running.cancel()
     with contextlib.suppress(asyncio.CancelledError):
@@ -147,11 +147,11 @@ async def test_a_local_socket_that_cannot_be_is_a_problem_and_no_end(tmp_path: P
 
 
 async def test_the_place_of_another_is_left_alone(tmp_path: Path) -> None:
-    place = SocketPlace(tmp_path, SUPERVISOR_SOCKET_NAME, lock_name=None)
+    place = SocketFile(tmp_path, SUPERVISOR_SOCKET_NAME, lock_name=None)
     with place.take():
         said: list[str] = []
         window = Window(
-            Feeds(),
+            Broadcast(),
             tmp_path,
             lambda axis: None,
             asyncio.Future,
@@ -170,7 +170,7 @@ async def test_a_mistake_of_ours_is_an_answer_and_a_note(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     async with serving(tmp_path) as served:
-        served.feeds.publish(model_of({"troubles": [{"kind": "none"}]}))
+        served.broadcast.publish(model_of({"troubles": [{"kind": "none"}]}))
         failed = await served.ask("/healthz")
         assert (failed.status, failed.data) == (
             500,

@@ -38,7 +38,7 @@ async def answered(
 ) -> Answer:
     digest = keep_table(state, table)
     async with serving(state, settings=settings) as served:
-        served.feeds.publish(model_of(having(digest, len(table.positions), **axis)))
+        served.broadcast.publish(model_of(having(digest, len(table.positions), **axis)))
         first = await served.ask(target)
         again = await served.ask(target)
         assert (again.status, again.body) == (first.status, first.body)
@@ -155,23 +155,23 @@ async def test_what_has_no_curve_says_why(tmp_path: Path) -> None:
     async with serving(tmp_path, settings=SETTINGS) as served:
         early = await served.ask("/tables/x")
         assert (early.status, early.data["there_is"]) == (404, [])
-        served.feeds.publish(model_of(having(None, 0)))
+        served.broadcast.publish(model_of(having(None, 0)))
         without = await served.ask("/tables/x")
         assert (without.status, without.data) == (404, {"problem": "axis x has no table"})
         unknown = await served.ask("/tables/y.svg")
         assert (unknown.status, unknown.data["there_is"]) == (404, ["/tables/x.svg"])
-        served.feeds.publish(model_of(having("0" * 64, 3)))
+        served.broadcast.publish(model_of(having("0" * 64, 3)))
         gone = await served.ask("/tables/x")
         assert gone.status == 503
         assert gone.data["problem"].startswith(f"compiled table {'0' * 64}: no such file")
         path = table_path(tmp_path, digest)
         path.write_bytes(path.read_bytes()[:-1] + b"\1")
-        served.feeds.publish(model_of(having(digest, 3)))
+        served.broadcast.publish(model_of(having(digest, 3)))
         damaged = await served.ask("/tables/x")
         assert (damaged.status, damaged.data["problem"]) == (
             503,
             f"compiled table {digest}: the points of the compiled table are damaged: their digest is another",
         )
     async with serving(tmp_path) as served:
-        served.feeds.publish(model_of(having(digest, 3)))
+        served.broadcast.publish(model_of(having(digest, 3)))
         assert (await served.ask("/tables/x")).status == 503  # no configuration yet

@@ -12,8 +12,8 @@ import pytest
 
 from gateway.status.model import GatewayStatus, Model
 from gateway.supervisor.http.answers import Limits
-from gateway.supervisor.http.listener import wanted_by
-from gateway.supervisor.http.refusals import site_of, tell_nobody
+from gateway.supervisor.http.listener import http_settings_of
+from gateway.supervisor.http.refusals import ignore_refused, site_of
 from gateway.transport.listener import HandshakesAtOnce, ProtocolListener, Tls
 from tests.certificates import Shop, signed_by
 from tests.supervisor.http.doors import (
@@ -51,7 +51,7 @@ async def test_a_token_over_tls(tmp_path: Path, certificates: Path) -> None:
 
 def test_gateways_behind_one_host_have_cookies_of_their_own(tmp_path: Path, certificates: Path) -> None:
     """Behind a proxy the browser sees one host; both listen on the same port of their machines."""
-    wanted = [wanted_by(section(8480, certificates), name, tmp_path) for name in ("mill-1", "lathe-2")]
+    wanted = [http_settings_of(section(8480, certificates), name, tmp_path) for name in ("mill-1", "lathe-2")]
     assert [each.cookie for each in wanted if each is not None] == [
         "__Host-pitch-gateway-mill-1-8480",
         "__Host-pitch-gateway-lathe-2-8480",
@@ -267,7 +267,7 @@ async def test_who_connected_just_before_the_end_is_not_left_hanging(certificate
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(certificates / "page.crt", certificates / "page.key")
     listening = socket.create_server(("127.0.0.1", 0))
-    tls = Tls(context, HandshakesAtOnce(), tell_nobody, site_of)
+    tls = Tls(context, HandshakesAtOnce(), ignore_refused, site_of)
     listener = ProtocolListener(asyncio.Protocol, tls)
     listener.open([listening])
     with socket.create_connection(listening.getsockname(), timeout=30) as there:
@@ -312,7 +312,7 @@ async def test_events_over_tls_come_whole(tmp_path: Path, certificates: Path) ->
         line = await visitor.connect()
         await line.say(f"GET /events HTTP/1.1\r\nHost: localhost\r\n{bearer(TOKEN)}\r\n\r\n")
         await line.until(b"event: status\n")
-        visitor.served.feeds.publish(Model(gateway=GatewayStatus(name="another")))
+        visitor.served.broadcast.publish(Model(gateway=GatewayStatus(name="another")))
         await line.until(b'"name":"another"')
 
 

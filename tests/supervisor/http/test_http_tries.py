@@ -10,8 +10,8 @@ from gateway.catalogue.entry import EventEntry, Severity
 from gateway.catalogue.publishing_events import TOKEN_REFUSED
 from gateway.config.http_model import TokenSection
 from gateway.supervisor.http import login, refusals
-from gateway.supervisor.http.login import Access, Sessions, Tokens, Visitor
-from gateway.supervisor.http.refusals import Refusals, WrongTries
+from gateway.supervisor.http.login import Authenticator, Sessions, Tokens, Visitor
+from gateway.supervisor.http.refusals import HttpRefusals, WrongTries
 from tests.supervisor.http.doors import TOKEN, WRONG, asking, bearer, write_token
 
 
@@ -31,9 +31,9 @@ class Gate:
         self.clock = Clock()
         self.said: list[tuple[str, Mapping[str, object]]] = []
         tokens = Tokens((TokenSection(name="people", file="people.token"),), folder, lambda why: None)
-        self.refusals = Refusals(self._say)
+        self.refusals = HttpRefusals(self._say)
         self.sessions = Sessions()
-        self.access = Access(tokens, self.sessions, self.refusals, "pitch-gateway-1", self.clock)
+        self.access = Authenticator(tokens, self.sessions, self.refusals, "pitch-gateway-1", self.clock)
 
     def _say(self, event: EventEntry, severity: Severity | None = None, **fields: object) -> None:
         self.said.append((event.name, fields))
@@ -139,12 +139,12 @@ def test_what_is_kept_of_addresses_is_bounded() -> None:
     def say(event: EventEntry, severity: Severity | None = None, **fields: object) -> None:
         told.append(event.name)
 
-    log = Refusals(say)
+    log = HttpRefusals(say)
     for number in range(3000):
         address = f"10.0.{number // 256}.{number % 256}"
-        tries.note(address, WRONG, 0.0)
-        log.note(TOKEN_REFUSED, address, "a wrong token", 0.0)
-    assert len(tries) == refusals.MOST_PLACES == 1024
+        tries.add(address, WRONG, 0.0)
+        log.add(TOKEN_REFUSED, address, "a wrong token", 0.0)
+    assert len(tries) == refusals.MOST_SITES == 1024
     # 1024 addresses by name, and one line for all others: a flood fills no log.
     assert len(told) == 1025
 
@@ -152,7 +152,7 @@ def test_what_is_kept_of_addresses_is_bounded() -> None:
 def test_all_addresses_of_one_network_of_ipv6_are_one() -> None:
     tries = WrongTries()
     for number in range(10):
-        tries.note(f"2001:db8::{number:x}", f"{WRONG}{number}", 0.0)
+        tries.add(f"2001:db8::{number:x}", f"{WRONG}{number}", 0.0)
     assert tries.shut_s("2001:db8::ffff:1", 1.0) == 59.0
     assert tries.shut_s("2001:db8:0:1::1", 1.0) == 0.0
 

@@ -18,8 +18,8 @@ from typing import Any
 
 import pytest
 
-from gateway.ipc.notes import Note
-from gateway.ipc.place import SUPERVISOR_SOCKET_NAME
+from gateway.ipc.address import SUPERVISOR_SOCKET_NAME
+from gateway.ipc.log import LogEntry
 from gateway.supervisor.supervisor import Supervisor
 from tests.child import started
 from tests.commands import typed
@@ -40,11 +40,11 @@ def site(tmp_path: Path) -> Any:
 async def supervised(site: Site) -> AsyncIterator[Served]:
     """The supervisor of a site with its HTTP service, in this process."""
     state = site.config.parent / "state"
-    notes: list[Note] = []
+    notes: list[LogEntry] = []
     supervisor = Supervisor(site.config, state, notes.append)
     service = supervisor._http
     port = int(tomllib.loads(site.config.read_text())["http"]["listen"].rpartition(":")[2])
-    served = Served(service, supervisor.feeds, port, state)
+    served = Served(service, supervisor.broadcast, port, state)
     task = asyncio.create_task(supervisor.run())
     try:
         await until(lambda: service.status.address is not None and served.local.exists())
@@ -69,20 +69,20 @@ async def gateway(site: Site) -> AsyncIterator[Served]:
 
 
 def _table(served: Served) -> dict[str, Any]:
-    model = served.feeds.model
+    model = served.broadcast.model
     table: dict[str, Any] = {} if model is None or "x" not in model.axes else plain(model.axes["x"].table)
     return table
 
 
 def _latency(served: Served) -> dict[str, Any]:
-    assert served.feeds.model is not None
-    took_us: dict[str, Any] = plain(served.feeds.model.axes["x"].latency.gateway_us)
+    assert served.broadcast.model is not None
+    took_us: dict[str, Any] = plain(served.broadcast.model.axes["x"].latency.gateway_us)
     return took_us
 
 
 def _line(served: Served) -> str:
-    assert served.feeds.model is not None
-    return str(served.feeds.model.lines["xyz"].state)
+    assert served.broadcast.model is not None
+    return str(served.broadcast.model.lines["xyz"].state)
 
 
 PARTS = {"gateway", "lines", "axes", "supervisor", "verdict", "troubles"}
@@ -98,7 +98,7 @@ async def test_what_a_real_relay_does_is_served(site: Site) -> None:
     async with gateway(site) as served:
         master = site.master()
         assert master.move(50_000) == 50_050
-        await until(lambda: bool(served.feeds.model) and _exchanges(served) == 1)
+        await until(lambda: bool(served.broadcast.model) and _exchanges(served) == 1)
         # Histograms are worked out a few at each look.
         await until(lambda: "below" in _latency(served))
         status = (await served.ask("/status")).data
@@ -123,8 +123,8 @@ async def test_what_a_real_relay_does_is_served(site: Site) -> None:
 
 
 def _exchanges(served: Served) -> int:
-    assert served.feeds.model is not None
-    return int(served.feeds.model.lines["xyz"].exchanges)
+    assert served.broadcast.model is not None
+    return int(served.broadcast.model.lines["xyz"].exchanges)
 
 
 async def test_a_rejected_table_is_told_to_every_reader_and_to_the_commands(site: Site) -> None:
@@ -167,7 +167,7 @@ async def test_a_rejected_table_is_told_to_every_reader_and_to_the_commands(site
 
 async def test_the_status_of_a_supervisor_without_a_relay(site: Site) -> None:
     async with supervised(site) as served:
-        await until(lambda: served.feeds.model is not None)
+        await until(lambda: served.broadcast.model is not None)
         alone = await said("status", str(site.config))
         assert alone.returncode == 1
         first, second, *_ = alone.stdout.splitlines()
@@ -206,7 +206,7 @@ async def test_watching_over_a_pipe_is_a_line_for_each_change(site: Site) -> Non
             assert changed["troubles"][0]["kind"] == "off"
             watching.send_signal(signal.SIGINT)
             assert await asyncio.to_thread(watching.wait, 30) == 0
-        assert served.feeds.model is not None
+        assert served.broadcast.model is not None
 
 
 async def test_watching_on_a_terminal_is_drawn_in_place_until_ctrl_c(site: Site) -> None:

@@ -14,7 +14,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.server import ServerState
 
 from gateway.supervisor.http.answers import HEAD_BYTES
-from gateway.supervisor.http.listener import Connection, silent_config
+from gateway.supervisor.http.listener import HttpConnection, silent_config
 
 WHAT_TO_DO = (
     f"uvicorn {uvicorn.__version__} has changed inside: adapt Connection and Door in "
@@ -109,7 +109,7 @@ def made(app: App, keep_alive_s: int = 60) -> Inside:
 
 
 def test_this_asks_of_all_that_the_page_overrides() -> None:
-    overridden = {name for name in vars(Connection) if callable(getattr(H11Protocol, name, None))}
+    overridden = {name for name in vars(HttpConnection) if callable(getattr(H11Protocol, name, None))}
     assert overridden == OVERRIDDEN, "give what is overridden a test here"
     for name in OVERRIDDEN:
         holds(callable(getattr(H11Protocol, name, None)), f"a connection has {name}")

@@ -10,15 +10,15 @@ from typing import Any
 
 from gateway.catalogue.entry import EventEntry, Severity
 from gateway.config.mqtt_model import MqttSection
+from gateway.ipc.log import log_entry
 from gateway.ipc.messages import Done, Reply, Request
-from gateway.ipc.notes import note_of
-from gateway.supervisor.feeds import Feeds
+from gateway.supervisor.broadcast import Broadcast
 from gateway.supervisor.model import whole_model
 from gateway.supervisor.mqtt.interfaces import Orders
 from gateway.supervisor.mqtt.publisher import Publisher
 from gateway.supervisor.mqtt.service import MqttService
 from gateway.supervisor.mqtt.settings import Settings, settings_of
-from gateway.supervisor.outcome import Outcome
+from gateway.supervisor.outcome import ReloadOutcome
 from tests.mosquitto import PATIENCE_S
 from tests.status_models import plain, relay_model_of, supervisor_of
 
@@ -104,12 +104,12 @@ class Site:
     """A publisher that runs, its feeds, and what was asked of the relay."""
 
     def __init__(self, given: Settings | None, state: Path) -> None:
-        self.feeds = Feeds()
+        self.broadcast = Broadcast()
         self.asked: list[Request] = []
         self.reply: Reply = Done(changed=("x",), comes={"x": "next-target"})
-        self.outcome = Outcome(comes={"x": "blended"}, changed=("axis.x.gain",))
+        self.outcome = ReloadOutcome(comes={"x": "blended"}, changed=("axis.x.gain",))
         self.reloads = 0
-        self.service = MqttService(self.feeds, self.say, Orders(self._reload, self._ask), state)
+        self.service = MqttService(self.broadcast, self.say, Orders(self._reload, self._ask), state)
         self.service.follow(given)
         self.after_reload: Settings | None = given
         self._told = asyncio.Event()
@@ -128,10 +128,10 @@ class Site:
                 await asyncio.sleep(0)
 
     def say(self, event: EventEntry, severity: Severity | None = None, **fields: object) -> None:
-        self.feeds.tell(note_of(event, fields, time.time(), severity))
+        self.broadcast.publish_event(log_entry(event, fields, time.time(), severity))
         self._told.set()
 
-    async def _reload(self) -> Outcome:
+    async def _reload(self) -> ReloadOutcome:
         self.reloads += 1
         await self._may_reload.wait()
         self.service.follow(self.after_reload)
@@ -144,7 +144,7 @@ class Site:
         return self.reply
 
     def said(self, event: str) -> list[dict[str, Any]]:
-        return [told.as_data() for told in self.feeds.recent if told.note.event == event]
+        return [told.as_data() for told in self.broadcast.recent if told.entry.event == event]
 
     async def until_said(self, event: str, times: int = 1) -> dict[str, Any]:
         async with asyncio.timeout(PATIENCE_S):

@@ -108,7 +108,7 @@ async def test_the_gateway_has_everything_that_it_needs(tmp_path: Path, broker: 
         commands=True,
     )
     async with watching(broker.port, **user("viewer")) as watcher, publishing(given, tmp_path) as site:
-        site.feeds.publish(model_of(model()))
+        site.broadcast.publish(model_of(model()))
         await site.until_said("mqtt-connected")
         await watcher.until(f"{ROOT}/axis/x")
         async with speaking(broker.port, **user("operator")) as client:

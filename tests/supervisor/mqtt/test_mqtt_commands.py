@@ -15,7 +15,7 @@ from gateway.ipc.client import NobodyListensError
 from gateway.ipc.messages import Done, Request
 from gateway.supervisor.mqtt.commands import carry_out
 from gateway.supervisor.mqtt.interfaces import Orders
-from gateway.supervisor.outcome import Outcome
+from gateway.supervisor.outcome import ReloadOutcome
 from tests.mosquitto import ANYBODY, PATIENCE_S, Watcher, broker_in, payload_of, watching
 from tests.status_models import model_of
 from tests.supervisor.mqtt.mqtt_bench import ROOT, data_of, model, publishing, settings
@@ -23,7 +23,7 @@ from tests.supervisor.mqtt.mqtt_bench import ROOT, data_of, model, publishing, s
 VERSIONS = pytest.mark.parametrize("version", ["3.1.1", "5"])
 
 
-async def nothing() -> Outcome:
+async def nothing() -> ReloadOutcome:
     raise AssertionError("nobody asked for a reload")
 
 
@@ -160,7 +160,7 @@ async def test_without_commands_in_the_configuration_nobody_listens(tmp_path: Pa
             await site.until_said("mqtt-connected")
             async with watching(broker.port, f"{ROOT}/#", identifier="me") as watcher:
                 await command(watcher, "disable", {"axes": "all"})
-                site.feeds.publish(model_of(model()))
+                site.broadcast.publish(model_of(model()))
                 await watcher.until(f"{ROOT}/axis/x")
         assert "Received SUBSCRIBE from me" in broker.log
         assert "Received SUBSCRIBE from pitch-gateway" not in broker.log

@@ -64,7 +64,7 @@ async def test_a_wrong_password_is_told_and_the_right_one_is_taken_without_a_res
             mine.write_text(SECRET + "\n")
             await site.until_said("mqtt-connected")
             assert site.status["problem"] is None
-            everything = repr((site.feeds.recent, site.status, given))
+            everything = repr((site.broadcast.recent, site.status, given))
     assert SECRET not in everything
     assert "a wrong one" not in everything
     assert capfd.readouterr() == ("", "")
@@ -158,7 +158,7 @@ async def test_a_broker_that_stalls_costs_nothing_but_its_connection(
     monkeypatch.setattr("gateway.supervisor.mqtt.connection.ANSWER_S", 1.0)
     with broker_in(tmp_path) as broker:
         async with publishing(settings(broker.port, tmp_path), tmp_path) as site:
-            site.feeds.publish(model_of(model()))
+            site.broadcast.publish(model_of(model()))
             await site.until_said("mqtt-connected")
             assert broker.process is not None
             async with watching(broker.port, f"{ROOT}/#") as watcher:
@@ -250,7 +250,7 @@ async def test_a_broker_that_comes_and_goes_leaves_nothing_behind(
         async with publishing(settings(broker.port, tmp_path, version="5"), tmp_path) as site:
             for number in range(6):
                 await site.until_said("mqtt-connected", times=number + 1)
-                site.feeds.publish(model_of(model({f"a{index}": axis(number) for index in range(8)})))
+                site.broadcast.publish(model_of(model({f"a{index}": axis(number) for index in range(8)})))
                 async with watching(broker.port, f"{ROOT}/#") as watcher:
                     await watcher.until(f"{ROOT}/axis/a7")
                 open_files.append(files_open())
@@ -286,7 +286,7 @@ async def test_with_tls_the_broker_proves_who_it_is(tmp_path: Path, certificates
     with broker_in(tmp_path, TLS.replace("FOLDER", str(certificates))) as broker:
         given = settings(broker.port, certificates, version=version, tls={"ca": "ca.crt"})
         async with publishing(given, tmp_path) as site:
-            site.feeds.publish(model_of(model()))
+            site.broadcast.publish(model_of(model()))
             await site.until_said("mqtt-connected")
             async with watching(broker.port, f"{ROOT}/#", tls_context=given.tls_context()) as watcher:
                 await watcher.until(f"{ROOT}/axis/x")

@@ -152,7 +152,7 @@ async def test_descriptions_are_retained_and_go_with_their_axis(tmp_path: Path) 
     with broker_in(tmp_path) as broker:
         told = settings(broker.port, tmp_path, discovery="homeassistant")
         async with publishing(told, tmp_path) as site:
-            site.feeds.publish(model_of(model(THREE)))
+            site.broadcast.publish(model_of(model(THREE)))
             await site.until_said("mqtt-connected")
             async with watching(broker.port, f"{ROOT}/axis/x") as watcher:
                 await watcher.until(f"{ROOT}/axis/x")
@@ -160,7 +160,7 @@ async def test_descriptions_are_retained_and_go_with_their_axis(tmp_path: Path) 
                 for topic in sorted(discovery_messages(told, model_of(model(THREE)))):
                     if topic not in watcher.topics():  # the broker hands them out in an order of its own
                         await watcher.until(topic)
-                site.feeds.publish(model_of(model()))
+                site.broadcast.publish(model_of(model()))
                 gone = [
                     await watcher.until(f"{DEVICES}/axis_{name}/config", lambda p: not p) for name in "cy"
                 ]
@@ -174,12 +174,12 @@ async def test_what_is_added_goes_from_the_broker_when_an_axis_has_it_no_more(tm
     with broker_in(tmp_path) as broker:
         told = settings(broker.port, tmp_path, discovery="homeassistant")
         async with publishing(told, tmp_path) as site:
-            site.feeds.publish(model_of(model(WARM)))
+            site.broadcast.publish(model_of(model(WARM)))
             await site.until_said("mqtt-connected")
             async with watching(broker.port) as watcher:
                 there = await watcher.until(topic)
                 moving = await watcher.until(f"{ROOT}/axis/x")
-                site.feeds.publish(model_of(model()))  # as after a restart with another configuration
+                site.broadcast.publish(model_of(model()))  # as after a restart with another configuration
                 await watcher.until(topic, lambda payload: not payload)
     assert data_of(payload_of(there))["cmps"]["temperature"]["p"] == "sensor"
     assert data_of(payload_of(moving))["terms"] == terms()
@@ -219,7 +219,7 @@ async def test_what_a_button_and_a_switch_send_is_carried_out(tmp_path: Path) ->
     with broker_in(tmp_path) as broker:
         told = settings(broker.port, tmp_path, discovery="homeassistant", commands=True)
         async with watching(broker.port) as watcher, publishing(told, tmp_path) as site:
-            site.feeds.publish(model_of(model()))
+            site.broadcast.publish(model_of(model()))
             described = [
                 data_of(payload_of(await watcher.until(topic)))["cmps"] for topic in sorted(COMMANDS_OF_X)
             ]
@@ -240,11 +240,11 @@ async def test_buttons_and_switches_go_from_the_broker_when_commands_are_switche
         told = settings(broker.port, tmp_path, discovery="homeassistant", commands=True)
         without = settings(broker.port, tmp_path, discovery="homeassistant")
         async with watching(broker.port, "homeassistant/#") as watcher, publishing(told, tmp_path) as site:
-            site.feeds.publish(model_of(model()))
+            site.broadcast.publish(model_of(model()))
             for topic in sorted(COMMANDS_OF_X):
                 await watcher.until(topic, lambda payload: payload != b"")
             site.service.follow(without)  # as a reload does
-            site.feeds.publish(model_of(model()))
+            site.broadcast.publish(model_of(model()))
             for topic in sorted(COMMANDS_OF_X):
                 await watcher.until(topic, lambda payload: payload == b"")
             async with watching(broker.port, "homeassistant/#") as later:

@@ -16,7 +16,7 @@ async def test_other_settings_hold_at_once_and_the_same_ones_change_nothing(tmp_
             publishing(settings(broker.port, tmp_path), tmp_path) as site,
             watching(broker.port) as watcher,
         ):
-            site.feeds.publish(model_of(model()))
+            site.broadcast.publish(model_of(model()))
             await watcher.until(f"{ROOT}/axis/x")
             site.service.follow(settings(broker.port, tmp_path))
             await watcher.until(f"{ROOT}/axis/x")
@@ -32,7 +32,7 @@ async def test_other_settings_hold_at_once_and_the_same_ones_change_nothing(tmp_
 async def test_it_can_be_left_out_and_come_back(tmp_path: Path) -> None:
     with broker_in(tmp_path) as broker:
         async with watching(broker.port) as watcher, publishing(None, tmp_path) as site:
-            site.feeds.publish(model_of(model()))
+            site.broadcast.publish(model_of(model()))
             assert site.status == plain(MqttStatus())
             for _ in range(2):
                 site.service.follow(settings(broker.port, tmp_path))

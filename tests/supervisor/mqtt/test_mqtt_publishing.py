@@ -10,8 +10,8 @@ import pytest
 
 from gateway.catalogue.entry import Severity
 from gateway.catalogue.process_events import SUPERVISING
-from gateway.ipc.notes import Note
-from gateway.supervisor.feeds import EVENTS_KEPT
+from gateway.ipc.log import LogEntry
+from gateway.supervisor.broadcast import EVENTS_KEPT
 from tests.child import started
 from tests.mosquitto import BrokerLeftError, broker_in, payload_of, watching
 from tests.status_models import model_of
@@ -26,7 +26,7 @@ async def test_who_comes_late_finds_availability_info_and_tables_and_hears_the_r
 ) -> None:
     with broker_in(tmp_path) as broker:
         async with publishing(settings(broker.port, tmp_path, version=version), tmp_path) as site:
-            site.feeds.publish(model_of(model()))
+            site.broadcast.publish(model_of(model()))
             await site.until_said("mqtt-connected")
             async with watching(broker.port) as early:
                 await early.until(f"{ROOT}/axis/x")  # everything has been sent once
@@ -67,14 +67,14 @@ async def test_who_comes_late_finds_availability_info_and_tables_and_hears_the_r
 async def test_a_table_is_published_when_it_changes_and_only_then(tmp_path: Path) -> None:
     with broker_in(tmp_path) as broker:
         async with publishing(settings(broker.port, tmp_path), tmp_path) as site:
-            site.feeds.publish(model_of(model()))
+            site.broadcast.publish(model_of(model()))
             await site.until_said("mqtt-connected")
             async with watching(broker.port, f"{ROOT}/axis/#") as watcher:
                 await watcher.until(f"{ROOT}/axis/x/table")
-                site.feeds.publish(model_of(model({"x": axis(0.5)})))
+                site.broadcast.publish(model_of(model({"x": axis(0.5)})))
                 await watcher.until(f"{ROOT}/axis/x", lambda payload: data_of(payload)["correction"] == 0.5)
                 assert [m.topic for m in watcher.heard].count(f"{ROOT}/axis/x/table") == 1
-                site.feeds.publish(
+                site.broadcast.publish(
                     model_of(model({"x": axis(0.5, status="rejected", error="x.tab:3: no number")}))
                 )
                 changed = data_of(payload_of(await watcher.until(f"{ROOT}/axis/x/table")))
@@ -87,7 +87,9 @@ async def test_events_come_with_their_number_and_their_own_fields(tmp_path: Path
         async with publishing(settings(broker.port, tmp_path, version=version), tmp_path) as site:
             await site.until_said("mqtt-connected")
             async with watching(broker.port, f"{ROOT}/event") as watcher:
-                site.feeds.tell(Note(Severity.WARNING, "drive-silent", {"line": "xyz"}, 1_000_000_000.25))
+                site.broadcast.publish_event(
+                    LogEntry(Severity.WARNING, "drive-silent", {"line": "xyz"}, 1_000_000_000.25)
+                )
                 message = await watcher.until(
                     f"{ROOT}/event", lambda payload: data_of(payload)["event"] == "drive-silent"
                 )
@@ -110,13 +112,13 @@ async def test_positions_of_a_relay_that_is_gone_are_not_published_but_that_it_i
         async with publishing(settings(broker.port, tmp_path), tmp_path) as site:
             await site.until_said("mqtt-connected")
             async with watching(broker.port) as watcher:
-                site.feeds.publish(model_of(model(up=False)))
+                site.broadcast.publish(model_of(model(up=False)))
                 await watcher.until(f"{ROOT}/info", lambda payload: data_of(payload)["relay"] == "down")
-                site.feeds.publish(model_of(model(age_s=2.5)))
+                site.broadcast.publish(model_of(model(age_s=2.5)))
                 info = await watcher.until(f"{ROOT}/info", lambda payload: data_of(payload)["relay"] == "up")
                 assert data_of(payload_of(info))["troubles"][0]["kind"] == "relay-silent"
                 assert not watcher.topics() & {f"{ROOT}/axis/x", f"{ROOT}/line/xyz"}
-                site.feeds.publish(model_of(model()))
+                site.broadcast.publish(model_of(model()))
                 await watcher.until(f"{ROOT}/axis/x")
 
 
@@ -163,7 +165,7 @@ async def test_a_gateway_that_is_stopped_says_so_itself(tmp_path: Path) -> None:
 async def test_a_broker_that_comes_back_gets_what_is_so_now_and_the_newest_events(tmp_path: Path) -> None:
     with broker_in(tmp_path) as broker:
         async with publishing(settings(broker.port, tmp_path), tmp_path) as site:
-            site.feeds.publish(model_of(model({"x": axis(0.1), "y": axis(0.1)})))
+            site.broadcast.publish(model_of(model({"x": axis(0.1), "y": axis(0.1)})))
             await site.until_said("mqtt-connected")
             async with watching(broker.port) as watcher:
                 await watcher.until(f"{ROOT}/axis/x")
@@ -174,8 +176,8 @@ async def test_a_broker_that_comes_back_gets_what_is_so_now_and_the_newest_event
             assert site.status["state"] == "connecting"
             assert site.status["problem"]
             for number in range(EVENTS_KEPT + 40):
-                site.feeds.tell(Note(Severity.INFO, "tick", {"n": number}, 0.0))
-                site.feeds.publish(model_of(model({"x": axis(1.0 + number)})))
+                site.broadcast.publish_event(LogEntry(Severity.INFO, "tick", {"n": number}, 0.0))
+                site.broadcast.publish(model_of(model({"x": axis(1.0 + number)})))
                 await asyncio.sleep(0)
             broker.start()
             async with watching(broker.port) as watcher:
@@ -201,22 +203,22 @@ async def test_what_is_not_there_any_more_is_taken_from_the_broker_also_after_a_
     with broker_in(tmp_path) as broker:
         given = settings(broker.port, tmp_path, discovery="homeassistant")
         async with publishing(given, tmp_path) as site:
-            site.feeds.publish(model_of(model({"x": axis(), "y": axis()})))
+            site.broadcast.publish(model_of(model({"x": axis(), "y": axis()})))
             await site.until_said("mqtt-connected")
             async with watching(broker.port) as watcher:
                 await watcher.until(f"{ROOT}/axis/y")
         async with publishing(given, tmp_path) as site:
-            site.feeds.publish(model_of(model(age_s=None)))  # nothing is known yet: nothing is gone
+            site.broadcast.publish(model_of(model(age_s=None)))  # nothing is known yet: nothing is gone
             await site.until_said("mqtt-connected")
             async with watching(broker.port) as watcher:
                 await watcher.until(f"{ROOT}/info", lambda payload: data_of(payload)["axes"] == {})
                 site.say(SUPERVISING)  # goes after whatever else came of that model
                 await watcher.until(f"{ROOT}/event", lambda payload: b'"supervising"' in payload)
                 assert not [m for m in watcher.heard if not payload_of(m)]
-                site.feeds.publish(model_of(model()))
+                site.broadcast.publish(model_of(model()))
                 await watcher.until(f"{ROOT}/axis/x")
         async with publishing(settings(broker.port, tmp_path), tmp_path) as site:
-            site.feeds.publish(model_of(model()))
+            site.broadcast.publish(model_of(model()))
             await site.until_said("mqtt-connected")
             async with watching(broker.port) as watcher:
                 await watcher.until(f"{ROOT}/axis/x")
@@ -239,13 +241,13 @@ async def test_words_that_only_say_how_long_something_lasts_are_not_published_ea
             publishing(settings(broker.port, tmp_path), tmp_path) as site,
             watching(broker.port, f"{ROOT}/#") as watcher,
         ):
-            site.feeds.publish(model_of(lasting(3)))
+            site.broadcast.publish(model_of(lasting(3)))
             await watcher.until(f"{ROOT}/info")
             for seconds in (4, 5):
-                site.feeds.publish(model_of(lasting(seconds)))
+                site.broadcast.publish(model_of(lasting(seconds)))
                 site.say(SUPERVISING)  # what it says is looked at again with each event
                 await watcher.until(f"{ROOT}/event")
-            site.feeds.publish(model_of(model()))
+            site.broadcast.publish(model_of(model()))
             await watcher.until(f"{ROOT}/info", lambda payload: not data_of(payload)["troubles"])
             infos = [data_of(payload_of(m)) for m in watcher.heard if m.topic == f"{ROOT}/info"]
     told = [info["troubles"][0] for info in infos if info["troubles"]]

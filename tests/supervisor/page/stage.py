@@ -121,7 +121,7 @@ class Stage:
             self._version += 1
             self._changed.notify_all()
 
-    def tell(self, event: Mapping[str, Any]) -> None:
+    def publish_event(self, event: Mapping[str, Any]) -> None:
         """Tell every page of an event."""
         with self._changed:
             self._events.append(event)

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from gateway.catalogue.said import Said, said
+from gateway.catalogue.text import Text, text_data
 from gateway.supervisor import page
+from gateway.supervisor.active_alarms import troubles
 from gateway.supervisor.http.answers import json_bytes
-from gateway.supervisor.trouble import troubles
 from tests.status_models import model_of
 from tests.supervisor.http.http_bench import snapshot
 from tests.supervisor.page.stage import FOLDER
@@ -58,17 +58,17 @@ def test_german_is_another_language() -> None:
 
 
 def test_a_sentence_is_english_and_knows_what_it_is_made_of() -> None:
-    whose = Said("its drive (unit id {unit_id})", unit_id=3)
-    text = Said("{whose} is off for {span}", whose=whose, span="2 s")
+    whose = Text("its drive (unit id {unit_id})", unit_id=3)
+    text = Text("{whose} is off for {span}", whose=whose, span="2 s")
     assert text == "its drive (unit id 3) is off for 2 s"
-    assert said(text) == {
+    assert text_data(text) == {
         "text": "{whose} is off for {span}",
         "values": {
             "whose": {"text": "its drive (unit id {unit_id})", "values": {"unit_id": "3"}},
             "span": "2 s",
         },
     }
-    assert said("home the axis") == "home the axis"
+    assert text_data("home the axis") == "home the axis"
 
 
 def test_a_trouble_says_its_parts_beside_its_words() -> None:

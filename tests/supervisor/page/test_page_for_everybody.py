@@ -55,7 +55,7 @@ def lay_out(visit: Visit, axes: int) -> None:
     visit.until("document.querySelectorAll('article.axis').length", axes)
     visit.until_text("article.axis .digits", "−1234.567")
     for number in range(60):
-        visit.stage.tell(
+        visit.stage.publish_event(
             {
                 "number": number,
                 "time": "2026-05-01T12:00:00Z",
@@ -165,7 +165,7 @@ def test_every_word_stands_out_from_its_ground(visit: Visit) -> None:
     visit.stage.tables |= dict.fromkeys("yza", curve())
     visit.stage.show(in_trouble())
     for number, severity in enumerate(("info", "warning", "error")):
-        visit.stage.tell(
+        visit.stage.publish_event(
             {
                 "number": number,
                 "time": "2026-05-01T12:00:00Z",

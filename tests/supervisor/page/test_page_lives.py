@@ -77,7 +77,7 @@ def test_where_no_stream_is_to_be_had_the_status_is_asked_for(visit: Visit) -> N
     assert visit.page.locator("#link").text_content() == "Live"
     assert "/status" in visit.stage.asked
     visit.stage.is_full = False
-    visit.stage.tell(happening(1))
+    visit.stage.publish_event(happening(1))
     visit.until_text("#events li:first-child .words", "number 1")
     assert all("503" in said for said in visit.complaints)
     visit.complaints.clear()
@@ -94,7 +94,7 @@ def test_what_the_gateway_says_is_text_and_nothing_else(visit: Visit) -> None:
     harmful["troubles"] = [trouble(kind=HARM, severity=HARM, where=HARM, what=HARM, remedy=HARM)]
     visit.stage.tables[HARM] = visit.stage.tables["x"]
     visit.stage.show(harmful)
-    visit.stage.tell(
+    visit.stage.publish_event(
         happening(1, event=HARM, severity=HARM, axis=HARM, detail=HARM, more=HARM, problems=[HARM])
     )
     for place in (
@@ -114,10 +114,10 @@ def test_what_the_gateway_says_is_text_and_nothing_else(visit: Visit) -> None:
 
 def test_events_come_newest_first_and_two_hundred_are_kept(visit: Visit) -> None:
     for number in range(1, 151):
-        visit.stage.tell(happening(number))
+        visit.stage.publish_event(happening(number))
     visit.until("document.querySelectorAll('#events li').length", 150)
     for number in range(151, 251):
-        visit.stage.tell(happening(number))
+        visit.stage.publish_event(happening(number))
     visit.until_text("#events li:first-child .words", "number 250")
     visit.until("document.querySelectorAll('#events li').length", 200)
     visit.until_text("#events li:last-child .words", "number 51")
@@ -126,17 +126,17 @@ def test_events_come_newest_first_and_two_hundred_are_kept(visit: Visit) -> None
 
 
 def test_a_list_in_an_event_is_shown_as_words(visit: Visit) -> None:
-    visit.stage.tell(happening(1, keys=["mqtt.host", "axis.x.gain"]))
+    visit.stage.publish_event(happening(1, keys=["mqtt.host", "axis.x.gain"]))
     visit.until_text("#events li:first-child .words", "number 1; keys: mqtt.host, axis.x.gain")
 
 
 def test_events_are_told_once_though_the_gateway_tells_them_again(visit: Visit) -> None:
     for number in (1, 2, 3):
-        visit.stage.tell(happening(number))
+        visit.stage.publish_event(happening(number))
     visit.until("document.querySelectorAll('#events li').length", 3)
     visit.stage.close()
     visit.until_text("#link", "No connection")
-    visit.stage.tell(happening(4))
+    visit.stage.publish_event(happening(4))
     visit.stage.open()
     visit.until_text("#events li:first-child .words", "number 4")
     assert visit.page.locator("#events .words").all_text_contents() == [
@@ -150,15 +150,15 @@ def test_events_are_told_once_though_the_gateway_tells_them_again(visit: Visit) 
 
 def test_events_are_picked_by_how_bad_they_are(visit: Visit) -> None:
     for number, severity in enumerate(("info", "warning", "error", "info"), start=1):
-        visit.stage.tell(happening(number, severity))
+        visit.stage.publish_event(happening(number, severity))
     visit.until("document.querySelectorAll('#events li').length", 4)
     shown = "[...document.querySelectorAll('#events li:not([hidden]) .words')].map((one) => one.textContent)"
     visit.find("radio", "Warnings").check(force=True)
     visit.until(shown, ["number 3", "number 2"])
     visit.find("radio", "Errors").check(force=True)
     visit.until(shown, ["number 3"])
-    visit.stage.tell(happening(5, "info"))
-    visit.stage.tell(happening(6, "error"))
+    visit.stage.publish_event(happening(5, "info"))
+    visit.stage.publish_event(happening(6, "error"))
     visit.until(shown, ["number 6", "number 3"])
     visit.find("radio", "All").check(force=True)
     visit.until(shown, [f"number {number}" for number in (6, 5, 4, 3, 2, 1)])
@@ -166,13 +166,13 @@ def test_events_are_picked_by_how_bad_they_are(visit: Visit) -> None:
 
 def test_whoever_reads_further_down_stays_there_when_events_come(visit: Visit) -> None:
     for number in range(1, 101):
-        visit.stage.tell(happening(number))
+        visit.stage.publish_event(happening(number))
     visit.until("document.querySelectorAll('#events li').length", 100)
     top = "Math.round(document.querySelector('#events li:nth-last-child(40)').getBoundingClientRect().top)"
     visit.page.evaluate("document.getElementById('events-frame').scrollTop = 2000")
     before = visit.page.evaluate(top)
     for number in range(101, 111):
-        visit.stage.tell(happening(number))
+        visit.stage.publish_event(happening(number))
     visit.until("document.querySelectorAll('#events li').length", 110)
     # Rows are no whole pixels high.
     assert visit.page.evaluate(top) == pytest.approx(before, abs=1)

@@ -215,7 +215,7 @@ def test_what_stays_the_same_is_not_touched(visit: Visit) -> None:
         }"""
     )
     show(visit, thermal=thermal("held", age_s=125.4), cross=cross())
-    visit.stage.tell(
+    visit.stage.publish_event(
         {"number": 1, "time": "2026-05-01T12:00:00Z", "event": "term-held", "severity": "warning"}
     )
     visit.until("document.querySelectorAll('#events li').length", 1)

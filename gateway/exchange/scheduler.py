@@ -1,0 +1,313 @@
+"""Who goes next on a line: stops, the gateway's own frames, motion, and the others in its gaps (M3).
+
+What waits is in ``queue``, in this order. :meth:`Turns.next` says which of it may go now:
+
+- On a line that is free and on which nobody is silent the first one goes. Of monitors and operators one goes
+  that fits into a gap between two motion transactions (``arbitration``).
+- While the line rests only stops go, and those only where its rest does not keep them.
+- While a unit id is silent each one waits for what ``silent_units`` says of it.
+- While a new connection holds requests back, those wait that it does not carry yet (``renewal``).
+
+Requests of one controller keep their order; its stops wait for none of them.
+
+A stop goes before everything else. What waits and would move its axes afterwards is withdrawn. What is on the
+wire is not cut short: the stop goes after its reply or its time-out. In the silence after a time-out it goes
+early, and once more behind the silence, unless its own echo came. The same stop to a unit that does not
+answer starves nobody: others get their turns in between.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+from gateway.exchange.added_frames import trial_read
+from gateway.exchange.arbitration import Gaps
+from gateway.exchange.axis.acknowledge import Outcome
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.decode import AxisCommand
+from gateway.exchange.dispatch import UnitMaps, is_acting_on, moves_one_of
+from gateway.exchange.plan import LineTiming
+from gateway.exchange.queue import WaitingQueue
+from gateway.exchange.renewal import Held, Renewal
+from gateway.exchange.rest import Rest
+from gateway.exchange.silent_units import Reach, SilentUnits
+from gateway.exchange.transaction import (
+    NO_RESPONSE,
+    Phase,
+    StopEvent,
+    Stopping,
+    Transaction,
+    Transactions,
+)
+
+NO_DEADLINE_NS: Final = 1 << 62
+"""Instant of what waits for somebody else's turn and not for time."""
+FULL_ECHOES: Final = frozenset({0x05, 0x06, 0x16})
+"""Function codes whose reply repeats the whole request: no other one has the same."""
+OVERTAKEN: Final = "a stop of its axis came after it"
+
+
+class Scheduler:
+    """The turns of one line.
+
+    Args:
+        axes: of the line.
+        timing: of the line.
+        units: the register maps of the line.
+        waiting: what waits for the line.
+        transactions: of the line.
+        silent_units: who does not answer.
+        rest: the pauses of the line.
+        renewal: what a new connection holds back.
+        is_serial: replies carry no number (W6).
+    """
+
+    def __init__(
+        self,
+        axes: Sequence[Axis],
+        timing: LineTiming,
+        units: UnitMaps,
+        waiting: WaitingQueue,
+        *,
+        transactions: Transactions,
+        silent_units: SilentUnits,
+        rest: Rest,
+        renewal: Renewal,
+        is_serial: bool,
+    ) -> None:
+        self._unit_ids = tuple(dict.fromkeys(axis.plan.unit_id for axis in axes))
+        self._units = units
+        self._waiting = waiting
+        self._transactions = transactions
+        self._silent_units = silent_units
+        self._rest = rest
+        self._renewal = renewal
+        self._is_serial = is_serial
+        self.gaps = Gaps(timing)
+        self.waits_until_ns: int | None = None
+        """When something that waits may go: a monitor's, or what waits for late frames."""
+        self._early_stops: list[Transaction] = []
+        """Stops that left while writes were held: what they stop may be executed after them, and they go once
+        more."""
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether a motion transaction is on the wire or waits."""
+        current = self._transactions.current
+        return (current is not None and current.is_motion) or not self._waiting.only_others
+
+    def motion_came(self, now_ns: int) -> None:
+        """Note a motion request that comes now."""
+        if not self.is_moving:
+            self.gaps.motion_came(now_ns)
+
+    # --- who goes next ---------------------------------------------------------------------------------
+
+    def next(self, now_ns: int) -> Transaction | None:
+        """Take out and return what may be started now on a line that is not busy; None: nothing may."""
+        if self._rest.until_ns is not None or self._silent_units.silences or self._renewal.holds:
+            if self._silent_units.awaits_late_reply:
+                self._silent_units.answer_waiting(now_ns)
+            chosen = self._choose(now_ns)
+        elif not self._waiting.only_others:
+            return self._waiting.pop()
+        else:
+            chosen, self.waits_until_ns = self.gaps.choose(self._waiting.first_of_others(), now_ns)
+        if chosen is not None:
+            self._waiting.take(chosen)
+        return chosen
+
+    def wake_at(self, due_ns: int) -> None:
+        """See to it that what waits is looked at then, or sooner."""
+        due_ns = min(due_ns, self.waits_until_ns or NO_DEADLINE_NS)
+        self.waits_until_ns = None if due_ns == NO_DEADLINE_NS else due_ns
+
+    def _choose(self, now_ns: int) -> Transaction | None:
+        """Return what may go now although the line rests or somebody is silent; None: nothing may.
+
+        Requests of one controller keep their order; its stops wait for none of them.
+        """
+        until_ns = NO_DEADLINE_NS
+        held: set[int] = set()
+        others: list[Transaction] = []
+        rests = self._rest.until_ns is not None
+        for transaction in self._waiting.stops if rests else self._waiting:
+            port = transaction.port
+            is_in_order = port is not None and not transaction.is_stop
+            if is_in_order and id(port) in held:
+                continue
+            if self._renewal.holds and self._is_held(transaction):
+                held.add(id(port))
+                continue
+            from_ns = self._from_ns(transaction, now_ns)
+            if from_ns <= now_ns and (port is None or port.is_motion or transaction.is_stop):
+                return transaction
+            if from_ns <= now_ns:
+                others.append(transaction)
+            else:
+                until_ns = min(until_ns, from_ns)
+            if is_in_order:
+                held.add(id(port))
+        chosen: Transaction | None = None
+        if others:
+            chosen, monitor_due_ns = self.gaps.choose(others, now_ns)
+            if monitor_due_ns is not None:
+                until_ns = min(until_ns, monitor_due_ns)
+        self.wake_at(until_ns)
+        return chosen
+
+    def _from_ns(self, transaction: Transaction, now_ns: int) -> int:
+        """Return from when on something that waits may be started, be it to end at once."""
+        unit_id = transaction.unit_id
+        if transaction.is_stop:
+            rests_until_ns = self._rest.until_ns
+            from_ns = self._stop_from_ns(transaction)
+            is_late = transaction.waits_for_silence
+            from_ns = max(from_ns, self._rest.aborted_until_ns, self._rest.opened_until_ns)
+            if rests_until_ns is not None and (is_late or self._rest.keeps_stops):
+                from_ns = max(from_ns, rests_until_ns, now_ns + 1)
+            if is_late:
+                free_ns = self._silent_units.free_ns(unit_id, now_ns, is_read=False, is_stop=True)
+                from_ns = max(from_ns, free_ns)
+            return from_ns
+        if transaction.is_denied or transaction.why_given_up(now_ns):
+            return now_ns
+        if self._silent_units.is_answered_for(transaction, now_ns):
+            return now_ns
+        if transaction.is_odd:
+            dead = self._silent_units.dead(unit_id)
+            if dead is not None and dead.odd_due_ns > now_ns:
+                return dead.odd_due_ns
+        free_ns = self._silent_units.free_ns(unit_id, now_ns, is_read=transaction.only_reads)
+        # Then it is withdrawn, and keeps back nothing that waits behind it.
+        return min(free_ns, transaction.given_up_ns + 1)
+
+    def _stop_from_ns(self, stop: Transaction) -> int:
+        """Return from when on a stop may leave: the same stop to a silent unit starves nobody."""
+        silence = self._silent_units.silences.get(stop.unit_id)
+        if silence is None:
+            return 0
+        if silence.unserved_ports and any(
+            id(each.port) in silence.unserved_ports for each in self._waiting if not each.is_stop
+        ):
+            return NO_DEADLINE_NS if stop.pdu in silence.stops else 0
+        return 0 if stop.stopping is Stopping.AGAIN else silence.stops.get(stop.pdu, 0)
+
+    def _is_held(self, transaction: Transaction) -> bool:
+        """Whether the connection does not carry a request yet, because an older one may be executed."""
+        held = self._renewal.held
+        if held is Held.NOTHING or transaction.port is None or transaction.is_stop:
+            return False
+        return held is Held.ALL or not transaction.only_reads
+
+    def held_read(self, now_ns: int) -> Transaction | None:
+        """Return a read that asks a drive whether it is there, while nothing else may go; None: not now."""
+        if self._renewal.held is not Held.ALL:
+            return None
+        until_ns, own = NO_DEADLINE_NS, None
+        for unit_id in self._unit_ids:
+            read = trial_read(self._units.axes_of(unit_id))
+            if read is None:
+                continue
+            silence = self._silent_units.silences.get(unit_id)
+            dead = silence if silence is not None and silence.reach is Reach.DEAD else None
+            due_ns = self._silent_units.free_ns(unit_id, now_ns, is_read=True)
+            if dead is not None and self._silent_units.backs_off:
+                due_ns = max(due_ns, dead.due_ns)
+            if due_ns > now_ns:
+                until_ns = min(until_ns, due_ns)
+                continue
+            if dead is not None:
+                dead.try_again(now_ns)
+            own = Transaction(None, 0, unit_id, read.pdu, now_ns)
+            own.need(read)
+            break
+        self.wake_at(until_ns)
+        return own
+
+    # --- stops -----------------------------------------------------------------------------------------
+
+    def overtake(self, stop: Transaction, stops: list[AxisCommand], now_ns: int) -> None:
+        """Withdraw what would move the axes of a stop afterwards (M3).
+
+        So it does with axes whose targets the same frame writes: their triggers were meant for those before.
+        And with those whose targets it runs: it would run the ones before.
+        """
+        axes = [command.axis for command in stops]
+        axes += self._units.given_targets(self._units.frames_of(stop))
+        acts = self._waiting.withdraw(
+            lambda each: not each.is_denied and is_acting_on(self._units, each, axes)
+        )
+        for transaction in acts:
+            self._transactions.overtaken(transaction, OVERTAKEN, now_ns)
+        current = self._transactions.current
+        if current and current.phase is Phase.PREREQUISITE and is_acting_on(self._units, current, axes):
+            current.overtake(OVERTAKEN)
+        only_stops = self._units.only_stops(self._units.frames_of(stop))
+        event = StopEvent.FOUND if only_stops else StopEvent.FOUND_WITH_MORE
+        self._transactions.stop_goes_on(stop, event)
+
+    def add_stop(self, stop: Transaction, now_ns: int) -> bool:
+        """Put a stop at the head of the queue; return False when the same waits already, many times.
+
+        It takes the place of those like it whose controllers have given up.
+        """
+        for before in self._waiting.withdraw(lambda each: each.is_same_stop(stop) and each.is_orphan):
+            self._transactions.replace(before, stop)
+        if not self._waiting.add_stop(stop):
+            return False
+        if self._stop_from_ns(stop) > now_ns:
+            self._silent_units.thin_out(stop, now_ns)
+        return True
+
+    def is_early(self, stop: Transaction, now_ns: int) -> bool:
+        """Whether a late frame may come in the place of the reply to a stop, or meet it on the wire."""
+        if stop.waits_for_silence or not self._is_serial:
+            return False
+        return self._rest.is_draining or self._silent_units.free_ns(stop.unit_id, now_ns, is_read=False) > 0
+
+    def is_answer(self, stop: Transaction, reply: bytes) -> bool:
+        """Whether a reply to a stop that left early ends it: a late one may come in its place.
+
+        What waited for the silence before it came may move its axis yet: then it goes once more behind that.
+        """
+        unit_id, pdu = stop.unit_id, stop.pdu
+        axes = [command.axis for command in self._units.stops_of(self._units.frames_of(stop))]
+        for each in self._waiting.stops:
+            if each.stopping is Stopping.ONCE and moves_one_of(self._units, each, axes):
+                return False
+        if pdu[0] in FULL_ECHOES:
+            return reply == pdu
+        # Of several registers only their addresses come back, as they do for any other write there.
+        return reply == pdu[:5] and not (
+            self._rest.is_draining or self._silent_units.awaits_late_reply_of(unit_id)
+        )
+
+    def go_again(self, stop: Transaction, now_ns: int) -> None:
+        """End a stop that left early and was not answered; its controller waits for the next one.
+
+        Where that has given up on it and the same stop waits already, that one is the next.
+        """
+        if not (stop.is_orphan and any(each.is_same_stop(stop) for each in self._waiting)):
+            self.wait_again(stop)
+        self._transactions.finish(stop, Outcome.NO_REPLY, now_ns, code=NO_RESPONSE)
+
+    def wait_again(self, stop: Transaction) -> None:
+        """Let a stop that left wait, to go once more."""
+        again = self._transactions.once_more(stop)
+        if again is not None:
+            self._waiting.add_again(again)
+
+    def add_early_stop(self, stop: Transaction) -> None:
+        """Take note of a stop that leaves while writes are held, unless it does more than stop."""
+        is_known = any(each.is_same_stop(stop) for each in self._early_stops)
+        if stop.stopping is not Stopping.ONCE and not is_known:
+            self._early_stops.append(stop)
+
+    def release_stops(self) -> None:
+        """Let the stops that left while writes were held leave once more, before any write does."""
+        stops, self._early_stops = self._early_stops, []
+        for stop in stops:
+            again = self._transactions.once_more(stop)
+            if again is not None:
+                again.give_up()  # its controller was answered
+                self._waiting.add_again(again)

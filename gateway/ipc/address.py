@@ -1,0 +1,156 @@
+"""The socket of a gateway: where it is, who may have it, and what is left of one that ended badly."""
+
+import contextlib
+import os
+import socket
+import stat
+import struct
+from pathlib import Path
+from typing import Final
+
+from gateway.catalogue import starts
+from gateway.state.folder import FolderProblem, problem_of
+from gateway.state.lock import take_lock
+
+SOCKET_NAME: Final = "relay.sock"
+SUPERVISOR_SOCKET_NAME: Final = "supervisor.sock"
+LOCK_NAME: Final = "relay.lock"
+LONGEST_PATH: Final = 107
+"""Bytes: ``sun_path`` of unix(7) has 108 with the zero at its end."""
+BACKLOG: Final = 16
+ROOT_UID: Final = 0
+_CREDENTIALS: Final = struct.Struct("3i")
+"""``struct ucred`` of unix(7): process, user, group."""
+
+
+class SocketError(Exception):
+    """The socket cannot be had; one sentence with the path and the remedy."""
+
+
+def socket_path(state: Path, name: str = SOCKET_NAME) -> Path:
+    """Return the path of a socket of the gateway with this state folder: the relay's, or that of ``name``.
+
+    Raises:
+        SocketError: it is too long for a socket.
+    """
+    problem = why_too_long(state, name)
+    if problem is not None:
+        raise SocketError(str(problem))
+    return _socket_path(state, name)
+
+
+def why_too_long(state: Path, name: str = SOCKET_NAME) -> FolderProblem | None:
+    """Return why no socket can be in a state folder because of its length, None where one can."""
+    path = _socket_path(state, name)
+    length = len(os.fsencode(path))
+    if length <= LONGEST_PATH:
+        return None
+    return FolderProblem(
+        f"{starts.PATH_TOO_LONG.begin(path=path, length=length)} has {LONGEST_PATH} at most",
+        "give [gateway] state a shorter folder, for example /run/pitch-gateway",
+    )
+
+
+def _socket_path(state: Path, name: str) -> Path:
+    return Path(os.path.abspath(state)) / name  # noqa: PTH100 - links stay links, they may be shorter
+
+
+class SocketFile:
+    """The place of one gateway's socket, from :meth:`take` to :meth:`leave`.
+
+    A lock beside the socket tells a gateway that runs from one that was killed; the system lets go of it
+    whatever way the process ends. Without ``lock_name`` whoever takes the place has a lock already.
+    """
+
+    def __init__(self, state: Path, name: str = SOCKET_NAME, lock_name: str | None = LOCK_NAME) -> None:
+        self.path = socket_path(state, name)
+        self._lock_name = lock_name
+        self.is_after_crash = False
+        """Whether whoever had it before did not finish: the socket was still there."""
+        self._lock_fd: int | None = None
+        self._inode = 0
+
+    def take(self) -> socket.socket:
+        """Return a listening socket that only this user may use.
+
+        Raises:
+            SocketError: another gateway has it, or the folder cannot be made or written.
+        """
+        try:
+            self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            self._lock()
+            self._remove_stale()
+            return self._listen()
+        except OSError as error:
+            self.leave()
+            raise SocketError(str(problem_of(error, self.path.parent))) from error
+        except SocketError:
+            self.leave()
+            raise
+
+    def leave(self, *, is_finished: bool = True) -> None:
+        """Let others have the place, and remove the socket, if it is still ours.
+
+        It stays where something is unfinished: the next gateway then knows, as after a kill.
+        """
+        if self._inode and is_finished:
+            with contextlib.suppress(OSError):
+                if self.path.lstat().st_ino == self._inode:
+                    self.path.unlink()
+        self._inode = 0
+        if self._lock_fd is not None:
+            os.close(self._lock_fd)
+            self._lock_fd = None
+
+    def _lock(self) -> None:
+        if self._lock_name is None:
+            return
+        try:
+            self._lock_fd = take_lock(self.path.with_name(self._lock_name))
+        except BlockingIOError:
+            raise self._in_use() from None
+
+    def _remove_stale(self) -> None:
+        try:
+            mode = self.path.lstat().st_mode
+        except FileNotFoundError:
+            return
+        if not stat.S_ISSOCK(mode):
+            raise SocketError(f"{starts.NO_SOCKET.begin(path=self.path)}; move it away")
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as other:
+            other.setblocking(False)
+            try:
+                other.connect(str(self.path))
+            except ConnectionRefusedError:
+                self.path.unlink()  # whoever made it has gone
+                self.is_after_crash = True
+                return
+            except BlockingIOError:
+                pass  # somebody listens and is too busy to take us
+        raise self._in_use()
+
+    def _listen(self) -> socket.socket:
+        listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            listening.bind(str(self.path))
+            self._inode = self.path.lstat().st_ino
+            self.path.chmod(0o600)  # before anybody can connect
+            listening.setblocking(False)
+            listening.listen(BACKLOG)
+        except OSError:
+            listening.close()
+            raise
+        return listening
+
+    def _in_use(self) -> SocketError:
+        return SocketError(
+            f"{starts.GATEWAY_RUNS.begin(place=self.path)}: stop it first, or give this one a folder of its "
+            "own with [gateway] state"
+        )
+
+
+def peer_uid(connection: socket.socket) -> int:
+    """Return the user at the other end of a connection, as the system tells."""
+    credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    uid: int = _CREDENTIALS.unpack(credentials)[1]
+    return uid

@@ -1,0 +1,214 @@
+"""The last minutes of a line, in memory that others may look into: what ``pitch-gateway capture`` reads.
+
+A fixed piece of memory without a name (a memfd), in ``SEGMENTS`` parts that are written over in turn, oldest
+first. An entry costs its bytes and nothing else: no objects stay. Entries are gathered, and go there many at
+a time (:meth:`Tape.show`). Whoever looks maps the same memory, reads only, and costs the writer nothing,
+however often he looks. What is being written over while he reads it he finds out by the number of its
+segment, and leaves it out.
+"""
+
+import fcntl
+import mmap
+import os
+from collections.abc import Iterator
+from struct import Struct
+from typing import Final, NamedTuple
+
+from librt.strings import BytesWriter, write_i32_le, write_i64_le
+
+MAGIC: Final = b"pgtape2\n"
+BEFORE: Final = b"pgtape1\n"
+"""Of 1.0.0, whose entries of commands are others; they are read all the same (``recording.traffic``)."""
+PAGE: Final = 4096
+SEGMENTS: Final = 8
+_WHOLE: Final = Struct("<8sQqq")
+"""Magic, bytes of a segment, and one moment on both clocks: ns since boot, ns since 1970."""
+_SEGMENT: Final = Struct("<QQ")
+"""Number of the segment, from 1; 0: nothing is in it, or it is being begun. Bytes in it."""
+_FILL: Final = Struct("<Q")
+_FILL_OFFSET: Final = 8
+_ENTRY: Final = Struct("<IBQq")
+"""Bytes of the entry, its kind, its ids (:func:`ids_of`), ns since boot; then its bytes."""
+HEAD: Final = _ENTRY.size
+
+REQUEST: Final = 1
+REPLY: Final = 2
+SENT: Final = 3
+ANSWERED: Final = 4
+ABANDONED: Final = 5
+TICK: Final = 6
+TEXT: Final = 7
+"""An entry as a recording has it (``recording.traffic``)."""
+_KINDS: Final = frozenset((REQUEST, REPLY, SENT, ANSWERED, ABANDONED, TICK, TEXT))
+
+MOST_GATHERED: Final = 1 << 14
+"""Bytes that are gathered at most before they are shown."""
+
+
+class Raw(NamedTuple):
+    """An entry as it stands on the tape."""
+
+    kind: int
+    t: int
+    ids: int
+    data: bytes
+
+
+def ids_of(port: int, transaction: int, unit: int) -> int:
+    """Return in one number who asks whom: the number of the port, transaction id and unit id.
+
+    >>> hex(ids_of(3, 0x0102, 0xFA))
+    '0x30102fa'
+    """
+    return port << 24 | transaction << 8 | unit
+
+
+class NoTraceBufferError(Exception):
+    """Memory that is no tape of this release."""
+
+
+class TraceBuffer:
+    """The writer's end. ``size`` in bytes is all that it ever takes."""
+
+    def __init__(self, name: str, size: int, now_ns: int, wall_ns: int) -> None:
+        self._segment_size = max(size // SEGMENTS // PAGE, 1) * PAGE
+        whole = PAGE + SEGMENTS * self._segment_size
+        writing = os.memfd_create(f"tape-{name}", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+        try:
+            os.ftruncate(writing, whole)
+            fcntl.fcntl(writing, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW)
+            self._map = mmap.mmap(writing, whole)
+            self.descriptor = os.open(f"/proc/self/fd/{writing}", os.O_RDONLY | os.O_CLOEXEC)
+            """For whoever wants to look."""
+        finally:
+            os.close(writing)
+        _WHOLE.pack_into(self._map, 0, MAGIC, self._segment_size, now_ns, wall_ns)
+        self.number = 0
+        """Of the segment that is written, from 1 on."""
+        self._gathered = BytesWriter()
+        """Entries that nobody sees yet; they belong before ``_at``."""
+        self._begin = self._at = self._end = 0
+        self._begin_segment()
+
+    def put(self, kind: int, t_ns: int, ids: int, data: bytes) -> None:
+        """Take an entry, which is seen with the next :meth:`show`; one too long for a segment is left out."""
+        size = HEAD + len(data)
+        if self._at + size > self._end:
+            if size > self._segment_size - _SEGMENT.size:
+                return
+            self._begin_segment()
+        gathered = self._gathered
+        write_i32_le(gathered, size)  # an entry as ``_ENTRY`` has it
+        gathered.append(kind)
+        write_i64_le(gathered, ids)
+        write_i64_le(gathered, t_ns)
+        gathered.write(data)
+        self._at += size
+        if len(gathered) > MOST_GATHERED:
+            self.show()
+
+    def show(self) -> None:
+        """Let whoever looks see all that was put."""
+        gathered = self._gathered
+        if not len(gathered):
+            return
+        self._map[self._at - len(gathered) : self._at] = gathered.getvalue()
+        gathered.truncate(0)
+        _FILL.pack_into(self._map, self._begin + _FILL_OFFSET, self._at - self._begin - _SEGMENT.size)
+
+    def close(self) -> None:
+        """Let go of it; whoever looks still sees what is there."""
+        self.show()
+        self._map.close()
+        os.close(self.descriptor)
+
+    def _begin_segment(self) -> None:
+        """Begin the next segment, where the oldest one is."""
+        self.show()
+        self._begin = PAGE + self.number % SEGMENTS * self._segment_size
+        _SEGMENT.pack_into(self._map, self._begin, 0, 0)
+        self.number += 1
+        _SEGMENT.pack_into(self._map, self._begin, self.number, 0)
+        self._at = self._begin + _SEGMENT.size
+        self._end = self._begin + self._segment_size
+
+
+class RingReader:
+    """The reader's end, over a descriptor that stays the caller's."""
+
+    def __init__(self, descriptor: int) -> None:
+        """Map a tape.
+
+        Raises:
+            NoTapeError: it is none, or of another release.
+        """
+        size = os.fstat(descriptor).st_size
+        if size < PAGE + SEGMENTS * PAGE:
+            raise NoTraceBufferError(f"memory of {size} bytes is no tape")
+        self._map = mmap.mmap(descriptor, size, flags=mmap.MAP_SHARED, prot=mmap.PROT_READ)
+        magic, self._segment_size, self._ns, self._wall_ns = _WHOLE.unpack_from(self._map)
+        if magic not in (MAGIC, BEFORE) or size != PAGE + SEGMENTS * self._segment_size:
+            self._map.close()
+            raise NoTraceBufferError(
+                "it is no tape of this release: command and gateway have to be of the same"
+            )
+        self._number = self._read = 0
+        """The segment that was read last, and how far."""
+
+    def wall_ns(self, t_ns: int) -> int:
+        """Return the time of day of an entry, in ns since 1970: as the clock stood when the tape began."""
+        return int(self._wall_ns + t_ns - self._ns)
+
+    def new(self) -> tuple[list[Raw], bool]:
+        """Return what has come since it was asked last, and whether something before that is lost."""
+        found: list[Raw] = []
+        segments = sorted(self._segments())
+        is_lost = bool(self._number) and all(number > self._number for number, _ in segments)
+        for number, begin in segments:
+            if number < self._number:
+                continue
+            skip = self._read if number == self._number else 0
+            data = self._copy(number, begin)
+            if data is None:
+                is_lost = True
+                continue
+            found += _entries(data[skip:])
+            self._number, self._read = number, len(data)
+        return found, is_lost
+
+    def newest(self, count: int) -> list[Raw]:
+        """Return the newest entries, ``count`` of them and the texts before them, of two segments at most."""
+        found: list[Raw] = []
+        for number, begin in sorted(self._segments())[-2:]:
+            found += _entries(self._copy(number, begin) or b"")
+        texts = [raw for raw in found[:-count] if raw.kind == TEXT]
+        return texts + found[-count:]
+
+    def close(self) -> None:
+        """Let go of the memory."""
+        self._map.close()
+
+    def _segments(self) -> Iterator[tuple[int, int]]:
+        for index in range(SEGMENTS):
+            begin = PAGE + index * self._segment_size
+            number, _ = _SEGMENT.unpack_from(self._map, begin)
+            if number:
+                yield number, begin
+
+    def _copy(self, number: int, begin: int) -> bytes | None:
+        """Return what is in a segment; None where it was written over meanwhile."""
+        _, fill = _SEGMENT.unpack_from(self._map, begin)
+        start = begin + _SEGMENT.size
+        data = self._map[start : start + min(fill, self._segment_size - _SEGMENT.size)]
+        after, _ = _SEGMENT.unpack_from(self._map, begin)
+        return data if after == number else None
+
+
+def _entries(data: bytes) -> Iterator[Raw]:
+    at = 0
+    while at + HEAD <= len(data):
+        size, kind, ids, t_ns = _ENTRY.unpack_from(data, at)
+        if not HEAD <= size <= len(data) - at or kind not in _KINDS:
+            return
+        yield Raw(kind, t_ns, ids, data[at + HEAD : at + size])
+        at += size

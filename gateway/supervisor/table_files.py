@@ -1,0 +1,72 @@
+"""What is known of the table of each axis beside what the relay says: the state of its file."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from msgspec.structs import replace
+
+from gateway.config.problems import Problem
+from gateway.status.axis import ProblemStatus, TableStatus
+from gateway.supervisor.outcome import ReloadOutcome
+
+
+class FileState(Enum):
+    """The state of a table file; the value is what the status shows."""
+
+    GOOD = "active"
+    """It is what the axis has."""
+    WAITING = "waiting"
+    """It changes, or has been gone for a few seconds: nothing has been done yet."""
+    REJECTED = "rejected"
+    """It is bad, or may not be used because of its group; the axis keeps what it had."""
+    REMOVED = "removed"
+    """It is gone or was renamed to ``.bak``; the axis is not corrected."""
+
+
+@dataclass(frozen=True, slots=True)
+class TableFileEntry:
+    """One axis's table file."""
+
+    file: str
+    state: FileState
+    problems: tuple[Problem, ...] = ()
+
+    def over(self, table: TableStatus) -> TableStatus:
+        """Return what the relay says of a table, with the state of its file."""
+        return replace(
+            table,
+            file=self.file,
+            status=self.state.value,
+            error=str(self.problems[0]) if self.problems else None,
+            problems=[ProblemStatus(**problem.as_dict()) for problem in self.problems],
+        )
+
+
+class TableFiles:
+    """The table files of all axes, as they were found last."""
+
+    def __init__(self) -> None:
+        self._entries: dict[str, TableFileEntry] = {}
+
+    def enter(self, names: Mapping[str, str], outcome: ReloadOutcome) -> None:
+        """Take over what came of reading the files; ``names`` are those of the tables, by axis."""
+        self._entries = {axis: self._entry(axis, name, outcome) for axis, name in names.items()}
+
+    def _entry(self, axis: str, name: str, outcome: ReloadOutcome) -> TableFileEntry:
+        if axis in outcome.waiting:
+            before = self._entries.get(axis)
+            return TableFileEntry(name, FileState.WAITING, before.problems if before else ())
+        if axis in outcome.rejected:
+            return TableFileEntry(name, FileState.REJECTED, outcome.rejected[axis])
+        held = outcome.held.get(axis, ())
+        if axis in outcome.absent:
+            return TableFileEntry(name, FileState.REMOVED, held)
+        return TableFileEntry(name, FileState.REJECTED if held else FileState.GOOD, held)
+
+    def entries(self, moving: frozenset[str]) -> dict[str, TableFileEntry]:
+        """Return all entries as of now; ``moving`` are axes whose file has begun to change since."""
+        return {
+            axis: TableFileEntry(entry.file, FileState.WAITING, entry.problems) if axis in moving else entry
+            for axis, entry in self._entries.items()
+        }

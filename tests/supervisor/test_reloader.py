@@ -1,0 +1,275 @@
+"""What counts of a tables folder in which files move; no relay runs, everything goes into the state."""
+
+import resource
+import socket
+import threading
+from pathlib import Path
+
+import pytest
+
+from gateway.config.compile import compile_into_state
+from gateway.config.load import Loaded, load, reread_tables
+from gateway.state.last_good import last_plan
+from gateway.state.plan import read_plan
+from gateway.status.axis import TableStatus
+from gateway.supervisor.debounce import FileStamp
+from gateway.supervisor.file_stamps import scan
+from gateway.supervisor.table_files import TableFiles
+from gateway.supervisor.tables import Reloader
+from tests.processes.bench import CONFIG, STEEPER, TABLE
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "x.tab").write_text(TABLE)
+    config = tmp_path / "gateway.toml"
+    config.write_text(CONFIG.format(drives=1, port=2))
+    return config
+
+
+@pytest.fixture
+def reloader(config: Path) -> Reloader:
+    reloader = Reloader(config)
+    assert reloader.reload().problems == ()
+    assert largest(config) == 0.1
+    return reloader
+
+
+@pytest.fixture
+def pair(config: Path) -> Path:
+    """Two axes of a group, each with its table."""
+    text = config.read_text()
+    second = text[text.index("[axis.x]") :].replace("axis.x", "axis.y").replace("x.tab", "y.tab")
+    second = second.replace("unit_id = 1", "unit_id = 2")
+    config.write_text(f'{text}{second}[group.beam]\naxes = ["x", "y"]\n')
+    table(config, "y").write_text(TABLE.replace("AXIS X", "AXIS Y"))
+    return config
+
+
+def largest(config: Path) -> float | None:
+    """Return the largest correction of the table that a relay would start with."""
+    found = last_plan(config.parent / "state")
+    assert found is not None
+    table = found.plan.lines[0].axes[0].table
+    return None if table is None else table.max_correction()
+
+
+def stamp(config: Path) -> FileStamp:
+    return scan(config.parent / "tables", ["x.tab"])["x.tab"]
+
+
+def table(config: Path, axis: str = "x") -> Path:
+    return config.parent / "tables" / f"{axis}.tab"
+
+
+def test_a_file_that_changed_since_it_was_seen_to_stand_still_waits(config: Path, reloader: Reloader) -> None:
+    before = stamp(config)
+    table(config).write_text(STEEPER)
+    outcome = reloader.refresh({"x.tab": before})
+    assert outcome.waiting == {"x"}
+    assert not outcome.stamps
+    assert largest(config) == 0.1
+    now = stamp(config)
+    assert reloader.refresh({"x.tab": now}).stamps == {"x.tab": now}
+    assert largest(config) == 0.2
+
+
+def test_a_file_that_moves_waits_however_good_it_is(config: Path, reloader: Reloader) -> None:
+    table(config).write_text(STEEPER)
+    assert reloader.refresh({"x.tab": None}).waiting == {"x"}
+    assert reloader.reload({"x.tab": None}).waiting == {"x"}
+    assert largest(config) == 0.1
+
+
+def hang_up(listening: socket.socket) -> None:
+    listening.accept()[0].close()
+
+
+def test_a_file_that_moves_is_no_mistake_where_the_relay_is_not_understood(
+    config: Path, reloader: Reloader
+) -> None:
+    table(config).write_text(STEEPER)
+    with socket.socket(socket.AF_UNIX) as relay:
+        relay.bind(str(config.parent / "state" / "relay.sock"))
+        relay.listen()
+        threading.Thread(target=hang_up, args=(relay,), daemon=True).start()
+        outcome = reloader.refresh({"x.tab": None})
+    assert outcome.is_owed
+    assert len(outcome.problems) == 1
+    assert not outcome.stamps
+    assert largest(config) == 0.1
+
+
+def test_who_asks_gets_what_is_there(config: Path, reloader: Reloader) -> None:
+    table(config).write_text(STEEPER)
+    assert reloader.reload().waiting == frozenset()
+    assert largest(config) == 0.2
+
+
+def test_a_supervisor_that_starts_while_the_file_is_away_takes_nothing_away(config: Path) -> None:
+    assert Reloader(config).reload().problems == ()
+    table(config).unlink()
+    later = Reloader(config)
+    outcome = later.reload({})
+    assert outcome.waiting == {"x"}
+    assert outcome.problems == ()
+    assert largest(config) == 0.1
+    assert later.refresh({"x.tab": FileStamp(is_there=False)}).absent == {"x"}
+    assert largest(config) is None
+
+
+def test_a_supervisor_that_starts_while_a_share_is_not_mounted_takes_nothing_away(config: Path) -> None:
+    assert Reloader(config).reload().problems == ()
+    folder, elsewhere = table(config).parent, config.parent / "elsewhere"
+    folder.rename(elsewhere)
+    folder.mkdir()
+    gone = {"x.tab": FileStamp(is_there=False)}
+    said = f"{folder} holds none of the tables and is not the folder that held them"
+    for later in (Reloader(config), Reloader(config)):  # the second finds what the first has written
+        for _ in range(2):
+            (problem,) = later.reload(gone).problems
+            assert problem.startswith(said)
+            assert largest(config) == 0.1
+    folder.rmdir()
+    elsewhere.rename(folder)
+    table(config).unlink()  # from the folder itself it counts
+    outcome = later.reload(gone)
+    assert (outcome.problems, outcome.absent) == ((), frozenset({"x"}))
+    assert largest(config) is None
+
+
+def test_a_share_that_goes_while_its_tables_are_read_is_known_to_be_another_folder(
+    config: Path, reloader: Reloader, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, elsewhere = table(config).parent, config.parent / "elsewhere"
+
+    def reread_and_unmounted(loaded: Loaded) -> Loaded:
+        """Between the reading and the next line there is nothing to wait for."""
+        found = reread_tables(loaded)
+        folder.rename(elsewhere)
+        folder.mkdir()
+        return found
+
+    with monkeypatch.context() as moment:
+        moment.setattr("gateway.supervisor.tables.reread_tables", reread_and_unmounted)
+        assert reloader.reload().waiting == {"x"}
+    for later in (reloader, Reloader(config)):
+        (problem,) = later.reload({"x.tab": FileStamp(is_there=False)}).problems
+        assert problem.startswith(f"{folder} holds none of the tables and is not the folder that held them")
+        assert largest(config) == 0.1
+
+
+def test_a_first_file_that_moves_is_not_compiled_and_is_tried_again(config: Path) -> None:
+    reloader = Reloader(config)
+    outcome = reloader.reload({"x.tab": None})
+    assert (outcome.is_refused, outcome.is_owed) == (True, True)
+    assert "x.tab: it is being saved" in outcome.problems[0]
+    assert last_plan(config.parent / "state") is None
+    assert reloader.retry({"x.tab": stamp(config)}).problems == ()
+    assert largest(config) == 0.1
+
+
+def test_a_refused_configuration_says_all_and_tells_nothing_of_files(
+    config: Path, reloader: Reloader
+) -> None:
+    config.write_text(config.read_text().replace('table = "x.tab"', 'table = "x.tab"\nmax_correction = 0.05'))
+    outcome = reloader.reload()
+    assert (outcome.is_refused, outcome.has_read, outcome.is_owed) == (True, False, False)
+    assert "max_correction" in outcome.problems[0]
+    assert outcome.all_problems == outcome.problems
+
+
+def test_what_the_disk_refused_is_owed_as_it_was_asked_for(config: Path, reloader: Reloader) -> None:
+    text = config.read_text()
+    config.write_text(text.replace('table = "x.tab"', 'table = "x.tab"\ngain = 0.5'))
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
+    try:
+        outcome = reloader.reload()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert (outcome.is_refused, outcome.is_owed) == (True, True)
+    config.write_text("half edited")
+    outcome = reloader.retry({"x.tab": stamp(config)})
+    assert (outcome.problems, outcome.changed) == ((), ("axis.x.gain",))
+
+
+def test_a_relay_that_comes_back_makes_nobody_read_the_configuration(
+    config: Path, reloader: Reloader
+) -> None:
+    text = config.read_text()
+    config.write_text(text.replace('table = "x.tab"', 'table = "x.tab"\ngain = 0.5'))
+    outcome = reloader.refresh({"x.tab": stamp(config)})
+    assert (outcome.problems, outcome.changed) == ((), ())
+    assert reloader.loaded is not None
+    assert reloader.loaded.document.text == text
+
+
+def test_a_relay_that_comes_with_another_configuration_is_followed(config: Path, reloader: Reloader) -> None:
+    text = config.read_text().replace('table = "x.tab"', 'table = "x.tab"\ngain = 0.5')
+    config.write_text(text)
+    assert Reloader(config).reload().changed == ("axis.x.gain",)  # as check --compile would
+    config.write_text("half edited")
+    assert reloader.refresh({"x.tab": stamp(config)}).problems == ()
+    assert reloader.loaded is not None
+    assert reloader.loaded.document.text == text
+
+
+def test_what_somebody_else_compiled_is_not_overwritten_with_what_was_taken_before(
+    config: Path, reloader: Reloader
+) -> None:
+    text = config.read_text().replace("unit_id = 1", "unit_id = 2")
+    config.write_text(text)
+    compile_into_state(load(config))
+    table(config).write_text(STEEPER)
+    assert reloader.refresh({"x.tab": stamp(config)}).changed == ()
+    compiled = read_plan(config.parent / "state", config)
+    assert (compiled.configuration, largest(config)) == (text, 0.2)
+    assert reloader.loaded is not None
+    assert reloader.loaded.document.text == text
+
+
+def test_what_somebody_else_compiles_while_the_tables_are_read_stays(
+    config: Path, reloader: Reloader, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = config.read_text()
+
+    def compile_meanwhile(loaded: Loaded) -> Loaded:
+        read = reread_tables(loaded)
+        config.write_text(text.replace("unit_id = 1", "unit_id = 2"))
+        compile_into_state(load(config))
+        return read
+
+    monkeypatch.setattr("gateway.supervisor.tables.reread_tables", compile_meanwhile)
+    (problem,) = reloader.refresh({"x.tab": stamp(config)}).problems
+    assert problem.endswith("state/plan.msgpack: another configuration was compiled meanwhile")
+    assert read_plan(config.parent / "state", config).configuration == config.read_text()
+
+
+def shown(reloader: Reloader) -> dict[str, tuple[str, str | None]]:
+    """Return state and error of each axis's file after a reload, as the status has them."""
+    table_files, outcome = TableFiles(), reloader.reload()
+    table_files.enter(reloader.names, outcome)
+    tables = {axis: entry.over(TableStatus()) for axis, entry in table_files.entries(frozenset()).items()}
+    return {axis: (found.status, found.error) for axis, found in tables.items()}
+
+
+def test_a_good_file_that_its_group_holds_back_is_not_called_active(pair: Path) -> None:
+    reloader = Reloader(pair)
+    assert shown(reloader) == {"x": ("active", None), "y": ("active", None)}
+    table(pair, "y").write_text("bad")
+    status = shown(reloader)
+    assert (status["x"], status["y"][0]) == (("active", None), "rejected")  # what x has is what its file says
+    table(pair).write_text(STEEPER)
+    status = shown(reloader)
+    why = "axis.x.table: not used: y.tab of its group is missing or bad; "
+    why += "mend that: axes of a group are corrected together or not at all"
+    assert status["x"] == ("rejected", f"{table(pair)}: {why}")
+    assert largest(pair) == 0.1
+    table(pair, "y").unlink()
+    assert shown(reloader) == {"x": ("removed", f"{table(pair)}: {why}"), "y": ("removed", None)}
+    assert largest(pair) is None
+    table(pair, "y").write_text(TABLE.replace("AXIS X", "AXIS Y"))
+    assert shown(reloader) == {"x": ("active", None), "y": ("active", None)}
+    assert largest(pair) == 0.2
