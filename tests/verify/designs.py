@@ -824,6 +824,16 @@ CLOSING: Final = (
         answers=("ack", "refuse"),
     ),
     _small_staged(
+        "s-group-unwritten",
+        "a beam, refused with proof that nothing was written",
+        _staged(exception_writes_nothing=True),
+        _staged(name="y", unit_id=2, exception_writes_nothing=True),
+        menu=("to", "run"),
+        groups=(("x", "y"),),
+        happenings=(),
+        answers=("ack", "refuse"),
+    ),
+    _small_staged(
         "s-impatient",
         "asks again before it is answered",
         menu=("to", "run", "stop"),

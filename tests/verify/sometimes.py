@@ -50,6 +50,18 @@ NOT_MET: Final[dict[str, str]] = {
         "no world waits as long as a sensor may be silent, nor has one so warm",
     ),
     "row moving + acknowledged": NO_TABLE,
+    "row gantry: sent + whole": "no world broadcasts to the axes of a group",
+    "row gantry: under-way + expired": "no world waits for ten seconds",
+    **dict.fromkeys(
+        (f"row on the wire: target + {each}" for each in ("motion-sent", "target-sent")),
+        "no frame of a world has two targets",
+    ),
+    "row stop: again + replaces": "no controller of a world sends one stop three times before it is answered",
+    **dict.fromkeys(
+        (f"row stop: {each} + goes-again" for each in ("again", "first")),
+        "writes are held back on a connection that is made anew only, and no world has one",
+    ),
+    "row stop: no + found-with-more": "the stops of all worlds do nothing else",
     **dict.fromkeys(
         (
             "row may-have-left + reference-changed",

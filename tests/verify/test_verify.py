@@ -261,7 +261,7 @@ def test_the_tables_tell_which_of_their_rows_were_taken() -> None:
     assert {"unknown + acknowledged", "moving + in-window"} == snapshot.TAKEN - others
     assert {"request: waiting + added-frame", "request: prerequisite + answered"} <= others
     assert {"request: waiting + frame", "request: sent + acknowledged"} <= others
-    assert not any(each.startswith(("beam", "stop")) for each in others)
+    assert not any(each.startswith(("gantry", "stop")) for each in others)
 
 
 def play_in(world: World, *events: Happening) -> None:
