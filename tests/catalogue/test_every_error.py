@@ -77,7 +77,7 @@ def test_states_are_those_of_the_status() -> None:
 
 
 def test_every_trouble_is_found_somewhere_and_none_is_made_up() -> None:
-    [tree] = trees("supervisor/trouble.py")
+    [tree] = trees("supervisor/active_alarms.py")
     used = {
         node.attr
         for node in ast.walk(tree)

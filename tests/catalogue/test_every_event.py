@@ -15,8 +15,8 @@ PACKAGE = Path(__file__).parents[2] / "gateway"
 CONSTANTS = {
     name: value for group in GROUPS for name, value in vars(group).items() if isinstance(value, EventEntry)
 }
-MAKERS = {"ipc/notes.py", "supervisor/supervisor.py"}
-"""Who may make a note from a name: the one place where entries become notes, and the supervisor, for what the
+MAKERS = {"ipc/log.py", "supervisor/supervisor.py"}
+"""Who may make a log entry from a name: the one place where entries of the catalogue become log entries, and the supervisor, for what the
 relay told it."""
 TELLERS = {"add", "log", "_log", "log_entry"}
 
@@ -65,12 +65,12 @@ def test_every_file_of_the_catalogue_is_listed() -> None:
     assert files == {group.__name__.rpartition(".")[2] for group in GROUPS}
 
 
-def test_a_note_is_made_of_an_entry_everywhere() -> None:
+def test_a_log_entry_is_made_of_an_entry_everywhere() -> None:
     makers = {
         str(path.relative_to(PACKAGE))
         for path, tree in sources().items()
         for called, _ in calls(tree)
-        if called == "Note"
+        if called == "LogEntry"
     }
     assert makers == MAKERS
 

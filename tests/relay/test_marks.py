@@ -19,7 +19,7 @@ REPLY = bytes.fromhex("03 02 0007")
 async def test_every_line_begins_a_new_slot_although_nobody_looks(
     bench: "Bench", tools: "Tools", monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(relay_module, "TURN_EVERY_S", 0.01)
+    monkeypatch.setattr(relay_module, "TICK_EVERY_S", 0.01)
     names = ("a", "b", "c")
     plans = []
     for name in names:

@@ -70,11 +70,11 @@ def test_a_disk_that_is_full_leaves_what_was_there(tmp_path: Path, force: bool) 
     code = (
         "import resource, signal, sys; from pathlib import Path\n"
         "from gateway.report.errors import ReportError\n"
-        "from gateway.report.writing import place\n"
+        "from gateway.report.writing import put_file\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
         "try:\n"
-        "    place(Path(sys.argv[1]), b'x' * 100_000, force=sys.argv[2] == 'True')\n"
+        "    put_file(Path(sys.argv[1]), b'x' * 100_000, force=sys.argv[2] == 'True')\n"
         "except ReportError as error:\n"
         "    print(error)\n"
     )

@@ -27,7 +27,7 @@ import os
 from gateway.transport.timer import Timer
 woke = Timer._woke
 def forgets(timer):
-    if "Heart." in repr(timer._callback):
+    if "WatchdogFeeder." in repr(timer._callback):
         woke(timer)
     else:
         os.read(timer._fd, 8)

@@ -19,9 +19,9 @@ import json, sys
 from pathlib import Path
 import gateway.supervisor.__main__
 import gateway.supervisor.process
-from gateway.supervisor.tables import Keeper
+from gateway.supervisor.tables import Reloader
 
-outcome = Keeper(Path(sys.argv[1])).reload()
+outcome = Reloader(Path(sys.argv[1])).reload()
 assert not outcome.problems, outcome.problems
 print(json.dumps(sorted(sys.modules)))
 """

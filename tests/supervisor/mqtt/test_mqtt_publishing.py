@@ -130,7 +130,7 @@ from tests.supervisor.mqtt.mqtt_bench import publishing, settings, model
 async def main():
     folder = Path(sys.argv[2])
     async with publishing(settings(int(sys.argv[1]), folder), folder) as site:
-        site.feeds.publish(model())
+        site.broadcast.publish(model())
         await site.until_said("mqtt-connected")
         print("connected", flush=True)
         await asyncio.Event().wait()
