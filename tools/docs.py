@@ -4,11 +4,12 @@
 """
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from itertools import groupby
 from pathlib import Path
 from typing import Final
 
-from gateway.catalogue.entry import NOTHING_TO_DO, entries_of
+from gateway.catalogue.entry import NOTHING_TO_DO, TroubleEntry, entries_of
 from gateway.catalogue.events import GROUPS
 from gateway.catalogue.exceptions import EXCEPTIONS, TITLES
 from gateway.catalogue.lookup import code_of, severities
@@ -45,13 +46,17 @@ def keys(name: str) -> str:
     return table(("key", "type", "default", "meaning"), lines)
 
 
+def _remedy(text: str) -> str:
+    return "" if text == NOTHING_TO_DO else text
+
+
 def events() -> str:
     """Return every event, by group."""
     texts = []
     for group in GROUPS:
         title = (group.__doc__ or "").split(":")[0]
         lines = [
-            (f"`{entry.name}`", severities(entry), entry.meaning, entry.cause, entry.remedy)
+            (f"`{entry.name}`", severities(entry), entry.meaning, entry.cause, _remedy(entry.remedy))
             for entry in entries_of(group)
         ]
         texts.append(
@@ -76,14 +81,16 @@ def troubles() -> str:
 
 
 def hidden() -> str:
-    """Return which trouble hides which others."""
-    lines = [
-        (f"`{cause.kind}`", ", ".join(f"`{effect.kind}`" for effect in effects))
-        for cause, effects in HIDES.items()
-    ]
-    return table(
-        ("as long as there is", "these are not told of the same place, or of what lies within it"), lines
-    )
+    """Return which trouble hides which others; those that hide the same share a line."""
+    causes: dict[tuple[TroubleEntry, ...], list[TroubleEntry]] = {}
+    for cause, effects in HIDES.items():
+        causes.setdefault(tuple(effects), []).append(cause)
+    lines = [(_kinds(together), _kinds(effects)) for effects, together in causes.items()]
+    return table(("trouble", "hides, at the same place or within it"), lines)
+
+
+def _kinds(entries: Iterable[TroubleEntry]) -> str:
+    return ", ".join(f"`{each.kind}`" for each in entries)
 
 
 def states() -> str:
@@ -92,10 +99,7 @@ def states() -> str:
         f"`{key}`:\n\n"
         + table(
             ("state", "means", "what to do"),
-            [
-                (f"`{state.name}`", state.meaning, "" if state.remedy == NOTHING_TO_DO else state.remedy)
-                for state in found
-            ],
+            [(f"`{state.name}`", state.meaning, _remedy(state.remedy)) for state in found],
         )
         for key, found in STATES.items()
     )
@@ -116,17 +120,14 @@ def exceptions() -> str:
 
 
 def refusals() -> str:
-    """Return every exception that the gateway itself answers."""
-    lines = [
-        (
-            f"{code_of(entry)} {TITLES[entry.code]}",
-            f"“{entry.says}”" if entry.says else "",
-            entry.cause,
-            entry.remedy,
-        )
-        for entry in REFUSALS
-    ]
-    return table(("exception", "detail in the log", "cause", "remedy"), lines)
+    """Return every exception that the gateway itself answers, by code."""
+    texts = []
+    for code, entries in groupby(REFUSALS, key=code_of):
+        found = list(entries)
+        lines = [(f"“{each.says}”" if each.says else "", each.cause, each.remedy) for each in found]
+        title = f"{code} {TITLES[found[0].code]}, by the gateway"
+        texts.append(f"### {title}\n\n{table(('detail in the log', 'cause', 'remedy'), lines)}")
+    return "\n".join(texts)
 
 
 def remarks() -> str:

@@ -146,7 +146,7 @@ def _of_relay(model: Model) -> Iterator[Trouble]:
     if gateway.relay != "up":
         yield Trouble(kinds.RELAY_DOWN, (), "gateway", kinds.RELAY_DOWN.meaning, axes)
     elif age_s is not None and age_s > STALE_S:
-        what = Said("the relay has said nothing for {span}: the machine may not obey", span=span(age_s))
+        what = Said("the relay has reported nothing for {span}: the machine may not obey", span=span(age_s))
         yield Trouble(kinds.RELAY_SILENT, (), "gateway", what, axes, age_s)
 
 
@@ -166,8 +166,8 @@ def _of_line(name: str, line: LineStatus) -> Iterator[Trouble]:
     malformed = line.minute.malformed
     if malformed:
         what = Said(
-            "{count} answers of the drives at {address} had a header whose length cannot be in the last "
-            "minute: each ends its connection",
+            "{count} replies of the drives at {address} had a header of impossible length in the last "
+            "minute; each closed its connection",
             count=malformed,
             address=line.drives.address,
         )
@@ -188,13 +188,13 @@ def _of_drives(line: str, unit_ids: UnitIds) -> Iterator[Trouble]:
             continue
         axes = tuple(name for name, of in unit_ids.axes.items() if str(of) == unit_id)
         place = (line, unit_id)
-        tried = "" if drive.tried_again_s is None else Said(": only a trial goes there from time to time")
+        tried = "" if drive.tried_again_s is None else Said(": only an occasional trial is sent")
         newest = min(asked, NEWEST)
         other_ids = drive.other_ids_in_a_row
         if other_ids and other_ids >= INSTEAD_SHARE * newest:
             where = _axes_named(axes) if axes else f"line {line}, unit id {unit_id}"
             what = Said(
-                "{whose} {answers}: no reply has counted for {span}{tried}",
+                "{whose} {answers}: no valid reply for {span}{tried}",
                 whose=Said("its drive (unit id {unit_id})", unit_id=unit_id)
                 if axes
                 else Said("unit id {unit_id}, which has no axis,", unit_id=unit_id),
@@ -206,7 +206,7 @@ def _of_drives(line: str, unit_ids: UnitIds) -> Iterator[Trouble]:
             continue
         if not axes:
             what = Said(
-                "nobody has answered at unit id {unit_id}, which has no axis, for {span}{tried}",
+                "no device has answered as unit id {unit_id}, which has no axis, for {span}{tried}",
                 unit_id=unit_id,
                 span=span(silent_s),
                 tried=tried,
@@ -216,15 +216,15 @@ def _of_drives(line: str, unit_ids: UnitIds) -> Iterator[Trouble]:
             continue
         where, values = _axes_named(axes), {"unit_id": unit_id, "span": span(silent_s), "tried": tried}
         if drive.answered_s is None:
-            what = Said("its drive (unit id {unit_id}) has never answered for {span}{tried}", **values)
+            what = Said("its drive (unit id {unit_id}) has never answered in {span}{tried}", **values)
         else:
             what = Said("its drive (unit id {unit_id}) has not answered for {span}{tried}", **values)
         yield Trouble(kinds.DRIVE_SILENT, place, where, what, axes, silent_s)
         damaged = drive.damaged_in_a_row
         if damaged and damaged >= INSTEAD_SHARE * newest:
             what = Said(
-                "its drive (unit id {unit_id}) cannot be understood for {span}: {damaged} of {newest} "
-                "answers were damaged",
+                "its drive (unit id {unit_id}) has sent no valid frame for {span}: {damaged} of {newest} "
+                "replies were damaged",
                 unit_id=unit_id,
                 span=span(silent_s),
                 damaged=damaged,
@@ -246,7 +246,7 @@ def _of_damage(line: str, status: LineStatus) -> Iterator[Trouble]:
             axes = tuple(name for name, of in status.unit_ids.axes.items() if str(of) == unit_id)
             whose = f" ({', '.join(f'axis {axis}' for axis in axes)})" if axes else ""
             what = Said(
-                "{damaged} answers of unit id {unit_id}{whose} were damaged in the last minute, of {frames} "
+                "{damaged} replies of unit id {unit_id}{whose} were damaged in the last minute, of {frames} "
                 "on the line",
                 damaged=damaged,
                 unit_id=unit_id,
@@ -272,7 +272,7 @@ def _of_controller(line: str, controller: ControllerStatus, unit_ids: UnitIds) -
         frames = minute.whole + minute.damaged
         if not whole and damaged >= FEWEST_DAMAGED:
             what = Said(
-                "{damaged} of {damaged} frames from {address} were damaged, not one was whole",
+                "all {damaged} frames from {address} were damaged",
                 damaged=damaged,
                 address=controller.address,
             )
@@ -289,7 +289,7 @@ def _of_controller(line: str, controller: ControllerStatus, unit_ids: UnitIds) -
     strangers = [of for of in asked if of in unit_ids.strangers]
     if strangers and strangers == asked and unit_ids.axes and controller.role == "motion":
         what = Said(
-            "it talks only to unit id {ids}, which has no axis, and no axis hears it; there are {there}",
+            "it addresses only unit id {ids}, which has no axis; the axes are {there}",
             ids=", ".join(map(str, strangers)),
             there=", ".join(f"axis {axis} (unit id {of})" for axis, of in unit_ids.axes.items()),
         )
@@ -336,19 +336,19 @@ def _silent(
         since = Said("since the gateway was started {span} ago", span=span(silent_s))
     names = ", ".join(each.name for each in controllers)
     if len(controllers) > 1 and is_there:
-        what = Said("none of {names} has asked for anything {since}", names=names, since=since)
+        what = Said("none of {names} has sent a request {since}", names=names, since=since)
     elif len(controllers) > 1:
         what = Said(
-            "no controller: none of {names} is connected, and none of them has asked for anything {since}",
+            "no controller: none of {names} is connected or has sent a request {since}",
             names=names,
             since=since,
         )
     elif not is_there:
-        what = Said("no controller: it is not connected, and it has asked for nothing {since}", since=since)
+        what = Said("no controller: it is not connected and has sent no request {since}", since=since)
     elif controllers[0].connections is not UNSET:
-        what = Said("it is connected, and it has asked for nothing {since}", since=since)
+        what = Said("it is connected but has sent no request {since}", since=since)
     else:
-        what = Said("its port is open, and it has asked for nothing {since}", since=since)
+        what = Said("its port is open but it has sent no request {since}", since=since)
     entry = kinds.CONTROLLER_SILENT if is_there else kinds.CONTROLLER_ABSENT
     return Trouble(entry, place, where, what, axes, silent_s)
 
@@ -362,17 +362,17 @@ def _of_unit_ids(name: str, line: LineStatus) -> Iterator[Trouble]:
     if strangers and unheard:
         axes = ", ".join(f"axis {name} (unit_id {of})" for name, of in unheard.items())
         what = Said(
-            "controllers talk to unit id {strangers}, which has no axis; {axes} hears nothing",
+            "controllers address unit id {strangers}, which has no axis; {axes} gets no requests",
             strangers=strangers,
             axes=axes,
         )
         yield Trouble(kinds.WRONG_UNIT_ID, place, where, what, tuple(unheard))
     if unit_ids.requests:
         heard = ", ".join(f"{of} ({count} requests)" for of, count in unit_ids.requests.items())
-        what = Said("controllers talk to unit id {heard}, which has no axis", heard=heard)
+        what = Said("controllers address unit id {heard}, which has no axis", heard=heard)
         yield Trouble(kinds.UNKNOWN_UNIT, place, where, what)
     if line.wrong_units:
-        what = Said("{count} replies had another unit id than was asked", count=line.wrong_units)
+        what = Said("{count} replies had another unit id than requested", count=line.wrong_units)
         yield Trouble(kinds.ANSWERS_AS, place, where, what)
 
 
@@ -390,7 +390,7 @@ def _of_axis(name: str, axis: AxisStatus, place: Place) -> Iterator[Trouble]:
             what = Said("{error} (no table)", error=error)
         yield Trouble(kinds.TABLE_REJECTED, place, where, what, its)
     elif table.status == "removed":
-        gone = Said("{file} is not there: positions pass uncorrected", file=table.file)
+        gone = Said("{file} is missing: positions pass uncorrected", file=table.file)
         yield Trouble(kinds.TABLE_REMOVED, place, where, table.error or gone, its)
     entry = _OF_COMPENSATION.get(axis.compensation)
     if entry is not None:
@@ -412,8 +412,8 @@ def _of_group(name: str, axis: AxisStatus, place: Place) -> Iterator[Trouble]:
     if group.is_skewed:
         skew = group.skew
         what = Said(
-            "the axes of its group have not all gone: the beam is skewed, {by}",
-            by=Said("nobody knows by how much")
+            "not all axes of its group have moved: the beam is skewed {by}",
+            by=Said("by an unknown amount")
             if skew is None
             else Said("by {skew}", skew=f"{skew:+.6g} {axis.units}"),
         )
@@ -427,13 +427,13 @@ def _of_rivals(name: str, rivals: RivalsStatus | None, place: Place) -> Iterator
         return
     one, other = rivals.writers
     refused = Said("{count} requests were refused", count=rivals.refused)
-    changed = Said("it changed hands {count} times", count=rivals.changes)
+    changed = Said("control changed {count} times", count=rivals.changes)
     if rivals.refused and rivals.changes:
         counted = Said("{one}, {other}", one=refused, other=changed)
     else:
         counted = refused if rivals.refused else changed
     what = Said(
-        "{one} and {other} both want to move it: {counted} in {span}",
+        "{one} and {other} both try to move it: {counted} in {span}",
         one=one,
         other=other,
         counted=counted,
@@ -443,14 +443,14 @@ def _of_rivals(name: str, rivals: RivalsStatus | None, place: Place) -> Iterator
 
 
 _OF_SENSOR: Final = {
-    "waiting": Said("no temperature has been heard since the start: nothing is added for it"),
-    "held": Said("the temperature sensor says nothing: its last value is held"),
-    "fading": Said("the temperature sensor says nothing: what is added for it goes back to 0"),
-    "faded": Said("the temperature sensor says nothing: nothing is added for it any more"),
+    "waiting": Said("no temperature since the start: no thermal correction"),
+    "held": Said("the temperature sensor gives no value: the last one is held"),
+    "fading": Said("the temperature sensor gives no value: the thermal correction returns to 0"),
+    "faded": Said("the temperature sensor gives no value: no thermal correction"),
 }
 _OF_OTHERS: Final = {
-    "fading": Said("what is added for that goes back to 0"),
-    "faded": Said("nothing is added for that"),
+    "fading": Said("its correction returns to 0"),
+    "faded": Said("its correction is 0"),
 }
 """Held it is no trouble yet: any stop of an axis that is not read does that, until its next target."""
 
@@ -461,14 +461,14 @@ def _of_terms(terms: TermsStatus) -> Iterable[tuple[TroubleEntry, str]]:
         yield kinds.SENSOR_SILENT, _OF_SENSOR.get(thermal.state, kinds.SENSOR_SILENT.meaning)
     if cross and cross.state in _OF_OTHERS:
         what = Said(
-            "it is not known where {axes}; {then}",
+            "the position of {axes} is unknown; {then}",
             axes=_named(cross.axes),
             then=_OF_OTHERS[cross.state],
         )
         yield kinds.OTHER_AXIS_UNKNOWN, what
     if terms.is_too_large:
         what = Said(
-            "with the table, temperature and other axes come to more than max_correction; they do not follow"
+            "table, temperature and other axes together exceed max_correction; the last two no longer follow"
         )
         yield kinds.TERM_TOO_LARGE, what
 
@@ -477,11 +477,11 @@ def _named(axes: Sequence[str]) -> Said:
     """Return whose place is not known; of several only the sum is.
 
     >>> _named(["y"]), _named(["y", "z"])
-    ('axis y is', 'one of the axes y, z is')
+    ('axis y', 'one of the axes y, z')
     """
     if len(axes) == 1:
-        return Said("axis {axis} is", axis=axes[0])
-    return Said("one of the axes {axes} is", axes=", ".join(axes))
+        return Said("axis {axis}", axis=axes[0])
+    return Said("one of the axes {axes}", axes=", ".join(axes))
 
 
 _OF_AXES: Final = (kinds.CONFIGURATION, kinds.TABLES_FOLDER, kinds.STATE_FOLDER)
