@@ -337,8 +337,8 @@ class Axis:
             return
         self.told_unknown = contents
         shown = ", ".join(f"{address:#06x} = {word:#06x}" for address, word in contents)
-        what = f"the register map does not know {shown}" if shown else "nobody can tell what a frame means"
-        self.tell(exchange_events.UNKNOWN_MODE, f"{what}: it passed untouched")
+        what = f"the register map does not know {shown}" if shown else "a frame has no known meaning"
+        self.tell(exchange_events.UNKNOWN_MODE, f"{what}: it passed unchanged")
 
     def tell_fault(self, sentence: str) -> None:
         """One of its machines met an event that cannot be in its state: a bug of this program.
@@ -365,9 +365,9 @@ class Axis:
         if self.is_unsure is not self.told_unsure:
             self.told_unsure = self.is_unsure
             if self.told_unsure:
-                detail = "where the axis is could not be told; it keeps its branch"
+                detail = "its position could not be determined; it keeps its branch"
                 if self.is_out_of_sight:
-                    detail += "; its drive refuses to tell its actual position"
+                    detail += "; its drive refuses to report its actual position"
                 self.tell(exchange_events.DIRECTION_UNSURE, detail)
         if not self.events:
             return ()
@@ -736,8 +736,8 @@ class Axis:
         (offset, rest), units = self.began, self.plan.settings.units.value
         self.began = None
         if offset or rest:
-            what = f"the drive stood {offset:+.6g} {units} from the first setpoint, which stays in force"
-            motion = f"; {rest:+.6g} {units} more cannot be a correction and were gone" if rest else ""
+            what = f"the drive was {offset:+.6g} {units} from the first setpoint; this offset stays in force"
+            motion = f"; {rest:+.6g} {units} more cannot be a correction and was dropped" if rest else ""
             self.tell(exchange_events.STREAM_BEGAN, f"{what} until the table has taken over{motion}")
 
     # --- silence ---------------------------------------------------------------------------------------
