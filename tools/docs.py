@@ -4,7 +4,7 @@
 """
 
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import Final
@@ -85,8 +85,13 @@ def hidden() -> str:
     causes: dict[tuple[TroubleEntry, ...], list[TroubleEntry]] = {}
     for cause, effects in HIDES.items():
         causes.setdefault(tuple(effects), []).append(cause)
-    lines = [(_kinds(together), _kinds(effects)) for effects, together in causes.items()]
+    lines = [(_kinds(together), _hidden(effects, together)) for effects, together in causes.items()]
     return table(("trouble", "hides, at the same place or within it"), lines)
+
+
+def _hidden(effects: Collection[TroubleEntry], causes: Collection[TroubleEntry]) -> str:
+    others = [each for each in TROUBLES.values() if each not in (*effects, *causes)]
+    return f"all but {_kinds(others)}" if len(others) < len(effects) else _kinds(effects)
 
 
 def _kinds(entries: Iterable[TroubleEntry]) -> str:

@@ -16,7 +16,7 @@ LINE_DOWN: Final = EventEntry(
     "the connection to the drives of a line is lost; the detail says why. Requests over TCP wait for a "
     "new connection for half of their controller's `timeout_ms`, then get exception 0x0A; on RTU they "
     "get silence. Reported immediately if an axis was moving or the loss lasts a second",
-    "an unplugged adapter, or drives or a device server that closed the connection. *When idle*: "
+    "an unplugged adapter, or a connection closed by the drives or their device server. *When idle*: "
     "harmless, the server closes idle connections. *After a malformed header*: faulty Modbus/TCP",
     "check cable, adapter and power of the drives. The gateway reconnects automatically",
 )
@@ -90,7 +90,7 @@ DIRECTION_UNSURE: Final = EventEntry(
     "direction-unsure",
     Severity.WARNING,
     "the position of the axis could not be determined: it keeps its branch of the table",
-    "the axis moved when a new target came, or its actual position cannot be read",
+    "the axis moved when a new target came, or its actual position is unreadable",
     "map `actual` and `bits.done` of the drive, set `max_speed`, and leave `safe_read` on",
 )
 BRANCH_HUNTS: Final = EventEntry(
@@ -155,14 +155,14 @@ UNKNOWN_MODE: Final = EventEntry(
     "unknown-mode",
     Severity.WARNING,
     "a frame has a meaning that the register map does not list: it passed unchanged",
-    "the controller uses a mode or trigger value that is not listed",
+    "a mode or trigger value that is not listed",
     "look the value up in the drive's manual, and list it under its meaning or under `ignore`",
 )
 STORED_MOVE: Final = EventEntry(
     "stored-move",
     Severity.WARNING,
-    "the start of a position that was not written through the gateway was refused with exception 4",
-    "the controller runs a position stored in the drive, or one written before the gateway started",
+    "the start of a position not written through the gateway was refused with exception 4",
+    "the controller runs a position stored in the drive, or written before the gateway started",
     'have the controller write the target, or set `stored_moves = "uncorrected"`',
 )
 BASE_UNKNOWN: Final = EventEntry(
@@ -255,7 +255,7 @@ SECOND_WRITER: Final = EventEntry(
     Severity.WARNING,
     "a controller tried to move an axis that another one is moving; it got exception 6",
     "a panel that jogs while the program runs, two programs at once, or an attack. Or the first "
-    "controller triggers in every cycle and never releases the axis",
+    "controller triggers in every cycle and so never releases the axis",
     "let one finish: `writer` of the axis in `status` names it (`moved by` on a terminal). Trigger only "
     'on changes. If both must move the axis, set `writers = "any"`',
 )
@@ -264,7 +264,7 @@ INTERNAL_FAULT: Final = EventEntry(
     Severity.ERROR,
     "a fault in the gateway's program: an axis or request met an event impossible in its state. The axis "
     "position now counts as unknown, its homed bit is read again, and triggers are refused until a "
-    "complete target is accepted. Stops pass; the rest of the request is dropped",
+    "complete target. Stops pass; the rest of the request is dropped",
     "a bug in the gateway; the detail names state and event",
     "write the target again; home the axis if it is not referenced. Send log and configuration to the "
     "makers of the gateway",

@@ -17,7 +17,7 @@ AXIS: Final = EventEntry("axis", Severity.INFO, "an axis of the configuration, a
 SHADOW: Final = EventEntry(
     "shadow",
     Severity.WARNING,
-    "the axis is in shadow mode: corrections are computed and shown, positions pass 1:1",
+    "shadow mode: corrections are computed and shown, positions pass 1:1",
     '`compensation = "shadow"`',
     'when the shown corrections are right, set `compensation = "on"`, then `pitch-gateway reload CONFIG`',
 )

@@ -16,7 +16,7 @@ EXIT_CODES: Final[Mapping[int, str]] = {
 }
 
 _CHOOSE_ANOTHER: Final = "do what it says, or choose another folder with `[gateway] state`"
-_COMPILE: Final = "run `pitch-gateway check --compile CONFIG`; `run` does it automatically"
+_COMPILE: Final = "run `pitch-gateway check --compile CONFIG`"
 
 NOT_TOML: Final = StartEntry(
     "not TOML", "a syntax error in the configuration", "run `pitch-gateway check CONFIG`: it names the place"

@@ -43,7 +43,7 @@ ADAPTER_ECHOES: Final = TroubleEntry(
     "adapter-echoes",
     Severity.ERROR,
     "an unconfigured echo: what the gateway sends comes back. The echo of a write passes for the drive's "
-    "acknowledgement; from a controller an echo is removed once it was seen",
+    "acknowledgement; from a controller it is removed",
     "an RS-485 adapter whose receiver stays on while it sends, or a device server with an echo",
     "set `echo = true` for the drives or the controller named, and restart the gateway. Or switch off "
     "the echo of the device server",
@@ -51,8 +51,7 @@ ADAPTER_ECHOES: Final = TroubleEntry(
 DRIVE_MALFORMED: Final = TroubleEntry(
     "drive-malformed",
     Severity.ERROR,
-    "the drives of a line answer with headers of an impossible length. The connection is closed each "
-    "time, because the start of the next frame is unknown",
+    "the drives of a line answer with headers of an impossible length; the connection is closed each time",
     "a device that does not speak Modbus/TCP, speaks RTU over TCP, or sends a wrong length",
     "if the device sends RTU frames, set `rtu_over_tcp` instead of `tcp` and restart the gateway. "
     "Otherwise send its maker the bytes in the event `line-down`",
@@ -112,7 +111,7 @@ CONTROLLER_ABSENT: Final = TroubleEntry(
     "controller-absent",
     Severity.WARNING,
     "no controller is connected: the axes get no commands",
-    "the controller is off, its cable is unplugged, or it connects to another address or port",
+    "the controller is off, unplugged, or connects to another address or port",
     "switch the controller on, and check its cable and the address that it connects to. If it may stay "
     "away for long, set its `silent_after_s`, then `pitch-gateway reload CONFIG`",
     title="No controller",
@@ -144,7 +143,7 @@ TWO_WRITERS: Final = TroubleEntry(
     "two-writers",
     Severity.ERROR,
     "two motion controllers try to move the same axis",
-    "a second program, panel or PLC that moves the axis, or one controller with two addresses",
+    "a second program, panel or PLC, or one controller with two addresses",
     "let only one of them move the axis. Or give the other the `role` operator or monitor, and restart "
     "the gateway",
     title="Two controllers",
@@ -152,8 +151,8 @@ TWO_WRITERS: Final = TroubleEntry(
 UNIT_SILENT: Final = TroubleEntry(
     "unit-silent",
     Severity.WARNING,
-    "controllers address a unit id without axis, and no device answers. Trials delay the others; with "
-    "`retry_ms = 0` each request does",
+    "controllers address a unit id without axis, and no device answers: trials delay the others, with "
+    "`retry_ms = 0` each request",
     "a device that is off, or a wrong unit id in the controller",
     "switch the device on, or remove it from the controller's program",
 )
@@ -241,7 +240,7 @@ NO_TABLE: Final = TroubleEntry(
     "no-table",
     Severity.WARNING,
     "no table: positions pass uncorrected",
-    "no table is configured, for example before the first measurement, or its file was never good",
+    "no table configured, for example before the first measurement, or its file was never good",
     "measure the axis and name its file with `table`, then `pitch-gateway reload CONFIG`. To leave it "
     'uncorrected, set `compensation = "off"` and restart the gateway',
 )
@@ -279,7 +278,7 @@ SENSOR_SILENT: Final = TroubleEntry(
     "sensor-silent",
     Severity.WARNING,
     "the temperature sensor of an axis gives no value",
-    "the sensor, its cable or its broker is off, or its topic or address has changed",
+    "sensor, cable or broker off, or another topic or address",
     "check the sensor, its broker or its address. The events `temperature-wrong` and "
     "`temperature-not-read` in the log give details",
 )
@@ -304,7 +303,7 @@ SUPERVISOR_DOWN: Final = TroubleEntry(
     "supervisor-down",
     Severity.WARNING,
     "the supervisor does not answer: tables are not watched; page and MQTT report nothing",
-    "it was not started, ended, or cannot start: a mistake in the configuration, a full disk",
+    "not started, ended, or unable to start: a mistake in the configuration, a full disk",
     "check its log. Start it with `systemctl start pitch-gateway-supervisor`; beside `record` and "
     "`relay` with `pitch-gateway supervise CONFIG`; `run` restarts it automatically. The relay goes on "
     "meanwhile",
@@ -322,7 +321,7 @@ TABLES_FOLDER: Final = TroubleEntry(
     Severity.WARNING,
     "some tables are not in force, or their folder does not answer",
     "a network file system that hangs, a full state folder, or a relay that refused a table",
-    "do what the message says. The gateway retries every few seconds and keeps what is in force",
+    "do what the message says; the gateway retries every few seconds",
 )
 STATE_FOLDER: Final = TroubleEntry(
     "state_folder",
