@@ -22,7 +22,7 @@ from gateway.config.http_model import HttpSection
 from gateway.config.line_model import ControllerSection, DrivesEndpoint, LineSection
 from gateway.config.mqtt_model import MqttSection
 from gateway.config.relay_model import RelaySection
-from gateway.config.rights_model import RightsKeys, RoleKeys, Span
+from gateway.config.rights_model import RoleKeys, Span
 from gateway.config.table_options import TableOptionsSection
 from gateway.config.terms_model import CrossSpec, TemperatureSource, ThermalSpec
 from gateway.config.tls_model import ControllerTls
@@ -39,6 +39,8 @@ class KeyTable:
     models: tuple[type[BaseModel], ...]
     elsewhere: frozenset[str] = frozenset()
     """Keys of the same meaning in another table, which the text around this one points to."""
+    is_brief: bool = False
+    """What a base of the model declares stands in another table too, which has the long texts."""
 
     def fields(self) -> Iterator[tuple[type[BaseModel], str]]:
         """Yield every key with the model that has it."""
@@ -60,8 +62,7 @@ class Row:
     meaning: str
 
 
-_SERIAL: Final = frozenset({"baudrate", "parity", "stop_bits", "data_bits", "low_latency", "rs485"})
-_RIGHTS: Final = frozenset(RightsKeys.model_fields) - {"role"}
+_SERIAL: Final = frozenset({"baudrate", "parity", "stop_bits", "data_bits", "low_latency"})
 
 TABLES: Final[Mapping[str, KeyTable]] = {
     "gateway": KeyTable((GatewaySection,)),
@@ -70,7 +71,7 @@ TABLES: Final[Mapping[str, KeyTable]] = {
     "line.drives": KeyTable((DrivesEndpoint,)),
     "line.controllers": KeyTable((ControllerSection,), _SERIAL),
     "line.controllers.tls": KeyTable((ControllerTls,)),
-    "line.controllers.roles": KeyTable((RoleKeys,), _RIGHTS),
+    "line.controllers.roles": KeyTable((RoleKeys,), is_brief=True),
     "axis": KeyTable((AxisSection,)),
     "axis.table_options": KeyTable((TableOptionsSection,)),
     "axis.thermal": KeyTable((ThermalSpec,)),
@@ -99,7 +100,8 @@ def rows(table: KeyTable) -> list[Row]:
         field = model.model_fields[key]
         extra = field.json_schema_extra
         said: dict[str, Any] = extra if isinstance(extra, dict) else documented()
-        meaning, more = said["meaning"], said["more"]
+        is_brief = table.is_brief and key not in model.__annotations__
+        meaning, more = ("", "") if is_brief else (said["meaning"], said["more"])
         found.append(
             Row(
                 key,
