@@ -4,12 +4,13 @@
 """
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
+from itertools import groupby
 from pathlib import Path
 from typing import Final
 
 from gateway.catalogue.alarms import ALARMS, HIDES
-from gateway.catalogue.entry import NOTHING_TO_DO, entries_of
+from gateway.catalogue.entry import NOTHING_TO_DO, AlarmEntry, entries_of
 from gateway.catalogue.events import GROUPS
 from gateway.catalogue.exceptions import EXCEPTIONS, TITLES
 from gateway.catalogue.lookup import code_of, severities
@@ -45,13 +46,17 @@ def keys(name: str) -> str:
     return table(("key", "type", "default", "meaning"), lines)
 
 
+def _remedy(text: str) -> str:
+    return "" if text == NOTHING_TO_DO else text
+
+
 def events() -> str:
     """Return every event, by group."""
     texts = []
     for group in GROUPS:
         title = (group.__doc__ or "").split(":")[0]
         lines = [
-            (f"`{entry.name}`", severities(entry), entry.description, entry.cause, entry.remedy)
+            (f"`{entry.name}`", severities(entry), entry.description, entry.cause, _remedy(entry.remedy))
             for entry in entries_of(group)
         ]
         texts.append(
@@ -76,14 +81,21 @@ def troubles() -> str:
 
 
 def hidden() -> str:
-    """Return which trouble hides which others."""
-    lines = [
-        (f"`{cause.kind}`", ", ".join(f"`{effect.kind}`" for effect in effects))
-        for cause, effects in HIDES.items()
-    ]
-    return table(
-        ("as long as there is", "these are not told of the same place, or of what lies within it"), lines
-    )
+    """Return which trouble hides which others; those that hide the same share a line."""
+    causes: dict[tuple[AlarmEntry, ...], list[AlarmEntry]] = {}
+    for cause, effects in HIDES.items():
+        causes.setdefault(tuple(effects), []).append(cause)
+    lines = [(_kinds(together), _hidden(effects, together)) for effects, together in causes.items()]
+    return table(("trouble", "hides, at the same place or within it"), lines)
+
+
+def _hidden(effects: Collection[AlarmEntry], causes: Collection[AlarmEntry]) -> str:
+    others = [each for each in ALARMS.values() if each not in (*effects, *causes)]
+    return f"all but {_kinds(others)}" if len(others) < len(effects) else _kinds(effects)
+
+
+def _kinds(entries: Iterable[AlarmEntry]) -> str:
+    return ", ".join(f"`{each.kind}`" for each in entries)
 
 
 def states() -> str:
@@ -92,10 +104,7 @@ def states() -> str:
         f"`{key}`:\n\n"
         + table(
             ("state", "means", "what to do"),
-            [
-                (f"`{state.name}`", state.description, "" if state.remedy == NOTHING_TO_DO else state.remedy)
-                for state in found
-            ],
+            [(f"`{state.name}`", state.description, _remedy(state.remedy)) for state in found],
         )
         for key, found in STATES.items()
     )
@@ -116,17 +125,14 @@ def exceptions() -> str:
 
 
 def refusals() -> str:
-    """Return every exception that the gateway itself answers."""
-    lines = [
-        (
-            f"{code_of(entry)} {TITLES[entry.code]}",
-            f"“{entry.says}”" if entry.says else "",
-            entry.cause,
-            entry.remedy,
-        )
-        for entry in REFUSALS
-    ]
-    return table(("exception", "detail in the log", "cause", "remedy"), lines)
+    """Return every exception that the gateway itself answers, by code."""
+    texts = []
+    for code, entries in groupby(REFUSALS, key=code_of):
+        found = list(entries)
+        lines = [(f"“{each.says}”" if each.says else "", each.cause, each.remedy) for each in found]
+        title = f"{code} {TITLES[found[0].code]}, by the gateway"
+        texts.append(f"### {title}\n\n{table(('detail in the log', 'cause', 'remedy'), lines)}")
+    return "\n".join(texts)
 
 
 def remarks() -> str:

@@ -16,17 +16,17 @@ RELAY_DOWN: Final = AlarmEntry(
     "relay-down",
     Severity.ERROR,
     "the relay is not running: no command reaches a drive",
-    "it was not started, could not start, or ended",
-    "look at its log, then start the gateway",
+    "it was not started, failed to start, or ended",
+    "check its log, then start the gateway",
     title="Relay down",
     cuts_off=True,
 )
 RELAY_SILENT: Final = AlarmEntry(
     "relay-silent",
     Severity.ERROR,
-    "the relay has said nothing for some seconds: the machine may not obey",
-    "the machine is overloaded, or the relay was stopped",
-    "stop the machine by its own switch if it moves; look at the load of the computer and at the relay's log",
+    "the relay has reported nothing for some seconds: the machine may not obey",
+    "the computer is overloaded, or the relay was stopped",
+    "if the machine moves, stop it by its own switch. Check the load of the computer and the relay's log",
     title="Relay silent",
     cuts_off=True,
 )
@@ -42,41 +42,38 @@ LINE_DOWN: Final = AlarmEntry(
 ADAPTER_ECHOES: Final = AlarmEntry(
     "adapter-echoes",
     Severity.ERROR,
-    "what is sent to the drives or to a controller of a line comes back, and the configuration does not say "
-    "so: of drives the return of a write is taken for its acknowledgement; of a controller what returns is "
-    "taken out once it was seen",
+    "an unconfigured echo: what the gateway sends comes back. The echo of a write passes for the drive's "
+    "acknowledgement; from a controller it is removed",
     "an RS-485 adapter whose receiver stays on while it sends, or a device server with an echo",
-    "set `echo = true` for the drives, or for the controller that is named, and start the gateway again; or "
-    "switch the echo of a device server off",
+    "set `echo = true` for the drives or the controller named, and restart the gateway. Or switch off "
+    "the echo of the device server",
 )
 DRIVE_MALFORMED: Final = AlarmEntry(
     "drive-malformed",
     Severity.ERROR,
-    "the drives of a line answer with headers whose length cannot be: nobody knows where the next frame "
-    "begins, so the connection is closed each time",
-    "a device that does not speak Modbus/TCP, speaks RTU over TCP, or writes a wrong length into its header",
-    "set `rtu_over_tcp` instead of `tcp` where the device sends RTU frames, and start the gateway again; "
-    "else give the bytes of the event `line-down` to its maker",
+    "the drives of a line answer with headers of an impossible length; the connection is closed each time",
+    "a device that does not speak Modbus/TCP, speaks RTU over TCP, or sends a wrong length",
+    "if the device sends RTU frames, set `rtu_over_tcp` instead of `tcp` and restart the gateway. "
+    "Otherwise send its maker the bytes in the event `line-down`",
     title="Drive not understood",
 )
 DRIVE_GARBLED: Final = AlarmEntry(
     "drive-garbled",
     Severity.ERROR,
-    "the drive of an axis has not answered, but bytes come of which no frame can be made",
-    "another baud rate or parity than the drive has, A and B exchanged, no termination, two drives with one "
-    "unit id",
-    "compare baud rate and parity with those of the drive, then exchange A and B, then look at termination "
-    "and unit ids; with the gateway stopped `pitch-gateway probe CONFIG` shows the bytes that come",
+    "bytes come from the drive of an axis, but no valid frame",
+    "wrong baud rate or parity, A and B exchanged, no termination, or two drives with one unit id",
+    "compare baud rate and parity with the drive, then exchange A and B, then check termination and unit "
+    "ids. With the gateway stopped, `pitch-gateway probe CONFIG` shows the bytes",
     title="Drive not understood",
     cuts_off=True,
 )
 OTHER_ID: Final = AlarmEntry(
     "other-transaction-id",
     Severity.ERROR,
-    "a Modbus/TCP drive answers with another transaction id than it was asked with: no reply of it counts",
-    "a server or converter that answers with transaction id 0, or a fixed one, whatever it is asked",
-    "bring its firmware up to date, or put a converter in its place that returns the transaction id; where "
-    "it speaks RTU over TCP, set `rtu_over_tcp` instead of `tcp` and start the gateway again",
+    "a Modbus/TCP drive replies with another transaction id than requested: its replies are discarded",
+    "a server or converter that always answers with transaction id 0 or another fixed one",
+    "update its firmware, or use a converter that returns the transaction id. If it speaks RTU over TCP, "
+    "set `rtu_over_tcp` instead of `tcp` and restart the gateway",
     title="Wrong transaction id",
     cuts_off=True,
 )
@@ -84,30 +81,29 @@ DRIVE_SILENT: Final = AlarmEntry(
     "drive-silent",
     Severity.ERROR,
     "the drive of an axis does not answer",
-    "power, cable, or a drive that hangs; where it has never answered also unit id, baud rate and parity",
-    "check power, cable, unit id, baud rate and parity; `pitch-gateway capture CONFIG --follow` shows what "
-    "is asked and what comes. To look for its unit id, stop the gateway, then "
-    "`pitch-gateway probe CONFIG --scan`",
+    "power, cable, or a drive that hangs. If it has never answered, also unit id, baud rate or parity",
+    "check power, cable, unit id, baud rate and parity. `pitch-gateway capture CONFIG --follow` shows "
+    "requests and replies. To search for its unit id, stop the gateway and run `pitch-gateway probe "
+    "CONFIG --scan`",
     title="Drive silent",
     cuts_off=True,
 )
 PORT_CLOSED: Final = AlarmEntry(
     "controller-port-closed",
     Severity.ERROR,
-    "the serial port of a controller cannot be opened: nothing that it sends is heard",
-    "the adapter was unplugged, another program has the port, or the name in the configuration is wrong",
-    "plug the adapter in, or end the other program: the port is tried again by itself; where its name is "
-    "wrong, mend `rtu` of the controller and start the gateway again",
+    "the serial port of a controller cannot be opened: its requests do not arrive",
+    "the adapter is unplugged, another program uses the port, or its name in the configuration is wrong",
+    "plug the adapter in, or end the other program; the gateway keeps trying. If the name is wrong, "
+    "correct `rtu` of the controller and restart the gateway",
     title="No controller",
     cuts_off=True,
 )
 CONTROLLER_GARBLED: Final = AlarmEntry(
     "controller-garbled",
     Severity.ERROR,
-    "nothing that came from the port of a controller was a frame",
-    "another baud rate or parity than the controller has, A and B exchanged, or a device that speaks "
-    "something else",
-    "compare baud rate and parity of the port with those of the controller, then exchange A and B",
+    "bytes come from the port of a controller, but no valid frame",
+    "wrong baud rate or parity, A and B exchanged, or a device with another protocol",
+    "compare baud rate and parity with the controller, then exchange A and B",
     title="Controller not understood",
     cuts_off=True,
 )
@@ -115,238 +111,239 @@ CONTROLLER_ABSENT: Final = AlarmEntry(
     "controller-absent",
     Severity.WARNING,
     "no controller is connected: the axes get no commands",
-    "the controller is off, its cable is out, or it connects to another address or port",
-    "switch the controller on and check its cable and the address it connects to; where it may stay away for "
-    "long, set `silent_after_s` of the controller, then `pitch-gateway reload CONFIG`",
+    "the controller is off, unplugged, or connects to another address or port",
+    "switch the controller on, and check its cable and the address that it connects to. If it may stay "
+    "away for long, set its `silent_after_s`, then `pitch-gateway reload CONFIG`",
     title="No controller",
 )
 CONTROLLER_SILENT: Final = AlarmEntry(
     "controller-silent",
     Severity.WARNING,
-    "a controller is connected and sends no requests: the axes get no commands",
-    "its program does not run, it is off, or its cable to the serial port is out",
-    "look at the controller and its program, then at the cable; where it may be silent for long, set "
-    "`silent_after_s` of the controller, then `pitch-gateway reload CONFIG`",
+    "a controller is connected but sends no requests: the axes get no commands",
+    "its program does not run, it is off, or its serial cable is unplugged",
+    "check the controller, its program and its cable. If it may be silent for long, set its "
+    "`silent_after_s`, then `pitch-gateway reload CONFIG`",
     title="Controller silent",
 )
 CONTROLLER_DAMAGED: Final = AlarmEntry(
     "controller-damaged",
     Severity.WARNING,
-    "many frames from the port of a controller are damaged: it waits for answers that cannot come",
-    "cable, screen, termination, two masters on one wire, or a baud rate that is a little off",
+    "many frames from the port of a controller are damaged and stay unanswered",
+    "cable, screen, termination, two masters on one line, or a slightly wrong baud rate",
     "check the cable, its screen and its termination",
 )
 DRIVE_DAMAGED: Final = AlarmEntry(
     "drive-damaged",
     Severity.WARNING,
-    "many answers of drives are damaged: their requests stay unanswered",
-    "cable, screen, termination, two drives with one unit id, or a baud rate that is a little off",
-    "check the cable, its screen and its termination, and that no unit id is there twice",
+    "many replies of drives are damaged: their requests stay unanswered",
+    "cable, screen, termination, two drives with one unit id, or a slightly wrong baud rate",
+    "check the cable, its screen and termination, and that each unit id is used once",
 )
 TWO_WRITERS: Final = AlarmEntry(
     "two-writers",
     Severity.ERROR,
-    "two motion controllers want to move the same axis",
-    "a second program, panel or PLC that moves the axis, or the same controller with two addresses",
-    "let only one of them move the axis; or give the other the `role` operator or monitor, and start the "
-    "gateway again",
+    "two motion controllers try to move the same axis",
+    "a second program, panel or PLC, or one controller with two addresses",
+    "let only one of them move the axis. Or give the other the `role` operator or monitor, and restart "
+    "the gateway",
     title="Two controllers",
 )
 UNIT_SILENT: Final = AlarmEntry(
     "unit-silent",
     Severity.WARNING,
-    "controllers ask a unit id that has no axis, and nobody answers: trials cost the others time, with "
+    "controllers address a unit id without axis, and no device answers: trials delay the others, with "
     "`retry_ms = 0` each request",
     "a device that is off, or a wrong unit id in the controller",
-    "switch the device on, or have the controller not ask for it",
+    "switch the device on, or remove it from the controller's program",
 )
 UNHEARD_CONTROLLER: Final = AlarmEntry(
     "unheard-controller",
     Severity.WARNING,
-    "a motion controller talks only to unit ids that have no axis: nothing that it moves is corrected",
-    "a wrong unit id in the controller or in the configuration, or a controller of another line",
-    "set `unit_id` of the axis to what the controller talks to, or name the other device in `other_units`; "
-    "then start the gateway again",
+    "a motion controller addresses only unit ids without axis: its moves are not corrected",
+    "a wrong unit id in controller or configuration, or a controller of another line",
+    "set `unit_id` of the axis to the one that the controller uses, or name the other device in "
+    "`other_units`. Then restart the gateway",
 )
 WRONG_UNIT_ID: Final = AlarmEntry(
     "wrong-unit-id",
     Severity.WARNING,
-    "controllers talk to a unit id that has no axis, while an axis of the line hears nothing: what they move "
-    "is not corrected",
-    "another unit id in the controller or the drive than in the configuration",
-    "set `unit_id` of the axis to what the controller talks to, or name the other device in `other_units`; "
-    "then start the gateway again",
+    "controllers address a unit id without axis, and an axis of the line gets no requests: their moves "
+    "are not corrected",
+    "the unit id of controller or drive differs from the configuration",
+    "set `unit_id` of the axis to the one that the controller uses, or name the other device in "
+    "`other_units`. Then restart the gateway",
 )
 UNKNOWN_UNIT: Final = AlarmEntry(
     "unknown-unit",
     Severity.WARNING,
-    "controllers talk to a unit id of a Modbus/TCP line that has no axis and is not named",
+    "controllers address a unit id of a Modbus/TCP line that is neither an axis nor in `other_units`",
     "another device behind the same connection, or a wrong unit id",
-    "name the device in `other_units`, or mend the `unit_id`; then start the gateway again",
+    "name the device in `other_units` or correct `unit_id`, then restart the gateway",
 )
 ANSWERS_AS: Final = AlarmEntry(
     "answers-as-another",
     Severity.WARNING,
-    "a Modbus/TCP drive answers with another unit id than it is asked for",
-    "a drive that answers so whatever it is asked, or two drives with one address",
-    "where the one drive of the line answers so, set `answers_as` and start the gateway again; else look at "
-    "the unit ids of the drives",
+    "a Modbus/TCP drive replies with another unit id than requested",
+    "a drive that always answers so, or two drives with one address",
+    "if it is the only drive of the line, set `answers_as` and restart the gateway. Otherwise check the "
+    "unit ids of the drives",
 )
 BLOCKED: Final = AlarmEntry(
     "blocked",
     Severity.ERROR,
-    "a target was lost on the way to the drive: starts are refused until a whole one arrives",
-    "the drive refused or did not answer a write, or a request of the controller was refused",
-    "let the controller send the target again, of a group those of all its axes; where the gateway itself "
+    "a target was lost before it reached the drive: starts are refused until a complete target arrives",
+    "the drive refused or did not answer a write, or the gateway refused a request",
+    "have the controller send the target again, for a group the targets of all its axes. If the gateway "
     "refused it, the event `refused-value` in the log says why",
 )
 GROUP_SKEWED: Final = AlarmEntry(
     "group-skewed",
     Severity.ERROR,
-    "the axes of a group have not all gone: one has, and the target of another one was refused",
-    "the drive refused its trigger or did not answer, or its target was lost before",
-    "stop the axes where the machine cannot bear it; else write the target of the refused axis again, one "
-    "that it may have, and run it",
+    "one axis of a group has moved, and the target of another was refused",
+    "the drive refused or did not answer its trigger, or its target was lost before",
+    "stop the axes if the machine cannot bear the skew. Otherwise write an allowed target to the refused "
+    "axis again, and run it",
     title="Beam skewed",
 )
 GROUP_HELD: Final = AlarmEntry(
     "group-held",
     Severity.WARNING,
-    "the axes of a group go as the first of them has gone; what was asked for since waits until all have",
+    "the axes of a group move as the first one did; a change since then applies when all have moved",
     "the compensation was switched, or a homed bit fell, between the triggers of the axes of a group",
-    "let the other axes go, or stop them; after ten seconds it comes into force in any case",
+    "move the other axes, or stop them. After ten seconds the change applies anyway",
 )
 UNREFERENCED: Final = AlarmEntry(
     "unreferenced",
     Severity.WARNING,
     "not referenced: positions pass uncorrected",
-    "the axis was not homed since it was switched on, or lost its reference",
-    "home the axis; where it is homed and its drive has no way to show it, "
-    "`pitch-gateway reference CONFIG AXIS`",
+    "the axis was not homed since power-on, or lost its reference",
+    "home the axis. If it is homed and its drive cannot report that, run `pitch-gateway reference CONFIG "
+    "AXIS`",
 )
 OFF: Final = AlarmEntry(
     "off",
     Severity.WARNING,
     "the compensation is off: positions pass uncorrected",
-    'somebody switched it off, `compensation = "off"`, or a register that moves others about was written',
-    "switch it on with `pitch-gateway enable CONFIG AXIS`; where the configuration says "
-    '`compensation = "off"`, write `compensation = "on"` too, or the next start switches it off again; after '
-    "`compensation-ended` start the gateway again",
+    'it was switched off, `compensation = "off"`, or a `remap` register was written',
+    "switch it on with `pitch-gateway enable CONFIG AXIS`. If the configuration says `compensation = "
+    '"off"`, change it to `compensation = "on"` too, or the next start switches it off again. After '
+    "`compensation-ended` restart the gateway",
 )
 SHADOW: Final = AlarmEntry(
     "shadow",
     Severity.WARNING,
-    "shadow mode: corrections are shown and not applied",
+    "shadow mode: corrections are shown but not applied",
     '`compensation = "shadow"`',
-    'to apply them set `compensation = "on"`, then `pitch-gateway reload CONFIG` while the axis stands',
+    'to apply them, set `compensation = "on"`, then `pitch-gateway reload CONFIG` at standstill',
 )
 NO_TABLE: Final = AlarmEntry(
     "no-table",
     Severity.WARNING,
-    "there is no table: positions pass uncorrected",
-    "the axis names no table, as before it is measured, or its file was never good",
-    "measure the axis and name its file with `table`, then `pitch-gateway reload CONFIG`; where it is to "
-    'stay uncorrected, set `compensation = "off"` and start the gateway again',
+    "no table: positions pass uncorrected",
+    "no table configured, for example before the first measurement, or its file was never good",
+    "measure the axis and name its file with `table`, then `pitch-gateway reload CONFIG`. To leave it "
+    'uncorrected, set `compensation = "off"` and restart the gateway',
 )
 OUTSIDE: Final = AlarmEntry(
     "outside",
     Severity.WARNING,
-    "the last target lies outside the table",
+    "the last target is outside the table",
     "the table is shorter than the travel of the axis",
     "measure the whole travel",
 )
 TABLE_REJECTED: Final = AlarmEntry(
     "table-rejected",
     Severity.ERROR,
-    "a table file is bad: the last good table stays, where there was one",
-    "a mistake in the file, or one that does not fit the axis",
-    "mend the file: it is read again as soon as it is saved",
+    "a table file is faulty: the last good table stays, if there was one",
+    "a mistake in the file, or a table that does not fit the axis",
+    "correct the file: it is read again when saved",
     title="Table refused",
 )
 TABLE_REMOVED: Final = AlarmEntry(
     "table-removed",
     Severity.WARNING,
-    "a table file is not there: positions pass uncorrected",
-    "the file was renamed or taken away",
-    "put the file back, or take it out of the configuration, then `pitch-gateway reload CONFIG`",
+    "a table file is missing: positions pass uncorrected",
+    "the file was renamed or removed",
+    "put the file back, or remove it from the configuration, then `pitch-gateway reload CONFIG`",
 )
 OVER_BUDGET: Final = AlarmEntry(
     "over-budget",
     Severity.WARNING,
-    "the gateway takes longer than `budget_us` for the exchanges of an axis",
-    "the machine is busy with something else",
-    "look at the load of the machine; set `fifo` and `cpus` in `[relay]`, then start the gateway again; "
-    "where the axis can bear it, raise `budget_us`, then `pitch-gateway reload CONFIG`",
+    "exchanges of an axis take longer than `budget_us` in the gateway",
+    "the computer is busy with something else",
+    "check the load of the computer. Set `fifo` and `cpus` in `[relay]`, then restart the gateway. If "
+    "the axis can bear it, raise `budget_us`, then `pitch-gateway reload CONFIG`",
 )
 SENSOR_SILENT: Final = AlarmEntry(
     "sensor-silent",
     Severity.WARNING,
-    "the temperature sensor of an axis says nothing",
-    "the sensor, its cable or its broker is off; it publishes to another topic, or stands at another address",
-    "look at the sensor, its broker or the address it is read from; where something came that is no "
-    "temperature, or could not be read, the log says so: `temperature-wrong`, `temperature-not-read`",
+    "the temperature sensor of an axis gives no value",
+    "sensor, cable or broker off, or another topic or address",
+    "check the sensor, its broker or its address. The events `temperature-wrong` and "
+    "`temperature-not-read` in the log give details",
 )
 OTHER_AXIS_UNKNOWN: Final = AlarmEntry(
     "other-axis-unknown",
     Severity.WARNING,
-    "nobody knows where an axis is that `cross` of another one needs: what it adds goes back to 0",
-    "it lost its reference; or it was stopped or jogged, got no target since, and its position is not read",
-    "give the other axis a target; where it lost its reference, home it first",
+    "the position of an axis that `cross` of another one needs is unknown: its correction returns to 0",
+    "it lost its reference; or it was stopped or jogged, has had no target since, and its position is "
+    "not read",
+    "give the other axis a target, or home it first if it lost its reference",
 )
 TERM_TOO_LARGE: Final = AlarmEntry(
     "term-too-large",
     Severity.WARNING,
-    "what `thermal` and `cross` would add comes, with the table, to more than `max_correction`: it does not "
-    "follow",
-    "a warm machine with a table that needs nearly all of `max_correction`, or a wrong `alpha` or `fixed_at`",
-    "check `alpha`, `reference` and `fixed_at` of the axis, and start the gateway again after a change; "
-    "raise `max_correction` only if the machine is that bad",
+    "table, `thermal` and `cross` together exceed `max_correction`: `thermal` and `cross` no longer follow",
+    "a warm machine whose table already needs nearly all of `max_correction`, or a wrong `alpha` or "
+    "`fixed_at`",
+    "check `alpha`, `reference` and `fixed_at` of the axis, and restart the gateway after a change. "
+    "Raise `max_correction` only if the machine needs it",
 )
 SUPERVISOR_DOWN: Final = AlarmEntry(
     "supervisor-down",
     Severity.WARNING,
-    "the supervisor does not answer: tables are not watched, and page and MQTT say nothing",
-    "it was not started, ended, or cannot start: a mistake in the configuration, a full disk",
-    "look at its log; start it with `systemctl start pitch-gateway-supervisor`, or beside `record` and "
-    "`relay` with `pitch-gateway supervise CONFIG`; `run` does it by itself; the relay goes on with what it "
-    "has",
+    "the supervisor does not answer: tables are not watched; page and MQTT report nothing",
+    "not started, ended, or unable to start: a mistake in the configuration, a full disk",
+    "check its log. Start it with `systemctl start pitch-gateway-supervisor`; beside `record` and "
+    "`relay` with `pitch-gateway supervise CONFIG`; `run` restarts it automatically. The relay goes on "
+    "meanwhile",
 )
 CONFIGURATION: Final = AlarmEntry(
     "configuration",
     Severity.WARNING,
-    "the configuration in its file could not be taken: the one before it is in force",
+    "the configuration file was not accepted: the previous configuration is in force",
     "a mistake in it, or a key that needs a restart",
-    "where it asks for a restart, start the gateway again; else mend what `pitch-gateway check CONFIG` "
-    "names, then `pitch-gateway reload CONFIG`",
+    "restart the gateway if the message says so. Otherwise correct what `pitch-gateway check CONFIG` "
+    "reports, then `pitch-gateway reload CONFIG`",
 )
 TABLES_FOLDER: Final = AlarmEntry(
     "tables_folder",
     Severity.WARNING,
-    "not all tables are where they belong, or their folder does not answer",
-    "a network file system that hangs, a state folder that is full, a relay that did not take a table",
-    "do what it says: it is tried again every few seconds, and what was in force stays",
+    "some tables are not in force, or their folder does not answer",
+    "a network file system that hangs, a full state folder, or a relay that refused a table",
+    "do what the message says; the gateway retries every few seconds",
 )
 STATE_FOLDER: Final = AlarmEntry(
     "state_folder",
     Severity.WARNING,
-    "nothing can be kept in the state folder: the relay goes on, but a start would not find what it needs",
-    "the folder was taken away, its disk is full or read-only, or somebody changed its permissions",
-    "do what it says before the gateway is stopped or the machine switched off",
+    "the state folder cannot be written. The relay goes on, but would lack its data at the next start",
+    "the folder was removed, its disk is full or read-only, or its permissions changed",
+    "do what the message says before you stop the gateway or switch the machine off",
 )
 HTTP: Final = AlarmEntry(
     "http",
     Severity.WARNING,
-    "the page cannot be served",
-    "the port is taken, the address is none of this machine, or a certificate, key or token cannot be used",
-    "mend `[http]` or what it names, then `pitch-gateway reload CONFIG`",
+    "the page is not available",
+    "the port is taken, the address is not of this machine, or a certificate, key or token is unusable",
+    "correct `[http]` or the file that the message names, then `pitch-gateway reload CONFIG`",
 )
 MQTT: Final = AlarmEntry(
     "mqtt",
     Severity.WARNING,
     "the broker cannot be reached, or refuses something",
     "the broker is off, or refuses user, certificate or topic",
-    "check the broker, which is tried again by itself; where `[mqtt]` is wrong, mend it, then "
-    "`pitch-gateway reload CONFIG`",
+    "check the broker; the gateway keeps trying. If `[mqtt]` is wrong, correct it, then `pitch-gateway "
+    "reload CONFIG`",
 )
 
 ALARMS: Final[Mapping[str, AlarmEntry]] = {

@@ -7,19 +7,19 @@ from gateway.catalogue.entry import EventEntry, Severity
 TEMPERATURE_WRONG: Final = EventEntry(
     "temperature-wrong",
     Severity.WARNING,
-    "what came is no temperature of the screw of an axis, and was not used; told once until another fault or "
-    "a good value comes",
-    "a sensor that is broken or not wired, another `scale` or `type`, a topic that carries something else",
-    "look at what the detail shows: the sensor has to send °C. Mend the sensor or `thermal.source`, then "
-    "`pitch-gateway reload CONFIG`; where the screw really is so warm, raise `largest_dt` and start the "
-    "gateway again. Until a good value comes, the last one is held for `timeout_s` and `hold_s`",
+    "a value is no plausible screw temperature and was not used. The last good value is held for "
+    "`timeout_s` and `hold_s`. Reported once until another fault or a good value comes",
+    "a broken or unwired sensor, a wrong `scale` or `type`, or a topic with other content",
+    "check the value in the detail: the sensor must send °C. Correct the sensor or `thermal.source`, "
+    "then `pitch-gateway reload CONFIG`. If the screw really is so warm, raise `largest_dt` and restart "
+    "the gateway",
 )
 TEMPERATURE_NOT_READ: Final = EventEntry(
     "temperature-not-read",
     Severity.WARNING,
-    "the temperature of an axis cannot be read over Modbus; told once until it can, and tried again",
-    "the device is off or unplugged, another address, unit id or register",
+    "the temperature of an axis cannot be read over Modbus. Reported once; the gateway keeps trying",
+    "the device is off or unplugged, or address, unit id or register is wrong",
     "check the device, then `modbus`, `unit_id`, `address` and `function` of `thermal.source`; after a "
-    "change `pitch-gateway reload CONFIG`. Where it is read through the gateway, name its unit id in "
-    "`other_units`. `pitch-gateway explain term-held` says what holds meanwhile",
+    "change `pitch-gateway reload CONFIG`. If it is read through the gateway, name its unit id in "
+    "`other_units`. See `term-held` for the correction meanwhile",
 )

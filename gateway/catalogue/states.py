@@ -5,25 +5,28 @@ from typing import Final
 
 from gateway.catalogue.entry import StateEntry
 
+_SENSOR: Final = "check the sensor, the broker or its address"
+_OTHER_AXIS: Final = "give the other axis a target, or home it first if it lost its reference"
+
 VERDICT: Final = (
     StateEntry(
         "healthy",
-        "nothing is wrong: relay and supervisor run, controllers ask where they ought to, drives answer",
+        "no trouble: relay and supervisor run, controllers poll, drives answer",
     ),
     StateEntry(
         "waiting",
-        "nothing is wrong yet, and nothing is known to be well: no controller has asked since the relay was "
-        "started, or the relay was not heard yet",
+        "no trouble yet, but no controller has sent a request since the relay started, or the relay has "
+        "not reported yet",
         "start the controller",
     ),
     StateEntry(
         "warning",
-        "something is not as it should be; what a controller sends still passes",
+        "something is wrong; the controller's positions still pass",
         "do what its trouble says",
     ),
     StateEntry(
         "error",
-        "positions do not pass, or not as they should: the machine needs you",
+        "positions do not pass, or not as they should: the machine needs attention",
         "do what its trouble says",
     ),
 )
@@ -33,60 +36,58 @@ COMPENSATION: Final = (
     StateEntry("active", "the axis is corrected"),
     StateEntry(
         "blending",
-        "the axis is corrected, and one table or branch gives way to another as the setpoint travels",
+        "the axis is corrected; one table or branch blends into another as the setpoint moves",
     ),
     StateEntry(
         "outside",
-        "the last target lies outside the table: what `outside` says holds there",
+        "the last target is outside the table: `outside` applies",
         "measure the whole travel",
     ),
     StateEntry(
         "off",
         "the compensation is switched off: positions pass 1:1",
-        "switch it on with `pitch-gateway enable CONFIG AXIS`; where the configuration says "
-        '`compensation = "off"`, write `compensation = "on"` too, or the next start switches it off again; '
-        "after `compensation-ended` start the gateway again",
+        "do what the trouble `off` says",
     ),
     StateEntry(
         "shadow",
         "corrections are computed and shown; positions pass 1:1",
-        'set `compensation = "on"` when what it shows is right, then `pitch-gateway reload CONFIG`',
+        "do what the trouble `shadow` says",
     ),
     StateEntry(
         "blocked",
-        "a target was lost on the way: triggers are refused until a whole one was accepted; stops pass",
-        "let the controller write the target again",
+        "a target was lost: triggers are refused until a complete one is accepted; stops pass",
+        "have the controller write the target again",
     ),
-    StateEntry("no-table", "no table is configured, or its file is gone: positions pass 1:1"),
-    StateEntry("unreferenced", "nobody knows where the axis is: positions pass 1:1", "home the axis"),
+    StateEntry("no-table", "no table is configured, or its file is missing: positions pass 1:1"),
+    StateEntry("unreferenced", "the position of the axis is unknown: positions pass 1:1", "home the axis"),
 )
 """``axes.NAME.compensation``."""
 
 DIRECTION: Final = (
-    StateEntry("forward", "towards greater machine positions: that column of the table holds"),
-    StateEntry("backward", "towards smaller machine positions: that column of the table holds"),
-    StateEntry("unknown", "there was no motion yet: half way between the columns holds"),
+    StateEntry("forward", "towards greater machine positions: the forward column applies"),
+    StateEntry("backward", "towards smaller machine positions: the backward column applies"),
+    StateEntry("unknown", "no motion yet: the mean of both columns applies"),
     StateEntry(
         "unsure",
-        "it could not be told for the last target: the column before it holds",
+        "unknown for the last target: the previous column applies",
         "map `actual` and `bits.done`, set `max_speed`",
     ),
 )
 """``axes.NAME.direction``."""
 
 TABLE_FILE: Final = (
-    StateEntry("active", "it is what the axis has"),
-    StateEntry("none", "the axis has none"),
-    StateEntry("waiting", "the file changes, or has just gone: nothing has been done yet"),
+    StateEntry("active", "the axis uses this file"),
+    StateEntry("none", "the axis has no table"),
+    StateEntry("waiting", "the file is changing, or has just disappeared: the table stays for now"),
     StateEntry(
         "rejected",
-        "the file is bad, or one of its group is: the axis keeps the last good table",
-        "mend the file that `error` names",
+        "the file, or one of its group, is faulty: the axis keeps the last good table",
+        "correct the file that `error` names",
     ),
     StateEntry(
         "removed",
-        "the file is gone, or was renamed to `.bak`: the axis is not corrected",
-        "put the file back, or take it out of the configuration, then `pitch-gateway reload CONFIG`",
+        "the file is missing, or was renamed to `.bak`: the axis is not corrected",
+        "put the file back, or remove it from the configuration, then `pitch-gateway reload CONFIG`",
     ),
 )
 """``axes.NAME.table.status``."""
@@ -94,45 +95,45 @@ TABLE_FILE: Final = (
 THERMAL: Final = (
     StateEntry(
         "waiting",
-        "no temperature has been heard yet: nothing is added for it",
-        "after `timeout_s` (then `is_silent`): look at the sensor and at `thermal.source`",
+        "no temperature yet: no thermal correction",
+        "after `timeout_s` (then `is_silent`): check the sensor and `thermal.source`",
     ),
-    StateEntry("following", "temperatures come: what is added follows them"),
+    StateEntry("following", "the thermal correction follows the temperature"),
     StateEntry(
         "held",
-        "the sensor has been silent for `timeout_s`: its last value holds",
-        "look at the sensor, the broker or the address it is read from",
+        "the sensor has been silent for `timeout_s`: its last value is held",
+        _SENSOR,
     ),
     StateEntry(
         "fading",
-        "the sensor has been silent for `hold_s` more: what is added goes back to 0 with the next targets",
-        "look at the sensor, the broker or the address it is read from",
+        "the sensor has been silent for another `hold_s`: the correction returns to 0 with the next targets",
+        _SENSOR,
     ),
     StateEntry(
         "faded",
-        "the sensor is still silent: nothing is added for the temperature",
-        "look at the sensor, the broker or the address it is read from",
+        "the sensor is still silent: no thermal correction",
+        _SENSOR,
     ),
 )
 """``axes.NAME.terms.thermal.state``."""
 
 CROSS: Final = (
-    StateEntry("waiting", "nobody has known yet where the other axes are: nothing is added for them"),
-    StateEntry("following", "it is known where the other axes are: what is added follows them"),
+    StateEntry("waiting", "the positions of the other axes have not been known yet: no correction"),
+    StateEntry("following", "the correction follows the other axes"),
     StateEntry(
         "held",
-        "nobody knows where one of the other axes is: what they add is held for `fresh_s`",
-        "give the other axis a target; where it lost its reference, home it first",
+        "the position of another axis is unknown: the last correction is held for `fresh_s`",
+        _OTHER_AXIS,
     ),
     StateEntry(
         "fading",
-        "still nobody knows where one of the other axes is: what they add goes back to 0 with next targets",
-        "give the other axis a target; where it lost its reference, home it first",
+        "it is still unknown: the correction returns to 0 with the next targets",
+        _OTHER_AXIS,
     ),
     StateEntry(
         "faded",
-        "still nobody knows where one of the other axes is: nothing is added for them",
-        "give the other axis a target; where it lost its reference, home it first",
+        "it is still unknown: no correction",
+        _OTHER_AXIS,
     ),
 )
 """``axes.NAME.terms.cross.state``."""

@@ -100,8 +100,8 @@ class AxisSection(StrictModel):
         description="Modbus unit id of its drive",
         json_schema_extra=documented(
             text=(
-                "Modbus unit id of its drive; 0 only on Modbus TCP (on a serial line it "
-                "is the broadcast). Several axes may share one if their registers do not"
+                "Modbus unit id of its drive; 0 only on Modbus TCP (on a serial line it is the "
+                "broadcast). Axes may share one if they share no register"
             )
         ),
     )
@@ -110,9 +110,9 @@ class AxisSection(StrictModel):
         description="a drive profile",
         json_schema_extra=documented(
             text=(
-                'a profile that comes with the gateway (`"oriental-az"`; `pitch-gateway drives` lists '
-                'them), or a file (`"./my-drive.toml"`, relative to this file); see '
-                "[drives.md](drives.md). Warned of: a kind of line that the drive does not have"
+                'a built-in profile (`"oriental-az"`; `pitch-gateway drives` lists them), or a file '
+                '(`"./my-drive.toml"`, relative to this file); see [drives.md](drives.md). Warned of: a '
+                "kind of line that the drive does not have"
             ),
             kind="name or path",
         ),
@@ -128,8 +128,8 @@ class AxisSection(StrictModel):
         description="unit of every length of this axis",
         json_schema_extra=documented(
             text=(
-                "unit of every length of this axis. A table in the other unit of length "
-                "is converted; angles and lengths never are"
+                "unit of every length of this axis. A table in the other unit of length is converted; "
+                "angles never are"
             )
         ),
     )
@@ -137,8 +137,7 @@ class AxisSection(StrictModel):
         description="counts of the drive in one unit, negative where it counts down",
         json_schema_extra=documented(
             text=(
-                "counts of the drive in one unit, negative where the drive counts down "
-                "while the axis goes forward"
+                "counts of the drive per unit, negative if the drive counts down while the axis moves forward"
             )
         ),
     )
@@ -150,7 +149,7 @@ class AxisSection(StrictModel):
         default=None,
         description="[lowest, highest] machine position",
         json_schema_extra=documented(
-            text=("machine positions between which the axis moves. Its ends must fit the command registers"),
+            text=("lowest and highest machine position. They must fit the command registers"),
             default="none, warned of",
         ),
     )
@@ -159,9 +158,9 @@ class AxisSection(StrictModel):
         description="travel of one turn of its screw, in units",
         json_schema_extra=documented(
             text=(
-                "travel of one turn of its screw. `measure` spreads random targets over it, warns of "
-                "targets that always meet one angle of the screw, and looks for an error that repeats "
-                "once and twice a turn"
+                "travel per turn of its screw. `measure` spreads random targets over it, warns of "
+                "targets that always meet one angle of the screw, and looks for errors that repeat once "
+                "and twice per turn"
             ),
             default="none: not looked for",
         ),
@@ -171,9 +170,9 @@ class AxisSection(StrictModel):
         description="name of its table file",
         json_schema_extra=documented(
             text=(
-                "table file in the tables folder, in any case of letters, without a path. A file that "
-                "is renamed to `.bak`, or taken away while the gateway runs, switches the correction "
-                "off; so does `compensation`, without touching the file"
+                "table file in the tables folder, case-insensitive, without a path. Renaming it to "
+                "`.bak` or removing it while the gateway runs switches the correction off; so does "
+                "`compensation`"
             ),
             kind="file name",
             default="none: 1:1",
@@ -189,9 +188,9 @@ class AxisSection(StrictModel):
         description="on, shadow or off",
         json_schema_extra=documented(
             text=(
-                "`on` corrects. `shadow` computes and shows corrections and passes positions "
-                "unchanged: begin with it. `off` does neither. Write the key: an axis with a table "
-                "that leaves it out is corrected, and `check` and each start warn"
+                "`on` corrects. `shadow` computes and shows corrections but passes positions unchanged: "
+                "begin with it. `off` does neither. Write the key: without it an axis with a table is "
+                "corrected, and `check` and each start warn"
             )
         ),
     )
@@ -207,8 +206,8 @@ class AxisSection(StrictModel):
         description="direction of the last movement of homing",
         json_schema_extra=documented(
             text=(
-                "direction of the last movement of homing: the branch in force after it. "
-                "`none`: half way between the branches until the first move"
+                "direction of the last movement of homing, hence the branch after it. `none`: half way "
+                "between the branches until the first move"
             )
         ),
     )
@@ -230,9 +229,8 @@ class AxisSection(StrictModel):
         json_schema_extra=documented(
             text=(
                 "`stream`: how far the setpoint must come back before the branch changes. `targets`: "
-                "how far a measured position may lie beside another and still be the same place; "
-                "every different target counts as a motion, however short. Refused if as long as "
-                "travel or table"
+                "distance within which measured positions count as equal; every different target counts "
+                "as a motion, however short. Refused if as long as travel or table"
             ),
             default=("2 counts, or 2 steps of registers that tell less than a count, at least 0.001 mm"),
         ),
@@ -242,9 +240,9 @@ class AxisSection(StrictModel):
         description="distance from its target within which an axis has arrived",
         json_schema_extra=documented(
             text=(
-                "an axis has arrived if its done bit says so and its actual position is within this "
-                "of its target. One that was not seen for `unseen_ms` and is within it is still at "
-                "its target. Never less than `hysteresis`"
+                "an axis has arrived if its done bit says so and its actual position is this close to "
+                "its target. An axis unseen for `unseen_ms` but this close is still at its target. Never "
+                "less than `hysteresis`"
             ),
             default="`0.02` mm",
         ),
@@ -255,8 +253,8 @@ class AxisSection(StrictModel):
         json_schema_extra=documented(
             text=(
                 "`targets`: counts by which a target may differ from the last one and still be a "
-                "noisy repeat, which keeps its branch. The event `branch-hunts` reports a branch that "
-                "changes more than five times in ten seconds"
+                "jittering repeat, which keeps its branch. The event `branch-hunts` reports a branch "
+                "that changes more than five times in ten seconds"
             ),
             kind="counts ≥ 0",
         ),
@@ -267,8 +265,8 @@ class AxisSection(StrictModel):
         description="blend from one table to the next",
         json_schema_extra=documented(
             text=(
-                "`stream`: setpoint travel over which one table gives way to another; "
-                "made longer where it must be. No effect in `targets` (warned of)"
+                "`stream`: setpoint travel over which one table blends into another; extended if "
+                "necessary. No effect in `targets` (warned of)"
             ),
             kind="`{ distance = LENGTH }`",
             default="`1` mm",
@@ -280,9 +278,8 @@ class AxisSection(StrictModel):
         description="length of one turn of a rotary axis",
         json_schema_extra=documented(
             text=(
-                "one turn of a rotary axis. The table must cover exactly one turn with "
-                "equal corrections at both ends; without a table `units` must be "
-                '`"degree"`'
+                "one turn of a rotary axis. The table must cover exactly one turn, with equal "
+                'corrections at both ends; without a table `units` must be `"degree"`'
             )
         ),
     )
@@ -325,14 +322,14 @@ class AxisSection(StrictModel):
         default=None,
         description="what a warm screw adds",
         json_schema_extra=documented(
-            more=("See below; refused without `table` and `travel`, on a rotary axis and in a group")
+            more=("Refused without `table` and `travel`, on a rotary axis and in a group")
         ),
     )
     cross: ListOf[CrossSpec] = Field(
         default=(),
         description="what the positions of other axes add",
         json_schema_extra=documented(
-            more="See below; refused without `table` and `travel`, and in a group",
+            more=("Refused without `table` and `travel`, and in a group"),
             kind="list of `{ axis, table, fresh_s }`",
         ),
     )
@@ -341,8 +338,8 @@ class AxisSection(StrictModel):
         description="microseconds that the gateway itself may take for one exchange",
         json_schema_extra=documented(
             text=(
-                "the gateway's own time for one exchange of this axis, request and reply together: "
-                "from the last byte in to the first byte out, without wires and drives"
+                "the gateway's own time for one exchange of this axis, request plus reply: from the last "
+                "byte in to the first byte out, without wires and drives"
             )
         ),
     )
@@ -351,8 +348,8 @@ class AxisSection(StrictModel):
         description="age in milliseconds at which a target or its trigger is late",
         json_schema_extra=documented(
             text=(
-                "age at which a target or its trigger is late: from its last byte from the controller "
-                "to its first byte to the drive. A stop is never late"
+                "age at which a target or its trigger is late, from its last byte from the controller to "
+                "its first byte to the drive. A stop is never late"
             ),
             default="none",
         ),
@@ -362,8 +359,8 @@ class AxisSection(StrictModel):
         description="what happens to a late target",
         json_schema_extra=documented(
             text=(
-                "a late target goes all the same, because a move must not end short; or it is "
-                "refused, because a stale setpoint is worse than none. Refused without `deadline_ms`"
+                "a late target is sent anyway, so that no move ends short, or refused, because a stale "
+                "setpoint is worse than none. Refused without `deadline_ms`"
             ),
             default='`"forward"` with `setpoints = "targets"`, `"reject"` with `"stream"`',
         ),
@@ -372,10 +369,7 @@ class AxisSection(StrictModel):
         default=Unmapped.REFUSE,
         description="writes to unmapped positions",
         json_schema_extra=documented(
-            text=(
-                "writes to `position_like` registers while the axis is corrected: exception 2, or "
-                "they pass as they are"
-            )
+            text=("writes to `position_like` registers while the axis is corrected: exception 2, or pass")
         ),
     )
     stored_moves: ByName[StoredMoves] = Field(
@@ -383,8 +377,8 @@ class AxisSection(StrictModel):
         description="moves kept by the drive",
         json_schema_extra=documented(
             text=(
-                "moves to positions that the drive keeps, and triggers of targets that did not pass "
-                "through the gateway: exception 4, or they run as they are and the axis is flagged"
+                "moves to positions stored in the drive, and triggers of targets that did not pass "
+                "through the gateway: exception 4, or they run uncorrected and the axis is flagged"
             )
         ),
     )
@@ -392,7 +386,7 @@ class AxisSection(StrictModel):
         default=Unmapped.REFUSE,
         description="relative moves from an unknown place",
         json_schema_extra=documented(
-            text=("distances from an unknown place: exception 6, or they pass as they are and are reported")
+            text=("distances from an unknown position: exception 6, or they pass and are reported")
         ),
     )
     lost_ms: Planned[Milliseconds] = Field(
@@ -400,10 +394,10 @@ class AxisSection(StrictModel):
         description="silence in milliseconds after which the drive may have been switched off",
         json_schema_extra=documented(
             text=(
-                "a drive that left requests unanswered for longer than this, from the first to the "
-                "last, may have been switched off. Base, modes and registers are forgotten, and "
-                "`referenced` has to be shown again. Its last target keeps its words only if a "
-                "reading shows the axis there. One lost reply is no silence"
+                "a drive that left requests unanswered for longer than this, from first to last, may "
+                "have been switched off. Base, modes and registers are forgotten, and the reference must "
+                "be proved again. Its last target keeps its words only if a reading shows the axis "
+                "there. One lost reply is no silence"
             )
         ),
     )
@@ -412,11 +406,11 @@ class AxisSection(StrictModel):
         description="time in milliseconds without a word of the axis after which it is looked at again",
         json_schema_extra=documented(
             text=(
-                "`targets`: if the axis was neither read nor commanded for longer than this, its "
-                "actual position is read once before the next target, repeat or distance: it may have "
-                "been jogged at the drive's panel. That read does not count towards `deadline_ms`. A "
-                "status bit keeps an axis in sight only if it is read again within this time. If "
-                "nothing may be read, the direction is flagged"
+                "`targets`: if the axis was neither read nor commanded for this long, the gateway reads "
+                "its actual position before the next target, repeat or distance, because it may have "
+                "been jogged at the drive. That read does not count towards `deadline_ms`. A status bit "
+                "keeps the axis in sight only if it is read again within this time. If reading is not "
+                "allowed, the direction is flagged"
             )
         ),
     )
@@ -425,9 +419,9 @@ class AxisSection(StrictModel):
         description="frames that the gateway adds by itself",
         json_schema_extra=documented(
             text=(
-                "`never`: the gateway adds no frame. A trigger whose target would have to be written "
-                "anew, and a distance whose start would have to be read, are refused. A direction "
-                "that only a reading would tell is kept and flagged"
+                "`never`: the gateway adds no frame. It refuses a trigger whose target must be rewritten "
+                "and a distance whose start must be read. A direction that only a reading would show is "
+                "kept and flagged"
             )
         ),
     )
@@ -436,9 +430,8 @@ class AxisSection(StrictModel):
         description="how many controllers may move the axis at a time: one or any",
         json_schema_extra=documented(
             text=(
-                "`one`: the controller that moves the axis holds it; moves from another controller or "
-                "host get exception 6 (event `second-writer`). Stops always pass. `any`: all may move "
-                "it at any time"
+                "`one`: the controller that moves the axis holds it; moves from others get exception 6 "
+                "(event `second-writer`), stops pass. `any`: all may move it at any time"
             )
         ),
     )
@@ -447,8 +440,8 @@ class AxisSection(StrictModel):
         description="seconds without a move after which another controller may move the axis",
         json_schema_extra=documented(
             text=(
-                "how long a writer holds the axis after its last frame that moves it; at most 2 s "
-                "after its last connection has closed"
+                "how long a writer holds the axis after its last frame that moves it; at most 2 s after "
+                "its last connection closed"
             )
         ),
     )

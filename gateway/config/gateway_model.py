@@ -37,9 +37,9 @@ class GatewaySection(StrictModel):
         "the axes, and its socket while it runs; relative to the configuration file",
         json_schema_extra=documented(
             text=(
-                "folder of what the gateway keeps, relative to the configuration file: the compiled "
-                "configuration and tables, the records of the axes, and `relay.sock` while it runs (see "
-                "[services.md](services.md)). Made if it is missing; one for each gateway"
+                "folder for the gateway's own data, relative to the configuration file: the compiled "
+                "configuration and tables, axis records, and `relay.sock` ([services.md](services.md)). "
+                "Created if missing; each gateway needs its own"
             ),
             kind="path",
         ),
@@ -52,11 +52,11 @@ class StatusUnitSection(StrictModel):
     id: Annotated[int, Field(ge=1, le=254)] = Field(
         description="unit id at which controllers read the state of the gateway; of no drive",
         json_schema_extra=documented(
-            more=(
-                "Nor of another device on any line. Read-only ([registers](status-registers.md)). 248 "
-                "and above are reserved on serial lines and free in practice; some panels reach 247 "
-                "at most"
-            )
+            text=(
+                "unit id of the gateway's read-only [registers](status-registers.md); no drive or other "
+                "device may have it. 248 and above are reserved on serial lines but free in practice; "
+                "some panels reach only 247"
+            ),
         ),
     )
 
@@ -68,26 +68,28 @@ class CaptureSection(StrictModel):
         default=4,
         description="memory for the last frames of each line, in MB; 0: none are kept",
         json_schema_extra=documented(
-            more=(
-                "An exchange takes about 130 bytes: 4 MB are five minutes of a hundred exchanges in a "
-                "second. Changed at the next start"
-            )
+            text=(
+                "memory for the last frames of each line, in MB; 0: none. An exchange takes about 130 "
+                "bytes: 4 MB hold five minutes of a hundred exchanges a second. Needs a restart"
+            ),
         ),
     )
     on: Live[ListOf[EventName]] = Field(
         default=(),
         description="events that write the frames before and after them into a file",
         json_schema_extra=documented(
-            more=(
-                'As in `["drive-silent", "axis-blocked"]`; `pitch-gateway explain` knows '
-                "all. The supervisor writes `capture-TIME-EVENT.jsonl` into the folder of "
-                "the state, 2 s after the event, once a minute at most"
-            ),
             kind="list of events",
+            text=(
+                'events that save the frames around them, as in `["drive-silent", "axis-blocked"]`; '
+                "`pitch-gateway explain` lists all. 2 s after the event, at most once a minute, the "
+                "supervisor writes `capture-TIME-EVENT.jsonl` to the state folder"
+            ),
         ),
     )
     keep: Live[Annotated[int, Field(ge=1, le=1000)]] = Field(
-        default=8, description="so many files are kept; the oldest gives way"
+        default=8,
+        description="so many files are kept; the oldest gives way",
+        json_schema_extra=documented(text=("number of files kept; the oldest is deleted")),
     )
 
     @property

@@ -63,9 +63,8 @@ class HttpSection(StrictModel):
         description='address of the page, "" for none',
         json_schema_extra=documented(
             text=(
-                "address of the page and of everything else that is served over HTTP "
-                '([http](http.md)); `""`: none over TCP. `[::]` takes IPv6 connections '
-                "alone. Changes nothing at the machine"
+                'address of the page and of all HTTP services ([http](http.md)); `""`: no TCP. `[::]`: '
+                "IPv6 only"
             ),
             kind='`"HOST:PORT"`, `"[IPv6]:PORT"` or `""`',
         ),
@@ -76,11 +75,11 @@ class HttpSection(StrictModel):
         description="tokens with which somebody may look; none: the page asks for none",
         json_schema_extra=documented(
             text=(
-                '`[{ name = "prometheus", file = "prometheus.token" }]`: who shows one of these '
+                '`[{ name = "prometheus", file = "prometheus.token" }]`: a client with one of these '
                 "tokens may look; with `acknowledge = true` also acknowledge alarms "
-                "([http](http.md#post-acknowledge)). `file` holds the token on one line; "
-                "`pitch-gateway token FILE` makes one. Files are read again when they change. Needed "
-                "over TCP, on this machine too, never on the Unix socket"
+                "([http](http.md#post-acknowledge)). `file` holds the token on one line (`pitch-gateway "
+                "token FILE` makes one) and is read again on changes. Required over TCP, on this machine "
+                "too; not on the Unix socket"
             ),
             kind="list of tables, 16 at most",
             default="none: the page asks for none",
@@ -91,9 +90,9 @@ class HttpSection(StrictModel):
         description="encrypt; needed beyond this machine",
         json_schema_extra=documented(
             text=(
-                "`certificate` and its `key`, both in PEM, the key not encrypted. `clients`: "
-                "authorities whose clients may look by certificate, with or without a token, except "
-                "those listed in `revoked`. Read anew by `reload`"
+                "`certificate` and its `key`, both PEM, the key unencrypted. `clients`: authorities "
+                "whose clients may look by certificate, with or without a token, except those in "
+                "`revoked`. Read again by `reload`"
             ),
             default="none: no TLS",
         ),

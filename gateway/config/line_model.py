@@ -74,8 +74,8 @@ class _SerialSettings(StrictModel):
         description="make the serial port's driver hand bytes over at once, where it can",
         json_schema_extra=documented(
             text=(
-                "only with `rtu`: the driver of the port hands bytes over immediately, if it can (see "
-                "[operations.md](operations.md)); `false`: left as it is, and only shown"
+                "only with `rtu`: the port's driver passes bytes on immediately, if it can "
+                "([operations.md](operations.md)); `false`: left unchanged, only shown"
             )
         ),
     )
@@ -88,10 +88,9 @@ class _SerialSettings(StrictModel):
         description="set the RS-485 mode of the serial port's driver: it switches RTS",
         json_schema_extra=documented(
             text=(
-                "only with `rtu`: the kernel switches the direction of the line with RTS, before and "
-                "after each frame (TIOCSRS485), with the delays of the device tree. If the driver "
-                "cannot, the gateway does not start; most USB adapters cannot, and switch by "
-                "themselves. `false`: left as it is"
+                "only with `rtu`: the kernel switches the line's direction with RTS around each frame "
+                "(TIOCSRS485), with the delays of the device tree. The gateway does not start if the "
+                "driver cannot; most USB adapters cannot, and switch automatically. `false`: unchanged"
             )
         ),
     )
@@ -137,10 +136,7 @@ class DrivesEndpoint(_SerialSettings):
         default=None,
         description="path of a serial port that carries Modbus RTU",
         json_schema_extra=documented(
-            text=(
-                "serial port with Modbus RTU. A name from `/dev/serial/by-id` stays the same when adapters "
-                "are replugged"
-            )
+            text=("serial port with Modbus RTU. A name in `/dev/serial/by-id` survives replugging")
         ),
     )
     echo: Planned[bool] = Field(
@@ -148,8 +144,8 @@ class DrivesEndpoint(_SerialSettings):
         description="the RS-485 adapter hears what it sends: it comes back, and is taken out",
         json_schema_extra=documented(
             text=(
-                "only with `rtu`: the RS-485 adapter hears what it sends; the echo is taken out. On a "
-                "controller's port the first reply shows it without this key"
+                "only with `rtu`: the RS-485 adapter hears what it sends; the echo is removed. On a "
+                "controller's port the gateway detects it from the first reply"
             )
         ),
     )
@@ -172,15 +168,15 @@ class ControllerSection(RightsKeys, _SerialSettings):
     rtu: Device | None = Field(
         default=None,
         description="path of a serial port that carries Modbus RTU",
-        json_schema_extra=documented(text="serial port that the controller is wired to"),
+        json_schema_extra=documented(text=("serial port of the controller")),
     )
     tcp: Tcp | None = Field(
         default=None,
         description="HOST:PORT of Modbus TCP",
         json_schema_extra=documented(
             text=(
-                "address to listen on. `0.0.0.0` is all IPv4 addresses of this machine, `[::]` its "
-                "IPv6 addresses alone. For both write two controllers, each with its `allow` networks"
+                "address to listen on. `0.0.0.0`: all IPv4 addresses of this machine; `[::]`: all IPv6 "
+                "addresses only. For both, write two controllers, each with its `allow` networks"
             )
         ),
     )
@@ -190,9 +186,8 @@ class ControllerSection(RightsKeys, _SerialSettings):
         description="HOST:PORT to listen on for who sends raw RTU frames over TCP",
         json_schema_extra=documented(
             text=(
-                "address to listen on for a controller that sends RTU frames over TCP: a device "
-                "server that connects (often called TCP client), or a program. One connection has one "
-                "request at a time"
+                "address to listen on for RTU frames over TCP, from a device server that connects (often "
+                "called TCP client) or a program. Each connection has one request at a time"
             )
         ),
     )
@@ -204,7 +199,9 @@ class ControllerSection(RightsKeys, _SerialSettings):
         default=(),
         description="networks that may connect; none named: whoever reaches the port",
         json_schema_extra=documented(
-            text=('who may connect, as in `["192.168.0.0/24", "fd00::/8"]`; `[]`: everyone. Not with `rtu`')
+            text=(
+                'networks that may connect, as in `["192.168.0.0/24", "fd00::/8"]`; `[]`: all. Not with `rtu`'
+            )
         ),
     )
     max_connections: Planned[Annotated[int, Field(ge=1, le=1024)]] = Field(
@@ -217,9 +214,9 @@ class ControllerSection(RightsKeys, _SerialSettings):
         description="connections without an answer that one host may open in a second over tcp, in the mean",
         json_schema_extra=documented(
             text=(
-                "connections that one host may open in a second, in the mean; after a pause as many "
-                "as `max_connections`. One that got an answer does not count, up to a thousand a "
-                "second; with `tls` each counts. Not with `rtu`"
+                "average connections that one host may open per second; after a pause up to "
+                "`max_connections`. Answered connections do not count, up to a thousand a second; with "
+                "`tls` all count. Not with `rtu`"
             )
         ),
     )
@@ -227,7 +224,7 @@ class ControllerSection(RightsKeys, _SerialSettings):
         default=None,
         description="seconds after which a connection over tcp is closed that asks for nothing; none: never",
         json_schema_extra=documented(
-            text=("a connection that sent no whole request for so long is closed. Not with `rtu`"),
+            text=("time without a whole request after which a connection is closed. Not with `rtu`"),
             default="never",
         ),
     )
@@ -237,17 +234,16 @@ class ControllerSection(RightsKeys, _SerialSettings):
         "healthy; 0: it comes and goes",
         json_schema_extra=documented(
             text=(
-                "after so many seconds without its request the axes are not healthy any more "
-                "(troubles `controller-absent`, `controller-silent`). Set it longer than the "
-                "controller ever stays away: `90000` for one that comes once a day. `0`: no warning. "
-                "A reload takes it over"
+                "seconds without a request after which the axes are no longer healthy "
+                "(`controller-absent`, `controller-silent`). Set it longer than the controller's longest "
+                "pause: `90000` if it polls once a day. `0`: no warning. Applies on reload"
             ),
             default=("5 for the motion controllers of a line together: one that asks is enough. Others: `0`"),
         ),
     )
     tls: ControllerTls | None = Field(
         default=None,
-        description="speak TLS only, with those who have a certificate (Modbus/TCP Security)",
+        description=("accept only TLS with a client certificate (Modbus/TCP Security)"),
         json_schema_extra=documented(more="Only with `tcp`, see below"),
     )
     roles: dict[RoleName, RoleKeys] = Field(
@@ -304,7 +300,10 @@ class LineSection(StrictModel):
         default=_TIMING.response_timeout_ms,
         description="milliseconds that a drive has for its answer",
         json_schema_extra=documented(
-            more=("The gateway never gives up before its controllers would, but for trials (`retry_ms`)")
+            text=(
+                "time for a drive's answer. The gateway never gives up before its controllers, except in "
+                "trials (`retry_ms`)"
+            ),
         ),
     )
     drain_ms: Milliseconds | None = Field(
@@ -313,13 +312,12 @@ class LineSection(StrictModel):
         "response_timeout_ms when not given",
         json_schema_extra=documented(
             text=(
-                "RTU drives: silence after a time-out before its unit id is asked again, so that a "
-                "late reply answers nothing else. Reads of other unit ids need not wait; writes wait, "
-                "unless the silent drive is dead (`retry_ms`) and was never late. A drive that was "
-                "late keeps the whole line waiting for the next ten minutes. A request for the silent "
-                "unit id that could leave only with less than half of its controller's `timeout_ms` "
-                "left gets 0x0B (counter `too_late`). Refused with `tcp` drives, whose replies carry "
-                "a number"
+                "RTU drives: silence after a time-out before its unit id is asked again, so that a late "
+                "reply answers nothing else. Reads of other unit ids go on; writes wait, unless the "
+                "silent drive is dead (`retry_ms`) and was never late. After a late reply the whole line "
+                "waits, for ten minutes. A request for the silent unit id gets 0x0B if less than half of "
+                "its controller's `timeout_ms` would be left (counter `too_late`). Refused with `tcp` "
+                "drives, whose replies are numbered"
             ),
             default="`response_timeout_ms`",
         ),
@@ -330,12 +328,12 @@ class LineSection(StrictModel):
         "doubling to 10 s; 0: it is always asked",
         json_schema_extra=documented(
             text=(
-                "a unit id that left three requests in a row unanswered is dead: what is for it, or "
-                "its group, gets 0x0B immediately, on RTU too. After `retry_ms`, then twice as late "
-                "each time up to 10 s, the next request is a trial, behind a read if it might move "
-                "something. Any frame of the drive ends that. A read that is a trial waits for "
-                "`response_timeout_ms`, and the others of the line with it. A stop is repeated to a "
-                "silent drive once in `retry_ms`. `0`: the drive is always asked"
+                "a unit id that left three requests in a row unanswered is dead: requests for it or its "
+                "group get 0x0B immediately, on RTU too. After `retry_ms`, then twice as long each time "
+                "up to 10 s, the next request is a trial; a read goes before one that might move "
+                "something. Any frame of the drive ends this. A trial read waits for "
+                "`response_timeout_ms`, and the line with it. A stop to a silent drive is repeated once "
+                "in `retry_ms`. `0`: the drive is always asked"
             )
         ),
     )
@@ -344,11 +342,10 @@ class LineSection(StrictModel):
         description="when there is a connection to the drives, over tcp: always, or on-demand",
         json_schema_extra=documented(
             text=(
-                '`"on-demand"`, for servers with few connections: the connection to the drives is '
-                "made for a request, and closed after a second without one, if nothing is staged, "
-                "moving or unproven. With the next one homed bits and actual positions are read "
-                'first. Refused with axes whose `referenced` is `"homing"` or `"set-position"`: a '
-                "drive that was switched off would not be noticed"
+                '`"on-demand"`, for servers with few connections: connect for a request, disconnect '
+                "after one idle second if nothing is staged, moving or unacknowledged. The next "
+                "connection first reads homed bits and actual positions. Refused if `referenced` of an "
+                'axis is `"homing"` or `"set-position"`: a drive that was switched off would go unnoticed'
             )
         ),
     )
@@ -357,9 +354,8 @@ class LineSection(StrictModel):
         description="milliseconds between a connection to the drives and the first request on it, over tcp",
         json_schema_extra=documented(
             text=(
-                "for servers that stay mute when they are asked as soon as they have accepted: pause "
-                "before the first request on a connection, for stops too. Keep it below half of the "
-                "controllers' `timeout_ms`"
+                "pause before the first request on a connection, for servers that are mute right after "
+                "accepting. Delays stops too: keep it below half of the controllers' `timeout_ms`"
             )
         ),
     )
@@ -368,23 +364,25 @@ class LineSection(StrictModel):
         description="seconds after which a connection to the drives is made anew, over tcp; 0: never",
         json_schema_extra=documented(
             text=(
-                "for servers that end long connections: it is made anew after this time, once nothing "
-                "is outstanding, staged, moving or unproven. `0`: it stays"
+                "for servers that end long connections: reconnect after this time, once nothing is "
+                "outstanding, staged, moving or unacknowledged. `0`: never"
             )
         ),
     )
     turnaround_ms: Planned[MillisecondsOrZero] = Field(
         default=_TIMING.turnaround_ms,
         description="milliseconds of pause after a broadcast",
-        json_schema_extra=documented(more="As in Modbus over serial line V1.02, 2.4.1"),
+        json_schema_extra=documented(
+            text=("pause after a broadcast (Modbus over serial line V1.02, 2.4.1)"),
+        ),
     )
     gap_ms: MillisecondsOrZero = Field(
         default=_TIMING.gap_ms,
         description="milliseconds of silence before each request",
         json_schema_extra=documented(
             text=(
-                "silence before each request, beyond the standard's 3.5 characters. The longest of "
-                "this and of the `registers.gap_ms` of its axes counts"
+                "silence before each request, beyond the standard's 3.5 characters. The longest of this "
+                "and `registers.gap_ms` of its axes applies"
             )
         ),
     )
@@ -393,9 +391,9 @@ class LineSection(StrictModel):
         description="milliseconds without a motion exchange after which a monitor's exchange may start",
         json_schema_extra=documented(
             text=(
-                "a request of a `monitor` goes directly after a motion exchange, or after `quiet_ms` "
-                "without one. Make it longer than the pauses inside one cycle of the motion "
-                "controller, shorter than its cycle"
+                "a `monitor`'s request is sent directly after a motion exchange, or after `quiet_ms` "
+                "without one. Make it longer than the pauses within a cycle of the motion controller, "
+                "and shorter than the cycle"
             )
         ),
     )
@@ -404,13 +402,13 @@ class LineSection(StrictModel):
         description="unit ids of further devices on the line, which have no axis",
         json_schema_extra=documented(
             text=(
-                "unit ids of further devices on the line, whose frames pass as they are. On "
-                "Modbus/TCP with one axis a write to an unnamed unit id gets 0x0A if it would reach a "
-                "position, trigger, mode or limit of the axis: many drives do not look at the unit "
-                "id. Between serial ports such a device may also use frames of another length than "
-                "their function code says, as some inverters do (`05 03 01 01 30 B8`). All bytes "
-                "between two silences are then one frame; it counts as a write and leaves some 30 ms "
-                "after its last byte, so let the controller wait for 100 ms at least. Not unit id 0"
+                "unit ids of further devices on the line; their frames pass unchanged. On Modbus/TCP "
+                "with one axis, a write to an unnamed unit id gets 0x0A if it would reach a position, "
+                "trigger, mode or limit of the axis, because many drives ignore the unit id. Between "
+                "serial ports such a device may also use frames of non-standard length, as some "
+                "inverters do (`05 03 01 01 30 B8`). All bytes between two silences are then one frame; "
+                "it counts as a write and is sent some 30 ms after its last byte: let the controller "
+                "wait at least 100 ms. Not unit id 0"
             ),
             default="none",
         ),
@@ -420,8 +418,8 @@ class LineSection(StrictModel):
         description="the unit id that the one Modbus/TCP drive answers with, where it is not its own",
         json_schema_extra=documented(
             text=(
-                "unit id in the replies of a Modbus/TCP drive that always answers with 0, 1 or 255; "
-                "ends the event `wrong-unit`"
+                "unit id in the replies of a Modbus/TCP drive that always answers with 0, 1 or 255; ends "
+                "the event `wrong-unit`"
             ),
             default="its own",
         ),
@@ -431,10 +429,9 @@ class LineSection(StrictModel):
         description="let frames leave while they still arrive, between serial ports (RTU to RTU)",
         json_schema_extra=documented(
             text=(
-                "`true`: between two serial ports a known request, and its reply, begins to leave "
-                "while it still arrives. Everything else is stored and forwarded. A frame that turns "
-                "out to be damaged or refused ends with both bytes of its check sum wrong: only for "
-                "drives that check it "
+                "between two serial ports, forward a known request and its reply while they arrive; "
+                "everything else is stored and forwarded. A frame that proves damaged or refused ends "
+                "with an inverted CRC: only for drives that check it "
                 "([latency](latency.md#cut-through-a-frame-leaves-while-it-still-arrives))"
             )
         ),
@@ -444,10 +441,10 @@ class LineSection(StrictModel):
         description="milliseconds after which a monitor's request no longer waits for a gap that it fits",
         json_schema_extra=documented(
             text=(
-                "a `monitor`'s request that has waited for so long goes at the next gap, even if it "
-                "does not fit. All monitors of a line share one such request in this time, and a "
-                "tenth of the line's time. If many do not fit, give them a longer `timeout_ms` or let "
-                "them ask less often. Warned of: a `timeout_ms` of a monitor that is not longer"
+                "a `monitor`'s request that has waited this long takes the next gap, even if it does not "
+                "fit. All monitors of a line share one such request per period, and a tenth of the "
+                "line's time. If many do not fit, lengthen their `timeout_ms` or let them poll less "
+                "often. Warned of: a monitor's `timeout_ms` that is not longer"
             )
         ),
     )

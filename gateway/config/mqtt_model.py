@@ -84,9 +84,8 @@ class MqttSection(StrictModel):
         description="what every topic begins with",
         json_schema_extra=documented(
             text=(
-                "what every topic begins with, followed by the name of the gateway. "
-                "Levels between slashes; refused: `+`, `#`, control characters, an empty "
-                "level, a `$` in front"
+                "start of every topic, followed by the gateway's name. Levels between slashes; refused: "
+                "`+`, `#`, control characters, an empty level, a leading `$`"
             ),
             kind="topic",
         ),
@@ -99,8 +98,8 @@ class MqttSection(StrictModel):
         description="of MQTT, as it is spoken with the broker",
         json_schema_extra=documented(
             text=(
-                "Every broker speaks 3.1.1. Version 5 says more exactly why it refuses something, and "
-                "lets a sender of commands say where the answer shall go"
+                "every broker supports 3.1.1. Version 5 gives exact reasons for refusals, and lets "
+                "senders of commands choose the answer topic"
             )
         ),
     )
@@ -108,7 +107,7 @@ class MqttSection(StrictModel):
         default="",
         description='what the gateway calls itself at the broker, "" for pitch-gateway-NAME',
         json_schema_extra=documented(
-            text=("what the gateway calls itself; a broker lets only one client of a name in"),
+            text=("name of the gateway as a client; a broker accepts each name once"),
             default='`"pitch-gateway-NAME"`',
         ),
     )
@@ -116,13 +115,16 @@ class MqttSection(StrictModel):
         default=15,
         description="silence after which the broker and the gateway ask whether the other is there",
         json_schema_extra=documented(
-            text=("after one and a half times this without a word the broker takes the gateway for dead")
+            text=("after one and a half times this without a message the broker considers the gateway dead")
         ),
     )
     username: Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")] | None = Field(
         default=None,
         description="who the gateway is for the broker",
-        json_schema_extra=documented(more="Warned of: without `tls`, to another machine", default="none"),
+        json_schema_extra=documented(
+            default="none",
+            text=("user name at the broker. Warned of: without `tls`, to another machine"),
+        ),
     )
     password_file: FileName | None = Field(
         default=None,
@@ -130,9 +132,8 @@ class MqttSection(StrictModel):
         "credential:NAME",
         json_schema_extra=documented(
             text=(
-                "file with the password on one line and nothing else, relative to this "
-                "file; or `credential:NAME`; read anew for each connection. Needs "
-                "`username`"
+                "file with only the password on one line, relative to this file; or `credential:NAME`. "
+                "Read again for each connection. Needs `username`"
             ),
             default="none",
         ),
@@ -142,9 +143,9 @@ class MqttSection(StrictModel):
         description="encrypt, and check who the broker is",
         json_schema_extra=documented(
             text=(
-                '`{}` trusts the authorities of the system; `{ ca = "ca.pem" }` those in a file. With '
-                "`cert` and `key`, both in PEM, the key not encrypted, the gateway shows a "
-                "certificate. Paths are relative to this file, or `credential:NAME`"
+                '`{}` trusts the system\'s authorities; `{ ca = "ca.pem" }` those in a file. With '
+                "`cert` and `key`, both PEM, the key unencrypted, the gateway has a client certificate. "
+                "Paths relative to this file, or `credential:NAME`"
             ),
             default="none: no TLS",
         ),
@@ -153,7 +154,7 @@ class MqttSection(StrictModel):
         default="",
         description='topic prefix of Home Assistant\'s discovery, "homeassistant" there; "" for none',
         json_schema_extra=documented(
-            text=('prefix of Home Assistant\'s discovery, `"homeassistant"` unless it was changed there'),
+            text=('prefix of Home Assistant\'s discovery, usually `"homeassistant"`'),
             kind='topic or `""`',
             default='`""`: off',
         ),
@@ -164,8 +165,8 @@ class MqttSection(StrictModel):
         "that they can say moves an axis",
         json_schema_extra=documented(
             text=(
-                "`true`: who may write to the broker's `BASE/NAME/command/…` may reload, "
-                "enable, disable and set gains. Nothing moves an axis by itself"
+                "clients that may write to `BASE/NAME/command/…` may reload, enable, disable and set "
+                "gains. No command moves an axis"
             )
         ),
     )

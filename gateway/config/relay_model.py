@@ -34,10 +34,7 @@ class RelaySection(StrictModel):
         default=_DEFAULT.fifo,
         description="real-time priority (SCHED_FIFO), 0 for none",
         json_schema_extra=documented(
-            text=(
-                "real-time priority (SCHED_FIFO): goes before everything without one. 0: "
-                "as the process was started"
-            )
+            text=("real-time priority (SCHED_FIFO), ahead of all programs without one. 0: unchanged")
         ),
     )
     cpus: Planned[Cpus] = Field(
@@ -45,13 +42,15 @@ class RelaySection(StrictModel):
         description="CPUs that the relay runs on; none named: any",
         json_schema_extra=documented(
             text=(
-                "CPUs to run on, each once; `[]`: any. When one of them is not there, at "
-                "the start, none of them is kept to"
+                "CPUs to run on, each once; `[]`: any. If one is missing at the start, the whole list is "
+                "ignored"
             )
         ),
     )
     lock_memory: Planned[bool] = Field(
-        default=_DEFAULT.lock_memory, description="keep the memory of the relay from being paged out"
+        default=_DEFAULT.lock_memory,
+        description="keep the memory of the relay from being paged out",
+        json_schema_extra=documented(text=("keep the relay's memory from being swapped out")),
     )
 
     @property

@@ -49,24 +49,23 @@ class RightsKeys(StrictModel):
         description="what the controller may do",
         json_schema_extra=documented(
             text=(
-                "`motion` may do everything and goes first; `operator` may read, and stop "
-                "the axes; `monitor` may only read. What a role may not do is answered "
-                "with exception 1"
+                "`motion`: everything, first in line. `operator`: read, and stop the axes. `monitor`: "
+                "only read. Other requests get exception 1"
             )
         ),
     )
     read_only: bool = Field(
         default=False,
-        description="nothing may be written, whatever the role",
-        json_schema_extra=documented(more="No stop either"),
+        description=("no write passes, whatever the role"),
+        json_schema_extra=documented(more=("No stop either")),
     )
     unit_ids: ListOf[UnitId] = Field(
         default=(),
         description="unit ids that may be spoken to; none: all",
         json_schema_extra=documented(
             text=(
-                "unit ids that it may speak to. On a serial line a broadcast (0) reaches "
-                "every drive: it takes 0 and the unit ids of all axes of the line"
+                "unit ids that it may address. On a serial line a broadcast (0) reaches every drive: it "
+                "needs 0 and the unit ids of all axes of the line"
             ),
             default="all",
         ),
@@ -81,8 +80,8 @@ class RightsKeys(StrictModel):
         description="addresses that may be read, each one or FIRST-LAST; none: all",
         json_schema_extra=documented(
             text=(
-                'addresses that it may read, as in `[0x0520, "0x0606-0x0607"]`; a request '
-                "has to stay inside one of them. Registers, coils and inputs alike"
+                'addresses that it may read, as in `[0x0520, "0x0606-0x0607"]`, for registers, coils and '
+                "inputs alike. A request must stay inside one of them"
             ),
             kind="list of addresses",
             default="all",
@@ -92,7 +91,7 @@ class RightsKeys(StrictModel):
         default=(),
         description="addresses that may be written, each one or FIRST-LAST; none: all",
         json_schema_extra=documented(
-            text="addresses that it may write; in the same way", kind="list of addresses", default="all"
+            text=("addresses that it may write; likewise"), kind="list of addresses", default="all"
         ),
     )
     requests_per_s: Annotated[float, Field(gt=0.0, le=1e6)] | None = Field(
@@ -101,8 +100,8 @@ class RightsKeys(StrictModel):
         json_schema_extra=documented(
             kind="number > 0",
             text=(
-                "requests in a second over all its connections, in the mean; after a "
-                "pause as many at once as in one second"
+                "average requests per second over all its connections; after a pause up to a second's "
+                "worth at a time"
             ),
             default="no limit",
         ),
@@ -128,9 +127,8 @@ class RoleKeys(RightsKeys):
         description="what a controller with this role may do",
         json_schema_extra=documented(
             text=(
-                "`motion` may do everything and goes first; `operator` may read, and stop "
-                "the axes; `monitor` may only read. What a role may not do is answered "
-                "with exception 1"
+                "`motion`: everything, first in line. `operator`: read, and stop the axes. `monitor`: "
+                "only read. Other requests get exception 1"
             )
         ),
     )

@@ -26,8 +26,8 @@ class TemperatureSource(StrictModel):
         description="topic of the broker of [mqtt] that carries it",
         json_schema_extra=documented(
             text=(
-                "topic of the broker of `[mqtt]`. A message is a number in °C, or JSON "
-                "with a number under `temperature`, `celsius` or `value`"
+                "topic of the broker of `[mqtt]`. A message is a number in °C, or JSON with a number "
+                "under `temperature`, `celsius` or `value`"
             ),
             kind="topic",
         ),
@@ -36,9 +36,10 @@ class TemperatureSource(StrictModel):
         default=None,
         description="HOST:PORT of a Modbus TCP device that has it",
         json_schema_extra=documented(
-            more=(
-                "It may be a monitor's address of the gateway itself, where the sensor is on a bus of drives"
-            )
+            text=(
+                "HOST:PORT of the Modbus TCP device. If the sensor is on a bus of drives, a monitor's "
+                "address of the gateway itself"
+            ),
         ),
     )
     unit_id: Annotated[int, Field(ge=0, le=255)] = Field(
@@ -70,7 +71,7 @@ class ThermalSpec(StrictModel):
     alpha: Planned[Annotated[float, Field(gt=0.0, le=LARGEST_ALPHA)]] = Field(
         description="expansion of the screw per kelvin, about 11.5e-6 for steel",
         json_schema_extra=documented(
-            text=("how much longer the screw becomes with each kelvin: about `11.5e-6` for steel"),
+            text=("expansion of the screw per kelvin: about `11.5e-6` for steel"),
             kind="per kelvin, 0 to 0.001",
         ),
     )
@@ -82,15 +83,18 @@ class ThermalSpec(StrictModel):
         description="machine position that stays where it is when the screw grows",
         json_schema_extra=documented(
             text=(
-                "machine position that stays where it is when the screw grows: where its "
-                "fixed bearing is, on the scale of `travel`. It may lie outside `travel`"
+                "machine position of the fixed bearing, on the scale of `travel`: it stays in place when "
+                "the screw grows. It may lie outside `travel`"
             )
         ),
     )
     source: Live[TemperatureSource] = Field(
         description="where the temperature is heard",
         json_schema_extra=documented(
-            more="`{ mqtt = … }` or `{ modbus = …, address = … }`, see below", kind="table"
+            kind="table",
+            text=(
+                "where the temperature comes from: `{ mqtt = … }` or `{ modbus = …, address = … }`, see below"
+            ),
         ),
     )
     timeout_s: Planned[Seconds] = Field(
@@ -101,8 +105,8 @@ class ThermalSpec(StrictModel):
         description="seconds for which the last temperature is held after that",
         json_schema_extra=documented(
             text=(
-                "so long after `timeout_s` the last temperature is held; then what is "
-                "added goes back to 0, by `rate_per_min`"
+                "time after `timeout_s` during which the last temperature is held; then the correction "
+                "returns to 0 at `rate_per_min`"
             )
         ),
     )
@@ -110,7 +114,7 @@ class ThermalSpec(StrictModel):
         default=settings.DEFAULT_KELVIN_PER_MIN,
         description="kelvins per minute that are followed at most",
         json_schema_extra=documented(
-            text=("what is added follows the temperature no faster, so that a sensor that jumps does no harm")
+            text=("limit on the rate of the correction, so that a jumping sensor does no harm")
         ),
     )
     largest_dt: Planned[Annotated[float, Field(gt=0.0, le=200.0)]] = Field(
@@ -118,8 +122,8 @@ class ThermalSpec(StrictModel):
         description="kelvins from the reference beyond which a value is no temperature of the screw",
         json_schema_extra=documented(
             text=(
-                "a value that lies farther from `reference` is no temperature of a screw: "
-                "it is refused, told, and counts as silence"
+                "a value further from `reference` is no screw temperature: it is refused, reported, and "
+                "counts as silence"
             )
         ),
     )
@@ -133,9 +137,8 @@ class CrossSpec(StrictModel):
         description="table file: corrections of this axis over machine positions of the other one",
         json_schema_extra=documented(
             text=(
-                "table file in the tables folder, of any format and of one direction: "
-                "corrections of this axis at machine positions of the other one. It is "
-                "read with the configuration and not watched"
+                "table file in the tables folder, of any format and one direction: corrections of this "
+                "axis at machine positions of the other. Read with the configuration, not watched"
             ),
             kind="file name",
         ),
@@ -144,4 +147,10 @@ class CrossSpec(StrictModel):
         default=60.0,
         description="seconds for which the last position of the other axis counts when it is not known any "
         "more; as long again it fades",
+        json_schema_extra=documented(
+            text=(
+                "seconds for which the last position of the other axis counts once it is unknown; it "
+                "then fades for as long"
+            )
+        ),
     )

@@ -31,23 +31,30 @@ class ControllerTls(StrictModel):
 
     certificate: FileName = Field(
         description="file with the gateway's certificate in PEM, those of authorities between behind it; "
-        "relative to the configuration file"
+        "relative to the configuration file",
+        json_schema_extra=documented(
+            text=(
+                "PEM file with the gateway's certificate, followed by intermediate authorities; relative "
+                "to the configuration file"
+            )
+        ),
     )
     key: FileName = Field(
         description='file with the key of that certificate, or "credential:NAME" of the service manager',
         json_schema_extra=documented(
             text=(
-                "file with the key of that certificate, not encrypted, readable by the "
-                'gateway\'s user only; or `"credential:NAME"`, as systemd hands it over '
-                "with `LoadCredential=`"
+                "file with the key of that certificate, unencrypted, readable only by the gateway's "
+                'user; or `"credential:NAME"` from systemd\'s `LoadCredential=`'
             )
         ),
     )
     clients: FileName = Field(
-        description="file with the certificates of the authorities that sign those of controllers"
+        description=("file with the certificates of the authorities that sign controllers")
     )
     revoked: FileName | None = Field(
-        default=None, description="file with the authority's list of revoked certificates; left out: none"
+        default=None,
+        description="file with the authority's list of revoked certificates; left out: none",
+        json_schema_extra=documented(text=("file with the authority's revocation list")),
     )
 
     def files(self, folder: Path) -> TlsFiles:

@@ -77,8 +77,8 @@ class PositionSpec(StrictModel):
         description="where something else is read at this address than was written: read or write",
         json_schema_extra=documented(
             text=(
-                "where a drive shows something else at an address than was written there, "
-                'two positions share the address: one is `"read"`, the other `"write"`'
+                "if a drive shows something else at an address than was written, two positions share it: "
+                'one is `"read"`, the other `"write"`'
             )
         ),
     )
@@ -87,10 +87,9 @@ class PositionSpec(StrictModel):
         description="the position stands only in frames that begin at this address",
         json_schema_extra=documented(
             text=(
-                "the position stands only in frames that begin at this address. For "
-                "drives whose addresses are commands: a frame of four registers at 0x00F5 "
-                "is one command, and one at 0x00F4 is another, although the registers "
-                "overlap"
+                "the position is only in frames that begin at this address. For drives whose addresses "
+                "are commands: frames of four registers at 0x00F5 and at 0x00F4 are different commands, "
+                "although they overlap"
             )
         ),
     )
@@ -133,10 +132,9 @@ class RepeatedSpec(PositionSpec):
         description="further positions at even distances",
         json_schema_extra=documented(
             text=(
-                "only in `command` (as its only entry), `position_like` and `remap`: "
-                "`count` (1 to 256) positions of the same kind, each `stride` registers "
-                "after the one before; in `command` the address of `mode` moves along "
-                "with them"
+                "only in `command` (as its only entry), `position_like` and `remap`: `count` (1 to 256) "
+                "positions of this kind, each `stride` registers after the previous one; in `command` "
+                "the address of `mode` moves along"
             ),
             kind="`{ count, stride }`",
         ),
@@ -183,7 +181,7 @@ class ActualSpec(PositionSpec):
 
     set_position: bool = Field(
         default=False,
-        description="writing it tells the drive that it stands somewhere else",
+        description=("writing it tells the drive that it is elsewhere"),
         json_schema_extra=documented(more="Only in `actual`"),
     )
 
@@ -253,8 +251,8 @@ class RegisterMap(StrictModel):
         description="measured positions",
         json_schema_extra=documented(
             text=(
-                "measured positions. Where writing one tells the drive that it stands "
-                "somewhere else, it has `set_position = true`"
+                "measured positions. If writing one tells the drive that it is elsewhere, set "
+                "`set_position = true` in it"
             )
         ),
     )
@@ -266,9 +264,9 @@ class RegisterMap(StrictModel):
         description="positions that the drive compares its own with: software limits, areas",
         json_schema_extra=documented(
             text=(
-                "positions that the drive compares its own with: software limits, areas. They are "
-                "corrected half way between the two directions. A limit of 0 passes as it is: for "
-                "many drives it means none. A part of a limit that is written alone is refused"
+                "positions that the drive compares its own with: software limits, areas. Corrected half "
+                "way between the two directions. A limit of 0 passes unchanged: for many drives it means "
+                "none. A write of part of a limit is refused"
             )
         ),
     )
@@ -277,8 +275,8 @@ class RegisterMap(StrictModel):
         description="further addresses at which the same positions are read",
         json_schema_extra=documented(
             text=(
-                "further addresses at which positions are read, corrected like `actual`. Writing one "
-                "while the axis is corrected gets exception 2"
+                "further addresses at which positions are read, corrected like `actual`. A write while "
+                "the axis is corrected gets exception 2"
             )
         ),
     )
@@ -287,9 +285,8 @@ class RegisterMap(StrictModel):
         description="positions that are not mapped; writing them is refused",
         json_schema_extra=documented(
             text=(
-                "positions that are not mapped (mirrors, stored targets, home offsets). Writing one "
-                "while the axis is corrected gets exception 2 (see `unmapped`); reads pass as they "
-                "are"
+                "unmapped positions (mirrors, stored targets, home offsets). A write while the axis is "
+                "corrected gets exception 2 (see `unmapped`); reads pass unchanged"
             )
         ),
     )
@@ -298,8 +295,8 @@ class RegisterMap(StrictModel):
         description="registers that move other registers about; writing one ends the compensation",
         json_schema_extra=documented(
             text=(
-                "registers that move other registers, or change the order of their words. Writing one "
-                "ends the compensation of its unit until the gateway is started again"
+                "registers that move other registers or swap their words. A write ends the compensation "
+                "of its unit until a restart of the gateway"
             )
         ),
     )
@@ -316,18 +313,16 @@ class RegisterMap(StrictModel):
     bits: BitsSpec = Field(
         default=BitsSpec(),
         description="state bits",
-        json_schema_extra=documented(
-            more=("`homed`, `done`, `moving`, `alarm`: what the drive tells about its state, see below")
-        ),
+        json_schema_extra=documented(more=("`homed`, `done`, `moving`, `alarm`, see below")),
     )
     done_means: ByName[DoneMeans] = Field(
         default=DoneMeans.MOVE_ENDED,
         description="what bits.done says: move-ended or in-position",
         json_schema_extra=documented(
             text=(
-                "`move-ended`: `bits.done` falls when a move begins and comes back when it has ended. "
-                "`in-position`: it only says that the axis is near where it should be at the moment, "
-                "perhaps on the way; then an actual position has to show that it has arrived"
+                "`move-ended`: `bits.done` falls when a move begins and returns when it has ended. "
+                "`in-position`: the axis is near its present setpoint, perhaps still on the way; arrival "
+                "then needs an actual position"
             )
         ),
     )
@@ -336,9 +331,9 @@ class RegisterMap(StrictModel):
         description="milliseconds that bits.done may still be that of the move before",
         json_schema_extra=documented(
             text=(
-                "how long after an acknowledged target `bits.done` may still be that of the move "
-                "before. Sooner it counts as arrival, or as rest before a distance, only after it was "
-                "seen to fall"
+                "how long after an acknowledged target `bits.done` may still be that of the previous "
+                "move. Within this time it counts as arrival, or as standstill before a distance, only "
+                "after it was seen to fall"
             )
         ),
     )
@@ -347,9 +342,9 @@ class RegisterMap(StrictModel):
         description="what a target does that comes while the axis moves: at-once or queued",
         json_schema_extra=documented(
             text=(
-                "`at-once`: a target that comes while the axis moves is gone to from where the axis "
-                "is. `queued`: the axis first goes to the one before, as CiA 402 drives with "
-                "set-points in a row do; its direction then follows from the order of the targets"
+                "a target that comes during a move. `at-once`: the axis goes there from where it is. "
+                "`queued`: it first goes to the previous one, like CiA 402 drives with sets of "
+                "set-points; its direction then follows the order of the targets"
             )
         ),
     )
@@ -358,8 +353,8 @@ class RegisterMap(StrictModel):
         description="a written position waits for a trigger",
         json_schema_extra=documented(
             text=(
-                "`true`: a written position waits for a trigger, and is corrected for the "
-                "moment of the trigger, see below. Needs a `trigger`"
+                "a written position waits for a trigger, and is corrected for that moment, see below. "
+                "Needs a `trigger`"
             )
         ),
     )
@@ -368,8 +363,8 @@ class RegisterMap(StrictModel):
         description="words of a position that start the motion",
         json_schema_extra=documented(
             text=(
-                "words that start the motion as soon as they are written: a word of a position, or a "
-                "speed beside it. The other words wait for it"
+                "words that start the motion when written: a word of a position, or a speed beside it. "
+                "The other words wait for it"
             )
         ),
     )
@@ -378,8 +373,8 @@ class RegisterMap(StrictModel):
         description="whether an address is a register or an object of its own width",
         json_schema_extra=documented(
             text=(
-                '`"objects"`: an address is the index of an object with its own width. Two registers '
-                "at 0x6064 do not touch 0x6065, and a frame holds whole objects one after the other"
+                '`"objects"`: an address is the index of an object with its own width. Two registers at '
+                "0x6064 do not touch 0x6065, and a frame holds consecutive whole objects"
             )
         ),
     )
@@ -388,9 +383,9 @@ class RegisterMap(StrictModel):
         description="widths of objects that are no positions, where frames hold several objects",
         json_schema_extra=documented(
             text=(
-                'with `addressing = "objects"`: registers (1 to 4) of an object that is not a '
-                "position, as in `{ address = 0x6081, words = 2 }`. Needed only if a frame holds "
-                "several objects; 1 if not given"
+                'with `addressing = "objects"`: registers (1 to 4) of an object that is not a position, '
+                "as in `{ address = 0x6081, words = 2 }`; default 1. Needed only if a frame holds "
+                "several objects"
             ),
             kind="list of `{ address, words }`",
         ),
@@ -405,8 +400,8 @@ class RegisterMap(StrictModel):
         description="how the gateway writes a position by itself: fc16, fc06 or mei",
         json_schema_extra=documented(
             text=(
-                "how the gateway itself writes a position; `fc06` writes a longer one word by word, "
-                "and then needs `staged = true`: otherwise the first word would already move the axis"
+                "how the gateway writes a position; `fc06` writes a longer one word by word and needs "
+                "`staged = true`, or the first word would already move the axis"
             ),
             kind='`"fc16"`, `"fc06"`, `"mei"`',
         ),
@@ -416,8 +411,8 @@ class RegisterMap(StrictModel):
         description="function byte with which the drive refuses every read; 0: the usual one",
         json_schema_extra=documented(
             text=(
-                "function byte with which the drive refuses every read, as Kinco with `0x81`; `0`: "
-                "the standard's, the request's with bit 7 set. On RTU any other is no answer"
+                "function byte with which the drive refuses every read, as Kinco with `0x81`; `0`: the "
+                "standard's (bit 7 set in the request's). On RTU any other byte is no answer"
             )
         ),
     )
@@ -441,10 +436,7 @@ class RegisterMap(StrictModel):
         default=None,
         description="milliseconds that the drive takes before it answers; only the budget reckons with it",
         json_schema_extra=documented(
-            text=(
-                "what this drive takes before it answers. Only `pitch-gateway budget` and "
-                "`check` reckon with it"
-            ),
+            text=("time that this drive needs to answer. Only `pitch-gateway budget` and `check` use it"),
             default="not known",
         ),
     )

@@ -66,9 +66,8 @@ class _Values(StrictModel):
         description="values that mean a distance from the drive's own commanded position",
         json_schema_extra=documented(
             text=(
-                "a distance from where the drive's own profile stands at that moment. "
-                "Right also where the manual does not say what a distance counts from: "
-                "the gateway then wants a standing axis, at which all three are the same"
+                "a distance from the drive's own profile position at that moment. Also right if the "
+                "manual does not say: the gateway then requires standstill, where all three are equal"
             )
         ),
     )
@@ -81,7 +80,7 @@ class _Values(StrictModel):
     stop: ListOf[Word] = Field(
         default=(),
         description="values that stop the axis",
-        json_schema_extra=documented(text="it stops the axis, and the position in the frame means nothing"),
+        json_schema_extra=documented(text=("stops the axis; the position in the frame means nothing")),
     )
     home: ListOf[Word] = Field(default=(), description="values that mean homing")
     stored: ListOf[Word] = Field(default=(), description="values that run positions kept by the drive")
@@ -94,8 +93,8 @@ class _Values(StrictModel):
         default=Action.UNKNOWN,
         description="what every value means that is not listed",
         json_schema_extra=documented(
-            more="`unknown`: passed on unchanged and counted",
             kind='one of the names above, `"ignore"`, `"unknown"`',
+            text=("meaning of every unlisted value. `unknown`: passed unchanged and counted"),
         ),
     )
 
@@ -124,9 +123,9 @@ class ModeSpec(_Values):
         description="where the mode is decided",
         json_schema_extra=documented(
             text=(
-                "`fixed`: every position is absolute. `sticky`: a register says so, as it "
-                "stands at the trigger. `in-frame`: a register that counts only in the "
-                "frame that holds the position. `trigger`: the trigger says so"
+                "`fixed`: every position is absolute. `sticky`: a register says so, as it is at the "
+                "trigger. `in-frame`: a register that counts only in the position's frame. `trigger`: "
+                "the trigger says so"
             )
         ),
     )
@@ -134,10 +133,7 @@ class ModeSpec(_Values):
         default=None,
         description="the register that holds the mode",
         json_schema_extra=documented(
-            text=(
-                "the register that holds the mode: needed with `sticky` and `in-frame`, "
-                "not allowed with the others"
-            )
+            text=("the register of the mode: required with `sticky` and `in-frame`, otherwise not allowed")
         ),
     )
     resets_to: Word | None = Field(
@@ -191,8 +187,8 @@ class TriggerSpec(_Values):
         description="bits of which one must rise for the drive to act; 0: every write acts",
         json_schema_extra=documented(
             text=(
-                "bits of which one must rise from 0 to 1 for the drive to act; 0: every "
-                "write acts. A stop acts always"
+                "bits of which one must rise from 0 to 1 for the drive to act; 0: every write acts. A "
+                "stop always acts"
             )
         ),
     )
@@ -206,9 +202,8 @@ class TriggerSpec(_Values):
         description="as follow, for values that run nothing themselves, only what is written later",
         json_schema_extra=documented(
             text=(
-                "as `follow`, for values that run nothing themselves: only what is "
-                "written from then on. While the register holds a value that is not "
-                "listed, positions pass unchanged and are counted as unknown"
+                "like `follow`, for values that run nothing themselves: only later writes. While the "
+                "register holds an unlisted value, positions pass unchanged and are counted as unknown"
             )
         ),
     )
@@ -218,8 +213,8 @@ class TriggerSpec(_Values):
         description="value + P runs the position of path P, for values under absolute, relative and start",
         json_schema_extra=documented(
             text=(
-                "`command` has `paths`: value + P runs the position of path P, for the "
-                "values under `absolute`, the three `relative` and `start`"
+                "with `paths` in `command`: value + P runs the position of path P, for the values under "
+                "`absolute`, the three `relative` and `start`"
             )
         ),
     )

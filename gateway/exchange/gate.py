@@ -133,12 +133,12 @@ class Gate:
             is_read = function in MONITOR_FUNCTIONS and not is_odd
             if function in rights.function_codes or (is_read and not rights.readable):
                 return None
-            detail = f"function code {function}, of which nobody can tell what it touches; name it there"
+            detail = f"function code {function}, whose addresses are unknown; name it there"
             return Denial(ExceptionCode.ILLEGAL_FUNCTION, "function_codes", detail)
         touched = _touched(pdu)
         if touched is None:
             key = "writable" if rights.writable else "readable"
-            detail = "a request that contradicts itself: nobody can tell what it touches"
+            detail = "a request that contradicts itself: its addresses are unknown"
             return Denial(ExceptionCode.ILLEGAL_DATA_ADDRESS, key, detail)
         read, written = touched
         if read is not None and rights.readable and not _is_inside(read, rights.readable):

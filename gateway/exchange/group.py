@@ -186,8 +186,8 @@ def report_skew(axis: Axis, code: int) -> None:
         return  # nothing has moved
     gantry.skew_by(skew)
     names, units = " and ".join(member.plan.name for member in gone), axis.plan.settings.units.value
-    by = "by a way that nobody knows" if skew is None else f"by {skew:+.6g} {units}"
-    detail = f"{names} has gone, and its own target was refused (exception {code:#04x}): skewed {by}"
+    by = "by an unknown amount" if skew is None else f"by {skew:+.6g} {units}"
+    detail = f"{names} has moved, and its own target was refused (exception {code:#04x}): skewed {by}"
     axis.report(exchange_events.GROUP_SKEWED, detail)
 
 

@@ -862,7 +862,7 @@ class LineExchange:
         """Count a request to a unit id of which nobody knows anything, and tell of the first one."""
         if self._units.aliases.count_request(unit_id):
             mapped = ", ".join(f"{axis.plan.name} (unit id {axis.plan.unit_id})" for axis in self.axes)
-            detail = f"a controller talks to unit id {unit_id}, which has no axis; there are {mapped}"
+            detail = f"a controller addresses unit id {unit_id}, which has no axis; the axes are {mapped}"
             self._on_event(Event(exchange_events.UNKNOWN_UNIT, None, detail))
 
     def _put_on_wire(self, transaction: Transaction, pdu: bytes, unit_id: int, now_ns: int) -> None:
@@ -938,7 +938,7 @@ class LineExchange:
         if transaction.phase is Phase.PREREQUISITE:
             outcome = Outcome.NEVER_SENT
             if frame is not None and frame.rendering is not None:
-                why = "nobody knows whether the staged target was written anew"
+                why = "the staged target may or may not have been rewritten"
                 frame.axis.lose_rewritten(frame.rendering, NO_RESPONSE, why)
         self._transactions.finish(transaction, outcome, now_ns, code=NO_RESPONSE, answer=Answer.ABSENCE)
         if self._broken_off is not None:

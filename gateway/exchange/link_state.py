@@ -325,7 +325,7 @@ class LinkState:
         if not is_known or not (is_readable or not self._renewal.may_have_written):
             return False
         self._renewal.renew(now_ns)
-        why = "nothing has come for three time-outs, whoever was asked: another connection is made"
+        why = "nothing has come from any drive for three time-outs: the gateway connects again"
         self._on_event(Event(exchange_events.CONNECTION_RENEWED, None, why))
         self._go_down(LinkLoss.RENEWAL, "broken off by the gateway, and not made anew", None, now_ns)
         self._link.renew()

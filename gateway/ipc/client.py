@@ -105,7 +105,7 @@ def _answer(
                 connection.sendall(data[sent:])
             return _read_line(connection, deadline_s, lent), lent
     except (FileNotFoundError, ConnectionRefusedError, NotADirectoryError):
-        raise NobodyListensError(f"no gateway runs: nobody listens at {path}") from None
+        raise NobodyListensError(f"no gateway runs: nothing listens at {path}") from None
     except PermissionError:
         raise NoGatewayError(
             f"no permission for {path}: run this as the user that the gateway runs as, or as root"

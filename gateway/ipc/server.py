@@ -96,4 +96,4 @@ class ControlServer:
         self._clients.sessions.add(Session(self._clients, connection, peer_uid(connection)))
 
     def _nobody_can_connect(self, error: OSError) -> None:
-        self._clients.complain("accept", f"nobody can connect: {error.strerror or error}")
+        self._clients.complain("accept", f"no client can connect: {error.strerror or error}")

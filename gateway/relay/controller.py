@@ -42,7 +42,7 @@ from gateway.transport.serial import SerialPort
 from gateway.transport.serial_channel import character_ns
 from gateway.transport.tcp import TcpListener
 
-GARBAGE: Final = "it sent a header whose length cannot be; its connection was closed"
+GARBAGE: Final = "it sent a header of impossible length; its connection was closed"
 HALF_FRAME_GRACE_NS: Final = 2 * NS_PER_S
 """A request that is not whole for so long after its controller has given up on it ends the connection."""
 

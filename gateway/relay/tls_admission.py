@@ -160,5 +160,5 @@ class TlsAdmission:
         self._log(CERTIFICATES_RENEWED, detail=REVOKED_MEANS)
 
     def _not_renewed(self, error: TlsFileError) -> None:
-        detail = f"tls.{error.key}: {error.found}; those of before stay in force"
+        detail = f"tls.{error.key}: {error.found}; the previous ones stay in force"
         self._log(CERTIFICATES_NOT_RENEWED, detail=detail, remedy=error.remedy)

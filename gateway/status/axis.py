@@ -98,7 +98,7 @@ class WriterConflictStatus(Struct, kw_only=True):
         int,
         Counter(
             "changes",
-            "times that two controllers took an axis from each other, in one go",
+            "times that two controllers took an axis from each other in one go",
             "let only one of them move the axis",
         ),
     ] = 0

@@ -9,8 +9,8 @@ from gateway.status.counters import Counter, counters_of
 from gateway.status.times import NOT_WORKED_OUT, NOTHING_MEASURED, Figures, GatewayTimes
 
 _LONGER: Final = (
-    "raise `response_timeout_ms` until the drive answers in time; with the gateway stopped "
-    "`pitch-gateway probe CONFIG --timing` then measures how much it needs"
+    "raise `response_timeout_ms`; with the gateway stopped, `pitch-gateway probe CONFIG --timing` measures "
+    "what the drive needs"
 )
 _CABLE: Final = "check cable, screen, termination and baud rate"
 
@@ -26,7 +26,7 @@ class UnitStatus(Struct, kw_only=True):
         Counter(
             "time-outs in a row",
             "requests that a unit id has left unanswered since its last answer",
-            "look at the drive: power, cable, unit id",
+            "check power, cable and unit id of the drive",
         ),
     ] = 0
     tried_again_s: float | None = None
@@ -35,8 +35,8 @@ class UnitStatus(Struct, kw_only=True):
         int,
         Counter(
             "damaged in a row",
-            "of the newest 32 requests that a unit id left unanswered in a row those that met with bytes "
-            "that are no frame: it speaks, and is not understood",
+            "of the newest 32 requests that a unit id left unanswered in a row, those that met bytes of "
+            "no valid frame",
             "compare baud rate and parity, then exchange A and B",
         ),
     ] = 0
@@ -44,7 +44,7 @@ class UnitStatus(Struct, kw_only=True):
         int,
         Counter(
             "damaged in the last minute",
-            "requests to a unit id within the last minute that met with bytes that are no frame",
+            "requests to a unit id within the last minute that met bytes of no valid frame",
             "check cable, screen and termination",
         ),
     ] = 0
@@ -52,9 +52,9 @@ class UnitStatus(Struct, kw_only=True):
         int,
         Counter(
             "other transaction ids in a row",
-            "of the newest 32 requests that a unit id left unanswered in a row those that met with a reply "
-            "of another transaction id: it answers, and no reply of it counts",
-            "bring its firmware up to date, or put a converter in its place that returns the transaction id",
+            "of the newest 32 requests that a unit id left unanswered in a row, those whose reply had "
+            "another transaction id",
+            "update its firmware, or use a converter that returns the transaction id",
         ),
     ] = 0
     answers_with: str | None = None
@@ -82,7 +82,7 @@ class Forwarded(Struct, kw_only=True):
         int,
         Counter(
             "cut through",
-            "of a line with `cut_through` the requests and replies that left while they arrived",
+            "with `cut_through`: requests and replies forwarded while they arrived",
         ),
     ] = 0
     gain_us: int | None = None
@@ -90,18 +90,17 @@ class Forwarded(Struct, kw_only=True):
         dict[str, int],
         Counter(
             "stored",
-            "of a line with `cut_through` those that were stored whole before they left, and why: `kept` for "
-            "what is never cut through, or was whole too soon, else what happened before the first byte left",
-            "compare with `pitch-gateway budget CONFIG`; `cut-through-off` in the log names the adapter",
+            "with `cut_through`: those stored whole before they were sent, and why. `kept`: never cut "
+            "through, or complete too soon; otherwise the event before the first byte",
+            "compare with `pitch-gateway budget CONFIG`. `cut-through-off` in the log names the adapter",
         ),
     ] = {}
     spoilt: Annotated[
         dict[str, int],
         Counter(
             "spoilt",
-            "of a line with `cut_through` those that began to leave and were made no frame, and why",
-            "where many are `stalled` or `unfit`, turn `cut_through` off for the line; where `bad`, check "
-            "cables",
+            "with `cut_through`: those aborted while they were sent, and why",
+            "if many are `stalled` or `unfit`, turn `cut_through` off for the line; if `bad`, check cables",
         ),
     ] = {}
 
@@ -115,8 +114,9 @@ class CutThroughStatus(Struct, kw_only=True):
         int,
         Counter(
             "torn",
-            "of a line with `cut_through` the frames inside of which its transmitter was empty",
-            "`fifo` and `cpus` of `[relay]` put the gateway first; else turn `cut_through` off for the line",
+            "with `cut_through`: frames inside which the transmitter ran empty",
+            "`fifo` and `cpus` of `[relay]` give the gateway priority. Otherwise turn `cut_through` off "
+            "for the line",
         ),
     ] = 0
 
@@ -170,8 +170,8 @@ class DrivesStatus(Struct, frozen=True, kw_only=True):
         int,
         Counter(
             "opens",
-            "times that the port or the connection was opened: more than one means that it was lost",
-            "look at cable and adapter where it grows",
+            "times that the port or connection was opened; more than one means a loss",
+            "check cable and adapter",
         ),
     ] = 0
     notes: list[str] = []
@@ -217,8 +217,8 @@ class TlsStatus(Struct, kw_only=True):
         int,
         Counter(
             "handshakes failed",
-            "TLS handshakes with the listener of a controller that failed",
-            "look at the log: `handshake-failed` and `certificate-refused` say why, and of whom",
+            "failed TLS handshakes with the listener of a controller",
+            "see `handshake-failed` and `certificate-refused` in the log",
         ),
     ] = 0
     running_handshakes: int = 0
@@ -248,8 +248,8 @@ class ControllerStatus(Struct, kw_only=True):
         int | UnsetType,
         Counter(
             "connections refused",
-            "connections to the listener of a controller that were closed at once",
-            "look at the log: `connection-refused` says who, and which key",
+            "connections to the listener of a controller that were closed immediately",
+            "see `connection-refused` in the log",
         ),
     ] = UNSET
     whole: Annotated[
@@ -283,7 +283,7 @@ class LineStatus(Struct, kw_only=True):
         int,
         Counter(
             "exchanges",
-            "exchanges with the drives: requests that were answered",
+            "answered requests to the drives",
             is_shown=True,
             is_logged=True,
             is_metric=True,
@@ -293,8 +293,8 @@ class LineStatus(Struct, kw_only=True):
         int,
         Counter(
             "time-outs",
-            "exchanges that a drive did not answer in time",
-            "look at the drive and its wires, and whether `response_timeout_ms` is long enough",
+            "requests that a drive did not answer in time",
+            "check the drive, its wiring and `response_timeout_ms`",
             is_shown=True,
             is_logged=True,
             is_metric=True,
@@ -304,7 +304,7 @@ class LineStatus(Struct, kw_only=True):
         int,
         Counter(
             "exceptions",
-            "exceptions that drives answered with; they pass as they are",
+            "exceptions that drives answered with; they pass unchanged",
             "look the code up in the drive's manual, or with `pitch-gateway explain 0x02`",
             is_shown=True,
             is_logged=True,
@@ -315,8 +315,8 @@ class LineStatus(Struct, kw_only=True):
         int,
         Counter(
             "late",
-            "frames or bytes from the drives when nothing was expected",
-            f"{_LONGER}; see that no other master talks on the line",
+            "frames or bytes from the drives while none was expected",
+            f"{_LONGER}; check that no other master uses the line",
             is_logged=True,
             is_metric=True,
         ),
@@ -325,8 +325,8 @@ class LineStatus(Struct, kw_only=True):
         int,
         Counter(
             "refused",
-            "requests that the gateway refused; of a controller those that it sent",
-            "look at the log: `refused-value`, `request-refused` and `second-writer` say why",
+            "requests that the gateway refused; for a controller, its own",
+            "see `refused-value`, `request-refused` and `second-writer` in the log",
             is_shown=True,
             is_logged=True,
             is_metric=True,
@@ -336,7 +336,7 @@ class LineStatus(Struct, kw_only=True):
         int | UnsetType,
         Counter(
             "late replies",
-            "replies over Modbus/TCP that came after their request had been given up",
+            "Modbus/TCP replies that came after their request had been given up",
             _LONGER,
             is_shown=True,
             is_metric=True,
@@ -346,8 +346,8 @@ class LineStatus(Struct, kw_only=True):
         int,
         Counter(
             "late targets",
-            "targets and triggers that had waited longer than the `deadline_ms` of their axis",
-            "compare with `pitch-gateway budget CONFIG`; let monitors ask less often",
+            "targets and triggers that waited longer than `deadline_ms` of their axis",
+            "compare with `pitch-gateway budget CONFIG`. Let monitors poll less often",
             is_shown=True,
             is_metric=True,
         ),
@@ -356,9 +356,8 @@ class LineStatus(Struct, kw_only=True):
         int,
         Counter(
             "answered for silent drives",
-            "requests that were answered with 0x0B at once because their drive had left three in a row "
-            "unanswered",
-            "look at the drive: power, cable, unit id; see `drive-backed-off`",
+            "requests answered immediately with 0x0B, because their drive had left three in a row unanswered",
+            "check power, cable and unit id of the drive; see `drive-backed-off`",
             is_shown=True,
             is_metric=True,
         ),
@@ -367,12 +366,11 @@ class LineStatus(Struct, kw_only=True):
         int,
         Counter(
             "too late to send",
-            "requests that were answered with 0x0B at once, and not sent, because their drive was silent: "
-            "behind the silence after its time-out they could have left only with less than half of their "
-            "controller's `timeout_ms` left; at most two in one silence, then a read is sent late",
-            "look at the drive, as for `timeouts`. Where it is well but slow, a shorter `drain_ms` or a "
-            "longer `timeout_ms` of the controller lets them be sent; with the gateway stopped "
-            "`pitch-gateway probe CONFIG --timing` measures",
+            "requests answered immediately with 0x0B and not sent: after the silence of their drive, "
+            "less than half of the controller's `timeout_ms` would have been left. At most two in one "
+            "silence; then a read is sent late",
+            "check the drive, as for `timeouts`. If it is only slow, shorten `drain_ms` or lengthen "
+            "`timeout_ms` of the controller",
             is_shown=True,
             is_metric=True,
         ),
@@ -381,24 +379,24 @@ class LineStatus(Struct, kw_only=True):
         int,
         Counter(
             "withdrawn",
-            "requests that were not sent: their controller had given up on them, or a stop came after them",
-            "compare with `pitch-gateway budget CONFIG`; give the controller a longer time-out",
+            "requests not sent: their controller had given up, or a stop followed",
+            "compare with `pitch-gateway budget CONFIG`. Give the controller a longer time-out",
             is_logged=True,
             is_metric=True,
         ),
     ] = 0
     broadcasts: Annotated[
-        int, Counter("broadcasts", "requests to all drives, which none answers", is_metric=True)
+        int, Counter("broadcasts", "requests to all drives, which no drive answers", is_metric=True)
     ] = 0
     added_reads: Annotated[
         int,
-        Counter("added reads", "reads of the gateway's own: of positions, modes and bits", is_metric=True),
+        Counter("added reads", "reads that the gateway added: positions, modes and bits", is_metric=True),
     ] = 0
     restaged: Annotated[
         int,
         Counter(
             "restaged",
-            "staged targets that were written anew for their trigger",
+            "staged targets rewritten for their trigger",
             is_logged=True,
             is_metric=True,
         ),
@@ -407,9 +405,9 @@ class LineStatus(Struct, kw_only=True):
         int | UnsetType,
         Counter(
             "damaged",
-            "runs of bytes, however short, of which no frame could be made; of a unit id the requests that "
-            "met with them, of a controller's port what came from there",
-            "check cable, screen and termination; where nothing is whole, baud rate, parity, and A and B",
+            "runs of bytes, however short, that form no frame. For a unit id: requests that met them; "
+            "for a controller: those from its port",
+            "check cable, screen and termination. If no frame is valid, check baud rate, parity, and A and B",
             is_shown=True,
             is_metric=True,
         ),
@@ -418,7 +416,7 @@ class LineStatus(Struct, kw_only=True):
         int | UnsetType,
         Counter(
             "CRC errors",
-            "of the damaged those of four bytes and more: frames with a wrong check sum",
+            "of the damaged, those of four bytes or more: frames with a wrong CRC",
             _CABLE,
             is_shown=True,
             is_logged=True,
@@ -433,36 +431,36 @@ class LineStatus(Struct, kw_only=True):
         int | UnsetType,
         Counter(
             "stray bytes",
-            "bytes from the drives over RTU while nothing was expected",
-            f"{_LONGER}; see that no other master talks on the line",
+            "RTU bytes from the drives while none were expected",
+            f"{_LONGER}; check that no other master uses the line",
         ),
     ] = UNSET
     stray_frames: Annotated[
         int | UnsetType,
         Counter(
             "stray frames",
-            "whole frames among the stray bytes: a drive that answers late, or twice",
-            f"{_LONGER}; see that no unit id is there twice",
+            "whole frames among the stray bytes: a drive answers late or twice",
+            f"{_LONGER}; check that no unit id is used twice",
         ),
     ] = UNSET
     foreign_frames: Annotated[
         int | UnsetType,
         Counter(
             "foreign frames",
-            "whole frames over RTU that answer another unit id or another function than was asked",
-            "see that no unit id is there twice, and that no other master talks on the line",
+            "whole RTU frames from another unit id or with another function code than requested",
+            "check that no unit id is used twice, and that no other master uses the line",
         ),
     ] = UNSET
     echoes: Annotated[
         int | UnsetType,
-        Counter("echoes", "own requests that an RS-485 adapter heard back; they are taken out"),
+        Counter("echoes", "own requests echoed by an RS-485 adapter; they are removed"),
     ] = UNSET
     malformed: Annotated[
         int | UnsetType,
         Counter(
             "malformed",
-            "bytes over TCP that are no Modbus/TCP frame; of a controller what it sent",
-            "see what runs at that address: RTU over TCP wants `rtu_over_tcp`",
+            "TCP bytes that are no Modbus/TCP frame; for a controller, from it",
+            "check what runs at that address: RTU over TCP needs `rtu_over_tcp`",
             is_shown=True,
             is_logged=True,
             is_metric=True,
@@ -472,9 +470,8 @@ class LineStatus(Struct, kw_only=True):
         int,
         Counter(
             "too long replies",
-            "replies over Modbus/TCP that are longer than a frame may be; their requests were answered as if "
-            "none had come",
-            "see what device answers at that address: no drive sends replies as long",
+            "Modbus/TCP replies longer than a frame may be; discarded",
+            "check which device answers at that address: no drive sends such replies",
             is_shown=True,
             is_logged=True,
             is_metric=True,
@@ -484,8 +481,8 @@ class LineStatus(Struct, kw_only=True):
         int | UnsetType,
         Counter(
             "wrong unit ids",
-            "replies over Modbus/TCP with another unit id than was asked",
-            "where the one drive of the line answers so, set `answers_as`; else look at the unit ids",
+            "Modbus/TCP replies with another unit id than requested",
+            "if it is the only drive of the line, set `answers_as`. Otherwise check the unit ids",
             is_shown=True,
             is_logged=True,
             is_metric=True,
@@ -495,8 +492,8 @@ class LineStatus(Struct, kw_only=True):
         int,
         Counter(
             "unknown modes",
-            "frames whose meaning the register map does not know: they passed untouched",
-            "look the value up in the drive's manual and list it under its meaning, or under `ignore`",
+            "frames with a meaning that the register map does not list; they pass unchanged",
+            "look the value up in the drive's manual, and list it under its meaning or under `ignore`",
             is_shown=True,
             is_logged=True,
             is_metric=True,
@@ -506,7 +503,7 @@ class LineStatus(Struct, kw_only=True):
         int,
         Counter(
             "unmapped reads",
-            "reads of positions that are not mapped: they pass as they are",
+            "reads of unmapped positions; they pass unchanged",
             "map the register under `actual`, `commanded` or `aliases`",
             is_shown=True,
             is_logged=True,
@@ -517,8 +514,8 @@ class LineStatus(Struct, kw_only=True):
         int,
         Counter(
             "internal faults",
-            "faults of the gateway's own program; see the event `internal-fault`",
-            "send the log and the configuration to the makers of the gateway",
+            "faults of the gateway's program; see `internal-fault`",
+            "send log and configuration to the makers of the gateway",
             is_shown=True,
             is_logged=True,
             is_metric=True,
@@ -528,8 +525,8 @@ class LineStatus(Struct, kw_only=True):
         int,
         Counter(
             "budget overruns",
-            "exchanges that took the gateway longer than `budget_us`",
-            "look at the load of the computer; `fifo` and `cpus` of `[relay]` put the gateway first",
+            "exchanges that took longer than `budget_us` in the gateway",
+            "check the load of the computer. `fifo` and `cpus` of `[relay]` give the gateway priority",
             is_metric=True,
         ),
     ] = 0

@@ -95,8 +95,8 @@ class MqttStatus(Struct, frozen=True, kw_only=True):
         int,
         Counter(
             "dropped events",
-            "events that were not published over MQTT, because the broker was away for too long",
-            "see that the broker runs and can be reached; what happened meanwhile stands in the log",
+            "events not published over MQTT, because the broker was away too long",
+            "check the broker; the log has these events",
         ),
     ] = 0
 

@@ -146,7 +146,7 @@ def _of_relay(model: Model) -> Iterator[Alarm]:
     if gateway.relay != "up":
         yield Alarm(kinds.RELAY_DOWN, (), "gateway", kinds.RELAY_DOWN.description, axes)
     elif age_s is not None and age_s > STALE_S:
-        what = Text("the relay has said nothing for {span}: the machine may not obey", span=span(age_s))
+        what = Text("the relay has reported nothing for {span}: the machine may not obey", span=span(age_s))
         yield Alarm(kinds.RELAY_SILENT, (), "gateway", what, axes, age_s)
 
 
@@ -166,8 +166,8 @@ def _of_line(name: str, line: LineStatus) -> Iterator[Alarm]:
     malformed = line.minute.malformed
     if malformed:
         what = Text(
-            "{count} answers of the drives at {address} had a header whose length cannot be in the last "
-            "minute: each ends its connection",
+            "{count} replies of the drives at {address} had a header of impossible length in the last "
+            "minute; each closed its connection",
             count=malformed,
             address=line.drives.address,
         )
@@ -188,13 +188,13 @@ def _of_drives(line: str, unit_ids: UnitIds) -> Iterator[Alarm]:
             continue
         axes = tuple(name for name, of in unit_ids.axes.items() if str(of) == unit_id)
         source_path = (line, unit_id)
-        tried = "" if drive.tried_again_s is None else Text(": only a trial goes there from time to time")
+        tried = "" if drive.tried_again_s is None else Text(": only an occasional trial is sent")
         newest = min(asked, NEWEST)
         other_ids = drive.other_ids_in_a_row
         if other_ids and other_ids >= INSTEAD_SHARE * newest:
             where = _axes_named(axes) if axes else f"line {line}, unit id {unit_id}"
             what = Text(
-                "{whose} {answers}: no reply has counted for {span}{tried}",
+                "{whose} {answers}: no valid reply for {span}{tried}",
                 whose=Text("its drive (unit id {unit_id})", unit_id=unit_id)
                 if axes
                 else Text("unit id {unit_id}, which has no axis,", unit_id=unit_id),
@@ -206,7 +206,7 @@ def _of_drives(line: str, unit_ids: UnitIds) -> Iterator[Alarm]:
             continue
         if not axes:
             what = Text(
-                "nobody has answered at unit id {unit_id}, which has no axis, for {span}{tried}",
+                "no device has answered as unit id {unit_id}, which has no axis, for {span}{tried}",
                 unit_id=unit_id,
                 span=span(silent_s),
                 tried=tried,
@@ -218,15 +218,15 @@ def _of_drives(line: str, unit_ids: UnitIds) -> Iterator[Alarm]:
             continue
         where, values = _axes_named(axes), {"unit_id": unit_id, "span": span(silent_s), "tried": tried}
         if drive.answered_s is None:
-            what = Text("its drive (unit id {unit_id}) has never answered for {span}{tried}", **values)
+            what = Text("its drive (unit id {unit_id}) has never answered in {span}{tried}", **values)
         else:
             what = Text("its drive (unit id {unit_id}) has not answered for {span}{tried}", **values)
         yield Alarm(kinds.DRIVE_SILENT, source_path, where, what, axes, silent_s)
         damaged = drive.damaged_in_a_row
         if damaged and damaged >= INSTEAD_SHARE * newest:
             what = Text(
-                "its drive (unit id {unit_id}) cannot be understood for {span}: {damaged} of {newest} "
-                "answers were damaged",
+                "its drive (unit id {unit_id}) has sent no valid frame for {span}: {damaged} of {newest} "
+                "replies were damaged",
                 unit_id=unit_id,
                 span=span(silent_s),
                 damaged=damaged,
@@ -248,7 +248,7 @@ def _of_damage(line: str, status: LineStatus) -> Iterator[Alarm]:
             axes = tuple(name for name, of in status.unit_ids.axes.items() if str(of) == unit_id)
             whose = f" ({', '.join(f'axis {axis}' for axis in axes)})" if axes else ""
             what = Text(
-                "{damaged} answers of unit id {unit_id}{whose} were damaged in the last minute, of {frames} "
+                "{damaged} replies of unit id {unit_id}{whose} were damaged in the last minute, of {frames} "
                 "on the line",
                 damaged=damaged,
                 unit_id=unit_id,
@@ -274,7 +274,7 @@ def _of_controller(line: str, controller: ControllerStatus, unit_ids: UnitIds) -
         frames = minute.whole + minute.damaged
         if not whole and damaged >= FEWEST_DAMAGED:
             what = Text(
-                "{damaged} of {damaged} frames from {address} were damaged, not one was whole",
+                "all {damaged} frames from {address} were damaged",
                 damaged=damaged,
                 address=controller.address,
             )
@@ -291,7 +291,7 @@ def _of_controller(line: str, controller: ControllerStatus, unit_ids: UnitIds) -
     strangers = [of for of in asked if of in unit_ids.strangers]
     if strangers and strangers == asked and unit_ids.axes and controller.role == "motion":
         what = Text(
-            "it talks only to unit id {ids}, which has no axis, and no axis hears it; there are {there}",
+            "it addresses only unit id {ids}, which has no axis; the axes are {there}",
             ids=", ".join(map(str, strangers)),
             there=", ".join(f"axis {axis} (unit id {of})" for axis, of in unit_ids.axes.items()),
         )
@@ -338,19 +338,19 @@ def _silent(
         since = Text("since the gateway was started {span} ago", span=span(silent_s))
     names = ", ".join(each.name for each in controllers)
     if len(controllers) > 1 and is_there:
-        what = Text("none of {names} has asked for anything {since}", names=names, since=since)
+        what = Text("none of {names} has sent a request {since}", names=names, since=since)
     elif len(controllers) > 1:
         what = Text(
-            "no controller: none of {names} is connected, and none of them has asked for anything {since}",
+            "no controller: none of {names} is connected or has sent a request {since}",
             names=names,
             since=since,
         )
     elif not is_there:
-        what = Text("no controller: it is not connected, and it has asked for nothing {since}", since=since)
+        what = Text("no controller: it is not connected and has sent no request {since}", since=since)
     elif controllers[0].connections is not UNSET:
-        what = Text("it is connected, and it has asked for nothing {since}", since=since)
+        what = Text("it is connected but has sent no request {since}", since=since)
     else:
-        what = Text("its port is open, and it has asked for nothing {since}", since=since)
+        what = Text("its port is open but it has sent no request {since}", since=since)
     entry = kinds.CONTROLLER_SILENT if is_there else kinds.CONTROLLER_ABSENT
     return Alarm(entry, source_path, where, what, axes, silent_s)
 
@@ -364,17 +364,17 @@ def _of_unit_ids(name: str, line: LineStatus) -> Iterator[Alarm]:
     if strangers and unheard:
         axes = ", ".join(f"axis {name} (unit_id {of})" for name, of in unheard.items())
         what = Text(
-            "controllers talk to unit id {strangers}, which has no axis; {axes} hears nothing",
+            "controllers address unit id {strangers}, which has no axis; {axes} gets no requests",
             strangers=strangers,
             axes=axes,
         )
         yield Alarm(kinds.WRONG_UNIT_ID, source_path, where, what, tuple(unheard))
     if unit_ids.requests:
         heard = ", ".join(f"{of} ({count} requests)" for of, count in unit_ids.requests.items())
-        what = Text("controllers talk to unit id {heard}, which has no axis", heard=heard)
+        what = Text("controllers address unit id {heard}, which has no axis", heard=heard)
         yield Alarm(kinds.UNKNOWN_UNIT, source_path, where, what)
     if line.wrong_units:
-        what = Text("{count} replies had another unit id than was asked", count=line.wrong_units)
+        what = Text("{count} replies had another unit id than requested", count=line.wrong_units)
         yield Alarm(kinds.ANSWERS_AS, source_path, where, what)
 
 
@@ -392,7 +392,7 @@ def _of_axis(name: str, axis: AxisStatus, source_path: SourcePath) -> Iterator[A
             what = Text("{error} (no table)", error=error)
         yield Alarm(kinds.TABLE_REJECTED, source_path, where, what, its)
     elif table.status == "removed":
-        gone = Text("{file} is not there: positions pass uncorrected", file=table.file)
+        gone = Text("{file} is missing: positions pass uncorrected", file=table.file)
         yield Alarm(kinds.TABLE_REMOVED, source_path, where, table.error or gone, its)
     entry = _OF_COMPENSATION.get(axis.compensation)
     if entry is not None:
@@ -414,8 +414,8 @@ def _of_group(name: str, axis: AxisStatus, source_path: SourcePath) -> Iterator[
     if group.is_skewed:
         skew = group.skew
         what = Text(
-            "the axes of its group have not all gone: the beam is skewed, {by}",
-            by=Text("nobody knows by how much")
+            "not all axes of its group have moved: the beam is skewed {by}",
+            by=Text("by an unknown amount")
             if skew is None
             else Text("by {skew}", skew=f"{skew:+.6g} {axis.units}"),
         )
@@ -431,13 +431,13 @@ def _of_writer_conflict(
         return
     one, other = conflict.writers
     refused = Text("{count} requests were refused", count=conflict.refused)
-    changed = Text("it changed hands {count} times", count=conflict.changes)
+    changed = Text("control changed {count} times", count=conflict.changes)
     if conflict.refused and conflict.changes:
         counted = Text("{one}, {other}", one=refused, other=changed)
     else:
         counted = refused if conflict.refused else changed
     what = Text(
-        "{one} and {other} both want to move it: {counted} in {span}",
+        "{one} and {other} both try to move it: {counted} in {span}",
         one=one,
         other=other,
         counted=counted,
@@ -447,14 +447,14 @@ def _of_writer_conflict(
 
 
 _OF_SENSOR: Final = {
-    "waiting": Text("no temperature has been heard since the start: nothing is added for it"),
-    "held": Text("the temperature sensor says nothing: its last value is held"),
-    "fading": Text("the temperature sensor says nothing: what is added for it goes back to 0"),
-    "faded": Text("the temperature sensor says nothing: nothing is added for it any more"),
+    "waiting": Text("no temperature since the start: no thermal correction"),
+    "held": Text("the temperature sensor gives no value: the last one is held"),
+    "fading": Text("the temperature sensor gives no value: the thermal correction returns to 0"),
+    "faded": Text("the temperature sensor gives no value: no thermal correction"),
 }
 _OF_OTHERS: Final = {
-    "fading": Text("what is added for that goes back to 0"),
-    "faded": Text("nothing is added for that"),
+    "fading": Text("its correction returns to 0"),
+    "faded": Text("its correction is 0"),
 }
 """Held it is no trouble yet: any stop of an axis that is not read does that, until its next target."""
 
@@ -465,14 +465,14 @@ def _of_terms(terms: TermsStatus) -> Iterable[tuple[AlarmEntry, str]]:
         yield kinds.SENSOR_SILENT, _OF_SENSOR.get(thermal.state, kinds.SENSOR_SILENT.description)
     if cross and cross.state in _OF_OTHERS:
         what = Text(
-            "it is not known where {axes}; {then}",
+            "the position of {axes} is unknown; {then}",
             axes=_named(cross.axes),
             then=_OF_OTHERS[cross.state],
         )
         yield kinds.OTHER_AXIS_UNKNOWN, what
     if terms.is_too_large:
         what = Text(
-            "with the table, temperature and other axes come to more than max_correction; they do not follow"
+            "table, temperature and other axes together exceed max_correction; the last two no longer follow"
         )
         yield kinds.TERM_TOO_LARGE, what
 
@@ -481,11 +481,11 @@ def _named(axes: Sequence[str]) -> Text:
     """Return whose place is not known; of several only the sum is.
 
     >>> _named(["y"]), _named(["y", "z"])
-    ('axis y is', 'one of the axes y, z is')
+    ('axis y', 'one of the axes y, z')
     """
     if len(axes) == 1:
-        return Text("axis {axis} is", axis=axes[0])
-    return Text("one of the axes {axes} is", axes=", ".join(axes))
+        return Text("axis {axis}", axis=axes[0])
+    return Text("one of the axes {axes}", axes=", ".join(axes))
 
 
 _OF_AXES: Final = (kinds.CONFIGURATION, kinds.TABLES_FOLDER, kinds.STATE_FOLDER)

@@ -185,7 +185,7 @@ def list_problem(name: str, ends: datetime | None, now: datetime) -> TimeProblem
     if ends is None or ends >= now + SOON:
         return None
     when = "out of date since" if ends < now else "good until"
-    remedy = "have the authority write a new list: with one that is out of date nobody comes in"
+    remedy = "have the authority write a new list: an outdated one refuses every client"
     return TimeProblem(f"{name} is {when} {day(ends)}", remedy, is_good_now=ends >= now)
 
 

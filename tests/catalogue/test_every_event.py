@@ -16,8 +16,8 @@ CONSTANTS = {
     name: value for group in GROUPS for name, value in vars(group).items() if isinstance(value, EventEntry)
 }
 MAKERS = {"ipc/log.py", "supervisor/supervisor.py"}
-"""Who may make a log entry from a name: the one place where entries of the catalogue become log entries, and the supervisor, for what the
-relay told it."""
+"""Who may make a log entry from a name: the one place where events become log entries, and the supervisor,
+for what the relay told it."""
 TELLERS = {"add", "log", "_log", "log_entry"}
 
 

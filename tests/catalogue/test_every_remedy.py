@@ -42,5 +42,5 @@ def test_a_command_is_marked_as_one() -> None:
 
 def test_a_link_names_its_page_where_there_are_no_links() -> None:
     says = typed("explain", "record-not-used").stdout
-    assert "see what a restart knows in docs/operations.md; most reasons pass" in says
+    assert "see what a restart knows in docs/operations.md. Most reasons end" in says
     assert "## What a restart knows" in (Path(__file__).parents[2] / "docs/operations.md").read_text()

@@ -153,7 +153,7 @@ def test_without_a_gateway_the_socket_and_the_remedy_are_said(config: Path, comm
     result = typed(*command.format(config).split())
     assert result.returncode == 1
     assert result.stderr == (
-        f"{config}: no gateway runs: nobody listens at {config.parent}/state/relay.sock; "
+        f"{config}: no gateway runs: nothing listens at {config.parent}/state/relay.sock; "
         f"start it with: pitch-gateway run {config}\n"
     )
 
@@ -164,7 +164,7 @@ def test_without_a_gateway_a_script_gets_its_json_too(config: Path, command: str
     assert result.returncode == 1
     assert json.loads(result.stdout)["changed"] == []
     (problem,) = json.loads(result.stdout)["problems"]
-    assert problem.startswith("no gateway runs: nobody listens at")
+    assert problem.startswith("no gateway runs: nothing listens at")
     assert result.stderr == f"{config}: {problem}\n"
 
 

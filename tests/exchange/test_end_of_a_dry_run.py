@@ -58,7 +58,7 @@ def test_an_axis_that_is_on_its_way_stays_in_shadow() -> None:
     bench = Bench(axis_plan(compensation=SHADOW))
     arrived(bench, 20_000)
     bench.ask(write(COMMAND, 50_000))
-    with pytest.raises(ControlError, match="axis x stays in shadow: nobody has seen it at its target; "):
+    with pytest.raises(ControlError, match="axis x stays in shadow: it was not seen at its target; "):
         bench.line.command(LIVE, bench.now_ns)
     bench.memory.put(ACTUAL, 35_000)
     bench.ask(read(ACTUAL))

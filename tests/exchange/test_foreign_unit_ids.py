@@ -54,7 +54,7 @@ def test_what_touches_nothing_of_the_axis_passes_and_is_counted() -> None:
         assert sent_to(bench, 17, pdu) == [(17, pdu)]
     assert bench.line.unit_ids == UnitIds(heard=[17], strangers=[17], requests={"17": 3})
     [event] = [event for event in bench.events if event.kind.name == "unknown-unit"]
-    assert event.detail == "a controller talks to unit id 17, which has no axis; there are x (unit id 1)"
+    assert event.detail == "a controller addresses unit id 17, which has no axis; the axes are x (unit id 1)"
 
 
 def test_a_device_that_is_named_gets_everything_and_is_not_counted() -> None:

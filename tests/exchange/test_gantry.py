@@ -402,7 +402,7 @@ def test_a_later_one_that_its_drive_refuses_is_told_with_the_skew() -> None:
     assert bench.to(2, RUN_PDU) == bytes.fromhex("86 04")
     event = next(each for each in bench.events if each.kind.name == "group-skewed")
     assert event.axis == "y2"
-    assert event.detail == "y1 has gone, and its own target was refused (exception 0x04): skewed by +10 mm"
+    assert event.detail == "y1 has moved, and its own target was refused (exception 0x04): skewed by +10 mm"
     found = bench.group()
     assert (found["state"], found["is_skewed"], found["skew"]) == ("under-way", True, 10.0)
     # Levelled: written again, and run by what was fixed, though it was switched off meanwhile.

@@ -208,7 +208,7 @@ def test_w8_what_is_refused_twice_is_not_asked_before_the_link_comes_up() -> Non
         assert bench.seen == [write(COMMAND, counts + 410)]  # its branch is kept
         assert unsure(bench)
     told = [event.detail for event in bench.events if event.kind.name == "direction-unsure"]
-    why = "where the axis is could not be told; it keeps its branch; its drive refuses to tell its actual"
+    why = "its position could not be determined; it keeps its branch; its drive refuses to report its actual"
     assert told == [f"{why} position"]
     bench.line.link_down(bench.now_ns)
     bench.wait(100)

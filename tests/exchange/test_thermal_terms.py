@@ -122,7 +122,7 @@ def test_a_sensor_that_falls_silent_in_the_middle_of_a_move_is_held_and_then_fad
     bench.wait(120_000.0)
     bench.move(1_000_000)
     assert told(bench) == 1_000_000
-    assert events(bench, "term-follows") == ["the sensor is heard; +10 K count"]
+    assert events(bench, "term-follows") == ["the sensor reports; +10 K count"]
     assert len(events(bench, "term-fades")) == 1
 
 
@@ -133,7 +133,7 @@ def test_it_is_told_that_a_sensor_is_silent_also_where_nothing_moves() -> None:
     bench.wait(61_000.0)
     bench.line.axes[0].report_terms(bench.now_ns)
     bench.actual()
-    assert events(bench, "term-held") == ["the sensor says nothing: its last value is held; +10 K count"]
+    assert events(bench, "term-held") == ["the sensor is silent: its last value is held; +10 K count"]
 
 
 @pytest.mark.parametrize("celsius", [float("nan"), float("inf"), 3000.0, -300.0])
@@ -202,10 +202,10 @@ def test_a_sensor_that_was_never_heard_is_told_once() -> None:
     for counts in range(100):
         bench.move(1_000 * counts)
         assert told(bench) == 1_000 * counts
-    assert events(bench, "term-held") == ["no temperature has been heard since the start: nothing is added"]
+    assert events(bench, "term-held") == ["no temperature since the start: no correction"]
     warm(bench, 30.0)
     bench.move(1_000_000)
-    assert events(bench, "term-follows") == ["the sensor is heard; +10 K count"]
+    assert events(bench, "term-follows") == ["the sensor reports; +10 K count"]
 
 
 def test_switched_off_it_is_off_with_its_table_and_comes_back_with_it() -> None:
@@ -280,9 +280,7 @@ def test_a_restart_with_the_key_for_the_first_time_begins_with_the_first_tempera
         again.move(300_000)
         again.wait(600_000.0)
         again.move(400_000)
-        assert events(again, "term-held") == [
-            "no temperature has been heard since the start: nothing is added"
-        ]
+        assert events(again, "term-held") == ["no temperature since the start: no correction"]
         warm(again, 30.0)
     again.move(1_000_000)
     assert again.memory.get(COMMAND) == 999_885

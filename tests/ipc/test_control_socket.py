@@ -187,7 +187,7 @@ def test_every_request_survives_the_way() -> None:
 
 
 def test_without_a_gateway_the_client_says_which_socket_it_tried(tmp_path: Path) -> None:
-    with pytest.raises(NoGatewayError, match=f"no gateway runs: nobody listens at {tmp_path}/relay.sock"):
+    with pytest.raises(NoGatewayError, match=f"no gateway runs: nothing listens at {tmp_path}/relay.sock"):
         ask(socket_path(tmp_path), Ping())
 
 

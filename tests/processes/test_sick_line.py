@@ -65,8 +65,8 @@ def test_a_drive_that_has_never_answered_is_named_and_not_called_unreferenced(
 
         trouble = sick.until_trouble("drive-silent", ask)
         assert trouble["where"] == "axis x"
-        assert trouble["what"].startswith("its drive (unit id 1) has never answered for ")
-        assert "unit id, baud rate and parity; `pitch-gateway capture CONFIG --follow`" in trouble["remedy"]
+        assert trouble["what"].startswith("its drive (unit id 1) has never answered in ")
+        assert "unit id, baud rate and parity. `pitch-gateway capture CONFIG --follow`" in trouble["remedy"]
         assert trouble["axes"] == ["x"]
         status = sick.status()
         assert kinds(status)[0] == "drive-silent"
@@ -87,7 +87,7 @@ def test_a_drive_that_has_never_answered_is_named_and_not_called_unreferenced(
         browser_page.goto(sick.address)
         until(browser_page, STATES, ["Drive silent", "Compensated"])
         words = browser_page.locator("#troubles li:first-child").inner_text()
-        assert "its drive (unit id 1) has never answered for" in words
+        assert "its drive (unit id 1) has never answered in" in words
         assert "Check power, cable, unit id, baud rate and parity" in words
         until(
             browser_page, "document.querySelector('article.line .state').textContent", "1 of 2 drives silent"
@@ -148,16 +148,16 @@ def test_a_drive_that_answers_garbage_is_told_from_one_that_says_nothing(
         client = Client(sick.cnc_port)
         trouble = sick.until_trouble("drive-garbled", lambda: client.read(1))
         assert trouble["where"] == "axis x"
-        assert trouble["remedy"].startswith("compare baud rate and parity with those of the drive")
+        assert trouble["remedy"].startswith("compare baud rate and parity with the drive")
         found = kinds(sick.status())
         assert "drive-silent" not in found
         assert "drive-damaged" not in found
         drive = sick.status()["lines"]["xy"]["unit_ids"]["drives"]["1"]
         assert drive["damaged_in_a_row"] == min(drive["timeouts_in_a_row"], 32)
-        of = f"{drive['damaged_in_a_row']} of {drive['damaged_in_a_row']} answers were damaged"
+        of = f"{drive['damaged_in_a_row']} of {drive['damaged_in_a_row']} replies were damaged"
         assert of in sick.status()["troubles"][0]["what"]
         code, body = sick.get("healthz")
-        assert (code, b"cannot be understood" in body) == (503, True)
+        assert (code, b"sent no valid frame" in body) == (503, True)
         browser_page.goto(sick.address)
         until(browser_page, STATES, ["Drive not understood", "Compensated"])
         assert "cannot be understood" in browser_page.locator("#troubles li:first-child").inner_text()
@@ -179,8 +179,8 @@ def test_a_controller_port_from_which_nothing_whole_ever_came_is_named_with_its_
             )
         trouble = sick.until_trouble("controller-garbled", lambda: client.read(1))
         assert trouble["where"] == "line xy, controller plc"
-        assert trouble["what"] == f"12 of 12 frames from {sick.plc.path} were damaged, not one was whole"
-        assert trouble["remedy"].startswith("compare baud rate and parity of the port")
+        assert trouble["what"] == f"all 12 frames from {sick.plc.path} were damaged"
+        assert trouble["remedy"].startswith("compare baud rate and parity with the controller")
         assert kinds(sick.status()) == ["controller-garbled"]  # and not that many of them are damaged
         code, body = sick.get("healthz")
         assert (code, b"line xy, controller plc: 12 of 12" in body) == (503, True)
@@ -208,7 +208,7 @@ def test_two_controllers_that_want_one_axis_are_named(sick: SickLine, browser_pa
 
         trouble = sick.until_trouble("two-writers", both)
         assert trouble["where"] == "axis x"
-        assert trouble["what"].startswith("cnc (127.0.0.1) and panel (127.0.0.1) both want to move it: ")
+        assert trouble["what"].startswith("cnc (127.0.0.1) and panel (127.0.0.1) both try to move it: ")
         assert "requests were refused in" in trouble["what"]
         assert sick.get("healthz")[0] == 200  # commands reach the drive: those of one
         browser_page.goto(sick.address)
@@ -233,8 +233,8 @@ def test_a_controller_that_no_axis_hears_is_named_with_the_unit_ids(
         trouble = sick.until_trouble("unheard-controller", ask)
         assert trouble["where"] == "line xy, controller panel"
         assert trouble["what"] == (
-            "it talks only to unit id 17, which has no axis, and no axis hears it; "
-            "there are axis x (unit id 1), axis y (unit id 2)"
+            "it addresses only unit id 17, which has no axis; "
+            "the axes are axis x (unit id 1), axis y (unit id 2)"
         )
         browser_page.goto(sick.address)
         browser_page.wait_for_selector("#troubles >> text=Line xy, controller panel")
@@ -255,7 +255,7 @@ def test_a_relay_that_is_frozen_leaves_nothing_green(sick: SickLine, browser_pag
         os.kill(relay, signal.SIGSTOP)
         try:
             trouble = sick.until_trouble("relay-silent", lambda: None)
-            assert trouble["what"].startswith("the relay has said nothing for ")
+            assert trouble["what"].startswith("the relay has reported nothing for ")
             assert trouble["what"].endswith(": the machine may not obey")
             assert kinds(sick.status()) == ["relay-silent"]
             code, body = sick.get("healthz")

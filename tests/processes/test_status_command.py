@@ -67,7 +67,7 @@ def test_without_a_gateway_the_remedy_is_said(site: Site, options: tuple[str, ..
     none = typed("status", str(site.config), *options)
     assert (none.returncode, none.stdout) == (1, "")
     assert none.stderr == (
-        f"{site.config}: no gateway runs: nobody listens at {site.socket}; "
+        f"{site.config}: no gateway runs: nothing listens at {site.socket}; "
         f"start it with: pitch-gateway run {site.config}\n"
     )
 

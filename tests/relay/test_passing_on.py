@@ -172,7 +172,7 @@ async def test_a_host_that_sends_garbage_on_every_connection_is_told_of_once(
         end.write(b"GET / HTTP/1.1\r\n\r\n")
     await tools.eventually(lambda: tools.first_controller(relay)["dropped_bytes"] == 18 * len(ends))
     told = [dict(note.fields)["detail"] for note in bench.notes if note.event == "connection-malformed"]
-    assert told == ["127.0.0.1: it sent a header whose length cannot be; its connection was closed"]
+    assert told == ["127.0.0.1: it sent a header of impossible length; its connection was closed"]
 
 
 @pytest.mark.parametrize("controller", ["tcp", "rtu"])

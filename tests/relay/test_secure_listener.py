@@ -293,5 +293,5 @@ async def test_files_that_became_bad_are_told_of_and_the_last_good_ones_stay(sit
     assert await ask(stream, READ) == bytes.fromhex("03 02 0007")
     [detail] = site.told("certificates-not-renewed")
     assert detail.startswith("tls.certificate: ")
-    assert detail.endswith("; those of before stay in force")
+    assert detail.endswith("; the previous ones stay in force")
     stream[1].close()

@@ -158,27 +158,27 @@ def with_terms(**changes: Any) -> dict[str, Any]:
         (
             {"thermal": {"state": "waiting", "is_silent": True}},
             "sensor-silent",
-            "no temperature has been heard since the start: nothing is added for it",
+            "no temperature since the start: no thermal correction",
         ),
         (
             {"thermal": {"state": "held", "is_silent": True}},
             "sensor-silent",
-            "the temperature sensor says nothing: its last value is held",
+            "the temperature sensor gives no value: the last one is held",
         ),
         (
             {"cross": {"state": "fading", "axes": ["y"]}},
             "other-axis-unknown",
-            "it is not known where axis y is; what is added for that goes back to 0",
+            "the position of axis y is unknown; its correction returns to 0",
         ),
         (
             {"cross": {"state": "faded", "axes": ["y", "z"]}},
             "other-axis-unknown",
-            "it is not known where one of the axes y, z is; nothing is added for that",
+            "the position of one of the axes y, z is unknown; its correction is 0",
         ),
         (
             {"is_too_large": True},
             "term-too-large",
-            "with the table, temperature and other axes come to more than max_correction; they do not follow",
+            "table, temperature and other axes together exceed max_correction; the last two no longer follow",
         ),
     ],
 )
@@ -260,14 +260,14 @@ def test_a_unit_id_without_an_axis_beside_an_axis_that_hears_nothing_names_both(
     found = model(with_unit_ids([1, 17], [17], {"17": 5}))
     assert kinds(found) == [("warning", "wrong-unit-id", "line xyz")]
     assert found["troubles"][0]["what"] == (
-        "controllers talk to unit id 17, which has no axis; axis y (unit_id 2) hears nothing"
+        "controllers address unit id 17, which has no axis; axis y (unit_id 2) gets no requests"
     )
 
 
 def test_a_unit_id_without_an_axis_is_a_trouble_until_it_is_named() -> None:
     found = model(with_unit_ids([1, 2, 17], [17], {"17": 5}))
     assert kinds(found) == [("warning", "unknown-unit", "line xyz")]
-    assert found["troubles"][0]["what"] == ("controllers talk to unit id 17 (5 requests), which has no axis")
+    assert found["troubles"][0]["what"] == ("controllers address unit id 17 (5 requests), which has no axis")
     assert kinds(model(with_unit_ids([1, 2, 17], [], {}))) == []
     assert kinds(model(with_unit_ids([1, 2, 17], [17], {}))) == []  # another device on a wire
 
@@ -311,7 +311,7 @@ def test_a_drive_that_answers_with_another_transaction_id_is_not_called_silent()
     found = model(with_drive(OTHER_ID))
     assert kinds(found) == [("error", "other-transaction-id", "axis x")]
     assert found["troubles"][0]["what"] == (
-        "its drive (unit id 1) answers, with transaction id 0 (asked with 4): no reply has counted for 12 s"
+        "its drive (unit id 1) answers, with transaction id 0 (asked with 4): no valid reply for 12 s"
     )
     assert kinds(model(with_drive(OTHER_ID, "7"))) == [
         ("error", "other-transaction-id", "line xyz, unit id 7")
@@ -360,7 +360,7 @@ def test_a_silent_drive_is_said_with_its_axis_unit_id_and_time_and_hides_what_fo
         "cuts_off": True,
     }
     never = model(with_drive({**SILENT, "answered_s": None}))
-    assert never["troubles"][0]["what"] == "its drive (unit id 1) has never answered for 12 s"
+    assert never["troubles"][0]["what"] == "its drive (unit id 1) has never answered in 12 s"
 
 
 def test_another_drive_hides_nothing_of_this_axis() -> None:
@@ -381,7 +381,7 @@ def test_a_drive_of_which_half_the_answers_are_damaged_is_not_understood(damaged
     assert kinds(found) == [("error", kind, "axis x")]
     if kind == "drive-garbled":
         assert found["troubles"][0]["what"] == (
-            f"its drive (unit id 1) cannot be understood for 12 s: {damaged} of 12 answers were damaged"
+            f"its drive (unit id 1) has sent no valid frame for 12 s: {damaged} of 12 replies were damaged"
         )
 
 
@@ -391,7 +391,7 @@ def test_a_line_that_is_down_hides_its_drives_and_a_silent_relay_everything_that
     assert kinds(model(snapshot)) == [("error", "line-down", "line xyz")]
     found = model(snapshot, age_s=12.4)
     assert kinds(found) == [("error", "relay-silent", "gateway")]
-    assert found["troubles"][0]["what"] == "the relay has said nothing for 12 s: the machine may not obey"
+    assert found["troubles"][0]["what"] == "the relay has reported nothing for 12 s: the machine may not obey"
     assert found["axes"]["x"]["trouble"]["title"] == "Relay silent"
 
 
@@ -400,7 +400,7 @@ def test_headers_that_cannot_be_are_a_trouble_of_their_line_while_they_come() ->
     snapshot["lines"]["xyz"]["minute"] = {"exchanges": 100, "damaged": 0, "malformed": 7}
     found = model(snapshot)
     assert kinds(found) == [("error", "drive-malformed", "line xyz")]
-    assert found["troubles"][0]["what"].startswith("7 answers of the drives at ")
+    assert found["troubles"][0]["what"].startswith("7 replies of the drives at ")
     snapshot["lines"]["xyz"]["minute"] = {"exchanges": 100, "damaged": 0, "malformed": 0}
     assert kinds(model(snapshot)) == []
 
@@ -415,7 +415,7 @@ def test_one_damaged_answer_of_a_hundred_is_too_many(damaged: int, exchanges: in
     assert [kind for _, kind, _ in kinds(found)] == (["drive-damaged"] if is_trouble else [])
     if is_trouble:
         assert found["troubles"][0]["what"] == (
-            f"{damaged} answers of unit id 1 (axis x) were damaged in the last minute, "
+            f"{damaged} replies of unit id 1 (axis x) were damaged in the last minute, "
             f"of {exchanges + damaged} on the line"
         )
 
@@ -424,7 +424,7 @@ def test_a_port_of_which_nothing_was_whole_is_said_with_its_count() -> None:
     minute = {"whole": 0, "damaged": 12}
     found = model(with_controller(whole=0, damaged=12, minute=minute))
     assert kinds(found) == [("error", "controller-garbled", "line xyz, controller plc")]
-    assert found["troubles"][0]["what"] == "12 of 12 frames from /dev/ttyS1 were damaged, not one was whole"
+    assert found["troubles"][0]["what"] == "all 12 frames from /dev/ttyS1 were damaged"
     assert found["axes"]["x"]["verdict"]["state"] == "error"
     monitor = model(with_controller(whole=0, damaged=12, minute=minute, role="monitor"))
     assert monitor["axes"]["x"]["verdict"]["state"] == "healthy"  # it moves no axis
@@ -448,8 +448,7 @@ def test_a_motion_controller_that_no_axis_hears_is_named_and_a_monitor_is_not() 
     found = model(snapshot)
     assert kinds(found) == [("warning", "unheard-controller", "line xyz, controller plc")]
     assert found["troubles"][0]["what"] == (
-        "it talks only to unit id 17, which has no axis, and no axis hears it; "
-        "there are axis x (unit id 1), axis y (unit id 2)"
+        "it addresses only unit id 17, which has no axis; the axes are axis x (unit id 1), axis y (unit id 2)"
     )
     snapshot["lines"]["xyz"]["controllers"][0]["role"] = "monitor"
     assert kinds(model(snapshot)) == []
@@ -459,8 +458,8 @@ def test_a_motion_controller_that_no_axis_hears_is_named_and_a_monitor_is_not() 
     ("refused", "changes", "counted"),
     [
         (7, 0, "7 requests were refused"),
-        (0, 4, "it changed hands 4 times"),
-        (1, 2, "1 requests were refused, it changed hands 2 times"),
+        (0, 4, "control changed 4 times"),
+        (1, 2, "1 requests were refused, control changed 2 times"),
         (2, 0, ""),
     ],
 )
@@ -469,7 +468,7 @@ def test_two_writers_that_go_on_are_a_trouble(refused: int, changes: int, counte
     found = model(with_axis(rivals=rivals))
     assert kinds(found) == ([("error", "two-writers", "axis x")] if counted else [])
     if counted:
-        assert found["troubles"][0]["what"] == f"cnc and panel both want to move it: {counted} in 20 s"
+        assert found["troubles"][0]["what"] == f"cnc and panel both try to move it: {counted} in 20 s"
 
 
 def test_what_stands_in_the_list_is_what_axis_and_gateway_are_called() -> None:
@@ -494,9 +493,9 @@ GROUP = {"state": "open", "has_gone": False, "is_put_off": False, "is_skewed": F
 @pytest.mark.parametrize(
     ("group", "kind", "what"),
     [
-        ({"is_skewed": True, "skew": 10.0}, "group-skewed", "the beam is skewed, by +10 mm"),
-        ({"is_skewed": True}, "group-skewed", "the beam is skewed, nobody knows by how much"),
-        ({"is_put_off": True}, "group-held", "what was asked for since waits until all have"),
+        ({"is_skewed": True, "skew": 10.0}, "group-skewed", "the beam is skewed by +10 mm"),
+        ({"is_skewed": True}, "group-skewed", "the beam is skewed by an unknown amount"),
+        ({"is_put_off": True}, "group-held", "a change since then applies when all have moved"),
     ],
 )
 def test_a_beam_that_has_not_all_gone_is_a_trouble(group: dict[str, object], kind: str, what: str) -> None:
@@ -544,14 +543,14 @@ def with_controllers(*controllers: dict[str, Any], uptime_s: float = 3600.0) -> 
             cnc(40.0, connections=[]),
             "controller-absent",
             "No controller",
-            "no controller: it is not connected, and it has asked for nothing for 40 s",
+            "no controller: it is not connected and has sent no request for 40 s",
         ),
         (
             cnc(None, connections=[]),
             "controller-absent",
             "No controller",
             (
-                "no controller: it is not connected, and it has asked for nothing since the gateway was "
+                "no controller: it is not connected and has sent no request since the gateway was "
                 "started 1 h 0 min ago"
             ),
         ),
@@ -559,13 +558,13 @@ def with_controllers(*controllers: dict[str, Any], uptime_s: float = 3600.0) -> 
             cnc(40.0),
             "controller-silent",
             "Controller silent",
-            "it is connected, and it has asked for nothing for 40 s",
+            "it is connected but has sent no request for 40 s",
         ),
         (
             plc(40.0),
             "controller-silent",
             "Controller silent",
-            "its port is open, and it has asked for nothing for 40 s",
+            "its port is open but it has sent no request for 40 s",
         ),
     ],
 )
@@ -599,11 +598,11 @@ def test_one_motion_controller_that_asks_is_enough_for_its_line() -> None:
     assert kinds(model(with_controllers(cnc(), plc(4000.0)))) == []
     none = model(with_controllers(cnc(40.0, connections=[]), plc(90.0, state="up")))
     assert kinds(none) == [("warning", "controller-silent", "line xyz")]
-    assert none["troubles"][0]["what"] == "none of cnc, plc has asked for anything for 40 s"
+    assert none["troubles"][0]["what"] == "none of cnc, plc has sent a request for 40 s"
     off = model(with_controllers(cnc(40.0, connections=[]), cnc(None, connections=[], name="spare")))
     assert kinds(off) == [("warning", "controller-absent", "line xyz")]
     assert off["troubles"][0]["what"] == (
-        "no controller: none of cnc, spare is connected, and none of them has asked for anything for 40 s"
+        "no controller: none of cnc, spare is connected or has sent a request for 40 s"
     )
 
 

@@ -339,8 +339,8 @@ class Axis:
             return
         self.reported_unknown = contents
         shown = ", ".join(f"{address:#06x} = {word:#06x}" for address, word in contents)
-        what = f"the register map does not know {shown}" if shown else "nobody can tell what a frame means"
-        self.report(exchange_events.UNKNOWN_MODE, f"{what}: it passed untouched")
+        what = f"the register map does not know {shown}" if shown else "a frame has no known meaning"
+        self.report(exchange_events.UNKNOWN_MODE, f"{what}: it passed unchanged")
 
     def report_fault(self, sentence: str) -> None:
         """One of its machines met an event that cannot be in its state: a bug of this program.
@@ -367,9 +367,9 @@ class Axis:
         if self.is_unsure is not self.reported_unsure:
             self.reported_unsure = self.is_unsure
             if self.reported_unsure:
-                detail = "where the axis is could not be told; it keeps its branch"
+                detail = "its position could not be determined; it keeps its branch"
                 if self.is_unreadable:
-                    detail += "; its drive refuses to tell its actual position"
+                    detail += "; its drive refuses to report its actual position"
                 self.report(exchange_events.DIRECTION_UNSURE, detail)
         if not self.events:
             return ()
@@ -738,8 +738,8 @@ class Axis:
         (offset, rest), units = self.began, self.plan.settings.units.value
         self.began = None
         if offset or rest:
-            what = f"the drive stood {offset:+.6g} {units} from the first setpoint, which stays in force"
-            motion = f"; {rest:+.6g} {units} more cannot be a correction and were gone" if rest else ""
+            what = f"the drive was {offset:+.6g} {units} from the first setpoint; this offset stays in force"
+            motion = f"; {rest:+.6g} {units} more cannot be a correction and was dropped" if rest else ""
             self.report(exchange_events.STREAM_BEGAN, f"{what} until the table has taken over{motion}")
 
     # --- silence ---------------------------------------------------------------------------------------

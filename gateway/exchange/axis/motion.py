@@ -801,14 +801,14 @@ class Motion:
             return "it moves"
         if accepted is None:
             is_never_commanded = self.last_number is None and self.state is _UNKNOWN
-            return "" if is_never_commanded else "nobody knows where it stands"
+            return "" if is_never_commanded else "its position is unknown"
         if self.state in WAS_THERE and self.state is not _MAY_HAVE_LEFT:
             return ""
         if not self.plan.actual:
             return ""
         actual = self.actual
         if actual is None or not compensation.is_seen:
-            return "nobody has seen it at its target"
+            return "it was not seen at its target"
         away_counts = abs(actual.counts - accepted.nominal_counts)
         return "" if away_counts <= self.plan.settings.in_position_counts else "it is not at its target yet"
 

@@ -192,7 +192,7 @@ class Terms:
     # --- what is told ----------------------------------------------------------------------------------
 
     def cross_state(self, now_ns: int) -> TermState:
-        """Return how well it is known where the other axes are."""
+        """Return how well the positions of the other axes are known."""
         if all(cross.position(now_ns) is not None for cross in self.crosses):
             return TermState.FOLLOWING
         if not self._is_cross_known:
@@ -208,7 +208,7 @@ class Terms:
         for kind, state in self.states(now_ns).items():
             reported = self._reported.get(kind, TermState.WAITING)
             if state is TermState.WAITING and kind == "thermal" and self._is_missed(now_ns):
-                detail = "no temperature has been heard since the start: nothing is added"
+                detail = "no temperature since the start: no correction"
                 found.append(Event(exchange_events.TERM_HELD, name, detail, (("term", kind),)))
             if state is not reported:
                 self._reported[kind] = state
@@ -296,14 +296,14 @@ class Terms:
 
 
 _OF_SENSOR: Final = {
-    TermState.FOLLOWING: "the sensor is heard",
-    TermState.HELD: "the sensor says nothing: its last value is held",
-    TermState.FADING: "the sensor still says nothing: the term goes back to 0",
-    TermState.FADED: "the sensor still says nothing: the term is 0",
+    TermState.FOLLOWING: "the sensor reports",
+    TermState.HELD: "the sensor is silent: its last value is held",
+    TermState.FADING: "the sensor is still silent: the correction returns to 0",
+    TermState.FADED: "the sensor is still silent: the correction is 0",
 }
 _OF_PARTNER: Final = {
-    TermState.FOLLOWING: "it is known where the other axes are",
-    TermState.HELD: "nobody knows where the other axes are; what they add is held",
-    TermState.FADING: "still nobody knows where the other axes are; what they add goes back to 0",
-    TermState.FADED: "still nobody knows where the other axes are; they add nothing",
+    TermState.FOLLOWING: "the positions of the other axes are known",
+    TermState.HELD: "the position of another axis is unknown; the correction is held",
+    TermState.FADING: "the position of another axis is still unknown; the correction returns to 0",
+    TermState.FADED: "the position of another axis is still unknown; the correction is 0",
 }

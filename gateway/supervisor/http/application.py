@@ -131,7 +131,7 @@ class Served:
         model = self._window.broadcast.model
         reasons = why_unhealthy(model)
         if reasons and is_stranger(request):
-            return problem(503, "not well; whoever shows a token is told why")
+            return problem(503, "not well; show a token to see why")
         if reasons or model is None:
             return json_answer({"problems": reasons}, 503)
         state = model.verdict.state

@@ -41,7 +41,7 @@ class _File:
     section: TokenSection
     seen: Seen | None = None
     digest: bytes = b""
-    """SHA-256 of the token; empty: there is none that could be used, and nobody gets in by it."""
+    """SHA-256 of the token; empty: there is none that could be used, and it is refused."""
     problem: str | None = None
 
 

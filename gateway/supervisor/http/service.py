@@ -178,7 +178,7 @@ class HttpService:
             self._refusals.sweep(time.monotonic())
 
     def _token_unusable(self, why: str) -> None:
-        self._window.log(TOKEN_UNUSABLE, detail=f"{why}; nobody gets in by it")
+        self._window.log(TOKEN_UNUSABLE, detail=f"{why}; it is refused")
 
     async def _run_local(self, served: Served) -> None:
         backoff = Backoff(FIRST_WAIT_S, LONGEST_WAIT_S)

@@ -71,7 +71,7 @@ def why(error: BaseException, settings: Settings) -> str:
 def _of_network(error: OSError, settings: Settings) -> str:
     broker = settings.broker
     if isinstance(error, ConnectionRefusedError):
-        return f"nobody listens at {broker}: start the broker, or correct [mqtt] host and port"
+        return f"nothing listens at {broker}: start the broker, or correct [mqtt] host and port"
     if isinstance(error, ssl.SSLCertVerificationError):
         return (
             f"{broker} could not prove who it is ({error.verify_message}): [mqtt.tls] ca must name the "

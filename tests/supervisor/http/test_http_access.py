@@ -75,7 +75,7 @@ async def test_strangers_see_the_page_that_asks_and_whether_all_is_well(tmp_path
         assert (well.status, well.body) == (200, b"ok\n")
         visitor.served.broadcast.publish(model_of({"gateway": {"relay": "up", "snapshot_age_s": None}}))
         ill = await visitor.ask("/healthz")
-        assert (ill.status, ill.data) == (503, {"problem": "not well; whoever shows a token is told why"})
+        assert (ill.status, ill.data) == (503, {"problem": "not well; show a token to see why"})
         assert "problems" in (await visitor.ask("/healthz", bearer(TOKEN))).data
 
 
@@ -248,7 +248,7 @@ async def test_a_token_that_cannot_be_used_lets_nobody_in_and_is_a_problem(tmp_p
         problem = str(visitor.served.service.status.problem)
         assert problem.startswith('token "people": http.tokens[1].file: ')
         assert [event["detail"] for event in visitor.events("token-unusable")] == [
-            f"{problem}; nobody gets in by it"
+            f"{problem}; it is refused"
         ]
         write_token(tmp_path, OTHER)
         assert (await visitor.ask("/status", bearer(OTHER))).status == 200

@@ -105,4 +105,4 @@ def test_event_and_alert_come_when_the_check_warns() -> None:
     rules = yaml.safe_load(ALERTS.read_text())["groups"][0]["rules"]
     [rule] = [rule for rule in rules if rule["alert"] == "PitchGatewayCertificateEndsSoon"]
     assert rule["expr"].endswith(f" - time() < {SOON.days} * 86400")
-    assert f"ends within {SOON.days} days;" in CERTIFICATE_ENDS_SOON.description
+    assert f"expires within {SOON.days} days " in CERTIFICATE_ENDS_SOON.description

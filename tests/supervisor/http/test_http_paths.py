@@ -65,7 +65,7 @@ async def test_a_head_request_gets_the_same_without_the_body(tmp_path: Path) -> 
         (None, ["nothing is known yet: the supervisor has just been started"]),
         (model(age_s=None), ["nothing is known yet: the supervisor has just been started"]),
         (model(is_relay_up=False), ["gateway: the relay is not running: no command reaches a drive"]),
-        (model(age_s=2.5), ["gateway: the relay has said nothing for 2 s: the machine may not obey"]),
+        (model(age_s=2.5), ["gateway: the relay has reported nothing for 2 s: the machine may not obey"]),
         (
             model(snapshot(line={"state": "down"})),
             ["line xyz: the drives at 127.0.0.1:502 cannot be reached"],

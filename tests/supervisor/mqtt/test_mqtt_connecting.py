@@ -73,7 +73,7 @@ async def test_a_wrong_password_is_told_and_the_right_one_is_taken_without_a_res
 async def test_nobody_listens(tmp_path: Path) -> None:
     port = free_port()
     said = await why_lost(tmp_path, port)
-    assert said == (f"nobody listens at 127.0.0.1:{port}: start the broker, or correct [mqtt] host and port")
+    assert said == (f"nothing listens at 127.0.0.1:{port}: start the broker, or correct [mqtt] host and port")
 
 
 async def test_a_name_that_nobody_knows(tmp_path: Path) -> None:

@@ -143,7 +143,7 @@ def trouble(**changes: str) -> dict[str, str]:
         "severity": "error",
         "where": "axis x",
         "what": "cnc10x.tab:12:3: not a number: 0.0x (the last good table of 31 points stays)",
-        "remedy": "mend the file: it is read again as soon as it is saved",
+        "remedy": "correct the file: it is read again when saved",
         "audience": "operator",
         "since": "2026-05-01T12:00:00+00:00",
         **changes,

@@ -76,8 +76,8 @@ def test_a_trouble_says_its_parts_beside_its_words() -> None:
     relay["gateway"] |= {"snapshot_age_s": 3.0}
     [silent] = [found for found in troubles(model_of(relay)) if found.entry.kind == "relay-silent"]
     told = json.loads(json_bytes(silent.status("2026-05-01T12:00:00+00:00", None)))
-    assert told["what"] == "the relay has said nothing for 3 s: the machine may not obey"
+    assert told["what"] == "the relay has reported nothing for 3 s: the machine may not obey"
     assert told["says"] == {
-        "text": "the relay has said nothing for {span}: the machine may not obey",
+        "text": "the relay has reported nothing for {span}: the machine may not obey",
         "values": {"span": "3 s"},
     }

@@ -300,12 +300,12 @@ def test_lengths_are_shown_as_their_units_deserve(
 
 
 def test_keys_in_what_to_do_are_shown_as_code_and_said_as_words(visit: Visit) -> None:
-    remedy = "name the device in `other_units`, or mend the `unit_id`"
+    remedy = "name the device in `other_units` or correct `unit_id`"
     visit.stage.show(model(None, None, trouble(what="nobody answers at 7` or 8", remedy=remedy)))
-    visit.until_text("#troubles .remedy", "Name the device in other_units, or mend the unit_id")
+    visit.until_text("#troubles .remedy", "Name the device in other_units or correct unit_id")
     assert visit.page.locator("#troubles .remedy code").all_text_contents() == ["other_units", "unit_id"]
     assert visit.page.locator("#troubles .what").text_content() == "nobody answers at 7` or 8"
-    said = "Axis x: nobody answers at 7 or 8. name the device in other_units, or mend the unit_id."
+    said = "Axis x: nobody answers at 7 or 8. name the device in other_units or correct unit_id."
     assert visit.page.get_by_role("alert").text_content() == said
 
 
@@ -323,7 +323,7 @@ def test_a_rejected_table_brings_a_banner_and_mending_it_takes_the_banner_away(v
     visit.stage.show(model({"x": axis(table=rejected)}, None, trouble()))
     visit.until_text("#troubles .where", "Axis x")
     visit.until_text("#troubles .what", trouble()["what"])
-    visit.until_text("#troubles .remedy", "Mend the file: it is read again as soon as it is saved")
+    visit.until_text("#troubles .remedy", "Correct the file: it is read again when saved")
     visit.until_text("article.axis .problems", "cnc10x.tab:12:3: not a number: 0.0x; correct it")
     visit.until_text("#verdict strong", "Error")
     assert visit.page.get_by_role("alert").text_content() == (
@@ -342,11 +342,11 @@ def test_a_rejected_table_brings_a_banner_and_mending_it_takes_the_banner_away(v
 
 
 def test_a_trouble_that_only_changes_its_words_is_not_said_again(visit: Visit) -> None:
-    silent = trouble(kind="relay-silent", where="gateway", what="the relay has said nothing for 3 s")
+    silent = trouble(kind="relay-silent", where="gateway", what="the relay has reported nothing for 3 s")
     visit.stage.show(model(None, None, silent))
     visit.until_text("[role=alert]", f"Gateway: {silent['what']}. {silent['remedy']}.")
-    visit.stage.show(model(None, None, {**silent, "what": "the relay has said nothing for 4 s"}))
-    visit.until_text("#troubles .what", "the relay has said nothing for 4 s")
+    visit.stage.show(model(None, None, {**silent, "what": "the relay has reported nothing for 4 s"}))
+    visit.until_text("#troubles .what", "the relay has reported nothing for 4 s")
     assert visit.page.get_by_role("alert").text_content() == f"Gateway: {silent['what']}. {silent['remedy']}."
 
 
