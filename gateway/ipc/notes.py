@@ -85,7 +85,7 @@ class LogLines:
 def json_writer(gateway: str) -> Callable[[Note], None]:
     """Return what writes a note of this gateway as a line of JSON; it may block, as :class:`LogLines` does.
 
-    As ``structured_log`` does it, without structlog, which would make the relay a quarter larger.
+    As ``structured_log`` does it, without structlog: with it the relay takes a fifth more memory.
     """
     return _json_writer({"gateway": gateway})
 
