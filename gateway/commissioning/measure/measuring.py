@@ -163,9 +163,8 @@ def manners_of(pace: Pace, reader: Reader, axis: AxisPlan) -> Manners:
     ):
         raise InstrumentError("--window and --largest-deviation: greater than 0; --zero-at: a position")
     return Manners(
-        dwell_s=pace.dwell_s,
+        pace,
         window=window,
-        move_timeout_s=pace.move_timeout_s,
         largest_deviation=largest,
         sign=-1.0 if reader.is_reversed else 1.0,
         zero_at=reader.zero_at,
