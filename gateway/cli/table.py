@@ -12,11 +12,12 @@ from gateway.cli.options import takes_options
 from gateway.cli.output import Aside, Format
 from gateway.cli.table_convert import convert
 from gateway.cli.table_formats import formats
-from gateway.cli.table_options import AsJson, Counts, Told
+from gateway.cli.table_options import AsJson
 from gateway.cli.table_output import PLAIN_WIDTH, TableShown, explained
 from gateway.cli.table_plot import plot
 from gateway.cli.table_reading import inspect, problems
 from gateway.cli.table_template import template
+from gateway.commissioning.table_options import Counts, Told
 from gateway.tabfile import Lint, Problem, Severity, TabFileError
 from gateway.tabfile import explain as explain_at
 from gateway.tabfile.options import MAX_POSITION

@@ -8,8 +8,10 @@ import typer
 from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
 from gateway.cli.output import Format, show
-from gateway.cli.table_options import AsJson, Force, OutFile, Target, Told, Wanted
+from gateway.cli.table_options import AsJson, OutFile, Target, Wanted
 from gateway.cli.table_reading import inspect, problems
+from gateway.commissioning.refining import letter_for
+from gateway.commissioning.table_options import Force, Told
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
@@ -20,7 +22,6 @@ from gateway.tabfile import (
     Problem,
     TabFileError,
     WriteOptions,
-    axis_of_name,
     dialect_named,
 )
 from gateway.tabfile.conversion import (
@@ -107,11 +108,6 @@ def _letter(told: str | None) -> str | None:
         ContextError: it is no letter.
     """
     return FileContext(axis=told).axis
-
-
-def letter_for(loaded: LoadedTable, axis: str | None, out: Path) -> str | None:
-    """Return the axis letter for a file: told, in the source, or in one of the names."""
-    return axis or loaded.source.axis or axis_of_name(out.name) or axis_of_name(Path(loaded.file).name)
 
 
 def _in_units(loaded: LoadedTable, units: Units | None) -> CorrectionTable:

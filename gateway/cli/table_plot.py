@@ -10,9 +10,9 @@ import typer
 from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
 from gateway.cli.output import Format, show
-from gateway.cli.readings_options import ScrewOptions
-from gateway.cli.table_options import AsJson, Counts, Force, Told
+from gateway.cli.table_options import AsJson
 from gateway.cli.table_reading import inspect, problems
+from gateway.commissioning.table_options import Counts, Force, ScrewOptions, Told
 from gateway.compensation.table import CorrectionTable
 from gateway.metrology.formats import ReadingsContext, Runs, read_survey
 from gateway.metrology.readings import Survey, check_same_axis, check_uncorrected, merged
