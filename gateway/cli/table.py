@@ -18,6 +18,7 @@ from gateway.cli.table_plot import plot
 from gateway.cli.table_reading import inspect, problems
 from gateway.cli.table_template import template
 from gateway.commissioning.table_options import Counts, Told
+from gateway.plain import JsonObject
 from gateway.tabfile import Lint, Problem, Severity, TabFileError
 from gateway.tabfile import explain as explain_at
 from gateway.tabfile.options import MAX_POSITION
@@ -156,7 +157,7 @@ class _Linted:
         fails = {Severity.ERROR, Severity.WARNING} if self.fails_on_warnings else {Severity.ERROR}
         return [lint for lint in self.lints if lint.severity in fails or lint.code in FAILING]
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return them as plain data."""
         return {
             "file": self.file,

@@ -15,6 +15,7 @@ from gateway.commissioning.table_options import Force, Told
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
+from gateway.plain import JsonObject
 from gateway.tabfile import (
     Dialect,
     FileContext,
@@ -140,7 +141,7 @@ class _Converted:
             *turns_lost(self.loaded, self.result.modulo),
         ]
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data; lengths are in the units of OUT."""
         even = self.even
         return {

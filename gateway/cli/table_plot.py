@@ -17,6 +17,7 @@ from gateway.compensation.table import CorrectionTable
 from gateway.metrology.formats import ReadingsContext, Runs, read_survey
 from gateway.metrology.readings import Survey, check_same_axis, check_uncorrected, merged
 from gateway.metrology.residue import LeftOut, predicted_residue
+from gateway.plain import JsonObject
 from gateway.report.story import AxisStory, Report
 from gateway.report.words import shortest
 from gateway.report.writing import check_place, place, render
@@ -114,7 +115,7 @@ class _Plotted:
     size: int
     """Bytes."""
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         return {
             "file": str(self.file),

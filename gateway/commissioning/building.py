@@ -28,6 +28,7 @@ from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
 from gateway.metrology.scale import check_scale
 from gateway.metrology.wrong_runs import settled
+from gateway.plain import JsonObject
 from gateway.tabfile import LoadedTable, TabFileError, axis_of_name, dialect_named
 
 if TYPE_CHECKING:
@@ -150,7 +151,7 @@ class BuiltTable:
     lead: float | None
     """The longest length after which the error may repeat."""
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         again = self.written.again
         return {

@@ -16,6 +16,7 @@ from gateway.metrology.readings import Survey, check_same_axis, check_uncorrecte
 from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
 from gateway.metrology.uncertainty import budget_of, known_of, limit_json, limit_line
 from gateway.metrology.vdi_3441 import vdi_json, vdi_line
+from gateway.plain import JsonObject
 from gateway.report.findings import find, other_stretch
 from gateway.report.story import AxisStory, Report
 from gateway.tabfile import LoadedTable
@@ -116,13 +117,13 @@ class Judged:
     left_out: LeftOut | None
     by_others: tuple[str, ...]
     """By other standards, and whether a limit is kept."""
-    more: dict[str, object]
+    more: JsonObject
     """The same for a program."""
     lead: float | None
     """The longest length after which the error may repeat."""
     report: Path | None
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         before, after = self.results
         shown = None if after is None else results_json(after)
@@ -140,9 +141,9 @@ class Judged:
         }
 
 
-def _by_others(last: Evaluation, options: EvaluateOptions) -> tuple[tuple[str, ...], dict[str, object]]:
+def _by_others(last: Evaluation, options: EvaluateOptions) -> tuple[tuple[str, ...], JsonObject]:
     """Return what VDI/DGQ 3441 says, and whether a limit is kept: as lines, and as plain data."""
-    lines, data = [], dict[str, object]()
+    lines, data = [], JsonObject()
     if options.vdi:
         lines.append(vdi_line(last))
         data["vdi_3441"] = vdi_json(last)

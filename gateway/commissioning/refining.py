@@ -21,6 +21,7 @@ from gateway.metrology.doubts import notes_of
 from gateway.metrology.readings import Survey, check_corrected, check_same_axis, small_unit
 from gateway.metrology.refine import Points, Refined, refine_table
 from gateway.metrology.residue import left_out_json, left_out_text
+from gateway.plain import JsonObject
 from gateway.tabfile import Dialect, LoadedTable, WriteOptions, axis_of_name, dialect_named
 from gateway.tabfile.conversion import is_modulo, turns_lost
 
@@ -92,7 +93,7 @@ class RefinedTable:
     refined: Refined
     written: WrittenTable
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         refined = self.refined
         return {

@@ -20,6 +20,7 @@ from gateway.commissioning.listen.proposal import Place, proposed, unit_data, un
 from gateway.commissioning.listen.proxy import Proxy
 from gateway.commissioning.listen.serial_line import SILENCE_MS, Ear, Trial, find_setting, settings_to_try
 from gateway.commissioning.listen.traffic import Tally
+from gateway.plain import JsonObject
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import TcpEndpoint
 
@@ -45,7 +46,7 @@ class Heard:
         """A configuration to begin with; empty where no unit id was told a target."""
         return proposed(self.place, self.tally.units)
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return everything as plain data."""
         units = {str(unit_id): unit_data(unit_id, unit) for unit_id, unit in sorted(self.tally.units.items())}
         return {**self.where, "units": units, "configuration": self.configuration}
@@ -128,7 +129,7 @@ def _progress(tally: Tally) -> str:
     return f"{tally.requests} requests, unit ids {ids}"
 
 
-def _serial_data(trial: Trial) -> dict[str, Any]:
+def _serial_data(trial: Trial) -> JsonObject:
     return {
         "baudrate": trial.setting.baudrate,
         "parity": PARITIES[trial.setting.parity],

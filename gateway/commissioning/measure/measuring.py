@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from gateway.commissioning.measure import outcome
 from gateway.commissioning.measure.axis_link import recipe_of
@@ -62,6 +62,7 @@ from gateway.metrology.gauge_kinds import DEFAULTS, GaugeKind
 from gateway.metrology.gauges import GaugeError, pattern_of
 from gateway.metrology.lead import Period, lead_warnings, periods_of
 from gateway.metrology.readings import Reading
+from gateway.plain import JsonObject
 from gateway.state.plan import shape_of
 from gateway.status.model import RelayModel
 from gateway.transport.endpoints import SerialEndpoint
@@ -199,7 +200,7 @@ class Measured:
     written: tuple[str, ...]
     """What was written besides, a line each."""
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return it for a program, in units of the axis."""
         return {**self.outcome.as_data(), "readings_file": str(self.readings_file)}
 

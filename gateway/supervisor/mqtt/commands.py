@@ -21,6 +21,7 @@ from gateway.exchange.commands import Disable, Enable, SetGain, Share
 from gateway.ipc.client import NoGatewayError
 from gateway.ipc.messages import Done, Request
 from gateway.limits import bucket_of
+from gateway.plain import JsonObject
 from gateway.supervisor.mqtt.connection import BrokerError, Connection, encode
 from gateway.supervisor.mqtt.interfaces import Orders
 from gateway.supervisor.mqtt.settings import COMMANDS, Topics
@@ -105,7 +106,7 @@ class Answer:
             return "done"
         return "partly" if self.changed or self.comes or self.keys else "refused"
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return plain data."""
         return {
             "command": self.command,
