@@ -6,7 +6,6 @@ was opened is looked at again.
 """
 
 import os
-import secrets
 import stat
 from contextlib import suppress
 from pathlib import Path
@@ -111,7 +110,7 @@ def write_file(path: Path, content: bytes, *, force: bool, is_secret: bool = Fal
             existing = path.stat()
     if existing is not None and not stat.S_ISREG(existing.st_mode):
         raise FileRefusedError(kind_of(existing.st_mode), "give a regular file, or a new name")
-    beside = path.with_name(f".pitch-gateway-{secrets.token_hex(8)}")
+    beside = path.with_name(f".pitch-gateway-{os.urandom(8).hex()}")
     descriptor = create(beside, 0o600 if is_secret else 0o666)
     try:
         with os.fdopen(descriptor, "wb") as stream:
