@@ -1,7 +1,7 @@
 """What some libraries take beside what could stand in their place: ``python -m bench.libraries``.
 
-Prints the table that ``docs/libraries.md`` quotes. Each figure is the best of several rounds: what is between
-them is the machine's.
+Prints what ``docs/libraries.md`` quotes in round figures. Each figure is the best of several rounds: what is
+between them is the machine's.
 """
 
 import json
@@ -24,6 +24,8 @@ from gateway.modbus.crc import crc16
 ROUNDS: Final = 15
 FRAME: Final = bytes.fromhex("01 10 06 06 00 02 04 00 01 86 A0")
 """A write of one 32-bit position, without its check sum."""
+RELAY: Final = "import gateway.relay.__main__, gateway.relay.run"
+SUPERVISOR: Final = "import gateway.supervisor.__main__, gateway.supervisor.supervisor"
 STARTS: Final = {
     "nothing": "pass",
     "msgspec": "import msgspec",
@@ -34,6 +36,10 @@ STARTS: Final = {
     "cryptography, certificates": "from cryptography import x509",
     "matplotlib, drawing without a screen": "import matplotlib.figure",
     "pymodbus, client and server": "import pymodbus.client, pymodbus.server",
+    "the relay": RELAY,
+    "the relay and structlog": f"{RELAY}, structlog",
+    "the supervisor": SUPERVISOR,
+    "the supervisor and structlog": f"{SUPERVISOR}, structlog",
 }
 """What a process loads for it."""
 _TABLE: Final = [0] * 256

@@ -1,10 +1,9 @@
 """A budget as plain data, for ``--json`` and for the status. Times in milliseconds, to the microsecond."""
 
-from typing import Any
-
 from gateway.budget.line import ControllerBudget, ExchangeBudget, ForwardingBudget, LineBudget
 from gateway.budget.verdict import Remedy
 from gateway.budget.wire import Wire
+from gateway.plain import JsonObject
 from gateway.times import NS_PER_MS, NS_PER_S
 
 
@@ -12,7 +11,7 @@ def _ms(span_ns: int) -> float:
     return round(span_ns / NS_PER_MS, 3)
 
 
-def line_data(line: LineBudget) -> dict[str, Any]:
+def line_data(line: LineBudget) -> JsonObject:
     """Return everything that was worked out for a line."""
     return {
         "drives": {
@@ -37,7 +36,7 @@ def line_data(line: LineBudget) -> dict[str, Any]:
     }
 
 
-def _wire_data(wire: Wire) -> dict[str, Any]:
+def _wire_data(wire: Wire) -> JsonObject:
     return {
         "baudrate_bd": wire.baudrate or None,
         "bits_per_character": wire.bits_per_byte or None,
@@ -49,7 +48,7 @@ def _wire_data(wire: Wire) -> dict[str, Any]:
     }
 
 
-def _controller_data(line: LineBudget, controller: ControllerBudget) -> dict[str, Any]:
+def _controller_data(line: LineBudget, controller: ControllerBudget) -> JsonObject:
     cycle = controller.round
     return {
         **_wire_data(controller.wire),
@@ -67,7 +66,7 @@ def _controller_data(line: LineBudget, controller: ControllerBudget) -> dict[str
     }
 
 
-def _exchange_data(controller: ControllerBudget, exchange: ExchangeBudget) -> dict[str, Any]:
+def _exchange_data(controller: ControllerBudget, exchange: ExchangeBudget) -> JsonObject:
     legs = exchange.legs
     return {
         "axis": exchange.step.axis or None,
@@ -96,7 +95,7 @@ def _exchange_data(controller: ControllerBudget, exchange: ExchangeBudget) -> di
     }
 
 
-def _forwarding_data(forwarding: ForwardingBudget) -> dict[str, Any]:
+def _forwarding_data(forwarding: ForwardingBudget) -> JsonObject:
     request, reply = forwarding.delays
     return {
         "request_lead_ms": _ms(request.delay_ns),
@@ -108,7 +107,7 @@ def _forwarding_data(forwarding: ForwardingBudget) -> dict[str, Any]:
     }
 
 
-def remedy_data(remedy: Remedy) -> dict[str, Any]:
+def remedy_data(remedy: Remedy) -> JsonObject:
     """Return one change and what it brings."""
     return {
         "what": remedy.what,

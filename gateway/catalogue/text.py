@@ -2,6 +2,8 @@
 
 from typing import Any, Self
 
+from gateway.plain import JsonObject
+
 
 class Text(str):
     """An English sentence that knows the words it was made of, so that it can be said in another language.
@@ -22,7 +24,7 @@ class Text(str):
         made.values = values
         return made
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return template and values as plain data; values that are sentences likewise."""
         return {
             "text": self.template,

@@ -10,6 +10,7 @@ import typer
 from gateway.cli.arguments import AsJson, Config
 from gateway.cli.configuration import compile_or_exit
 from gateway.cli.output import Format, StderrLine, show
+from gateway.plain import JsonObject
 
 if TYPE_CHECKING:
     from gateway.config.load import Loaded
@@ -65,7 +66,7 @@ class _Checked:
     loaded: "Loaded | None" = None
     """None: it cannot be run."""
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         from msgspec import to_builtins
 

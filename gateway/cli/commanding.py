@@ -3,12 +3,13 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gateway.cli.configuration import state_folder_or_exit
 from gateway.cli.output import Format, show
+from gateway.plain import JsonObject
 
 if TYPE_CHECKING:
     from gateway.ipc.messages import Reply, Request
@@ -62,7 +63,7 @@ class _Commanded:
     nothing: str = ""
     """What is said where none did, and nothing is wrong."""
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         return {"changed": list(self.changed), "problems": list(self.problems)}
 

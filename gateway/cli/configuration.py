@@ -29,8 +29,10 @@ def load_or_exit(config: Path, *, checks_times: bool = True, is_start: bool = Fa
     return loaded
 
 
-def compile_for_start_or_exit(config: Path) -> Path:
-    """Write what the relay starts from into the state folder and return that, or say why not and end with 1.
+def compile_for_start_or_exit(config: Path) -> tuple[str, Path]:
+    """Write what the relay starts from into the state folder, or say why not and end with 1.
+
+    Returns the name of the gateway and that folder.
 
     Where the file of a table is bad, and one of that name was good before, that one is used, and it is said.
     """
@@ -58,7 +60,7 @@ def compile_for_start_or_exit(config: Path) -> Path:
         elif settled.sources[name] is TableSource.ABSENT:
             typer.echo(f"warning: {reading.path}: axis {name} starts without correction", err=True)
     compile_or_exit(loaded, settled.plan)
-    return loaded.state_folder
+    return loaded.plan.name, loaded.state_folder
 
 
 def compile_or_exit(loaded: "Loaded", plan: "GatewayPlan | None" = None) -> None:

@@ -8,6 +8,7 @@ import typer
 
 from gateway.cli.arguments import AsJson
 from gateway.cli.output import Format, show
+from gateway.plain import JsonObject
 
 if TYPE_CHECKING:
     from gateway.catalogue.lookup import Explanation
@@ -39,7 +40,7 @@ class _Everything:
 
     parts: "Mapping[str, Sequence[Explanation]]"
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         return {kind: [entry.as_data() for entry in entries] for kind, entries in self.parts.items()}
 

@@ -1,7 +1,7 @@
 """Options of a command that belong together, as one dataclass: each of its fields is declared once, there."""
 
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import is_dataclass
 from functools import wraps
 from typing import Annotated, Any, get_args
@@ -25,7 +25,7 @@ def takes_options(command: Callable[..., None]) -> Callable[..., None]:
             groups[name] = parameter.annotation
             parameters += [each.replace(kind=parameter.kind) for each in _options_of(parameter.annotation)]
         else:
-            parameters.append(parameter)
+            parameters.append(_typed(parameter))
 
     @wraps(command)
     def run(**given: Any) -> None:
@@ -48,18 +48,49 @@ def _options_of(group: Any) -> Iterator[inspect.Parameter]:
         if is_dataclass(field.annotation):
             yield from _options_of(field.annotation)
             continue
-        kind, option = get_args(field.annotation)
-        if isinstance(option, OptionInfo):
-            yield field
-        elif isinstance(option, Option):
-            yield field.replace(annotation=Annotated[kind, _of_program(field.name, option)])
+        if isinstance(get_args(field.annotation)[1], OptionInfo | Option):
+            yield _typed(field)
         else:
             yield from _of_table(field)
 
 
+def _typed(parameter: inspect.Parameter) -> inspect.Parameter:
+    """Return a parameter as typer takes it."""
+    kind, *option = get_args(parameter.annotation) or (None,)
+    if option and isinstance(option[0], Option):
+        return parameter.replace(annotation=Annotated[kind, _of_program(parameter.name, option[0])])
+    return parameter
+
+
 def _of_program(field: str, option: Option) -> Any:
     name = option.name or field.replace("_", "-")
-    return typer.Option(f"--{name}", help=option.help, metavar=option.metavar, min=option.min, max=option.max)
+    words = option.one_of
+    return typer.Option(
+        f"--{name}",
+        help=option.help,
+        metavar=option.metavar,
+        min=option.min,
+        max=option.max,
+        readable=not option.is_read_by_us,
+        autocompletion=None if words is None else _completion(words),
+        callback=None if words is None else _check(words),
+    )
+
+
+def _completion(words: Callable[[], Sequence[str]]) -> Callable[[str], list[str]]:
+    def complete(incomplete: str) -> list[str]:
+        return [word for word in words() if word.startswith(incomplete)]
+
+    return complete
+
+
+def _check(words: Callable[[], Sequence[str]]) -> Callable[[str | None], str | None]:
+    def check(word: str | None) -> str | None:
+        if word is not None and word not in words():
+            raise typer.BadParameter(f"{word!r}: must be one of {', '.join(sorted(words()))}")
+        return word
+
+    return check
 
 
 def _of_table(field: inspect.Parameter) -> Iterator[inspect.Parameter]:

@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from enum import Enum
 from typing import TYPE_CHECKING, Any, Final, Protocol, overload
 
@@ -30,6 +30,11 @@ class StderrLine(str):
     """A line for standard error: what a person should know beside the result."""
 
     __slots__ = ()
+
+
+def notes(said: Iterable[str]) -> Iterator[StderrLine]:
+    """Yield what a person should know beside the result, each on a line."""
+    yield from (StderrLine(f"note: {each}") for each in said)
 
 
 class Data(Protocol):

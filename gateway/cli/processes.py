@@ -61,16 +61,19 @@ def _environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join((folder, others) if others else (folder,))}
 
 
-def run_both(relay: list[str], supervisor: list[str], write: Callable[[LogEntry], None]) -> int:
+def run_both(
+    relay: list[str], supervisor: list[str], open_log: Callable[[], Callable[[LogEntry], None]]
+) -> int:
     """Run both until SIGTERM, SIGINT or the end of the relay; returns the exit code.
 
-    SIGHUP is passed on to the supervisor, which reads the tables anew. They write into the same log;
-    ``write`` is for what is said here, and may block. A supervisor that ends is started again, later each
-    time; the relay goes on without it.
+    SIGHUP is passed on to the supervisor, which reads the tables anew. They write into the same log.
+    ``open_log`` returns what writes what is said here, and may block. It is called once the relay starts:
+    that need not wait. A supervisor that ends is started again, later each time; the relay goes on without
+    it.
     """
     signal.pthread_sigmask(signal.SIG_BLOCK, HELD_BACK)
     try:
-        return _Pair(relay, supervisor, _unless_full(write)).run()
+        return _Pair(relay, supervisor, open_log).run()
     finally:
         while signal.sigtimedwait(STOPS | {RELOADS}, 0) is not None:
             pass  # nothing is left to stop, or to reload
@@ -104,10 +107,12 @@ def _started(command: list[str]) -> "subprocess.Popen[bytes]":
 class _Pair:
     """The two processes, from the start of the first to the end of the last."""
 
-    def __init__(self, relay: list[str], supervisor: list[str], write: Callable[[LogEntry], None]) -> None:
-        self._write = write
+    def __init__(
+        self, relay: list[str], supervisor: list[str], open_log: Callable[[], Callable[[LogEntry], None]]
+    ) -> None:
         self._supervisor_command = supervisor
         self._relay = _started(relay)
+        self._write = _unless_full(open_log())
         self._supervisor: subprocess.Popen[bytes] | None = None
         self._is_relay_ready = False
         self._supervisor_since_s = time.monotonic()

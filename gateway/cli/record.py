@@ -44,7 +44,7 @@ def record(
         pitch-gateway replay monday.jsonl --show
     """
     from gateway.config.recording_header import header_of
-    from gateway.ipc.log import log_writer
+    from gateway.ipc.structured_log import StructuredLog
     from gateway.recording.writer import Recorder
     from gateway.relay.errors import StartError
     from gateway.relay.run import run_relay
@@ -56,10 +56,12 @@ def record(
         typer.echo(f"{error.filename or config}: {error.strerror or error}", err=True)
         raise typer.Exit(1) from None
     _open_or_exit(recorder)
+    log = StructuredLog(log_format)
+    log.name_gateway(loaded.plan.name)
     try:
         run_relay(
             loaded.plan,
-            log_writer(log_format),
+            log.write,
             status_every,
             state=loaded.state_folder,
             recorder=recorder,

@@ -10,6 +10,7 @@ import typer
 
 from gateway.cli.arguments import AsJson, Config
 from gateway.cli.output import Format, print_lines, show
+from gateway.plain import JsonObject
 
 PATIENCE_S: Final = 60.0
 """For the supervisor: tables of a million points take seconds each."""
@@ -63,7 +64,7 @@ class _Reloaded:
     all_problems: Sequence[str]
     is_running: bool
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         return {
             "changed": list(self.comes),
@@ -89,7 +90,7 @@ class _Reloaded:
             yield "nothing has changed"
 
 
-def _outcome(config: Path) -> dict[str, Any]:
+def _outcome(config: Path) -> JsonObject:
     """Have the supervisor reload, or do it here where none answers."""
     from gateway.state.folder import StateError, state_folder
 

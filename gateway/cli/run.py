@@ -1,12 +1,14 @@
 """``pitch-gateway run CONFIG``."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import Annotated
 
 import typer
 
 from gateway.cli.arguments import Config
 from gateway.cli.configuration import compile_for_start_or_exit
-from gateway.ipc.log import LogFormat
+from gateway.ipc.log import LogEntry, LogFormat
 
 HowToLog = Annotated[
     LogFormat, typer.Option("--log-format", help="How the log is written; auto: console on a terminal.")
@@ -39,14 +41,23 @@ def run(config: Config, *, log_format: HowToLog = LogFormat.AUTO, status_every: 
         pitch-gateway run gateway.toml --log-format json 2> gateway.log
     """
     from gateway.cli.processes import command_of, run_both
-    from gateway.ipc.log import log_writer, take_standard_error
+    from gateway.ipc.log import take_standard_error
 
     take_standard_error(log_format)
-    compiled_into = "--state", str(compile_for_start_or_exit(config))
+    name, state = compile_for_start_or_exit(config)
+    compiled_into = "--state", str(state)
     code = run_both(
         command_of("gateway.relay", config, log_format, "--status-every", str(status_every), *compiled_into),
         command_of("gateway.supervisor", config, log_format, *compiled_into),
-        log_writer(log_format),
+        partial(_log, log_format, name),
     )
     if code:
         raise typer.Exit(code)
+
+
+def _log(log_format: LogFormat, gateway: str) -> Callable[[LogEntry], None]:
+    from gateway.ipc.structured_log import StructuredLog
+
+    log = StructuredLog(log_format)
+    log.name_gateway(gateway)
+    return log.write

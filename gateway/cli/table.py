@@ -12,11 +12,13 @@ from gateway.cli.options import takes_options
 from gateway.cli.output import Format, StderrLine
 from gateway.cli.table_convert import convert
 from gateway.cli.table_formats import formats
-from gateway.cli.table_options import AsJson, Counts, ReadOptions
+from gateway.cli.table_options import AsJson
 from gateway.cli.table_output import PLAIN_WIDTH, TableShown, explained
 from gateway.cli.table_plot import plot
 from gateway.cli.table_reading import inspect, problems
 from gateway.cli.table_template import template
+from gateway.commissioning.table_options import Counts, ReadOptions
+from gateway.plain import JsonObject
 from gateway.tabfile import FileProblem, Lint, LintSeverity, TabFileError
 from gateway.tabfile import explain as explain_at
 from gateway.tabfile.options import MAX_POSITION
@@ -155,7 +157,7 @@ class _Linted:
         fails = {LintSeverity.ERROR, LintSeverity.WARNING} if self.fails_on_warnings else {LintSeverity.ERROR}
         return [lint for lint in self.lints if lint.severity in fails or lint.code in FAILING]
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return them as plain data."""
         return {
             "file": self.file,

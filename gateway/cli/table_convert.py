@@ -8,11 +8,14 @@ import typer
 from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
 from gateway.cli.output import Format, show
-from gateway.cli.table_options import AsJson, Force, OutFile, OutOptions, ReadOptions, Target
+from gateway.cli.table_options import AsJson, OutFile, OutOptions, Target
 from gateway.cli.table_reading import inspect, problems
+from gateway.commissioning.refining import letter_for
+from gateway.commissioning.table_options import Force, ReadOptions
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
+from gateway.plain import JsonObject
 from gateway.tabfile import (
     Dialect,
     FileContext,
@@ -20,7 +23,6 @@ from gateway.tabfile import (
     LoadedTable,
     TabFileError,
     WriteOptions,
-    axis_of_name,
     dialect_named,
 )
 from gateway.tabfile.conversion import (
@@ -109,11 +111,6 @@ def _letter(given: str | None) -> str | None:
     return FileContext(axis=given).axis
 
 
-def letter_for(loaded: LoadedTable, axis: str | None, out: Path) -> str | None:
-    """Return the axis letter for a file: told, in the source, or in one of the names."""
-    return axis or loaded.source.axis or axis_of_name(out.name) or axis_of_name(Path(loaded.file).name)
-
-
 def _in_units(loaded: LoadedTable, units: Units | None) -> CorrectionTable:
     try:
         return loaded.table.in_units(units or loaded.table.units)
@@ -144,7 +141,7 @@ class _Converted:
             *lost_modulo(self.loaded, self.result.modulo),
         ]
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data; lengths are in the units of OUT."""
         even = self.even
         return {

@@ -13,6 +13,7 @@ from gateway.cli.table_reading import problems
 from gateway.files import FileRefusedError, read_regular_file
 from gateway.metrology.readings import small_unit
 from gateway.metrology.warm_up import DriftTest, evaluate_drift, read_samples
+from gateway.plain import JsonObject
 from gateway.tabfile import FileProblem, TabFileError
 from gateway.tabfile.text import MAX_BYTES, decode
 
@@ -57,7 +58,7 @@ class _Drifted:
     readings: int
     test: DriftTest
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         found, small = self.test, small_unit(self.test.units)
         per_kelvin = None if found.per_kelvin is None else found.per_kelvin * small.factor

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from gateway.cli.output import Format, show
 from gateway.cli.table_options import AsJson
+from gateway.plain import JsonObject
 from gateway.tabfile import DIALECTS, OPTIONS, Dialect, UnitsOf
 from gateway.tabfile.options import DECLARED
 
@@ -32,7 +33,7 @@ def formats(*, json: AsJson = False) -> None:
 class _Formats:
     """Every format."""
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return them as plain data."""
         return {"formats": [_as_data(dialect) for dialect in DIALECTS]}
 
@@ -61,7 +62,7 @@ def _options(dialect: Dialect) -> list[str]:
     return options
 
 
-def _as_data(dialect: Dialect) -> dict[str, object]:
+def _as_data(dialect: Dialect) -> JsonObject:
     return {
         "name": dialect.name,
         "title": dialect.title,

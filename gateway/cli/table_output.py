@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from gateway.metrology.evaluation import NAMES, Evaluation, missing_line, missing_of, title_of, values_of
 from gateway.metrology.residue import LeftOut, left_out_line
+from gateway.plain import JsonObject
 from gateway.report.findings import other_stretch
 from gateway.tabfile import LoadedTable, PositionExplanation, SourceRow
 from gateway.tabfile.explanation import DirectionExplained
@@ -26,7 +27,7 @@ class TableShown:
     loaded: LoadedTable
     limit: int
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         remarks = [lint.as_data() for lint in self.loaded.lints]
         return {**self._facts(), "lints": remarks, "rows": [row._asdict() for row in self.loaded.source.rows]}
@@ -46,7 +47,7 @@ class TableShown:
             yield f"{len(source.rows) - len(rows)} more points: --limit 0 shows all"
         yield from remarks(self.loaded)
 
-    def _facts(self) -> dict[str, object]:
+    def _facts(self) -> JsonObject:
         """Return what there is to say besides the points."""
         table, source = self.loaded.table, self.loaded.source
         return {

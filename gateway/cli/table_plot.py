@@ -10,13 +10,14 @@ import typer
 from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
 from gateway.cli.output import Format, show
-from gateway.cli.readings_options import ScrewOptions
-from gateway.cli.table_options import AsJson, Counts, Force, ReadOptions
+from gateway.cli.table_options import AsJson
 from gateway.cli.table_reading import inspect, problems
+from gateway.commissioning.table_options import Counts, Force, ReadOptions, ScrewOptions
 from gateway.compensation.table import CorrectionTable
 from gateway.metrology.formats import ReadingsContext, Runs, read_survey
 from gateway.metrology.readings import Survey, check_same_axis, check_uncorrected, merged
 from gateway.metrology.residue import LeftOut, predicted_residue
+from gateway.plain import JsonObject
 from gateway.report.axis_data import AxisData, Report
 from gateway.report.words import shortest
 from gateway.report.writing import check_path, put_file, render
@@ -114,7 +115,7 @@ class _Plotted:
     size: int
     """Bytes."""
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         return {
             "file": str(self.file),

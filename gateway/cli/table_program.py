@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from gateway.cli.table_options import Force
+from gateway.cli.options import takes_options
 from gateway.cli.table_reading import problems
+from gateway.commissioning.table_options import Force
 from gateway.commissioning.tables import write_file
 from gateway.compensation.units import Units
 from gateway.metrology import cycle as maths
@@ -22,6 +23,7 @@ class ProgramKind(Enum):
     LIST = "list"
 
 
+@takes_options
 def program(
     out: Annotated[
         Path | None,

@@ -8,6 +8,7 @@ from pathlib import Path
 import typer
 
 from gateway.cli.output import print_lines
+from gateway.commissioning.table_options import SlopeError
 from gateway.compensation.errors import TableError
 from gateway.compensation.units import Units
 from gateway.metrology.errors import MetrologyError
@@ -51,9 +52,17 @@ def problems() -> Iterator[None]:
         yield
     except ContextError as error:
         raise typer.BadParameter(str(error)) from error
+    except SlopeError as error:
+        raise typer.BadParameter(str(error), param_hint="--max-slope") from error
     except TabFileError as error:
+        _print_notes(error)
         print_lines((f"error: {problem}" for problem in error.problems), err=True)
         raise typer.Exit(1) from None
     except (MetrologyError, TableError, ValueError) as error:
+        _print_notes(error)
         print_lines([f"error: {error}"], err=True)
         raise typer.Exit(1) from None
+
+
+def _print_notes(error: Exception) -> None:
+    print_lines((f"note: {note}" for note in getattr(error, "__notes__", ())), err=True)

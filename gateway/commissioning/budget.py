@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from gateway.budget.as_data import line_data, remedy_data
 from gateway.budget.line import LineBudget, line_budget
@@ -11,6 +10,7 @@ from gateway.budget.verdict import Grade, Remedy, judge, remedies
 from gateway.config.findings import Findings
 from gateway.config.load import Loaded
 from gateway.config.problems import Problem
+from gateway.plain import JsonObject
 from gateway.state.plan import LinePlan
 
 
@@ -31,7 +31,7 @@ class LineFigures:
     remedies: Mapping[str, tuple[Remedy, ...]]
     """What would make it faster, by controller."""
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         of_controllers = {
             name: [remedy_data(each) for each in found] for name, found in self.remedies.items()
@@ -49,7 +49,7 @@ class Budget:
     """What cannot be met."""
     warnings: tuple[Problem, ...]
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         return {
             "ok": not self.problems,

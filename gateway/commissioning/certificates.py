@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from ipaddress import ip_address
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature
@@ -25,6 +25,7 @@ from cryptography.hazmat.primitives.serialization import (
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from gateway.files import FileRefusedError, create, read_regular_file
+from gateway.plain import JsonObject
 from gateway.state.folder import write_whole
 from gateway.transport.certificates import (
     LARGEST_FILE,
@@ -313,7 +314,7 @@ class FileContent:
     until: datetime | None = None
     """How long the list is good."""
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         if self.revoked is None:
             return {"certificates": [_as_data(each, self.now) for each in self.certificates]}
@@ -362,7 +363,7 @@ def _lines(facts: Facts, now: datetime) -> Iterator[str]:
     yield f"  signed  by {facts.issuer}"
 
 
-def _as_data(facts: Facts, now: datetime) -> dict[str, Any]:
+def _as_data(facts: Facts, now: datetime) -> JsonObject:
     return {
         "kind": _kind(facts),
         "subject": facts.subject,

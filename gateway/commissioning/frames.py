@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
-from typing import Any, BinaryIO, Final, Self
+from typing import BinaryIO, Final, Self
 
 import msgspec
 
@@ -19,6 +19,7 @@ from gateway.config.recording_header import header_of
 from gateway.ipc.address import SocketError, socket_path
 from gateway.ipc.client import ask
 from gateway.ipc.messages import Ping, Pong
+from gateway.plain import JsonObject
 from gateway.recording import traffic
 from gateway.recording.capture import Capture, Timed, write_recording
 from gateway.recording.pcapng import PcapNg
@@ -53,7 +54,7 @@ class LineEntry:
         """Whether something went wrong."""
         return "exception" in self.words or self.kind in ERROR_KINDS
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         when = datetime.fromtimestamp(self.wall_s, UTC).isoformat(timespec="microseconds")
         return {"time": when, **msgspec.to_builtins(self.entry), "words": self.words.split(None, 2)[-1]}
@@ -67,7 +68,7 @@ class Taken:
     seconds: float
     files: tuple[str, ...]
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         return {"frames": self.frames, "seconds": round(self.seconds, 6), "files": list(self.files)}
 

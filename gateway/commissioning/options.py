@@ -4,6 +4,7 @@ A field is ``Annotated[TYPE, Option(...)]``. A command that has a parameter of t
 an option (:func:`gateway.cli.options.takes_options`).
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 
@@ -20,3 +21,7 @@ class Option:
     min: float | None = None
     """The least number that is taken."""
     max: float | None = None
+    one_of: Callable[[], Sequence[str]] | None = None
+    """Returns the only words that are taken, with which a shell completes."""
+    is_read_by_us: bool = False
+    """A file that may be unreadable or missing: whoever opens it says so."""

@@ -6,7 +6,6 @@ print(report.test.verdict.value, report.remedy)
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 from gateway.compensation.correction_spec import spec_of_table
 from gateway.compensation.settings import BacklashKind
@@ -24,6 +23,7 @@ from gateway.metrology.sign_test import (
     room,
     sign_test,
 )
+from gateway.plain import JsonObject
 
 UNCERTAINTY_MM = 0.002
 """What a dial gauge with 1 µm marks or a laser in a workshop can be trusted with."""
@@ -113,7 +113,7 @@ class SignReport:
         if test.is_right and not test.tells_direction:
             yield "  this near its zero nothing tells whether the axis itself goes the right way"
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return everything for scripts."""
         test = self.test
         return {
@@ -196,7 +196,7 @@ class TrialMove:
     fault: str
     """Empty where its size and sign are right."""
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return everything for scripts."""
         return {
             "axis": self.plan.name,

@@ -12,6 +12,7 @@ from gateway.compensation.table import CorrectionTable
 from gateway.metrology.formats import is_readings
 from gateway.metrology.readings import APPROACHES
 from gateway.metrology.tables import correction_at
+from gateway.plain import JsonObject
 from gateway.tabfile import (
     Dialect,
     FileProblem,
@@ -38,7 +39,7 @@ class WrittenTable:
     difference: float
     """The largest difference of a correction."""
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return what became of it as plain data."""
         return {
             "losses": list(self.result.losses),

@@ -10,6 +10,7 @@ from gateway.drives.motion import Action
 from gateway.drives.profile import Evidence, Profile, entries, evidence_of
 from gateway.drives.public import SequenceKind, public_traffic
 from gateway.drives.rule_keys import rule_key
+from gateway.plain import JsonObject
 
 WIDTH: Final = 110
 ADDRESSES: Final = ("address", "block", "coil")
@@ -77,7 +78,7 @@ class ProfileShown:
     name: str
     profile: Profile
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return everything it says as plain data, and how often which traffic was found in public."""
         data = {"name": self.name, **self.profile.model_dump(mode="json", exclude_unset=True)}
         if library.is_name(self.name):

@@ -11,6 +11,7 @@ from gateway.drives.motion import Action, Form
 from gateway.drives.registers import RegisterMap, clashes, position_spans
 from gateway.drives.rule_keys import rule_key
 from gateway.drives.strict import ByName, ListOf, StrictModel
+from gateway.plain import JsonObject
 
 KeyPath = tuple[str | int, ...]
 FunctionCode = Annotated[int, Field(ge=1, le=127)]
@@ -96,7 +97,7 @@ class Profile(StrictModel):
     sources: dict[str, Source] = Field(default={}, description="where the values come from")
     evidence: dict[str, Evidence] = Field(default={}, description="why each value is believed")
 
-    def written(self) -> dict[str, Any]:
+    def written(self) -> JsonObject:
         """Return the register map as it stands in the file."""
         return self.registers.model_dump(mode="json", exclude_unset=True)
 

@@ -141,6 +141,8 @@ def for_axis(command: Command, axis: str) -> Command:
     >>> for_axis(Enable(), "x")
     Enable(axes=('x',), version=2)
     """
-    if isinstance(command, SetReference | SetTable | SetLimits | SetTemperature):
-        return command
-    return msgspec.structs.replace(command, axes=(axis,))
+    match command:
+        case SetReference() | SetTable() | SetLimits() | SetTemperature():
+            return command
+        case Enable() | Disable() | EndDryRun() | ClearTable() | SetGain():
+            return msgspec.structs.replace(command, axes=(axis,))

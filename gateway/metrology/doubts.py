@@ -8,6 +8,7 @@ from gateway.metrology.drift import drift_line, drift_of, e_with_and_without
 from gateway.metrology.readings import MeanCorrections, Reading, Survey, mean_corrections, small_unit
 from gateway.metrology.scale import LEAST_TURNS, is_short, reliable_scale
 from gateway.metrology.wrong_runs import offset_notes
+from gateway.plain import JsonObject
 
 TINY_MM: Final = 0.0002
 """No screw is as good: the deviations are given in a larger unit than they are said to be in."""
@@ -100,7 +101,7 @@ def _scale_notes(survey: Survey, counts_per_unit: float | None, lead: float | No
     return [text]
 
 
-def json_of(survey: Survey, lead: float | None = None) -> dict[str, object]:
+def json_of(survey: Survey, lead: float | None = None) -> JsonObject:
     """Return the same as plain data; null where there is nothing."""
     scale, drift, small = reliable_scale(survey, lead), drift_of(survey), small_unit(survey.units)
     was, steady = (0.0, 0.0) if drift is None else e_with_and_without(survey, drift)

@@ -27,6 +27,7 @@ from gateway.compensation.units import Units
 from gateway.metrology.cycle import enough_targets
 from gateway.metrology.lead import even_step
 from gateway.metrology.readings import APPROACHES, Reading, Survey, checked_approaches
+from gateway.plain import JsonObject
 
 NAMES: Final = (
     ("A", "accuracy"),
@@ -189,7 +190,7 @@ def values_of(found: Evaluation) -> dict[str, tuple[float | None, float | None, 
     }
 
 
-def results_json(found: Evaluation) -> dict[str, object]:
+def results_json(found: Evaluation) -> JsonObject:
     """Return the results as plain data, in the units of the readings; null where the readings carry none."""
     values = values_of(found)
     return {

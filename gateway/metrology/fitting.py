@@ -22,6 +22,7 @@ from gateway.metrology.lead import lead_warnings
 from gateway.metrology.readings import small_unit
 from gateway.metrology.resample import DIGITS, at_positions, fewest_points, grid_positions
 from gateway.metrology.screw import Harmonic, Jump, MeasuredScrew
+from gateway.plain import JsonObject
 
 LEAST_FITTED: Final = 9
 """Through fewer targets lines are as good as any curve, and what was read stays in the table as it was."""
@@ -98,7 +99,7 @@ class FitEvidence:
         notes.extend(f"{each.period.name}: {_of_harmonic(each, units)}" for each in self.harmonics)
         return notes
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return why a table follows what it follows, as plain data."""
         chosen = self.chosen
         small = small_unit(chosen.table.units)

@@ -9,6 +9,7 @@ from gateway.metrology.evaluation import Evaluation
 from gateway.metrology.lead import Period
 from gateway.metrology.readings import Small, Survey, small_unit
 from gateway.metrology.tables import correction_at
+from gateway.plain import JsonObject
 
 NOT_JUDGED: Final = "not known from these readings: too few targets, or more than tell anything"
 
@@ -88,7 +89,7 @@ class LeftOut(NamedTuple):
         )
 
 
-def left_out_json(units: Units, left_out: LeftOut | None, when: str = "") -> dict[str, object]:
+def left_out_json(units: Units, left_out: LeftOut | None, when: str = "") -> JsonObject:
     """Return E between the targets, predicted by leaving out, and its bounds.
 
     Null is what the readings do not tell, with the reason, and the lengths, in the units of the readings, of
@@ -99,16 +100,18 @@ def left_out_json(units: Units, left_out: LeftOut | None, when: str = "") -> dic
     numbers: tuple[float | None, ...] = (None,) * len(names)
     if left_out is not None and not left_out.unsettled:
         numbers = (left_out.e, left_out.low, left_out.high)
-    return {
+    lengths = {
         f"{name}_{small.key}": None if number is None else number * small.factor
         for name, number in zip(names, numbers, strict=True)
-    } | {
+    }
+    return {
+        **lengths,
         f"left_out_unknown{when}": (NOT_JUDGED if left_out is None else left_out.unknown) or None,
         f"left_out_unseen_periods{when}": [each.length for each in left_out.unseen] if left_out else [],
     }
 
 
-def predicted_json(predicted: Evaluation, left_out: LeftOut | None) -> dict[str, object]:
+def predicted_json(predicted: Evaluation, left_out: LeftOut | None) -> JsonObject:
     """Return E as predicted at the targets, and between them."""
     small = small_unit(predicted.units)
     at_targets = None if predicted.systematic is None else predicted.systematic * small.factor

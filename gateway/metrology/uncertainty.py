@@ -22,6 +22,7 @@ from typing import Final
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation
 from gateway.metrology.readings import small_unit
+from gateway.plain import JsonObject
 
 RANGE: Final = 0.6
 """Of a range: its expanded uncertainty."""
@@ -127,7 +128,7 @@ def limit_line(found: Evaluation, budget: UncertaintyBudget, limit_um: float) ->
     )
 
 
-def limit_json(found: Evaluation, budget: UncertaintyBudget, limit_um: float) -> dict[str, object]:
+def limit_json(found: Evaluation, budget: UncertaintyBudget, limit_um: float) -> JsonObject:
     """Return the same as plain data. Raises ReadingsError: see :func:`limit_line`."""
     small = small_unit(found.units)
     accuracy = _accuracy(found, limit_um)

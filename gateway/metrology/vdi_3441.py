@@ -17,6 +17,7 @@ from statistics import fmean
 
 from gateway.metrology.evaluation import Evaluation
 from gateway.metrology.readings import small_unit
+from gateway.plain import JsonObject
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +69,7 @@ def vdi_line(found: Evaluation) -> str:
     )
 
 
-def vdi_json(found: Evaluation) -> dict[str, object] | None:
+def vdi_json(found: Evaluation) -> JsonObject | None:
     """Return the same as plain data."""
     results, small = vdi_3441(found), small_unit(found.units)
     if results is None:

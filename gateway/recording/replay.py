@@ -18,6 +18,7 @@ from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.ports import ControllerPort, DriveLink, OwnUnit
 from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
 from gateway.modbus.registers import BitTable
+from gateway.plain import JsonObject
 from gateway.recording import traffic
 from gateway.recording.readable import output_words
 from gateway.state.plan import GatewayPlan, LinePlan
@@ -48,7 +49,7 @@ class Difference:
     expected: traffic.Output | None
     got: traffic.Output | None
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         return {
             "entry": self.entry,
@@ -79,7 +80,7 @@ class ReplayResult:
     before: int = 0
     """Entries of a capture from before it is known what holds: they are not compared."""
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         return {
             "inputs": self.inputs,

@@ -7,10 +7,11 @@ import gc
 import os
 import signal
 import sys
+from collections.abc import Callable
 from functools import partial
 
 from gateway.ipc.children import follow_parent, notify_parent
-from gateway.ipc.log import log_writer, take_standard_error
+from gateway.ipc.log import LogEntry, LogFormat, json_writer, take_standard_error
 from gateway.ipc.program_options import options_of
 from gateway.ipc.service_manager import handed_over, manager_of
 from gateway.relay.errors import StartError
@@ -37,7 +38,7 @@ def main() -> int:
         compiled = read_plan(state, config, is_compared=options.state is None)
         run_relay(
             compiled.plan,
-            log_writer(options.log_format),
+            _writer(options.log_format, compiled.plan.name),
             options.status_every_s,
             state=state,
             on_ready=partial(notify_parent, options.parent),
@@ -53,6 +54,14 @@ def main() -> int:
     for problem in problems:
         sys.stderr.write(f"{config}: {problem}\n")
     return 1
+
+
+def _writer(log_format: LogFormat, gateway: str) -> Callable[[LogEntry], None]:
+    if log_format.is_json:
+        return json_writer(gateway)
+    from gateway.ipc.structured_log import StructuredLog
+
+    return StructuredLog(log_format).write
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from gateway.catalogue.line_events import (
     ADAPTER_ECHOES,
@@ -38,6 +38,7 @@ from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.exchange.ports import OwnUnit
 from gateway.exchange.status import axes_status, line_status
 from gateway.exchange.tap import Tap
+from gateway.plain import JsonObject
 from gateway.recording import traffic
 from gateway.recording.tap import FileTap, TraceTap
 from gateway.recording.trace_buffer import TraceBuffer
@@ -461,7 +462,7 @@ def _make_trace_buffer(plan: LinePlan, journal: Journal) -> TraceBuffer | None:
         return None
 
 
-def _configured(plan: AxisPlan) -> dict[str, Any]:
+def _configured(plan: AxisPlan) -> JsonObject:
     mode = plan.compensation.value
     return {"gain": _shares(plan.settings.gain), "compensation": mode, **values_of(limits_of(plan))}
 

@@ -22,6 +22,7 @@ from gateway.ipc.children import RELOADS
 from gateway.ipc.log import LogEntry, log_entry
 from gateway.ipc.log_thread import LogThread
 from gateway.ipc.service_manager import ServiceManager
+from gateway.plain import JsonObject
 from gateway.recording.writer import Recorder
 from gateway.relay.fd_store import FdStore
 from gateway.relay.gateway import Relay
@@ -246,7 +247,7 @@ class _Log:
             self.log(events.STATUS, line=name, **_picked(line, LINE_FIELDS), controllers=heard)
 
 
-def _picked(part: Struct, names: tuple[str, ...]) -> dict[str, Any]:
+def _picked(part: Struct, names: tuple[str, ...]) -> JsonObject:
     """Return what is wanted of a part of the status; what a link or a controller has not is left out."""
     values = {name: getattr(part, name) for name in names}
     return {name: value for name, value in values.items() if value is not UNSET}

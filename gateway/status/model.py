@@ -5,6 +5,7 @@ from typing import Annotated, Any, Final
 
 from msgspec import UNSET, Struct, UnsetType, field, to_builtins
 
+from gateway.plain import JsonObject
 from gateway.status.axis import AxisStatus, WholeAxis, WriterConflictStatus
 from gateway.status.counters import Counter, counters_of
 from gateway.status.line import (
@@ -164,7 +165,7 @@ class Model(Struct, kw_only=True):
     verdict: Verdict = Verdict()
     """Of an older release without a word."""
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         data: dict[str, Any] = to_builtins(self)
         return data

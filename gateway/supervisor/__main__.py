@@ -7,7 +7,7 @@ import sys
 
 from gateway.ipc.address import SocketError
 from gateway.ipc.children import follow_parent
-from gateway.ipc.log import log_writer, take_standard_error
+from gateway.ipc.log import take_standard_error
 from gateway.ipc.program_options import options_of
 from gateway.ipc.service_manager import manager_of
 from gateway.state.folder import StateError, state_folder
@@ -19,6 +19,7 @@ def main() -> int:
     take_standard_error(options.log_format)
     # What is loaded stays: to search all of it for garbage again and again is a tenth of the start.
     gc.disable()
+    from gateway.ipc.structured_log import StructuredLog
     from gateway.supervisor.process import run_supervisor
 
     gc.enable()
@@ -29,7 +30,7 @@ def main() -> int:
         run_supervisor(
             config,
             options.state or state_folder(config),
-            log_writer(options.log_format),
+            StructuredLog(options.log_format),
             tells_events=options.tells_events,
             manager=manager,
         )

@@ -4,17 +4,17 @@ import asyncio
 import contextlib
 import os
 import signal
-from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
 from gateway.catalogue import starts
 from gateway.ipc.address import socket_path
 from gateway.ipc.children import RELOADS
-from gateway.ipc.log import LogEntry
 from gateway.ipc.log_thread import LogThread
 from gateway.ipc.service_manager import ServiceManager
+from gateway.ipc.structured_log import StructuredLog
 from gateway.state.folder import StateError, make_folder, problem_of
+from gateway.state.last_good import last_plan
 from gateway.state.lock import take_lock
 from gateway.state.plan import refuse_newer, writer_of
 from gateway.supervisor.broadcast import Broadcast
@@ -32,7 +32,7 @@ LONGEST_PAUSE_S: Final = 2.0
 def run_supervisor(
     config: Path,
     state: Path,
-    write: Callable[[LogEntry], None],
+    log: StructuredLog,
     *,
     tells_events: bool = False,
     manager: ServiceManager | None = None,
@@ -40,7 +40,8 @@ def run_supervisor(
     """Run until SIGTERM or SIGINT; SIGHUP reads configuration and tables anew.
 
     ``tells_events``: what the relay tells of goes into the log too.
-    ``write`` writes a note into the log and may block, as in ``relay.run.run_relay``.
+    ``log`` is written to in a thread. It learns the gateway's name from the last plan, then from the
+    configuration.
     ``manager`` is the service manager that started this process.
 
     Raises:
@@ -51,11 +52,15 @@ def run_supervisor(
     refuse_newer(state, writer_of(state))
     ignore_broken_leases()
     lock_fd = _lock(state)
+    if (last := last_plan(state)) is not None:
+        log.name_gateway(last.plan.name)
     try:
-        log = LogThread(write)
-        supervisor = Supervisor(config, state, log.write, tells_events=tells_events)
+        thread = LogThread(log.write)
+        supervisor = Supervisor(
+            config, state, thread.write, tells_events=tells_events, name_gateway=log.name_gateway
+        )
         with asyncio.Runner() as runner:
-            runner.run(_with_log(log, supervisor, manager or ServiceManager()))
+            runner.run(_with_log(thread, supervisor, manager or ServiceManager()))
     finally:
         os.close(lock_fd)
 

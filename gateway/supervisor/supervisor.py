@@ -62,14 +62,24 @@ STATE_EVERY_S: Final = 5.0
 """So often is looked whether anything can be kept in the state folder."""
 
 
+def _name_nobody(_gateway: str) -> None:
+    pass
+
+
 class Supervisor:
     """Follows the relay of a state folder and the tables of a configuration.
 
-    ``write`` takes a note for the log and does not block.
+    ``write`` takes a note for the log and does not block. ``name_gateway`` tells the log whose they are.
     """
 
     def __init__(
-        self, config: Path, state: Path, write: Callable[[LogEntry], None], *, tells_events: bool = False
+        self,
+        config: Path,
+        state: Path,
+        write: Callable[[LogEntry], None],
+        *,
+        tells_events: bool = False,
+        name_gateway: Callable[[str], None] = _name_nobody,
     ) -> None:
         self._link = RelayLink(socket_path(state), self._reached, self._lost, self._happened, self._publish)
         self.broadcast = Broadcast(self._link.want)
@@ -79,6 +89,7 @@ class Supervisor:
         self._config = config
         self._state = state
         self._write = write
+        self._name_gateway = name_gateway
         self._tells_events = tells_events
         self._reloader = Reloader(config)
         self._watch = Watch()
@@ -251,6 +262,7 @@ class Supervisor:
 
     def _configure(self, loaded: Loaded) -> None:
         """Follow what a configuration says: the same as before changes nothing."""
+        self._name_gateway(loaded.plan.name)
         self._follow(loaded.tables_folder)
         self._http.configure(loaded.sections.http, loaded.plan.name, loaded.path.parent)
         mqtt = loaded.sections.mqtt

@@ -10,6 +10,7 @@ from typing import Final
 from gateway.compensation.curve import Curve
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.files import FileRefusedError, write_file
+from gateway.plain import JsonObject
 from gateway.tabfile import (
     DIALECTS,
     OPTIONS,
@@ -97,7 +98,7 @@ def write_text(table: CorrectionTable, target: Dialect, options: WriteOptions) -
     return replace(written, losses=(*written.losses, *unused))
 
 
-def reader_options(written: Written, target: Dialect) -> dict[str, object]:
+def reader_options(written: Written, target: Dialect) -> JsonObject:
     """Return what a reader of the file must be told, by the names of the options."""
     names = ["format", *OPTIONS]
     if target.units is not UnitsOf.FILE:

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
+from gateway.plain import JsonObject
 from gateway.tabfile.options import FileContext
 
 
@@ -34,7 +35,7 @@ class Lint:
         location = file if self.line is None else f"{file}:{self.line}"
         return f"{location}: {self.severity.value} {self.code} {self.message}"
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return the remark as plain data."""
         return {
             "code": self.code,

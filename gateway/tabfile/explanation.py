@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from enum import Enum
 
+from gateway.plain import JsonObject
 from gateway.tabfile.decoded import BRANCHES, LoadedTable, SourceRow
 
 
@@ -42,7 +43,7 @@ class PositionExplanation:
     forward: DirectionExplained
     backward: DirectionExplained
 
-    def as_data(self) -> dict[str, object]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data; corrections in ``units``."""
         loaded = self.loaded
         return {
@@ -105,7 +106,7 @@ def _between(low: float, high: float, share: float) -> float:
     return low * (1 - share) + high * share
 
 
-def _direction_data(direction: DirectionExplained, *, is_forward: bool) -> dict[str, object]:
+def _direction_data(direction: DirectionExplained, *, is_forward: bool) -> JsonObject:
     return {
         "correction": direction.correction,
         "corrected": direction.corrected,
@@ -117,7 +118,7 @@ def _direction_data(direction: DirectionExplained, *, is_forward: bool) -> dict[
     }
 
 
-def _point_data(row: SourceRow, *, is_forward: bool) -> dict[str, object]:
+def _point_data(row: SourceRow, *, is_forward: bool) -> JsonObject:
     return {
         "position": row.position,
         "correction": row.forward if is_forward else row.backward,

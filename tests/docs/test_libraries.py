@@ -37,9 +37,17 @@ def test_the_page_repeats_no_bound() -> None:
     assert re.findall(r"[<>=~]=?\s*\d", PAGE) == []
 
 
-def test_every_place_that_is_written_by_hand_is_there() -> None:
-    text = PAGE.split("## Written by hand")[1].split("\n## ")[0]
-    places = re.findall(r"`((?:gateway|tools)/[^`]+)`", text)
-    assert len(places) >= 10
+def test_every_place_that_it_names_is_there() -> None:
+    places = re.findall(r"`((?:gateway|tests|tools)/[^`]+)`", PAGE)
+    assert len(places) >= 20
     for place in places:
         assert (ROOT / place).exists(), place
+
+
+def test_it_names_every_test_that_uses_pymodbus() -> None:
+    using = {
+        str(path.relative_to(ROOT))
+        for path in (ROOT / "tests").rglob("test_*.py")
+        if re.search(r"^from pymodbus", path.read_text(encoding="utf-8"), re.MULTILINE)
+    }
+    assert using <= set(re.findall(r"`(tests/[^`]+)`", PAGE))

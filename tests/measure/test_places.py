@@ -1,5 +1,6 @@
 """Where ``measure`` writes: checked before anything moves, and never over readings."""
 
+import json
 from math import sin
 from pathlib import Path
 
@@ -100,7 +101,7 @@ def test_text_json_and_report_say_what_the_new_table_leaves(
         for target in (0.0, 9.0, 22.0, 30.0, 41.0, 49.0, 60.0, 73.0, 80.0, 91.0, 100.0)
     ]
     found = outcome_of(Survey(tuple(readings), READINGS.units, "x"), axis, is_active=is_active)
-    predicted = found.as_data()["predicted"]
+    predicted = json.loads(json.dumps(found.as_data()))["predicted"]
     assert predicted["left_out_e_low_um"] < predicted["left_out_e_um"] < predicted["left_out_e_high_um"]
     lines = "\n".join(found.lines())
     assert f"will leave E = {predicted['left_out_e_um']:.2f} µm (predicted" in lines

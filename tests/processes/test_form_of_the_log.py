@@ -13,7 +13,7 @@ import pytest
 
 from tests.child import started
 from tests.commands import typed
-from tests.processes.bench import COMMAND, ROOT, SECONDS, Site, site_in, typed_apart
+from tests.processes.bench import COMMAND, ROOT, SECONDS, Site, children, site_in, typed_apart
 
 BAD_TABLE = "no table"
 KEPT = "axis x starts with the last good table"
@@ -78,6 +78,23 @@ def test_run_says_what_is_wrong_with_a_table_as_json_too(site: Site) -> None:
     assert {note["level"] for note in said} == {"warning"}
     assert said[-1]["detail"] == f"{site.table}: {KEPT}"
     assert not any(note["detail"].startswith("warning") for note in said)
+
+
+def test_relay_supervisor_and_run_name_the_gateway(site: Site) -> None:
+    command = [*COMMAND, "run", str(site.config), "--log-format", "json"]
+    whose = {}
+    with started(command, cwd=ROOT, stderr=subprocess.PIPE) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            note = json.loads(line)
+            whose[note["event"]] = note.get("gateway")
+            if note["event"] == "relay-reached":
+                os.kill(children(process)["gateway.supervisor"], signal.SIGKILL)
+            if note["event"] == "supervisor-ended":
+                process.send_signal(signal.SIGTERM)
+        assert process.wait(SECONDS) == 0
+    words = ("line-up", "ready", "supervising", "relay-reached", "supervisor-ended")
+    assert [whose[word] for word in words] == ["trial"] * len(words)
 
 
 @pytest.mark.parametrize("command", ["run", "relay", "supervise"])

@@ -1,16 +1,12 @@
 """Notes on their way to the log."""
 
 import asyncio
-import json
-import sys
-
-import pytest
 
 from gateway.catalogue import exchange_events
 from gateway.catalogue.entry import Severity
 from gateway.catalogue.process_events import STATUS
 from gateway.exchange.events import Event
-from gateway.ipc.log import LogEntry, LogFormat, log_writer
+from gateway.ipc.log import LogEntry
 from gateway.ipc.log_thread import CAPACITY, LogThread
 from gateway.relay.journal import Journal
 from gateway.relay.run import _Log
@@ -47,26 +43,6 @@ def test_good_news_is_no_warning() -> None:
         ("budget-overrun", Severity.WARNING),
         ("budget-kept", Severity.INFO),
     ]
-
-
-def test_a_service_logs_json_lines(capfd: pytest.CaptureFixture[str]) -> None:
-    write = log_writer(LogFormat.JSON)
-    write(LogEntry(Severity.WARNING, "line-down", {"line": "xyz"}, 0.0))
-    assert json.loads(capfd.readouterr().err) == {
-        "event": "line-down",
-        "level": "warning",
-        "line": "xyz",
-        "timestamp": "1970-01-01T00:00:00.000+00:00",
-    }
-
-
-def test_a_person_reads_plain_lines(capfd: pytest.CaptureFixture[str]) -> None:
-    write = log_writer(LogFormat.CONSOLE)
-    write(LogEntry(Severity.INFO, "ready", {"addresses": "127.0.0.1:1502"}, 0.0))
-    line = capfd.readouterr().err
-    assert "ready" in line
-    assert "127.0.0.1:1502" in line
-    assert "\x1b" not in line or sys.stderr.isatty()
 
 
 def test_what_the_loop_would_print_itself_goes_into_the_log() -> None:

@@ -15,12 +15,12 @@ PROGRAM = """
 import asyncio, json, sys
 from pathlib import Path
 import gateway.relay.__main__, gateway.relay.run
-from gateway.ipc.log import LogFormat, log_writer
+from gateway.ipc.log import json_writer
 from gateway.state.plan import GatewayPlan
 from gateway.relay.gateway import Relay
 
 async def live():
-    relay = Relay(GatewayPlan("bench", ()), log_writer(LogFormat.JSON), state=Path(sys.argv[1]))
+    relay = Relay(GatewayPlan("bench", ()), json_writer("bench"), state=Path(sys.argv[1]))
     await relay.start()
     relay.status()
     await relay.stop()

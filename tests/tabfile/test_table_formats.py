@@ -8,8 +8,8 @@ import pytest
 import typer.main
 
 from gateway.cli.table import app
-from gateway.cli.table_options import format_names, writable_names
 from gateway.cli.table_output import TableShown, explained
+from gateway.commissioning.table_options import format_names, writable_names
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import DIALECTS, OPTIONS, FileContext, TabFileError, explain, read_table

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from gateway.commissioning.demo.cycle import AxisView, View
 from gateway.commissioning.demo.machine import (
@@ -13,6 +13,7 @@ from gateway.commissioning.demo.machine import (
     table_name,
 )
 from gateway.metrology.readings import Reading, Survey
+from gateway.plain import JsonObject
 from gateway.report.axis_data import AxisData, Report
 from gateway.report.words import shortest
 
@@ -38,7 +39,7 @@ class Demonstrated:
             for axis in self.view.axes.values()
         )
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return what was found, lengths in µm."""
         return {
             "axes": {name: _axis_json(axis) for name, axis in self.view.axes.items()},
@@ -63,7 +64,7 @@ class Demonstrated:
             yield f"the report is {self.report}"
 
 
-def _axis_json(axis: AxisView) -> dict[str, Any]:
+def _axis_json(axis: AxisView) -> JsonObject:
     spec = axis.spec
     return {
         "controller": spec.controller.value,

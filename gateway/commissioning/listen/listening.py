@@ -20,6 +20,7 @@ from gateway.commissioning.listen.proposal import ListenPoint, proposed, unit_da
 from gateway.commissioning.listen.proxy import Proxy
 from gateway.commissioning.listen.serial_line import SILENCE_MS, Sniffer, Trial, find_setting, settings_to_try
 from gateway.commissioning.listen.traffic import TrafficStatistics
+from gateway.plain import JsonObject
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import TcpEndpoint
 
@@ -45,7 +46,7 @@ class Heard:
         """A configuration to begin with; empty where no unit id was told a target."""
         return proposed(self.listen_point, self.statistics.units)
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return everything as plain data."""
         units = {
             str(unit_id): unit_data(unit_id, unit) for unit_id, unit in sorted(self.statistics.units.items())
@@ -138,7 +139,7 @@ def _progress(statistics: TrafficStatistics) -> str:
     return f"{statistics.requests} requests, unit ids {ids}"
 
 
-def _serial_data(trial: Trial) -> dict[str, Any]:
+def _serial_data(trial: Trial) -> JsonObject:
     return {
         "baudrate": trial.setting.baudrate,
         "parity": PARITIES[trial.setting.parity],

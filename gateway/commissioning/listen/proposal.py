@@ -6,13 +6,14 @@ What is known is written there, what is not has to be filled in.
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from gateway.commissioning.first_configuration import PARITIES
 from gateway.commissioning.listen.recognition import Match, likely, matches
 from gateway.commissioning.listen.serial_line import PortSettings
 from gateway.commissioning.listen.traffic import PositionGuess, RegisterUse, UnitStatistics, function_name
 from gateway.drives import library
+from gateway.plain import JsonObject
 from gateway.transport.endpoints import TcpEndpoint
 
 AXIS_NAMES: Final = "xyzabcuvw"
@@ -119,7 +120,7 @@ SHOWN_USES = 12
 SHOWN_DRIVES = 3
 
 
-def unit_data(unit_id: int, unit: UnitStatistics) -> dict[str, Any]:
+def unit_data(unit_id: int, unit: UnitStatistics) -> JsonObject:
     """Return what was heard of a unit id as plain data."""
     found = matches(unit_id, unit)
     return {

@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from gateway.commissioning.measure import outcome
 from gateway.commissioning.measure.axis_link import recipe_of
@@ -69,6 +69,7 @@ from gateway.metrology.gauge_kinds import DEFAULTS, GaugeKind
 from gateway.metrology.gauges import GaugeError, pattern_of
 from gateway.metrology.lead import Period, lead_warnings, periods_of
 from gateway.metrology.readings import Reading
+from gateway.plain import JsonObject
 from gateway.state.plan import shape_of
 from gateway.status.model import RelayModel
 from gateway.transport.endpoints import SerialEndpoint
@@ -170,9 +171,8 @@ def run_settings_of(pace: Pace, reader: InstrumentOptions, axis: AxisPlan) -> Ru
     ):
         raise InstrumentError("--window and --largest-deviation: greater than 0; --zero-at: a position")
     return RunSettings(
-        dwell_s=pace.dwell_s,
+        pace,
         window=window,
-        move_timeout_s=pace.move_timeout_s,
         largest_deviation=largest,
         sign=-1.0 if reader.is_reversed else 1.0,
         zero_at=reader.zero_at,
@@ -207,7 +207,7 @@ class RunResult:
     written: tuple[str, ...]
     """What was written besides, a line each."""
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return it for a program, in units of the axis."""
         return {**self.outcome.as_data(), "readings_file": str(self.readings_file)}
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any, Final
+from typing import Final
 
 from gateway.commissioning.measure.errors import FileError, MeasureError
 from gateway.compensation.backlash import with_backlash
@@ -29,6 +29,7 @@ from gateway.metrology.refine import Refined, refine_table
 from gateway.metrology.resample import grid_positions
 from gateway.metrology.residue import LeftOut, left_out_json, left_out_line, left_out_text, predicted_residue
 from gateway.metrology.scale import reliable_scale
+from gateway.plain import JsonObject
 from gateway.tabfile import DIALECTS, TabFileError, Written, dialect_named, parse_table
 from gateway.tabfile.conversion import reader_lines, write
 
@@ -61,7 +62,7 @@ class RunOutcome:
     left_out: LeftOut | None = None
     """E that the new table will leave between the targets, predicted by leaving out; None: not known."""
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return the results for a program, in units of the axis."""
         table, change = self.table, self.change
         return {

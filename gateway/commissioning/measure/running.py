@@ -11,6 +11,7 @@ from typing import Any, Final, TypeVar
 from gateway.commissioning.measure.axis_link import AxisLink, AxisSnapshot, LostAxisError
 from gateway.commissioning.measure.errors import AxisError, BadReadingError, StoppedError
 from gateway.commissioning.measure.instruments import Instrument, Lines
+from gateway.commissioning.measure.options import Pace
 from gateway.commissioning.measure.readings_file import ReadingsFile
 from gateway.metrology.cycle import Stop
 from gateway.metrology.readings import Reading
@@ -103,11 +104,10 @@ class Halt:
 class RunSettings:
     """How a run goes; lengths in units of the axis."""
 
-    dwell_s: float
-    """From the arrival to the reading."""
+    pace: Pace
+    """As it was asked for."""
     window: float
     """How near to its target the axis counts as there."""
-    move_timeout_s: float
     largest_deviation: float
     """A reading that is farther away from its target is asked for again: a slip, or an instrument's zero."""
     sign: float = 1.0
@@ -156,7 +156,7 @@ class Run:
             self.halt.check()
             await self._move(stop)
             if stop.measure:
-                await self.halt.wait(self._settings.dwell_s)
+                await self.halt.wait(self._settings.pace.dwell_s)
                 reading = await self._reading(stop)
                 self._file.append(reading)
                 self.readings.append(reading)
@@ -227,7 +227,7 @@ class Run:
         self.may_move = True
         await self._link.go(stop.nominal, starts)
         loop = asyncio.get_running_loop()
-        give_up_s = loop.time() + self._settings.move_timeout_s
+        give_up_s = loop.time() + self._settings.pace.move_timeout_s
         still, last = 0, await self._link.snapshot()
         while still < STILL:
             await self.halt.wait(POLL_S)
@@ -245,7 +245,7 @@ class Run:
         self.may_move = False
 
     def _why_not_there(self, stop: Stop, snapshot: AxisSnapshot) -> str:
-        limit, away = self._settings.move_timeout_s, abs(snapshot.position - stop.nominal)
+        limit, away = self._settings.pace.move_timeout_s, abs(snapshot.position - stop.nominal)
         name = self._link.plan.name
         if away > self._settings.window:
             return (

@@ -8,7 +8,7 @@ Not while the gateway runs: a line belongs to one program only.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from gateway.commissioning.probe.judgement import ProbeFinding, Weight, findings_of, ids_text, position_of
 from gateway.commissioning.probe.readings import (
@@ -20,6 +20,7 @@ from gateway.commissioning.probe.readings import (
     scan,
 )
 from gateway.commissioning.probe.timing import LineTimes, measure_line
+from gateway.plain import JsonObject
 from gateway.state.plan import LinePlan
 from gateway.transport.errors import TransportError
 from gateway.transport.framing import endpoint_key, returns_requests
@@ -45,7 +46,7 @@ class Probed:
         """Whether every line was reached, and nothing is wrong with any axis."""
         return not self.problems and not any(_is_wrong(findings) for _, findings in self.axes)
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         axes = {found.plan.name: _axis_data(found, findings) for found, findings in self.axes}
         return {"axes": axes, "problems": list(self.problems)}
@@ -71,7 +72,7 @@ class Timed:
         """Whether every line was reached, and its time-outs can be proposed."""
         return not self.problems and not any(each.problem for each in self.times)
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         lines = {each.line.name: each.as_data() for each in self.times}
         return {"lines": lines, "problems": list(self.problems)}
@@ -136,7 +137,7 @@ def _is_wrong(findings: Sequence[ProbeFinding]) -> bool:
     return any(finding.weight is Weight.ERROR for finding in findings)
 
 
-def _axis_data(found: AxisReadings, findings: Sequence[ProbeFinding]) -> dict[str, Any]:
+def _axis_data(found: AxisReadings, findings: Sequence[ProbeFinding]) -> JsonObject:
     positions = {
         name: {
             "address": reading.register.address,

@@ -7,10 +7,11 @@ reached over a busy network, takes longer than one that is read. So nothing goes
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from math import ceil, log10
-from typing import Any, Final
+from typing import Final
 
 from gateway.commissioning.probe.readings import ProbedRegister, frame_of, registers_of
 from gateway.exchange.axis.axis import Axis
+from gateway.plain import JsonObject
 from gateway.state.plan import LinePlan
 from gateway.times import NS_PER_MS
 from gateway.transport.endpoints import TcpEndpoint
@@ -113,7 +114,7 @@ class LineTimes:
         patience_ms = (controller.plan.timeout_ms for controller in self.line.controllers)
         return max(of.response_timeout_ms, *patience_ms, 0.0) + (of.drain_ms or 0.0)
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return it as plain data."""
         return {
             "units": {

@@ -21,6 +21,7 @@ from gateway.exchange.commands import Disable, Enable, SetGain, Share
 from gateway.ipc.client import NoGatewayError
 from gateway.ipc.messages import Done, Request
 from gateway.limits import bucket_of
+from gateway.plain import JsonObject
 from gateway.supervisor.event_log import LogEvent
 from gateway.supervisor.mqtt.connection import BrokerConnection, BrokerError, encode
 from gateway.supervisor.mqtt.interfaces import Orders
@@ -105,7 +106,7 @@ class CommandResult:
             return "done"
         return "partly" if self.changed or self.comes or self.keys else "refused"
 
-    def as_data(self) -> dict[str, Any]:
+    def as_data(self) -> JsonObject:
         """Return plain data."""
         return {
             "command": self.command,

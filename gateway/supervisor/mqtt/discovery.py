@@ -17,6 +17,7 @@ from math import ceil
 from typing import Any, Final
 
 from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES, TERM_STATES
+from gateway.plain import JsonObject
 from gateway.status.axis import TermsStatus
 from gateway.status.model import Model
 from gateway.supervisor.mqtt.interfaces import Payload
@@ -84,7 +85,7 @@ def _gateway(settings: Settings, model: Model, components: Payload) -> Payload:
     }
 
 
-def _gateway_components(settings: Settings) -> dict[str, Any]:
+def _gateway_components(settings: Settings) -> JsonObject:
     topics = settings.topics
     worst = "value_json.troubles[0]"
     return {
@@ -123,7 +124,7 @@ def _gateway_components(settings: Settings) -> dict[str, Any]:
     }
 
 
-def _gateway_commands(settings: Settings) -> dict[str, Any]:
+def _gateway_commands(settings: Settings) -> JsonObject:
     topics = settings.topics
     return {
         "reload": {
@@ -136,7 +137,7 @@ def _gateway_commands(settings: Settings) -> dict[str, Any]:
     }
 
 
-def _axis_commands(settings: Settings, name: str) -> dict[str, Any]:
+def _axis_commands(settings: Settings, name: str) -> JsonObject:
     """Return the switch of an axis. It shows what the axis does, not what was asked."""
 
     def order(*, is_on: bool) -> str:
@@ -184,11 +185,11 @@ def _axis(settings: Settings, model: Model, name: str, components: Payload) -> P
     }
 
 
-def _expires(settings: Settings) -> dict[str, Any]:
+def _expires(settings: Settings) -> JsonObject:
     return {"expire_after": max(SHORTEST_EXPIRY_S, ceil(settings.interval_s * QUIET_INTERVALS))}
 
 
-def _length(settings: Settings, units: str) -> dict[str, Any]:
+def _length(settings: Settings, units: str) -> JsonObject:
     return {
         "unit_of_measurement": UNITS[units],
         "state_class": "measurement",
@@ -198,7 +199,7 @@ def _length(settings: Settings, units: str) -> dict[str, Any]:
     }
 
 
-def _axis_components(settings: Settings, name: str, units: str) -> dict[str, Any]:
+def _axis_components(settings: Settings, name: str, units: str) -> JsonObject:
     """Return what Home Assistant shows of an axis; positions are in ``units``, times in µs."""
     topics, device = settings.topics, _device(settings, name)
     state, table = topics.axis(name), topics.table(name)
@@ -241,7 +242,7 @@ def _axis_components(settings: Settings, name: str, units: str) -> dict[str, Any
     }
 
 
-def _term_components(settings: Settings, name: str, units: str, terms: TermsStatus) -> dict[str, Any]:
+def _term_components(settings: Settings, name: str, units: str, terms: TermsStatus) -> JsonObject:
     """Return what Home Assistant shows of what is added to a table; lengths are in ``units``."""
     device, topic, expires = _device(settings, name), settings.topics.axis(name), _expires(settings)
     found: dict[str, Any] = {}
@@ -269,21 +270,21 @@ def _term_components(settings: Settings, name: str, units: str, terms: TermsStat
     return found
 
 
-def _at(value_path: str, entity: Mapping[str, Any]) -> dict[str, Any]:
+def _at(value_path: str, entity: Mapping[str, Any]) -> JsonObject:
     """Return an entity whose value stands somewhere in the terms."""
     return {**entity, "value_template": f"{{{{ value_json.terms.{value_path} }}}}"}
 
 
-def _about(model: Model) -> dict[str, Any]:
+def _about(model: Model) -> JsonObject:
     support = {"support_url": SUPPORT_URL} if SUPPORT_URL else {}
     return {"o": {"name": MAKER, "sw_version": model.gateway.version, **support}, "qos": 1}
 
 
-def _entity(device: str, platform: str, key: str, name: str) -> dict[str, Any]:
+def _entity(device: str, platform: str, key: str, name: str) -> JsonObject:
     return {"p": platform, "unique_id": f"{device}_{key}", "name": name}
 
 
-def _sensor(device: str, key: str, name: str, topic: str, more: Payload) -> dict[str, Any]:
+def _sensor(device: str, key: str, name: str, topic: str, more: Payload) -> JsonObject:
     """A sensor of one value; null, which a template shows as None, is "unknown" there."""
     return {
         **_entity(device, "sensor", key, name),
@@ -295,7 +296,7 @@ def _sensor(device: str, key: str, name: str, topic: str, more: Payload) -> dict
 
 def _choice(
     device: str, key: str, name: str, topic: str, *, options: tuple[str, ...], more: Payload
-) -> dict[str, Any]:
+) -> JsonObject:
     return {
         **_sensor(device, key, name, topic, more),
         "device_class": "enum",
@@ -303,7 +304,7 @@ def _choice(
     }
 
 
-def _binary(device: str, key: str, name: str, topic: str, *, condition: str, more: Payload) -> dict[str, Any]:
+def _binary(device: str, key: str, name: str, topic: str, *, condition: str, more: Payload) -> JsonObject:
     return {
         **_entity(device, "binary_sensor", key, name),
         "state_topic": topic,

@@ -1,0 +1,187 @@
+"""A correction table from readings that were taken without one, as a file."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from gateway.commissioning.options import Option
+from gateway.commissioning.table_options import (
+    AxisLetter,
+    Counts,
+    Force,
+    FormatOptions,
+    Home,
+    MaxSlope,
+    OutOptions,
+    ShapeOptions,
+    steep_allowed,
+)
+from gateway.commissioning.tables import WrittenTable, refusal, steep_notes, written_table
+from gateway.compensation.table import CorrectionTable
+from gateway.compensation.units import Units
+from gateway.metrology.doubts import json_of, notes_of, plausibility_warnings
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.evaluation import Evaluation, evaluate, results_json
+from gateway.metrology.lead import longest
+from gateway.metrology.readings import Survey, check_uncorrected, understood
+from gateway.metrology.recipe import Recipe, build_from
+from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
+from gateway.metrology.scale import check_scale
+from gateway.metrology.wrong_runs import settled
+from gateway.plain import JsonObject
+from gateway.tabfile import LoadedTable, TabFileError, axis_of_name, dialect_named
+
+if TYPE_CHECKING:
+    from gateway.metrology.fitting import FitEvidence
+
+OWN_OPTIONS: Final = {
+    "--to-axis": "--axis",
+    "--resample STEP": "--step STEP, or a format with positions of its own",
+}
+"""What some options of ``table convert`` are called here."""
+
+
+@dataclass(frozen=True, slots=True)
+class BuildOptions:
+    """How a table is made of readings."""
+
+    to: Annotated[str, Option("Format of OUT; pitch-gateway table formats lists all.", metavar="FORMAT")] = (
+        "centroid-2"
+    )
+    home: Home = None
+    step: Annotated[float | None, Option("An even grid: multiples of this distance.")] = None
+    travel: Annotated[
+        tuple[float, float] | None,
+        Option("Lay the even grid over this range; beyond the targets it is held.", metavar="LO HI"),
+    ] = None
+    tolerance: Annotated[float | None, Option("As few of the targets as lose no more than this.")] = None
+    smooth: Annotated[
+        float | None, Option("Smooth over this length; says by how much.", metavar="WINDOW")
+    ] = None
+    drop_outliers: Annotated[bool, Option("Leave out outliers, and runs that are wrong as a whole.")] = False
+    shape: ShapeOptions = field(default_factory=ShapeOptions)
+    keep_scale: Annotated[
+        bool, Option("Make the table though the readings are wrong by more than 0.3 mm/m.")
+    ] = False
+    max_slope: MaxSlope = None
+    counts_per_unit: Counts = None
+    axis: AxisLetter = None
+    units: Annotated[Units | None, Option("Units of readings that state none.")] = None
+    to_units: Annotated[Units | None, Option("Units of OUT; default: those of the readings.")] = None
+    out: OutOptions = field(default_factory=OutOptions)
+    readings: FormatOptions = field(default_factory=FormatOptions)
+    force: Force = False
+
+
+def build(survey: Survey, out: Path, options: BuildOptions) -> "BuiltTable":
+    """Make a table of readings and write it to ``out``.
+
+    Raises:
+        TabFileError, MetrologyError, TableError: there is no such table, or ``out`` cannot be written. What
+            looks wrong about the readings stands in the notes of the error: perhaps it says why.
+    """
+    check_uncorrected(survey.source, survey.facts, "table refine adds it to that table")
+    survey = settled(survey, drop=options.drop_outliers)
+    periods = options.shape.screw.periods(survey)
+    if not options.keep_scale:
+        try:
+            check_scale(survey, options.counts_per_unit, longest(periods))
+        except ReadingsError as error:
+            _add_warnings(error, survey)
+            raise
+    target = dialect_named(options.to)
+    writing = options.out.writing(options.axis or _letter(survey.axis) or axis_of_name(out.name))
+    unit = options.to_units or survey.units
+    steepest = steep_allowed(survey, options.max_slope)
+    recipe = Recipe(
+        options.home,
+        options.step,
+        options.tolerance,
+        options.smooth,
+        options.drop_outliers,
+        one_way=options.shape.one_way,
+        travel=options.travel,
+        fit=options.shape.fit,
+        periods=periods,
+        refusal=lambda each: refusal(target, each.in_units(unit), writing, steepest),
+    )
+    built = build_from(survey, recipe)
+    table = built.table.in_units(unit)
+    try:
+        written = written_table(table, target, writing, steepest, OWN_OPTIONS)
+    except TabFileError as error:
+        _add_warnings(error, survey)
+        raise
+    # in which order both lists stand is known here, for they come from the readings
+    lints = tuple(lint for lint in written.again.lints if lint.code != "L3")
+    again = replace(written.again, lints=lints)
+    notes = [
+        *built.notes,
+        *notes_of(survey, options.counts_per_unit, lead=longest(periods)),
+        *_one_curve(table, again, target.name),
+        *steep_notes(again.table),
+    ]
+    written = replace(written, again=again)
+    written.put(out, force=options.force)
+    return BuiltTable(
+        out,
+        tuple(notes),
+        written,
+        before=evaluate(survey),
+        predicted=evaluate(predicted_residue(survey, again.table)),
+        left_out=None if built.screw is None else built.screw.left_out(again.table),
+        survey=survey,
+        evidence=built.evidence,
+        lead=longest(periods),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class BuiltTable:
+    """A new table, and what it is predicted to leave."""
+
+    out: Path
+    notes: tuple[str, ...]
+    written: WrittenTable
+    before: Evaluation
+    predicted: Evaluation
+    left_out: LeftOut | None
+    survey: Survey
+    evidence: "FitEvidence | None"
+    lead: float | None
+    """The longest length after which the error may repeat."""
+
+    def as_data(self) -> JsonObject:
+        """Return it as plain data."""
+        again = self.written.again
+        return {
+            "out": str(self.out),
+            "to": again.format,
+            "units": again.table.units.value,
+            "points": len(again.table.positions),
+            "notes": list(self.notes),
+            **self.written.as_data(),
+            "before": results_json(self.before),
+            "predicted": {**results_json(self.predicted), **predicted_json(self.predicted, self.left_out)},
+            "fit": None if self.evidence is None else self.evidence.as_data(),
+            "understood": understood(self.survey),
+            **json_of(self.survey, self.lead),
+        }
+
+
+def _add_warnings(error: Exception, survey: Survey) -> None:
+    for warning in plausibility_warnings(survey.readings, survey.units):
+        error.add_note(warning)
+
+
+def _one_curve(table: CorrectionTable, again: LoadedTable, name: str) -> list[str]:
+    """Name a format that takes the mean of both directions: what was 0 at home is so no more."""
+    if table.is_unidirectional or not again.table.is_unidirectional:
+        return []
+    return [
+        f"{name} holds one curve, here the mean of both directions: --one-way makes one that is 0 at home"
+    ]
+
+
+def _letter(axis: str | None) -> str | None:
+    return axis if axis is not None and len(axis) == 1 and axis.isalpha() else None

@@ -1,0 +1,234 @@
+"""Readings judged after ISO 230-2, beside a second measurement or what a table would leave of them."""
+
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated, Final
+
+from gateway.commissioning.options import Option
+from gateway.commissioning.table_options import Counts, FormatOptions, ReadOptions, ScrewOptions
+from gateway.metrology.doubts import json_of, notes_of
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.evaluation import Evaluation, evaluate, results_json
+from gateway.metrology.lead import Period, longest
+from gateway.metrology.outliers import find_outliers
+from gateway.metrology.readings import Survey, check_same_axis, check_uncorrected, understood, was_corrected
+from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
+from gateway.metrology.uncertainty import budget_of, inputs_of, limit_json, limit_line
+from gateway.metrology.vdi_3441 import vdi_json, vdi_line
+from gateway.plain import JsonObject
+from gateway.report.axis_data import AxisData, Report
+from gateway.report.findings import find, other_stretch
+from gateway.tabfile import LoadedTable
+
+NO_PREDICTION: Final = "what another table would leave cannot be told from it; evaluate it without a table"
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluateOptions:
+    """What readings are judged beside, and by what."""
+
+    after: Annotated[
+        list[Path] | None,
+        Option("Readings with a table in use; again for more.", metavar="READINGS2", is_read_by_us=True),
+    ] = None
+    table: Annotated[
+        Path | None,
+        Option("Predict what this table leaves of READINGS.", metavar="FILE", is_read_by_us=True),
+    ] = None
+    source: ReadOptions = field(default_factory=ReadOptions)
+    readings: FormatOptions = field(default_factory=FormatOptions)
+    screw: ScrewOptions = field(default_factory=ScrewOptions)
+    counts_per_unit: Counts = None
+    vdi: Annotated[bool, Option("Show P, Ps, Pa and U after VDI/DGQ 3441 too.", "vdi-3441")] = False
+    limit: Annotated[
+        float | None, Option("In µm (arcsec): say whether A keeps it, with the uncertainty.")
+    ] = None
+    u_instrument: Annotated[float, Option("Of the instrument over the length, k = 2, in µm (arcsec).")] = 0.0
+    u_alignment: Annotated[
+        float, Option("How far gantry or scale leave the axis over its length, in mm.")
+    ] = 0.0
+    u_temperature: Annotated[float, Option("Range in which the temperature of the screw lies, in K.")] = 0.0
+    u_environment: Annotated[float, Option("What an hour of a drift test shows, in µm (arcsec).")] = 0.0
+    report: Annotated[
+        Path | None, Option("Write a report: .html, .png or .svg.", metavar="OUT", is_read_by_us=True)
+    ] = None
+    force: Annotated[bool, Option("Overwrite the report.")] = False
+
+
+def judge(
+    before: Survey, after: Survey | None, loaded: LoadedTable | None, options: EvaluateOptions
+) -> "Judged":
+    """Judge readings, and write the report if one is asked for.
+
+    Args:
+        before: the readings, settled (``metrology.wrong_runs``).
+        after: a second measurement, settled, in the same units; beside it there is no table.
+        loaded: the table of which is predicted what it leaves of the readings.
+        options: what else; the files that it names are these.
+
+    Raises:
+        MetrologyError, ReportError: see there.
+    """
+    second = after
+    if second is not None:
+        check_same_axis(before.source, before.axis, second.source, second.axis)
+    if loaded is not None:
+        check_same_axis(before.source, before.axis, Path(loaded.file).name, loaded.source.axis)
+        check_uncorrected(before.source, before.facts, NO_PREDICTION)
+        second = predicted_residue(before, loaded.table)
+    results = (evaluate(before), evaluate(second) if second else None)
+    notes = _all_notes((before, second), results, is_predicted=loaded is not None)
+    periods = options.screw.periods(before)
+    period, has_scale = longest(periods), not was_corrected(before.facts)
+    notes = (*notes, *notes_of(before, options.counts_per_unit, with_scale=has_scale, lead=period))
+    if after is not None:
+        notes = (*notes, *(f"after: {note}" for note in notes_of(after, with_scale=False)))
+    left_out = None
+    if loaded is not None:
+        left_out, warnings = _between(before, loaded, periods)
+        notes = (*notes, *warnings)
+    last = results[1] if results[1] is not None and loaded is None else results[0]
+    by_others, more = _by_others(last, options)
+    if options.report is not None:
+        axis_data = replace(_axis_data(before, second, loaded, (*notes, *by_others)), left_out=left_out)
+        _write_report(options.report, axis_data, force=options.force)
+    return Judged(
+        before,
+        results,
+        notes,
+        is_predicted=loaded is not None,
+        left_out=left_out,
+        by_others=by_others,
+        more=more,
+        lead=period,
+        report=options.report,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What readings say of an axis, and what a second measurement or a prediction says beside it."""
+
+    survey: Survey
+    results: tuple[Evaluation, Evaluation | None]
+    notes: tuple[str, ...]
+    is_predicted: bool
+    left_out: LeftOut | None
+    by_others: tuple[str, ...]
+    """By other standards, and whether a limit is kept."""
+    more: JsonObject
+    """The same for a program."""
+    lead: float | None
+    """The longest length after which the error may repeat."""
+    report: Path | None
+
+    def as_data(self) -> JsonObject:
+        """Return it as plain data."""
+        before, after = self.results
+        shown = None if after is None else results_json(after)
+        if shown is not None and self.is_predicted and after is not None:
+            shown |= predicted_json(after, self.left_out)
+        return {
+            "readings": self.survey.source,
+            "understood": understood(self.survey),
+            **self.more,
+            **json_of(self.survey, self.lead),
+            "before": results_json(before),
+            "after": shown,
+            "is_predicted": self.is_predicted,
+            "notes": list(self.notes),
+        }
+
+
+def _by_others(last: Evaluation, options: EvaluateOptions) -> tuple[tuple[str, ...], JsonObject]:
+    """Return what VDI/DGQ 3441 says, and whether a limit is kept: as lines, and as plain data."""
+    lines, data = [], JsonObject()
+    if options.vdi:
+        lines.append(vdi_line(last))
+        data["vdi_3441"] = vdi_json(last)
+    if options.limit is not None:
+        inputs = inputs_of(
+            last,
+            options.u_instrument,
+            options.u_alignment,
+            options.u_temperature,
+            options.u_environment,
+        )
+        budget = budget_of(last, inputs)
+        lines.append(limit_line(last, budget, options.limit))
+        data["conformity"] = limit_json(last, budget, options.limit)
+    return tuple(lines), data
+
+
+def _between(
+    survey: Survey, loaded: LoadedTable, periods: tuple[Period, ...]
+) -> tuple[LeftOut | None, tuple[str, ...]]:
+    """Return E that a table will leave between the targets, and what they do not show."""
+    from gateway.metrology.fitting import warnings_of
+    from gateway.metrology.screw import screw_of
+
+    try:
+        screw = screw_of(survey.readings, survey.units, periods)
+    except ReadingsError as error:
+        return None, (f"{error}: nothing is said about what the table leaves between its points",)
+    return screw.left_out(loaded.table), warnings_of(screw)
+
+
+def _all_notes(
+    surveys: tuple[Survey, Survey | None],
+    results: tuple[Evaluation, Evaluation | None],
+    *,
+    is_predicted: bool,
+) -> tuple[str, ...]:
+    """Return what is odd about both; of a survey that was predicted only what the first does not say."""
+    before, after = surveys
+    notes = _notes(before, None if is_predicted else after)
+    if is_predicted and after is not None:
+        notes = (*notes, *(remark for remark in after.remarks if remark not in before.remarks))
+    if results[1] is not None and (other := other_stretch(results[0], results[1])):
+        notes = (*notes, f"measured {other}")
+    return notes
+
+
+def _notes(before: Survey, after: Survey | None) -> tuple[str, ...]:
+    notes: list[str] = []
+    for survey in filter(None, (before, after)):
+        notes.extend(survey.remarks)
+        unit = survey.units.value
+        notes.extend(f"{survey.source}: outlier: {each.describe(unit)}" for each in find_outliers(survey))
+    if after is not None and after.readings == before.readings:
+        notes.append(f"{after.source}: the same readings as {before.source}: nothing was measured in between")
+    elif after is not None and was_corrected(before.facts) and was_corrected(after.facts) is False:
+        notes.append(
+            f"{before.source} was measured with a table and {after.source} without: exchange them, --after "
+            "is what was measured last"
+        )
+    return tuple(notes)
+
+
+def _axis_data(
+    before: Survey, after: Survey | None, loaded: LoadedTable | None, notes: tuple[str, ...]
+) -> AxisData:
+    # What holds of one of two surveys only, as whether the compensation was on, is no fact of both.
+    facts = {k: v for k, v in before.facts.items() if after is None or after.facts.get(k) == v}
+    if loaded is not None:
+        facts |= {"table": loaded.file, "table SHA-256": loaded.sha256}
+    named = (before.axis, after.axis if after else None, loaded.source.axis if loaded else None)
+    return AxisData(
+        axis=next(filter(None, named), ""),
+        units=before.units,
+        table=loaded.table.in_units(before.units) if loaded else None,
+        before=before,
+        after=after,
+        is_predicted=loaded is not None,
+        facts=facts,
+        notes=notes,
+    )
+
+
+def _write_report(path: Path, axis_data: AxisData, *, force: bool) -> None:
+    from gateway.report.writing import write_report
+
+    made_at = datetime.now(UTC).astimezone().isoformat(sep=" ", timespec="minutes")
+    write_report(Report(f"Accuracy of {find(axis_data).named}", (axis_data,), made_at), path, force=force)

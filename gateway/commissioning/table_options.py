@@ -1,0 +1,205 @@
+"""What can be said about readings and tables: groups of options, which commands and programs fill in."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Final
+
+from gateway.commissioning.options import Option
+from gateway.compensation.settings import DEFAULT_MAX_SLOPE
+from gateway.compensation.units import Units
+from gateway.metrology.build import Fit, HomeCase
+from gateway.metrology.drift import at_20_degrees
+from gateway.metrology.errors import ReadingsError
+from gateway.metrology.formats import FORMATS, ReadingsContext, Runs
+from gateway.metrology.lead import Period, periods_of
+from gateway.metrology.readings import Survey
+from gateway.tabfile import DIALECTS, ErrorSense, FileContext, TableOptions, WriteOptions
+from gateway.tabfile.options import DECLARED
+
+NAMES: Final = ", ".join(each.name for each in FORMATS)
+
+
+class SlopeError(ReadingsError):
+    """What was told as ``max_slope`` is no slope."""
+
+
+def format_names() -> Sequence[str]:
+    """Return the name of every format of tables."""
+    return [dialect.name for dialect in DIALECTS]
+
+
+def writable_names() -> Sequence[str]:
+    """Return the name of every format of tables that can be written."""
+    return [dialect.name for dialect in DIALECTS if dialect.is_writable]
+
+
+Force = Annotated[bool, Option("Overwrite OUT.")]
+ToSense = Annotated[ErrorSense | None, Option("What OUT calls an error, if its format leaves that open.")]
+ToFileAxis = Annotated[
+    str | None, Option("What OUT calls the axis, if its format names axes.", metavar="NAME")
+]
+Counts = Annotated[
+    float | None, Option("Counts of the drive per machine unit, signed.", "counts-per-unit", metavar="N")
+]
+AxisLetter = Annotated[str | None, Option("The axis that the table is meant for.", metavar="LETTER")]
+Home = Annotated[
+    HomeCase | None,
+    Option(
+        "Where the correction is 0. switch-positive: travel has positive positions, and the home switch is "
+        "at its negative end. switch-negative: travel has negative positions, and the switch is at its "
+        "positive end. mark: a reference mark at 0."
+    ),
+]
+MaxSlope = Annotated[
+    float | None,
+    Option(
+        "Steepest table that may be made, as max_slope of the axis. Default: the line '# max_slope' of the "
+        "readings, or 0.01."
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadOptions(TableOptions):
+    """What was told about a table file: every option that is declared, and the axis.
+
+    ``units`` tell the ``file_units`` too, of a file that states none.
+    """
+
+    format: Annotated[
+        str | None,
+        Option(
+            DECLARED["format"].option.help, metavar=DECLARED["format"].option.metavar, one_of=format_names
+        ),
+    ] = None
+    travel: Annotated[
+        tuple[float, float] | None,
+        Option("Travel limits of the axis, in machine units of the table.", metavar="LO HI"),
+    ] = None
+    units: Annotated[Units | None, Option(DECLARED["file_units"].option.help)] = None
+    axis: AxisLetter = None
+
+    def context(self, counts_per_unit: float | None = None) -> FileContext:
+        """Return it for a reader; ``counts_per_unit`` is the drive's.
+
+        Raises:
+            ContextError: something of it cannot be true.
+        """
+        return FileContext(
+            **self.given(),
+            travel=self.travel,
+            units=self.units,
+            axis=self.axis,
+            counts_per_unit=counts_per_unit,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class FormatOptions:
+    """What files of readings do not say about themselves."""
+
+    readings_format: Annotated[str | None, Option(f"Where it is not plain: {NAMES}.", metavar="NAME")] = None
+    runs: Annotated[Runs | None, Option("Directions of the runs of a file that does not prove them.")] = None
+
+    def context(self, units: Units | None, axis: str | None) -> ReadingsContext:
+        """Return it for a reader, with what was told of the axis."""
+        return ReadingsContext(self.readings_format, units, axis, self.runs)
+
+
+@dataclass(frozen=True, slots=True)
+class ScrewOptions:
+    """What is known of the screw."""
+
+    lead: Annotated[
+        float | None,
+        Option(
+            "Lead of the screw, in the units of the readings: once and twice a turn the error may repeat. "
+            "Default: the line '# lead' of the readings."
+        ),
+    ] = None
+    period: Annotated[
+        list[float] | None,
+        Option("Another length after which it may repeat: a turn of motor or gear; again for more."),
+    ] = None
+    to_20c: Annotated[
+        float | None,
+        Option(
+            "Normalise to 20 °C: the screw grows by so many µm a metre and kelvin, 11.5 for steel. The "
+            "readings carry temperatures.",
+            metavar="COEFFICIENT",
+        ),
+    ] = None
+
+    def periods(self, survey: Survey) -> tuple[Period, ...]:
+        """Return what the error may repeat with: as told, or as the readings say.
+
+        Raises:
+            ReadingsError: a lead or a period that is no length.
+        """
+        lead = self.lead
+        if lead is None and (stated := survey.facts.get("lead")) is not None:
+            lead = _number(survey.source, "lead", stated, "in the units of the targets", "lead")
+        return periods_of(lead, self.period or ())
+
+    def normalised(self, survey: Survey) -> Survey:
+        """Return readings as they would be at 20 °C, if that was asked.
+
+        Raises:
+            ReadingsError: see :func:`gateway.metrology.drift.at_20_degrees`.
+        """
+        return survey if self.to_20c is None else at_20_degrees(survey, self.to_20c)
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeOptions:
+    """How a table follows readings."""
+
+    one_way: Annotated[bool, Option("One curve for both directions, from what was measured.")] = False
+    fit: Annotated[
+        Fit, Option("What the table follows between the targets; auto: what leaves least there.")
+    ] = Fit.AUTO
+    screw: ScrewOptions = ScrewOptions()
+
+
+@dataclass(frozen=True, slots=True)
+class OutOptions:
+    """How OUT is written, besides its format."""
+
+    to_counts_per_unit: Annotated[
+        float | None, Option("Encoder counts per unit of the control that will read OUT.", metavar="N")
+    ] = None
+    to_sense: ToSense = None
+    to_file_axis: ToFileAxis = None
+
+    def writing(self, axis: str | None) -> WriteOptions:
+        """Return it for a writer, with the letter of the axis."""
+        return WriteOptions(axis, self.to_counts_per_unit, file_axis=self.to_file_axis, sense=self.to_sense)
+
+
+def steep_allowed(survey: Survey, given: float | None) -> float:
+    """Return how steep a table may be: as told, or as the readings say, or as axes have it by default.
+
+    Raises:
+        SlopeError: what was told is no slope below 1.
+        ReadingsError: what the readings say is none.
+    """
+    if given is not None:
+        if not 0.0 < given < 1.0:
+            raise SlopeError(f"{given:g}: it must be above 0 and below 1, as max_slope of the axis")
+        return given
+    if (stated := survey.facts.get("max_slope")) is None:
+        return DEFAULT_MAX_SLOPE
+    limit = _number(survey.source, "max_slope", stated, "above 0 and below 1", "max-slope")
+    if not 0.0 < limit < 1.0:
+        raise ReadingsError(f"{survey.source}: # max_slope: {stated}: it must be above 0 and below 1")
+    return limit
+
+
+def _number(source: str, name: str, stated: str, what: str, option: str) -> float:
+    try:
+        return float(stated)
+    except ValueError:
+        raise ReadingsError(
+            f"{source}: # {name}: {stated}: it must be a number, {what}; correct that line, or take it out "
+            f"and give --{option}"
+        ) from None

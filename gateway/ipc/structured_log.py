@@ -1,0 +1,56 @@
+"""The log of supervisor and commands, with structlog: its lines, and a context that every later line carries.
+
+Not loaded by a relay that writes JSON (:func:`gateway.ipc.log.json_writer`).
+"""
+
+from typing import Final
+
+import structlog
+from structlog.typing import EventDict
+
+from gateway.catalogue.entry import Severity
+from gateway.ipc.log import LogEntry, LogFormat, LogLines, is_terminal, line_of
+
+
+class StructuredLog:
+    """Writes notes; it blocks while the reader of standard error stalls, as :class:`LogLines` does."""
+
+    def __init__(self, log_format: LogFormat) -> None:
+        self._is_json: Final = log_format.is_json
+        render = (
+            structlog.processors.JSONRenderer(default=repr)
+            if self._is_json
+            else structlog.dev.ConsoleRenderer(colors=is_terminal(), sort_keys=False)
+        )
+        self._log = structlog.BoundLogger(_Lines(), [_line, render], {})
+
+    def name_gateway(self, gateway: str) -> None:
+        """Have every later line say whose it is. On a terminal there is one gateway, and none does."""
+        if self._is_json:
+            self._log = self._log.bind(gateway=gateway)
+
+    def write(self, entry: LogEntry) -> None:
+        """Write one entry, which says which line and axis it is of."""
+        getattr(self._log, entry.severity.value)(entry.event, entry=entry)
+
+
+class _Lines:
+    """What structlog hands its text to, by the name of the level."""
+
+    def __init__(self) -> None:
+        self._lines = LogLines()
+
+    def info(self, text: str) -> None:
+        self._lines.write(Severity.INFO, text)
+
+    def warning(self, text: str) -> None:
+        self._lines.write(Severity.WARNING, text)
+
+    def error(self, text: str) -> None:
+        self._lines.write(Severity.ERROR, text)
+
+
+def _line(_logger: object, _level: str, event: EventDict) -> EventDict:
+    """Return the line of an entry with the context that is bound."""
+    entry, _ = event.pop("entry"), event.pop("event")
+    return line_of(entry, event)
