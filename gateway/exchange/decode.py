@@ -60,11 +60,11 @@ anything that runs      a mode that counts only beside its  ``UNKNOWN``
 any other command field in the frame waits in the drive. Of any other drive, each command field that the frame
 writes.
 
-There are two steps. A :class:`Frame` is what the bytes say. It is parsed once, for the registers of a unit
-stay the same as long as the line runs. What it commands depends on more: on what the drive acknowledged
-before, and on what was read for the request. So :func:`decode` is called when the turn of a request comes,
-once for each frame that leaves for it (``request.understand``), and wherever it has to be known what a
-request stops or moves.
+There are two steps. A :class:`DecodedRequest` is what the bytes say. It is parsed once, for the registers of
+a unit stay the same as long as the line runs. What it commands depends on more: on what the drive
+acknowledged before, and on what was read for the request. So :func:`decode` is called when the turn of a
+request comes, once for each frame that leaves for it (``request.understand``), and wherever it has to be
+known what a request stops or moves.
 
 Nothing is changed here.
 """

@@ -157,7 +157,7 @@ class ReadPath(FastPath):
         return read.field.is_high_first_pair and read.role is not FieldRole.LIMIT
 
     def begins_with(self, byte: int, transaction: Transaction, which: int, begun: bytes) -> bool:
-        """Whether :meth:`turned` begins with this byte, whatever byte comes behind ``begun`` as the last one.
+        """Whether :meth:`nominal_words` begins with this byte, whatever the last byte behind ``begun`` is.
 
         Between both ends positions are turned back in their order; a command may be known by its words.
         """

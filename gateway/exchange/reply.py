@@ -1,6 +1,6 @@
 """What a controller gets for its drive's reply, and what the gateway learns from it (W4, M7, M10).
 
-:func:`turned_back` puts every position of a reply back on the controller's scale.
+:func:`nominal_reply` puts every position of a reply back on the controller's scale.
 """
 
 from collections.abc import Iterable

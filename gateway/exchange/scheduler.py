@@ -1,6 +1,6 @@
 """Who goes next on a line: stops, the gateway's own frames, motion, and the others in its gaps (M3).
 
-What waits is in ``queue``, in this order. :meth:`Turns.next` says which of it may go now:
+What waits is in ``queue``, in this order. :meth:`Scheduler.next` says which of it may go now:
 
 - On a line that is free and on which nobody is silent the first one goes. Of monitors and operators one goes
   that fits into a gap between two motion transactions (``arbitration``).

@@ -50,7 +50,7 @@ class Subscribe(Message, frozen=True, tag="subscribe", tag_field="kind"):
 
 
 class GetTapes(Message, frozen=True, tag="tapes", tag_field="kind"):
-    """Ask for the tapes of all lines, to look into (``recording.tape``)."""
+    """Ask for the tapes of all lines, to look into (``recording.trace_buffer``)."""
 
 
 Request = Command | Ping | GetStatus | Subscribe | GetTapes

@@ -1,9 +1,9 @@
 """Which curve a table follows, and at which points: what leaves least between the targets, by evidence.
 
 Lines from target to target, a smooth curve, and one with harmonics of the lead are all made into tables and
-judged alike: by what each would leave of the curves that the readings allow (:meth:`Screw.leaves`). Of those
-that leave as little the plainest is taken, with the fewest recipe. Needs numpy, and is imported where it is
-used.
+judged alike: by what each would leave of the curves that the readings allow (:meth:`MeasuredScrew.leaves`).
+Of those that leave as little the plainest is taken, with the fewest recipe. Needs numpy, and is imported
+where it is used.
 """
 
 from collections.abc import Iterator, Sequence

@@ -169,7 +169,7 @@ def _one_reading(readings: Sequence[Reading]) -> str | None:
 
 
 def check_scale(survey: Survey, counts_per_unit: float | None = None, lead: float | None = None) -> None:
-    """Check that readings are of a screw and not of a wrong scale; ``lead`` as in :func:`told_scale`.
+    """Check that readings are of a screw and not of a wrong scale; ``lead`` as in :func:`reliable_scale`.
 
     Raises:
         ReadingsError: the linear part is larger than 0.3 mm/m, of all readings or because of a single one.

@@ -143,7 +143,7 @@ class SignTest:
 def sign_test(curve: Curve, at: Measurement, inside: tuple[float, float] | None = None) -> SignTest:
     """Judge two readings against the table as the axis uses it, in the same units.
 
-    ``inside``: from where to where a better place is looked for, as for :func:`best_place`.
+    ``inside``: from where to where a better place is looked for, as for :func:`most_telling_position`.
     """
     ways = _ways(curve.table)
     expected = {way: _expected(curve, way, at.position) for way in ways}

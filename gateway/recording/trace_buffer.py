@@ -2,9 +2,9 @@
 
 A fixed piece of memory without a name (a memfd), in ``SEGMENTS`` parts that are written over in turn, oldest
 first. An entry costs its bytes and nothing else: no objects stay. Entries are gathered, and go there many at
-a time (:meth:`Tape.show`). Whoever looks maps the same memory, reads only, and costs the writer nothing,
-however often he looks. What is being written over while he reads it he finds out by the number of its
-segment, and leaves it out.
+a time (:meth:`TraceBuffer.show`). Whoever looks maps the same memory, reads only, and costs the writer
+nothing, however often he looks. What is being written over while he reads it he finds out by the number of
+its segment, and leaves it out.
 """
 
 import fcntl

@@ -17,7 +17,7 @@ MOST_SHEETS: Final = 24
 def write_report(report: Report, path: Path, *, force: bool = False) -> None:
     """Write a report; an existing file is replaced only with ``force``.
 
-    Call :func:`check_place` first where the work that leads to the report is long.
+    Call :func:`check_path` first where the work that leads to the report is long.
 
     Raises:
         ReportError: another suffix, a report without content, a file of this name, or no place to write to.

@@ -1,6 +1,6 @@
 """How drives make frames of what they hear: what the standard says, and what else there is. Sans-IO.
 
-A gateway that sends frames which are no frames has to know what drives make of them. An :class:`Ear` knows
+A gateway that sends frames which are no frames has to know what drives make of them. An :class:`Uart` knows
 when each byte came; by :class:`Hearing` it finds frames as one kind of drive does.
 """
 

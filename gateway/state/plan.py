@@ -106,7 +106,7 @@ class LinePlan:
     cut_through: bool = False
     """Frames may leave while they still arrive, where both sides are serial ports."""
     tape_bytes: int = 0
-    """How much of its last minutes is kept (``recording.tape``); 0: nothing."""
+    """How much of its last minutes is kept (``recording.trace_buffer``); 0: nothing."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -69,12 +69,12 @@ class Feed:
         return news
 
     def take_event(self, event: NumberedEvent) -> None:
-        """Note an event; for :class:`Feeds`."""
+        """Note an event; for :class:`Broadcast`."""
         self._events.put(event)
         self._is_there.set()
 
     def take_model(self, model: Model) -> None:
-        """Note a newer model; for :class:`Feeds`."""
+        """Note a newer model; for :class:`Broadcast`."""
         self._model = model
         self._is_there.set()
 

@@ -34,8 +34,8 @@ class TabFileError(Exception):
     """A table file that must not be used: it is refused whole.
 
     Everything that this layer raises because of a file's content is one of these; anything else is a bug of
-    ours. ``str()`` has one line for each problem; the attributes named like those of :class:`Problem` are the
-    first problem's.
+    ours. ``str()`` has one line for each problem; the attributes named like those of :class:`FileProblem` are
+    the first problem's.
     """
 
     def __init__(self, *problems: FileProblem) -> None:

@@ -75,7 +75,7 @@ def verdict(seen: PeerState, began_ns: int, probed_ns: int | None, patience_ns: 
 
 
 class PeerProbe:
-    """Asks the peer of one connection: :meth:`look` now and then, :meth:`end` when it is known."""
+    """Asks the peer of one connection: :meth:`check` now and then, :meth:`end` when it is known."""
 
     def __init__(self, connection: socket.socket, patience_ns: int, now_ns: int) -> None:
         self._connection = connection

@@ -218,7 +218,7 @@ class _AcceptedChannel(TcpChannel):
         self._listener.forget(self)
 
     def abort(self) -> None:
-        """See ``Guest``."""
+        """See ``Connection``."""
         self._why_ended = self._why_ended or BROKEN_OFF
         super().abort()
 
@@ -269,7 +269,7 @@ class TcpListener:
 
     ``allow`` names the networks whose addresses are let in (empty: all), ``limits`` how many at once and in a
     second; others are closed at once, counted in ``refused`` and told to ``on_refused``, with the reason.
-    ``patience_ns`` and ``on_closed`` are as in :class:`Places`.
+    ``patience_ns`` and ``on_closed`` are as in :class:`Connections`.
 
     A host that comes while all places are taken has its other connections looked at. The place of one that
     its peer has closed or reset is free at once. A peer that leaves a probe unacknowledged for

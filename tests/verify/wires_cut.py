@@ -6,7 +6,7 @@ the world has it, and in time unless the world lets the forwarder's deadline pas
 is not learned, and whether it pays is not weighed: both would go on for ever, and are forgotten with each
 event.
 
-A witness on each wire (:class:`CutPipe`) takes apart what leaves, and knows nothing of forwarders.
+A witness on each wire (:class:`ForwardingPipe`) takes apart what leaves, and knows nothing of forwarders.
 
 A controller whose reply was spoilt has heard nothing, and gives its request up; the gateway counts the reply.
 """

@@ -228,8 +228,8 @@ def _periods(lead: float | None) -> tuple[Period, ...]:
 class Measuring:
     """One measuring of an axis through the gateway that runs a configuration.
 
-    :meth:`look` first, then :meth:`run` where anything is left to measure, then :meth:`result`. Lengths are
-    machine positions in units of the axis.
+    :meth:`check_ready` first, then :meth:`run` where anything is left to measure, then :meth:`result`.
+    Lengths are machine positions in units of the axis.
 
     Raises:
         MeasureError: the options do not fit the axis, or each other.
@@ -284,7 +284,7 @@ class Measuring:
         return len(self._left)
 
     def preview(self) -> Iterator[str]:
-        """Yield what a person has to know before the axis moves, after :meth:`look`."""
+        """Yield what a person has to know before the axis moves, after :meth:`check_ready`."""
         plan, seen = self._looked()
         yield from preview(self._route, seen, self._left, self.instrument.title, self._pace)
         for warning in lead_warnings(plan.targets, self._periods, self.units):

@@ -150,7 +150,7 @@ class Run:
         """Go to the stops one after the other, and read where there is something to read.
 
         Raises:
-            MeasureError: it ended early; the axis may still be moving: see :meth:`leave_standing`.
+            MeasureError: it ended early; the axis may still be moving: see :meth:`bring_to_standstill`.
         """
         for stop in stops:
             self.halt.check()

@@ -21,7 +21,7 @@ that nothing was obeyed lets the next trigger be the first.
 An axis that has not gone yet may have its target written anew: it still goes by what was fixed, for the
 others stand or go by that. That is also how a beam is levelled of which a later trigger was refused (M3).
 
-The machine is :class:`Beam`, one for each group: its state, and the data that goes with it. What was fixed
+The machine is :class:`Gantry`, one for each group: its state, and the data that goes with it. What was fixed
 of each axis is its ``fixed`` (:class:`Fixed`), there exactly while the state is not ``OPEN``.
 ``exchange.group`` sets both, as requests leave and end; ``Axis`` puts off what is asked for meanwhile.
 """

@@ -12,7 +12,7 @@ given setpoints one after the other, and lags behind them.
 
 What is seen counts only where it cannot be of the time before. A reading counts from when its request was
 sent. A done bit may be that of the move before until it was seen to fall or the drive has had the time
-to let it fall (:class:`Said`).
+to let it fall (:class:`Reported`).
 
 :class:`Motion` is the machine. What belongs to a state is set with it in :meth:`Motion.enter`, and nowhere
 else: the target that was not acknowledged is there exactly in ``UNACKNOWLEDGED``, the target of before a loss
@@ -55,7 +55,7 @@ class MotionState(Enum):
     SUPERSEDED = "superseded"
     """The last target means nothing any more, but its words are kept: the reference has changed since, or its
     drive could not be reached, or was silent for long. If the axis is seen to stand there, a repeat of that
-    target is the same words, and moves nothing (:class:`Keeping`)."""
+    target is the same words, and moves nothing (:class:`RepeatKind`)."""
     UNACKNOWLEDGED = "unacknowledged"
     """A target was sent and not acknowledged: the drive may hold it or not. It may have said done since."""
     MOVING = "moving"

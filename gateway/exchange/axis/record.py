@@ -6,7 +6,7 @@ before a frame goes out (``axis``): the target in it, which the drive may have g
 dies; and that nothing is known, where it moves the axis in another way.
 
 At the start the record of the run before is compared with where the drive stands (:func:`find`). Whether it
-counts is :class:`Fate`; the axis is taken up from it in ``axis``, in one step.
+counts is :class:`Decision`; the axis is taken up from it in ``axis``, in one step.
 """
 
 from collections.abc import Callable

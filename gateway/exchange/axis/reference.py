@@ -238,7 +238,7 @@ class AxisReference:
             after = REFERENCE_AFTER[self.kind][self.state][event]
         except KeyError:
             sentence = sentence_of("reference", self.state, event)
-            self._on_fault(sentence)  # ``_on_fault`` calls :meth:`doubt`, where a bit decides
+            self._on_fault(sentence)  # ``_on_fault`` calls :meth:`invalidate`, where a bit decides
             return
         if after is not IGNORED:
             self.state = after

@@ -4,8 +4,8 @@ A byte leaves when the bytes have come that it depends on; a transmitter that ha
 inside the frame: adapters that switch the direction of an RS-485 bus by themselves let go of it then, and
 drives take a pause for the end of a frame. So the first byte waits until no later one will have to.
 
-A :class:`Shape` says what depends on what, in bytes. :func:`delay_ns` makes a time of it for two wires that
-keep their baud rates exactly. What adapters, drivers and this process add, nobody works out:
+A :class:`FrameShape` says what depends on what, in bytes. :func:`delay_ns` makes a time of it for two wires
+that keep their baud rates exactly. What adapters, drivers and this process add, nobody works out:
 :class:`MeasuredDelay` learns it from the frames that came.
 
 Counted in characters of wires that are both equally fast a write of one position of two registers leaves four

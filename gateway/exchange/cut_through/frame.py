@@ -1,7 +1,8 @@
 """Cut-through: what of a frame may leave when, while it still arrives. Sans-IO; time is an argument.
 
-One :class:`CutThrough` is one frame on its way through the gateway, a request or a reply. It is in one state
-of :class:`Cut`, and goes from one to the next only as :data:`CUT_AFTER` says. The rules, all of them:
+One :class:`ForwardedFrame` is one frame on its way through the gateway, a request or a reply. It is in one
+state of :class:`ForwardState`, and goes from one to the next only as :data:`FORWARD_AFTER` says. The rules,
+all of them:
 
 1. *Begin.* Bytes are handed in as they come. None leaves before the judge knows by them that the frame is one
    that may be cut through (``opening``), and not before the delay is over: from then on the transmitter is
@@ -406,7 +407,7 @@ class ForwardedFrame:
         return self._leave(now_ns)
 
     def go_on(self, event: ForwardEvent, now_ns: int) -> bytes:
-        """Take a step of :data:`CUT_AFTER`; return what fills it up, where that spoils it."""
+        """Take a step of :data:`FORWARD_AFTER`; return what fills it up, where that spoils it."""
         row = FORWARD_AFTER[self.state]
         if event in row:
             after = row[event]

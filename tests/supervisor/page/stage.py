@@ -29,7 +29,7 @@ WAIT_S: Final = 0.1
 
 
 class Stage:
-    """Serves the page; what it shows is what :meth:`show` and :meth:`tell` gave last."""
+    """Serves the page; what it shows is what :meth:`show` and :meth:`publish_event` gave last."""
 
     def __init__(self) -> None:
         self.tables: dict[str, Mapping[str, Any]] = {}
