@@ -129,6 +129,6 @@ def test_a_broker_that_never_was_costs_nothing(site: Site) -> None:
     watched = Watched(site, port)
     with gateway_of(site) as (gateway, master):
         gateway.until("mqtt-lost")
-        assert "nobody listens" in watched.mqtt()["problem"]
+        assert "nothing listens" in watched.mqtt()["problem"]
         assert all(moves(master, 20_000, 100))
         assert gateway.end() == 0

@@ -60,7 +60,7 @@ def test_the_page_follows_the_machine_and_says_what_is_wrong_as_long_as_it_is(mi
         words = page.locator(TROUBLE).inner_text()
         assert "Axis x" in words
         assert f"{table}:4" in words
-        assert "Mend the file" in words
+        assert "Correct the file" in words
         table.write_text(good)
         gateway.until("table-mended")
         page.wait_for_selector("#verdict.well")

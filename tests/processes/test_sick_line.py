@@ -160,7 +160,7 @@ def test_a_drive_that_answers_garbage_is_told_from_one_that_says_nothing(
         assert (code, b"sent no valid frame" in body) == (503, True)
         browser_page.goto(sick.address)
         until(browser_page, STATES, ["Drive not understood", "Compensated"])
-        assert "cannot be understood" in browser_page.locator("#troubles li:first-child").inner_text()
+        assert "has sent no valid frame" in browser_page.locator("#troubles li:first-child").inner_text()
         shot(browser_page, "garbled-drive")
         client.close()
         assert gateway.end() == 0
@@ -183,10 +183,10 @@ def test_a_controller_port_from_which_nothing_whole_ever_came_is_named_with_its_
         assert trouble["remedy"].startswith("compare baud rate and parity with the controller")
         assert kinds(sick.status()) == ["controller-garbled"]  # and not that many of them are damaged
         code, body = sick.get("healthz")
-        assert (code, b"line xy, controller plc: 12 of 12" in body) == (503, True)
+        assert (code, b"line xy, controller plc: all 12 frames" in body) == (503, True)
         browser_page.goto(sick.address)
         until(browser_page, STATES, ["Compensated", "Compensated"])  # its drives answer others
-        assert "12 of 12 frames from" in browser_page.locator("#troubles").inner_text()
+        assert "all 12 frames from" in browser_page.locator("#troubles").inner_text()
         until(browser_page, CONTROLLERS, ["connected", "not connected", "not understood: port open"])
         shot(browser_page, "garbled-controller")
 

@@ -128,7 +128,7 @@ async def test_a_gateway_that_is_killed_while_it_stops_was_killed_too(
     assert socket_path(tmp_path).is_socket()
     with pytest.raises(StartError, match="belongs to a gateway that runs"):
         await Relay(relay._plan, state=tmp_path).start()
-    with pytest.raises(NoGatewayError, match="nobody listens"):
+    with pytest.raises(NoGatewayError, match="nothing listens"):
         await asyncio.to_thread(ask, socket_path(tmp_path), Ping())
     far.write(encode_rtu(1, REPLY))
     await stopping
