@@ -1,1 +1,1 @@
-"""Process 1: Modbus and correction, nothing else."""
+"""Process 1: Modbus and the correction, nothing else."""

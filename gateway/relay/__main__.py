@@ -1,6 +1,6 @@
-"""The relay as a program: ``python -m gateway.relay CONFIG``, what ``pitch-gateway relay`` becomes.
+"""The relay as a program: ``python -m gateway.relay CONFIG``, started by ``pitch-gateway relay``.
 
-It runs the compiled configuration. Nothing here may load what only reading a configuration needs.
+It runs the compiled plan. Nothing here may import what only reading a configuration needs.
 """
 
 import gc
@@ -20,10 +20,10 @@ from gateway.state.plan import read_plan
 
 
 def main() -> int:
-    """Run until a signal ends it; returns the exit code."""
+    """Run until a signal ends it; return the exit code."""
     options = options_of(sys.argv[1:])
     take_standard_error(options.log_format)
-    # What is loaded stays: to search all of it for garbage again and again is a tenth of the start.
+    # Loaded modules are never garbage. Searching them again and again would take a tenth of the start.
     gc.disable()
     from gateway.relay.run import Service, run_relay
 
@@ -31,7 +31,7 @@ def main() -> int:
     follow_parent(options.parent, signal.SIGTERM)
     config = options.config
     service = None
-    if not options.parent:  # a child of run is no service of its own
+    if not options.parent:  # a child of `run` has no service manager
         service = Service(manager_of(os.environ), tuple(handed_over(os.environ)))
     try:
         state = options.state or state_folder(config)

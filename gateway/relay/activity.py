@@ -1,7 +1,7 @@
 """What else the loop ran beside the exchanges: named in the event when a budget is exceeded.
 
-The loop does one thing at a time. Bytes that arrive meanwhile wait unread, so what ran just before a read may
-be what an exchange waited for, although its own time stamps begin later.
+The loop does one thing at a time, and bytes that arrive meanwhile wait unread. So an exchange may have waited
+for what ran just before the read, although its own time stamps begin later.
 """
 
 from collections import deque
@@ -15,12 +15,12 @@ from gateway.times import NS_PER_US
 
 KEPT: Final = 16
 JUST_BEFORE_NS: Final = 200 * NS_PER_US
-"""So long before an exchange began counts as meanwhile."""
+"""What ended at most this long before an exchange began may have delayed it."""
 WORTH_NAMING_NS: Final = 20 * NS_PER_US
 
 
 class Activity:
-    """The newest things that the loop ran, and the longest of all."""
+    """The newest steps of the loop, and the longest of all."""
 
     def __init__(self) -> None:
         self._newest: deque[tuple[str, int, int]] = deque(maxlen=KEPT)
@@ -29,7 +29,7 @@ class Activity:
 
     @contextmanager
     def of(self, name: str) -> Iterator[None]:
-        """Note what runs inside."""
+        """Record the time that the body takes."""
         began_ns = boot_ns()
         try:
             yield
@@ -37,13 +37,13 @@ class Activity:
             self.add(name, began_ns, boot_ns())
 
     def add(self, name: str, began_ns: int, ended_ns: int) -> None:
-        """Note something that ran."""
+        """Record a step."""
         self._newest.append((name, began_ns, ended_ns))
         if ended_ns - began_ns > self._longest_ns:
             self._longest_ns, self._longest = ended_ns - began_ns, name
 
     def between(self, since_ns: int, until_ns: int) -> str:
-        """Return what ran between two instants, or just before, with its time; empty for nothing."""
+        """Return what ran between two instants, or just before, with its time; empty if nothing did."""
         return ", ".join(
             f"{name} {(ended_ns - began_ns) / NS_PER_US:.0f} µs"
             for name, began_ns, ended_ns in self._newest

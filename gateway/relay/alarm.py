@@ -11,19 +11,19 @@ from gateway.times import NS_PER_MS
 from gateway.transport.timer import Timer
 
 LATE_NS: Final = 20 * NS_PER_MS
-"""A time-out that is judged so late was not waited for: the process stood still."""
+"""A time-out that is handled this late was not waited for: the process was halted."""
 
 
 class LineAlarm(Alarm):
-    """The alarm of one line. ``count_bytes``: how many have come of the drives on their connection."""
+    """The alarm of one line. ``count_bytes`` returns the bytes received on the drive connection."""
 
     def __init__(self, exchange: LineExchange, count_bytes: Callable[[], int]) -> None:
         self._exchange = exchange
         self._count_bytes = count_bytes
         self._counted = 0
-        """So many were there at the last time-out ..."""
+        """Bytes received until the last time-out, on the connection of ``_up_ns``."""
         self._up_ns = 0
-        """... on the connection that was made then."""
+        """When that connection was made."""
         self._timer = Timer(self._rang)
         self._idle: asyncio.Future[None] | None = None
         exchange.alarm = self
@@ -35,7 +35,7 @@ class LineAlarm(Alarm):
             self._idle.set_result(None)
 
     def late_ns(self, now_ns: int) -> int:
-        """Return for how long something has been due that was not done; 0 or less: nothing is."""
+        """Return how long the due work is overdue; 0 or less: nothing is overdue."""
         deadline_ns = self._exchange.deadline_ns
         return 0 if deadline_ns is None else now_ns - deadline_ns
 
@@ -46,12 +46,12 @@ class LineAlarm(Alarm):
             await asyncio.wait([self._idle], timeout=timeout_s)
 
     def close(self) -> None:
-        """Give the timer back."""
+        """Release the timer."""
         self._timer.close()
 
     def _rang(self, now_ns: int) -> None:
         if self.late_ns(now_ns) > LATE_NS:
-            # What the drives have said meanwhile is there, and is read in this turn of the loop: first that.
+            # First the loop reads, in this same cycle, what the drives have sent meanwhile.
             asyncio.get_running_loop().call_soon(self._due_now)
             return
         self._due(now_ns)
@@ -65,6 +65,6 @@ class LineAlarm(Alarm):
             up_ns = exchange.link_state.up_ns
             before = self._counted if up_ns == self._up_ns else 0
             self._up_ns, self._counted = up_ns, self._count_bytes()
-            if self._counted != before:  # since the last time-out: the connection lives
+            if self._counted != before:  # received since the last time-out: the connection works
                 exchange.unframed(now_ns)
         exchange.tick(now_ns)

@@ -1,10 +1,10 @@
-"""The record of an axis in a file of its own, mapped into memory: writing it waits for no disk.
+"""The record of an axis in its own file, mapped into memory: writing it waits for no disk.
 
-What the kernel holds survives the death of the process at any instruction; a machine that loses its power may
-lose the last half minute, and the record then does not fit where the drive stands. A file that cannot be used
-is no reason not to start: the relay says so, and the axis begins without a record. One that somebody cuts
-while it is in use, as when a backup is put back over it, would end the process with the next store (SIGBUS):
-so each store asks how long it is.
+The kernel keeps the content if the process dies, at any instruction. A machine that loses power may lose the
+last half minute; the record then does not match the position of the drive. A file that cannot be used does
+not prevent the start: the relay reports it, and the axis starts without a record. If another program
+truncates the file while it is mapped (a restored backup does), the next store would end the process with
+SIGBUS. So each store checks the length of the file first.
 """
 
 import mmap
@@ -31,7 +31,7 @@ def record_path(state: Path, axis: str) -> Path:
 
 
 def why_not_kept(axis: Axis) -> str:
-    """Return why no record is kept of an axis, "" where one is."""
+    """Return why the axis has no record, "" if it has one."""
     if axis.plan.compensation is CompensationMode.SHADOW:
         return "the axis is in shadow mode"
     if axis.plan.table is None:
@@ -40,7 +40,7 @@ def why_not_kept(axis: Axis) -> str:
 
 
 def boot_id() -> bytes:
-    """Return what tells one boot of the machine from another; zeros where it does not say."""
+    """Return the id of this boot of the machine; zeros if the system gives none."""
     try:
         return bytes.fromhex(BOOT_ID.read_text().strip().replace("-", ""))
     except (OSError, ValueError):
@@ -48,7 +48,7 @@ def boot_id() -> bytes:
 
 
 class AxisRecord:
-    """The file of one axis, from opening to closing."""
+    """The record file of one axis, from opening to closing."""
 
     def __init__(self, axis: Axis, path: Path) -> None:
         self.path = path
@@ -59,15 +59,15 @@ class AxisRecord:
         self._map: mmap.mmap | None = None
         self._slots: RecordSlots | None = None
         self._is_lost = False
-        """It was cut, and cannot be made whole again."""
+        """It was truncated, and could not be restored to its full length."""
 
     def open(self, report: Report, find_table: FindTable | None = None, *, is_used: bool = True) -> None:
-        """Map the file, made where it is missing, and let the axis keep its record in it.
+        """Map the file, created if it is missing, and let the axis keep its record in it.
 
         Args:
-            report: gets why the record of the run before does not count, or why none is kept.
-            find_table: finds a table by its digest; without it only the configured one is found.
-            is_used: the record of the run before may count.
+            report: gets why the record of the previous run is not used, or why the axis has none.
+            find_table: finds a table by its digest; without it only the configured table is found.
+            is_used: the record of the previous run may be used.
         """
         axis = self._axis
         self._report, self._find_table = report, find_table
@@ -97,24 +97,24 @@ class AxisRecord:
         if reason:
             report(f"{self.path}: {reason}; the axis starts without its record")
             saved = None
-        record = Record(slots, saved, find_table)  # empties the record where it does not count
+        record = Record(slots, saved, find_table)  # empties the record if the saved one is not used
         if not why_none:
             axis.attach_record(record)
 
     def content(self) -> bytes:
-        """Return it as it is now, compressed; empty where none is kept."""
+        """Return the current record, compressed; empty if the axis has none."""
         kept = self._map is not None and self._axis.record is not None
         return zlib.compress(bytes(self._map), 1) if kept and self._map is not None else b""
 
     def begin(self) -> None:
-        """Let an axis of which none was kept so far keep its record, from now on; nothing old counts."""
+        """Start a record for an axis that had none; old content is not used."""
         if self._slots is None:
             self.open(self._report, self._find_table, is_used=False)
         else:
             self._axis.attach_record(Record(self._slots, None, self._find_table))
 
     def close(self) -> None:
-        """Keep the record as it is and let go of the file."""
+        """Detach the record from the axis as it is, and close the file."""
         self._axis.attach_record(None)
         if self._slots is not None and self._map is not None:
             self._slots.release()
@@ -125,7 +125,7 @@ class AxisRecord:
         self._slots = self._map = None
 
     def _may_store(self) -> bool:
-        """Whether the file is as long as what is stored into its mapping; made so again where it was cut."""
+        """Whether the file is as long as its mapping; a truncated file is extended again."""
         if os.lseek(self._fd, 0, os.SEEK_END) >= RECORD_SIZE:
             return True
         return not self._is_lost and self._make_whole()
@@ -154,13 +154,13 @@ def _ignore(why: str) -> None:
 
 
 def _mapped(path: Path, name: str) -> tuple[int, mmap.mmap, str]:
-    """Map a record; return its file, its mapping, and what was wrong with it before, "" for nothing.
+    """Map a record; return its file, its mapping, and what was wrong with the old content, "" if nothing.
 
-    Every block of the file is there before it is mapped: a full disk is an error here, and never one later,
-    in the middle of a store.
+    All blocks are allocated before the file is mapped: so a full disk is an error here, and never during a
+    store.
 
     Raises:
-        OSError: it cannot be had.
+        OSError: the file cannot be opened, allocated or mapped.
     """
     flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
     fd = os.open(path, flags, 0o600)
@@ -171,7 +171,7 @@ def _mapped(path: Path, name: str) -> tuple[int, mmap.mmap, str]:
             os.ftruncate(fd, 0)
         os.posix_fallocate(fd, 0, RECORD_SIZE)
         mapped = mmap.mmap(fd, RECORD_SIZE)
-    except BaseException:  # whatever it was, the file may not stay open
+    except BaseException:  # after any error the file may not stay open
         os.close(fd)
         raise
     mapped[: len(header(name))] = header(name)

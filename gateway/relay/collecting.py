@@ -1,9 +1,9 @@
-"""Python's search for garbage in cycles, held off while exchanges run.
+"""Python's garbage collection of cycles, postponed while exchanges run.
 
-What is in use is freed by its reference count at once; only objects that refer to each other in a ring wait
-for a search. Python's own starts in the middle of whatever allocates, for 0.1 ms, and now and then for tens
-of milliseconds. Here everything that was loaded is taken out of it for good (``gc.freeze``), it never starts
-by itself (``gc.disable``), and a timer lets it run when no exchange is on any wire.
+The reference count frees most objects immediately. Only objects that refer to each other in a cycle wait for
+a collection. Python starts it in the middle of any allocation; it takes 0.1 ms, and sometimes tens of
+milliseconds. Here all loaded objects are excluded for good (``gc.freeze``), the automatic start is off
+(``gc.disable``), and a timer collects while no exchange is on any wire.
 """
 
 import asyncio
@@ -18,26 +18,27 @@ from gateway.times import NS_PER_MS, NS_PER_S
 
 CHECK_EVERY_S: Final = 0.25
 BUSY_CHECK_S: Final = 0.02
-"""When a collection is due and an exchange was on a wire: exchanges take milliseconds."""
+"""Check interval while a due collection waits for an exchange to end: exchanges take milliseconds."""
 WORTHWHILE: Final = 700
-"""Objects in containers more than at the last collection: Python's own threshold. Without rings of garbage
-a relay hovers around 0 and never collects."""
+"""Growth of the container objects since the last collection: Python's own threshold. Without garbage in
+cycles a relay stays near 0 and never collects."""
 INTERVAL_NS: Final = 2 * NS_PER_S
 FULL_AFTER: Final = 10
-"""Collections of the young, after which the old are looked at too; at once when one found garbage."""
+"""Young collections before a full one; a young collection that finds garbage makes the full one due
+immediately."""
 LONG_FULL_NS: Final = 2 * NS_PER_MS
-"""Where the last full collection took longer, the next one waits for ``QUIET_CHECKS`` without exchanges."""
+"""If the last full collection took longer, the next one waits for ``QUIET_CHECKS`` without exchanges."""
 QUIET_CHECKS: Final = 20
 """Five seconds, at ``CHECK_EVERY_S``."""
 HARD_LIMIT: Final = 50_000
-"""With so many new objects (some 10 MB) a collection of the young runs even during an exchange, for 3 ms or
-so: without it memory would grow without end on a line that never rests."""
+"""With this many new objects (about 10 MB) a young collection runs even during an exchange, for about 3 ms.
+Without it memory would grow without limit on a line that is never idle."""
 HARD_FULL_AFTER: Final = 100
-"""So many collections of the young, and the old are looked at even during an exchange."""
+"""After this many young collections a full one runs even during an exchange."""
 
 
 class Collecting:
-    """Collects when ``is_idle`` says so. Times are ns of ``clock.boot_ns``."""
+    """Collects while ``is_idle`` returns True. Times are ns of ``clock.boot_ns``."""
 
     def __init__(self, is_idle: Callable[[], bool], activity: Activity | None = None) -> None:
         self._is_idle = is_idle
@@ -55,7 +56,7 @@ class Collecting:
         self._collected = 0
 
     def start(self) -> None:
-        """Put everything that is loaded aside, hold the search off, and begin to look after it."""
+        """Exclude all loaded objects, switch off the automatic collection, and start the timer."""
         gc.collect()
         gc.freeze()
         gc.disable()
@@ -63,7 +64,7 @@ class Collecting:
         self._timer = asyncio.get_running_loop().call_later(CHECK_EVERY_S, self._on_timer)
 
     def stop(self) -> None:
-        """Leave it to Python again."""
+        """Return the collection to Python."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -71,7 +72,7 @@ class Collecting:
             gc.enable()
 
     def status(self) -> Garbage:
-        """Return its counters: all collections, and of them the full and the forced ones."""
+        """Return its counters: all collections, and how many of them were full or forced."""
         return Garbage(
             collections=self._collections,
             full=self._full,
@@ -81,7 +82,7 @@ class Collecting:
         )
 
     def check(self, now_ns: int) -> float:
-        """Collect if it is due and nobody waits; returns the seconds until the next check."""
+        """Collect if it is due and no exchange runs; return the seconds until the next check."""
         is_idle = self._is_idle()
         self._quiet_checks = self._quiet_checks + 1 if is_idle else 0
         young = gc.get_count()[0]
@@ -121,7 +122,7 @@ class Collecting:
         self._found_garbage = False
 
     def _collect(self, generation: int, now_ns: int) -> tuple[int, int]:
-        """Collect; returns how many objects were garbage, and the ns that it took."""
+        """Collect; return the number of garbage objects, and the ns that it took."""
         start_ns = boot_ns()
         with self._activity.of("garbage collection"):
             found = gc.collect(generation)

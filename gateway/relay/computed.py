@@ -1,4 +1,4 @@
-"""What arithmetic says of a line, for the status: beside it stands what was measured."""
+"""Calculated times of a line, for the status; the measured times are next to them."""
 
 from gateway.budget.line import line_budget
 from gateway.state.plan import LinePlan
@@ -9,7 +9,7 @@ from gateway.times import NS_PER_MS
 def computed(plan: LinePlan) -> dict[str, Computed]:
     """Return the longest exchange of each controller and its whole round over all axes, in milliseconds.
 
-    Worked out once at the start; `pitch-gateway budget` shows all of it.
+    Calculated once at the start; `pitch-gateway budget` shows all of it.
     """
     return {
         controller.name: Computed(

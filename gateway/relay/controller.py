@@ -1,4 +1,4 @@
-"""One configured controller: what it connects to, and the ports that it has open."""
+"""One configured controller: its listener or serial port, and its open connections."""
 
 from collections.abc import Callable
 from datetime import datetime
@@ -44,7 +44,8 @@ from gateway.transport.tcp import TcpListener
 
 GARBAGE: Final = "it sent a header of impossible length; its connection was closed"
 HALF_FRAME_GRACE_NS: Final = 2 * NS_PER_S
-"""A request that is not whole for so long after its controller has given up on it ends the connection."""
+"""Time that an incomplete request may take beyond its controller's time-out; then the connection is
+closed."""
 
 
 class TcpController:
@@ -88,23 +89,23 @@ class TcpController:
         self._accepting = Accepting(self._listener)
 
     def use_slot(self, slot: FdSlot) -> None:
-        """Take what the service manager kept of this listener, and have it kept; before :meth:`open`."""
+        """Take the stored sockets of this listener, and store the new ones; call it before :meth:`open`."""
         self._slot = slot
 
     def why_stuck(self) -> str:
-        """Say why nobody can connect any more, "" where all is well; to be asked now and then."""
+        """Return why no controller can connect any more, "" if all is well; to be called regularly."""
         return self._accepting.why_stuck()
 
     @property
     def addresses(self) -> tuple[TcpEndpoint, ...]:
-        """Where it listens."""
+        """The addresses of its listener."""
         return self._listener.addresses
 
     async def drained(self) -> None:
         """Wait for replies that were not written yet; on TCP there are none."""
 
     async def open(self) -> None:
-        """Listen.
+        """Open the listener.
 
         Raises:
             TransportError: with the remedy.
@@ -117,7 +118,7 @@ class TcpController:
         await open_kept(self._listener, self.endpoint, self._slot, self._log)
 
     def stop_accepting(self) -> None:
-        """Take no more connections."""
+        """Accept no more connections."""
         self._listener.stop_accepting()
 
     async def close(self) -> None:
@@ -143,7 +144,7 @@ class TcpController:
         )
 
     def tick(self, now: datetime) -> None:
-        """Tell of certificates that end soon; to be called at least once in ten seconds."""
+        """Report certificates that expire soon; to be called at least every ten seconds."""
         if self._admission is not None:
             self._admission.tick(now)
 
@@ -204,32 +205,32 @@ class SerialController:
         self._minute = LastMinute(self._port.counters)
 
     def use_slot(self, slot: FdSlot) -> None:
-        """Take what the service manager kept of this port, and have it kept; before :meth:`open`."""
+        """Take the stored descriptor of this port, and store the new one; call it before :meth:`open`."""
         store_port(self._serial, self.endpoint, slot)
 
     def why_stuck(self) -> str:
-        """Say why the port is not used any more, "" where all is well."""
+        """Return why the port is not used any more, "" if all is well."""
         return "" if self._serial.is_kept_up else f"{self.endpoint} is not kept open any more"
 
     @property
     def addresses(self) -> tuple[TcpEndpoint, ...]:
-        """Where it listens: nowhere."""
+        """None: a serial port has no listener."""
         return ()
 
     async def drained(self) -> None:
-        """Wait until no reply waits for its silence any more."""
+        """Wait until every reply has been sent after its silence."""
         await self._port.drained()
 
     async def open(self) -> None:
-        """Open the port; one that is absent is opened when it comes.
+        """Open the port; if it is absent, open it as soon as it appears.
 
         Raises:
-            TransportError: in use, no permission, not a serial port.
+            TransportError: in use, no permission, or not a serial port.
         """
         await self._serial.open()
 
     def stop_accepting(self) -> None:
-        """Nothing to do: the exchange takes no more requests."""
+        """Nothing to do: the exchange accepts no more requests."""
 
     async def close(self) -> None:
         """Close the port."""
@@ -255,7 +256,7 @@ class SerialController:
         return status
 
     def tick(self, now: datetime) -> None:
-        """Sample what framing counts; a serial port has no certificates."""
+        """Sample the framing counters; a serial port has no certificates."""
         self._minute.tick(boot_ns())
 
 
@@ -271,19 +272,19 @@ def make_controller(
     beats: Beats,
     odd_units: frozenset[int],
 ) -> Controller:
-    """Return the front of a configured controller; ``odd_units`` as in ``OtherUnits``."""
+    """Return the server of a configured controller; ``odd_units`` as in ``OtherUnits``."""
     if isinstance(link.endpoint, TcpEndpoint):
         return TcpController(line, link, link.endpoint, exchange, journal, beats=beats)
     return SerialController(line, link, link.endpoint, exchange, journal, beats=beats, odd_units=odd_units)
 
 
 def wire_of(endpoint: SerialEndpoint) -> SerialTiming:
-    """Return the wire of a serial line, as cut-through sees it."""
+    """Return the timing of a serial line for cut-through."""
     return SerialTiming(character_ns(endpoint), frame_silence_ns(endpoint))
 
 
 def _age_s(asked: Asked) -> float | None:
-    """Return how long ago a controller asked last; None: not since the start."""
+    """Return the age of the newest request in seconds; None: no request since the start."""
     return round((boot_ns() - asked.newest_ns) / NS_PER_S, 3) if asked.newest_ns else None
 
 

@@ -1,7 +1,7 @@
 """Controllers: one port for each accepted TCP connection, one for each serial line.
 
-A port decodes whole requests out of the bytes and hands them to the exchange in the same call, without a turn
-of the loop between the last byte of a request and the write towards the drive.
+A port decodes whole requests from the bytes and passes them to the exchange in the same call. No cycle of the
+loop comes between the last byte of a request and the write to the drive.
 """
 
 from collections.abc import Callable
@@ -28,13 +28,13 @@ STOOD_STILL: Final = "it waited longer than its controller's timeout_ms while th
 HAS_GONE: Final = "its controller closed the connection"
 SENT_ANOTHER: Final = "its controller sent another request"
 NO_OTHERS: Final[list[Adu]] = []
-"""No requests beside the one that the bytes were."""
+"""The bytes held no second request."""
 NO_FRAMES: Final[list[Frame]] = []
-"""The same of RTU."""
+"""The same for RTU."""
 
 
 class Asked:
-    """When a controller asked last, over whichever of its connections."""
+    """When a controller sent its last request, on any of its connections."""
 
     def __init__(self) -> None:
         self.newest_ns = 0
@@ -65,11 +65,11 @@ class MbapControllerPort(ControllerPort):
         self.asked_ns = 0
         """When its last whole request came; 0: never."""
         self.unfinished_ns = 0
-        """Since when a request is not whole; 0: none is."""
+        """Since when a request is incomplete; 0: none is."""
 
     @property
     def is_served(self) -> bool:
-        """Whether it got an answer."""
+        """Whether it got a reply."""
         return self.stamps.sent_ns > 0
 
     def opened(self, channel: Channel, now_ns: int) -> None:
@@ -81,8 +81,9 @@ class MbapControllerPort(ControllerPort):
     def received(self, data: bytes, now_ns: int) -> None:
         """See ``Receiver``.
 
-        A request that began longer ago than the controller's patience is not sent, and ends the connection;
-        so does a header whose length cannot be: nobody waits for what follows either of them.
+        Two things end the connection: a request that began longer ago than the controller's patience, which
+        is not forwarded, and a header with an impossible length. The controller waits for no reply after
+        either of them.
         """
         channel = self._channel
         if channel is None:
@@ -119,7 +120,7 @@ class MbapControllerPort(ControllerPort):
         beats.traffic(now_ns)
 
     def _refuse(self, head: bytes, peer: str) -> None:
-        """Answer a request whose length cannot be, where it can be answered."""
+        """Answer a request of impossible length with an exception, if that is possible."""
         answer = too_long(head)
         if answer is not None:
             self.send_reply(*answer)
@@ -138,12 +139,11 @@ class MbapControllerPort(ControllerPort):
 
 
 class RtuControllerPort(ControllerPort):
-    """A controller that speaks RTU, over a serial port or through a serial device server.
+    """A controller that uses RTU, over a serial port or through a serial device server.
 
-    On a wire a reply begins no sooner than ``gap_ns`` after the request's last byte; nothing is waited for
-    where there is no wire. With ``wire`` its frames may be cut through, if its line does that. With ``echo``
-    what comes back of its replies is taken out; ``on_echo`` is called once where the configuration does not
-    name it.
+    On a wire a reply begins at least ``gap_ns`` after the last byte of the request; without a wire there is
+    no wait. ``wire`` allows cut-through, if the line uses it. With ``echo`` the echo of its replies is
+    removed; ``on_echo`` is called once if the adapter echoes and the configuration does not say so.
     """
 
     def __init__(
@@ -180,12 +180,12 @@ class RtuControllerPort(ControllerPort):
         """Whole requests so far."""
         self._replied_unit_id = -1
         self._replied_pdu = self._replied_frame = b""
-        """The newest reply, and its frame: all writes of a position have the same."""
+        """The newest reply and its frame: the replies to all writes of one position are equal."""
         self.unfinished_ns = 0
-        """Always 0: silence ends what is not whole."""
+        """Always 0: a silence ends an incomplete request."""
 
     async def drained(self) -> None:
-        """Wait until no reply waits for its silence any more."""
+        """Wait until every reply has been sent after its silence."""
         if self._sender is not None:
             await self._sender.drained()
 
@@ -263,7 +263,7 @@ class RtuControllerPort(ControllerPort):
     def may_forward(self, now_ns: int) -> bool:
         """See ``ControllerPort``."""
         if self._echo is not None and self._echo.echo is Echo.UNKNOWN:
-            return False  # the first reply tells whether it comes back: it leaves whole
+            return False  # the first reply shows whether the adapter echoes: it is sent whole
         return self._sender is not None and self._sender.may_begin(now_ns)
 
     def forward(self, piece: bytes) -> None:
@@ -277,7 +277,7 @@ class RtuControllerPort(ControllerPort):
         self.forward(rest)
 
     def counters(self) -> dict[str, int]:
-        """Return what framing has counted, for the status."""
+        """Return the framing counters, for the status."""
         counters = self._decoder.counters
         return {
             "whole": self.whole,
@@ -289,11 +289,15 @@ class RtuControllerPort(ControllerPort):
 
     @property
     def returns_replies(self) -> bool:
-        """Whether its adapter returns what is sent, and the configuration does not say so."""
+        """Whether its adapter echoes, and the configuration does not say so."""
         return self._echo is not None and self._echo.is_undeclared
 
     def _expect_echo(self, sent: bytes) -> None:
-        """Note that bytes leave. Before an echo is known, not while a request arrives: its rest is none."""
+        """Expect the echo of sent bytes.
+
+        While the echo is unknown, bytes sent during a request are skipped: the rest of that request is no
+        echo.
+        """
         echo, sender = self._echo, self._sender
         if echo is None or echo.echo is Echo.ABSENT or sender is None:
             return
@@ -315,7 +319,7 @@ class RtuControllerPort(ControllerPort):
         return data
 
     def _forward(self, forwarder: Forwarder, data: bytes, now_ns: int) -> bool:
-        """Let bytes leave that may; return whether they ended a request that has left with them."""
+        """Forward the bytes that may be sent; return whether they completed a forwarded request."""
         if self._beats.stood_still(now_ns, self.patience_ns):
             forwarder.end(ForwardEvent.STALLED, now_ns)
             return False
@@ -342,7 +346,8 @@ class RtuControllerPort(ControllerPort):
     def _pass_on(self, requests: list[tuple[int, bytes]], now_ns: int, why_all: str = "") -> None:
         last = len(requests) - 1
         for number, (unit_id, pdu) in enumerate(requests):
-            # Who sends another request waits for this one no more; a broadcast is never waited for.
+            # A controller that sends another request has given up on this one. It never waits for a
+            # broadcast.
             is_given_up = number != last and unit_id != BROADCAST_UNIT_ID
             why = why_all or (SENT_ANOTHER if is_given_up else "")
             self._exchange.request(self, 0, unit_id, pdu, now_ns, why_given_up=why)

@@ -1,8 +1,8 @@
-"""The way to the drives of one line: frames requests, picks out the reply that is expected.
+"""The link to the drives of one line: it frames requests and finds the expected reply.
 
-Two kinds. RTU, over a serial port or through a serial device server: replies carry no number, so a reply
-belongs to the one request that is outstanding, and whatever comes when none is goes to the exchange as stray
-bytes. Modbus/TCP: the gateway numbers its own requests; a reply with another number is late and is dropped.
+There are two kinds. RTU, over a serial port or through a serial device server: replies carry no number, so a
+reply belongs to the one outstanding request. Without one, all bytes go to the exchange as stray bytes.
+Modbus/TCP: the gateway numbers its own requests; a reply with another number is late and is dropped.
 """
 
 from collections.abc import Callable
@@ -24,44 +24,44 @@ from gateway.transport.timer import Timer
 BROADCAST_UNIT_ID: Final = 0
 LAST_ID: Final = 0xFFFF
 FIRST_ID: Final = 1
-"""Transaction ids towards drives go from here to the last one and begin again: 0 is what servers answer with
-that do not look at it, and would then answer whatever was asked."""
+"""Transaction ids towards drives run from here to ``LAST_ID`` and wrap. 0 is left out: servers that ignore
+the id reply with 0, and their reply would match any request."""
 NONE: Final = -1
-"""In the place of the number of a request: none is awaited."""
+"""Instead of a transaction id: no reply is awaited."""
 UNANSWERED_LIMIT: Final = 1024
-"""Numbers of the newest requests without a reply that are not used again. Older ones are forgotten: a reply
-that comes more than a thousand time-outs late comes from no drive."""
+"""This many ids of unanswered requests are not used again; older ones are forgotten. No drive replies more
+than a thousand time-outs late."""
 NEWEST: Final = 32
 NEWEST_MASK: Final = (1 << NEWEST) - 1
 
 
 @dataclass(slots=True)
 class Instead:
-    """What came in the place of the replies of one unit id."""
+    """What came instead of the replies of one unit id."""
 
     total: int = 0
-    """Requests without a reply to which it came."""
+    """Unanswered requests during which it came."""
     newest: int = 0
-    """A bit for each of the newest requests without a reply, the last one lowest: whether that was so."""
+    """One bit for each of the newest unanswered requests, the last in the lowest bit; 1: it came."""
 
     def add(self, *, came: bool) -> None:
-        """Note a request without a reply."""
+        """Count an unanswered request."""
         self.total += came
         self.newest = (self.newest << 1 | came) & NEWEST_MASK
 
     def among(self, timeouts: int) -> int:
-        """Return to how many of the last ``timeouts`` requests without a reply, 32 at most, it came."""
+        """Return during how many of the last ``timeouts`` unanswered requests, 32 at most, it came."""
         return (self.newest & ((1 << min(timeouts, NEWEST)) - 1)).bit_count()
 
 
 @dataclass(slots=True)
 class OtherIds(Instead):
-    """Replies of one unit id with a transaction id that nothing was asked with."""
+    """Replies of one unit id with a transaction id that no request had."""
 
     asked_id: int = 0
-    """Of the newest of these requests."""
+    """Transaction id of the newest such request."""
     answered_id: int = 0
-    """Of the reply that came to it."""
+    """Transaction id of the reply that came instead."""
 
     def __str__(self) -> str:
         """Say what the drive does."""
@@ -75,29 +75,30 @@ class Link(DriveLink):
     def __init__(self, *, is_serial: bool) -> None:
         super().__init__(is_serial=is_serial)
         self.connector: TcpConnector | None = None
-        """What makes and ends its connections; None: it is a serial port, or in the hands of a test."""
+        """Makes and ends its connections; None: it is a serial port, or a test provides the channel."""
         self.opened_channel: Channel | None = None
         self.was_asked = False
-        """Whether anything was sent on the connection that there is, or was last."""
+        """Whether anything was sent on the current or last connection."""
         self.damage: dict[int, Instead] = {}
-        """Requests without a reply to which bytes came of which no frame could be made, by unit id. TCP
-        damages nothing: there it stays empty."""
+        """Unanswered requests during which bytes came that made no frame, by unit id. Always empty on TCP,
+        which damages nothing."""
         self.other_ids: dict[int, OtherIds] = {}
-        """The same of those to which a reply with another transaction id came. RTU has none."""
+        """Unanswered requests during which a reply with another transaction id came, by unit id. Always empty
+        on RTU."""
 
     @property
     def returns_requests(self) -> bool:
-        """Whether what is sent comes back, and nobody said so."""
+        """Whether the adapter echoes, and the configuration does not say so."""
         return False
 
     def over(self, connector: TcpConnector) -> None:
-        """Name what makes its connections; before the first one."""
+        """Set what makes its connections; before the first one."""
         self.connector = connector
         self.connects = True
 
     @property
     def bytes_received(self) -> int:
-        """How many bytes have come on the connection that there is, or was last."""
+        """How many bytes have come on the current or last connection."""
         return 0 if self.opened_channel is None else self.opened_channel.count_received()
 
     def want(self) -> None:
@@ -116,7 +117,7 @@ class Link(DriveLink):
             self.connector.hang_up(returns=returns)
 
     def attach(self, exchange: LineExchange) -> None:
-        """Name the exchange that gets the replies; before the first byte."""
+        """Set the exchange that gets the replies; before the first byte."""
         raise NotImplementedError
 
     def opened(self, channel: Channel, now_ns: int) -> None:
@@ -132,24 +133,24 @@ class Link(DriveLink):
         raise NotImplementedError
 
     def counters(self) -> dict[str, int]:
-        """Return what framing has counted, for the status."""
+        """Return the framing counters, for the status."""
         raise NotImplementedError
 
     async def drained(self) -> None:
-        """Wait until no request waits for its silence any more."""
+        """Wait until every request has been sent after its silence."""
         raise NotImplementedError
 
     def close(self) -> None:
-        """Give timers back."""
+        """Release the timers."""
         raise NotImplementedError
 
 
 class RtuDriveLink(Link):
     """RTU frames to the drives, over a wire or over TCP.
 
-    ``gap_ns``: silence that the drives want before each request; ``wire_gap_ns``: what a wire wants.
-    ``has_echo``: what is sent comes back; of requests that leave in pieces it is taken out here.
-    ``on_return`` is called once where it comes back without that.
+    ``gap_ns``: silence that the drives need before each request; ``wire_gap_ns``: silence that a wire needs.
+    ``has_echo``: the adapter echoes; this class removes the echo of forwarded requests. ``on_return`` is
+    called once if the adapter echoes without ``has_echo``.
     """
 
     def __init__(
@@ -172,12 +173,12 @@ class RtuDriveLink(Link):
         self._forward_timer: Timer | None = None
         self._has_echo = has_echo
         self._own = b""
-        """What has left in pieces, of which no echo has been heard yet."""
+        """Forwarded bytes whose echo has not come completely."""
         self._heard_own = b""
-        """What has come of it so far."""
+        """The part of their echo that has come."""
         self._asked_unit_id = 0
         self._damaged_before = 0
-        """Damage that was there when the newest request was sent."""
+        """Count of damage when the newest request was sent."""
         self.stamps = self._sender.stamps
 
     @property
@@ -223,7 +224,7 @@ class RtuDriveLink(Link):
         self.forward(rest)
 
     def abandon(self) -> None:
-        """See ``DriveLink``. A request that still waits for its silence is not sent any more."""
+        """See ``DriveLink``. A request that still waits for its silence is dropped."""
         self._forget_own()
         if self._decoder.is_expecting:
             self._decoder.cancel()
@@ -297,7 +298,7 @@ class RtuDriveLink(Link):
         self._sender.close()
 
     def _forward(self, forwarder: Forwarder, data: bytes, now_ns: int) -> bytes:
-        """Let bytes of a reply leave that may; return what came without the own request."""
+        """Forward the bytes of a reply that may be sent; return the received bytes without the echo."""
         if self._own:
             data = self._without_own(data)
         if data:
@@ -306,10 +307,10 @@ class RtuDriveLink(Link):
         return data
 
     def _without_own(self, data: bytes) -> bytes:
-        """Take the own request out of what came, byte by byte.
+        """Remove the echo of the own request, byte by byte.
 
-        With the first byte that is another one it is not its echo, or something has met it on the wire: then
-        all of it came from the drives.
+        The first byte that differs shows that this is no echo, or that something collided with it on the
+        wire. Then all bytes count as sent by the drives.
         """
         heard = self._heard_own + data
         count = min(len(self._own), len(heard))
@@ -317,7 +318,7 @@ class RtuDriveLink(Link):
             self._forget_own()
             return heard
         if count < len(self._own) or not self._decoder.is_expecting:
-            # More of it may leave yet.
+            # More of the request may follow.
             self._heard_own = heard[:count]
             return heard[count:]
         self._forget_own()
@@ -345,7 +346,7 @@ class RtuDriveLink(Link):
         self._pass_on(replies, now_ns)
 
     def _pass_on(self, replies: list[tuple[int, bytes]], now_ns: int) -> None:
-        # Armed first: inside reply() the exchange may send its next request, which begins anew.
+        # Armed first: inside reply() the exchange may send its next request, which arms the timer again.
         self._timer.arm(self._decoder.deadline_ns)
         for unit_id, pdu in replies:
             self._exchange.reply(unit_id, pdu, now_ns)
@@ -355,20 +356,20 @@ class RtuDriveLink(Link):
 class ReplyUnitIds:
     """Which unit id the replies of a Modbus/TCP line carry.
 
-    Where several drives stand behind one connection, another unit id is another drive. Where there is one,
-    the transaction id is enough: published servers answer with 0 or 1 whatever they were asked.
+    With several drives behind one connection, another unit id is another drive. With one drive the
+    transaction id is enough: some published servers reply with unit id 0 or 1 to every request.
     """
 
     are_many: bool = False
     answers_as: int | None = None
-    """What the one drive is known to answer with."""
+    """The unit id in the replies of a single drive, if it is known."""
 
 
 class MbapDriveLink(Link):
-    """Modbus/TCP to the drives, with transaction ids of its own.
+    """Modbus/TCP to the drives, with its own transaction ids.
 
-    ``gap_ns``: silence before each request. ``on_wrong_unit`` gets the unit id that was asked and the one
-    that answered, once for each two. ``on_other_id`` gets a unit id and what it answers with, once for each.
+    ``gap_ns``: silence before each request. ``on_wrong_unit`` gets the requested unit id and the one in the
+    reply, once for each pair. ``on_other_id`` gets a unit id and what it replies with, once for each unit id.
     """
 
     def __init__(
@@ -392,10 +393,10 @@ class MbapDriveLink(Link):
         self._last_id = 0
         self._awaited_id = NONE
         self._other_id = self._other_for = NONE
-        """That of the newest reply which answers nothing, and what was awaited when it came."""
+        """Id of the newest reply that matches no request, and the id that was awaited when it came."""
         self._awaited_unit_id = 0
         self._unanswered: dict[int, int] = {}
-        """Unit ids that were asked with these numbers."""
+        """Unit ids of the unanswered requests, by transaction id."""
         self._late = 0
         self._malformed = 0
         self.stamps = self._sender.stamps
@@ -439,7 +440,7 @@ class MbapDriveLink(Link):
         self._exchange.link_up(now_ns)
 
     def received(self, data: bytes, now_ns: int) -> None:
-        """See ``Receiver``. A connection that does not speak Modbus/TCP is closed, and opened anew."""
+        """See ``Receiver``. A connection that does not carry Modbus/TCP is closed and opened again."""
         self._sender.heard(now_ns)
         decoder = self._decoder
         pdu = decoder.one(data)
@@ -494,7 +495,7 @@ class MbapDriveLink(Link):
             self._exchange.stray(now_ns)
 
     def _is_answer_all_the_same(self, unit_id: int) -> bool:
-        """Whether a reply with the right number counts although another unit id stands in it."""
+        """Whether a reply with the right transaction id is valid although its unit id differs."""
         if unit_id == self._unit_ids.answers_as:
             return True
         self._wrong_units += 1
@@ -505,16 +506,16 @@ class MbapDriveLink(Link):
         return not self._unit_ids.are_many
 
     def _is_other_id(self, transaction_id: int, unit_id: int) -> bool:
-        """Whether a number that nothing unanswered was asked with is meant for what is awaited.
+        """Whether an id that belongs to no unanswered request is meant for the awaited request.
 
-        The number of the request before may be that of a reply which came twice.
+        The id of the request before is excluded: its reply may have come twice.
         """
         if self._awaited_id == NONE or (self._unit_ids.are_many and unit_id != self._awaited_unit_id):
             return False
         return transaction_id == 0 or transaction_id != self._awaited_id - 1
 
     def _count_unanswered(self, asked_id: int, unit_id: int) -> None:
-        """Note what came in the place of a reply."""
+        """Record what came instead of a reply."""
         came = self._other_for == asked_id
         other_ids = self.other_ids.get(unit_id)
         is_first = other_ids is None

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 
 class StartError(Exception):
-    """Some listeners or ports cannot be opened; ``problems`` has a line for each, beginning with its key."""
+    """Listeners or ports cannot be opened; ``problems`` has a line for each, which begins with its key."""
 
     def __init__(self, problems: Sequence[str]) -> None:
         super().__init__("\n".join(problems))

@@ -1,7 +1,8 @@
-"""Sockets and ports that outlive this process: the service manager keeps them over the next start.
+"""Sockets and ports that outlive this process: the service manager keeps them until the next start.
 
-Each has a name made of where it belongs and of the address or device, so that what is elsewhere now is not
-found again: it is closed, here and by the manager. (The settings of a port are set anew in any case.)
+The name of each is made of its line, controller and address or device. If one of these changes, the old
+descriptor is not found again: it is closed, here and at the manager. (The settings of a port are set again in
+any case.)
 """
 
 import hashlib
@@ -20,11 +21,11 @@ from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpListener
 
 NAMED: Final = 3
-"""So many addresses are named in a note."""
+"""Number of addresses that a log entry names."""
 
 
 class FdStore:
-    """What the manager handed over, and what it is to keep. ``handed``: names and descriptors."""
+    """What the manager handed over and what it must keep. ``handed``: names and descriptors."""
 
     def __init__(self, manager: ServiceManager, handed: Iterable[tuple[str, int]]) -> None:
         self._manager = manager
@@ -33,7 +34,7 @@ class FdStore:
             self._handed[name].append(descriptor)
 
     def slot(self, line: str, controller: str, endpoint: TcpEndpoint | SerialEndpoint) -> "FdSlot":
-        """Return the place of one listener or port; ``controller`` is empty for the drives of a line."""
+        """Return the slot of one listener or port; ``controller`` is empty for the drives of a line."""
         kind, opened_with = (
             ("tcp", repr(endpoint)) if isinstance(endpoint, TcpEndpoint) else ("tty", str(endpoint))
         )
@@ -42,7 +43,7 @@ class FdStore:
         return FdSlot(self._manager, name, self._handed.pop(name, []))
 
     def drop_rest(self) -> int:
-        """Close what nobody has a place for any more, also at the manager's; returns how many there were."""
+        """Close every descriptor without a slot, also at the manager; return how many there were."""
         number = 0
         for name, descriptors in self._handed.items():
             self._manager.drop(name)
@@ -54,7 +55,7 @@ class FdStore:
 
 
 class FdSlot:
-    """The place of one listener, which may have several sockets, or of one port."""
+    """The slot of one listener, which may have several sockets, or of one port."""
 
     def __init__(self, manager: ServiceManager, name: str, handed: list[int]) -> None:
         self._manager = manager
@@ -62,27 +63,28 @@ class FdSlot:
         self._handed = handed
 
     def take(self) -> list[int]:
-        """Return what was kept here; the caller owns it. A second time there is nothing."""
+        """Return the stored descriptors; the caller owns them. A second call returns none."""
         handed, self._handed = self._handed, []
         return handed
 
     def store(self, descriptors: Iterable[int]) -> None:
-        """Have these kept instead of what was kept here before."""
+        """Store these instead of the previous ones."""
         self.drop()
         for descriptor in descriptors:
             self._manager.store(self._name, descriptor)
 
     def drop(self) -> None:
-        """Have nothing kept here any more."""
+        """Store nothing any more."""
         self._manager.drop(self._name)
 
 
 async def open_kept(
     listener: TcpListener, endpoint: TcpEndpoint, slot: FdSlot, log: Callable[[EventEntry, str], None]
 ) -> None:
-    """Open a listener with the sockets that were kept of it, else anew; and have them kept.
+    """Open a listener with its stored sockets, else with new ones, and store them.
 
-    Who connected while no gateway ran is turned away and may connect again: what it had sent is not done.
+    Clients that connected while no gateway ran are rejected and may connect again: their requests are not
+    carried out.
 
     Raises:
         RefusedError: as of ``TcpListener.open``.
@@ -103,9 +105,9 @@ async def open_kept(
 
 
 def store_port(port: SerialPort, endpoint: SerialEndpoint, slot: FdSlot) -> bool:
-    """Give a port what was kept of it, and have each opening kept; returns whether there was something."""
+    """Give a port its stored descriptor and store each new one; return whether there was one."""
     port.kept = adopted_port(slot.take(), endpoint.device)
     port.on_open = lambda descriptor: slot.store([descriptor])
-    # An adapter that comes back gets its name only when nobody has the old one open.
+    # A returning adapter gets its old name only if no process has the old device open.
     port.on_lost = slot.drop
     return port.kept is not None

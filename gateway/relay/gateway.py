@@ -1,4 +1,4 @@
-"""The relay: every line of a checked configuration, started, watched and stopped."""
+"""The relay: starts, watches and stops every line of a checked configuration."""
 
 import asyncio
 import os
@@ -77,22 +77,21 @@ from gateway.times import NS_PER_S
 from gateway.transport.endpoints import TcpEndpoint
 
 TICK_EVERY_S: Final = 5.0
-"""Each line lets its marks of the last minute grow old, whether somebody looks at them or not."""
+"""Each line ages its marks of the last minute in this interval, also if no status is read."""
 LARGEST_BYTES: Final = HEADER_BYTES + MAX_POINTS * POINT_BYTES
 """Of the table of one axis."""
 _Result = TypeVar("_Result")
 
 
 class Relay:
-    """Runs a plan on the loop of whoever starts it.
+    """Runs a plan on the loop of its caller.
 
-    ``write`` gets what happened, at once and on the hot path: it must not block
-    (``ipc.log_thread.LogThread.put``). Without it the newest notes can be looked at with :meth:`recent`.
-    ``state`` is the folder of its socket and of the records of its axes; without it there are none. With a
-    ``recorder`` everything that passes is recorded. ``find_table`` finds a table that was in force in an
-    earlier run, by its ``compensation.fingerprint.table_digest``. ``fd_store`` is what a service manager
-    keeps of its sockets and ports, ``shape`` that of the plan where it was compiled. A relay lives once: make
-    another one to start again.
+    ``write`` gets each log entry, immediately and on the hot path: it must not block
+    (``ipc.log_thread.LogThread.put``). Without it :meth:`recent` returns the newest entries. ``state`` is the
+    folder of its socket and of the records of its axes; without it there are none. A ``recorder`` records all
+    traffic. ``find_table`` finds a table of an earlier run by its ``compensation.fingerprint.table_digest``.
+    ``fd_store`` holds the sockets that a service manager keeps, ``shape`` the shape of the compiled plan. A
+    relay starts once only: make another one to start again.
     """
 
     def __init__(
@@ -122,7 +121,7 @@ class Relay:
         self._pulse: Pulse | None = None
         """Beats from the start on; None: not started, or closed."""
         self._scheduling = in_force()
-        """How the kernel schedules it: asked for again with each turn, for that takes a millisecond."""
+        """How the kernel schedules it. Refreshed at each tick only, because the query takes a millisecond."""
         self._shape = shape or shape_of(plan)
         self._refused_tables: Reports[str] = Reports()
         self._find_table = find_table or (None if state is None else partial(find_table_in, state))
@@ -134,27 +133,27 @@ class Relay:
 
     @property
     def shape(self) -> str:
-        """Digest of its plan without the tables: only tables that were made for the same are for it."""
+        """Digest of its plan without the tables: it accepts only tables made for the same digest."""
         return self._shape
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Names of all axes, as they are configured."""
+        """Names of all axes, as configured."""
         return tuple(axis.name for line in self._plan.lines for axis in line.axes)
 
     @property
     def control_socket(self) -> Path | None:
-        """Where commands reach it."""
+        """The socket that receives commands."""
         return None if self._control is None else self._control.path
 
     @property
     def recording(self) -> Path | None:
-        """The file that everything is recorded into, while it is."""
+        """The recording file; None while nothing is recorded."""
         return self._recorder.path if self._recorder is not None and self._recorder.is_on else None
 
     @property
     def addresses(self) -> dict[tuple[str, str], tuple[TcpEndpoint, ...]]:
-        """Where controllers connect, by line and controller: with the ports that the system chose for 0."""
+        """The listening addresses by line and controller, with the ports that the system chose for 0."""
         return {
             (line.plan.name, name): addresses
             for line in self._lines
@@ -166,10 +165,10 @@ class Relay:
         return self.addresses[line, controller][0]
 
     async def start(self) -> None:
-        """Open all listeners and ports. Drives that cannot be reached yet are waited for, in the background.
+        """Open all listeners and ports. Drives that do not respond yet are connected in the background.
 
         Raises:
-            StartError: with every listener and port that cannot be opened; nothing is left open then.
+            StartError: names every listener and port that cannot be opened; all others are closed again.
         """
         self._started_ns = boot_ns()
         problems = self._start_recorder()
@@ -201,9 +200,10 @@ class Relay:
         self._tick()
 
     def take_process(self) -> None:
-        """Make the process the relay's own, once everything is open: its scheduling, its garbage.
+        """Set scheduling and garbage collection of the whole process, once everything is open.
 
-        For whoever started a process for it, on the thread of its loop. What the system refuses is noted.
+        For a caller that started a process for it, on the thread of its loop. What the system refuses is
+        logged.
         """
         self._collecting.start()
         for refused in schedule(self._plan.relay, self._scheduling_withdrawn):
@@ -219,14 +219,14 @@ class Relay:
         self._scheduling = in_force()
 
     async def stop(self) -> None:
-        """Take no new requests, let the exchanges on the wires end, close everything."""
+        """Accept no new requests, let the exchanges on the wires end, close everything."""
         if self._control is not None:
-            self._control.hang_up()  # its place stays ours as long as its lines are
+            self._control.hang_up()  # its address stays ours as long as its lines are open
         await asyncio.gather(*(line.stop() for line in self._lines))
         await self._close_rest(needs_silence=any(line.needs_silence for line in self._lines))
 
     def answer(self, request: Request) -> Reply:
-        """Do what a request of the socket asks for."""
+        """Carry out a request of the socket."""
         match request:
             case Ping():
                 version, pid = gateway.__version__, os.getpid()
@@ -239,7 +239,7 @@ class Relay:
                 return self._command_each(request)
 
     def _command_each(self, command: Command) -> Done:
-        """Ask it of each axis; one that cannot do it does not keep the others from it."""
+        """Send a command to each axis; an axis that refuses it does not stop the others."""
         changed: dict[str, str] = {}
         problems: list[str] = []
         for axis in axes_of(command) or self.axes:
@@ -253,7 +253,7 @@ class Relay:
     async def take_tables(self, command: SetTable, descriptors: Sequence[int]) -> Done:
         """Map the tables of a command and put them into force, all of them or none.
 
-        Frames pass while the points are compared with their digest. The descriptors stay the caller's.
+        Frames pass while the points are compared with their digest. The caller keeps the descriptors.
         """
         try:
             with self._activity.of("a table"):
@@ -270,20 +270,20 @@ class Relay:
         return Done(changed=tuple(comes), comes=comes)
 
     def _mapped(self, requested: TableFor, descriptor: int) -> tuple[CorrectionTable, memoryview]:
-        """Return a table by its header, and its bytes: the points have still to be looked at."""
+        """Return a table by its header, and its bytes; the points are not checked yet."""
         self._line_of(requested.axis)
         with _refused_for(requested.axis):
             data = map_sealed(descriptor, LARGEST_BYTES)
             return mapped(data), data
 
     def command(self, command: Command, tables: Sequence[CorrectionTable] = ()) -> dict[str, str]:
-        """Carry out a command for one axis, or the tables of several on one line.
+        """Carry out a command for one axis, or the tables of several axes on one line.
 
         Returns:
-            The axes that changed, each with how that comes into force.
+            The changed axes, each with how the change comes into force.
 
         Raises:
-            ControlError: why it cannot be, and what to do; nothing has changed then.
+            ControlError: the reason and the remedy; nothing has changed then.
         """
         lines = {id(line): line for line in map(self._line_of, axes_of(command))}
         if len(lines) > 1:
@@ -297,7 +297,7 @@ class Relay:
     def _log_command(
         self, command: Command, changed: dict[str, str], loaded: Sequence[CorrectionTable]
     ) -> None:
-        """Put it on record that a command changed something; not of each temperature."""
+        """Log a command that changed something; temperatures are not logged."""
         more: dict[str, object] = {}
         by = "by a command"
         match command:
@@ -331,32 +331,32 @@ class Relay:
         self._journal.log(what, axes=list(changed), **more, detail=by)
 
     def _log_refused(self, detail: str) -> None:
-        """Put it on record that a table was refused; not more than once a minute."""
+        """Log that a table was refused; at most once a minute."""
         if sentence := self._refused_tables.sentence("table", detail, time.monotonic_ns()):
             self._journal.log(tables.TABLE_REFUSED, detail=sentence)
 
     @property
     def busy_lines(self) -> dict[str, float]:
-        """Lines with an exchange on the wire, each with the seconds that a stop waits for it at most."""
+        """Lines with an exchange on the wire, each with the longest wait of a stop for it, in seconds."""
         return {line.plan.name: line.longest_stop_s for line in self._lines if not line.is_idle}
 
     def why_stuck(self, now_ns: int) -> str:
-        """Say what does not get on, "" where everything does; see ``watchdog.WatchdogFeeder``."""
+        """Return what makes no progress, "" if everything does; see ``watchdog.WatchdogFeeder``."""
         with self._activity.of("the watchdog"):
             return next((why for line in self._lines if (why := line.why_stuck(now_ns))), "")
 
     def log_stuck(self, why: str) -> None:
-        """Put it on record that the watchdog is not fed."""
+        """Log that the watchdog is not fed."""
         self._journal.log(processes.NO_PROGRESS, detail=why)
 
     @property
     def summary(self) -> str:
-        """One short sentence on all of it."""
+        """One short sentence about the whole relay."""
         up = sum(line.is_up for line in self._lines)
         return f"{up} of {len(self._lines)} lines up, {len(self.axes)} axes"
 
     def recent(self) -> tuple[LogEntry, ...]:
-        """Return the newest notes where nobody writes them, oldest first."""
+        """Return the newest log entries, oldest first; only if ``write`` is not given."""
         return self._journal.recent()
 
     def status(self) -> RelayModel:
@@ -365,7 +365,7 @@ class Relay:
             return self._status()
 
     def _status(self) -> RelayModel:
-        if self._lines:  # one line each time: the loop has other things to do
+        if self._lines:  # one line each time, so that the loop is not held up
             self._looks += 1
             self._lines[self._looks % len(self._lines)].refresh_latency()
         return RelayModel(
@@ -386,12 +386,12 @@ class Relay:
         )
 
     def _tick(self) -> None:
-        """Turn one line each time, as with looks; not while a frame is leaving."""
+        """Tick one line each time; not while a frame is being forwarded."""
         loop = asyncio.get_running_loop()
         if self._lines and self._is_forwarding() and loop.time() < self._tick_due_s + LONGEST_WAIT_S:
             self._next_tick = loop.call_later(ASKED_AGAIN_S, self._tick)
         elif self._lines:
-            # Before the work: a mistake in it must not end the turning.
+            # Before the work: an error in the work must not end the ticks.
             pause_s = TICK_EVERY_S / len(self._lines)
             self._tick_due_s = loop.time() + pause_s
             self._next_tick = loop.call_later(pause_s, self._tick)
@@ -411,7 +411,7 @@ class Relay:
         self._journal.log(processes.SCHEDULING_WITHDRAWN, key="relay.fifo", detail=why)
 
     def _publish_entry(self, entry: LogEntry) -> None:
-        """Let those who listen know."""
+        """Send an entry to the clients that subscribed."""
         if self._control is not None and self._control.has_listeners:
             self._control.publish_event(
                 Happened(
@@ -423,7 +423,7 @@ class Relay:
             )
 
     def _tapes(self) -> dict[str, int]:
-        """Return the descriptors of the tapes, each with all that is on it until now."""
+        """Return the descriptors of the trace buffers, each with all data until now."""
         tapes = {line.plan.name: line.trace_buffer for line in self._lines if line.trace_buffer is not None}
         for trace_buffer in tapes.values():
             trace_buffer.show()
@@ -472,7 +472,7 @@ class Relay:
         return []
 
     def _take_over(self) -> None:
-        """Have the lines take what was kept for them, and let go of the rest before anything is opened."""
+        """Give the lines their stored sockets and ports, and close the rest before any is opened."""
         if self._fd_store is None:
             return
         for line in self._lines:
@@ -487,7 +487,7 @@ class Relay:
             self._journal.log(processes.STATE_FOLDER_OPEN, detail=problem.found, remedy=problem.remedy)
 
     def _named(self, name: str, work: Callable[..., _Result], *arguments: Any) -> _Result:
-        """Do something for a client, and note how long it took."""
+        """Run work for a client, and record how long it took."""
         with self._activity.of(name):
             return work(*arguments)
 

@@ -1,6 +1,6 @@
-"""What happened, on its way to the log: noted on the hot path for the price of an append, written elsewhere.
+"""Log entries of the hot path: an entry costs one append there and is written elsewhere.
 
-A full pipe blocks whoever writes into it, so nothing here writes: ``ipc.log_thread`` does.
+A full pipe blocks the process that writes into it. So nothing here writes: ``ipc.log_thread`` does.
 """
 
 import time
@@ -15,31 +15,31 @@ from gateway.ipc.log_thread import CAPACITY
 
 
 class Journal:
-    """Makes notes for ``write``, which has to cost as little as an append; keeps the newest without it."""
+    """Passes entries to ``write``, which must cost no more than an append; without it, keeps the newest."""
 
     def __init__(self, write: Callable[[LogEntry], None] | None) -> None:
         self._kept: deque[LogEntry] = deque(maxlen=CAPACITY)
         self._write = write or self._kept.append
         self.on_entry: Callable[[LogEntry], None] = _ignore
-        """Gets every note, too, at the same price."""
+        """Gets every entry too; it must cost as little."""
 
     def log(self, event: EventEntry, **fields: object) -> None:
-        """Make a note of an event of the catalogue; never blocks."""
+        """Log an event of the catalogue; never blocks."""
         entry = log_entry(event, fields, time.time())
         self._write(entry)
         self.on_entry(entry)
 
     def exchange_event(self, line: str, event: Event) -> None:
-        """Append an event of a line's exchange."""
+        """Log an event of a line's exchange."""
         axis = {"axis": event.axis} if event.axis else {}
         self.log(event.kind, line=line, **axis, **dict(event.more), detail=event.detail)
 
     def record_not_used(self, line: str, axis: str, detail: str) -> None:
-        """Append that the record of an axis does not count, or is not kept."""
+        """Log that the record of an axis is not used, or that the axis has none."""
         self.log(RECORD_NOT_USED, line=line, axis=axis, detail=detail)
 
     def recent(self) -> tuple[LogEntry, ...]:
-        """Return the newest notes where nobody writes them, oldest first."""
+        """Return the newest log entries, oldest first; only if ``write`` is not given."""
         return tuple(self._kept)
 
 

@@ -1,4 +1,4 @@
-"""How much a few counters have grown within the last minute, from a sample now and then."""
+"""The growth of a few counters within the last minute, from regular samples."""
 
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -8,22 +8,22 @@ from gateway.times import NS_PER_S
 
 MINUTE_NS: Final = 60 * NS_PER_S
 KEPT: Final = 16
-"""Samples: one comes every few seconds, and the oldest within the minute is what counts."""
+"""Number of samples: one comes every few seconds, and the oldest within the minute counts."""
 
 
 class LastMinute:
-    """Counters of the last minute; of the whole time while that is shorter. ``read`` returns their totals."""
+    """Counters of the last minute, or of the whole time if that is shorter. ``read`` returns their totals."""
 
     def __init__(self, read: Callable[[], Mapping[str, int]]) -> None:
         self._read = read
         self._samples: deque[tuple[int, Mapping[str, int]]] = deque(maxlen=KEPT)
 
     def tick(self, now_ns: int) -> None:
-        """Take a sample; to be called at least once in ten seconds."""
+        """Take a sample; to be called at least every ten seconds."""
         self._samples.append((now_ns, dict(self._read())))
 
     def grown(self, now_ns: int) -> dict[str, int]:
-        """Return by how much each counter has grown."""
+        """Return the growth of each counter."""
         before: Mapping[str, int] = {}
         for taken_ns, sample in self._samples:
             if now_ns - taken_ns < MINUTE_NS:

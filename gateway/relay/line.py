@@ -1,4 +1,4 @@
-"""One line, put together: controllers in front, the exchange in the middle, the way to the drives behind."""
+"""One line: its controllers, the exchange between, and the link to the drives."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -67,9 +67,9 @@ from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpConnector
 
 STOP_MARGIN_S: Final = 1.0
-"""Beyond the longest exchange: a stop that waits longer has met a bug, and ends anyway."""
+"""Added to the longest exchange. A stop that waits longer has met a bug, and ends anyway."""
 NOTHING: Final = Instead()
-"""Where nothing else came in the place of replies."""
+"""Nothing came instead of replies."""
 
 
 class Line:
@@ -90,7 +90,7 @@ class Line:
         self.trace_buffer = (
             _make_trace_buffer(plan, journal) if recorder is None and plan.tape_bytes else None
         )
-        """What is kept of its last minutes."""
+        """The traffic of its last minutes."""
         if self.trace_buffer is not None:
             pulse.on_beat.append(self.trace_buffer.show)
         self._journal = journal
@@ -114,12 +114,12 @@ class Line:
         self._alarm = LineAlarm(self._exchange, lambda: self._link.bytes_received)
         self._link.attach(self._exchange)
         self._in_force: dict[tuple[str, tuple[str, ...]], traffic.Commanded] = {}
-        """What somebody outside has changed since the start, for the tape."""
+        """What commands have changed since the start, for the trace buffer."""
         self._records: dict[str, AxisRecord] = {}
         self._loaded_at = {axis.name: _now() for axis in plan.axes if axis.table is not None}
-        """When the table of an axis was taken, as ISO 8601 has it."""
+        """When the table of an axis was loaded, in ISO 8601."""
         self._configured = {axis.name: _configured(axis) for axis in plan.axes}
-        """Gain, limits and mode as the configuration has them; a command may have changed the gain since."""
+        """Gain, limits and mode of the configuration; a command may have changed the gain since."""
         self._is_recorded = recorder is not None
         odd_units = plan.other_units.odd
         self._controllers = [
@@ -129,7 +129,7 @@ class Line:
 
     @property
     def addresses(self) -> dict[str, tuple[TcpEndpoint, ...]]:
-        """Where each controller that connects over TCP finds its listener."""
+        """The listening addresses of each controller that connects over TCP."""
         return {
             controller.plan.name: controller.addresses
             for controller in self._controllers
@@ -138,7 +138,7 @@ class Line:
 
     @property
     def exchange(self) -> LineExchange:
-        """What it knows of its drives and axes, to be looked at."""
+        """Its exchange, with the state of drives and axes; for reading only."""
         return self._exchange
 
     @property
@@ -148,7 +148,7 @@ class Line:
 
     @property
     def is_up(self) -> bool:
-        """Whether there is a way to the drives; one that is made on demand is there while nobody needs it."""
+        """Whether the drives can be reached; an idle connection that is made on demand counts as up."""
         return self._exchange.is_up or (self._exchange.serves and not self._drives.failure)
 
     @property
@@ -158,19 +158,19 @@ class Line:
 
     @property
     def is_forwarding(self) -> bool:
-        """Whether a frame is leaving while it arrives: what keeps the loop for long tears it."""
+        """Whether a frame is being forwarded: a long task of the loop would leave a gap in it."""
         forwarding = self._exchange.forwarding
         return forwarding is not None and forwarding.is_leaving
 
     @property
     def longest_stop_s(self) -> float:
-        """So long a stop waits for the exchange on the wire, at most."""
+        """The longest time that a stop waits for the exchange on the wire."""
         return self._longest_exchange_s() + STOP_MARGIN_S
 
     def attach_records(self, state: Path, find_table: FindTable | None = None) -> None:
-        """Keep a record of each axis in this folder, and let those of the run before count where they do.
+        """Keep a record of each axis in this folder, and use those of the previous run where they are valid.
 
-        In a run that is recorded they do not, so that its replay begins as it began.
+        A recorded run does not use them, so that its replay begins in the same state.
         """
         for axis in self._exchange.axes:
             record = AxisRecord(axis, record_path(state, axis.plan.name))
@@ -182,17 +182,17 @@ class Line:
             self._records[axis.plan.name] = record
 
     def use_fd_store(self, fd_store: FdStore) -> None:
-        """Take over what the service manager kept of this line, and have it kept; before :meth:`open`."""
+        """Take the stored descriptors of this line, and store the new ones; call it before :meth:`open`."""
         for controller in self._controllers:
             controller.use_slot(fd_store.slot(self.plan.name, controller.plan.name, controller.endpoint))
         if isinstance(self._drives, SerialPort) and isinstance(self.plan.drives, SerialEndpoint):
             slot = fd_store.slot(self.plan.name, "", self.plan.drives)
-            # It was open all the time: a drive may answer what the gateway before this one asked.
+            # The port stayed open: a drive may still answer a request of the previous gateway.
             if store_port(self._drives, self.plan.drives, slot):
                 self._exchange.rest_first(boot_ns())
 
     def why_stuck(self, now_ns: int) -> str:
-        """Say what does not get on here, "" where all is well: an idle line is."""
+        """Return what makes no progress on this line, "" if all is well. An idle line is well."""
         if self._alarm.late_ns(now_ns) > STUCK_NS:
             return f"line {self.plan.name}: what was due more than {STUCK_NS // NS_PER_S} s ago was not done"
         if not self._drives.is_kept_up:
@@ -203,11 +203,11 @@ class Line:
 
     @property
     def needs_silence(self) -> bool:
-        """Whether a drive may still answer what the next gateway never asked; ask when the line is closed."""
+        """Whether a drive may still answer a request of this gateway; read it when the line is closed."""
         return self._exchange.needs_silence
 
     def rest_first(self) -> None:
-        """Wait for silence before anything is sent; before :meth:`open`. Modbus/TCP needs none (W6)."""
+        """Wait for silence before the first frame; call before :meth:`open`. Modbus/TCP needs none (W6)."""
         if self._link.is_serial:
             self._exchange.rest_first(boot_ns())
             self._journal.log(
@@ -218,9 +218,9 @@ class Line:
             )
 
     async def open(self) -> list[str]:
-        """Open listeners and ports; returns one line for each that cannot be opened, with its key.
+        """Open listeners and ports; return one line with the key for each that cannot be opened.
 
-        Drives and serial ports that are not there (yet) are no problem: they are waited for.
+        Drives and serial ports that are absent are no problem: the line waits for them.
         """
         problems: list[str] = []
         for number, (controller, link) in enumerate(
@@ -233,7 +233,7 @@ class Line:
         return problems
 
     async def stop(self) -> None:
-        """Stop cleanly: the exchange on the wire is finished, nothing is left half sent."""
+        """Stop cleanly: the exchange on the wire ends, no frame is left half sent."""
         for controller in self._controllers:
             controller.stop_accepting()
         self._exchange.stop(boot_ns())
@@ -243,9 +243,9 @@ class Line:
         await self.close()
 
     async def close(self) -> None:
-        """Close everything as it stands."""
+        """Close everything immediately."""
         for record in self._records.values():
-            record.close()  # first: that the way to the drives is closed now is no news of the axes
+            record.close()  # first: closing the drive link now is no event of the axes
         for controller in self._controllers:
             await controller.close()
         await self._drives.close()
@@ -286,7 +286,7 @@ class Line:
         return status
 
     def _add_damage(self, drive: UnitStatus, unit_id: int) -> None:
-        """Say what came in the place of replies."""
+        """Add what came instead of replies."""
         damage = self._link.damage.get(unit_id, NOTHING)
         drive.damaged = damage.total
         drive.damaged_in_a_row = damage.among(drive.timeouts_in_a_row)
@@ -302,9 +302,9 @@ class Line:
         return status
 
     def tick(self) -> None:
-        """Let high marks of the last minute grow old; tell of silent sensors and of certificates that end.
+        """Age the high marks of the last minute; report silent sensors and certificates that expire soon.
 
-        To be called at least once in ten seconds.
+        To be called at least every ten seconds.
         """
         now_ns = boot_ns()
         self._exchange.meter.tick(now_ns)
@@ -317,7 +317,7 @@ class Line:
             controller.tick(now)
 
     def refresh_latency(self) -> None:
-        """Work some of the measured times out anew."""
+        """Recalculate some of the measured times."""
         self._latency.refresh(boot_ns())
 
     def axes_status(self) -> dict[str, AxisStatus]:
@@ -330,7 +330,7 @@ class Line:
         return status
 
     def command(self, command: Command, tables: Sequence[CorrectionTable] = ()) -> dict[str, str]:
-        """Do what a command asks for; see ``exchange.control.carry_out``. Raises ControlError."""
+        """Carry out a command; see ``exchange.control.carry_out``. Raises ControlError."""
         changed = self._exchange.command(command, boot_ns(), tables)
         if self.trace_buffer is not None and command.stays:
             self._remember_in_force(command, tables)
@@ -367,7 +367,7 @@ class Line:
         )
 
     def _beginning(self, now_ns: int) -> traffic.Beginning | None:
-        """Return what a replay has to know that begins here; None: none can begin in the middle of this."""
+        """Return the state that a replay from here needs; None: a replay cannot begin during an exchange."""
         if not self._exchange.is_still:
             return None
         records = {name: record.content() for name, record in self._records.items()}
@@ -396,7 +396,7 @@ class Line:
         )
 
     def _remember_in_force(self, command: Command, tables: Sequence[CorrectionTable]) -> None:
-        """Keep what was changed last, of each kind for each axis."""
+        """Keep the latest change of each kind for each axis."""
         key = command.stays, axes_of(command)
         self._in_force.pop(key, None)
         data = tuple(map(compiled, tables))
@@ -417,12 +417,12 @@ class Line:
         return connector
 
     def _was_of_use(self, made_ns: int) -> bool:
-        """Whether a connection gave an answer, or lived for more than a second and was asked nothing."""
+        """Whether a connection gave a reply, or lasted more than a second without a request."""
         has_answered = self._exchange.silent_units.last_answered_ns >= made_ns
         return has_answered or (not self._link.was_asked and boot_ns() - made_ns > NS_PER_S)
 
     def _frames(self) -> dict[str, int]:
-        """Return the counters of frames: answers and damage, and the damage of each unit id by its name."""
+        """Return the frame counters: replies and damage, and the damage of each unit id."""
         return {
             "exchanges": self._exchange.counters.exchanges,
             "damaged": self._link.counters().get("damaged", 0),
@@ -496,7 +496,7 @@ def _make_link(
 
 
 def _forwarding_wire(plan: LinePlan) -> SerialTiming | None:
-    """Return the wire of the drives, where frames may leave on it while they still arrive."""
+    """Return the wire of the drives if the line forwards frames on it, else None."""
     if plan.cut_through and isinstance(plan.drives, SerialEndpoint):
         return wire_of(plan.drives)
     return None

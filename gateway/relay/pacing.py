@@ -1,7 +1,7 @@
-"""The silence before a frame: on a serial line it begins at least 3.5 characters after the last byte.
+"""The silence before a frame: at least 3.5 characters after the last byte of a serial line.
 
-Modbus over serial line V1.02, 2.5.1.1. It is counted from the last byte on *this* port, in either direction,
-so a line that was quiet sends at once.
+Modbus over serial line V1.02, 2.5.1.1. The silence is counted from the last byte on *this* port, in either
+direction: so a quiet line sends immediately.
 """
 
 import asyncio
@@ -16,8 +16,8 @@ from gateway.transport.timer import Timer
 class PacedSender:
     """Writes frames to a channel, each some time after the last byte on it.
 
-    ``gap_ns`` is what the other end wants, on whatever it is connected to; ``wire_gap_ns`` is what the
-    characters of a wire want, and is left out where there is no wire (a pseudo terminal, TCP).
+    ``gap_ns`` is the silence that the other end needs on any connection. ``wire_gap_ns`` is what the
+    characters of a wire need; it does not apply without a wire (a pseudo terminal, TCP).
     """
 
     def __init__(self, gap_ns: int, wire_gap_ns: int = 0) -> None:
@@ -32,19 +32,19 @@ class PacedSender:
         self.stamps = Stamps()
 
     def opened(self, channel: Channel, now_ns: int) -> None:
-        """Write to ``channel`` from now on. What went before on its wire is unknown: begin with a silence."""
+        """Write to ``channel`` from now on. The traffic before is unknown: begin with a silence."""
         self._channel = channel
         wire_ns_per_byte = self.stamps.wire_ns_per_byte = channel.wire_ns_per_byte
         self._gap_ns = max(self._requested_gap_ns, self._wire_gap_ns if wire_ns_per_byte else 0)
         self._quiet_from_ns = now_ns
 
     def closed(self) -> None:
-        """Forget the channel and what waited for it."""
+        """Forget the channel and the frames that waited for it."""
         self._channel = None
         self.discard()
 
     def heard(self, now_ns: int) -> None:
-        """Note that bytes arrived."""
+        """Restart the silence: bytes arrived."""
         if now_ns > self._quiet_from_ns:
             self._quiet_from_ns = now_ns
 
@@ -60,7 +60,7 @@ class PacedSender:
             self._write(frame, now_ns)
 
     def may_begin(self, now_ns: int) -> bool:
-        """Whether a frame that is written in pieces may begin now: it need not wait for a silence."""
+        """Whether a frame that is written in pieces may begin now, without a wait for the silence."""
         is_quiet = now_ns >= self._quiet_from_ns + self._gap_ns
         return self._channel is not None and not self._held and is_quiet
 
@@ -72,23 +72,23 @@ class PacedSender:
         if self._channel is not None:
             self._channel.write(piece)
             stamps.sent_ns = boot_ns()
-            # Its bytes follow those of the pieces before, which may not all have left.
+            # The bytes follow those of earlier pieces, which may not all be sent.
             self._quiet_from_ns = max(self._quiet_from_ns, now_ns) + len(piece) * stamps.wire_ns_per_byte
 
     def discard(self) -> None:
-        """Drop what waits; it was never sent."""
+        """Drop the waiting frames; they were never sent."""
         self._held.clear()
         self._timer.arm(None)
         self._settle()
 
     async def drained(self) -> None:
-        """Wait until no frame waits for its silence any more."""
+        """Wait until every frame has been sent after its silence."""
         if self._held:
             self._drained = asyncio.get_running_loop().create_future()
             await self._drained
 
     def close(self) -> None:
-        """Drop what waits and give the timer back."""
+        """Drop the waiting frames and release the timer."""
         self.discard()
         self._timer.close()
 

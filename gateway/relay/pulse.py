@@ -1,6 +1,6 @@
-"""Notices that the process stood still: stopped, swapped out, suspended with its machine.
+"""Detects that the process was halted: stopped, swapped out, or suspended with the machine.
 
-What waited meanwhile looks as if it had just come. A beat that is late tells how long nobody looked.
+Bytes that waited meanwhile look as if they had just come. A late beat shows how long the process was halted.
 """
 
 from collections.abc import Callable
@@ -11,21 +11,21 @@ from gateway.times import NS_PER_MS
 from gateway.transport.timer import Timer
 
 EVERY_NS: Final = 20 * NS_PER_MS
-"""A standstill may be longer than it is taken for by as much."""
+"""Between two beats. A standstill may be longer than measured by this much."""
 NEVER_NS: Final = 2**63 - 1
 FRESH_NS: Final = 5 * NS_PER_MS
-"""By so much a beat may be late without the other end of a connection being looked at anew: then what the
-system said of it with its bytes is 25 ms old at most, as if they had been under way for longer."""
+"""A beat may be this late before the other ends of connections are checked again. The system's information
+about a connection is then 25 ms older than its bytes at most, as if they had been on the way for longer."""
 AFTERWARDS_NS: Final = EVERY_NS + 2 * FRESH_NS
-"""So long after the first beat that comes late, what is read may still be what had waited: until the next
-one is late itself."""
+"""For this long after a late beat, the bytes read may still have waited. After that the next beat is late
+itself."""
 SEEN_EVERY_NS: Final = EVERY_NS // 2
-"""Traffic that is read so long after the last beat stands for the next one."""
+"""Traffic that is read this long after the last beat counts as the next beat."""
 WORTH_TELLING_NS: Final = 500 * NS_PER_MS
 
 
 class Beats:
-    """When the last beats came, and what their lateness says. Nothing here waits or looks at a clock."""
+    """When the last beats came, and how late they were. Nothing here waits or reads a clock."""
 
     __slots__ = ("_due_ns", "_gap_ns", "_gap_since_ns", "_until_ns")
 
@@ -34,35 +34,36 @@ class Beats:
         self._gap_since_ns = 0
         self._until_ns = 0
         self._due_ns = NEVER_NS
-        """When the next beat is due: later than that, it is late. Not before the first one has come."""
+        """When the next beat is due; after that it is late. ``NEVER_NS`` until the first beat has come."""
 
     def stood_still(self, now_ns: int, longer_than_ns: int) -> bool:
-        """Whether what is read now may have waited while the process stood still for longer than that.
+        """Whether what is read now may have waited while the process was halted for longer than that.
 
-        The beat may come before what had waited is read, or after it: both are of one turn of the loop.
+        The beat may come before or after the waiting bytes are read: both happen in one cycle of the loop.
         """
         return now_ns - self._due_ns > longer_than_ns or (
             now_ns < self._until_ns and self._gap_ns > longer_than_ns
         )
 
     def beat(self, now_ns: int) -> int:
-        """Take note of a beat; return how late it was, in ns, where that is worth telling: else 0."""
+        """Record a beat; return how late it was, in ns, if that is worth a report, else 0."""
         late_ns = 0 if self._due_ns == NEVER_NS else max(0, now_ns - self._due_ns)
         self._due_ns = now_ns + EVERY_NS
-        # Beats that traffic stands for come sooner: the gap before them counts as long as it would without.
+        # Traffic that counts as a beat comes sooner: the gap before it stays valid as long as without
+        # traffic.
         if late_ns > self._gap_ns or now_ns >= self._gap_since_ns + EVERY_NS:
             self._gap_ns, self._gap_since_ns, self._until_ns = late_ns, now_ns, now_ns + AFTERWARDS_NS
         return late_ns if late_ns >= WORTH_TELLING_NS else 0
 
     def traffic(self, now_ns: int) -> None:
-        """Bytes were read, and are dealt with: the process runs."""
+        """Bytes were read and are being handled: the process runs."""
 
 
 class Pulse(Beats):
     """Beats on the loop, and calls everything in ``on_beat`` with each beat.
 
-    ``on_standstill`` is told, in ns, how long a beat was late that was worth it. A relay has one pulse.
-    Traffic counts as a beat and resets the timer, for a wake-up with empty caches costs more than the beat.
+    ``on_standstill`` gets the delay of a beat in ns, if it is worth a report. A relay has one pulse. Traffic
+    counts as a beat and resets the timer: a wake-up with empty caches costs more than the beat.
     """
 
     __slots__ = ("_on_standstill", "_timer", "on_beat")
@@ -80,7 +81,7 @@ class Pulse(Beats):
             self._beat(now_ns)
 
     def close(self) -> None:
-        """Beat no more."""
+        """Stop the beats."""
         self._timer.close()
 
     def _beat(self, now_ns: int) -> None:

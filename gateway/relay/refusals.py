@@ -1,4 +1,4 @@
-"""Connections that were not accepted: each is counted, and one a minute is reported."""
+"""Refused connections: each is counted, and one a minute is reported."""
 
 import time
 from collections.abc import Callable
@@ -23,9 +23,9 @@ def _others(key: tuple[EventEntry, str, str]) -> tuple[EventEntry, str, str]:
 
 
 class Refusals:
-    """Reports the first refusal of a host for a reason, and then one a minute with how many there were.
+    """Reports the first refusal of a host for a reason, then one a minute with the number since.
 
-    ``event``: what such a report is called; connections that are closed later are reported in the same way.
+    ``event``: the event of such a report; connections that are closed later are reported in the same way.
     """
 
     def __init__(
@@ -41,11 +41,11 @@ class Refusals:
         self._reports: Reports[tuple[EventEntry, str, str]] = Reports(others=_others)
 
     def add(self, host: str, why: Why) -> None:
-        """Count a refusal, and report it where that is due."""
+        """Count a refusal, and report it if that is due."""
         self.count(self._event, host, why.value)
 
     def count(self, event: EventEntry, host: str, why: str, more: str = "") -> None:
-        """As :meth:`add`, under another name; ``more`` is of this one alone, and is not counted by."""
+        """As :meth:`add`, with another event; ``more`` is of this refusal only, and not part of the key."""
         key = self._reports.counted_as((event, host, why))
         if count := self._reports.due(key, self._clock_ns()):
             self._log(event, f"{key[1]}: {why}{times(count)}{more}")

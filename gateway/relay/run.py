@@ -33,13 +33,13 @@ from gateway.status.model import RelayModel
 from gateway.transport.loop import RelayLoop
 
 SWITCH_INTERVAL_S: Final = 1e-4
-"""How long another thread may keep the interpreter from the loop. There are only those which look up host
-names, write a recording and write the log; the default of 5 ms would be fifty exchanges."""
+"""How long another thread may keep the interpreter from the loop. The only others look up host names, write a
+recording and write the log. The default of 5 ms would be fifty exchanges."""
 WRITE_EVERY_S: Final = 0.2
 AT_ONCE_S: Final = 0.5
-"""So long the end by a second signal waits for the reader of the log."""
+"""Time that a stop by a second signal waits for the reader of the log."""
 AT_ONCE: Final = frozenset(entry.name for entry in (RESTORED, RECORD_NOT_USED, STREAM_BEGAN))
-"""What is told once by each start, and is not left to the next waking of the log."""
+"""Events that each start reports once: written immediately, not at the next wake-up of the log."""
 AXIS_FIELDS: Final = (
     "compensation",
     "direction",
@@ -58,7 +58,7 @@ SHADOW_MEANS: Final = "corrections are computed and shown; positions pass unchan
 
 
 class Service:
-    """What this process is to the service manager that started it, and what that one kept for it."""
+    """The service manager of this process, and what the manager kept for it."""
 
     def __init__(self, manager: ServiceManager, handed: Sequence[tuple[str, int]] = ()) -> None:
         self.manager = manager
@@ -80,11 +80,10 @@ def run_relay(
 
     SIGHUP changes nothing: a terminal that is closed must not stop an axis.
 
-    ``write`` writes a note into the log and may block: it is called by a thread of its own, which nothing
-    waits for, except the end for ``ipc.log_thread.CLOSE_S`` seconds at most.
-    ``state`` is the folder of the gateway's socket; with a ``recorder`` all traffic is recorded. ``on_ready``
-    is called when all listeners are open. ``service`` is what this process is to a service manager,
-    ``shape`` that of the plan where it was compiled (``state.plan``).
+    ``write`` writes a log entry and may block: its own thread calls it. Only the end waits for that thread,
+    for ``ipc.log_thread.CLOSE_S`` seconds at most. ``state`` is the folder of the gateway's socket; a
+    ``recorder`` records all traffic. ``on_ready`` is called when all listeners are open. ``service`` is this
+    process as a service, ``shape`` the shape of the compiled plan (``state.plan``).
 
     Raises:
         StartError: a listener, a port, the socket or the recording cannot be opened.
@@ -101,10 +100,11 @@ def run_relay(
 
 
 def noting(log: LogThread) -> Callable[[LogEntry], None]:
-    """Return what takes the notes of a relay: for the price of an append, and at once what a start is about.
+    """Return what takes log entries of a relay: an append each, and immediately those of a start.
 
-    A relay that is killed in its first tenth of a second would else not say what it made of its records. The
-    rest is written within ``WRITE_EVERY_S``: to wake the thread of the log on the hot path costs too much.
+    Otherwise a relay that is killed in its first tenth of a second would not report what it did with its
+    records. The rest is written within ``WRITE_EVERY_S``: waking the log thread on the hot path costs too
+    much.
     """
     is_due = False
 
@@ -167,7 +167,7 @@ async def _serve(
 
 
 async def _with_log(thread: LogThread, serving: Coroutine[None, None, None]) -> None:
-    """Serve with a log that is written meanwhile, and to its end afterwards."""
+    """Serve while the log is written, and write the rest of it afterwards."""
     async with thread:
         await serving
 
@@ -179,17 +179,17 @@ async def _status_lines(relay: Relay, log: "_Log", every_s: float) -> None:
 
 
 def _end_at_once(relay: Relay, log: "_Log") -> None:
-    """End the process without waiting for anything; the system closes sockets and ports."""
+    """End the process without any wait; the system closes sockets and ports."""
     lines = list(relay.busy_lines)
     detail = f"a second signal; {UNFINISHED}" if lines else "a second signal"
     log.log(events.STOPPED_AT_ONCE, lines=lines, detail=detail)
     log.thread.close(AT_ONCE_S)
-    # Leaving the loop in order would wait for tasks, and for a thread that looks up a host name.
+    # An orderly end of the loop would wait for tasks, and for a thread that looks up a host name.
     os._exit(1)
 
 
 class _Log:
-    """What a person sees of the process itself; behind what the relay noted before."""
+    """Log entries about the process itself; they follow what the relay logged before."""
 
     def __init__(self, thread: LogThread) -> None:
         self.thread = thread
@@ -198,7 +198,7 @@ class _Log:
         self.thread.write(log_entry(event, fields, time.time()))
 
     def unexpected(self, _loop: asyncio.AbstractEventLoop, context: Mapping[str, Any]) -> None:
-        """Say what the loop would print itself, and block: a bug of ours, or no more descriptors."""
+        """Log what the loop would print itself, and block: a bug of ours, or no more descriptors."""
         error = context.get("exception")
         where = "".join(traceback.format_exception(error)) if isinstance(error, BaseException) else ""
         self.log(events.UNEXPECTED, detail=context.get("message", ""), traceback=where)
@@ -248,6 +248,6 @@ class _Log:
 
 
 def _picked(part: Struct, names: tuple[str, ...]) -> JsonObject:
-    """Return what is wanted of a part of the status; what a link or a controller has not is left out."""
+    """Return the named fields of a part of the status, without those that are unset."""
     values = {name: getattr(part, name) for name in names}
     return {name: value for name, value in values.items() if value is not UNSET}

@@ -1,7 +1,7 @@
-"""How the system runs the relay's thread: on which CPUs, before whom, and with its memory kept where it is.
+"""How the system runs the relay's thread: on which CPUs, at which priority, and with locked memory.
 
-All of it is optional. What the system refuses is a problem with a remedy and never an end: the relay corrects
-without it, only less evenly. Sources: sched(7), mlockall(2), getrlimit(2).
+All of it is optional. A refused setting is a problem with a remedy and never ends the relay: the correction
+works without it, only less evenly. Sources: sched(7), mlockall(2), getrlimit(2).
 """
 
 import ctypes
@@ -21,14 +21,15 @@ from gateway.status.model import Scheduling
 PROC_STATUS: Final = Path("/proc/self/status")
 RLIMIT_RTPRIO: Final = 14
 RLIMIT_RTTIME: Final = 15
-"""Not among the names of Python's ``resource``; of ``asm-generic/resource.h``, the same on x86 and ARM."""
+"""Python's ``resource`` does not name it; from ``asm-generic/resource.h``, the same on x86 and ARM."""
 SPIN_US: Final = 200_000
-"""So long the relay may compute without once waiting before it loses its real-time priority. A loop that
-never waits has met a bug or a flood, and at this priority would take a whole CPU from everything else."""
+"""The relay may compute this long without a wait; then it loses its real-time priority. A loop that never
+waits has met a bug or a flood, and at this priority would take a whole CPU from all other programs."""
 MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4
 CAP_IPC_LOCK: Final = 14
 SPARE_FACTOR: Final = 4
-"""A limit must allow so many times what is mapped at start. Beyond a limit every later mapping would fail."""
+"""A limit must allow this many times what is mapped at start. Beyond a limit every later mapping would
+fail."""
 
 REALTIME_REMEDY: Final = (
     "run pitch-gateway service CONFIG --systemd /etc/systemd/system; or in a unit of your own: "
@@ -52,16 +53,16 @@ class RefusedSetting:
 
 
 def schedule(options: RelayOptions, on_withdrawn: Callable[[str], None]) -> tuple[RefusedSetting, ...]:
-    """Ask the system for everything that ``options`` want; returns what it refused.
+    """Request all settings of ``options`` from the system; return those that it refused.
 
-    To be called by the thread of the loop, when everything is loaded and open. ``on_withdrawn`` is told when
-    the real-time priority was given up because the thread did not wait for ``SPIN_US``.
+    Call it on the thread of the loop, when everything is loaded and open. ``on_withdrawn`` is called when the
+    thread lost its real-time priority because it did not wait for ``SPIN_US``.
     """
     return tuple(_refusals(options, on_withdrawn))
 
 
 def in_force() -> Scheduling:
-    """Ask the kernel how the calling thread is scheduled now."""
+    """Read from the kernel how the calling thread is scheduled now."""
     is_fifo = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO
     return Scheduling(
         fifo=os.sched_getparam(0).sched_priority if is_fifo else 0,
@@ -71,7 +72,7 @@ def in_force() -> Scheduling:
 
 
 def memory_problem(limit_bytes: int, mapped_bytes: int, *, is_capable: bool) -> str:
-    """Say why locking could make a later mapping fail, "" where it cannot. ``limit_bytes`` -1: none.
+    """Return why locking could make a later mapping fail, "" if it cannot. ``limit_bytes`` -1: no limit.
 
     >>> memory_problem(8 << 20, 100 << 20, is_capable=False)
     'RLIMIT_MEMLOCK is 8 MiB; needed: 400 MiB, 4 times what is mapped now'
@@ -86,7 +87,7 @@ def memory_problem(limit_bytes: int, mapped_bytes: int, *, is_capable: bool) -> 
 
 
 def numbers_text(numbers: Iterable[int]) -> str:
-    """Write numbers of CPUs as the kernel does.
+    """Write CPU numbers as the kernel does.
 
     >>> numbers_text({0, 1, 2, 5})
     '0-2,5'
@@ -101,7 +102,7 @@ def numbers_text(numbers: Iterable[int]) -> str:
 
 
 def _refusals(options: RelayOptions, on_withdrawn: Callable[[str], None]) -> Iterator[RefusedSetting]:
-    # The priority comes last: what is done before it is done as everybody else.
+    # The priority comes last: the steps before it run at normal priority.
     if options.cpus and (refused := _pin(options.cpus)):
         yield refused
     if options.lock_memory and (refused := _lock_memory()):
@@ -117,12 +118,12 @@ def _pin(cpus: tuple[int, ...]) -> RefusedSetting | None:
     try:
         os.sched_setaffinity(0, cpus)
         missing -= os.sched_getaffinity(0)
-    except OSError as error:  # EINVAL: none of them is there
+    except OSError as error:  # EINVAL: none of them exists
         why = "" if error.errno == errno.EINVAL else error.strerror or str(error)
     else:
         if not missing:
             return None
-        # The kernel takes those that there are and says nothing of the others.
+        # The kernel takes the existing ones and does not report the others.
         os.sched_setaffinity(0, before)
     return RefusedSetting(
         "relay.cpus",
@@ -145,13 +146,13 @@ def _lock_memory() -> RefusedSetting | None:
     is_capable = bool(_status_number("CapEff", 16) >> CAP_IPC_LOCK & 1)
     why = memory_problem(limit_bytes, _status_number("VmSize") << 10, is_capable=is_capable)
     libc = ctypes.CDLL(None, use_errno=True)
-    # What is there now, and what comes later as it is touched: whole, each thread's stack would take 8 MiB.
+    # Current pages, and later ones when they are touched. Locked whole, each thread's stack would take 8 MiB.
     if not why and libc.mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT):
         why = os.strerror(ctypes.get_errno())
     if why:
         return RefusedSetting("relay.lock_memory", True, why, MEMORY_REMEDY)
     for start, size in _mapped_files():
-        libc.mlock(ctypes.c_void_p(start), ctypes.c_size_t(size))  # read in now what code was not run yet
+        libc.mlock(ctypes.c_void_p(start), ctypes.c_size_t(size))  # read code now that has not run yet
     return None
 
 
@@ -174,7 +175,7 @@ def _go_first(priority: int, on_withdrawn: Callable[[str], None]) -> RefusedSett
         # Threads that start later (host names, recordings) must not inherit it.
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
     except OSError as error:
-        if in_force().fifo != priority:  # else systemd gave it, and lets nobody ask
+        if in_force().fifo != priority:  # else systemd has set it, and forbids the call
             return RefusedSetting(
                 "relay.fifo", priority, _why_not_first(error), REALTIME_REMEDY.format(priority=priority)
             )

@@ -1,7 +1,7 @@
-"""The gateway's own unit id: what it knows of itself, as registers for a PLC or a panel that has no MQTT.
+"""The gateway's own unit id: its status as registers, for a PLC or a panel without MQTT.
 
-Read-only. Requests end here and never reach a drive. ``BLOCKS`` is the table of registers; documents, answers
-and tests are made of it. Every value is worked out when it is asked for, so nobody pays who does not ask.
+Read-only. Requests end here and never reach a drive. ``BLOCKS`` is the table of registers; documents, replies
+and tests are made from it. Values are calculated only when they are read.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -19,7 +19,7 @@ from gateway.modbus.pdu import ExceptionCode, FunctionCode, exception_pdu
 from gateway.times import NS_PER_MS, NS_PER_S
 
 LAYOUT: Final = 1
-"""Raised when the meaning of a register changes; registers that are only added do not raise it."""
+"""Raised when the meaning of a register changes; new registers do not raise it."""
 HEARTBEAT_NS: Final = 100 * NS_PER_MS
 SILENT_NS: Final = int(kinds.SILENT_S * NS_PER_S)
 WORD: Final = 0xFFFF
@@ -45,7 +45,7 @@ _WARNINGS: Final = frozenset(each.kind for each in kinds.OF_COMPENSATION) - _ERR
 
 
 class Whole:
-    """What is to be told of at one moment."""
+    """The state of the gateway at one moment."""
 
     def __init__(self, lines: Sequence[LineExchange], started_ns: int, now_ns: int) -> None:
         self.uptime_ns = now_ns - started_ns
@@ -57,7 +57,7 @@ class Whole:
         ]
 
     def alarm(self) -> int:
-        """Return the bits of the register ``alarm``: errors, and what is only worth a warning."""
+        """Return the bits of the register ``alarm``: errors and warnings."""
         bits = (
             any(not line.exchange.serves for line in self.lines),
             any(line.silent for line in self.lines),
@@ -69,7 +69,7 @@ class Whole:
 
 
 class OfLine:
-    """A line, with the unit ids that have been silent for long enough to call them so."""
+    """A line, with the unit ids that have been silent long enough to count as silent."""
 
     def __init__(self, exchange: LineExchange, now_ns: int) -> None:
         self.exchange = exchange
@@ -84,7 +84,7 @@ class OfLine:
         }
 
     def silent_s(self, unit_ids: Iterable[int]) -> int:
-        """Return for how long the longest silent of some unit ids has been; 0: none of them is."""
+        """Return how long the longest silent of some unit ids has been silent; 0: none of them is."""
         since_ns = [self.silent[each].since_ns for each in unit_ids if each in self.silent]
         return min((self.now_ns - min(since_ns)) // NS_PER_S, WORD) if since_ns else 0
 
@@ -100,7 +100,7 @@ class OfAxis:
         self.state = compensation_state(axis)
 
     def correction(self) -> int:
-        """Return what is added at the last accepted target, in millionths of a unit; 0: there is none."""
+        """Return the correction at the last accepted target, in millionths of a unit; 0: there is none."""
         accepted = self.axis.compensation.accepted
         if accepted is None:
             return 0
@@ -124,7 +124,7 @@ _Of = TypeVar("_Of")
 
 @dataclass(frozen=True, slots=True)
 class Register(Generic[_Of]):
-    """One value: ``words`` is 2 for a number of 32 bits, whose high word comes first, signed in two's."""
+    """One value. ``words`` is 2 for a 32-bit number: two's complement, high word first."""
 
     offset: int
     name: str
@@ -135,7 +135,7 @@ class Register(Generic[_Of]):
 
 @dataclass(frozen=True, slots=True)
 class RegisterBlock(Generic[_Of]):
-    """Registers for each of ``of``, ``size`` for each, from ``first`` on; those without a name are 0."""
+    """Registers for each element of ``of``, ``size`` each, from ``first`` on; unnamed registers are 0."""
 
     first: int
     size: int
@@ -144,7 +144,7 @@ class RegisterBlock(Generic[_Of]):
     of: Callable[[Whole], Sequence[_Of]]
 
     def words(self, whole: Whole) -> list[int]:
-        """Return all of its registers as they are now."""
+        """Return the current values of all its registers."""
         words: list[int] = []
         for each in self.of(whole):
             part = [0] * self.size
@@ -295,7 +295,7 @@ class StatusUnit(OwnUnit):
         self._started_ns = started_ns
 
     def answer(self, pdu: bytes, now_ns: int) -> bytes:
-        """See ``OwnUnit``. Exception 1: no read of registers; 3: not its form; 2: outside of a block."""
+        """See ``OwnUnit``. Exception 1: no register read; 3: wrong format; 2: outside of a block."""
         function = pdu[0]
         if function not in READS:
             return exception_pdu(function, ExceptionCode.ILLEGAL_FUNCTION)

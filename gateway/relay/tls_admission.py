@@ -1,6 +1,7 @@
-"""Modbus/TCP Security on a controller's listener: which role lets in, as what, and what is told of it.
+"""Modbus/TCP Security on a controller's listener: which roles are admitted, with which rights.
 
-``ssl`` and ``cryptography`` are loaded when the first such listener opens: without one they cost nothing.
+It also reports refusals and certificates. ``ssl`` and ``cryptography`` are loaded when the first such
+listener opens: without one they cost nothing.
 """
 
 import asyncio
@@ -36,12 +37,12 @@ class LogEvent(Protocol):
     """``Journal.log`` with line and controller."""
 
     def __call__(self, event: EventEntry, /, **fields: object) -> None:
-        """Make a note."""
+        """Log an event."""
         ...
 
 
 class TlsAdmission:
-    """Lets in who has a certificate with a role of the plan; each connection gets a port of that role."""
+    """Admits clients whose certificate has a role of the plan; each connection gets a port of that role."""
 
     def __init__(
         self,
@@ -88,7 +89,7 @@ class TlsAdmission:
         self._tls_server = TlsServer(contexts, self._receiver_for, self._report_failure, self._too_many)
 
     def connection(self) -> Receiver:
-        """Return the receiver of a connection that was accepted."""
+        """Return the receiver of an accepted connection."""
         assert self._tls_server is not None, "a listener opens after its files were read"
         return self._tls_server.connection()
 
@@ -101,9 +102,9 @@ class TlsAdmission:
             self._tls_server.close()
 
     def tick(self, now: datetime) -> None:
-        """Tell of certificates that end soon or have ended; to be called now and then.
+        """Report certificates that expire soon or have expired; to be called regularly.
 
-        Before that the files are looked at: one that was renewed while nobody connected comes into force.
+        It checks the files first: a certificate that was renewed comes into force without a new connection.
         """
         if self._tls_server is None or self._is_closed or self._is_looking or not self._endings.is_due(now):
             return
@@ -111,7 +112,7 @@ class TlsAdmission:
         self._tls_server.renew(partial(self._looked, now))
 
     def status(self, now: datetime) -> TlsStatus:
-        """Return what TLS has to say in the status of the controller."""
+        """Return the TLS part of the controller's status."""
         tls_server = self._tls_server
         if tls_server is None:
             return TlsStatus()

@@ -1,8 +1,8 @@
-"""The watchdog of the service manager is fed with proofs that the relay gets on, not with the time.
+"""Feeds the watchdog of the service manager only on proof that the relay makes progress.
 
-A beat comes over the same kind of timer as the deadlines of the exchanges, on the same loop; it feeds only
-where every line has done what was due, every listener still takes those who knock, and every port is looked
-after. A line that has nothing to do gets on.
+A beat uses the same kind of timer as the deadlines of the exchanges, on the same loop. It feeds the watchdog
+only if every line has done its due work, every listener accepts connections, and every port is kept open. A
+line without work makes progress.
 """
 
 import socket
@@ -17,20 +17,20 @@ from gateway.transport.tcp import TcpListener
 from gateway.transport.timer import Timer
 
 STUCK_NS: Final = NS_PER_S
-"""What is due is done within microseconds; so late it is not late but forgotten."""
+"""Due work is done within microseconds; after this time it is not late but forgotten."""
 BEATS: Final = 4
-"""In the time after which the manager loses patience: one that comes late does no harm."""
+"""Beats within the manager's time-out: one late beat does no harm."""
 UNWATCHED_NS: Final = 5 * NS_PER_S
-"""Pause between two beats where no watchdog is wanted: they only keep the manager's status up to date."""
+"""Interval of the beats without a watchdog: they only update the manager's status."""
 BEATS_TO_ACCEPT: Final = 2
-"""Who still waits after so many beats, with nobody let in meanwhile, knocks in vain."""
+"""A client that waits for this many beats, while no client is accepted, waits in vain."""
 _WAITING: Final = struct.Struct("8x4x4x4x4xI")
-"""``tcpi_unacked`` of ``struct tcp_info``: of a listening socket, how many connections wait to be accepted
-(``tcp_get_info`` in the kernel's ``net/ipv4/tcp.c``)."""
+"""``tcpi_unacked`` of ``struct tcp_info``: the connections that wait at a listening socket (``tcp_get_info``
+in the kernel's ``net/ipv4/tcp.c``)."""
 
 
 class Accepting:
-    """Whether a listener still takes connections; asked at each beat."""
+    """Whether a listener still accepts connections; checked at each beat."""
 
     def __init__(self, listener: TcpListener) -> None:
         self._listener = listener
@@ -38,7 +38,7 @@ class Accepting:
         self._in_vain = 0
 
     def why_stuck(self) -> str:
-        """Say why nobody can connect, "" where all is well."""
+        """Return why no client can connect, "" if all is well."""
         listener = self._listener
         if not listener.sockets:
             return "a listener was closed"
@@ -52,9 +52,10 @@ class Accepting:
 
 
 class WatchdogFeeder:
-    """Feeds the watchdog as long as ``why_stuck``, which is given the time in ns, has nothing to say.
+    """Feeds the watchdog as long as ``why_stuck``, called with the time in ns, returns "".
 
-    ``on_stuck`` is called once each time that it has. ``show_status`` returns the manager's status text.
+    ``on_stuck`` is called once each time that it returns a reason. ``show_status`` returns the manager's
+    status text.
     """
 
     def __init__(
@@ -75,7 +76,7 @@ class WatchdogFeeder:
             self._beat(boot_ns())
 
     def stop(self) -> None:
-        """Beat no more."""
+        """Stop the beats."""
         if self._timer is not None:
             self._timer.close()
             self._timer = None
