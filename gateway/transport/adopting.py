@@ -1,7 +1,7 @@
 """Taking over sockets and ports that stayed open while no gateway ran.
 
-Whatever came over them meanwhile is thrown away: a command that waited for a gateway to start is not the one
-that its controller means now (W5).
+Everything received meanwhile is discarded: a command that waited for the start of the gateway may no longer
+be what its controller wants (W5).
 """
 
 import asyncio
@@ -21,21 +21,21 @@ import serial
 from gateway.transport.endpoints import TcpEndpoint
 
 MOST_WAITING: Final = 4096
-"""The largest queue of connections that Linux allows by default (net.core.somaxconn). Who comes after so many
-came while we were emptying it."""
+"""The largest queue of connections that Linux allows by default (net.core.somaxconn). Any further connection
+came while the queue was being emptied."""
 _CLOSE_AT_ONCE: Final = struct.pack("ii", 1, 0)
-"""``struct linger`` of socket(7): the other end is told by a reset that nothing was taken."""
+"""``struct linger`` of socket(7): a reset tells the other end that nothing was accepted."""
 
 
 async def adopted_listeners(
     descriptors: list[int], endpoint: TcpEndpoint
 ) -> tuple[list[socket.socket], list[str]]:
-    """Return the listeners among ``descriptors``, emptied, and the addresses of those who waited.
+    """Return the listeners among ``descriptors``, emptied, and the addresses of the rejected clients.
 
-    It is all of them or none: those of another endpoint, or not of all its addresses, are closed.
+    The result is all of them or none. Listeners of another endpoint, or not of all its addresses, are closed.
 
     Raises:
-        OSError: those who wait cannot be turned away.
+        OSError: the waiting clients cannot be rejected.
     """
     sockets = [each for each in map(_listener, descriptors) if each is not None]
     if not sockets:
@@ -48,7 +48,7 @@ async def adopted_listeners(
 
 
 def adopted_port(descriptors: list[int], device: str) -> int | None:
-    """Return the one descriptor that is the port which ``device`` names now, emptied; others are closed."""
+    """Return the one descriptor that is the port which ``device`` names now, emptied; close the others."""
     found: int | None = None
     for descriptor in descriptors:
         if found is None and _is_port(descriptor, device):
@@ -59,11 +59,11 @@ def adopted_port(descriptors: list[int], device: str) -> int | None:
 
 
 def release(descriptor: int) -> None:
-    """Close what is not wanted any more, so that it can be opened anew while somebody else has it."""
+    """Close a descriptor and release its locks: other copies of it do not prevent a new opening."""
     with contextlib.suppress(OSError):
         if stat.S_ISSOCK(os.fstat(descriptor).st_mode):
             with socket.socket(fileno=os.dup(descriptor)) as same:
-                same.shutdown(socket.SHUT_RDWR)  # nobody listens there any more, whoever has it open
+                same.shutdown(socket.SHUT_RDWR)  # stops listening, also for other owners
         else:
             fcntl.ioctl(descriptor, termios.TIOCNXCL)
             fcntl.flock(descriptor, fcntl.LOCK_UN)
@@ -71,20 +71,20 @@ def release(descriptor: int) -> None:
 
 
 class KeptSerial(serial.Serial):
-    """A port that is open already, configured anew."""
+    """A port that is already open, configured again."""
 
     def __init__(self, descriptor: int, **settings: Any) -> None:
         self._kept = descriptor
         super().__init__(**settings)
 
     def open(self) -> None:
-        """Take the settings, not the lines: they are as they were."""
+        """Apply the settings, but leave the modem lines as they are."""
         self.fd = self._kept
         try:
             os.set_blocking(self.fd, False)
             self._reconfigure_port(force_update=True)  # type: ignore[attr-defined]
             termios.tcflush(self.fd, termios.TCIOFLUSH)
-        except BaseException:  # whatever it was, the descriptor may not stay open
+        except BaseException:  # after any error the descriptor may not stay open
             self.close()
             raise
         self.is_open = True
@@ -110,7 +110,7 @@ def _listener(descriptor: int) -> socket.socket | None:
 
 
 async def _is_at(sockets: list[socket.socket], endpoint: TcpEndpoint) -> bool:
-    """Whether they listen where the endpoint says now: a host name may mean something else since."""
+    """Whether they listen at the present addresses of the endpoint: those of a host name may have changed."""
     try:
         expected = await asyncio.get_running_loop().getaddrinfo(
             endpoint.host or None, endpoint.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
@@ -123,7 +123,7 @@ async def _is_at(sockets: list[socket.socket], endpoint: TcpEndpoint) -> bool:
 
 
 def _rejected(listener: socket.socket) -> list[str]:
-    """Close the connections that wait; returns from where they came."""
+    """Close the waiting connections; return their addresses."""
     peers: list[str] = []
     while len(peers) < MOST_WAITING:
         try:
@@ -131,7 +131,7 @@ def _rejected(listener: socket.socket) -> list[str]:
         except BlockingIOError:
             break
         except OSError as error:
-            if error.errno == errno.ECONNABORTED:  # it has gone itself
+            if error.errno == errno.ECONNABORTED:  # the client has closed it
                 continue
             raise
         with waiting:
@@ -141,10 +141,10 @@ def _rejected(listener: socket.socket) -> list[str]:
 
 
 def _is_port(descriptor: int, device: str) -> bool:
-    """Whether it is still what the path names: after an adapter came back it may be another one."""
+    """Whether it is still the device of that path: an adapter that was unplugged may be another device."""
     try:
         kept, named = os.fstat(descriptor), Path(device).stat()
-        termios.tcgetattr(descriptor)  # fails where the adapter has gone
+        termios.tcgetattr(descriptor)  # fails if the adapter is gone
     except (OSError, termios.error):
         return False
     return (kept.st_rdev, kept.st_ino, kept.st_dev) == (named.st_rdev, named.st_ino, named.st_dev)

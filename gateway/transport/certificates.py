@@ -1,7 +1,8 @@
-"""Certificates: the files that they are in, what they say, and from when until when they are good.
+"""Certificates: their files, their content, and their validity.
 
-The role of whoever shows one is that of Modbus/TCP Security. Light: every plan has this module loaded.
-``cryptography`` is imported where it is needed first, so that only a process that has to do with TLS pays.
+The role in a client's certificate is that of Modbus/TCP Security. This module is cheap to import, because
+every plan loads it: ``cryptography`` is imported on first use, so that only a process that uses TLS pays for
+it.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -28,7 +29,7 @@ LARGEST_FILE: Final = 4_000_000
 
 
 class TlsFileError(Exception):
-    """A file that TLS cannot be had with: the key that names it, what was found, what to do; no content."""
+    """A file that TLS cannot use: its key, what was found, what to do; never its content."""
 
     def __init__(self, key: str, found: str, remedy: str) -> None:
         super().__init__(f"{key}: {found}; {remedy}")
@@ -39,7 +40,7 @@ class TlsFileError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class TlsFiles:
-    """Paths from the root; ``key`` may be ``credential:NAME``. ``revoked`` "": no list is looked at."""
+    """Absolute paths; ``key`` may be ``credential:NAME``. ``revoked`` "": there is no such list."""
 
     certificate: str
     key: str
@@ -48,10 +49,10 @@ class TlsFiles:
 
     @property
     def paths(self) -> dict[str, Path]:
-        """Where they are, each by the key that names it.
+        """Their paths, each by its key.
 
         Raises:
-            TlsFileError: a credential, and none were handed over.
+            TlsFileError: a credential is named, but the service has none.
         """
         names = {"certificate": self.certificate, "clients": self.clients, "revoked": self.revoked}
         paths = {key: Path(name) for key, name in names.items() if name}
@@ -69,11 +70,12 @@ LONGEST_ROLE: Final = 64
 """Characters."""
 UTF8_STRING: Final = 0x0C
 SHORT_LENGTH, ONE_BYTE_LENGTH, TWO_BYTE_LENGTH = 0x80, 0x81, 0x82
-"""How DER writes lengths: in the byte itself below the first, else in bytes that follow (X.690, 8.1.3)."""
+"""How DER writes lengths: below the first value in the byte itself, else in the following bytes (X.690,
+8.1.3)."""
 
 
 class NoRoleError(Exception):
-    """A certificate without one role; the text says what it has instead."""
+    """A certificate without exactly one role; the text says what it has instead."""
 
 
 def role_of(certificate: "Certificate") -> str:
@@ -100,7 +102,7 @@ def role_of(certificate: "Certificate") -> str:
 
 
 def read_role(der: bytes) -> str:
-    r"""Read a role as it stands in a certificate.
+    r"""Read a role from its DER bytes.
 
     Raises:
         NoRoleError: anything but one UTF8String with 1 to 64 printable characters.
@@ -125,7 +127,7 @@ def read_role(der: bytes) -> str:
 
 
 def write_role(role: str) -> bytes:
-    """Return a role as it stands in a certificate; the other way of :func:`read_role`."""
+    """Return a role as DER bytes; the inverse of :func:`read_role`."""
     content = role.encode()
     return _header(len(content)) + content
 
@@ -138,19 +140,19 @@ def _header(length: int) -> bytes:
     return bytes((UTF8_STRING, TWO_BYTE_LENGTH)) + length.to_bytes(2, "big")
 
 
-# --- From when until when
+# --- Validity
 
 SOON: Final = timedelta(days=30)
-"""So long before its end a certificate is warned of, by ``check`` and while the gateway runs."""
+"""This long before its end ``check`` and the running gateway warn of a certificate."""
 DAY: Final = timedelta(days=1)
-"""So often a certificate is told of, at most; and when it ends."""
+"""Shortest time between two reports of one certificate; its expiry is reported in any case."""
 CHECK_EVERY: Final = timedelta(minutes=1)
 NEVER: Final = datetime.max.replace(tzinfo=UTC)
 
 
 @dataclass(frozen=True, slots=True)
 class Life:
-    """A certificate of which nothing else was read: that is soon done."""
+    """The validity of a certificate, and nothing else: quick to read."""
 
     subject: str
     begins: datetime
@@ -159,7 +161,7 @@ class Life:
 
 @dataclass(frozen=True, slots=True)
 class TimeProblem:
-    """What is wrong with the time of a certificate; ``is_good_now``: nothing yet."""
+    """What is wrong with the validity of a certificate; ``is_good_now``: it has not expired yet."""
 
     found: str
     remedy: str
@@ -167,7 +169,7 @@ class TimeProblem:
 
 
 def time_problem(life: Life, now: datetime) -> TimeProblem | None:
-    """Return what is to be said of a certificate's time, None for nothing."""
+    """Return the problem with a certificate's validity, None if there is none."""
     if life.ends < now:
         found = f"{life.subject} expired on {day(life.ends)}"
         return TimeProblem(found, "give one that is good; if this is, set the clock", is_good_now=False)
@@ -181,7 +183,7 @@ def time_problem(life: Life, now: datetime) -> TimeProblem | None:
 
 
 def list_problem(name: str, ends: datetime | None, now: datetime) -> TimeProblem | None:
-    """Return what is to be said of a list of revoked certificates that has run out, or soon will."""
+    """Return the problem if a list of revoked certificates has expired or expires soon."""
     if ends is None or ends >= now + SOON:
         return None
     when = "out of date since" if ends < now else "good until"
@@ -195,11 +197,11 @@ def day(when: datetime) -> str:
 
 
 def now_utc() -> datetime:
-    """Return the time that certificates are held against."""
+    """Return the time to check certificates against."""
     return datetime.now(UTC)
 
 
-# --- What a certificate says
+# --- The content of a certificate
 
 SMALLEST_RSA: Final = 2048
 SMALLEST_CURVE: Final = 256
@@ -215,16 +217,16 @@ class Facts(Life):
     serial: str
     is_authority: bool
     is_for_servers: bool
-    """Whether it may say who a server is; also where it does not say what it is for at all."""
+    """Whether it may identify a server; also True if it names no purpose."""
     is_for_clients: bool
     names_purpose: bool
-    """Whether it says what it is for."""
+    """Whether it names a purpose."""
     hosts: tuple[str, ...]
     role: str
     why_no_role: str
     key: str
     weakness: str
-    """Why its key is not good enough; "" where it is."""
+    """Why its key is too weak; "" if it is not."""
 
 
 def read_facts(path: Path) -> tuple[Facts, ...]:
@@ -237,7 +239,7 @@ def read_facts(path: Path) -> tuple[Facts, ...]:
 
 
 def read_lives(path: Path) -> tuple[Life, ...]:
-    """Return from when until when the certificates of a file are good: soon done.
+    """Return the validity of the certificates of a file: quick.
 
     Raises:
         FileRefusedError: as :func:`read_facts`.
@@ -254,13 +256,13 @@ def _read(path: Path, take: Callable[["Certificate"], Taken]) -> tuple[Taken, ..
     content = read_regular_file(path, LARGEST_FILE, "a certificate in PEM")
     try:
         return tuple(map(take, x509.load_pem_x509_certificates(content)))
-    except ValueError:  # what it says is for programmers
+    except ValueError:  # its message is for programmers
         found = "a private key, and no certificate" if b"PRIVATE KEY-----" in content else "no certificates"
         raise FileRefusedError(found, PEM_REMEDY) from None
 
 
 def facts_of(certificate: "Certificate") -> Facts:
-    """Return what a certificate says.
+    """Return the content of a certificate.
 
     Raises:
         ValueError: an extension that cannot be read.
@@ -326,10 +328,10 @@ def _key_of(certificate: "Certificate") -> tuple[str, str]:
 
 
 def list_ends(path: Path) -> tuple[int, datetime | None]:
-    """Return how many serials a list of revoked certificates has, and when it is good no more.
+    """Return how many serials a list of revoked certificates has, and when it expires.
 
     Raises:
-        FileRefusedError: it cannot be read, or is none.
+        FileRefusedError: it cannot be read, or is no such list.
     """
     from cryptography import x509
 
@@ -342,27 +344,27 @@ def list_ends(path: Path) -> tuple[int, datetime | None]:
     return len(found), found.next_update_utc
 
 
-# --- Who has come in with one
+# --- The clients that were admitted
 
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Who has shown a certificate, and as what."""
+    """A client that has shown a certificate, and its role."""
 
     subject: str
     serial: str
     """Hexadecimal, as ``openssl x509 -serial`` shows it."""
     role: str
-    """"" where there is none; ``problem`` says why."""
+    """"" if there is none; ``problem`` says why."""
     problem: str
     ends: str
-    """When the certificate is good no more, ISO 8601."""
+    """When the certificate expires, ISO 8601."""
 
 
 def identity_of(der: bytes, now: datetime) -> Identity:
-    """Read a certificate that a handshake has found good.
+    """Read a certificate that a handshake has accepted.
 
-    It may have expired since a session began that a client takes up again: then it is a problem too.
+    A client may resume a session after its certificate has expired: that is a problem too.
     """
     from cryptography import x509
 
@@ -382,7 +384,7 @@ def identity_of(der: bytes, now: datetime) -> Identity:
     return Identity(subject, serial, role, problem, ends.isoformat(timespec="seconds"))
 
 
-# --- When those in force end: noticed while a gateway runs, without reading a file again
+# --- Expiry of the certificates in force: reported without reading the files again
 
 
 @dataclass(frozen=True, slots=True)
@@ -390,22 +392,22 @@ class CertificateInForce:
     """A certificate, or a list of revoked ones, as it was when its file came into force."""
 
     key: str
-    """Of ``tls``: ``certificate``, ``clients`` or ``revoked``."""
+    """Key in ``tls``: ``certificate``, ``clients`` or ``revoked``."""
     file: str
     life: Life | None
     """None: a list, or a file that only OpenSSL can read."""
     ends: datetime | None
-    """None: never, or nobody knows."""
+    """None: never, or unknown."""
 
     def problem(self, now: datetime) -> TimeProblem | None:
-        """Return what is to be said of its time, None for nothing."""
+        """Return the problem with its validity, None if there is none."""
         if self.life is None:
             return list_problem(self.file, self.ends, now)
         return time_problem(self.life, now)
 
 
 def read_held(paths: Mapping[str, Path]) -> tuple[CertificateInForce, ...]:
-    """Return what is in the files of ``tls`` that OpenSSL has taken, by their keys. It may block."""
+    """Return the content of the ``tls`` files that OpenSSL has loaded, by their keys. It may block."""
     return tuple(
         held
         for key in ("certificate", "clients", "revoked")
@@ -421,15 +423,15 @@ def _held_in(key: str, path: Path) -> Iterator[CertificateInForce]:
         else:
             for life in read_lives(path):
                 yield CertificateInForce(key, str(path), life, life.ends)
-    except FileRefusedError:  # a check says so; until when it is good stays unknown here
+    except FileRefusedError:  # `check` reports it; here its expiry stays unknown
         yield CertificateInForce(key, str(path), None, None)
 
 
 class Endings:
-    """Tells of what ends soon, or has ended: of each certificate at the start and once a day at most.
+    """Reports what expires soon or has expired: each certificate at the start, then at most once a day.
 
-    ``report`` gets the event with its fields, and does not block. ``section`` is where the keys stand in the
-    configuration, as ``http.tls``. The time is an argument.
+    ``report`` gets the event with its fields, and does not block. ``section`` is the configuration section of
+    the keys, such as ``http.tls``. The time is an argument.
     """
 
     def __init__(self, report: Callable[[EventEntry, dict[str, object]], None], section: str) -> None:
@@ -437,29 +439,29 @@ class Endings:
         self._section = section
         self._held: tuple[CertificateInForce, ...] = ()
         self._reported: dict[CertificateInForce, tuple[bool, datetime]] = {}
-        """Whether it was still good when it was told of, and when that was."""
+        """Whether it was still valid at its last report, and when that was."""
         self._looked: datetime | None = None
 
     def is_other(self, held: tuple[CertificateInForce, ...]) -> bool:
-        """Whether one of these files holds something else than what is in force of it."""
+        """Whether one of these files differs from its version in force."""
         files = {(each.key, each.file) for each in held}
         return any((each.key, each.file) in files and each not in held for each in self._held)
 
     def take(self, held: tuple[CertificateInForce, ...]) -> None:
-        """Go by these from now on; what was told of one that stays counts."""
+        """Use these from now on; earlier reports of an unchanged certificate stay valid."""
         self._held = held
         self._reported = {each: reported for each, reported in self._reported.items() if each in held}
         self._looked = None
 
     def is_due(self, now: datetime) -> bool:
-        """Whether there is something to tell of; may be asked at any time, and looks once a minute."""
+        """Whether a report is due; may be called at any time, and checks once a minute."""
         if self._looked is not None and abs(now - self._looked) < CHECK_EVERY:
             return False
         self._looked = now
         return any(True for _ in self._due(now))
 
     def report(self, now: datetime) -> None:
-        """Tell of what is due."""
+        """Report what is due."""
         for held, problem in list(self._due(now)):
             self._reported[held] = problem.is_good_now, now
             fields: dict[str, object] = {
@@ -471,7 +473,7 @@ class Endings:
             self._report(CERTIFICATE_ENDS_SOON if problem.is_good_now else CERTIFICATE_ENDED, fields)
 
     def status(self, now: datetime) -> list[CertificateStatus]:
-        """Return when each file is good no more: of several certificates in one the first to end counts."""
+        """Return when each file expires: of several certificates in a file, the first to expire counts."""
         first: dict[str, CertificateInForce] = {}
         for held in self._held:
             if held.key not in first or (held.ends or NEVER) < (first[held.key].ends or NEVER):
@@ -493,11 +495,11 @@ class Endings:
             if problem is None:
                 continue
             was_good, reported = self._reported.get(held, (None, now))
-            # A clock that was set back counts as a day: nobody knows how much has gone by.
+            # After the clock was set back, a day counts as over: the real time is unknown.
             if was_good is not problem.is_good_now or not timedelta() <= now - reported < DAY:
                 yield held, problem
 
 
 def _days_left(ends: datetime | None, now: datetime) -> int | None:
-    """Return whole days: 0 on the last one, negative after the end; None where there is no end."""
+    """Return whole days: 0 on the last one, negative after the end; None without an end."""
     return None if ends is None else (ends - now) // DAY

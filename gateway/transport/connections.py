@@ -1,10 +1,10 @@
-"""The places of a listener: who has one, who has to make room, and who has kept his for nothing.
+"""The connections of a listener, their limit, and which one is closed for a new client.
 
-Whoever holds connections and asks for nothing must not lock out a controller for ever. When all places are
-taken, a newcomer gets the place of the connection that has been quiet longest, of the host that has most of
-them. A host that has more than half of them makes room for others at once; among its own, and among hosts
-that have as many as each other, only after a while. So the one connection of a motion controller goes last,
-and never within :data:`QUIET_NS` of a request, unless its peer is known to be gone (``peer_probe``).
+Clients that hold idle connections must not lock out a controller. When the limit is reached, a new client
+replaces the connection that has been quiet longest, of the host that has most of them. A host that has more
+than half of them makes room for other hosts immediately. Among its own connections, and between hosts with
+equally many, that takes a while. So the one connection of a motion controller is closed last. That never
+happens within :data:`QUIET_NS` of a request, unless its peer is known to be gone (``peer_probe``).
 """
 
 from collections import Counter
@@ -16,15 +16,15 @@ from gateway.times import NS_PER_S
 from gateway.transport.limits import ConnectionLimits
 
 QUIET_NS: Final = 30 * NS_PER_S
-"""A connection makes room after so long without a request."""
+"""A connection may be replaced after this time without a request."""
 NEVER_ASKED_NS: Final = 5 * NS_PER_S
-"""One that never asked for anything makes room sooner."""
+"""A connection without any request may be replaced sooner."""
 QUIET_OF_MANY_NS: Final = NS_PER_S
-"""A host that has two connections more than the newcomer makes room after so long without a request."""
+"""A host with two connections more than the new client may lose one after this time without a request."""
 MAKE_ROOM_EVERY_NS: Final = NS_PER_S // 10
-"""How often it is looked for somebody who makes room for one host: a flood must not keep the loop busy."""
+"""Interval of the search for a connection to replace, per host: a flood must not keep the loop busy."""
 SWEEP_S: Final = 1.0
-"""How often connections are looked at that have to end."""
+"""Interval of the search for connections that must end."""
 
 AnyConnection = TypeVar("AnyConnection")
 
@@ -32,9 +32,9 @@ AnyConnection = TypeVar("AnyConnection")
 def longest(
     connections: Iterable[AnyConnection], since: Callable[[AnyConnection], float | None]
 ) -> AnyConnection | None:
-    """Return the one that makes room for a newcomer: it has been so for longest; None: there is none.
+    """Return the item that makes room for a new one: the one waiting longest; None: there is none.
 
-    ``since`` returns since when one has been what lets it go first, None where it is not.
+    ``since`` returns since when an item may be replaced, None if it may not.
 
     >>> longest(["it reads", "asked at 7", "asked at 3"], lambda one: float(one[-1]) if "at" in one else None)
     'asked at 3'
@@ -56,16 +56,16 @@ class Closing(Enum):
 
 @runtime_checkable
 class RequestProgress(Protocol):
-    """What is known of a connection by whoever takes its bytes."""
+    """The requests of a connection, as its receiver knows them."""
 
     asked_ns: int
     """When its last whole request came; 0: never."""
     unfinished_ns: int
-    """Since when a request is not whole; 0: none is."""
+    """Since when a request is incomplete; 0: none is."""
 
     @property
     def is_served(self) -> bool:
-        """Whether it got an answer; where getting one costs more than an exchange, it never is."""
+        """Whether it got a reply; always False if connecting costs more than an exchange."""
         ...
 
 
@@ -77,18 +77,18 @@ class Connection(Protocol):
 
     @property
     def asking(self) -> RequestProgress | None:
-        """What is known of it; None: nothing, and it may stay."""
+        """The requests of the connection; None: unknown, and it may stay."""
         ...
 
     def abort(self) -> None:
-        """Close it at once."""
+        """Close it immediately."""
         ...
 
 
 class Connections:
     """The connections of one listener.
 
-    ``patience_ns``: a request that is not whole after so long ends its connection; 0: never.
+    ``patience_ns``: a request that is incomplete after this time ends its connection; 0: never.
     """
 
     def __init__(
@@ -100,15 +100,15 @@ class Connections:
         self._on_closed = on_closed
         self._connections: list[Connection] = []
         self._refused = ("", 0)
-        """The newest newcomer for whom nobody made room, and when."""
+        """Host and time of the newest client for which no connection could be closed."""
 
     @property
     def is_empty(self) -> bool:
-        """Whether nobody has one."""
+        """Whether there is no connection."""
         return not self._connections
 
     def has_room_for(self, host: str, now_ns: int) -> bool:
-        """Whether there is a place for a newcomer, perhaps that of another one."""
+        """Whether a new connection may be accepted, perhaps in place of another one."""
         if len(self._connections) < self._max:
             return True
         refused_host, refused_ns = self._refused
@@ -120,19 +120,19 @@ class Connections:
         return has_room
 
     def take(self, connection: Connection, now_ns: int) -> None:
-        """Give a newcomer the place that there is for it."""
+        """Add a new connection, if necessary in place of another one."""
         other = self._who_makes_room(connection.host, now_ns) if len(self._connections) >= self._max else None
         if other is not None:
             self.close(other, Closing.MADE_ROOM)
         self._connections.append(connection)
 
     def leave(self, connection: Connection) -> None:
-        """Note that a connection is gone."""
+        """Remove a connection that has ended."""
         if connection in self._connections:
             self._connections.remove(connection)
 
     def sweep(self, now_ns: int) -> None:
-        """Close what has asked for nothing for too long, or never finishes a request."""
+        """Close connections that were idle too long, or that do not finish a request."""
         for connection in tuple(self._connections):
             asking = connection.asking
             if asking is None:
@@ -144,7 +144,7 @@ class Connections:
                 self.close(connection, Closing.IDLE)
 
     def close(self, connection: Connection, why: Closing) -> None:
-        """End a connection, and say why."""
+        """End a connection, and report why."""
         self.leave(connection)
         self._on_closed(connection.host, why)
         connection.abort()
@@ -157,7 +157,7 @@ class Connections:
 
         def quiet_since_ns(connection: Connection) -> int | None:
             asking = connection.asking
-            # The newcomer's own host makes room itself where it has as many as any.
+            # The new client's own host makes room if it has as many connections as any other.
             if (
                 asking is None
                 or counts[connection.host] < most
@@ -167,7 +167,7 @@ class Connections:
             since_ns = _quiet_since_ns(connection, asking)
             if not is_hoard and now_ns - since_ns < _least_ns(asking, is_many=is_many):
                 return None
-            # Who never asked goes before those that have asked for something.
+            # Connections without any request go before those with one.
             return since_ns if asking.asked_ns else since_ns - QUIET_NS
 
         return longest(self._connections, quiet_since_ns)
@@ -178,7 +178,7 @@ def _quiet_since_ns(connection: Connection, asking: RequestProgress) -> int:
 
 
 def _least_ns(asking: RequestProgress, *, is_many: bool) -> int:
-    """Return for how long a connection has to be quiet before it makes room."""
+    """Return how long a connection must be quiet before it may be replaced."""
     if asking.asked_ns:
         return QUIET_OF_MANY_NS if is_many else QUIET_NS
     return 0 if is_many else NEVER_ASKED_NS

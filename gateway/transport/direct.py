@@ -1,6 +1,7 @@
-"""Bytes of a TCP connection past its transport: read and written in one system call each.
+"""Bytes of a TCP connection without its transport: one system call to read and one to write.
 
-The transport of asyncio keeps the connection: it closes it, and takes what the system does not take at once.
+The transport of asyncio keeps the connection: it closes it, and takes the bytes that the system does not take
+immediately.
 """
 
 import select
@@ -14,14 +15,14 @@ from gateway.transport.selector import HUNG_UP, RelaySelector
 _read: Final = system.read
 _write: Final = system.write
 RECEIVE_BYTES: Final = 479
-"""More than the largest Modbus/TCP frame (260 bytes), and what the interpreter's own allocator still has room
-for: a larger buffer would come from malloc, and go back to it, with each read."""
+"""More than the largest Modbus/TCP frame (260 bytes), and small enough for the interpreter's own allocator. A
+larger buffer would be a malloc and a free for each read."""
 MORE_BYTES: Final = 4096 - RECEIVE_BYTES
-"""Read at once behind a full read: what is left unread when a connection is closed breaks it off."""
+"""Read immediately after a full read: unread bytes at closing would reset the connection."""
 
 
 class FarEnd:
-    """The other end of a connection, asked by the descriptor of this one."""
+    """The other end of a connection, queried by the descriptor of this end."""
 
     def __init__(self, descriptor: int) -> None:
         asked = select.poll()
@@ -29,7 +30,7 @@ class FarEnd:
         self._poll = asked.poll
 
     def has_gone(self) -> bool:
-        """Whether it has closed or broken off the connection: also where that was not read yet."""
+        """Whether it has closed or reset the connection, also if that was not read yet."""
         return bool(self._poll(0))
 
 
@@ -46,19 +47,19 @@ class Connection(Protocol):
         ...
 
     def end(self) -> None:
-        """Close: the other end has closed it in order."""
+        """Close it: the other end has closed it in order."""
         ...
 
     def break_off(self, reason: str) -> None:
-        """End it at once; its receiver is told why, later."""
+        """End it immediately; its receiver gets the reason later."""
         ...
 
     def leave_over(self, data: bytes) -> None:
-        """Take what the system did not: it is sent as soon as it can be."""
+        """Take the bytes that the system did not take; they are sent as soon as possible."""
         ...
 
     def has_left_over(self) -> bool:
-        """Whether something of it is not sent yet."""
+        """Whether some of these bytes are not sent yet."""
         ...
 
 
@@ -80,12 +81,12 @@ class DirectSocket(Channel):
         self._selector = selector
         self._far_end = FarEnd(descriptor)
         self._has_hung_up = False
-        """As the system said when there was something to read."""
+        """From the system's last report that there was something to read."""
         self._may_have_left_over = False
         self._is_over = False
 
     def readable(self) -> None:
-        """Read what is there and pass it on; to be called by its selector."""
+        """Read the available bytes and pass them on; called by its selector."""
         self._has_hung_up = self._selector.events & HUNG_UP != 0
         try:
             data = _read(self.descriptor, RECEIVE_BYTES)
@@ -137,7 +138,7 @@ class DirectSocket(Channel):
         return self.bytes_received
 
     def has_gone(self, *, asks: bool) -> bool:
-        """See ``Channel``. What ``epoll_wait`` said may be older than a standstill."""
+        """See ``Channel``. The report of ``epoll_wait`` may be older than a standstill."""
         return self._is_over or self._has_hung_up or (asks and self._far_end.has_gone())
 
     def close(self) -> None:
@@ -145,7 +146,7 @@ class DirectSocket(Channel):
         self._connection.close()
 
     def over(self) -> None:
-        """Neither read nor write any more: the descriptor is about to be another one's."""
+        """Neither read nor write any more: the descriptor number may be reused from now on."""
         self._is_over = True
 
     def _end(self, reason: str) -> None:

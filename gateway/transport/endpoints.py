@@ -1,4 +1,4 @@
-"""Where a controller or a bus of drives is reached: plain data, checked by the configuration."""
+"""The address of a controller or of a bus of drives: plain data, checked by the configuration."""
 
 from ipaddress import IPv4Address, IPv6Address, ip_address
 
@@ -27,11 +27,11 @@ class SerialEndpoint(msgspec.Struct, frozen=True, tag=True):
     data_bits: int = 8
     stop_bits: int = 1
     echo: bool = False
-    """The adapter hears what it sends: an RS-485 receiver that stays on."""
+    """The adapter echoes: it receives what it sends, because its RS-485 receiver stays on."""
     low_latency: bool = True
-    """Set what makes bytes wait in the driver to its least; else leave it as it is."""
+    """Set the driver's delays of received bytes to their minimum; otherwise leave them."""
     rs485: bool = False
-    """Set the RS-485 mode of the driver: it switches the direction of the line; else leave it as it is."""
+    """Set the RS-485 mode of the driver, which switches the direction of the line; otherwise leave it."""
 
     @property
     def bits_per_character(self) -> int:
@@ -52,7 +52,7 @@ def host_of(peer: str) -> str:
 
 
 def address_of(host: str) -> IPv4Address | IPv6Address:
-    """Return an address without its zone; one of IPv4 as itself, also where a socket takes both families.
+    """Return an address without its zone; an IPv4-mapped IPv6 address as IPv4.
 
     Raises:
         ValueError: it is no address.

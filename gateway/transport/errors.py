@@ -1,11 +1,11 @@
-"""What can go wrong when a way to the outside is opened. The sentences say what to do about it."""
+"""Errors of opening a port or an address. Their sentences contain the remedy."""
 
 
 class TransportError(Exception):
     """An address or a port could not be opened.
 
-    ``detail`` is one sentence with what was found and the remedy; whoever knows the configuration key puts it
-    in front.
+    ``detail`` is one sentence with what was found and the remedy; a caller that knows the configuration key
+    puts it in front.
     """
 
     def __init__(self, detail: str) -> None:
@@ -14,8 +14,8 @@ class TransportError(Exception):
 
 
 class AbsentError(TransportError):
-    """Nothing there (yet): unplugged, switched off, not listening. It may come by itself."""
+    """Absent: unplugged, switched off, not listening. It may appear later."""
 
 
 class RefusedError(TransportError):
-    """Somebody must do something: in use by another program, no permission, not a serial port."""
+    """The user must act: in use by another program, no permission, not a serial port."""

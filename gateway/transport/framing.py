@@ -1,4 +1,4 @@
-"""Times and decoders that follow from where something is connected."""
+"""Times and decoders that follow from the kind of endpoint."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -9,8 +9,8 @@ from gateway.modbus.rtu_requests import NO_UNITS
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 TCP_SILENCE_NS: Final = 5_000_000
-"""RTU through a serial device server: what silence there was on the wire is gone. This much without a byte
-ends a frame whose own bytes do not say how long it is, if its check sum is good."""
+"""RTU through a serial device server loses the silence between frames. This long without a byte ends a frame
+whose length its own bytes do not give, if its CRC is right."""
 TCP_GIVE_UP_NS: Final = 50_000_000
 
 
@@ -22,7 +22,7 @@ def frame_silence_ns(endpoint: SerialEndpoint) -> int:
 def request_decoder(
     endpoint: TcpEndpoint | SerialEndpoint, odd_units: frozenset[int] = NO_UNITS
 ) -> RtuRequestDecoder:
-    """Return a decoder for what an RTU controller sends; ``odd_units`` as there, on a serial port alone."""
+    """Return a decoder for an RTU controller; ``odd_units`` as in the decoder, for a serial port only."""
     if isinstance(endpoint, SerialEndpoint):
         return RtuRequestDecoder(frame_silence_ns(endpoint), odd_units=odd_units)
     return RtuRequestDecoder(TCP_SILENCE_NS, TCP_GIVE_UP_NS)
@@ -33,7 +33,7 @@ def reply_decoder(
     refused_reads: Mapping[int, int] = NOBODY,
     odd_units: frozenset[int] = NO_UNITS,
 ) -> RtuReplyDecoder:
-    """Return a decoder for what RTU drives send; the rest as in ``RtuReplyDecoder``."""
+    """Return a decoder for RTU drives; the arguments as in ``RtuReplyDecoder``."""
     if isinstance(endpoint, SerialEndpoint):
         silence_ns = frame_silence_ns(endpoint)
         return RtuReplyDecoder(
@@ -43,18 +43,18 @@ def reply_decoder(
 
 
 RETURNS: Final = "the adapter returns what is sent: set echo = true"
-"""What is wrong where a serial port hears what it sends and the configuration does not say so."""
+"""The problem of a serial port that echoes although the configuration does not say so."""
 
 
 def returns_requests(endpoint: TcpEndpoint | SerialEndpoint) -> str:
-    """Say what is wrong where what is sent to drives comes back and nobody said so, and what to do."""
+    """Return problem and remedy if requests to drives are echoed and the configuration does not say so."""
     if isinstance(endpoint, SerialEndpoint):
         return RETURNS
     return "the device server returns what is sent: switch its echo off"
 
 
 def endpoint_key(endpoint: TcpEndpoint | SerialEndpoint) -> str:
-    """Return the configuration key under which an endpoint is given."""
+    """Return the configuration key of an endpoint."""
     if isinstance(endpoint, SerialEndpoint):
         return "rtu"
     return "rtu_over_tcp" if endpoint.rtu else "tcp"

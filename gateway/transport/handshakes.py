@@ -1,7 +1,7 @@
-"""How many handshakes a listener takes: they cost more than anything else that a stranger can ask for.
+"""How many handshakes a listener accepts: no other request of an unknown client costs more.
 
-The numbers leave a controller that comes back room for every retry, and a flood a few percent of one CPU, in
-a thread beside the loop.
+The limits leave a returning controller room for every retry. A flood takes a few percent of one CPU, in a
+thread beside the loop.
 """
 
 from collections.abc import Callable
@@ -14,37 +14,38 @@ AT_ONCE: Final = 32
 MADE_ROOM: Final = f"it was the longest of {AT_ONCE} handshakes, and made room for another one"
 AT_ONCE_OF_A_HOST: Final = 8
 PER_S: Final = 20
-"""In a second, in the mean, over all hosts; as many may come at once."""
+"""Per second, on average, over all hosts; as many may begin at the same time."""
 PER_S_OF_A_HOST: Final = 5
 BURST_OF_A_HOST: Final = 10
 SPARE_PER_S: Final = 5
-"""For addresses that have tried nothing for two seconds, when the others take all that there are."""
+"""For addresses without an attempt for two seconds, when other hosts use up the total."""
 HOSTS: Final = 256
-"""So many hosts have a measure of their own, all others one together: hosts must not fill the memory."""
+"""This many hosts have their own limit, all others a common one: hosts must not fill the memory."""
 
 
 class HandshakeLimits:
-    """Says of each new connection whether its handshake may begin; time is an argument.
+    """Decides for each new connection whether its handshake may begin; time is an argument.
 
-    An address that has come in before has only its own measure: strangers cannot use that up. Whoever never
-    ends his handshakes keeps nobody out: when there are as many as may be at once, the oldest one of a host
-    that has most of them makes room. An honest one ends within milliseconds.
+    An address that was admitted before has only its own limit: unknown clients cannot use it up. A client
+    that never ends its handshakes locks out no other. When the maximum runs, the oldest handshake of the host
+    with most of them is ended. An honest handshake takes milliseconds.
     """
 
     def __init__(self) -> None:
         self._all = bucket_of(PER_S, PER_S)
         self._spare = bucket_of(SPARE_PER_S, SPARE_PER_S)
         self._admitted: dict[str, None] = {}
-        """Addresses that came in, the newest last."""
+        """Admitted addresses, the newest last."""
         self._hosts = PerHost(lambda: bucket_of(PER_S_OF_A_HOST, BURST_OF_A_HOST), TokenBucket.is_full, HOSTS)
         self._running: dict[str, list[Callable[[], None]]] = {}
-        """How each is ended, the oldest first, by host; first the host that has had some for longest."""
+        """The functions that end them, by host, the oldest first; the first host has had handshakes for
+        longest."""
         self.running = 0
 
     def why_not(self, host: str, now_ns: int, give_up: Callable[[], None]) -> str:
-        """Return why a handshake of ``host`` may not begin now; "" where it begins.
+        """Return why a handshake of ``host`` may not begin now; "" if it begins.
 
-        ``give_up`` is called where it has to make room for another one, and calls :meth:`ended`.
+        ``give_up`` is called to end it in favour of another one, and calls :meth:`ended`.
         """
         if len(self._running.get(host, ())) >= AT_ONCE_OF_A_HOST:
             return f"too many handshakes: {AT_ONCE_OF_A_HOST} at once from one address"
@@ -64,21 +65,21 @@ class HandshakeLimits:
         return ""
 
     def ended(self, host: str, give_up: Callable[[], None]) -> None:
-        """Note that a handshake that had begun came to its end, a good or a bad one."""
+        """Record that a handshake has ended, with success or without."""
         self.running -= 1
         self._running[host].remove(give_up)
         if not self._running[host]:
             del self._running[host]
 
     def came_in(self, host: str) -> None:
-        """Note that a handshake of ``host`` came to a good end."""
+        """Record a successful handshake of ``host``."""
         self._admitted.pop(host, None)
         self._admitted[host] = None
         if len(self._admitted) > HOSTS:
             del self._admitted[next(iter(self._admitted))]
 
     def _shared(self, host: str, own: TokenBucket, now_ns: int) -> TokenBucket | None:
-        """Return the measure that a host shares with others; None: it has only its own."""
+        """Return the limit that a host shares with others; None: it has only its own."""
         if host in self._admitted:
             return None
         return self._spare if own.is_full(now_ns) and not self._all.has_one(now_ns) else self._all

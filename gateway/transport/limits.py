@@ -1,4 +1,4 @@
-"""How many connections a listener takes, how fast, and for how long: plain data, and the bucket of a host."""
+"""Limits of a listener: number, rate and duration of connections, and the bucket of a host."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,16 +8,16 @@ from gateway.limits import TokenBucket
 from gateway.times import NS_PER_S
 
 MAX_CONNECTIONS: Final = 64
-"""A monitor that opens connections and never closes them must not eat all descriptors."""
+"""A monitor that opens connections and never closes them must not use up all descriptors."""
 CONNECTS_PER_S: Final = 50.0
-"""A panel that connects anew for each request does so ten times in a second, a flood thousands of times."""
+"""A panel that connects for each request does so ten times in a second, a flood thousands of times."""
 SERVED_PER_S: Final = 1000.0
-"""Of one host: up to so many connections that got an answer are no flood; a line carries less."""
+"""Per host: connections that got a reply are no flood up to this rate; a line carries fewer."""
 SERVED_INTERVAL_NS: Final = int(NS_PER_S / SERVED_PER_S)
 HOSTS: Final = 1024
-"""So many hosts are told apart, all others together."""
+"""This many hosts are counted separately, all others together."""
 OTHERS: Final = "others"
-"""No host is called so: hosts are addresses."""
+"""No host has this name: hosts are addresses."""
 
 Measure = TypeVar("Measure")
 
@@ -28,19 +28,19 @@ class ConnectionLimits:
 
     max_connections: int = MAX_CONNECTIONS
     connects_per_s: float = CONNECTS_PER_S
-    """Of one host, in the mean; as many as ``max_connections`` at once after a pause. One that got an answer
-    before it ended is not counted."""
+    """Per host, on average; after a pause ``max_connections`` immediately. A connection that got a reply
+    before it ended does not count."""
     idle_timeout_s: float = 0.0
-    """A connection that sent no whole request for so long is closed; 0: never."""
+    """A connection without a whole request for this time is closed; 0: never."""
 
 
 DEFAULT_LIMITS: Final = ConnectionLimits()
 
 
 class PerHost(Generic[Measure]):
-    """A measure for each of ``most`` hosts, one together for all others: hosts must not fill the memory.
+    """A measure for each of ``most`` hosts, and a common one for all others: hosts must not fill the memory.
 
-    A host is forgotten when its place is wanted and ``is_unused`` says that a new measure would say the same.
+    A host is forgotten when room is needed and ``is_unused`` says that a new measure would be equal.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class PerHost(Generic[Measure]):
         return len(self._hosts)
 
     def of(self, host: str, now_ns: int) -> Measure:
-        """Return the measure of a host that comes."""
+        """Return the measure of a host that connects."""
         if host not in self._hosts and len(self._hosts) >= self._most:
             unused = self._is_unused
             self._hosts = {name: one for name, one in self._hosts.items() if not unused(one, now_ns)}
@@ -66,17 +66,17 @@ class PerHost(Generic[Measure]):
         return self._hosts[host]
 
     def existing(self, host: str) -> Measure | None:
-        """Return the measure that a host has for itself; None: it has none."""
+        """Return a host's own measure; None: it has none."""
         return self._hosts.get(host)
 
 
 class ConnectRate:
-    """A bucket of connections for each host: one host's flood costs the others nothing."""
+    """A bucket of connections for each host: a flood from one host does not affect the others."""
 
     def __init__(self, limits: ConnectionLimits) -> None:
         interval_ns = int(NS_PER_S / limits.connects_per_s)
         burst_ns = interval_ns * max(limits.max_connections - 1, 0)
-        # Beside it a bucket of those that are forgotten because they got their answer.
+        # The second bucket limits the connections that do not count because they got their reply.
         self._hosts = PerHost(
             lambda: (TokenBucket(interval_ns, burst_ns), TokenBucket(SERVED_INTERVAL_NS, burst_ns)),
             lambda buckets, now_ns: buckets[0].is_full(now_ns),
@@ -84,12 +84,12 @@ class ConnectRate:
         )
 
     def takes(self, host: str, now_ns: int) -> bool:
-        """Count a connection; return whether it comes slowly enough."""
+        """Count a connection; return whether it is within the rate."""
         come, _ = self._hosts.of(host, now_ns)
         return come.takes(now_ns)
 
     def give_back(self, host: str, now_ns: int) -> None:
-        """Forget a connection that got its answer and ended: to connect for each request is no flood."""
+        """Forget a connection that got its reply and ended: one connection for each request is no flood."""
         buckets = self._hosts.existing(host)
         if buckets is None:
             return

@@ -1,9 +1,9 @@
-"""The one way in: Modbus TCP, the page, both Unix sockets and simulated drives accept so.
+"""The one listener of the gateway: Modbus TCP, the page, both Unix sockets and simulated drives use it.
 
-Not the server of asyncio. It accepts a hundred connections in one turn of the loop, tells nobody how many of
-them are in a handshake, and bounds them by nothing. And it makes the transport of a connection in a task of
-its own: closed before that task ran, it ends with an assertion that nobody sees, and the connection stays
-open, read by nobody (CPython, ``asyncio.Server._attach``).
+The server of asyncio is not used. It accepts a hundred connections in one cycle of the loop, does not tell
+how many are in a handshake, and has no limit for them. It also makes the transport of a connection in a task.
+If the connection is closed before that task runs, the task fails with an unseen assertion, and the connection
+stays open and unread (CPython, ``asyncio.Server._attach``).
 """
 
 import asyncio
@@ -16,17 +16,17 @@ from typing import Any, Final
 
 BACKLOG: Final = 128
 PAUSE_S: Final = 1.0
-"""After an accept that failed, as without a free descriptor."""
+"""After an accept that failed, for example without a free descriptor."""
 HANDSHAKE_S: Final = 10.0
 SHUTDOWN_S: Final = 2.0
-"""For the other side to take its leave of TLS."""
+"""Time for the other side to close TLS."""
 
 
 class Listener:
-    """Accepts on sockets that listen, one connection in a turn of the loop.
+    """Accepts on listening sockets, one connection in a cycle of the loop.
 
-    ``take`` gets each connection, which does not block, with the address of its peer. ``on_failed`` is told
-    why none can be accepted: it is tried again after a pause, for whoever waits stays there.
+    ``take`` gets each connection, non-blocking, with the address of its peer. ``on_failed`` gets the error of
+    a failed accept: the next one follows after a pause, because waiting clients stay in the queue.
     """
 
     def __init__(
@@ -35,13 +35,13 @@ class Listener:
         on_failed: Callable[[OSError], object] | None = None,
     ) -> None:
         self.sockets: list[socket.socket] = []
-        """What it listens with; none before it is opened, and none after it has stopped."""
+        """Its sockets; none before it is opened and after it has stopped."""
         self._take = take
         self._on_failed = on_failed or _report_to_loop
         self._pauses: dict[socket.socket, asyncio.TimerHandle] = {}
 
     def open(self, sockets: Iterable[socket.socket]) -> None:
-        """Accept on these from now on; it closes them at its end."""
+        """Accept on these from now on; they are closed at its end."""
         self.sockets = list(sockets)
         for listening in self.sockets:
             listening.setblocking(False)
@@ -81,7 +81,7 @@ def _report_to_loop(error: OSError) -> None:
 
 @dataclass(frozen=True, slots=True)
 class HandshakesAtOnce:
-    """How many handshakes may go on at once; for one more the oldest ends."""
+    """How many handshakes may run at the same time; one more ends the oldest."""
 
     at_once: int = 64
     from_one_site: int = 16
@@ -90,10 +90,10 @@ class HandshakesAtOnce:
 
 @dataclass(frozen=True, slots=True)
 class Tls:
-    """What a listener speaks TLS with.
+    """The TLS settings of a listener.
 
-    ``refused`` is told of each handshake that came to nothing, by its site, and why; ``site_of`` returns what
-    stands for all addresses that one peer can have.
+    ``refused`` gets the site and the reason of each failed handshake; ``site_of`` returns one name for all
+    addresses that one peer can have.
     """
 
     context: ssl.SSLContext
@@ -103,27 +103,27 @@ class Tls:
 
 
 class ProtocolListener(Listener):
-    """Gives each connection a protocol of asyncio; over TLS once its handshake has come to a good end."""
+    """Gives each connection a protocol of asyncio; with TLS, once its handshake has succeeded."""
 
     def __init__(self, protocol: Callable[[], asyncio.BaseProtocol], tls: Tls | None = None) -> None:
         super().__init__(self._begin)
         self._protocol = protocol
         self._tls = tls
         self._beginning: dict[asyncio.Task[None], str] = {}
-        """Those whose protocol is not told yet, the oldest first; over TLS with where each comes from."""
+        """Connections without a protocol yet, the oldest first; with TLS each with its site."""
         self._unowned: set[socket.socket] = set()
-        """Of them those that no transport has yet: whoever ends these has to close them."""
+        """Those of them without a transport: the code that ends these must close them."""
 
     @property
     def handshakes(self) -> int:
-        """How many go on."""
+        """How many handshakes run."""
         return len(self._beginning)
 
     def open(self, sockets: Iterable[socket.socket]) -> None:
         """Listen on these from now on.
 
         Raises:
-            OSError: somebody else listens there; they are closed.
+            OSError: another program listens there; they are closed.
         """
         owned = list(sockets)
         try:
@@ -136,7 +136,7 @@ class ProtocolListener(Listener):
         super().open(owned)
 
     async def close(self) -> None:
-        """Accept nothing any more, and close every connection whose protocol is not told yet."""
+        """Accept nothing any more, and close every connection without a protocol."""
         self.stop()
         beginning = list(self._beginning)
         for task in beginning:
@@ -160,7 +160,7 @@ class ProtocolListener(Listener):
             connection.close()
 
     def _make_room(self, tls: Tls, site: str) -> None:
-        """End the oldest handshake from where too many come, or of all where there are too many."""
+        """End the oldest handshake of a site that has too many, or of all if there are too many."""
         of_site = [task for task, other in self._beginning.items() if other == site]
         if len(of_site) >= tls.limits.from_one_site:
             oldest = of_site[0]
@@ -193,7 +193,7 @@ async def bound(host: str, port: int) -> list[socket.socket]:
     """Return a socket for each address of a host, bound and not listening yet.
 
     Raises:
-        OSError: as of ``asyncio.AbstractEventLoop.create_server``, which knows how it is done.
+        OSError: as of ``asyncio.AbstractEventLoop.create_server``, which does the work.
     """
     server = await asyncio.get_running_loop().create_server(
         asyncio.Protocol, host, port, reuse_address=True, start_serving=False
@@ -209,11 +209,11 @@ _DISTRUST: Final = frozenset(
     for version in ("SSLV3", "TLSV1", "TLSV13")
     for what in ("BAD_CERTIFICATE", "CERTIFICATE_UNKNOWN", "CERTIFICATE_EXPIRED", "UNKNOWN_CA")
 )
-"""What a browser says before its user has been asked, and every client to which the authority is unknown."""
+"""What a browser sends before it has asked its user, and every client that does not know the authority."""
 
 
 def why_no_handshake(error: OSError) -> str:
-    """Return why a handshake came to nothing, in words without anything that the other side sent.
+    """Return why a handshake failed, without any text of the other side.
 
     >>> why_no_handshake(ConnectionResetError(104, "Connection reset by peer"))
     'no TLS: the other side went away'

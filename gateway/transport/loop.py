@@ -1,4 +1,4 @@
-"""The relay's loop: asyncio's, with a selector that works on the frames itself (``transport.selector``)."""
+"""The relay's loop: asyncio's, with a selector that handles the frames itself (``transport.selector``)."""
 
 import asyncio
 from collections.abc import Callable
@@ -12,9 +12,9 @@ _Ts = TypeVarTuple("_Ts")
 
 
 class RelayLoop(asyncio.SelectorEventLoop):
-    """A loop whose ``add_reader`` calls back without a turn of the loop.
+    """A loop whose ``add_reader`` calls back without a cycle of the loop.
 
-    What is added so runs inside ``select``, where no task is the current one: it must not block, as ever.
+    Such a callback runs inside ``select``, without a current task: it must not block, as in any loop.
     """
 
     def __init__(self) -> None:
@@ -23,7 +23,7 @@ class RelayLoop(asyncio.SelectorEventLoop):
         super().__init__(self.selector)  # type: ignore[arg-type]
 
     def add_reader(self, fd: Any, callback: Callable[[Unpack[_Ts]], object], *args: *_Ts) -> None:
-        """See ``asyncio``; also of a descriptor whose transport has paused its reading."""
+        """See ``asyncio``; also for a descriptor whose transport has paused reading."""
         watcher = partial(callback, *args) if args else callback
         self.selector.watch(fd if isinstance(fd, int) else fd.fileno(), cast("Watcher", watcher))
 

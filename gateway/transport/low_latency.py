@@ -1,11 +1,11 @@
-"""What in a serial port's driver makes bytes wait, read back from the kernel and set to wait least.
+"""Driver settings of a serial port that delay received bytes: set to the minimum, and read back.
 
 Sources: ``linux/serial.h`` and ``asm-generic/ioctls.h`` (layouts and numbers; the same on x86 and ARM), the
 kernel's ``driver-api/serial/serial-rs485.rst`` and ``ABI/testing/sysfs-tty`` (``rx_trig_bytes``), and
 ``drivers/usb/serial/ftdi_sio.c`` (the low-latency flag makes its latency timer 1 ms).
 
-The settings belong to the port, not to this opening of it, and are not put back on closing: nobody could do
-that for a process that was killed, and what a port is like must not depend on how its last user ended.
+The settings belong to the port, not to one opening of it. They are not restored on closing: a killed process
+could not do it, and the state of a port must not depend on how its last user ended.
 """
 
 import fcntl
@@ -34,12 +34,12 @@ _ENABLED, _RTS_ON_SEND, _RTS_AFTER_SEND, _RX_DURING_TX = 0x01, 0x02, 0x04, 0x10
 
 
 def tune(handle: int, *, is_low: bool = True, sysfs: Path = SYSFS) -> tuple[LatencySettings, tuple[str, ...]]:
-    """Make an open port wait least, where ``is_low``, and read back what is in force then.
+    """Set an open port to its lowest latency if ``is_low``, and read the settings back.
 
-    Nothing that the driver, or a missing permission, does not allow is an error.
+    It is no error if the driver or a missing permission does not allow it.
 
     Returns:
-        The settings, and a remark with its remedy for each of them that costs time.
+        The settings, and a remark with its remedy for each setting that costs time.
     """
     folder = tty_folder(handle, sysfs)
     timer, trigger = folder / "device" / "latency_timer", folder / "rx_trig_bytes"
@@ -66,8 +66,8 @@ def tune(handle: int, *, is_low: bool = True, sysfs: Path = SYSFS) -> tuple[Late
 def set_rs485(handle: int, *, hears_itself: bool) -> Rs485 | None:
     """Set the RS-485 mode of an open port: RTS up while it sends. The delays stay as they are (device tree).
 
-    ``hears_itself``: the receiver stays on meanwhile. Returns what is in force then, as it was read back;
-    None where the driver has no such mode. A driver may take the call and change nothing.
+    ``hears_itself``: the receiver stays on meanwhile. Returns the settings in force, as read back; None if
+    the driver has no such mode. A driver may accept the call and change nothing.
     """
     content = bytearray(_RS485.size)
     try:
@@ -83,9 +83,10 @@ def set_rs485(handle: int, *, hears_itself: bool) -> Rs485 | None:
 
 
 def tty_folder(handle: int, sysfs: Path = SYSFS) -> Path:
-    """Return the folder in which the kernel shows an open terminal, by the number of its device.
+    """Return the sysfs folder of an open terminal, by its device number.
 
-    The number does not depend on the name it was opened by: links of ``/dev/serial/by-id`` lead to it too.
+    The number does not depend on the name that it was opened with, so links of ``/dev/serial/by-id`` work
+    too.
     """
     number = os.fstat(handle).st_rdev
     return sysfs / "dev" / "char" / f"{os.major(number)}:{os.minor(number)}"
@@ -94,9 +95,9 @@ def tty_folder(handle: int, sysfs: Path = SYSFS) -> Path:
 def remarks(
     settings: LatencySettings, name: str, timer_refused: str = "", trigger_refused: str = ""
 ) -> Iterator[str]:
-    """Yield what makes bytes wait on the port ``name`` (``ttyUSB0``), and how to change it.
+    """Yield what delays bytes on the port ``name`` (``ttyUSB0``), and how to change it.
 
-    ``timer_refused`` and ``trigger_refused`` say why they could not be set, where that was tried in vain.
+    ``timer_refused`` and ``trigger_refused`` say why an attempt to set them failed.
     """
     timer_ms, trigger = settings.ftdi_latency_timer_ms, settings.rx_trig_bytes
     if timer_ms is not None and timer_ms > LEAST_MS:
@@ -121,7 +122,7 @@ def remarks(
 
 
 def flag_note(settings: LatencySettings) -> str:
-    """Say it where a port did not take the low-latency flag, "" where it did. It costs nothing by itself."""
+    """Return a note if a port did not take the low-latency flag, "" if it did. That alone costs no time."""
     return "" if settings.async_low_latency else "the driver has no low-latency mode"
 
 
@@ -132,7 +133,7 @@ def _remedy(refused: str, rule: str) -> str:
 
 
 def _lower(path: Path, least: int) -> str:
-    """Lower the number in a file of the kernel; returns why it could not be, or ""."""
+    """Lower the number in a file of the kernel; return why that failed, or ""."""
     try:
         found = int(path.read_text())
     except PermissionError as error:  # older kernels show rx_trig_bytes to root only
@@ -142,7 +143,7 @@ def _lower(path: Path, least: int) -> str:
     if found <= least:
         return ""
     try:
-        handle = os.open(path, os.O_WRONLY | os.O_TRUNC)  # never makes a file where there is none
+        handle = os.open(path, os.O_WRONLY | os.O_TRUNC)  # never creates a file
         try:
             os.write(handle, b"%d\n" % least)
         finally:
@@ -153,7 +154,7 @@ def _lower(path: Path, least: int) -> str:
 
 
 def _number_in(path: Path) -> int | None:
-    """Read a number; None where there is no such file, or the driver shows none (a UART without FIFO)."""
+    """Read a number; None if there is no such file, or the driver shows none (a UART without FIFO)."""
     try:
         return int(path.read_text())
     except (OSError, ValueError):
@@ -178,7 +179,7 @@ def _low_latency_flag(handle: int) -> bool | None:
 
 
 def _set_low_latency_flag(handle: int) -> None:
-    """Set it; whether the driver took it shows when it is read back."""
+    """Set it; reading it back shows whether the driver took it."""
     content = _serial_struct(handle)
     if content is None:
         return

@@ -1,8 +1,8 @@
 """A Modbus master: one exchange at a time with the drives of a line, for tools and trials.
 
-It keeps the manners of the gateway's own drive side: the silence that a drive wants before each request, and
-after a time-out on a line without transaction ids a silence so long that no late reply is taken for another.
-Nothing is ever sent twice. Why it is not pymodbus's: docs/decisions/0032.
+It keeps the timing of the gateway's own drive side. That is the silence that a drive needs before each
+request. After a time-out on a line without transaction ids it is a longer silence, so that no late reply is
+taken for another. Nothing is ever sent twice. Why it is not pymodbus's: docs/decisions/0032.
 """
 
 import asyncio
@@ -25,11 +25,11 @@ from gateway.transport.timer import Timer
 SHOWN_BYTES: Final = 32
 LAST_ID: Final = 0xFFFF
 FIRST_ID: Final = 1
-"""Transaction ids go round without 0, which is what some servers answer with whatever they are asked."""
+"""Transaction ids wrap without 0: some servers reply with 0 to every request."""
 
 
 class NoReplyError(Exception):
-    """Base of the ways in which no reply comes; one sentence."""
+    """Base of the reasons for a missing reply; one sentence."""
 
 
 class SilentError(NoReplyError):
@@ -37,11 +37,11 @@ class SilentError(NoReplyError):
 
 
 class GarbledError(NoReplyError):
-    """Bytes came in time, and no reply could be made of them."""
+    """Bytes came in time, but they made no reply."""
 
 
 class OtherIdError(NoReplyError):
-    """A Modbus/TCP reply came in time, with another transaction id than was asked with."""
+    """A Modbus/TCP reply came in time, with another transaction id than the request."""
 
 
 class LostError(NoReplyError):
@@ -49,16 +49,16 @@ class LostError(NoReplyError):
 
 
 class _Framing(Protocol):
-    """How requests and replies lie in the bytes."""
+    """How requests and replies are framed."""
 
     @property
     def deadline_ns(self) -> int | None:
-        """When the line has been silent for long enough to tell."""
+        """When the silence ends a frame."""
         ...
 
     @property
     def returned(self) -> int:
-        """How many reads of registers in a row came back."""
+        """How many reads of registers in a row were echoed."""
         ...
 
     def request(self, unit_id: int, pdu: bytes) -> bytes:
@@ -66,15 +66,15 @@ class _Framing(Protocol):
         ...
 
     def feed(self, data: bytes, now_ns: int) -> list[bytes]:
-        """Return the PDU of the reply, if it is whole now."""
+        """Return the PDU of the reply, if it is complete."""
         ...
 
     def silent(self, now_ns: int) -> list[bytes]:
-        """Return the reply that silence has ended, if it has."""
+        """Return the reply that the silence has ended, if there is one."""
         ...
 
     def give_up(self) -> str:
-        """Expect nothing any more; say what the drive did instead of answering, "": nothing is known."""
+        """Expect nothing any more; return what the drive did instead of replying, "": unknown."""
         ...
 
 
@@ -113,9 +113,9 @@ class _MbapFraming:
         self._decoder = MbapDecoder()
         self._transaction_id = 0
         self._given_up: set[int] = set()
-        """Numbers whose reply may come late; cleared when they go round."""
+        """Ids whose reply may come late; cleared when the ids wrap."""
         self._other_id: int | None = None
-        """That of a reply which is none to anything that was asked."""
+        """Id of a reply that belongs to no request."""
 
     def request(self, unit_id: int, pdu: bytes) -> bytes:
         if self._transaction_id == LAST_ID:
@@ -131,7 +131,7 @@ class _MbapFraming:
             if number == self._transaction_id:
                 replies.append(pdu)
             elif number not in self._given_up and (number == 0 or number != self._transaction_id - 1):
-                # Else it answers an earlier request, late or twice.
+                # Otherwise it answers an earlier request, late or twice.
                 self._other_id = number
         return replies
 
@@ -146,7 +146,7 @@ class _MbapFraming:
 class ModbusMaster:
     """A master on one line; enter it to open the line, leave it to close it.
 
-    ``gap_ms``: silence that the drives want before a request, beyond that of the line. ``drain_ms``: silence
+    ``gap_ms``: silence that the drives need before a request, beyond that of the line. ``drain_ms``: silence
     after a time-out; 0: ``timeout_ms``.
     """
 
@@ -170,17 +170,17 @@ class ModbusMaster:
         self._reply: asyncio.Future[bytes] | None = None
         self._heard = b""
         self._quiet_ns = 0
-        """The next request may go out then."""
+        """When the next request may be sent."""
         self._is_draining = False
         self.took_ns = 0
-        """From the writing of the newest request that was answered to the last byte of its reply."""
+        """From the write of the newest answered request to the last byte of its reply."""
         self._sent_ns = 0
 
     async def __aenter__(self) -> Self:
         """Open the line.
 
         Raises:
-            TransportError: nobody there, in use, no permission; with the remedy.
+            TransportError: no answer, in use, no permission; with the remedy.
         """
         if isinstance(self._endpoint, SerialEndpoint):
             port, _ = open_port(self._endpoint)
@@ -205,11 +205,11 @@ class ModbusMaster:
 
     @property
     def returned(self) -> int:
-        """How many reads of registers in a row came back; see ``RtuReplyDecoder.returned``."""
+        """How many reads of registers in a row were echoed; see ``RtuReplyDecoder.returned``."""
         return self._framing.returned
 
     async def exchange(self, unit_id: int, pdu: bytes) -> bytes:
-        """Send a request and return the PDU of its reply, also one that refuses it.
+        """Send a request and return the PDU of its reply, also an exception.
 
         Raises:
             SilentError: nothing came in time.
@@ -220,9 +220,9 @@ class ModbusMaster:
         return await self._ask(unit_id, pdu)
 
     async def exchange_with_wrong_crc(self, unit_id: int, pdu: bytes) -> bytes:
-        """Send a request on an RTU line with both bytes of its check sum inverted: silence is what is right.
+        """Send a request on an RTU line with its CRC inverted: the right reaction is silence.
 
-        Returns the PDU of a reply that came all the same; raises as :meth:`exchange`.
+        Returns the PDU of a reply that came nevertheless; raises as :meth:`exchange`.
         """
         assert not self._has_ids, "Modbus TCP has no check sums"
         return await self._ask(unit_id, pdu, has_wrong_crc=True)
@@ -250,7 +250,7 @@ class ModbusMaster:
                 self._reply = None
 
     def opened(self, channel: Channel, now_ns: int) -> None:
-        """See ``Receiver``. What went before on its wire is unknown: it begins with a silence."""
+        """See ``Receiver``. The traffic before is unknown: it begins with a silence."""
         self._channel = channel
         self._quiet_ns = now_ns + self._gap()
 
@@ -275,12 +275,12 @@ class ModbusMaster:
         return self._gap_ns
 
     async def _wait_for_silence(self) -> None:
-        while (left_ns := self._quiet_ns - boot_ns()) > 0:  # noqa: ASYNC110 - each byte puts it off
+        while (left_ns := self._quiet_ns - boot_ns()) > 0:  # noqa: ASYNC110 - each byte postpones it
             await asyncio.sleep(left_ns / NS_PER_S)
         self._is_draining = False
 
     def _nothing(self) -> NoReplyError:
-        """Give up on a reply, and say what came instead of it."""
+        """Give up on a reply, and say what came instead."""
         instead = self._framing.give_up()
         if not self._has_ids:
             self._is_draining = True

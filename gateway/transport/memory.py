@@ -1,6 +1,6 @@
 """A pair of channels inside the process, with faults on the way, for tests.
 
-It has the order of a byte stream and no wire: no baud rate, no pacing, no buffers that fill up.
+It keeps the order of a byte stream and has no wire: no baud rate, no pacing, no limited buffers.
 """
 
 import asyncio
@@ -18,22 +18,22 @@ class Faults:
 
     seed: int = 0
     split: float = 0.0
-    """That a write arrives in two pieces, at a random place; 1 sends every byte by itself."""
+    """A write arrives in two pieces, split at a random point; 1 sends every byte separately."""
     glue: float = 0.0
-    """That a piece waits for the next one and arrives together with it."""
+    """A piece waits for the next one and arrives together with it."""
     delay_writes: int = 0
-    """Every piece arrives only after so many further writes."""
+    """Every piece arrives only after this many further writes."""
     drop: float = 0.0
-    """That a byte is lost."""
+    """A byte is lost."""
     garble: float = 0.0
-    """That a byte arrives as another one."""
+    """A byte arrives changed."""
 
 
 NO_FAULTS = Faults()
 
 
 class MemoryChannel(Channel):
-    """One end. ``far`` receives what is written here, in a later turn of the loop."""
+    """One end. ``far`` receives what is written here, in a later cycle of the loop."""
 
     def __init__(self, peer: str, far: Receiver, faults: Faults) -> None:
         self.peer = peer
@@ -59,7 +59,7 @@ class MemoryChannel(Channel):
             self._pass_on(self._late.popleft())
 
     def flush(self) -> None:
-        """Let go of everything that is held back."""
+        """Deliver everything that is held back."""
         while self._late:
             self._pass_on(self._late.popleft())
         if self._glued:
@@ -71,7 +71,7 @@ class MemoryChannel(Channel):
         return not self.is_open
 
     def close(self) -> None:
-        """See ``Channel``. Both ends are told."""
+        """See ``Channel``. Both ends get the event."""
         if self.is_open:
             self.flush()
             self.is_open = False
@@ -124,7 +124,7 @@ class MemoryChannel(Channel):
 def connect(
     near: Receiver, far: Receiver, near_to_far: Faults = NO_FAULTS, far_to_near: Faults = NO_FAULTS
 ) -> tuple[MemoryChannel, MemoryChannel]:
-    """Join two receivers; returns the channel that ``near`` writes to and the one that ``far`` writes to."""
+    """Join two receivers; return the channel that ``near`` writes to and the one that ``far`` writes to."""
     near_channel = MemoryChannel("memory:far", far, near_to_far)
     far_channel = MemoryChannel("memory:near", near, far_to_near)
     near_channel.join(far_channel)

@@ -21,13 +21,13 @@ class NullModem:
         self.near, self.far = self._ends[0].device, self._ends[1].device
 
     def close(self) -> None:
-        """Pull the cable: both devices vanish, whoever has them open gets a hang-up. Twice is harmless."""
+        """Unplug the cable: both devices vanish; programs that use them get a hang-up. Twice is harmless."""
         for end in self._ends:
             end.close()
 
 
 class _End:
-    """One pseudo terminal. Its own side is held open, so that a program may come and go without a hang-up."""
+    """One pseudo terminal. The cable keeps it open, so that a program may come and go without a hang-up."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
@@ -57,7 +57,7 @@ class _End:
             self._loop.remove_reader(self._master)  # until the other side has room again
 
     def take(self, data: bytes, source: "_End") -> bool:
-        """Pass bytes on to whoever has this end open; False where some have to wait."""
+        """Pass bytes to the program at this end; False if some must wait."""
         sent = _write_some(self._master, data)
         if sent == len(data):
             return True

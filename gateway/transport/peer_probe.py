@@ -1,8 +1,7 @@
-"""Whether the far end of a TCP connection is still there: asked of the system, and never told by its quiet.
+"""Whether the far end of a TCP connection is still there: asked of the system, not derived from silence.
 
-A peer that lost its power says nothing; one that has nothing to say says nothing either. The first leaves a
-keep-alive probe, or what was sent to it, unacknowledged. The system of the second acknowledges it, whatever
-its program does.
+A peer without power sends nothing, and neither does an idle one. The first leaves a keep-alive probe, or
+data, unacknowledged. The system of the second acknowledges it, whatever its program does.
 """
 
 import socket
@@ -13,16 +12,16 @@ from typing import Final, NamedTuple
 from gateway.times import NS_PER_MS, NS_PER_S
 
 AT_ONCE_S: Final = 1
-"""A probe leaves so long after the peer was heard last, and at once where that is longer ago."""
+"""A probe is sent this long after the peer was last heard, or immediately if that is longer ago."""
 LEAST_PATIENCE_NS: Final = 3 * NS_PER_S // 2
-"""No peer is given less time. Linux acknowledges one probe in half a second (``tcp_invalid_ratelimit``), and
-the probes of a full window, which leave by themselves, are twice as far apart each time."""
+"""The shortest time for any peer. Linux acknowledges one probe in half a second (``tcp_invalid_ratelimit``),
+and the interval between the automatic probes of a full window doubles each time."""
 PROBES: Final = 100
 PROBED_FOR_MS: Final = 60_000
-"""While it is asked the system does not end the connection before its peer had its time to acknowledge."""
+"""While a probe runs, the system does not end the connection before the peer had its time to acknowledge."""
 LONGEST_NS: Final = 15 * NS_PER_S
-"""What is not known by then is not asked any longer. The system sends no probe while it waits to repeat what
-was not acknowledged, and ends such a connection by itself."""
+"""A verdict that is still unknown after this time is given up. The system sends no probe while it waits to
+repeat unacknowledged data, and ends such a connection itself."""
 
 _INFO: Final = Struct("=8B13I")
 """The beginning of ``struct tcp_info`` (linux/tcp.h)."""
@@ -31,39 +30,39 @@ _LAST_DATA_SENT, _LAST_DATA_RECEIVED, _LAST_ACK_RECEIVED = 17, 19, 20
 
 
 class PeerVerdict(Enum):
-    """What is known of a peer that is asked."""
+    """The result of probing a peer so far."""
 
     UNKNOWN = "unknown"
     """Nothing that was sent to it has been unacknowledged for long enough, and nothing came from it."""
     THERE = "there"
-    """Something came from it since it is asked."""
+    """Something came from it since the probe began."""
     GONE = "gone"
-    """It did not acknowledge in its time."""
+    """It did not acknowledge in time."""
 
 
 class PeerState(NamedTuple):
-    """What the system says of a connection in one moment; monotonic, in ns."""
+    """The system's data about a connection at one moment; monotonic, in ns."""
 
     now_ns: int
     sent_ns: int
-    """When data left last, for the first time or once more."""
+    """When data was last sent, for the first time or repeated."""
     heard_ns: int
     """When anything came from the peer."""
     is_repeated: bool
-    """Data that left is not acknowledged and was sent once more. The first time its acknowledgement may be
-    held back; a repetition is acknowledged at once."""
+    """Sent data is unacknowledged and was repeated. The first acknowledgement may be delayed; a repetition is
+    acknowledged immediately."""
     is_probed: bool
     """A probe is not acknowledged."""
 
 
 def verdict(seen: PeerState, began_ns: int, probed_ns: int | None, patience_ns: int) -> PeerVerdict:
-    """Judge what is seen of a peer.
+    """Judge the state of a peer.
 
     Args:
-        seen: what the system says.
-        began_ns: since when it is asked.
+        seen: the system's data.
+        began_ns: when the probing began.
         probed_ns: since when a probe has been seen unacknowledged; None: none has.
-        patience_ns: so long it may take to acknowledge.
+        patience_ns: time that the peer may take to acknowledge.
     """
     if seen.heard_ns >= began_ns:
         return PeerVerdict.THERE
@@ -75,7 +74,7 @@ def verdict(seen: PeerState, began_ns: int, probed_ns: int | None, patience_ns: 
 
 
 class PeerProbe:
-    """Asks the peer of one connection: :meth:`check` now and then, :meth:`end` when it is known."""
+    """Probes the peer of one connection: call :meth:`check` regularly, and :meth:`end` after the verdict."""
 
     def __init__(self, connection: socket.socket, patience_ns: int, now_ns: int) -> None:
         self._connection = connection
@@ -88,7 +87,7 @@ class PeerProbe:
         self._ask()
 
     def check(self, now_ns: int) -> PeerVerdict:
-        """Return what is known by now. Where that is nothing it is asked once more: a probe may be lost."""
+        """Return the verdict so far. While it is unknown, probe once more: a probe may be lost."""
         seen = _seen(self._connection, now_ns)
         if not seen.is_probed:
             self._probed_ns = None
@@ -100,12 +99,12 @@ class PeerProbe:
         return found
 
     def end(self) -> None:
-        """Set everything as it was."""
+        """Restore the options of the socket."""
         for option, value in self._before:
             self._set(option, value)
 
     def _ask(self) -> None:
-        """Have a probe leave: the system looks at once whether its time has come when that is set."""
+        """Have a probe sent: setting this makes the system check immediately whether one is due."""
         self._set(socket.TCP_KEEPIDLE, AT_ONCE_S)
 
     def _set(self, option: int, value: int) -> None:

@@ -1,4 +1,4 @@
-"""What a user may not open: low ports, serial ports of a group. The words for it stand here once."""
+"""What a user may not open: low ports, serial ports of a group. The only source of these messages."""
 
 import errno
 import grp
@@ -11,20 +11,20 @@ from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 STATUS: Final = Path("/proc/self/status")
 FIRST_FREE_PORT: Final = Path("/proc/sys/net/ipv4/ip_unprivileged_port_start")
-"""The first port that needs no capability (ip(7)); it holds for IPv6 too."""
+"""The first port that needs no capability (ip(7)); it applies to IPv6 too."""
 CAP_NET_BIND_SERVICE: Final = 10
 """Number of the capability (capabilities(7))."""
 
 
 def why_no_port(endpoint: TcpEndpoint) -> tuple[str, str] | None:
-    """Return why this process may not listen there, and what to do; None where it may."""
+    """Return why this process may not listen there, and the remedy; None if it may."""
     if endpoint.port >= first_free_port() or has_capability(CAP_NET_BIND_SERVICE):
         return None
     return no_port(endpoint)
 
 
 def no_port(endpoint: TcpEndpoint) -> tuple[str, str]:
-    """Return what a port that may not be listened on is, and what to do."""
+    """Return the problem of a port that this process may not listen on, and the remedy."""
     return (
         starts.MAY_NOT_LISTEN.begin(endpoint=endpoint),
         (
@@ -35,7 +35,7 @@ def no_port(endpoint: TcpEndpoint) -> tuple[str, str]:
 
 
 def why_no_device(endpoint: SerialEndpoint) -> tuple[str, str] | None:
-    """Return why this process may not open a serial port, and what to do; None where it may or is absent."""
+    """Return why this process may not open a serial port, and the remedy; None if it may, or it is absent."""
     try:
         os.stat(endpoint.device)  # noqa: PTH116 - follows the link, as open does
     except PermissionError:
@@ -47,7 +47,7 @@ def why_no_device(endpoint: SerialEndpoint) -> tuple[str, str] | None:
 
 
 def no_device(endpoint: SerialEndpoint) -> tuple[str, str]:
-    """Return what a serial port that may not be opened is, and what to do."""
+    """Return the problem of a serial port that this process may not open, and the remedy."""
     device = endpoint.device
     group = _group_of(device)
     if group is None:
@@ -61,12 +61,12 @@ def no_device(endpoint: SerialEndpoint) -> tuple[str, str]:
 
 
 def is_permission(error: BaseException) -> bool:
-    """Whether the system said that this user may not."""
+    """Whether the system refused it for lack of permission."""
     return isinstance(error, OSError) and error.errno in (errno.EACCES, errno.EPERM)
 
 
 def has_capability(number: int) -> bool:
-    """Whether this process has a capability just now."""
+    """Whether this process has a capability now."""
     try:
         lines = STATUS.read_text().splitlines()
     except OSError:
@@ -84,7 +84,7 @@ def first_free_port() -> int:
 
 
 def _group_of(device: str) -> str | None:
-    """Return the group that may use a device, where it has one with a name and it is not root's."""
+    """Return the named group that may use a device; None if there is none, or it is root's."""
     try:
         status = os.stat(device)  # noqa: PTH116 - follows the link, as open does
         name = grp.getgrgid(status.st_gid).gr_name

@@ -1,4 +1,4 @@
-"""Keeps one channel open for ever: opens it, waits until it is lost, opens it again."""
+"""Keeps one channel open: opens it, waits until it is lost, opens it again."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -8,23 +8,22 @@ from gateway.backoff import Backoff
 from gateway.transport.errors import TransportError
 
 FIRST_RETRY_S: Final = 0.01
-"""A drive that was restarted, or a socket that the network cut, is often there again at once."""
+"""A drive that was restarted, or a socket that the network closed, often responds again immediately."""
 BACKOFF_START_S: Final = 0.1
 BACKOFF_MAX_S: Final = 3.0
 DEMAND_EVERY_S: Final = 0.1
-"""Who waits for the channel lets one attempt begin in so long at most."""
+"""A waiting caller starts at most one attempt in this time."""
 BACKOFF_SPREAD: Final = (0.9, 1.1)
-"""So that several gateways do not knock in step."""
+"""So that several gateways do not retry at the same time."""
 
 
 class Reconnector:
-    """Runs ``attempt`` over and over.
+    """Runs ``attempt`` repeatedly.
 
-    ``attempt`` opens a channel and returns a future that ends when that channel is lost; it raises a
-    ``TransportError`` where it cannot. ``was_of_use`` is asked once the channel is lost: after one that was
-    of use the next attempt is made at once. ``on_failure`` is told of every failed attempt whose reason
-    differs from the one before. With ``on_demand`` an attempt is made only when the channel is wanted
-    (:meth:`want`).
+    ``attempt`` opens a channel and returns a future that ends when the channel is lost; it raises a
+    ``TransportError`` on failure. ``was_of_use`` is called when the channel is lost: after a useful channel
+    the next attempt follows immediately. ``on_failure`` gets every failure whose reason differs from the one
+    before. With ``on_demand`` an attempt is made only when the channel is requested (:meth:`want`).
     """
 
     def __init__(
@@ -51,29 +50,29 @@ class Reconnector:
 
     @property
     def is_running(self) -> bool:
-        """Whether the channel is looked after; from :meth:`start` to :meth:`stop`."""
+        """Whether it keeps the channel open; from :meth:`start` to :meth:`stop`."""
         return self._task is not None and not self._task.done()
 
     def start(self, lost: "asyncio.Future[None] | None" = None) -> None:
-        """Begin; with ``lost``, of a channel that was opened already."""
+        """Begin; ``lost`` belongs to a channel that is already open."""
         self._task = asyncio.create_task(self._run(lost))
         self._task.add_done_callback(_report_bug)
 
     async def stop(self) -> None:
-        """End the attempts. A channel that is open is left to its owner."""
+        """End the attempts. An open channel is left to its owner."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.wait([self._task])
             self._task = None
 
     def failed(self, detail: str) -> None:
-        """Note a failed attempt."""
+        """Record a failed attempt."""
         if detail != self.failure:
             self.failure = detail
             self._on_failure(detail)
 
     def want(self) -> None:
-        """Make the next attempt without the rest of the pause: somebody waits for the channel."""
+        """Make the next attempt without the rest of the pause: a caller waits for the channel."""
         self._demanded.set()
 
     async def _run(self, lost: "asyncio.Future[None] | None") -> None:
@@ -94,7 +93,7 @@ class Reconnector:
                 self.failed(error.detail)
 
     async def _pause(self, pause_s: float) -> None:
-        """Wait for the next attempt: as long as that, or until it is wanted and may begin."""
+        """Wait for ``pause_s``, or until the channel is requested and an attempt may begin."""
         loop = asyncio.get_running_loop()
         due_s = loop.time() + pause_s
         try:
@@ -107,7 +106,7 @@ class Reconnector:
 
 
 def _report_bug(task: asyncio.Task[None]) -> None:
-    """Nothing but a bug of ours ends a keeper other than by cancelling: let the loop's handler say so."""
+    """Only a bug of ours ends a reconnector without cancelling: report it to the loop's handler."""
     if not task.cancelled() and (error := task.exception()) is not None:
         handler = asyncio.get_running_loop().call_exception_handler
         handler({"message": "a connection is no longer kept up", "exception": error, "task": task})

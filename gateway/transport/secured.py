@@ -1,11 +1,11 @@
-"""TLS on a connection that was accepted: between its bytes and whoever reads Modbus out of them.
+"""TLS on an accepted connection, between its bytes and the reader of the Modbus frames.
 
-A handshake is some hundred times the work of an exchange, so it is done in a thread, one at a time for each
-listener; OpenSSL lets the loop run meanwhile. Records are opened and sealed on the loop, in the same call
-that brought them: that takes some microseconds.
+A handshake is about a hundred times the work of an exchange. So it runs in a thread, one at a time for each
+listener; OpenSSL lets the loop run meanwhile. Records are opened and sealed on the loop, in the call that
+brought them: that takes a few microseconds.
 
-Not the TLS of asyncio: it begins a handshake before anybody was asked whether this peer may connect at all,
-does it on the loop, and bounds neither how many there are nor how much comes in meanwhile.
+The TLS of asyncio is not used. It begins a handshake before any check of whether the peer may connect, and
+runs it on the loop. It limits neither the handshakes nor the bytes that arrive meanwhile.
 """
 
 import asyncio
@@ -25,29 +25,29 @@ from gateway.transport.handshakes import MADE_ROOM, HandshakeLimits
 from gateway.transport.tls import ServerContexts, reason_of
 
 HANDSHAKE_S: Final = 5.0
-"""A controller on the same network needs some milliseconds."""
+"""A controller on the same network needs a few milliseconds."""
 RECORD_HEADER: Final = 5
 HANDSHAKE_RECORD: Final = 0x16
-"""What every TLS connection begins with (RFC 8446, 5.1)."""
+"""The first byte of every TLS connection (RFC 8446, 5.1)."""
 MOST_STEPS: Final = 64
-"""Records of a peer that a handshake may take: ten or so do."""
+"""Records of a peer in one handshake: about ten are usual."""
 MOST_WAITING: Final = 65_536
-"""Bytes that may come in while the thread is busy: chains of certificates are a few thousand."""
+"""Bytes that may arrive while the thread is busy: certificate chains are a few thousand."""
 READ_BYTES: Final = 4096
 NO_CERTIFICATE: Final = "PEER_DID_NOT_RETURN_A_CERTIFICATE"
 
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """A handshake that came to nothing. ``reason`` is one of few: it may be counted by."""
+    """A failed handshake. ``reason`` is one of few values: it may be a counter's key."""
 
     host: str
     peer: str
     reason: str
     is_certificate: bool = False
-    """Whether it was the certificate that was not good enough."""
+    """Whether the certificate was the reason."""
     identity: Identity | None = None
-    """Whose it was, where the authority at least is the right one."""
+    """The client, if at least its authority is the right one."""
 
 
 class _Step(NamedTuple):
@@ -58,9 +58,9 @@ class _Step(NamedTuple):
 class TlsServer:
     """What the connections of one listener share.
 
-    ``receiver_for`` gives whoever reads from a peer, or None where its certificate does not let it in;
-    ``on_failed`` is told of every handshake that came to nothing, ``on_too_many`` of the host and the limit
-    where one may not begin. All are called on the loop.
+    ``receiver_for`` returns the receiver for a peer, or None if its certificate does not admit it.
+    ``on_failed`` gets every failed handshake, ``on_too_many`` the host and the limit when one may not begin.
+    All are called on the loop.
     """
 
     def __init__(
@@ -76,20 +76,20 @@ class TlsServer:
         self.on_too_many = on_too_many
         self.limits = HandshakeLimits()
         self.handshakes = 0
-        """So many came to a good end."""
+        """Number of successful handshakes."""
         self.sessions: dict[SecuredConnection, Identity] = {}
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="handshakes")
 
     def connection(self) -> "SecuredConnection":
-        """Return the receiver of a connection that was accepted."""
+        """Return the receiver of an accepted connection."""
         return SecuredConnection(self)
 
     def begin(self, step: Callable[[], _Step], done: Callable[["asyncio.Future[_Step]"], None]) -> None:
-        """Do a step of a handshake in the thread; ``done`` gets it on the loop."""
+        """Run a step of a handshake in the thread; ``done`` gets it on the loop."""
         asyncio.get_running_loop().run_in_executor(self._thread, step).add_done_callback(done)
 
     def renew(self, done: Callable[[], None]) -> None:
-        """Have the thread look whether the files are others, as before a handshake; then call ``done``."""
+        """Have the thread check whether the files have changed, as before a handshake; then call ``done``."""
         looked = asyncio.get_running_loop().run_in_executor(self._thread, self.contexts.current)
         looked.add_done_callback(lambda _: done())
 
@@ -99,7 +99,7 @@ class TlsServer:
 
 
 class SecuredConnection(Channel):
-    """A ``Receiver`` of records, and the ``Channel`` of whoever reads what is in them."""
+    """A ``Receiver`` of records, and the ``Channel`` for the receiver of their content."""
 
     def __init__(self, tls_server: TlsServer) -> None:
         self._tls_server = tls_server
@@ -113,22 +113,22 @@ class SecuredConnection(Channel):
         self._steps = 0
         self._timer: asyncio.TimerHandle | None = None
         self._unread_ns = 0
-        """Since when records bring nothing that can be read; 0: the last ones did."""
+        """Since when records have brought nothing readable; 0: the last ones did."""
 
     @property
     def is_served(self) -> bool:
-        """A handshake costs more than what is asked after it."""
+        """False: a handshake costs more than the requests after it."""
         return False
 
     @property
     def asked_ns(self) -> int:
-        """See ``places.RequestProgress``."""
+        """See ``connections.RequestProgress``."""
         receiver: object = self._receiver
         return receiver.asked_ns if isinstance(receiver, RequestProgress) else 0
 
     @property
     def unfinished_ns(self) -> int:
-        """See ``connections.RequestProgress``: a record may be unfinished as well.
+        """See ``connections.RequestProgress``: a record may be incomplete as well.
 
         A handshake has its own limit.
         """
@@ -234,7 +234,7 @@ class SecuredConnection(Channel):
         self._tls_server.begin(self._step, self._stepped)
 
     def _step(self) -> _Step:
-        """Do what can be done with the bytes that there are; in the thread, which has them for itself."""
+        """Use the bytes received so far; in the thread, which has them exclusively."""
         try:
             if self._tls is None:
                 context = self._tls_server.contexts.current()
@@ -319,7 +319,7 @@ class SecuredConnection(Channel):
             self._channel.write(data)
 
     def _hang_up(self, why: str = "closed by the gateway") -> None:
-        """Close; what OpenSSL still has to say goes out before."""
+        """Close, after sending what OpenSSL still has to send."""
         self._end_handshake()
         channel = self._channel
         if channel is None:
@@ -338,7 +338,7 @@ class SecuredConnection(Channel):
 
 
 def _whole_records(data: bytearray) -> int:
-    """Return how many bytes the whole records at the beginning have; a part of one is not worth a step."""
+    """Return the length of the complete records at the beginning; an incomplete one is not worth a step."""
     end = 0
     while len(data) >= end + RECORD_HEADER:
         length = RECORD_HEADER + int.from_bytes(data[end + 3 : end + RECORD_HEADER], "big")

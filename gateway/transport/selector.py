@@ -1,12 +1,12 @@
-"""What the relay's loop waits with: descriptors whose bytes are worked on without a turn of the loop.
+"""The selector of the relay's loop: it handles the bytes of descriptors without a cycle of the loop.
 
-A turn of asyncio's loop takes longer than the work on a frame does: a handle for each descriptor, a queue,
-two looks at the clock. Here a descriptor that is *watched* is worked on as soon as ``epoll_wait`` names it,
-inside ``select``, in which the loop waits; only what somebody else waits for makes ``select`` return. The
-descriptors that asyncio itself looks after are behind a descriptor of their own (epoll(7): one epoll may be
-watched by another), so both have their turn in the order in which the system names them.
+A cycle of asyncio's loop takes longer than the work on a frame: a handle for each descriptor, a queue, two
+reads of the clock. Here the loop waits in ``select``. A *watched* descriptor is handled there as soon as
+``epoll_wait`` reports it; only other work makes ``select`` return. The descriptors of asyncio itself are
+behind one descriptor (epoll(7): one epoll may watch another), so both kinds are served in the order in which
+the system reports them.
 
-Public interfaces of the standard library only: asyncio takes any selector (``SelectorEventLoop``).
+It uses public interfaces of the standard library only: asyncio takes any selector (``SelectorEventLoop``).
 """
 
 import os
@@ -24,17 +24,17 @@ from gateway.transport.timerfd import create, set_at
 
 READABLE: Final[int] = select.EPOLLIN
 HUNG_UP: Final[int] = select.EPOLLRDHUP | select.EPOLLHUP | select.EPOLLERR
-"""The other end has closed the connection, or broken it off."""
+"""The other end has closed or reset the connection."""
 Watcher = Callable[[], object]
 """Called when its descriptor can be read."""
 MOST_AT_ONCE: Final = 64
-"""Descriptors that one look names; the others are named by the next one, in their turn."""
+"""Descriptors that one wait reports; the next wait reports the others, in their order."""
 
 
 class RelaySelector:
-    """A selector of asyncio that works on watched descriptors by itself.
+    """A selector of asyncio that handles watched descriptors itself.
 
-    ``on_error`` gets what a watcher raises: it must not end the loop.
+    ``on_error`` gets the exceptions of watchers: they must not end the loop.
     """
 
     def __init__(self) -> None:
@@ -46,22 +46,22 @@ class RelaySelector:
         self._alarm_fd = create()
         self._epoll.register(self._alarm_fd, READABLE)
         self._wakes_ns = 0
-        """When the alarm goes off; 0: it does not."""
+        """When the timer wakes it; 0: it does not."""
         self._watchers: dict[int, Watcher] = {}
         self.has_work = False
-        """Whether the loop has something to do that it had not when it began to wait."""
+        """Whether the loop has got new work since it began to wait."""
         self.events = 0
-        """What the system said of the descriptor that is worked on: see epoll_ctl(2)."""
+        """The system's events of the descriptor being handled: see epoll_ctl(2)."""
         self.on_error: Callable[[Exception], None] = _raise
 
     def watch(self, descriptor: int, watcher: Watcher) -> None:
-        """Call ``watcher`` whenever a descriptor can be read, or was hung up; in place of any before it."""
+        """Call ``watcher`` whenever a descriptor can be read, or was hung up; replaces an earlier watcher."""
         if descriptor not in self._watchers:
             self._epoll.register(descriptor, READABLE | select.EPOLLRDHUP)
         self._watchers[descriptor] = watcher
 
     def unwatch(self, descriptor: int) -> bool:
-        """Watch a descriptor no more; to be called before it is closed. Return whether it was watched."""
+        """Stop watching a descriptor, before it is closed. Return whether it was watched."""
         if self._watchers.pop(descriptor, None) is None:
             return False
         self._epoll.unregister(descriptor)
@@ -70,7 +70,7 @@ class RelaySelector:
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         """See ``selectors``: wait until there is work for the loop, or for ``timeout`` seconds.
 
-        It may return earlier, and nothing, when it had been asked to return by then before.
+        It may return earlier, with nothing, because of the time-out of an earlier call.
         """
         self.has_work = False
         how_long = -1
@@ -93,7 +93,7 @@ class RelaySelector:
                     is_over = True
                     continue
                 watcher = watchers.get(descriptor)
-                if watcher is not None:  # else somebody before it in this list has closed it
+                if watcher is not None:  # else an earlier watcher has closed it
                     self.events = events
                     try:
                         watcher()
@@ -105,17 +105,17 @@ class RelaySelector:
                 return []
 
     def _wake_at(self, end_ns: int) -> None:
-        """Have the waiting end: a time given to ``epoll_wait`` would be set anew with each frame."""
+        """End the wait by a timer: a time-out of ``epoll_wait`` would be set again with each frame."""
         if not 0 < self._wakes_ns <= end_ns:
             self._wakes_ns = end_ns
             set_at(self._alarm_fd, end_ns)
 
     def _woke(self) -> None:
         self._wakes_ns = 0
-        with suppress(BlockingIOError):  # set anew between the wake-up and this call
+        with suppress(BlockingIOError):  # set again between the wake-up and this call
             read(self._alarm_fd, 8)
 
-    # --- what asyncio looks after itself ---------------------------------------------------------------
+    # --- asyncio's own descriptors ---------------------------------------------------------------------
 
     def register(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
         """See ``selectors``."""
@@ -130,7 +130,7 @@ class RelaySelector:
         return self._others.modify(fileobj, events, data)
 
     def fileno(self) -> int:
-        """Return the descriptor that can be read when something can be done."""
+        """Return the descriptor that can be read when there is work."""
         return self._epoll.fileno()
 
     def get_key(self, fileobj: Any) -> selectors.SelectorKey:

@@ -1,7 +1,7 @@
-"""Serial ports: pyserial opens and configures, then the file descriptor is read and written by the loop.
+"""Serial ports: pyserial opens and configures them, then the loop reads and writes the descriptor.
 
-RS-485 direction is left to the adapter, or to the kernel's driver where ``rs485`` asks it to: switching RTS
-from a program comes too late by whole characters.
+The adapter switches the RS-485 direction, or with ``rs485`` the kernel's driver does. A program would switch
+RTS too late, by whole characters.
 """
 
 import asyncio
@@ -32,14 +32,14 @@ NO_RS485: Final = (
     "none: leave rs485 out; else use a port whose driver has one (a UART of the board)"
 )
 _IFLAG, _CC = 0, 6
-"""Places in the list of ``termios.tcgetattr``."""
+"""Indices in the list of ``termios.tcgetattr``."""
 
 
 class SerialPort:
-    """Keeps the port of ``endpoint`` open, for ever; an adapter may be unplugged and come back.
+    """Keeps the port of ``endpoint`` open; an adapter may be unplugged and come back.
 
-    The configured path is resolved anew each time, so a link under ``/dev/serial/by-id`` finds its adapter at
-    whatever number it came back.
+    The configured path is resolved again each time: a link under ``/dev/serial/by-id`` finds its adapter
+    under any new number.
     """
 
     def __init__(
@@ -57,9 +57,9 @@ class SerialPort:
         self._settings = LatencySettings()
         self._channel: SerialChannel | None = None
         self.notes: tuple[str, ...] = ()
-        """What the port does not have of what was asked for."""
+        """Requested settings that the port does not have."""
         self.kept: int | None = None
-        """A descriptor of the port that is open already: the first opening takes it."""
+        """A descriptor of the port that is already open: the first opening takes it."""
         self.on_open: Callable[[int], None] = _ignore_descriptor
         """Gets the descriptor of each opening, before the first byte."""
         self.on_lost: Callable[[], None] = _drop_nothing
@@ -67,7 +67,7 @@ class SerialPort:
 
     @property
     def latency(self) -> LatencySettings:
-        """What in its driver makes bytes wait, as it was read back when the port was last opened."""
+        """The driver settings that delay bytes, as read back at the last opening."""
         return self._settings
 
     @property
@@ -77,7 +77,7 @@ class SerialPort:
 
     @property
     def is_kept_up(self) -> bool:
-        """Whether somebody still looks after it: only a bug of ours ends that."""
+        """Whether it is still kept open: only a bug of ours ends that."""
         return self._reconnector.is_running
 
     @property
@@ -91,10 +91,10 @@ class SerialPort:
         return self._reconnector.opens
 
     async def open(self) -> None:
-        """Open the port; one that is absent is opened when it comes.
+        """Open the port; if it is absent, open it as soon as it appears.
 
         Raises:
-            RefusedError: in use, no permission, not a serial port. Later on these too are only tried again.
+            RefusedError: in use, no permission, not a serial port. Later these are only retried.
         """
         lost: asyncio.Future[None] | None = None
         try:
@@ -104,7 +104,7 @@ class SerialPort:
         self._reconnector.start(lost)
 
     async def close(self) -> None:
-        """Close and try no more."""
+        """Close, and stop retrying."""
         await self._reconnector.stop()
         self.on_lost = _drop_nothing
         if self._channel is not None:
@@ -130,7 +130,7 @@ class SerialPort:
         return self._channel.lost
 
     def _report_slow(self, slow: tuple[str, ...]) -> None:
-        """Tell what makes bytes wait; not again each time that an adapter comes back with the same."""
+        """Report what delays bytes; not again when an adapter comes back with the same settings."""
         is_news, self._slow = slow != self._slow, slow
         if slow and is_news and self._on_slow is not None:
             self._on_slow("; ".join(slow))
@@ -138,24 +138,24 @@ class SerialPort:
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """What a port turned out to be when it was opened."""
+    """The properties of a port, found when it was opened."""
 
     notes: tuple[str, ...]
-    """What it does not have of what was asked for."""
+    """Requested settings that it does not have."""
     settings: LatencySettings
     slow: tuple[str, ...] = ()
-    """What makes bytes wait in it, with remedies."""
+    """What delays bytes in it, with remedies."""
 
 
 def open_port(endpoint: SerialEndpoint, kept: int | None = None) -> tuple[serial.Serial, Opened]:
-    """Open and configure a port: raw, exclusive, non-blocking, low latency where it can and is wanted.
+    """Open and configure a port: raw, exclusive, non-blocking, low latency if possible and requested.
 
-    With ``kept``, a descriptor of it that is open already, that one is configured anew and emptied. Returns
-    the port and what it turned out to be.
+    ``kept`` is a descriptor of the port that is already open: it is configured again and emptied. Returns the
+    port and its properties.
 
     Raises:
         AbsentError: no such device now.
-        RefusedError: in use, no permission, not a serial port, a format that it cannot do.
+        RefusedError: in use, no permission, not a serial port, an impossible format.
     """
     notes: list[str] = []
     try:
@@ -191,8 +191,8 @@ def _configured(endpoint: SerialEndpoint, notes: list[str], kept: int | None) ->
 
 def _finish(handle: int, endpoint: SerialEndpoint, notes: list[str]) -> Opened:
     attributes = termios.tcgetattr(handle)
-    attributes[_IFLAG] &= ~termios.BRKINT  # a break must not flush what was received before it
-    # pyserial sets VMIN 0, with which "nothing there" and "unplugged" read alike.
+    attributes[_IFLAG] &= ~termios.BRKINT  # a break must not flush the bytes received before it
+    # pyserial sets VMIN 0; then "no data" and "unplugged" read alike.
     attributes[_CC][termios.VMIN] = 1
     attributes[_CC][termios.VTIME] = 0
     termios.tcsetattr(handle, termios.TCSANOW, attributes)
@@ -225,7 +225,7 @@ def _is_pty_path(path: str) -> bool:
 
 
 def why_not_opened(endpoint: SerialEndpoint, error: Exception) -> TransportError:
-    """Return the sentence, with the remedy, for what the system said when a port was opened or set."""
+    """Return the error, with the remedy, for a system error of opening or configuring a port."""
     number = error.errno if isinstance(error, OSError) else None
     device = endpoint.device
     if number in (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.EIO):

@@ -44,7 +44,7 @@ class SerialChannel(Channel):
         self.lost: asyncio.Future[None] = self._loop.create_future()
 
     def begin(self) -> None:
-        """Start reading, and tell the receiver."""
+        """Start reading, and call the receiver's ``opened``."""
         self._loop.add_reader(self._fd, self._readable)
         self._receiver.opened(self, boot_ns())
 
@@ -67,11 +67,11 @@ class SerialChannel(Channel):
         self._unsent += data
 
     def has_gone(self, *, asks: bool) -> bool:
-        """See ``Channel``: nobody can tell on a wire."""
+        """See ``Channel``: unknown on a wire."""
         return False
 
     def close(self) -> None:
-        """Close at once. What the driver has taken already still goes out on the wire."""
+        """Close immediately. Bytes that the driver has taken are still sent."""
         self._end("closed")
 
     async def drained(self) -> None:
@@ -90,7 +90,7 @@ class SerialChannel(Channel):
         except OSError as error:
             self._end(_why_lost(error))
             return
-        if not data:  # readable and nothing there: the device has gone
+        if not data:  # readable without data: the device has gone
             self._end("unplugged")
             return
         now_ns = boot_ns()
@@ -112,7 +112,7 @@ class SerialChannel(Channel):
                 self._empty.set_result(None)
 
     def _lose(self, reason: str) -> None:
-        """End soon: whoever writes must not be told of the loss inside his own call."""
+        """End soon: a caller of ``write`` must not get the loss inside its own call."""
         self._is_over = True
         self._loop.call_soon(self._end, reason)
 
@@ -130,7 +130,7 @@ class SerialChannel(Channel):
 
 
 def character_ns(endpoint: SerialEndpoint) -> int:
-    """Return what one character takes on the wire, in ns.
+    """Return the duration of one character on the wire, in ns.
 
     >>> character_ns(SerialEndpoint("/dev/ttyS0", 19200, "E"))  # 11 bits
     572916

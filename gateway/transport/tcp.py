@@ -1,7 +1,7 @@
-"""TCP on both sides: the relay's loop reads and writes sockets itself, others through raw asyncio protocols.
+"""TCP on both sides: the relay's loop handles sockets itself, other loops use raw asyncio protocols.
 
-A plain ``asyncio.Protocol`` makes the loop allocate 256 KiB for every read, which costs more than the rest of
-an exchange; a ``BufferedProtocol`` reads into memory that is there already.
+For a plain ``asyncio.Protocol`` the loop allocates 256 KiB at every read, which costs more than the rest of
+an exchange. A ``BufferedProtocol`` reads into existing memory.
 """
 
 import asyncio
@@ -32,22 +32,22 @@ from gateway.transport.reconnector import Reconnector
 
 CONNECT_TIMEOUT_S: Final = 3.0
 LOOKS: Final = 4
-"""So often a peer is asked while it has time to acknowledge, for one probe may be lost;"""
+"""Checks of a peer within its time to acknowledge, because one probe may be lost."""
 SHORTEST_PROBE_S: Final = 0.025
-"""but not more often than that."""
+"""Shortest interval of these checks."""
 BROKEN_OFF: Final = "broken off"
 KEEPALIVE_IDLE_S: Final = 10
 KEEPALIVE_INTERVAL_S: Final = 3
 KEEPALIVE_COUNT: Final = 3
 USER_TIMEOUT_MS: Final = 10_000
-"""Data that was not acknowledged for so long ends the connection: a pulled cable is found within seconds, and
-the new connection starts without the back-off that retransmission would have reached by then."""
+"""Data that is unacknowledged for this time ends the connection. So a pulled cable is found within seconds,
+and the new connection starts without the back-off that retransmission would have reached by then."""
 
 
 class TcpChannel(asyncio.BufferedProtocol, Channel):
     """One TCP connection; passes what it reads to ``receiver``.
 
-    On the relay's loop its bytes go past the transport (``transport.direct``), which keeps all the rest.
+    On the relay's loop its bytes bypass the transport (``transport.direct``), which does all the rest.
     """
 
     def __init__(self, receiver: Receiver) -> None:
@@ -59,7 +59,7 @@ class TcpChannel(asyncio.BufferedProtocol, Channel):
         self._far_end: FarEnd | None = None
         self._why_ended = ""
         self.made_ns = 0
-        """When it came about."""
+        """When it was made."""
         self._bytes_received = 0
         self.lost: asyncio.Future[None] = self._loop.create_future()
 
@@ -80,7 +80,7 @@ class TcpChannel(asyncio.BufferedProtocol, Channel):
             self._buffer = memoryview(bytearray(RECEIVE_BYTES + MORE_BYTES))
             self._receiver.opened(self, boot_ns())
             return
-        # Not yet: behind this call the transport of Python 3.11.2 (Debian 12) begins to read, paused or not.
+        # Not yet: after this call the transport of Python 3.11.2 (Debian 12) begins to read, paused or not.
         self._loop.call_soon(self._pause_transport)
         self._direct = DirectSocket(self, connection.fileno(), self._receiver, self._loop.selector)
         self._loop.add_reader(self._direct.descriptor, self._direct.readable)
@@ -101,14 +101,14 @@ class TcpChannel(asyncio.BufferedProtocol, Channel):
         self._receiver.received(bytes(self._buffer[:nbytes]), now_ns)
 
     def pause_writing(self) -> None:
-        """Stop reading from a peer that does not take its replies, or they would fill the memory."""
+        """Stop reading from a peer that does not take its replies: they would fill the memory."""
         if self._direct is not None:
             self._unwatch(self._direct)
         elif self._transport is not None and not self._transport.is_closing():
             self._transport.pause_reading()
 
     def eof_received(self) -> None:
-        """See ``asyncio.BufferedProtocol``: the transport closes itself then."""
+        """See ``asyncio.BufferedProtocol``: the transport then closes itself."""
         self._why_ended = CLOSED_BY_PEER
 
     def end(self) -> None:
@@ -117,7 +117,7 @@ class TcpChannel(asyncio.BufferedProtocol, Channel):
         self.close()
 
     def resume_writing(self) -> None:
-        """Go on reading."""
+        """Continue reading."""
         if self._transport is None or self._transport.is_closing():
             return
         if self._direct is not None:
@@ -152,7 +152,7 @@ class TcpChannel(asyncio.BufferedProtocol, Channel):
         return self.bytes_received
 
     def has_gone(self, *, asks: bool) -> bool:
-        """See ``Channel``: it is always asked."""
+        """See ``Channel``: it always queries the system."""
         return self._transport is None or self._far_end is None or self._far_end.has_gone()
 
     def close(self) -> None:
@@ -162,7 +162,7 @@ class TcpChannel(asyncio.BufferedProtocol, Channel):
             self._transport.close()
 
     def abort(self) -> None:
-        """Close at once; what was not sent yet is lost."""
+        """Close immediately; unsent bytes are lost."""
         self._stop_reading()
         if self._transport is not None:
             self._transport.abort()
@@ -173,7 +173,7 @@ class TcpChannel(asyncio.BufferedProtocol, Channel):
         self.abort()
 
     def _stop_reading(self) -> None:
-        """Leave the descriptor alone, before the transport closes it and it becomes another one's."""
+        """Release the descriptor before the transport closes it: its number may be reused."""
         if self._direct is not None:
             self._direct.over()
             self._unwatch(self._direct)
@@ -196,12 +196,12 @@ class _AcceptedChannel(TcpChannel):
         self.asking = receiver if isinstance(receiver, RequestProgress) else None
         self._probe: PeerProbe | None = None
         self._not_before_ns = 0
-        """Its peer is not asked again before that."""
+        """Its peer is not probed again before this time."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         peername = transport.get_extra_info("peername")
         if not peername or _is_reset(transport.get_extra_info("socket")):
-            self._listener.accepted += 1  # it came and went: what it had sent is not done (W5)
+            self._listener.accepted += 1  # it came and went: its request is not carried out (W5)
             cast("asyncio.Transport", transport).abort()
             return
         self.host = peername[0]
@@ -224,31 +224,31 @@ class _AcceptedChannel(TcpChannel):
 
     @property
     def is_probed(self) -> bool:
-        """Whether its peer is asked whether it is there."""
+        """Whether its peer is being probed."""
         return self._probe is not None
 
     def peer_has_gone(self) -> bool:
-        """Whether its peer has closed or reset it; what was not read yet is read all the same."""
+        """Whether its peer has closed or reset it; unread bytes are still read."""
         if self._direct is not None:
             return self._direct.has_gone(asks=True)
         return self.has_gone(asks=True)
 
     def probe_peer(self, patience_ns: int, now_ns: int) -> None:
-        """Begin to ask its peer whether it is there, unless it has just said so."""
+        """Begin to probe its peer, unless it has just responded."""
         if self._probe is None and self._transport is not None and now_ns >= self._not_before_ns:
             connection: socket.socket = self._transport.get_extra_info("socket")
-            with contextlib.suppress(OSError):  # it is lost in this moment
+            with contextlib.suppress(OSError):  # it is lost at this moment
                 self._probe = PeerProbe(connection, patience_ns, now_ns)
 
     def peer_verdict(self, patience_ns: int, now_ns: int) -> PeerVerdict:
-        """Return what its peer has said by now."""
+        """Return the verdict on its peer so far."""
         if self._probe is None:
             return PeerVerdict.THERE
         try:
             found = self._probe.check(now_ns)
             if found is not PeerVerdict.UNKNOWN:
                 self._probe.end()
-        except OSError:  # it is lost in this moment
+        except OSError:  # it is lost at this moment
             found = PeerVerdict.THERE
         if found is not PeerVerdict.UNKNOWN:
             self._probe = None
@@ -257,7 +257,7 @@ class _AcceptedChannel(TcpChannel):
 
 
 class Refusal(Enum):
-    """Why a connection was not let in."""
+    """Why a connection was refused."""
 
     NOT_ALLOWED = "not in `allow`"
     TOO_MANY = "too many connections at once (max_connections)"
@@ -265,16 +265,16 @@ class Refusal(Enum):
 
 
 class TcpListener:
-    """Accepts connections; each one gets a receiver of its own.
+    """Accepts connections; each one gets its own receiver.
 
-    ``allow`` names the networks whose addresses are let in (empty: all), ``limits`` how many at once and in a
-    second; others are closed at once, counted in ``refused`` and told to ``on_refused``, with the reason.
-    ``patience_ns`` and ``on_closed`` are as in :class:`Connections`.
+    ``allow`` lists the networks that may connect (empty: all), ``limits`` the number and the rate of
+    connections. Other connections are closed immediately and counted in ``refused``; ``on_refused`` gets the
+    reason. ``patience_ns`` and ``on_closed`` are as in :class:`Connections`.
 
-    A host that comes while all places are taken has its other connections looked at. The place of one that
-    its peer has closed or reset is free at once. A peer that leaves a probe unacknowledged for
-    ``acknowledged_within_ns`` is gone (0: none is asked). The newcomer is refused until then: what it asks
-    would be old when it gets its place.
+    When a host connects while the limit is reached, its other connections are checked. One that its peer has
+    closed or reset is removed immediately. A peer that leaves a probe unacknowledged for
+    ``acknowledged_within_ns`` is gone (0: no probes). Until then the new client is refused: its request would
+    be old when a connection becomes free.
     """
 
     def __init__(
@@ -293,7 +293,7 @@ class TcpListener:
         self._looks_s = max(acknowledged_within_ns / (LOOKS * NS_PER_S), SHORTEST_PROBE_S)
         self._probing: asyncio.TimerHandle | None = None
         self._looked_ns = 0
-        """When the connections of a newcomer's host were looked at last, and all of them were open."""
+        """When the connections of a new client's host were last checked, and all of them were open."""
         self._rate = ConnectRate(limits)
         self._connections = Connections(limits, patience_ns, on_closed)
         self._sweeping: asyncio.TimerHandle | None = None
@@ -306,26 +306,26 @@ class TcpListener:
         self._is_accepting = True
         self.refused = 0
         self.accepted = 0
-        """All that were let in or refused."""
+        """All connections, admitted or refused."""
 
     @property
     def addresses(self) -> tuple[TcpEndpoint, ...]:
-        """Where it really listens: with the port that the system chose where 0 was asked for."""
+        """The real listening addresses: with the port that the system chose for 0."""
         names = [listening.getsockname() for listening in self.sockets]
         return tuple(TcpEndpoint(name[0], name[1], self._endpoint.rtu) for name in names)
 
     @property
     def sockets(self) -> list[socket.socket]:
-        """What it listens with; none before it is opened."""
+        """Its listening sockets; none before it is opened."""
         return self._listener.sockets
 
     @property
     def peers(self) -> list[str]:
-        """Addresses of those that are connected."""
+        """Addresses of the connected peers."""
         return sorted(channel.peer for channel in self._channels)
 
     async def open(self, kept: Iterable[socket.socket] = ()) -> None:
-        """Listen; with ``kept``, sockets that listen already, with these alone.
+        """Listen; ``kept`` are sockets that already listen: then these alone.
 
         Raises:
             RefusedError: port in use, no permission, no such address; with the remedy.
@@ -336,7 +336,7 @@ class TcpListener:
             raise RefusedError(_why_not_listening(self._endpoint, error)) from error
 
     def stop_accepting(self) -> None:
-        """Take no more connections, not even one that was handed over just now; those that are open stay."""
+        """Accept no more connections, not even one in progress; open connections stay."""
         self._is_accepting = False
         for timer in (self._sweeping, self._probing):
             if timer is not None:
@@ -344,7 +344,7 @@ class TcpListener:
         self._listener.stop()
 
     async def close(self) -> None:
-        """Close everything after what was written has left (within a second, else at once)."""
+        """Close everything after the written bytes were sent (within a second, else immediately)."""
         self.stop_accepting()
         await self._listener.close()
         lost = [channel.lost for channel in self._channels]
@@ -356,11 +356,11 @@ class TcpListener:
             channel.abort()
 
     def admit(self, channel: _AcceptedChannel) -> bool:
-        """Whether a new connection is let in."""
+        """Whether a new connection is admitted."""
         if not self._is_accepting:
             return False
         self.accepted += 1
-        # Who may not connect at all learns nothing about how many do.
+        # First: a client that may not connect at all must not learn how many do.
         if not self._is_allowed(channel.host):
             return self._refuse(channel.host, Refusal.NOT_ALLOWED)
         if not self._has_room_for(channel.host, channel.opened_ns):
@@ -374,7 +374,7 @@ class TcpListener:
         return True
 
     def forget(self, channel: _AcceptedChannel) -> None:
-        """Note that a connection is gone."""
+        """Remove a connection that has ended."""
         if channel in self._channels and channel.asking is not None and channel.asking.is_served:
             self._rate.give_back(channel.host, boot_ns())
         self._channels.discard(channel)
@@ -390,7 +390,7 @@ class TcpListener:
             if channel.host != host:
                 continue
             if channel.peer_has_gone():
-                self._connections.leave(channel)  # it ends when what it has sent was read
+                self._connections.leave(channel)  # it ends when its bytes were read
                 has_room = True
             elif self._acknowledged_within_ns:
                 channel.probe_peer(self._acknowledged_within_ns, now_ns)
@@ -436,16 +436,16 @@ class TcpListener:
 
 
 class TcpConnector:
-    """Keeps a connection to ``endpoint`` up, for ever; with ``on_demand`` only once it is wanted.
+    """Keeps a connection to ``endpoint`` up; with ``on_demand`` only once it is requested.
 
-    ``was_of_use`` is asked of a connection that was lost, with when it came about: after one that was of use
-    the next one is made at once. Unless it is given, one on which anything came was of use.
+    ``was_of_use`` is called with the start time of a lost connection: after a useful one the next follows
+    immediately. By default a connection was useful if anything came on it.
     """
 
     notes: tuple[str, ...] = ()
     """As of a serial port; a connection has none."""
     latency: LatencySettings | None = None
-    """As of a serial port; a connection has no settings of this kind."""
+    """As of a serial port; a connection has no such settings."""
 
     def __init__(
         self,
@@ -469,7 +469,7 @@ class TcpConnector:
 
     @property
     def is_kept_up(self) -> bool:
-        """Whether somebody still looks after it: only a bug of ours ends that."""
+        """Whether it is still kept up: only a bug of ours ends that."""
         return self._reconnector.is_running
 
     @property
@@ -479,33 +479,33 @@ class TcpConnector:
 
     @property
     def opens(self) -> int:
-        """How often a connection came about."""
+        """How often a connection was made."""
         return self._reconnector.opens
 
     async def open(self) -> None:
-        """Begin to connect. Returns at once: a drive that is switched off is no error."""
+        """Begin to connect. Returns immediately: a drive that is switched off is no error."""
         self._reconnector.start()
 
     def want(self) -> None:
-        """Connect soon, where there is no connection: somebody waits for it."""
+        """Connect soon, if there is no connection: a caller waits for it."""
         if not self.is_open:
             self._reconnector.want()
 
     def renew(self) -> None:
-        """Break the connection off, with what was not sent yet, and make another one at once."""
+        """Abort the connection, with its unsent bytes, and make another one immediately."""
         if self._channel is not None:
             self._channel.abort()
         self._reconnector.want()
 
     def hang_up(self, *, returns: bool) -> None:
-        """Close the connection in order; ``returns``: make another one at once."""
+        """Close the connection in order; ``returns``: make another one immediately."""
         if self._channel is not None:
             self._channel.close()
         if returns:
             self._reconnector.want()
 
     async def close(self) -> None:
-        """Close and try no more."""
+        """Close, and stop retrying."""
         await self._reconnector.stop()
         if self._channel is not None and not self._channel.lost.done():
             self._channel.close()
@@ -527,7 +527,7 @@ async def connect(endpoint: TcpEndpoint, receiver: Receiver) -> TcpChannel:
     """Connect once.
 
     Raises:
-        AbsentError: nobody answers there.
+        AbsentError: no answer there.
     """
     loop = asyncio.get_running_loop()
     try:
@@ -545,7 +545,7 @@ async def connect(endpoint: TcpEndpoint, receiver: Receiver) -> TcpChannel:
 
 
 def why_not_reached(endpoint: TcpEndpoint, error: OSError) -> str:
-    """Say why connecting failed; of a host name that is not known, what to do."""
+    """Return why connecting failed; with the remedy if the host name is unknown."""
     found = starts.NOT_REACHED.begin(endpoint=endpoint)
     if isinstance(error, socket.gaierror):
         return (
@@ -557,7 +557,7 @@ def why_not_reached(endpoint: TcpEndpoint, error: OSError) -> str:
 
 
 def _why(error: Exception) -> str:
-    """Return what broke a connection, in the words of the system."""
+    """Return the system's reason for a broken connection."""
     number = error.errno if isinstance(error, OSError) else None
     return os.strerror(number) if number else str(error)
 
@@ -567,7 +567,7 @@ def _name(peername: tuple[str, int] | None) -> str:
 
 
 def _is_reset(connection: socket.socket) -> bool:
-    """Whether the peer broke it off before it was accepted; what it sent can still be read."""
+    """Whether the peer reset it before it was accepted; its bytes can still be read."""
     try:
         connection.getpeername()
     except OSError:
@@ -587,8 +587,8 @@ def _tune(connection: socket.socket) -> None:
 def is_no_address_here(error: OSError) -> bool:
     """Whether listening failed because the machine does not have the address.
 
-    Up to Python 3.12 asyncio keeps the system's number. From Python 3.13 on it leaves such an address out,
-    and where none is left its error has no number, which no other error here lacks.
+    Up to Python 3.12 asyncio keeps the system's error number. Python 3.13 and later leave such an address
+    out. If none is left, the error has no number; every other error here has one.
     """
     return error.errno in (errno.EADDRNOTAVAIL, None)
 

@@ -1,7 +1,7 @@
 """One-shot timer with microsecond resolution on an absolute CLOCK_BOOTTIME deadline.
 
-The timers of asyncio round up to a millisecond (epoll_wait takes milliseconds). A timerfd is a descriptor
-that becomes readable at the very instant, so it serves for 3.5-character silences (1.75 ms).
+The timers of asyncio round up to a millisecond (epoll_wait takes milliseconds). A timerfd becomes readable at
+the exact instant: so it is precise enough for silences of 3.5 characters (1.75 ms).
 """
 
 import asyncio
@@ -16,8 +16,8 @@ from gateway.transport.timerfd import create, set_at
 class Timer:
     """Calls back once, with the time in ns, as soon as ``clock.boot_ns()`` has reached the deadline.
 
-    Arming is made for deadlines that are set with every frame and hardly ever met: one that moves later, or
-    is taken away, costs no system call. The descriptor then wakes once in vain and is set anew.
+    It is made for deadlines that are set with every frame and rarely reached. Postponing or clearing one
+    costs no system call; the descriptor then wakes once without effect and is set again.
     """
 
     def __init__(self, callback: Callable[[int], None]) -> None:
@@ -34,21 +34,21 @@ class Timer:
         return self._deadline_ns
 
     def arm(self, deadline_ns: int | None) -> None:
-        """Set the deadline, replacing any other; None takes it away. One in the past fires at once."""
+        """Set the deadline, replacing any other; None clears it. A deadline in the past fires immediately."""
         self._deadline_ns = deadline_ns
         if deadline_ns is not None and not 0 < self._set_ns <= deadline_ns:
             self._program(deadline_ns)
 
     def put_off(self, deadline_ns: int) -> None:
-        """Set the deadline, and the descriptor with it: to wake once in vain costs more than a system call.
+        """Set the deadline and the descriptor: a wake-up without effect costs more than a system call.
 
-        For a deadline that is put off again and again, and seldom met.
+        For a deadline that is often postponed and rarely reached.
         """
         self._deadline_ns = deadline_ns
         self._program(deadline_ns)
 
     def close(self) -> None:
-        """Give the descriptor back; no callback comes after this. Closing twice is harmless."""
+        """Release the descriptor; no callback comes after this. Closing twice is harmless."""
         self._deadline_ns = None
         if self._fd >= 0:
             self._loop.remove_reader(self._fd)
@@ -64,7 +64,7 @@ class Timer:
         try:
             system.read(self._fd, 8)
         except BlockingIOError:
-            return  # set anew between the wake-up and this call
+            return  # set again between the wake-up and this call
         self._set_ns = 0
         deadline_ns = self._deadline_ns
         if deadline_ns is None:

@@ -1,4 +1,4 @@
-"""The timers of the system: timerfd_create(2), which Python knows from 3.13 on."""
+"""The timers of the system: timerfd_create(2), which Python has from 3.13 on."""
 
 import os
 import sys
@@ -14,11 +14,11 @@ _TFD_TIMER_ABSTIME: Final = 1
 if sys.version_info >= (3, 13):
 
     def create() -> int:
-        """Return the descriptor of a new timer; it can be read when its instant has come."""
+        """Return the descriptor of a new timer; it can be read at its instant."""
         return os.timerfd_create(CLOCK, flags=_TFD_FLAGS)
 
     def set_at(timer_fd: int, deadline_ns: int) -> None:
-        """Set a timer to an instant of :data:`CLOCK`, in ns; 0 takes it back."""
+        """Set a timer to an instant of :data:`CLOCK`, in ns; 0 disarms it."""
         os.timerfd_settime_ns(timer_fd, flags=_TFD_TIMER_ABSTIME, initial=deadline_ns)
 
 else:
@@ -45,11 +45,11 @@ else:
         return result
 
     def create() -> int:
-        """Return the descriptor of a new timer; it can be read when its instant has come."""
+        """Return the descriptor of a new timer; it can be read at its instant."""
         return _checked(_libc.timerfd_create(CLOCK, _TFD_FLAGS))
 
     def set_at(timer_fd: int, deadline_ns: int) -> None:
-        """Set a timer to an instant of :data:`CLOCK`, in ns; 0 takes it back."""
+        """Set a timer to an instant of :data:`CLOCK`, in ns; 0 disarms it."""
         spec = _Itimerspec(0, 0, deadline_ns // NS_PER_S, deadline_ns % NS_PER_S)
         _checked(_libc.timerfd_settime(timer_fd, _TFD_TIMER_ABSTIME, ctypes.byref(spec), None))
 

@@ -1,4 +1,4 @@
-"""What a listener speaks TLS with: TLS 1.2 or newer, forward secrecy and authenticated encryption only."""
+"""The TLS of a listener: TLS 1.2 or newer, forward secrecy and authenticated encryption only."""
 
 import os
 import ssl
@@ -11,10 +11,10 @@ from gateway.secret_files import refuse_open_to_others
 from gateway.transport.certificates import LARGEST_FILE, CertificateInForce, TlsFileError, TlsFiles, read_held
 
 MOST_SESSIONS: Final = 64
-"""OpenSSL keeps every session of TLS 1.2 for two hours, some 16 KiB each, and Python cannot tell it not to: a
-context that has so many makes room for a new one."""
+"""OpenSSL keeps every session of TLS 1.2 for two hours, about 16 KiB each, and Python cannot switch that off.
+A context with this many sessions is replaced by a new one."""
 CIPHERS: Final = "ECDHE+AESGCM:ECDHE+CHACHA20"
-"""Of TLS 1.2; those of 1.3 are all of this kind."""
+"""For TLS 1.2; all ciphers of 1.3 are of this kind."""
 
 
 def bare_server_context() -> ssl.SSLContext:
@@ -22,8 +22,8 @@ def bare_server_context() -> ssl.SSLContext:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     context.set_ciphers(CIPHERS)
-    # Whoever takes up an old session is not looked at again. For TLS 1.2 that cannot be switched off: such a
-    # session is good as long as its context is, and new files make a new context.
+    # A client that resumes an old session is not checked again. For TLS 1.2 that cannot be switched off: such
+    # a session is valid as long as its context, and new files make a new context.
     context.options |= ssl.OP_NO_RENEGOTIATION | ssl.OP_NO_COMPRESSION | ssl.OP_NO_TICKET
     context.num_tickets = 0
     return context
@@ -33,10 +33,11 @@ def bare_server_context() -> ssl.SSLContext:
 
 
 def server_context(files: TlsFiles) -> ssl.SSLContext:
-    """Return the context of a controller's listener: nobody without a certificate. Reads files: it may block.
+    """Return the context of a controller's listener; a certificate is required. It reads files and may block.
 
     Raises:
-        TlsFileError: a file is missing or something else, a key is another's, encrypted, or open to others.
+        TlsFileError: a file is missing or of another kind, or a key is encrypted, open to others, or does not
+            match.
     """
     paths = files.paths
     for key, path in paths.items():
@@ -49,7 +50,7 @@ def server_context(files: TlsFiles) -> ssl.SSLContext:
 
 
 class ServerContexts:
-    """The context of a listener, made anew when its files are others; a bad change leaves the last good one.
+    """The context of a listener, made again when its files change; a bad change keeps the last good one.
 
     Not for the loop: :meth:`current` reads files.
     """
@@ -66,7 +67,7 @@ class ServerContexts:
         self._context: ssl.SSLContext | None = None
         self._seen: object = None
         self.held: tuple[CertificateInForce, ...] = ()
-        """What is in the files of the context, with its times."""
+        """The content of the context's files, with the validity."""
 
     def open(self) -> None:
         """Make the first one.
@@ -112,7 +113,7 @@ def _file_state(path: Path) -> object:
 
 
 def check_pem(key: str, path: Path) -> None:
-    """Check that a file in PEM can be read; that of ``key`` not by every user.
+    """Check that a PEM file can be read; the file of ``key`` not by every user.
 
     Raises:
         TlsFileError: it cannot be read, or every user may read the key.
@@ -166,7 +167,7 @@ def _load_clients(context: ssl.SSLContext, paths: dict[str, Path]) -> None:
 
 
 def load_revoked(context: ssl.SSLContext, path: Path) -> None:
-    """Have a context turn away what a list of an authority names, and everybody where it has run out.
+    """Make a context refuse the certificates of a revocation list, and all once the list has expired.
 
     Raises:
         TlsFileError: it is no such list.
@@ -184,6 +185,6 @@ def load_revoked(context: ssl.SSLContext, path: Path) -> None:
 
 
 def reason_of(error: OSError) -> str:
-    """Return the reason of an error of OpenSSL or of the system in plain words."""
+    """Return the reason of an OpenSSL or system error in plain words."""
     reason = getattr(error, "reason", None) or error.strerror or str(error)
     return str(reason).lower().replace("_", " ")
