@@ -1,1 +1,1 @@
-"""What the processes share: socket, messages, notes."""
+"""What the processes share: socket, messages, log entries."""

@@ -1,4 +1,4 @@
-"""The socket of a gateway: where it is, who may have it, and what is left of one that ended badly."""
+"""The socket of a gateway: its path, its owner, and the remains of one that was killed."""
 
 import contextlib
 import os
@@ -24,14 +24,14 @@ _CREDENTIALS: Final = struct.Struct("3i")
 
 
 class SocketError(Exception):
-    """The socket cannot be had; one sentence with the path and the remedy."""
+    """The socket cannot be used; one sentence with the path and the remedy."""
 
 
 def socket_path(state: Path, name: str = SOCKET_NAME) -> Path:
-    """Return the path of a socket of the gateway with this state folder: the relay's, or that of ``name``.
+    """Return the path of a socket in a state folder: the relay's, or that of ``name``.
 
     Raises:
-        SocketError: it is too long for a socket.
+        SocketError: the path is too long for a socket.
     """
     problem = why_too_long(state, name)
     if problem is not None:
@@ -40,7 +40,7 @@ def socket_path(state: Path, name: str = SOCKET_NAME) -> Path:
 
 
 def why_too_long(state: Path, name: str = SOCKET_NAME) -> FolderProblem | None:
-    """Return why no socket can be in a state folder because of its length, None where one can."""
+    """Return why the path of a socket in a state folder is too long, None if it is not."""
     path = _socket_path(state, name)
     length = len(os.fsencode(path))
     if length <= LONGEST_PATH:
@@ -56,17 +56,17 @@ def _socket_path(state: Path, name: str) -> Path:
 
 
 class SocketFile:
-    """The place of one gateway's socket, from :meth:`take` to :meth:`leave`.
+    """The file of one gateway's socket, from :meth:`take` to :meth:`leave`.
 
-    A lock beside the socket tells a gateway that runs from one that was killed; the system lets go of it
-    whatever way the process ends. Without ``lock_name`` whoever takes the place has a lock already.
+    A lock beside the socket tells a running gateway from a killed one: the system releases it however the
+    process ends. Without ``lock_name`` the caller has a lock already.
     """
 
     def __init__(self, state: Path, name: str = SOCKET_NAME, lock_name: str | None = LOCK_NAME) -> None:
         self.path = socket_path(state, name)
         self._lock_name = lock_name
         self.is_after_crash = False
-        """Whether whoever had it before did not finish: the socket was still there."""
+        """Whether the previous owner did not finish: its socket was still there."""
         self._lock_fd: int | None = None
         self._inode = 0
 
@@ -74,7 +74,7 @@ class SocketFile:
         """Return a listening socket that only this user may use.
 
         Raises:
-            SocketError: another gateway has it, or the folder cannot be made or written.
+            SocketError: another gateway uses it, or the folder cannot be made or written.
         """
         try:
             self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -89,9 +89,9 @@ class SocketFile:
             raise
 
     def leave(self, *, is_finished: bool = True) -> None:
-        """Let others have the place, and remove the socket, if it is still ours.
+        """Release the lock, and remove the socket, if it is still ours.
 
-        It stays where something is unfinished: the next gateway then knows, as after a kill.
+        The socket stays if work is unfinished: the next gateway then knows it, as after a kill.
         """
         if self._inode and is_finished:
             with contextlib.suppress(OSError):
@@ -122,11 +122,11 @@ class SocketFile:
             try:
                 other.connect(str(self.path))
             except ConnectionRefusedError:
-                self.path.unlink()  # whoever made it has gone
+                self.path.unlink()  # its owner has gone
                 self.is_after_crash = True
                 return
             except BlockingIOError:
-                pass  # somebody listens and is too busy to take us
+                pass  # its owner is too busy to accept
         raise self._in_use()
 
     def _listen(self) -> socket.socket:
@@ -134,7 +134,7 @@ class SocketFile:
         try:
             listening.bind(str(self.path))
             self._inode = self.path.lstat().st_ino
-            self.path.chmod(0o600)  # before anybody can connect
+            self.path.chmod(0o600)  # before any client can connect
             listening.setblocking(False)
             listening.listen(BACKLOG)
         except OSError:
@@ -150,7 +150,7 @@ class SocketFile:
 
 
 def peer_uid(connection: socket.socket) -> int:
-    """Return the user at the other end of a connection, as the system tells."""
+    """Return the user at the other end of a connection, as the system reports it."""
     credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
     uid: int = _CREDENTIALS.unpack(credentials)[1]
     return uid

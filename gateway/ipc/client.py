@@ -1,4 +1,4 @@
-"""Asking a gateway that runs: one request, one reply, over its socket. Blocking, for commands."""
+"""A request to a running gateway: one request, one reply, over its socket. Blocking, for commands."""
 
 import contextlib
 import os
@@ -22,30 +22,30 @@ from gateway.ipc.messages import (
 TIMEOUT_S: Final = 5.0
 CHUNK_BYTES: Final = 65536
 MAX_DESCRIPTORS: Final = 253
-"""That the system passes with one message (SCM_MAX_FD)."""
+"""Limit of the system for one message (SCM_MAX_FD)."""
 
 
 class NoGatewayError(Exception):
-    """Nobody answers at the socket, or not with what can be understood; with the path and the remedy."""
+    """No reply at the socket, or none that can be read; with the path and the remedy."""
 
 
 class NobodyListensError(NoGatewayError):
-    """There is no gateway at the socket; every other reason is somebody who cannot be understood."""
+    """No gateway at the socket; every other reason is a program whose reply cannot be read."""
 
 
 class NoRelayError(Exception):
-    """The relay of a gateway did not answer; why, and what to do."""
+    """The relay of a gateway did not answer; with the reason and the remedy."""
 
 
 def ask(
     path: Path, request: Request, timeout_s: float = TIMEOUT_S, *, descriptors: Sequence[int] = ()
 ) -> Reply:
-    """Send a request to the gateway at ``path``, with descriptors where they belong; return its reply.
+    """Send a request to the gateway at ``path``, with descriptors if it needs them; return the reply.
 
     Raises:
         NobodyListensError: no gateway there.
-        NoGatewayError: that, or somebody else's; no permission, no answer in time, or one that is
-            not understood.
+        NoGatewayError: that, or another user's gateway; no permission, no reply in time, or one that cannot
+            be read.
     """
     line, lent = _answer(path, request, timeout_s, descriptors)
     _close(lent)
@@ -53,7 +53,7 @@ def ask(
 
 
 def ask_relay(config: Path, state: Path, request: Request) -> Reply:
-    """Return the reply of the relay that runs ``config`` and keeps its state in a folder.
+    """Return the reply of the relay that runs ``config`` with this state folder.
 
     Raises:
         NoRelayError: there is none.
@@ -69,7 +69,7 @@ def ask_relay(config: Path, state: Path, request: Request) -> Reply:
 
 
 def borrow(path: Path, request: Request, timeout_s: float = TIMEOUT_S) -> tuple[Reply, list[int]]:
-    """Do what :func:`ask` does; return the reply, and the descriptors with it, which are the caller's.
+    """Do as :func:`ask`; return the reply and its descriptors, which the caller owns.
 
     Raises:
         NoGatewayError: as :func:`ask`.
@@ -90,7 +90,7 @@ def _close(descriptors: Sequence[int]) -> None:
 def _answer(
     path: Path, request: Request, timeout_s: float, descriptors: Sequence[int]
 ) -> tuple[bytes, list[int]]:
-    """Send a request; return the line that comes back, and the descriptors with it."""
+    """Send a request; return the reply line and its descriptors."""
     deadline_s = time.monotonic() + timeout_s
     lent: list[int] = []
     try:
@@ -98,7 +98,7 @@ def _answer(
             connection.settimeout(timeout_s)
             connection.connect(str(path))
             check_owner(path, connection)
-            # A gateway without a place for us says so and closes, before it has heard anything.
+            # A gateway at its client limit says so and closes, before it has read anything.
             with contextlib.suppress(BrokenPipeError, ConnectionResetError):
                 data = encode(request)
                 sent = socket.send_fds(connection, [data], descriptors)
@@ -117,10 +117,10 @@ def _answer(
 
 
 def check_owner(path: Path, connection: socket.socket) -> None:
-    """Check that a gateway is ours or root's; root may have to do with anybody's.
+    """Check that a gateway is ours or root's; root may use any gateway.
 
     Raises:
-        NoGatewayError: it is somebody else's.
+        NoGatewayError: it belongs to another user.
     """
     uid, own = peer_uid(connection), os.geteuid()
     if own != ROOT_UID and uid not in (own, ROOT_UID):

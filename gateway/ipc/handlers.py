@@ -1,4 +1,4 @@
-"""What the gateway does for those who are connected to its socket."""
+"""What the gateway does for the clients of its socket."""
 
 import os
 from collections.abc import Awaitable, Callable, Mapping, Sequence
@@ -11,9 +11,9 @@ from gateway.ipc.messages import Done, Reply, Request
 from gateway.status.model import RelayModel
 
 ASKED_AGAIN_S: Final = 0.002
-"""A status that has to wait is tried again after so long: shorter than what lies between two frames."""
+"""A delayed status is tried again after this time, which is shorter than the time between two frames."""
 LONGEST_WAIT_S: Final = 0.25
-"""So long it waits at most: on many lines some frame is leaving nearly always."""
+"""The longest delay: with many lines some frame is nearly always being forwarded."""
 
 
 async def _no_tables(_request: SetTable, _descriptors: Sequence[int]) -> Reply:
@@ -30,19 +30,20 @@ def _ignore(_detail: str) -> None:
 
 @dataclass(frozen=True, slots=True)
 class RequestHandlers:
-    """What a server does for its clients; every function returns at once, but ``hand_over`` may wait.
+    """What a server does for its clients; every function returns immediately, but ``hand_over`` may wait.
 
-    It gets the descriptors of a message with it, and may not keep them; they are closed after it.
+    ``hand_over`` gets the descriptors of a message with it, and may not keep them: they are closed after it.
     """
 
     answer: Callable[[Request], Reply]
     hand_over: Callable[[SetTable, Sequence[int]], Awaitable[Reply]] = _no_tables
     status: Callable[[], RelayModel] = RelayModel
     has_to_wait: Callable[[], bool] = _never
-    """Whether a status has to wait, which takes milliseconds: a frame is leaving that must not break off."""
+    """Whether a status must wait: it takes milliseconds, and would interrupt a frame that is being
+    forwarded."""
     tapes: Callable[[], Mapping[str, int]] = dict
-    """The tape of each line that has one, as a descriptor that stays the gateway's."""
+    """The trace buffer of each line that has one, as a descriptor that the gateway owns."""
     complain: Callable[[str], None] = _ignore
-    """Gets a sentence about what was refused; not more than one a minute of each kind."""
+    """Gets a sentence about each refusal, at most one a minute of each kind."""
     masters: frozenset[int] = field(default_factory=lambda: frozenset((os.geteuid(), ROOT_UID)))
-    """User ids that may change something; others may look."""
+    """User ids that may send commands; all others may only read."""

@@ -1,7 +1,7 @@
-"""Whoever wants to be told: what waits for one listener, the newest first to stay.
+"""The queue of one subscriber; if it is full, the oldest event is dropped.
 
-A listener that is slow, stopped or hung costs what stands here and nothing else: the message that the system
-has taken a part of, one note that a snapshot is due (it is made when it can be sent), and the newest events.
+A subscriber that is slow, stopped or hung costs only this queue. It holds the rest of a partly sent message,
+the newest events, and a mark that a snapshot is due. The snapshot is made when it can be sent.
 """
 
 import asyncio
@@ -16,11 +16,11 @@ from gateway.ipc.outbox import Outbox
 
 EVENTS_KEPT: Final = 256
 SENT_PER_PASS: Final = 8
-"""So many messages go in one turn of the loop: frames must not wait for a burst of events."""
+"""Messages in one cycle of the loop: frames must not wait for a burst of events."""
 
 
 class Subscriber:
-    """Events and snapshots on their way to one connection; ``handlers`` has the model as it is now."""
+    """Events and snapshots for one connection; ``handlers`` returns the current model."""
 
     def __init__(self, outbox: Outbox, interval_s: float, handlers: RequestHandlers) -> None:
         self._outbox = outbox
@@ -31,9 +31,9 @@ class Subscriber:
         self._snapshots_dropped = 0
         self._loop = asyncio.get_running_loop()
         self._since_s = self._loop.time()
-        """When a snapshot became due last."""
+        """When a snapshot last became due."""
         self._next_s = self._since_s
-        """When the next one will be."""
+        """When the next one is due."""
         self._timer: asyncio.Handle = self._loop.call_soon(self._tick)
         self._more = self._timer
 
@@ -41,16 +41,16 @@ class Subscriber:
         """Take an event; :meth:`pump` sends it."""
         self._events.put(happened)
         soon_s = self._since_s + DEFAULT_INTERVAL_S
-        if not self._is_snapshot_due and soon_s < self._next_s:  # what has changed shows in a snapshot, soon
+        if not self._is_snapshot_due and soon_s < self._next_s:  # an event brings the next snapshot forward
             self._be_due(soon_s)
 
     def follow(self, interval_s: float) -> None:
-        """Take another interval, from the last snapshot on."""
+        """Set another interval, counted from the last snapshot."""
         self._interval_s = interval_s
         self._be_due(self._since_s + interval_s)
 
     def pump(self) -> None:
-        """Send what can be sent now. Events are older than a snapshot that has not been made yet."""
+        """Send what can be sent now: first the events, which are older than a snapshot still to be made."""
         for _ in range(SENT_PER_PASS):
             if self._outbox.waiting_bytes or not (self._events.items or self._is_snapshot_due):
                 return
@@ -69,7 +69,7 @@ class Subscriber:
         self._more = self._loop.call_soon(self.pump)
 
     def close(self) -> None:
-        """Tell it nothing any more."""
+        """Send nothing any more."""
         self._timer.cancel()
         self._more.cancel()
         self._events.items.clear()

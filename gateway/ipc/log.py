@@ -1,6 +1,6 @@
-"""What a process says in its log, on standard error: notes, their form, and the relay's writer of JSON.
+"""The log of a process on standard error: entries, their format, and the relay's JSON writer.
 
-Supervisor and commands write with ``ipc.structured_log``. Where standard error goes to the journal, each line
+Supervisor and commands write with ``ipc.structured_log``. If standard error goes to the journal, each line
 begins with its priority (sd-daemon(3)).
 """
 
@@ -25,12 +25,12 @@ from gateway.catalogue.process_events import CONFIGURATION_WARNING, STANDARD_ERR
 PRIORITIES: Final = {Severity.ERROR: 3, Severity.WARNING: 4, Severity.INFO: 6}
 """LOG_ERR, LOG_WARNING and LOG_INFO of syslog(3)."""
 WARNING: Final = "warning: "
-"""How a text for people begins that is no error."""
+"""The beginning of a text for people that is no error."""
 
 
 @dataclass(frozen=True, slots=True)
 class LogEntry:
-    """One thing that happened; ``wall_s`` is the time of day (``time.time``)."""
+    """One event; ``wall_s`` is the time of day (``time.time``)."""
 
     severity: Severity
     event: str
@@ -41,12 +41,12 @@ class LogEntry:
 def log_entry(
     entry: EventEntry, fields: Mapping[str, object], wall_s: float, severity: Severity | None = None
 ) -> LogEntry:
-    """Return a note of an event of the catalogue; ``severity`` where the catalogue leaves it open."""
+    """Return a log entry of an event of the catalogue; ``severity`` if the catalogue leaves it open."""
     return LogEntry(severity or entry.severity, entry.name, fields, wall_s)
 
 
 class LogFormat(Enum):
-    """``auto`` is ``console`` where standard error is a terminal, else ``json``."""
+    """``auto`` is ``console`` if standard error is a terminal, else ``json``."""
 
     AUTO = "auto"
     JSON = "json"
@@ -59,33 +59,34 @@ class LogFormat(Enum):
 
 
 def is_terminal() -> bool:
-    """Return whether a person sees standard error."""
+    """Return whether standard error is a terminal."""
     return sys.stderr is not None and sys.stderr.isatty()
 
 
 class LogLines:
-    """Standard error, past ``sys.stderr``.
+    """Standard error, without ``sys.stderr``.
 
     It blocks while its reader stalls: for ``log_thread.LogThread``.
     """
 
     def __init__(self) -> None:
-        # Closed at the start: its number may be that of a socket by now.
+        # If it was closed at the start, its number may be that of a socket by now.
         self._fd = -1 if sys.stderr is None else sys.stderr.fileno()
         self._marks = {} if sys.stderr is None else _marks(sys.stderr)
 
     def write(self, severity: Severity, text: str) -> None:
         """Write whole lines."""
         if self._fd >= 0:
-            # A full disk or a reader that has gone must not stop an axis: there is nowhere to say so.
+            # A full disk or a closed reader must not stop an axis, and there is no other output for the
+            # error.
             with contextlib.suppress(OSError):
                 _write_all(self._fd, _marked(text, self._marks[severity]).encode(errors="backslashreplace"))
 
 
 def json_writer(gateway: str) -> Callable[[LogEntry], None]:
-    """Return what writes a note of this gateway as a line of JSON; it may block, as :class:`LogLines` does.
+    """Return what writes an entry of this gateway as a line of JSON; it may block, as :class:`LogLines`.
 
-    As ``structured_log`` does it, without structlog: with it the relay takes a fifth more memory.
+    It works like ``structured_log`` without structlog, with which the relay would need a fifth more memory.
     """
     return _json_writer({"gateway": gateway})
 
@@ -96,10 +97,10 @@ def _json_writer(context: Mapping[str, object]) -> Callable[[LogEntry], None]:
 
 
 def take_standard_error(log_format: LogFormat = LogFormat.CONSOLE) -> None:
-    """Give what this process writes to ``sys.stderr`` as text the form of its log, line by line.
+    """Format what this process writes to ``sys.stderr`` as lines of its log.
 
-    Where the log is JSON each line becomes a note, and so does an exception that nobody catches; where it
-    goes to the journal each line gets a priority. Anywhere else the text stays as it is.
+    In a JSON log each line becomes an entry, and so does an uncaught exception. In the journal each line gets
+    a priority. Otherwise the text stays as it is.
     """
     if sys.stderr is None:
         return
@@ -112,7 +113,7 @@ def take_standard_error(log_format: LogFormat = LogFormat.CONSOLE) -> None:
 
 
 class _Lines(io.TextIOBase):
-    """A stream that passes on whole lines only, each in the form of the log."""
+    """A stream that passes on whole lines only, each in the format of the log."""
 
     def __init__(self, stream: TextIO, marks: Mapping[Severity, str], *, is_json: bool) -> None:
         self._stream = stream
@@ -144,7 +145,7 @@ class _Lines(io.TextIOBase):
         return len(text)
 
     def flush(self) -> None:
-        """Pass on what was begun as a line of its own: nobody knows whether more comes."""
+        """Pass on an incomplete line: the rest may never come."""
         if self._begun:
             line, self._begun = self._begun, ""
             self._pass_on(line)
@@ -160,7 +161,7 @@ class _Lines(io.TextIOBase):
 def _hook(
     write: Callable[[LogEntry], None],
 ) -> Callable[[type[BaseException], BaseException, TracebackType | None], None]:
-    """Return what makes one note of an exception that ends the process."""
+    """Return what makes one log entry of an exception that ends the process."""
 
     def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
         where = "".join(traceback.format_exception(kind, error, trace))
@@ -170,10 +171,10 @@ def _hook(
 
 
 def _marks(log: TextIO) -> Mapping[Severity, str]:
-    """Return what a line of each severity begins with: nothing unless the log goes to the journal.
+    """Return the prefix of a line of each severity: empty unless the log goes to the journal.
 
-    ``JOURNAL_STREAM`` names the stream of the journal by device and inode, systemd.exec(5): whoever has
-    redirected standard error inherits the variable, and not the stream.
+    ``JOURNAL_STREAM`` names the stream of the journal by device and inode, systemd.exec(5). The check is
+    necessary: a process whose standard error is redirected still inherits the variable.
     """
     is_journal = False
     with contextlib.suppress(OSError):  # a stream without a descriptor
@@ -183,7 +184,7 @@ def _marks(log: TextIO) -> Mapping[Severity, str]:
 
 
 def _marked(text: str, mark: str) -> str:
-    r"""Return whole lines, each with the mark: the journal makes an entry of each.
+    r"""Return whole lines, each with the prefix: the journal makes an entry of each.
 
     >>> _marked("one\ntwo", "<3>")
     '<3>one\n<3>two\n'
@@ -192,17 +193,17 @@ def _marked(text: str, mark: str) -> str:
 
 
 def _write_all(log_fd: int, text: bytes) -> None:
-    """Write lines past ``sys.stderr``, with one call: other processes write into the same log."""
+    """Write lines with one call, without ``sys.stderr``: other processes write into the same log."""
     rest = memoryview(text)
     while rest:
         try:
             rest = rest[os.write(log_fd, rest) :]
-        except BlockingIOError:  # whoever shares it made it non-blocking
+        except BlockingIOError:  # another process made it non-blocking
             select.select((), (log_fd,), ())
 
 
 def line_of(entry: LogEntry, context: Mapping[str, object]) -> dict[str, object]:
-    """Return what a line of the log says, in its order."""
+    """Return the fields of a log line, in their order."""
     return {
         **context,
         **entry.fields,

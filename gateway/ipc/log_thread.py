@@ -1,8 +1,8 @@
-"""A log whose reader may stall: whoever notes something never waits, a thread of its own does.
+"""A log whose reader may stall: only its own thread waits for it, never the caller.
 
 Standard error is a pipe to a journal, to a pager, or a terminal that was stopped with Ctrl-S. When it is
-full, writing blocks until somebody reads. The interpreter does not wait for this thread at its end. What it
-calls must not write through Python's buffered streams: the interpreter wants their locks then.
+full, writing blocks until its reader continues. The interpreter does not wait for this thread at its end. So
+``write`` must not use Python's buffered streams: the interpreter needs their locks at that time.
 """
 
 import asyncio
@@ -17,28 +17,28 @@ from gateway.catalogue.process_events import NOTES_DROPPED
 from gateway.ipc.log import LogEntry, log_entry
 
 CAPACITY: Final = 1000
-"""Notes that wait for the reader; of more the newest are kept."""
+"""Entries that wait for the reader; if there are more, the newest are kept."""
 CLOSE_S: Final = 1.0
-"""So long an end waits for a reader that has stalled."""
+"""Time that an end waits for a stalled reader."""
 
 
 class LogThread:
-    """Writes notes in their order with ``write``, which may block, and is called in the thread only.
+    """Writes entries in order with ``write``, which may block and is called in the thread only.
 
-    Where the buffer ran over, a note says how many are missing, in their place. It is for one thread that
-    notes; a context, too, in which it writes.
+    If the buffer overflows, an entry in place of the lost ones says how many are missing. Only one thread may
+    put entries. It is also a context, which runs the thread.
     """
 
     def __init__(self, write: Callable[[LogEntry], None]) -> None:
         self._write = write
         self._numbers = count(1)
         self._notes: deque[tuple[int, LogEntry]] = deque(maxlen=CAPACITY)
-        """Numbered: a gap tells how many were dropped, without a counter that two threads change."""
+        """Numbered: a gap shows how many were dropped, without a counter that two threads change."""
         self._last = 0
         self._nothing_to_do = threading.Lock()
-        """Held while the thread has nothing to do; it waits for it."""
+        """The thread waits for this lock while it has nothing to write."""
         self._is_closing = False
-        # Not of an executor: those threads are waited for at exit, however long that takes.
+        # Not of an executor: the interpreter would wait for such a thread at exit, without limit.
         self._thread = threading.Thread(target=self._run, name="log", daemon=True)
 
     def __enter__(self) -> Self:
@@ -56,36 +56,36 @@ class LogThread:
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        """As :meth:`close`; the loop hears signals meanwhile."""
+        """As :meth:`close`; the loop handles signals meanwhile."""
         await asyncio.to_thread(self.close)
 
     def start(self) -> None:
-        """Begin to write. The thread keeps the signal mask and the scheduling of now."""
+        """Start the thread. It keeps the present signal mask and scheduling."""
         self._nothing_to_do.acquire()
         self._thread.start()
 
     def put(self, entry: LogEntry) -> None:
-        """Take a note for the price of an append; it is written after the next :meth:`wake`."""
+        """Take an entry, at the cost of an append; it is written after the next :meth:`wake`."""
         self._notes.append((next(self._numbers), entry))
 
     def wake(self) -> None:
-        """Have everything written that was put, soon."""
+        """Have all entries written soon."""
         if self._notes:
             self._let_go()
 
     def write(self, entry: LogEntry) -> None:
-        """Take a note and have it written at once; never blocks."""
+        """Take an entry and have it written immediately; never blocks."""
         self.put(entry)
         self._let_go()
 
     def close(self, wait_s: float = CLOSE_S) -> None:
-        """Have the rest written; returns after ``wait_s`` at the latest, then without what is left."""
+        """Have the rest written; after ``wait_s`` return without what is left."""
         self._is_closing = True
         self._let_go()
         self._thread.join(wait_s)
 
     def _let_go(self) -> None:
-        with contextlib.suppress(RuntimeError):  # it was let go already, and has not come by yet
+        with contextlib.suppress(RuntimeError):  # released already; the thread has not run yet
             self._nothing_to_do.release()
 
     def _run(self) -> None:

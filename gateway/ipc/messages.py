@@ -1,10 +1,10 @@
-"""What is said on the gateway's socket: one request, one reply, each one line of JSON.
+"""The messages of the gateway's socket: one request, one reply, each one line of JSON.
 
-Whoever subscribes is told without asking, from then on. Tables travel beside their message, as descriptors
-of sealed memory (SCM_RIGHTS of unix(7)), one for each table and in their order.
+After a subscription the gateway sends without further requests. Tables travel with their message as
+descriptors of sealed memory (SCM_RIGHTS of unix(7)), one for each table and in their order.
 
-Every message carries the version of this catalogue. A program that speaks another version gets a refusal that
-both sides can read: its shape, :class:`Refused`, never changes.
+Every message has the version of these definitions. A program with another version gets a refusal that both
+sides can read: the format of :class:`Refused` never changes.
 """
 
 from typing import Annotated, Any, Final
@@ -23,11 +23,11 @@ SHORTEST_INTERVAL_S: Final = 0.05
 LONGEST_INTERVAL_S: Final = 60.0
 DEFAULT_INTERVAL_S: Final = 0.2
 SELDOM_S: Final = 1.0
-"""Between two snapshots that nobody waits for."""
+"""Interval of snapshots without a waiting reader."""
 
 
 class WrongMessageError(Exception):
-    """Bytes that are no message of this version; the text says what was found and what to do."""
+    """Bytes that are no message of this version; the text has what was found and the remedy."""
 
 
 class Ping(Message, frozen=True, tag="ping", tag_field="kind"):
@@ -39,9 +39,9 @@ class GetStatus(Message, frozen=True, tag="status", tag_field="kind"):
 
 
 class Subscribe(Message, frozen=True, tag="subscribe", tag_field="kind"):
-    """Ask to be told: a snapshot every ``interval_s``, and what happens as it happens.
+    """Subscribe: a snapshot every ``interval_s``, and each event when it happens.
 
-    What happens brings the next snapshot forward. To ask again changes the interval.
+    An event brings the next snapshot forward. Another request changes the interval.
     """
 
     interval_s: Annotated[float, msgspec.Meta(ge=SHORTEST_INTERVAL_S, le=LONGEST_INTERVAL_S)] = (
@@ -50,7 +50,7 @@ class Subscribe(Message, frozen=True, tag="subscribe", tag_field="kind"):
 
 
 class GetTapes(Message, frozen=True, tag="tapes", tag_field="kind"):
-    """Ask for the tapes of all lines, to look into (``recording.trace_buffer``)."""
+    """Ask for the trace buffers of all lines, for reading (``recording.trace_buffer``)."""
 
 
 Request = Command | Ping | GetStatus | Subscribe | GetTapes
@@ -63,7 +63,7 @@ class Pong(Message, frozen=True, tag="pong", tag_field="kind"):
     gateway_version: str
     pid: int
     shape: str = ""
-    """Digest of the plan that it runs, without its tables: only tables made for the same are for it."""
+    """Digest of its plan without the tables: it accepts only tables made for the same digest."""
 
 
 class Status(Message, frozen=True, tag="status", tag_field="kind"):
@@ -73,20 +73,20 @@ class Status(Message, frozen=True, tag="status", tag_field="kind"):
 
 
 class Tapes(Message, frozen=True, tag="tapes", tag_field="kind"):
-    """The lines whose tapes come with it, as descriptors, one for each and in their order."""
+    """The lines whose trace buffers come with it, as descriptors, one for each and in their order."""
 
     lines: tuple[str, ...] = ()
 
 
 class Done(Message, frozen=True, tag="done", tag_field="kind"):
-    """What a command did. Where there are ``problems``, each names an axis, the reason and what to do."""
+    """The result of a command. Each of the ``problems`` names an axis, the reason and the remedy."""
 
     changed: tuple[str, ...] = ()
     """Names of the axes that changed: a group changes as one."""
     problems: tuple[str, ...] = ()
     comes: dict[str, str] = msgspec.field(default_factory=dict)
     """How the new correction of an axis comes into force: ``next-target``, ``blended``, or ``not-in-force``
-    where it waits for a reference or to be enabled."""
+    while it waits for a reference or to be enabled."""
 
 
 class Refused(Message, frozen=True, tag="refused", tag_field="kind"):
@@ -96,21 +96,21 @@ class Refused(Message, frozen=True, tag="refused", tag_field="kind"):
 
 
 class Subscribed(Message, frozen=True, tag="subscribed", tag_field="kind"):
-    """From now on the connection is told."""
+    """From now on the connection gets snapshots and events."""
 
     interval_s: float
 
 
 class Snapshot(Message, frozen=True, tag="snapshot", tag_field="kind"):
-    """The status model as it is now."""
+    """The current status model."""
 
     status: RelayModel
     dropped: int = 0
-    """Snapshots and events that were not sent since the last message, because this listener was too slow."""
+    """Snapshots and events that were dropped since the last message, because this subscriber was too slow."""
 
 
 class Happened(Message, frozen=True, tag="happened", tag_field="kind"):
-    """An event, as it stands in the log."""
+    """An event, as in the log."""
 
     event: str
     severity: str
@@ -125,7 +125,7 @@ Reply = Pong | Status | Tapes | Done | Refused | Subscribed | Snapshot | Happene
 
 
 class _AnyVersion(msgspec.Struct):
-    """As much of a message as every version has."""
+    """The part of a message that every version has."""
 
     version: int = 0
     kind: str = ""
@@ -147,7 +147,7 @@ def encode(message: Request | Reply) -> bytes:
 
 
 def decode_request(line: bytes) -> Request:
-    """Read a request. Raises WrongMessageError when it is none of this version."""
+    """Read a request. Raises WrongMessageError if it is none of this version."""
     _check_version(line)
     try:
         request: Request = _request_decoder.decode(line)
@@ -157,7 +157,7 @@ def decode_request(line: bytes) -> Request:
 
 
 def decode_reply(line: bytes) -> Reply:
-    """Read a reply. Raises WrongMessageError when it is none of this version."""
+    """Read a reply. Raises WrongMessageError if it is none of this version."""
     _check_version(line)
     try:
         reply: Reply = _reply_decoder.decode(line)
@@ -171,7 +171,7 @@ def _check_version(line: bytes) -> None:
         found = _version_decoder.decode(line)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise WrongMessageError(f"not a message: {error}; send one line of JSON for each message") from None
-    # A refusal is understood whatever its version: it says which one the other side speaks.
+    # A refusal is accepted in any version: it says which version the other side uses.
     if found.version != VERSION and found.kind != "refused":
         raise WrongMessageError(
             f"a message of version {found.version}, but this side speaks version {VERSION}: "

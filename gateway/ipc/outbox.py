@@ -1,4 +1,4 @@
-"""What still has to be written to a connection, without ever waiting for it."""
+"""Bytes that are still to be written to a connection, without a wait."""
 
 import asyncio
 import socket
@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 
 class Outbox:
-    """Writes what the system takes at once, keeps the rest and calls ``on_empty`` when that has gone too."""
+    """Writes what the system takes, keeps the rest, and calls ``on_empty`` when that is sent too."""
 
     def __init__(
         self, connection: socket.socket, on_empty: Callable[[], None], on_lost: Callable[[], None]
@@ -19,11 +19,11 @@ class Outbox:
 
     @property
     def waiting_bytes(self) -> int:
-        """How much the other side has not taken yet."""
+        """Bytes that the other side has not taken yet."""
         return len(self._rest)
 
     def write(self, data: bytes) -> None:
-        """Send, behind what waits already."""
+        """Send, after the bytes that wait already."""
         if self._rest:
             self._rest += data
             return
@@ -48,7 +48,7 @@ class Outbox:
             self._on_empty()
 
     def _send(self, data: bytes | bytearray) -> int | None:
-        """Return how much went; None when the connection is lost, and everybody knows by now."""
+        """Return how many bytes were sent; None if the connection is lost, after ``on_lost`` was called."""
         try:
             return self._connection.send(data)
         except (BlockingIOError, InterruptedError):

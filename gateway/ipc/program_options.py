@@ -1,7 +1,7 @@
-"""What a program of ours is started with: CONFIG, then options, each with its value.
+"""The arguments of our programs: CONFIG, then options, each with its value.
 
-They come from our own command line (``cli.processes``), which has checked them: argparse, with all that it
-loads, would be half a megabyte of the relay as long as it runs.
+They come from our own command line (``cli.processes``), which has checked them. argparse, with all that it
+loads, would cost the relay half a megabyte as long as it runs.
 """
 
 import sys
@@ -14,10 +14,11 @@ from gateway.ipc.log import LogFormat
 
 @dataclass(frozen=True, slots=True)
 class ProgramOptions:
-    """``parent`` is the process to end with, 0: none. Each program has options of its own beside these.
+    """``parent`` is the process to end with, 0: none. Each program has further options of its own.
 
-    ``state`` is the folder into which ``run`` has just compiled CONFIG. That is run, whatever becomes of the
-    file meanwhile: somebody may be editing it. None: the folder that CONFIG names, once it was compared.
+    ``state`` is the folder into which ``run`` has just compiled CONFIG. The program runs that plan even if
+    the file changes meanwhile: the user may be editing it. None: the folder that CONFIG names, after a
+    comparison.
     """
 
     config: Path
@@ -29,7 +30,7 @@ class ProgramOptions:
 
 
 def options_of(words: Sequence[str]) -> ProgramOptions:
-    """Return what the words behind the name of a program say; ends the process where they say nothing.
+    """Return the options after the name of a program; end the process if they are wrong.
 
     >>> options_of(["gateway.toml", "--log-format", "json", "--parent", "7"]).parent
     7

@@ -1,7 +1,7 @@
-"""Bytes that one process hands to another and cannot change any more: a memfd with all its seals.
+"""Bytes that one process gives to another and cannot change any more: a memfd with all its seals.
 
-Without the seals a sender that writes or cuts the memory short would change a correction in the middle of a
-motion, or kill whoever reads it (SIGBUS).
+Without the seals a sender could change a correction in the middle of a motion, or end the reading process
+(SIGBUS) by truncating the memory.
 """
 
 import fcntl
@@ -51,7 +51,7 @@ def map_sealed(descriptor: int, largest: int) -> memoryview:
     if not 0 < size <= largest:
         raise NotSealedError(f"the memory has {size} bytes; allowed: 1 to {largest}")
     try:
-        # Private: older kernels do not map sealed memory as shared, and nobody writes either way.
+        # Private: older kernels do not map sealed memory as shared, and no process writes to it anyway.
         return memoryview(
             mmap.mmap(descriptor, size, flags=mmap.MAP_PRIVATE | _POPULATE, prot=mmap.PROT_READ)
         )

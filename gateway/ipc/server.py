@@ -1,4 +1,4 @@
-"""The gateway's end of its socket. Nothing here waits: a client that hangs costs a buffer, and is dropped."""
+"""The gateway's end of its socket. It never waits: a client that hangs costs a buffer, and is dropped."""
 
 import asyncio
 import contextlib
@@ -18,11 +18,11 @@ ALL_TAKEN: Final = (
     "end one of the programs that are connected"
 )
 IDLE_S: Final = 30.0
-"""A client that sends nothing whole for so long, or does not take its replies, is dropped."""
+"""A client that sends no whole request for this time, or does not take its replies, is dropped."""
 
 
 class ControlServer:
-    """Listens in a state folder and answers each request in the call in which it is read."""
+    """Listens in a state folder and answers each request in the call that reads it."""
 
     def __init__(
         self, state: Path, handlers: RequestHandlers | Callable[[Request], Reply], idle_s: float = IDLE_S
@@ -36,7 +36,7 @@ class ControlServer:
 
     @property
     def path(self) -> Path:
-        """Where it listens."""
+        """The path of the socket."""
         return self._socket_file.path
 
     @property
@@ -46,24 +46,24 @@ class ControlServer:
 
     @property
     def clients(self) -> int:
-        """How many are connected."""
+        """How many clients are connected."""
         return len(self._clients.sessions)
 
     @property
     def has_listeners(self) -> bool:
-        """Whether anybody is told what happens."""
+        """Whether there are subscribers."""
         return bool(self._clients.listeners)
 
     async def open(self) -> None:
         """Listen.
 
         Raises:
-            SocketError: another gateway has the place, or it cannot be made; with the remedy.
+            SocketError: another gateway uses the socket, or it cannot be made; with the remedy.
         """
         self._listener.open([self._socket_file.take()])
 
     def hang_up(self) -> None:
-        """Drop every client and take no other; the place stays taken until :meth:`close`."""
+        """Drop every client and accept no other; the socket stays reserved until :meth:`close`."""
         self._listener.stop()
         for session in tuple(self._clients.sessions):
             session.drop()
@@ -74,7 +74,7 @@ class ControlServer:
         self._socket_file.leave(is_finished=is_finished)
 
     def publish_event(self, happened: Happened) -> None:
-        """Tell all listeners that something happened; costs an append for each, and is sent a turn later."""
+        """Send an event to all subscribers: one append each now; it is sent in the next cycle of the loop."""
         for listener in self._clients.listeners:
             listener.publish_event(happened)
             if not self._is_pump_due:

@@ -1,8 +1,8 @@
-"""What a service tells the manager that started it, and what that one keeps for it: sd_notify(3).
+"""Messages of a service to its manager, and the descriptors that the manager keeps for it: sd_notify(3).
 
-Everything goes out as one datagram that is never waited for: a manager that does not read loses it, and the
-gateway goes on. Only that it is ready is told again: a service that is never ready is ended. Without a
-manager nothing is sent, and nothing changes.
+Each message is one datagram, without a wait: a manager that does not read loses it, and the gateway
+continues. Only the message that it is ready is repeated, because the manager ends a service that never
+becomes ready. Without a manager nothing is sent, and nothing changes.
 """
 
 import contextlib
@@ -22,9 +22,9 @@ US_PER_S: Final = 1_000_000
 
 
 class ServiceManager:
-    """The manager of this service. ``address`` empty: nobody, and what is told is told to nobody.
+    """The manager of this service. ``address`` empty: there is none, and nothing is sent.
 
-    ``watchdog_ns``: so often it wants to hear that the work gets on, 0 where it does not.
+    ``watchdog_ns``: longest interval between two signs of life; 0: there is no watchdog.
     """
 
     def __init__(self, address: str = "", watchdog_ns: int = 0) -> None:
@@ -33,45 +33,45 @@ class ServiceManager:
         self._socket: socket.socket | None = None
         self._status = ""
         self._owes_ready = False
-        """A manager that never hears that the service is ready ends it."""
+        """The manager ends a service that never becomes ready."""
         if address.startswith(("/", "@")):
             self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
 
     @property
     def is_there(self) -> bool:
-        """Whether anybody listens."""
+        """Whether there is a manager."""
         return self._socket is not None
 
     def ready(self, status: str = "") -> None:
-        """Tell that the service does its work now; at once, or along with what is told next."""
+        """Report that the service is ready; immediately, or with the next message."""
         self._owes_ready = True
         self._notify(*self._new_status(status))
 
     def alive(self, status: str = "") -> None:
-        """Feed the watchdog; to be called only where the work got on."""
+        """Feed the watchdog; call it only if the work makes progress."""
         self._notify("WATCHDOG=1", *self._new_status(status))
 
     def show_status(self, status: str) -> None:
-        """Show a sentence in the manager's status; the same as before costs nothing."""
+        """Show a sentence in the manager's status; an unchanged one costs nothing."""
         if (news := self._new_status(status)) or self._owes_ready:
             self._notify(*news)
 
     def stopping(self, patience_s: float = 0.0) -> None:
-        """Tell that the service ends, and how much longer than usual that may take."""
+        """Report that the service ends, and how much longer than usual that may take."""
         self._owes_ready = False
         more = [f"EXTEND_TIMEOUT_USEC={int(patience_s * US_PER_S)}"] if patience_s > 0 else []
         self._notify("STOPPING=1", *more)
 
     def store(self, name: str, descriptor: int) -> None:
-        """Have a descriptor kept over the next start; the manager must allow it (FileDescriptorStoreMax=)."""
+        """Have a descriptor kept until the next start, if the manager allows it (FileDescriptorStoreMax=)."""
         self._notify("FDSTORE=1", f"FDNAME={name}", descriptors=[descriptor])
 
     def drop(self, name: str) -> None:
-        """Have everything that is kept under a name closed."""
+        """Have everything closed that is kept under a name."""
         self._notify("FDSTOREREMOVE=1", f"FDNAME={name}")
 
     def close(self) -> None:
-        """Tell nothing any more; twice is harmless."""
+        """Send nothing any more; twice is harmless."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
@@ -90,14 +90,14 @@ class ServiceManager:
             assignments = ("READY=1", *assignments)
         message = "\n".join(assignments).encode()
         rights = [(socket.SOL_SOCKET, socket.SCM_RIGHTS, array("i", descriptors))] if descriptors else []
-        # A manager that is gone or does not read must not cost the line anything.
+        # A manager that is gone or does not read must not delay the line.
         with contextlib.suppress(OSError):
             self._socket.sendmsg([message], rights, socket.MSG_DONTWAIT, self._address)
             self._owes_ready = False
 
 
 def manager_of(environment: MutableMapping[str, str]) -> ServiceManager:
-    """Return the manager that the environment names, and take its name out: children do not speak for us."""
+    """Return the manager named in the environment, and remove it there: children must not report for us."""
     address = environment.pop("NOTIFY_SOCKET", "")
     for_pid = environment.pop("WATCHDOG_PID", str(os.getpid()))
     every_us = environment.pop("WATCHDOG_USEC", "")
@@ -116,5 +116,5 @@ def handed_over(environment: MutableMapping[str, str]) -> Iterator[tuple[str, in
         try:
             os.set_inheritable(descriptor, False)
         except OSError:
-            continue  # promised, and not there
+            continue  # announced, but not open
         yield (names[offset] if offset < len(names) else ""), descriptor

@@ -1,4 +1,4 @@
-"""Root, where the gateway is another user's, who can neither read nor replace what root writes."""
+"""Root, when the gateway belongs to another user, who can neither read nor replace root's files."""
 
 import os
 import pwd
@@ -11,9 +11,9 @@ from gateway.state.folder import ANOTHER, FolderProblem
 
 
 def why_not_for_root(folder: Path) -> FolderProblem | None:
-    """Return why root must not write into a state folder, None where it may, or where this is not root.
+    """Return why root must not write into a state folder, None if it may, or if this is not root.
 
-    The service of the folder's owner would not start any more.
+    After that the service of the folder's owner would not start any more.
     """
     try:
         uid = folder.stat().st_uid

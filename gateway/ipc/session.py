@@ -1,4 +1,4 @@
-"""Those who are connected to the socket: requests in, with their descriptors; replies and news out."""
+"""The clients of the socket: requests in, with their descriptors; replies and events out."""
 
 import array
 import asyncio
@@ -33,21 +33,21 @@ from gateway.limits import Reports
 from gateway.transport.connections import longest
 
 MAX_CLIENTS: Final = 8
-"""At once. When they are all there, the one that has been silent longest makes room for the next; where
-none is idle the next is refused, with the reason."""
+"""At the same time. At the limit, the client that has been silent longest is closed for the next one. If none
+is idle, the next one is refused, with the reason."""
 MAX_LISTENERS: Final = MAX_CLIENTS // 2
-"""Of them; so that listeners which hang leave room for commands."""
+"""Subscribers among the clients: subscribers that hang must leave room for commands."""
 READ_BYTES: Final = 4096
 UNTAKEN_BYTES: Final = 65536
-"""Replies that wait for a client; beyond that nothing more is read from it."""
+"""Replies that wait for a client; beyond that its requests are not read."""
 GAVE_WAY: Final = "all places were taken, and this client was silent longest: connect again"
 _DESCRIPTOR_BYTES: Final = array.array("i").itemsize
 _ANCILLARY_BYTES: Final = socket.CMSG_SPACE((MAX_TABLES + 1) * _DESCRIPTOR_BYTES)
-"""Room for one too many; of what is beyond it the system closes the rest itself."""
+"""Room for one too many; the system closes any further ones itself."""
 
 
 class Clients:
-    """Everybody who is connected, and what they share: the desk, and how many they may be."""
+    """All clients and what they share: the request handlers and the limits."""
 
     def __init__(self, handlers: RequestHandlers, idle_s: float) -> None:
         self.handlers = handlers
@@ -55,25 +55,25 @@ class Clients:
         self._complaints: Reports[str] = Reports()
         self.sessions: set[Session] = set()
         self.activity_numbers = itertools.count()
-        """Tells which client was heard last."""
+        """Shows which client was last active."""
 
     def complain(self, kind: str, detail: str) -> None:
-        """Log the first complaint of a kind, and then one a minute with how many there were."""
+        """Log the first refusal of a kind, then one a minute with the number since."""
         if sentence := self._complaints.sentence(kind, detail, time.monotonic_ns()):
             self.handlers.complain(sentence)
 
     @property
     def listeners(self) -> list[Subscriber]:
-        """Of those who are told what happens."""
+        """The subscribers."""
         return [session.listener for session in self.sessions if session.listener is not None]
 
     @property
     def has_room_for_listener(self) -> bool:
-        """Whether one more may subscribe."""
+        """Whether one more client may subscribe."""
         return len(self.listeners) < MAX_LISTENERS
 
     def make_room(self) -> bool:
-        """Whether one more may connect; of too many, the idle one heard longest ago gives up its place."""
+        """Whether one more client may connect; at the limit, close the idle client that is silent longest."""
         if len(self.sessions) < MAX_CLIENTS:
             return True
         silent = longest(self.sessions, lambda one: None if one.is_busy else one.last_activity)
@@ -97,17 +97,17 @@ class Session:
         self._is_open = True
         self._is_ending = False
         self.last_activity = next(clients.activity_numbers)
-        """When it was heard last, by the count of all clients."""
+        """When it was last active, by the counter of all clients."""
         self._loop = asyncio.get_running_loop()
         self._is_reading = False
         self._handing_over: asyncio.Task[None] | None = None
-        """Nothing else of this client is taken until its tables are, or a status that has to wait."""
+        """While its tables are taken, or its status must wait, no other request of this client is read."""
         self._idle = self._loop.call_later(clients.idle_s, self.drop)
         self._read_on()
 
     @property
     def is_busy(self) -> bool:
-        """Whether it is told what happens, or a request of it is under way: half of one, too."""
+        """Whether it is a subscriber, or one of its requests is in progress, even incomplete."""
         if self._is_ending:
             return False
         is_asking = self._data or self._descriptors or self._outbox.waiting_bytes
@@ -115,14 +115,14 @@ class Session:
         return is_served or bool(is_asking) or self._has_unread()
 
     def give_way(self) -> None:
-        """Say that its place is wanted, and close."""
+        """Send the reason, and close in favour of another client."""
         self._complain("place", "it was silent longest, and another one wanted its place")
         if not self._is_ending:
             self._send(Refused(reason=GAVE_WAY))
         self.drop()
 
     def drop(self) -> None:
-        """Close at once."""
+        """Close immediately."""
         if not self._is_open:
             return
         self._is_open = False
@@ -182,7 +182,7 @@ class Session:
         self.drop()
 
     def _next(self) -> None:
-        """Answer one request; more that came with it wait for a turn of the loop each, as frames do."""
+        """Answer one request; each further one waits for a cycle of the loop, as frames do."""
         if not self._is_open or self._is_ending or self._is_handing_over():
             return
         line, end, rest = self._data.partition(b"\n")
@@ -191,14 +191,14 @@ class Session:
         elif not end:
             self._read_on()
         elif self._outbox.waiting_bytes > UNTAKEN_BYTES:
-            self._read_no_more()  # until it has taken what it asked for
+            self._read_no_more()  # until it has taken its replies
         else:
             self._data = rest
             self._take(line)
             if self._is_handing_over():
                 self._read_no_more()
             elif rest:
-                self._read_no_more()  # nobody makes us keep more than we answer
+                self._read_no_more()  # a client must not make us store more than we answer
                 self._loop.call_soon(self._next)
             else:
                 self._read_on()
@@ -254,7 +254,7 @@ class Session:
             self._send(handlers.answer(request))
 
     def _lend(self, tapes: Mapping[str, int]) -> None:
-        """Let it look into tapes: their descriptors go with the first byte of the reply."""
+        """Give it trace buffers to read: their descriptors go with the first byte of the reply."""
         if self._outbox.waiting_bytes:
             self._refuse("tapes", "take the reply before this one first")
             return
@@ -267,7 +267,7 @@ class Session:
         self._outbox.write(data[sent:])
 
     async def _answer_later(self, request: Request) -> None:
-        """Answer as soon as that disturbs no frame, or it has waited for too long."""
+        """Answer as soon as that disturbs no frame, or after the longest delay."""
         latest_s = self._loop.time() + LONGEST_WAIT_S
         while self._clients.handlers.has_to_wait() and self._loop.time() < latest_s:  # noqa: ASYNC110 - no event
             await asyncio.sleep(ASKED_AGAIN_S)
@@ -283,7 +283,7 @@ class Session:
         finally:
             _close(descriptors)
             self._handing_over = None
-            if reply is None:  # a bug, or no thread to be had: nobody waits for an answer that never comes
+            if reply is None:  # a bug, or no free thread: the client must not wait for nothing
                 self.drop()
         if not self._is_open:
             return
@@ -304,7 +304,7 @@ class Session:
             self.listener = Subscriber(self._outbox, request.interval_s, self._clients.handlers)
 
     def _refuse(self, kind: str, reason: str) -> None:
-        """Say why, close what came with it, and end."""
+        """Send the reason, close the received descriptors, and end."""
         self._complain(kind, reason)
         self._data = b""
         self._close_descriptors()
@@ -318,7 +318,7 @@ class Session:
             self.drop()
 
     def _wait_for_it(self) -> None:
-        """Give it so long to say something whole, or to take what it is told last."""
+        """Restart its time to send a whole request, or to take its last reply."""
         self._idle.cancel()
         self._idle = self._loop.call_later(self._clients.idle_s, self.drop)
 

@@ -1,6 +1,6 @@
-"""The log of supervisor and commands, with structlog: its lines, and a context that every later line carries.
+"""The log of supervisor and commands, with structlog: its lines, and a context for every later line.
 
-Not loaded by a relay that writes JSON (:func:`gateway.ipc.log.json_writer`).
+A relay that writes JSON does not load it (:func:`gateway.ipc.log.json_writer`).
 """
 
 from typing import Final
@@ -13,7 +13,7 @@ from gateway.ipc.log import LogEntry, LogFormat, LogLines, is_terminal, line_of
 
 
 class StructuredLog:
-    """Writes notes; it blocks while the reader of standard error stalls, as :class:`LogLines` does."""
+    """Writes entries; it blocks while the reader of standard error stalls, as :class:`LogLines` does."""
 
     def __init__(self, log_format: LogFormat) -> None:
         self._is_json: Final = log_format.is_json
@@ -25,17 +25,17 @@ class StructuredLog:
         self._log = structlog.BoundLogger(_Lines(), [_line, render], {})
 
     def name_gateway(self, gateway: str) -> None:
-        """Have every later line say whose it is. On a terminal there is one gateway, and none does."""
+        """Add the gateway's name to every later line. Not on a terminal, which shows one gateway only."""
         if self._is_json:
             self._log = self._log.bind(gateway=gateway)
 
     def write(self, entry: LogEntry) -> None:
-        """Write one entry, which says which line and axis it is of."""
+        """Write one entry; its fields name its line and axis."""
         getattr(self._log, entry.severity.value)(entry.event, entry=entry)
 
 
 class _Lines:
-    """What structlog hands its text to, by the name of the level."""
+    """What structlog passes its text to, by the name of the level."""
 
     def __init__(self) -> None:
         self._lines = LogLines()
@@ -51,6 +51,6 @@ class _Lines:
 
 
 def _line(_logger: object, _level: str, event: EventDict) -> EventDict:
-    """Return the line of an entry with the context that is bound."""
+    """Return the line of an entry with the bound context."""
     entry, _ = event.pop("entry"), event.pop("event")
     return line_of(entry, event)

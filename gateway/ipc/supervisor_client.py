@@ -1,4 +1,4 @@
-"""Asking the supervisor of a gateway that runs, over its socket. Blocking, for commands."""
+"""Requests to the supervisor of a running gateway, over its socket. Blocking, for commands."""
 
 import contextlib
 import http.client
@@ -11,12 +11,12 @@ from gateway.ipc.address import SUPERVISOR_SOCKET_NAME, SocketError, socket_path
 from gateway.ipc.client import NoGatewayError, check_owner
 
 ANSWER_WITHIN_S: Final = 2.0
-"""For a look: who is stopped or hung is not waited for."""
+"""For a status: a supervisor that is stopped or hangs must not delay it."""
 LARGEST_ANSWER: Final = 64_000_000
 
 
 class NoSupervisorError(Exception):
-    """No supervisor answers, or not with what can be understood; why, in a sentence."""
+    """No supervisor answers, or its answer cannot be read; the reason, in a sentence."""
 
 
 class _LocalConnection(http.client.HTTPConnection):
@@ -40,10 +40,10 @@ class _LocalConnection(http.client.HTTPConnection):
 
 
 def ask_supervisor(state: Path, target: str, method: str = "GET", timeout_s: float = ANSWER_WITHIN_S) -> Any:
-    """Return what the supervisor with this state folder answers to a request, as plain data.
+    """Return the answer of the supervisor with this state folder, as plain data.
 
     Raises:
-        NoSupervisorError: nobody there, no answer in time, or another answer than the one wished for.
+        NoSupervisorError: no supervisor, no answer in time, or not the requested one.
     """
     try:
         path = socket_path(state, SUPERVISOR_SOCKET_NAME)
