@@ -1,1 +1,1 @@
-"""Recordings: what crosses the border of a line, kept in a file or in memory, read and run again."""
+"""Recordings: what crosses the border of a line, kept in a file or in memory, read and replayed."""

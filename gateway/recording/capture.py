@@ -1,4 +1,4 @@
-"""The tapes of a gateway that runs, borrowed over its socket, as entries of a recording."""
+"""The trace buffers of a running gateway, read through its socket, as entries of a recording."""
 
 import heapq
 import os
@@ -22,11 +22,11 @@ from gateway.recording.trace_buffer import (
 )
 
 Timed = tuple[int, traffic.Entry]
-"""An entry with its time in ns since boot; an output has that of the input that caused it."""
+"""An entry with its time in ns since boot; an output has the time of its input."""
 
 
 class NoCaptureError(Exception):
-    """The gateway keeps no tapes, or none that can be read; with the remedy."""
+    """The gateway has no trace buffers, or none that can be read; with the remedy."""
 
 
 def frame_entry(line: str, ports: Mapping[int, tuple[str, str, str]], raw: Raw) -> traffic.Entry:
@@ -50,7 +50,7 @@ def frame_entry(line: str, ports: Mapping[int, tuple[str, str, str]], raw: Raw) 
 
 
 class _Line:
-    """The tape of one line, read as it grows."""
+    """The trace buffer of one line, read while it grows."""
 
     def __init__(self, name: str, reader: RingReader) -> None:
         self.name = name
@@ -58,7 +58,7 @@ class _Line:
         self._ports: dict[int, tuple[str, str, str]] = {}
 
     def new(self) -> tuple[list[Timed], bool]:
-        """Return what is new, and whether something before it is lost."""
+        """Return the new entries, and whether earlier ones are lost."""
         raws, is_lost = self.reader.new()
         return list(self._entries(raws)), is_lost
 
@@ -80,19 +80,19 @@ class _Line:
                     yield raw.t, entry
             elif raw.kind != REQUEST or raw.ids >> 24 in self._ports:
                 yield raw.t, frame_entry(self.name, self._ports, raw)
-            # A request whose sender was told of in what is written over already comes before anything that
-            # a replay could begin with.
+            # Otherwise the entry that names the sender is overwritten. Such a request comes before anything
+            # that a replay could begin with.
 
 
 class Capture:
-    """The tapes of all lines, or of one."""
+    """The trace buffers of all lines, or of one."""
 
     def __init__(self, socket: Path, only: str | None = None) -> None:
-        """Borrow them.
+        """Open them.
 
         Raises:
-            NoGatewayError: no gateway, or one that says nothing of this.
-            NoCaptureError: it keeps none, none of that name, or tapes of another release.
+            NoGatewayError: no gateway, or one that does not know this request.
+            NoCaptureError: it has none, none of that name, or trace buffers of another release.
         """
         reply, descriptors = borrow(socket, GetTapes())
         try:
@@ -111,7 +111,7 @@ class Capture:
                 os.close(descriptor)
 
     def new(self) -> tuple[list[Timed], bool]:
-        """Return what has come since it was asked last, in order, and whether something before it is lost."""
+        """Return the entries since the last call, in order, and whether earlier ones are lost."""
         read = [line.new() for line in self._lines]
         merged = heapq.merge(*(entries for entries, _ in read), key=lambda each: each[0])
         return list(merged), any(is_lost for _, is_lost in read)
@@ -125,13 +125,13 @@ class Capture:
         return self._lines[0].reader.wall_ns(t_ns)
 
     def close(self) -> None:
-        """Give the memory back."""
+        """Release the memory."""
         for line in self._lines:
             line.reader.close()
 
 
 def write_recording(path: Path, header: traffic.Header, entries: Iterable[traffic.Entry]) -> int:
-    """Write a new file that ``replay`` runs, for this user alone; return the number of its entries.
+    """Write a new file for ``replay``, readable by this user only; return the number of its entries.
 
     Raises:
         OSError: it exists, or cannot be written.

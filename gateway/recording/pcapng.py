@@ -1,9 +1,9 @@
-"""Frames as Wireshark reads them: pcapng, an interface for each controller and one for the drives of a line.
+"""Frames for Wireshark: pcapng, an interface for each controller and one for the drives of a line.
 
-Modbus/TCP stands in Ethernet, IP and TCP that are made up around it: with the hosts of the two ends where
-they are known, and with port 502 at the server, where Wireshark looks for it, whatever the real one is. RTU
-stands in the link type *Wireshark Upper PDU* with the name of the dissector, ``mbrtu``, so that nothing has
-to be set. The gateway's own transaction ids towards drives are not on the tape; they are counted here.
+Modbus/TCP frames get artificial Ethernet, IP and TCP headers: with the hosts of both ends where they are
+known. The server always has port 502, where Wireshark expects it, whatever the real port is. RTU frames use
+the link type *Wireshark Upper PDU* with the name of the dissector, ``mbrtu``, so that no setting is needed.
+The gateway's own transaction ids towards drives are not in the trace buffer; they are counted here.
 
 Sources: draft-ietf-opsawg-pcapng (blocks, options); https://www.tcpdump.org/linktypes.html (1 Ethernet, 252
 Upper PDU); epan/exported_pdu.h of Wireshark (tags); RFC 791, 8200, 9293 (headers and their sums).
@@ -25,7 +25,7 @@ UPPER_PDU: Final = 252
 MODBUS_PORT: Final = 502
 FIRST_CLIENT_PORT: Final = 49152
 HERE: Final = IPv4Address("127.0.0.1")
-"""The gateway, towards a host that is told by name."""
+"""The gateway; also stands for a host whose address is unknown."""
 _SECTION: Final = 0x0A0D0D0A
 _INTERFACE: Final = 1
 _PACKET: Final = 6
@@ -42,12 +42,12 @@ Address = IPv4Address | IPv6Address
 
 @dataclass(slots=True)
 class _Interface:
-    """One side of a line: where its packets go, and as what."""
+    """One side of a line: the interface and address of its packets."""
 
     number: int
     is_mbap: bool
     server: Address
-    """Who is asked there."""
+    """The address of the requested side."""
 
 
 @dataclass(slots=True)
@@ -61,7 +61,7 @@ class _Stream:
 
 
 class PcapNg:
-    """Makes pcapng of entries, as they come."""
+    """Makes pcapng from entries, as they come."""
 
     def __init__(self, plan: GatewayPlan, only: str | None = None) -> None:
         self._lines = {line.name: line for line in plan.lines if only in (None, line.name)}
@@ -69,12 +69,12 @@ class PcapNg:
         self._back: dict[str, _Interface] = {}
         self._streams: dict[tuple[str, int], _Stream] = {}
         self._senders: dict[tuple[str, int], str] = {}
-        """Who asks as a port, by line."""
+        """The controller of each port, by line."""
         self._asked: dict[str, int] = {}
         """Requests to the drives of a line so far: the transaction id of the newest one."""
 
     def head(self) -> bytes:
-        """Return what a file begins with: what made it, and all interfaces."""
+        """Return the beginning of a file: the program that made it, and all interfaces."""
         blocks = [_block(_SECTION, pack("<IHHq", _BYTE_ORDER, 1, 0, -1) + _options((4, b"pitch-gateway")))]
         for name, line in self._lines.items():
             for link in line.controllers:
@@ -88,7 +88,7 @@ class PcapNg:
         return b"".join(blocks)
 
     def packet(self, entry: traffic.Entry, wall_ns: int) -> bytes:
-        """Return the packet of an entry at a time of day; nothing for what is no frame."""
+        """Return the packet of an entry at a time of day; empty if the entry is no frame."""
         match entry:
             case traffic.Request(line=line, port=port) if line in self._lines:
                 self._senders[line, port] = entry.controller
@@ -147,7 +147,7 @@ def _packet(
 
 
 def _ethernet(where: _Interface, stream: _Stream, data: bytes, *, is_request: bool) -> bytes:
-    """Return data in a frame of its TCP connection: both ends have what they sent acknowledged."""
+    """Return data in a frame of its TCP connection: each end has acknowledged what the other sent."""
     client, server = _of_one_kind(stream.client, where.server)
     source, target = (client, server) if is_request else (server, client)
     ports = (stream.port, MODBUS_PORT) if is_request else (MODBUS_PORT, stream.port)
@@ -170,7 +170,7 @@ def _ethernet(where: _Interface, stream: _Stream, data: bytes, *, is_request: bo
 
 
 def _upper_pdu(stream: _Stream, frame: bytes, *, is_request: bool) -> bytes:
-    """Return an RTU frame with the name of what dissects it; the port tells which way it went."""
+    """Return an RTU frame with the name of its dissector; the port shows the direction."""
     ports = (stream.port, MODBUS_PORT) if is_request else (MODBUS_PORT, stream.port)
     tags = (
         (_TAG_DISSECTOR, b"mbrtu"),
@@ -214,7 +214,7 @@ def _sum(data: bytes) -> int:
 
 
 def _address(host: str) -> Address:
-    """Return the address of a host; where it is told by name, as any or not at all, one of this machine."""
+    """Return the address of a host; that of this machine if it is a name, unspecified or missing."""
     try:
         address = ip_address(host.partition("%")[0])
     except ValueError:

@@ -1,4 +1,4 @@
-"""Recorded traffic as a person reads it."""
+"""Recorded traffic as text for people."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
@@ -34,7 +34,7 @@ PLAIN: Final[Mapping[type, str]] = {
 
 
 def pdu_name(pdu: bytes) -> str:
-    r"""Return what a PDU is called.
+    r"""Return the name of a PDU.
 
     >>> pdu_name(bytes.fromhex("0300640002")), pdu_name(bytes.fromhex("8302")), pdu_name(b"\x64")
     ('read holding registers', 'exception 2 (illegal data address)', 'function 100')
@@ -51,7 +51,7 @@ def pdu_name(pdu: bytes) -> str:
 
 
 def output_words(output: traffic.Output | None) -> str:
-    """Say what was sent, and where."""
+    """Say what was sent, and to whom."""
     if output is None:
         return "nothing"
     if isinstance(output, traffic.Abandoned):
@@ -73,14 +73,14 @@ def _words(member: Enum) -> str:
 
 
 class Reader:
-    """Turns entries into lines of text, with the positions that a configuration finds in them."""
+    """Turns entries into lines of text, with the positions that the configuration finds in them."""
 
     def __init__(self, plan: GatewayPlan) -> None:
         self._axes = {line.name: line.axes for line in plan.lines}
         self._start_ns: int | None = None
         self._now_ns = 0
         self._asked: dict[tuple[str, str], bytes] = {}
-        """Last request of a line, on either side, to read its reply by."""
+        """Last request of a line, on either side: needed to read its reply."""
         self._controllers: dict[tuple[str, int], str] = {}
 
     def line(self, entry: traffic.Input | traffic.Output) -> str:
@@ -93,7 +93,7 @@ class Reader:
         return f"{since_s:12.6f}  {entry.line:<8} {self.text(entry)}"
 
     def text(self, entry: traffic.Input | traffic.Output) -> str:
-        """Return what an entry is, without when and where."""
+        """Return what an entry is, without its time and line."""
         match entry:
             case traffic.Request():
                 self._controllers[entry.line, entry.port] = f"{entry.controller}#{entry.port}"
@@ -135,7 +135,7 @@ class Reader:
         return f"{ARROWS[kind]}{who}  unit {entry.unit}  {pdu_name(pdu)}  {pdu.hex(' ')}{positions}"
 
     def _positions(self, line: str, unit: int, pdu: bytes, asked: bytes, kind: str) -> Iterator[str]:
-        """Yield the positions that a frame holds whole."""
+        """Yield the positions that a frame holds completely."""
         parse = ACCESS.get(asked[0]) if asked else None
         access = None if parse is None else parse(asked)
         if access is None or not access.is_consistent or not pdu or pdu[0] & EXCEPTION_BIT:

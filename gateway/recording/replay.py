@@ -1,4 +1,4 @@
-"""A recording through a fresh exchange: the same inputs at the same times have to cause the same bytes."""
+"""A recording through a fresh exchange: the same inputs at the same times must cause the same bytes."""
 
 import contextlib
 import zlib
@@ -27,19 +27,19 @@ from gateway.times import NS_PER_MS
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 KEPT_DIFFERENCES: Final = 10
-"""The first ones tell; what follows a difference mostly follows from it."""
+"""The first ones matter: later differences mostly follow from them."""
 
 
 class ReplayError(Exception):
-    """A recording that this configuration cannot replay; the text says why and what to do."""
+    """A recording that this configuration cannot replay; the text has the reason and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """One output that is not as recorded.
+    """One output that differs from the recording.
 
-    ``entry`` is the line in the file of the input that caused it, ``file_line`` that of the recorded output
-    that differs: of the input where none was recorded.
+    ``entry`` is the line in the file of the input that caused it. ``file_line`` is that of the recorded
+    output, or of the input if no output was recorded.
     """
 
     entry: int
@@ -69,7 +69,7 @@ class Difference:
 
 @dataclass(slots=True)
 class ReplayResult:
-    """What came of a replay."""
+    """The result of a replay."""
 
     inputs: int = 0
     outputs: int = 0
@@ -78,7 +78,7 @@ class ReplayResult:
     first: list[Difference] = field(default_factory=list)
     is_truncated: bool = False
     before: int = 0
-    """Entries of a capture from before it is known what holds: they are not compared."""
+    """Entries of a capture before its first known state: they are not compared."""
 
     def as_data(self) -> JsonObject:
         """Return it as plain data."""
@@ -93,7 +93,7 @@ class ReplayResult:
 
 
 class _Port(ControllerPort):
-    """A controller's connection; its replies are outputs, but for what the gateway says of itself."""
+    """A controller's connection; its replies are outputs, except those of the gateway's own unit id."""
 
     def __init__(self, plan: ControllerPlan, peer: str, number: int, line: "_Line") -> None:
         super().__init__(plan, peer)
@@ -109,7 +109,7 @@ class _Port(ControllerPort):
 
 
 class _Mute(OwnUnit):
-    """What the gateway says of itself depends on more than one line has seen, and is not compared."""
+    """The gateway's own unit id: its replies depend on more than one line, and are not compared."""
 
     def answer(self, pdu: bytes, now_ns: int) -> bytes:
         """See ``OwnUnit``."""
@@ -117,7 +117,7 @@ class _Mute(OwnUnit):
 
 
 class _Line(DriveLink):
-    """One line's exchange; it is the link to the drives too, and what goes there is output."""
+    """One line's exchange; also its link to the drives, whose frames are outputs."""
 
     def __init__(self, plan: LinePlan, on_event: Callable[[str, Event], None], own_unit_id: int) -> None:
         is_connection = isinstance(plan.drives, TcpEndpoint)
@@ -152,7 +152,7 @@ class _Line(DriveLink):
         self.outputs.append(traffic.Abandoned(self.plan.name))
 
     def feed(self, entry: traffic.Input) -> None:
-        """Let it happen again."""
+        """Repeat an input."""
         exchange = self._exchange
         match entry:
             case traffic.Request():
@@ -187,9 +187,9 @@ class _Line(DriveLink):
                 self._command(entry)
 
     def begin(self, beginning: traffic.Beginning) -> None:
-        """Go on from what is known at one moment, as a gateway goes on after a restart.
+        """Continue from a known state, as a gateway does after a restart.
 
-        What the gateway asks at a start is answered by what its axes are known to be; nothing of it counts.
+        The reads that the gateway makes at a start get the known values of its axes; they are not compared.
 
         Raises:
             ReplayError: a record of an axis is of another release or another configuration.
@@ -202,10 +202,10 @@ class _Line(DriveLink):
             self._command(traffic.as_command(entry))
         for at in beginning.axes:
             if at.is_referenced and at.axis in {axis.plan.name for axis in self.axes}:
-                with contextlib.suppress(ControlError):  # a drive's homed bit tells it
+                with contextlib.suppress(ControlError):  # a homed bit of the drive reports it
                     self._exchange.command(SetReference(axis=at.axis), beginning.t)
         if beginning.is_up:
-            # The first read, of a homed bit, is as old as it was then: by that it is asked for again.
+            # The homed bit is as old as it was then: its age decides when it is read again.
             seen_ns = [at.reference_seen_ns for at in beginning.axes if at.reference_seen_ns]
             began_ns = min([beginning.t, *seen_ns])
             self._exchange.link_up(began_ns - int(self.plan.timing.connect_delay_ms * NS_PER_MS))
@@ -235,7 +235,7 @@ class _Line(DriveLink):
             tables = tuple(map(checked, entry.tables))
         except WrongTableError as error:
             raise ReplayError(f"a table in the recording: {error}; replay it with its own release") from None
-        # Refused now: as it was refused then, when it changed nothing either, or of another configuration.
+        # Refused now: it was refused then too and changed nothing, or the configuration is another one.
         with contextlib.suppress(ControlError):
             self._exchange.command(entry.command, entry.t, tables)
 
@@ -260,7 +260,7 @@ class _Line(DriveLink):
 
 
 class _Drives:
-    """Drives that say where they were, and that they were homed."""
+    """Drives that report their recorded positions, and that they were homed."""
 
     def __init__(self, axes: Sequence[Axis], axes_at: Mapping[str, traffic.AxisAt]) -> None:
         self._words: dict[tuple[int, int], int] = {}
@@ -296,7 +296,7 @@ class _Drives:
 
 
 def _recall(axis: Axis, at: traffic.AxisAt, boot: bytes) -> None:
-    """Let an axis go on from its record, as at a restart."""
+    """Let an axis continue from its record, as at a restart."""
     if not at.record:
         return
     try:
@@ -308,12 +308,12 @@ def _recall(axis: Axis, at: traffic.AxisAt, boot: bytes) -> None:
     slots = RecordSlots(memoryview(bytearray(content)), digest_of_axis(axis.plan), boot)
     saved = slots.read()
     if saved is not None and saved.scale_digest != digest_of_axis(axis.plan):
-        saved = None  # what a count means has changed in this configuration
+        saved = None  # the scale of counts has changed in this configuration
     axis.attach_record(Record(slots, saved))
 
 
 class Replay:
-    """Takes the entries of a recording one after the other; ask for :attr:`result` when all are fed.
+    """Takes the entries of a recording one after the other; read :attr:`result` when all are fed.
 
     ``only`` is the name of the one line that counts; ``on_event`` gets what the exchange reports.
     """
@@ -334,17 +334,17 @@ class Replay:
             line.name: _Line(line, report, own) for line in plan.lines if only in (None, line.name)
         }
         self._others = {line.name: _Line(line, _ignore, own) for line in _acting_on(plan, only)}
-        """Lines that do not count, with axes that act on one that does."""
+        """Other lines, with axes that act on an axis of a counted line."""
         lines = (*self._lines.values(), *self._others.values())
         join_terms(axis for line in lines for axis in line.axes)
         self._only = only
         self._is_capture = False
         self._begun: set[str] = set()
-        """Lines of a capture of which is known where they begin."""
+        """Lines of a capture whose beginning has come."""
         self._input: tuple[int, traffic.Input] | None = None
 
     def feed(self, number: int, entry: traffic.Entry) -> bool:
-        """Take one entry, which stands on line ``number``; whether it belongs to what is replayed.
+        """Take one entry, from line ``number`` of the file; return whether it belongs to the replay.
 
         Raises:
             ReplayError: the configuration has no such line or controller.
@@ -392,7 +392,7 @@ class Replay:
             line.begin(beginning)
 
     def _is_early(self, line: str) -> bool:
-        """Whether it is not known yet what holds: a capture begins anywhere."""
+        """Whether the state of the line is still unknown: a capture begins anywhere."""
         return self._is_capture and line not in self._begun
 
     def _line(self, name: str) -> _Line | None:
@@ -412,7 +412,7 @@ class Replay:
             self._differs(expected.line, expected, got, number)
 
     def _settle(self) -> None:
-        """What the last input caused beyond what was recorded is a difference too."""
+        """Outputs of the last input that were not recorded are differences too."""
         for name, line in self._lines.items():
             while line.outputs:
                 self._differs(name, None, line.outputs.popleft())

@@ -1,4 +1,4 @@
-"""Taps that keep what they hear: in a recording, or in the trace of a line's last minutes."""
+"""Taps that keep the traffic: in a recording, or in the trace buffer of a line."""
 
 from collections.abc import Callable, Sequence
 
@@ -27,28 +27,28 @@ from gateway.state.tables import compiled
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class RecordingTap(Tap):
-    """Makes one entry of each thing that it hears. Ports are numbered as they first ask for something."""
+    """Makes one entry of each event. Ports are numbered in the order of their first requests."""
 
     def __init__(self, line: str) -> None:
         self.line = line
         self._last_number = 0
         self._answered: list[tuple[int, bytes]] = []
-        """What controllers were answered of a reply that has not come in whole yet."""
+        """Replies to controllers that were sent before the drive's reply was complete."""
 
     def frame(self, kind: int, t_ns: int, ids: int, pdu: bytes) -> None:
-        """Keep what comes often, as ``recording.trace_buffer`` has it; outputs have no ``t_ns`` (0)."""
+        """Keep a frequent entry in the format of ``recording.trace_buffer``; outputs have no ``t_ns`` (0)."""
 
     def entry(self, entry: traffic.Entry) -> None:
-        """Keep what comes seldom."""
+        """Keep a rare entry."""
 
     def came(self, port: ControllerPort) -> None:
-        """Note who a port is, before its first request."""
+        """Record the controller of a port, before its first request."""
 
     def forget(self, number: int) -> None:
-        """Forget a port, which asks nothing any more."""
+        """Forget a port, which sends no more requests."""
 
     def begin(self, now_ns: int) -> None:
-        """Keep what holds, where that is wanted; called before each request."""
+        """Keep the present state, if the tap needs it; called before each request."""
 
     def request(
         self,
@@ -74,7 +74,7 @@ class RecordingTap(Tap):
         self.entry(traffic.Request(self.line, now_ns, *ids, pdu.hex(), peer, role, why_given_up))
 
     def gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool) -> None:
-        """See ``Tap``. A port that never asked for anything has not been here."""
+        """See ``Tap``. A port without a request has no entry."""
         if port.number:
             self.entry(traffic.Gone(self.line, now_ns, port.number, is_broken))
             self.forget(port.number)
@@ -115,7 +115,7 @@ class RecordingTap(Tap):
         self.frame(ANSWERED, 0, ids_of(port.number, transaction_id, unit_id), pdu)
 
     def answered_early(self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes) -> None:
-        """See ``Tap``. It is kept behind the reply of the drive, as if that had been whole."""
+        """See ``Tap``. It is kept after the reply of the drive, as if that had been complete."""
         self._answered.append((ids_of(port.number, transaction_id, unit_id), pdu))
 
     def timer(self, now_ns: int) -> None:
@@ -131,7 +131,7 @@ class RecordingTap(Tap):
         self.entry(traffic.Stop(self.line, now_ns))
 
     def command(self, command: Command, tables: Sequence[CorrectionTable], now_ns: int) -> None:
-        """See ``Tap``. Of tables all points are kept, or nobody could replay it."""
+        """See ``Tap``. All points of tables are kept: a replay needs them."""
         self.entry(traffic.Commanded(self.line, now_ns, command, tuple(map(compiled, tables))))
 
 
@@ -161,10 +161,10 @@ class FileTap(RecordingTap):
 
 
 class TraceTap(RecordingTap):
-    """Onto the tape of a line: bytes over the oldest ones.
+    """Into the trace buffer of a line: the newest bytes replace the oldest.
 
-    Each segment of the tape tells by itself who asks, and once what holds (``beginning``; None: something is
-    on the wire, waits or is due): a replay may begin in any of them.
+    Each segment of the trace buffer names the controllers of its requests, and once the state (``beginning``;
+    None: a request is on the wire, waits or is due). So a replay may begin in any segment.
     """
 
     def __init__(
@@ -179,7 +179,7 @@ class TraceTap(RecordingTap):
         self._t_ns = 0
 
     def frame(self, kind: int, t_ns: int, ids: int, pdu: bytes) -> None:
-        """See ``RecordingTap``. An output has the time of the input that caused it."""
+        """See ``RecordingTap``. An output has the time of its input."""
         trace_buffer = self._trace_buffer
         if t_ns:
             self._t_ns = t_ns
@@ -190,7 +190,7 @@ class TraceTap(RecordingTap):
 
     def entry(self, entry: traffic.Entry) -> None:
         """See ``RecordingTap``."""
-        self._t_ns = getattr(entry, "t", self._t_ns)  # outputs, and who a port is, have no time of their own
+        self._t_ns = getattr(entry, "t", self._t_ns)  # outputs and Port entries have no time of their own
         self._trace_buffer.put(TEXT, self._t_ns, 0, traffic.encode(entry))
 
     def came(self, port: ControllerPort) -> None:

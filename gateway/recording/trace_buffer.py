@@ -1,10 +1,10 @@
-"""The last minutes of a line, in memory that others may look into: what ``pitch-gateway capture`` reads.
+"""The last minutes of a line, in memory that other processes can read: for ``pitch-gateway capture``.
 
-A fixed piece of memory without a name (a memfd), in ``SEGMENTS`` parts that are written over in turn, oldest
-first. An entry costs its bytes and nothing else: no objects stay. Entries are gathered, and go there many at
-a time (:meth:`TraceBuffer.show`). Whoever looks maps the same memory, reads only, and costs the writer
-nothing, however often he looks. What is being written over while he reads it he finds out by the number of
-its segment, and leaves it out.
+A fixed piece of memory without a name (a memfd) has ``SEGMENTS`` parts, of which the oldest is always
+overwritten. An entry costs its bytes and nothing else: no objects stay. Entries are gathered and written many
+at a time (:meth:`TraceBuffer.show`). A reader maps the same memory, only reads, and costs the writer nothing,
+however often it reads. If a segment is overwritten while it is read, its number changes, and the reader
+leaves it out.
 """
 
 import fcntl
@@ -18,13 +18,13 @@ from librt.strings import BytesWriter, write_i32_le, write_i64_le
 
 MAGIC: Final = b"pgtape2\n"
 BEFORE: Final = b"pgtape1\n"
-"""Of 1.0.0, whose entries of commands are others; they are read all the same (``recording.traffic``)."""
+"""Of 1.0.0, whose command entries differ; they are still read (``recording.traffic``)."""
 PAGE: Final = 4096
 SEGMENTS: Final = 8
 _WHOLE: Final = Struct("<8sQqq")
 """Magic, bytes of a segment, and one moment on both clocks: ns since boot, ns since 1970."""
 _SEGMENT: Final = Struct("<QQ")
-"""Number of the segment, from 1; 0: nothing is in it, or it is being begun. Bytes in it."""
+"""Number of the segment, from 1; 0: it is empty, or is being begun. Bytes in it."""
 _FILL: Final = Struct("<Q")
 _FILL_OFFSET: Final = 8
 _ENTRY: Final = Struct("<IBQq")
@@ -38,15 +38,15 @@ ANSWERED: Final = 4
 ABANDONED: Final = 5
 TICK: Final = 6
 TEXT: Final = 7
-"""An entry as a recording has it (``recording.traffic``)."""
+"""An entry in the format of a recording (``recording.traffic``)."""
 _KINDS: Final = frozenset((REQUEST, REPLY, SENT, ANSWERED, ABANDONED, TICK, TEXT))
 
 MOST_GATHERED: Final = 1 << 14
-"""Bytes that are gathered at most before they are shown."""
+"""Most bytes that are gathered before they are shown."""
 
 
 class Raw(NamedTuple):
-    """An entry as it stands on the tape."""
+    """An entry in the format of the trace buffer."""
 
     kind: int
     t: int
@@ -55,7 +55,7 @@ class Raw(NamedTuple):
 
 
 def ids_of(port: int, transaction: int, unit: int) -> int:
-    """Return in one number who asks whom: the number of the port, transaction id and unit id.
+    """Return the port number, transaction id and unit id of a request in one number.
 
     >>> hex(ids_of(3, 0x0102, 0xFA))
     '0x30102fa'
@@ -64,11 +64,11 @@ def ids_of(port: int, transaction: int, unit: int) -> int:
 
 
 class NoTraceBufferError(Exception):
-    """Memory that is no tape of this release."""
+    """Memory that is no trace buffer of this release."""
 
 
 class TraceBuffer:
-    """The writer's end. ``size`` in bytes is all that it ever takes."""
+    """The writer's end. It never takes more than ``size`` bytes."""
 
     def __init__(self, name: str, size: int, now_ns: int, wall_ns: int) -> None:
         self._segment_size = max(size // SEGMENTS // PAGE, 1) * PAGE
@@ -79,26 +79,26 @@ class TraceBuffer:
             fcntl.fcntl(writing, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW)
             self._map = mmap.mmap(writing, whole)
             self.descriptor = os.open(f"/proc/self/fd/{writing}", os.O_RDONLY | os.O_CLOEXEC)
-            """For whoever wants to look."""
+            """For readers."""
         finally:
             os.close(writing)
         _WHOLE.pack_into(self._map, 0, MAGIC, self._segment_size, now_ns, wall_ns)
         self.number = 0
-        """Of the segment that is written, from 1 on."""
+        """Number of the current segment, from 1 on."""
         self._gathered = BytesWriter()
-        """Entries that nobody sees yet; they belong before ``_at``."""
+        """Entries that are not shown yet; they belong before ``_at``."""
         self._begin = self._at = self._end = 0
         self._begin_segment()
 
     def put(self, kind: int, t_ns: int, ids: int, data: bytes) -> None:
-        """Take an entry, which is seen with the next :meth:`show`; one too long for a segment is left out."""
+        """Take an entry; the next :meth:`show` shows it. An entry too long for a segment is left out."""
         size = HEAD + len(data)
         if self._at + size > self._end:
             if size > self._segment_size - _SEGMENT.size:
                 return
             self._begin_segment()
         gathered = self._gathered
-        write_i32_le(gathered, size)  # an entry as ``_ENTRY`` has it
+        write_i32_le(gathered, size)  # an entry in the format of ``_ENTRY``
         gathered.append(kind)
         write_i64_le(gathered, ids)
         write_i64_le(gathered, t_ns)
@@ -108,7 +108,7 @@ class TraceBuffer:
             self.show()
 
     def show(self) -> None:
-        """Let whoever looks see all that was put."""
+        """Show all entries to readers."""
         gathered = self._gathered
         if not len(gathered):
             return
@@ -117,13 +117,13 @@ class TraceBuffer:
         _FILL.pack_into(self._map, self._begin + _FILL_OFFSET, self._at - self._begin - _SEGMENT.size)
 
     def close(self) -> None:
-        """Let go of it; whoever looks still sees what is there."""
+        """Release it; readers still see its content."""
         self.show()
         self._map.close()
         os.close(self.descriptor)
 
     def _begin_segment(self) -> None:
-        """Begin the next segment, where the oldest one is."""
+        """Begin the next segment, in place of the oldest."""
         self.show()
         self._begin = PAGE + self.number % SEGMENTS * self._segment_size
         _SEGMENT.pack_into(self._map, self._begin, 0, 0)
@@ -134,13 +134,13 @@ class TraceBuffer:
 
 
 class RingReader:
-    """The reader's end, over a descriptor that stays the caller's."""
+    """The reader's end, over a descriptor that the caller owns."""
 
     def __init__(self, descriptor: int) -> None:
-        """Map a tape.
+        """Map a trace buffer.
 
         Raises:
-            NoTapeError: it is none, or of another release.
+            NoTraceBufferError: it is none, or of another release.
         """
         size = os.fstat(descriptor).st_size
         if size < PAGE + SEGMENTS * PAGE:
@@ -156,11 +156,11 @@ class RingReader:
         """The segment that was read last, and how far."""
 
     def wall_ns(self, t_ns: int) -> int:
-        """Return the time of day of an entry, in ns since 1970: as the clock stood when the tape began."""
+        """Return the time of day of an entry, in ns since 1970, by the clock when the trace buffer began."""
         return int(self._wall_ns + t_ns - self._ns)
 
     def new(self) -> tuple[list[Raw], bool]:
-        """Return what has come since it was asked last, and whether something before that is lost."""
+        """Return the entries since the last call, and whether earlier ones are lost."""
         found: list[Raw] = []
         segments = sorted(self._segments())
         is_lost = bool(self._number) and all(number > self._number for number, _ in segments)
@@ -177,7 +177,7 @@ class RingReader:
         return found, is_lost
 
     def newest(self, count: int) -> list[Raw]:
-        """Return the newest entries, ``count`` of them and the texts before them, of two segments at most."""
+        """Return the newest ``count`` entries and the texts before them, of two segments at most."""
         found: list[Raw] = []
         for number, begin in sorted(self._segments())[-2:]:
             found += _entries(self._copy(number, begin) or b"")
@@ -185,7 +185,7 @@ class RingReader:
         return texts + found[-count:]
 
     def close(self) -> None:
-        """Let go of the memory."""
+        """Release the memory."""
         self._map.close()
 
     def _segments(self) -> Iterator[tuple[int, int]]:
@@ -196,7 +196,7 @@ class RingReader:
                 yield number, begin
 
     def _copy(self, number: int, begin: int) -> bytes | None:
-        """Return what is in a segment; None where it was written over meanwhile."""
+        """Return the content of a segment; None if it was overwritten meanwhile."""
         _, fill = _SEGMENT.unpack_from(self._map, begin)
         start = begin + _SEGMENT.size
         data = self._map[start : start + min(fill, self._segment_size - _SEGMENT.size)]

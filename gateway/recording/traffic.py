@@ -1,7 +1,7 @@
-"""What a recording holds: everything that crosses the border of a line's exchange, in order; JSON lines.
+"""The content of a recording: everything that crosses the border of a line's exchange, in order; JSON lines.
 
-A header comes first, an end last; a file without an end was cut off. In between stand inputs, each with its
-monotonic time in nanoseconds, and behind each input the outputs that it caused. Bytes are hexadecimal.
+It has a header at the beginning and an end entry; without an end entry it was truncated. Between them are the
+inputs, each with its monotonic time in nanoseconds, and after each input its outputs. Bytes are hexadecimal.
 """
 
 from typing import Annotated, Final
@@ -25,9 +25,9 @@ from gateway.exchange.commands import (
 
 FORMAT: Final = 2
 CAPTURED: Final = 3
-"""Format of a capture: it begins anywhere, and is replayed from the first beginning of each line on."""
+"""Format of a capture: it begins anywhere, and its replay starts at the first beginning of each line."""
 WITHOUT_PEERS: Final = 1
-"""Format of recordings that do not tell hosts apart: they were made before an axis had one writer."""
+"""Format of recordings without hosts: they were made before an axis had one writer."""
 
 
 Hex = Annotated[str, msgspec.Meta(pattern="^([0-9a-fA-F]{2})*$")]
@@ -38,7 +38,7 @@ class WrongEntryError(Exception):
 
 
 class _Entry(msgspec.Struct, frozen=True, tag_field="kind"):
-    """What all entries have."""
+    """The base of all entries."""
 
 
 class Header(_Entry, frozen=True, tag="header"):
@@ -53,11 +53,11 @@ class Header(_Entry, frozen=True, tag="header"):
     tables: dict[str, str] = {}
     """Table files of the tables folder by name, each byte a character (ISO 8859-1)."""
     files: dict[str, str] = {}
-    """Further files that the configuration names, by the name that it gives them."""
+    """Further files that the configuration names, by these names."""
 
 
 class _Input(_Entry, frozen=True):
-    """Something that happened to a line at ``t`` ns."""
+    """An event of a line at ``t`` ns."""
 
     line: str
     t: int
@@ -74,9 +74,9 @@ class Request(_Input, frozen=True, tag="request", omit_defaults=True):
     peer: str = ""
     """Host of the controller; empty on a serial port."""
     role: str = ""
-    """In the certificate of the controller; empty without TLS."""
+    """Role in the certificate of the controller; empty without TLS."""
     given_up: str = ""
-    """Why its controller waits for it no more; empty while it does."""
+    """Why its controller has given up on it; empty if it has not."""
 
 
 class Gone(_Input, frozen=True, tag="gone", omit_defaults=True):
@@ -95,15 +95,15 @@ class Reply(_Input, frozen=True, tag="reply"):
 
 
 class Stray(_Input, frozen=True, tag="stray"):
-    """Bytes from the drives that answer nothing."""
+    """Bytes from the drives that belong to no request."""
 
     is_frame: bool
     unit: int = -1
-    """Of the whole frame that they are; recordings of older releases do not say it."""
+    """Unit id, if they are a whole frame; recordings of older releases do not have it."""
 
 
 class RestFirst(_Input, frozen=True, tag="rest-first"):
-    """The gateway before left something unanswered: the line falls silent when it comes up."""
+    """The gateway before left a request unanswered: the line begins with a silence."""
 
 
 class Up(_Input, frozen=True, tag="up"):
@@ -119,7 +119,7 @@ class Down(_Input, frozen=True, tag="down", omit_defaults=True):
 
 
 class Unframed(_Input, frozen=True, tag="unframed"):
-    """Bytes came of the drives, of which no frame was made yet."""
+    """Bytes came from the drives that made no frame yet."""
 
 
 class Tick(_Input, frozen=True, tag="tick"):
@@ -131,7 +131,7 @@ class Stop(_Input, frozen=True, tag="stop"):
 
 
 class Commanded(_Input, frozen=True, tag="command", omit_defaults=True):
-    """A command that reached the line, with the tables that it handed over in their compiled form."""
+    """A command that reached the line, with its tables in their compiled form."""
 
     command: Command
     tables: tuple[bytes, ...] = ()
@@ -141,14 +141,14 @@ class Commanded(_Input, frozen=True, tag="command", omit_defaults=True):
 
 
 class _OldControl(_Input, frozen=True, tag="control"):
-    """A person's command: ``enable``, ``disable``, ``end-dry-run``, ``reference`` or ``clear-table``."""
+    """A user's command: ``enable``, ``disable``, ``end-dry-run``, ``reference`` or ``clear-table``."""
 
     command: str
     axis: str
 
 
 class _OldTable(msgspec.Struct, frozen=True):
-    """A table as it was handed over; ``data`` is its compiled form."""
+    """A table of a command; ``data`` is its compiled form."""
 
     axis: str
     file: str
@@ -158,7 +158,7 @@ class _OldTable(msgspec.Struct, frozen=True):
 
 
 class _OldTables(_Input, frozen=True, tag="tables"):
-    """Tables that were handed over together."""
+    """Tables of one command."""
 
     tables: tuple[_OldTable, ...]
 
@@ -193,7 +193,7 @@ _Old = _OldControl | _OldTables | _OldGain | _OldLimits | _OldTemperature
 
 
 def as_command(entry: "Commanded | _Old") -> Commanded:
-    """Return an entry as it is recorded now: one command for one axis. Raises WrongEntryError."""
+    """Return an entry in the present format: one command for one axis. Raises WrongEntryError."""
     match entry:
         case Commanded(command=SetTable(tables=tables)):
             if len(tables) != len(entry.tables):
@@ -239,36 +239,36 @@ _OLD_NAMES: Final = {
 
 
 class AxisAt(msgspec.Struct, frozen=True):
-    """What has to be known of an axis to go on with it, as after a restart."""
+    """The state of an axis that a replay needs to continue, as after a restart."""
 
     axis: str
     record: bytes = b""
-    """Its record as ``exchange.axis.record_layout`` has it, compressed (zlib); empty: none is kept."""
+    """Its record as in ``exchange.axis.record_layout``, compressed (zlib); empty: it has none."""
     actual: float | None = None
-    """Counts that its drive said last."""
+    """Counts that its drive last reported."""
     is_referenced: bool = False
     reference_seen_ns: int = 0
-    """When the bit that tells so was seen last; 0: never."""
+    """When the reference bit was last read; 0: never."""
 
 
 class Beginning(_Input, frozen=True, tag="beginning"):
-    """The line was idle, and this is what holds: a replay may begin here. The rest is as after a restart."""
+    """The line was idle, and this is its state: a replay may begin here. The rest is as after a restart."""
 
     axes: tuple[AxisAt, ...]
     is_up: bool
     boot: bytes = b""
-    """Which boot of the machine its times are of, as the records have it."""
+    """The boot id of its times, as in the records."""
     controls: tuple["Commanded | _Old", ...] = ()
-    """What somebody outside has changed since the start, as far as it is still in force."""
+    """Commands since the start that are still in force."""
     up_ns: int = 0
-    """When the link to the drives came up last."""
+    """When the link to the drives last came up."""
     closes_soon: bool = False
-    """Its server may close it behind an answer, or did so the last time (``exchange.link_state``)."""
+    """The drives' server may close it after a reply, or did so the last time (``exchange.link_state``)."""
     has_closed_soon: bool = False
 
 
 class Port(_Entry, frozen=True, tag="port", omit_defaults=True):
-    """Who a connection is."""
+    """The controller of a connection."""
 
     line: str
     port: int
@@ -278,7 +278,7 @@ class Port(_Entry, frozen=True, tag="port", omit_defaults=True):
 
 
 class Sent(_Entry, frozen=True, tag="sent"):
-    """What went to the drives."""
+    """A frame sent to the drives."""
 
     line: str
     unit: int
@@ -292,7 +292,7 @@ class Abandoned(_Entry, frozen=True, tag="abandoned"):
 
 
 class Answered(_Entry, frozen=True, tag="answered"):
-    """What went to a controller."""
+    """A frame sent to a controller."""
 
     line: str
     port: int
@@ -315,7 +315,7 @@ Entry = Header | Input | Output | Port | End
 
 
 def kind_of(struct: Entry | Command) -> str:
-    """Return by what name an entry or a command is recorded.
+    """Return the name under which an entry or a command is recorded.
 
     >>> kind_of(RestFirst("xyz", 7)), kind_of(Enable())
     ('rest-first', 'enable')

@@ -1,7 +1,7 @@
-"""A recording on its way to a file: an append on the hot path, everything else in a thread of its own.
+"""A recording on its way to a file: an append on the hot path, everything else in its own thread.
 
-What cannot be kept ends the recording, loudly, and never the gateway: a full disk, or a disk so slow that the
-buffer runs over. A recording with a hole in it could not be replayed, so nothing is ever left out.
+A full disk, or a disk so slow that the buffer overflows, ends the recording with an event, and never the
+gateway. A recording with a gap could not be replayed, so no entry is ever left out.
 """
 
 import asyncio
@@ -20,12 +20,12 @@ CAPACITY: Final = 50_000
 """Entries that wait for the disk: about ten seconds of the fastest line that we have seen."""
 WRITE_EVERY_S: Final = 0.2
 STOP_S: Final = 5.0
-"""So long a stop waits for the disk."""
+"""Time that a stop waits for the disk."""
 DEFAULT_MAX_BYTES: Final = 1_000_000_000
 
 
 class Recorder:
-    """Writes one file; ``on_lost`` is told in one sentence when it ends before it was stopped."""
+    """Writes one file; ``on_lost`` gets a sentence when it ends before it was stopped."""
 
     def __init__(
         self, path: Path, header: Header, max_bytes: int = DEFAULT_MAX_BYTES, capacity: int = CAPACITY
@@ -33,7 +33,7 @@ class Recorder:
         self.path = path
         self.on_lost: Callable[[str], None] = _ignore
         self.entries = 0
-        """Written so far, the header not counted."""
+        """Written so far, without the header."""
         self._header = header
         self._max_bytes = max_bytes
         self._capacity = capacity
@@ -51,10 +51,10 @@ class Recorder:
         return self._is_on
 
     def open(self) -> None:
-        """Make the file, so that nothing has to start where that cannot be.
+        """Create the file: if that fails, nothing else needs to start.
 
         Raises:
-            OSError: the file exists, or cannot be made or written.
+            OSError: the file exists, or cannot be created or written.
         """
         # The configuration in it may hold passwords.
         self._file_fd = create(self.path)
@@ -67,7 +67,7 @@ class Recorder:
             raise
 
     def start(self) -> None:
-        """Begin; makes the file where that has not been done.
+        """Begin; create the file if that has not been done.
 
         Raises:
             OSError: as :meth:`open`.
@@ -100,11 +100,11 @@ class Recorder:
         except TimeoutError:
             self._lose(f"the disk did not answer within {STOP_S:g} s")
         self._is_on = False
-        self._thread.submit(os.close, self._file_fd)  # behind whatever still hangs
+        self._thread.submit(os.close, self._file_fd)  # after any write that still hangs
         self._thread.shutdown(wait=False)
 
     async def discard(self) -> None:
-        """Stop, and remove the file: nothing came of what it was to record."""
+        """Stop, and remove the file: what it should record did not happen."""
         if self._task is not None:
             self._is_on = False
             await self.stop()
@@ -113,7 +113,7 @@ class Recorder:
     async def _run(self) -> None:
         while self._is_on:
             await asyncio.sleep(WRITE_EVERY_S)
-            # Shielded: a batch that is being written is not written again by stop().
+            # Shielded: stop() must not write a batch again that is being written.
             await asyncio.shield(self._write_waiting())
 
     async def _write_waiting(self) -> None:
@@ -137,13 +137,13 @@ class Recorder:
         self.entries += len(batch)
 
     def _append(self, data: bytes) -> None:
-        if self._failure is not None:  # nothing may follow a hole
+        if self._failure is not None:  # nothing may follow a gap
             raise self._failure
         try:
             self._write_all(data)
         except OSError as error:
             self._failure = error
-            os.ftruncate(self._file_fd, self._bytes)  # half an entry is no use to anybody
+            os.ftruncate(self._file_fd, self._bytes)  # an incomplete entry is useless
             raise
         self._bytes += len(data)
 
