@@ -1,4 +1,4 @@
-"""The state folder: its files, how a power cut spoils none of them, and what can be wrong with it."""
+"""The state folder: its files, how they survive a power cut, and its possible problems."""
 
 import contextlib
 import errno
@@ -16,13 +16,13 @@ from gateway.files import FileRefusedError, kind_of, read_regular_file
 DEFAULT_STATE: Final = "state"
 """Folder of the state, relative to the configuration file."""
 LARGEST_CONFIGURATION: Final = 4_000_000
-"""Bytes. A configuration has a few thousand; whatever is larger is another file."""
+"""Bytes. A configuration has a few thousand; a larger file is something else."""
 LARGEST_STATE: Final = 200_000_000
 """Bytes: of a compiled file."""
 PLAN_NAME: Final = "plan.msgpack"
 ANOTHER: Final = "choose another folder with [gateway] state"
 LEAST_FREE_BYTES: Final = 64 * 1024
-"""With less on its disk a folder is full: a compiled plan has some ten kilobytes."""
+"""With less free space on its disk a folder is full: a compiled plan has about ten kilobytes."""
 _REMEDIES: Final = {
     errno.ENOSPC: "free space on its disk",
     errno.EDQUOT: "free space: this user may have no more on its disk",
@@ -33,7 +33,7 @@ _REMEDIES: Final = {
     errno.EACCES: "give this user write permission to the folder",
     errno.EPERM: "give this user write permission to the folder",
 }
-"""By what the system says (errno(3)); for everything else only another folder helps."""
+"""By error number (errno(3)); for all other errors only another folder helps."""
 
 
 class StateError(Exception):
@@ -41,7 +41,7 @@ class StateError(Exception):
 
 
 def state_folder(config: Path) -> Path:
-    """Return the state folder of a configuration, with nothing else of it looked at.
+    """Return the state folder of a configuration, without reading anything else of it.
 
     Raises:
         StateError: the configuration cannot be read, or is not TOML.
@@ -63,7 +63,7 @@ def state_folder(config: Path) -> Path:
 
 
 def state_folder_anyway(config: Path, document: Mapping[str, Any]) -> Path:
-    """Return the state folder of a configuration; the default where it names none that can be one."""
+    """Return the state folder of a configuration; the default if it names none that is possible."""
     named = _named(document)
     return config.parent / (named if _is_a_name(named) else DEFAULT_STATE)
 
@@ -78,7 +78,7 @@ def _is_a_name(named: object) -> TypeGuard[str]:
 
 
 def read_state(path: Path) -> bytes:
-    """Return a file that was compiled, or that something was compiled from.
+    """Return the content of a compiled file, or of one of its sources.
 
     Raises:
         FileRefusedError: missing, no permission, no regular file, or too large.
@@ -87,7 +87,7 @@ def read_state(path: Path) -> bytes:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder of the state where there is none; only this user may look into it.
+    """Make a folder of the state if there is none; only this user may read it.
 
     Raises:
         OSError: it cannot be made.
@@ -96,18 +96,18 @@ def make_folder(folder: Path) -> None:
 
 
 def write_if_new(path: Path, content: bytes) -> None:
-    """Write a file as :func:`write_whole` does, where it does not hold the same already."""
+    """Write a file as :func:`write_whole` does, unless it has this content already."""
     if not path.is_file() or path.read_bytes() != content:
         write_whole(path, content)
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file so that its name stands for the old content or for the new, whatever happens.
+    """Write a file so that its name has the old content or the new, whatever happens.
 
     Raises:
         OSError: it cannot be written; the old content is still there.
     """
-    import tempfile  # half a MB that a relay, which only reads, has no use for
+    import tempfile  # half a MB that a relay, which only reads, does not need
 
     descriptor, made = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     try:
@@ -129,7 +129,7 @@ def write_whole(path: Path, content: bytes) -> None:
 
 @dataclass(frozen=True, slots=True)
 class FolderProblem:
-    """What was found about a folder, and what to do."""
+    """The problem of a folder, and the remedy."""
 
     found: str
     remedy: str
@@ -139,7 +139,7 @@ class FolderProblem:
 
 
 def problem_of(error: OSError, folder: Path) -> FolderProblem:
-    """Return what an error of the system means for a state folder.
+    """Return what a system error means for a state folder.
 
     >>> str(problem_of(OSError(errno.ENOSPC, "No space left on device"), Path("/run/x")))
     '/run/x: No space left on device; free space on its disk, or choose another folder with [gateway] state'
@@ -151,9 +151,9 @@ def problem_of(error: OSError, folder: Path) -> FolderProblem:
 
 
 def why_no_folder(folder: Path) -> FolderProblem | None:
-    """Return why a folder cannot be had where it should be, None where it is or can be made.
+    """Return why a folder cannot exist at its path, None if it exists or can be made.
 
-    Permissions are not looked at: whoever asks may be another user than the one that will use it.
+    Permissions are not checked: the folder may be used by another user than this one.
     """
     for path in (folder, *folder.parents):
         try:
@@ -179,7 +179,7 @@ def why_no_folder(folder: Path) -> FolderProblem | None:
 
 
 def identity_of(folder: Path) -> tuple[int, int] | None:
-    """Return what tells a folder from another one of its name; None where there is none."""
+    """Return what distinguishes a folder from another one of its name; None if there is none."""
     try:
         status = folder.stat()
     except OSError:
@@ -188,9 +188,9 @@ def identity_of(folder: Path) -> tuple[int, int] | None:
 
 
 def why_not_usable(folder: Path, identity: tuple[int, int] | None = None) -> FolderProblem | None:
-    """Return why nothing can be kept any more in a folder that is in use, None where it can. Writes nothing.
+    """Return why a folder in use can keep nothing any more, None if it can. Writes nothing.
 
-    ``identity``: its identity when it was taken into use.
+    ``identity``: its identity when its use began.
     """
     try:
         status = folder.stat()
@@ -216,9 +216,9 @@ def why_not_usable(folder: Path, identity: tuple[int, int] | None = None) -> Fol
 
 
 def why_open_to_others(folder: Path, owners: frozenset[int] | None) -> FolderProblem | None:
-    """Return why somebody else could put files into a folder or take them away, None where nobody could.
+    """Return why another user could add or remove files of a folder, None if none could.
 
-    ``owners`` are the users that it may belong to; None: anybody. A folder that is not there is no problem.
+    ``owners`` are its permitted owners; None: any. A missing folder is no problem.
     """
     try:
         status = folder.stat()

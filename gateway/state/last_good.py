@@ -1,7 +1,7 @@
-"""The plan that was compiled last: a table whose file is bad now was good then.
+"""The last compiled plan: a table whose file is bad now was good then.
 
-Until version 6 a plan was a tree in which each object carried the name of its class, and an enumeration that
-of its member.
+Until version 6 a plan was a tree in which each object had the name of its class, and an enumeration that of
+its member.
 """
 
 import contextlib
@@ -31,9 +31,9 @@ _IN_ORDER: Final = frozenset({"Deed", "RegisterSpan"})
 
 
 def last_plan(state: Path) -> CompiledPlan | None:
-    """Return the plan that was compiled last, whatever has changed since; None where none can be read.
+    """Return the last compiled plan, whatever has changed since; None if none can be read.
 
-    One of an older release is taken over.
+    A plan of an older release is converted.
     """
     with contextlib.suppress(StateError, msgspec.MsgspecError, LookupError, TypeError, ValueError):
         writer, body = read_file(state, "")
@@ -45,7 +45,7 @@ def last_plan(state: Path) -> CompiledPlan | None:
 
 
 def _upgraded(version: int, file: dict[str, Any]) -> CompiledPlan:
-    """Return what the file of an older version holds; what a plan did not have then is as by default."""
+    """Return the content of an older file; missing settings get their defaults."""
     content = file["plan"] + file["configuration"].encode()
     if version <= UNSEALED and hashlib.sha256(content).hexdigest() != file["sha256"]:
         raise ValueError("its digest is another")

@@ -11,12 +11,12 @@ from gateway.state.tables import FOLDER_NAME
 
 
 def take_lock(path: Path) -> int:
-    """Take a lock, which the system lets go of whatever way the process ends; returns its descriptor.
+    """Take a lock, which the system releases however the process ends; return its descriptor.
 
-    The file stays when the lock is let go of: whoever removed it could take away that of the next one.
+    The file stays after the release: removing it could remove the lock of the next process.
 
     Raises:
-        BlockingIOError: somebody has it.
+        BlockingIOError: another process has it.
         OSError: the file cannot be made.
     """
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
@@ -30,7 +30,7 @@ def take_lock(path: Path) -> int:
 
 @contextlib.contextmanager
 def alone_in(state: Path) -> Iterator[None]:
-    """Wait until nobody else writes here: two at once would remove each other's tables."""
+    """Wait until no other process writes here: two at once would remove each other's tables."""
     make_folder(state)
     make_folder(state / FOLDER_NAME)
     descriptor = os.open(state / FOLDER_NAME, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)

@@ -1,12 +1,12 @@
 """The plan: the whole checked configuration in plain objects, and the file from which the relay starts.
 
-``plan.msgpack`` holds the plan without its tables, each of which is a file of its own (``state.tables``), and
-a digest. A plan of another release, a damaged one, or one whose configuration has changed since is never run;
-what may still be good of it is found by ``state.last_good``.
+``plan.msgpack`` holds the plan and a digest. Each table is in its own file (``state.tables``). A plan of
+another release, a damaged one, or one whose configuration has changed since is never run; ``state.last_good``
+finds what may still be valid in it.
 
-The version in the file stands for everything in the folder: the plan, the tables and the records of the axes.
-Whoever changes the layout of one of them raises it. What an older release wrote is taken over, what a newer
-one wrote is never touched (docs/upgrade.md).
+The version in the file applies to the whole folder: the plan, the tables and the records of the axes. A
+change in the layout of one of them must raise it. Files of an older release are converted, those of a newer
+one are never changed (docs/upgrade.md).
 """
 
 import contextlib
@@ -42,13 +42,13 @@ from gateway.transport.limits import DEFAULT_LIMITS, ConnectionLimits
 FORMAT: Final = "pitch-gateway plan"
 VERSION: Final = 7
 UNSEALED: Final = 4
-"""The last version without a digest of the whole file behind it."""
+"""The last version without a digest of the whole file at its end."""
 SEAL_BYTES: Final = 32
 
 
 @dataclass(frozen=True, slots=True)
 class RoleRights:
-    """What a role of a certificate gives."""
+    """The rights of a certificate's role."""
 
     role: Role
     rights: Rights = UNLIMITED
@@ -56,7 +56,7 @@ class RoleRights:
 
 @dataclass(frozen=True, slots=True)
 class TlsPlan:
-    """Modbus/TCP Security on a listener: its files, and what each role may do; the others may not come in."""
+    """Modbus/TCP Security on a listener: its files, and the rights of each role; others are not admitted."""
 
     files: TlsFiles
     roles: Mapping[str, RoleRights]
@@ -66,7 +66,7 @@ class TlsPlan:
 class ControllerLink:
     """A controller and where it connects. ``allow``: networks; empty: any address that reaches the listener.
 
-    With ``tls`` what each connection may do comes with its certificate; ``plan`` has the most of it.
+    With ``tls`` the rights of each connection come from its certificate; ``plan`` has the highest of them.
     """
 
     plan: ControllerPlan
@@ -76,7 +76,7 @@ class ControllerLink:
     tls: TlsPlan | None = None
 
     def plan_of(self, certified: str) -> ControllerPlan | None:
-        """Return the plan of connections whose certificate has a role; None where it is not one of ours.
+        """Return the plan for connections whose certificate has a role; None if the role is unknown.
 
         "" is a connection without TLS.
         """
@@ -100,18 +100,18 @@ class LinePlan:
     groups: tuple[tuple[str, ...], ...] = ()
     """Names of axes that are corrected together or not at all."""
     other_units: OtherUnits = NO_OTHER_UNITS
-    """Of a Modbus/TCP line: what is known of unit ids that have no axis."""
+    """For a Modbus/TCP line: what is known of unit ids without an axis."""
     answers_as: int | None = None
-    """The unit id in the replies of its one Modbus/TCP drive, where that is not the one that was asked."""
+    """The unit id in the replies of its single Modbus/TCP drive, if it differs from the requested one."""
     cut_through: bool = False
-    """Frames may leave while they still arrive, where both sides are serial ports."""
+    """Frames may be forwarded while they still arrive, if both sides are serial ports."""
     tape_bytes: int = 0
-    """How much of its last minutes is kept (``recording.trace_buffer``); 0: nothing."""
+    """Size of its trace buffer (``recording.trace_buffer``); 0: none."""
 
 
 @dataclass(frozen=True, slots=True)
 class RelayOptions:
-    """How the process of the relay is to be scheduled."""
+    """How the process of the relay is scheduled."""
 
     fifo: int = 0
     """Priority of SCHED_FIFO, 1 to 99; 0: as the process was started."""
@@ -128,11 +128,11 @@ class GatewayPlan:
     lines: tuple[LinePlan, ...]
     relay: RelayOptions = RelayOptions()
     status_unit: int = 0
-    """Unit id at which the gateway itself answers (``relay.status_unit``); 0: at none."""
+    """The gateway's own unit id (``relay.status_unit``); 0: none."""
 
 
 class TablesFolder(msgspec.Struct, frozen=True, array_like=True):
-    """A folder at a path, and which one it is."""
+    """A folder at a path, and its identity."""
 
     path: str
     device: int
@@ -140,7 +140,7 @@ class TablesFolder(msgspec.Struct, frozen=True, array_like=True):
 
     @classmethod
     def at(cls, path: Path) -> "TablesFolder | None":
-        """Return the folder that is at a path now; None where there is none."""
+        """Return the folder at a path now; None if there is none."""
         try:
             status = path.stat()
         except OSError:
@@ -149,7 +149,7 @@ class TablesFolder(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Writer(msgspec.Struct, frozen=True):
-    """As much of the file as every version has: what wrote it, and from which text."""
+    """The part of the file that every version has: what wrote it, and from which text."""
 
     format: str = ""
     version: int = 0
@@ -159,17 +159,17 @@ class Writer(msgspec.Struct, frozen=True):
 
 
 class CompiledPlan(Writer, frozen=True, kw_only=True):
-    """What the file holds: a plan as it was compiled. In the file it is without its tables."""
+    """The content of the file: a compiled plan. In the file it is without its tables."""
 
     plan: GatewayPlan
     shape: str
-    """Digest of what a gateway that runs cannot be given: all but tables, gains and limits."""
+    """Digest of what cannot change in a running gateway: all but tables, gains and limits."""
     tables: dict[str, str]
     """The digest of the compiled table of each axis that has one."""
     sources: dict[str, str]
-    """The files that it was made from, by absolute path, with the SHA-256 of each."""
+    """Its source files, by absolute path, with the SHA-256 of each."""
     tables_folder: TablesFolder | None = None
-    """The folder in which its tables were; None where it was not there."""
+    """The folder of its tables; None if it did not exist."""
 
 
 class DamagedError(Exception):
@@ -177,12 +177,12 @@ class DamagedError(Exception):
 
 
 def in_force(plan: GatewayPlan) -> GatewayPlan:
-    """Return a plan whose tables are as they come into force, with the lost motion that is configured."""
+    """Return a plan with its tables as they come into force, with the configured lost motion."""
     return _with_axes(plan, _with_backlash)
 
 
 def as_started(plan: GatewayPlan) -> GatewayPlan:
-    """Return a plan whose tables are those that a relay starts from, with their digests."""
+    """Return a plan with the tables that a relay starts from, with their digests."""
     return _with_axes(
         in_force(plan),
         lambda axis: axis if axis.table is None else replace(axis, table=checked(compiled(axis.table))),
@@ -190,7 +190,7 @@ def as_started(plan: GatewayPlan) -> GatewayPlan:
 
 
 def shape_of(plan: GatewayPlan) -> str:
-    """Return the digest of what a gateway that runs this plan cannot be given."""
+    """Return the digest of what cannot change in a gateway that runs this plan."""
     return hashlib.sha256(_encode(_with_axes(plan, without_live_values))).hexdigest()
 
 
@@ -219,16 +219,16 @@ def write_plan(
     *,
     over: CompiledPlan | None = None,
 ) -> dict[str, bytes]:
-    """Write a plan and its tables; returns the compiled tables by axis.
+    """Write a plan and its tables; return the compiled tables by axis.
 
-    ``sources``, ``configuration`` and ``tables_folder`` are as in :class:`CompiledPlan`. ``over`` is what is
-    replaced, where that may be nothing else. Files of tables that belong to no axis any more are removed, but
-    for the newest few.
+    ``sources``, ``configuration`` and ``tables_folder`` are as in :class:`CompiledPlan`. ``over``: the plan
+    that this one must replace. Table files that belong to no axis any more are removed, except the newest
+    few.
 
     Raises:
-        OSError: the folder or a file cannot be written; what was there can still be run.
-        StateError: a newer release wrote into the folder, or somebody compiled another configuration than
-            ``over`` holds; nothing is changed.
+        OSError: the folder or a file cannot be written; the old plan can still be run.
+        StateError: a newer release wrote into the folder, or it now has a plan of another configuration than
+            ``over``; nothing is changed.
     """
     refuse_newer(state, writer_of(state))
     tables = _compiled_tables(plan)
@@ -255,7 +255,7 @@ def write_plan(
 
 
 def write_tables(state: Path, plan: GatewayPlan) -> dict[str, bytes]:
-    """Write the tables of a plan beside those of the one that is there; returns them compiled, by axis.
+    """Write the tables of a plan beside those of the present one; return them compiled, by axis.
 
     Raises:
         OSError: the folder or a file cannot be written.
@@ -276,11 +276,11 @@ def _compiled_tables(plan: GatewayPlan) -> dict[str, bytes]:
 def read_plan(state: Path, config: Path, *, is_compared: bool = True) -> CompiledPlan:
     """Return the plan that was compiled from a configuration.
 
-    ``is_compared``: the configuration and its profiles have to be what it was compiled from, still.
+    ``is_compared``: the configuration and its profiles must be unchanged since then.
 
     Raises:
-        StateError: there is none, it is damaged or of another release, or the configuration or a profile that
-            it names has changed since; with what to do.
+        StateError: there is none, it is damaged or of another release, or the configuration or one of its
+            profiles has changed since; with the remedy.
     """
     remedy = f"run: pitch-gateway check --compile {config}"
     path = state / PLAN_NAME
@@ -302,7 +302,7 @@ def read_plan(state: Path, config: Path, *, is_compared: bool = True) -> Compile
 
 
 def read_file(state: Path, remedy: str) -> tuple[Writer, bytes]:
-    """Return what ``plan.msgpack`` holds, and what wrote it.
+    """Return the content of ``plan.msgpack``, and what wrote it.
 
     Raises:
         StateError: there is none, or it is damaged; with ``remedy``.
@@ -323,7 +323,7 @@ def read_file(state: Path, remedy: str) -> tuple[Writer, bytes]:
 
 
 def with_tables(state: Path, file: CompiledPlan, remedy: str = "") -> CompiledPlan:
-    """Return what a file holds with the tables of its plan.
+    """Return a file's content with the tables of its plan.
 
     Raises:
         StateError: the file of a table cannot be read, or holds another one.
@@ -348,12 +348,12 @@ def _check_sources(sources: Mapping[str, str], config: Path, path: Path, remedy:
 
 
 def sealed(content: bytes) -> bytes:
-    """Return the content of a file with its SHA-256 behind it."""
+    """Return content with its SHA-256 at the end."""
     return content + hashlib.sha256(content).digest()
 
 
 def unsealed(content: bytes) -> bytes:
-    """Return what a plan's file holds, once it is known to be what was written.
+    """Return the content of a plan's file, after checking that it is what was written.
 
     Raises:
         DamagedError: it is not, or it is no plan.
@@ -374,20 +374,20 @@ def unsealed(content: bytes) -> bytes:
 
 
 def writer_of(state: Path) -> Writer | None:
-    """Return what wrote a state folder; None where there is nothing, or nothing that can be understood."""
+    """Return what wrote a state folder; None if it is empty or cannot be read."""
     with contextlib.suppress(StateError):
         return read_file(state, "")[0]
     return None
 
 
 def refuse_newer(state: Path, writer: Writer | None) -> None:
-    """Do nothing where this release knows the version of a state folder, or an older one.
+    """Accept a state folder of this version or an older one.
 
-    A newer version of a release that is not newer is a damaged file, or a build between two releases: such a
-    plan is not run either, and compiled anew.
+    A newer version of a release that is not newer is a damaged file, or a build between two releases. Such a
+    plan is not run either, but it is compiled again.
 
     Raises:
-        StateError: a newer one; with both ways out.
+        StateError: a newer one; with both remedies.
     """
     if writer is None or writer.version <= VERSION or not _is_newer(writer.gateway_version):
         return
@@ -400,9 +400,9 @@ def refuse_newer(state: Path, writer: Writer | None) -> None:
 
 
 def newer_release(state: Path) -> str:
-    """Return the release that wrote a state folder where it is newer than this one, "" where it is not.
+    """Return the release that wrote a state folder if it is newer than this one, else "".
 
-    A release may be newer and write the same state version.
+    A newer release may write the same state version.
     """
     writer = writer_of(state)
     if writer is None:
@@ -415,7 +415,7 @@ def _is_newer(release: str) -> bool:
 
 
 def _numbers(release: str) -> tuple[int, ...]:
-    """Return what releases are compared by; whatever is no release is the oldest.
+    """Return the numbers by which releases are compared; an unknown release is the oldest.
 
     >>> _numbers("0.10.2") > _numbers("0.9.0"), _numbers("unknown")
     (True, ())

@@ -1,10 +1,10 @@
 """Tables as the relay maps them: a header, then positions, forward and backward corrections as raw doubles.
 
-In the state folder each is a file of its own, by its digest.
+In the state folder each has its own file, named by its digest.
 
-Everything that would have to be found by walking over the points stands in the header, so taking such a table
-costs a loop the same for ten points and for a hundred thousand. Numbers are in this machine's own byte order:
-the file never leaves the machine that made it.
+The header has every value that would need a walk over the points: so loading such a table takes the loop
+equally long for ten points and for a hundred thousand. Numbers are in this machine's own byte order: the file
+never leaves the machine that made it.
 """
 
 import contextlib
@@ -25,7 +25,7 @@ VERSION: Final = 1
 FOLDER_NAME: Final = "tables"
 SUFFIX: Final = ".doubles"
 OTHERS_KEPT: Final = 4
-"""Tables of no axis that stay in the state folder all the same."""
+"""Tables of no axis that still stay in the state folder."""
 POINT_BYTES: Final = 24
 MAX_POINTS: Final = 4_000_000
 """More than any file of 16 MiB can hold."""
@@ -75,10 +75,11 @@ def digest_of(data: bytes | memoryview) -> str:
 
 
 def mapped(data: memoryview) -> CorrectionTable:
-    """Return a compiled table without reading its points; it lives on ``data``, which must not change.
+    """Return a compiled table without reading its points; it uses ``data``, which must not change.
 
     Raises:
-        WrongTableError: the header is not that of a table of this release, is damaged, or tells another size.
+        WrongTableError: the header is not that of a table of this release, is damaged, or states another
+            size.
     """
     if len(data) < HEADER_BYTES:
         raise WrongTableError(f"{len(data)} bytes are no compiled table: its header has {HEADER_BYTES}")
@@ -130,7 +131,7 @@ def checked(data: bytes) -> CorrectionTable:
 
 
 def check_points(data: memoryview) -> None:
-    """Compare the points of a table whose header is good with their digest; other threads go on meanwhile.
+    """Compare the points of a table with a valid header with their digest; other threads run meanwhile.
 
     Raises:
         WrongTableError: they are not those that were written.
@@ -140,20 +141,20 @@ def check_points(data: memoryview) -> None:
 
 
 def table_path(state: Path, digest: str) -> Path:
-    """Return where a compiled table is kept."""
+    """Return the path of a compiled table."""
     return state / FOLDER_NAME / f"{digest}{SUFFIX}"
 
 
 def write_table(state: Path, data: bytes) -> None:
-    """Write a compiled table where it is not there already; OSError where it cannot be."""
+    """Write a compiled table unless it exists; OSError if it cannot be written."""
     write_if_new(table_path(state, digest_of(data)), data)
 
 
 def read_table(state: Path, digest: str, remedy: str) -> CorrectionTable:
-    """Read a table into memory: a mapped file that somebody cuts short would kill whoever reads on.
+    """Read a table into memory: truncating a mapped file would end the reading process.
 
     Raises:
-        StateError: its file is not there, is damaged or holds another one; with ``remedy``.
+        StateError: its file is missing, damaged or holds another one; with ``remedy``.
     """
     path = table_path(state, digest)
     try:
@@ -168,10 +169,10 @@ def read_table(state: Path, digest: str, remedy: str) -> CorrectionTable:
 
 
 def find_table(state: Path, fingerprint: bytes) -> CorrectionTable | None:
-    """Return a compiled table by what ``compensation.fingerprint`` calls it; None where it is not there.
+    """Return a compiled table by its ``compensation.fingerprint``; None if there is none.
 
-    One that is in force no more may still be wanted: by an axis that was killed in the middle of going over
-    to the next.
+    A table that is no longer in force may still be needed, by an axis that was killed while it changed to the
+    next one.
     """
     for path in (state / FOLDER_NAME).glob(f"*{SUFFIX}"):
         digest = path.name.removesuffix(SUFFIX)
@@ -182,7 +183,7 @@ def find_table(state: Path, fingerprint: bytes) -> CorrectionTable | None:
 
 
 def remove_others(state: Path, digests: Collection[str]) -> None:
-    """Remove tables that belong to no axis any more, but for the newest few (see :func:`find_table`)."""
+    """Remove tables that belong to no axis any more, except the newest few (see :func:`find_table`)."""
     others: list[tuple[float, Path]] = []
     for path in (state / FOLDER_NAME).glob(f"*{SUFFIX}"):
         if path.name.removesuffix(SUFFIX) not in digests:
