@@ -1,16 +1,15 @@
-"""The check sum of serial Modbus (Modbus over serial line V1.02, 2.5.1.2 and appendix B).
+"""The CRC of serial Modbus (Modbus over serial line V1.02, 2.5.1.2 and appendix B).
 
-Polynomial 0x8005 reflected, start 0xFFFF, low byte first on the wire. The check sum over a frame
-together with its own check sum is 0. It stays 0 when zero bytes follow, so that a check sum alone never
-proves a length.
+Polynomial 0x8005 reflected, start 0xFFFF, low byte first on the wire. The CRC over a frame with its own CRC
+is 0. It stays 0 when zero bytes follow: so a CRC alone never proves a length.
 
-The check sum is a running residue, which each byte takes one step further. Three residues say something:
+The CRC is a running residue, which each byte advances by one step. Three residues have a meaning:
 
-- 0: what stands there is a whole frame to whoever knows no length.
-- 0xFFFF, where each check sum starts: a *seam*. What follows counts as if it stood alone, so that bytes with
-  this residue in front of a good frame make another good one of both.
-- 0xB001: a check sum came of which both bytes were inverted, whatever stands before it: the last two steps
-  act on the difference to the right check sum alone, which is 0xFFFF then.
+- 0: the bytes are a whole frame to a receiver that does not know the length.
+- 0xFFFF, the start value of each CRC: a *seam*. The following bytes count as if they stood alone. So bytes
+  with this residue, followed by a good frame, form another good frame together.
+- 0xB001: the last two bytes were an inverted CRC, whatever the bytes before. The last two steps depend only
+  on the difference to the right CRC, which is 0xFFFF then.
 """
 
 from collections.abc import Callable
@@ -32,17 +31,17 @@ __all__ = [
 ]
 
 crc16: Final[Callable[[bytes], int]] = modbus
-"""Return the residue after bytes, their check sum. A constant, and no name to be looked up for each frame."""
+"""Return the residue after bytes, their CRC. A constant: no name lookup for each frame."""
 SEAM: Final = 0xFFFF
 """Residue before the first byte."""
 INTACT: Final = 0
-"""Residue behind a frame with its own check sum."""
+"""Residue after a frame with its own CRC."""
 INVERTED: Final = 0xB001
-"""Residue behind a frame whose check sum has all its bits inverted."""
+"""Residue after a frame whose CRC has all its bits inverted."""
 
 
 def append_crc(data: bytes) -> bytes:
-    """Return ``data`` with its check sum behind it.
+    """Return ``data`` followed by its CRC.
 
     >>> append_crc(bytes.fromhex("01 06 31 00 00 0F")).hex(" ")
     '01 06 31 00 00 0f c7 32'
@@ -56,7 +55,7 @@ def append_crc(data: bytes) -> bytes:
 
 
 def is_intact(frame: bytes) -> bool:
-    """Whether ``frame`` ends with its own check sum. The caller knows the length from elsewhere.
+    """Whether ``frame`` ends with its own CRC. The caller must know the length from elsewhere.
 
     >>> is_intact(bytes.fromhex("01 06 31 00 00 0F C7 32"))
     True
@@ -65,7 +64,7 @@ def is_intact(frame: bytes) -> bool:
 
 
 def residue_after(data: bytes, before: int = SEAM) -> int:
-    """Return the residue after ``data``, which comes after bytes that left the residue ``before``.
+    """Return the residue after ``data``, which follows bytes that left the residue ``before``.
 
     >>> begun = residue_after(bytes.fromhex("01 06 31 00"))
     >>> f"{begun:04X} {residue_after(bytes.fromhex('00 0F'), begun):04X}"  # C7 32 on the wire
@@ -75,14 +74,14 @@ def residue_after(data: bytes, before: int = SEAM) -> int:
 
 
 def ends_a_frame(residue: int) -> bool:
-    """Whether bytes that end here can be a frame: by themselves, or with a good frame behind them."""
+    """Whether bytes that end here can be a frame: alone, or followed by a good frame."""
     return residue in (INTACT, SEAM)
 
 
 def inverted_crc(residue: int) -> bytes:
-    """Return the check sum that makes sure that bytes with this residue are no frame.
+    """Return the CRC with which bytes with this residue are certainly no frame.
 
-    With its first byte alone the residue has 0x40 in its high byte, which is neither intact nor a seam.
+    After only its first byte the residue has 0x40 in its high byte, which is neither intact nor a seam.
 
     >>> frame = bytes.fromhex("01 06 31 00 00 0F")
     >>> spoilt = frame + inverted_crc(residue_after(frame))

@@ -2,9 +2,9 @@
 
 
 class ProtocolError(Exception):
-    """Base of everything that this layer raises on purpose; anything else is a bug of ours.
+    """Base of all intentional errors of this layer; any other error is a bug of ours.
 
-    Decoders never raise: what arrives from a wire is counted and dropped, not an error of the program.
+    Decoders never raise: bad bytes from a wire are counted and dropped, and are no error of the program.
     """
 
 

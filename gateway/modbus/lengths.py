@@ -1,11 +1,11 @@
-"""How long an RTU frame will be, told from its first bytes (Modbus application protocol V1.1b3, section 6).
+"""The length of an RTU frame, from its first bytes (Modbus application protocol V1.1b3, section 6).
 
-Silence does not end frames reliably where an operating system and USB adapters stand between the wire and the
-program, so a frame ends where its own bytes say. One entry for each function code; those that are not listed
-(43/13 for CANopen, the user-defined 65 to 72 and 100 to 110, all others) can only end by silence.
+Silence does not end frames reliably when an operating system and USB adapters are between the wire and the
+program. So a frame ends where its own bytes say. There is one rule for each function code. Codes without a
+rule (43/13 for CANopen, the user-defined 65 to 72 and 100 to 110, all others) can only end by silence.
 
-A length is the number of bytes with unit id and check sum, or one of the three constants below. It is a
-prediction: the check sum is what decides.
+A length is the number of bytes with unit id and CRC, or one of the three constants below. It is a prediction:
+the CRC decides.
 """
 
 from collections.abc import Mapping
@@ -14,22 +14,22 @@ from typing import Final
 from gateway.modbus.pdu import EXCEPTION_BIT, MEI_READ_DEVICE_IDENTIFICATION, FunctionCode
 
 NEEDS_MORE: Final = 0
-"""The length cannot be told yet."""
+"""The length is not known yet."""
 UNTIL_SILENCE: Final = -1
-"""The length can never be told: the frame ends where the line falls silent."""
+"""The length never becomes known: the frame ends with a silence."""
 NO_FRAME: Final = -2
-"""No frame begins so: function code 0, or longer than a frame may be."""
+"""No frame begins like this: function code 0, or longer than a frame may be."""
 
 MIN_ADU: Final = 4
-"""Unit id, function code, check sum."""
+"""Unit id, function code, CRC."""
 MAX_ADU: Final = 256
 EXCEPTION_ADU: Final = 5
 ADU_OVERHEAD: Final = 3
-"""What an RTU frame has besides its PDU: unit id and check sum."""
+"""The bytes of an RTU frame besides its PDU: unit id and CRC."""
 
 
 class Rule:
-    """``base`` bytes, and as many more as the byte at offset ``counted_at`` says; 0: no byte says so."""
+    """``base`` bytes plus the value of the byte at offset ``counted_at``; 0: no such byte."""
 
     __slots__ = ("_base", "_counted_at")
 
@@ -49,7 +49,7 @@ class Rule:
 
 
 class FifoReply(Rule):
-    """FC 24 is the only one that counts in two bytes."""
+    """FC 24 is the only one with a count of two bytes."""
 
     def length(self, data: bytes, start: int) -> int:
         """See ``Rule``."""
@@ -99,7 +99,7 @@ REQUESTS: Final[Mapping[int, Rule]] = {
     FunctionCode.WRITE_SINGLE_COIL: Rule(8),
     FunctionCode.WRITE_SINGLE_REGISTER: Rule(8),
     FunctionCode.READ_EXCEPTION_STATUS: Rule(4),
-    # One data word is what devices take; "return query data" may carry more, and then ends by silence.
+    # Devices take one data word; "return query data" may have more, and then ends by silence.
     FunctionCode.DIAGNOSTICS: Rule(8),
     FunctionCode.GET_COMM_EVENT_COUNTER: Rule(4),
     FunctionCode.GET_COMM_EVENT_LOG: Rule(4),
@@ -164,9 +164,9 @@ def request_length(data: bytes, start: int = 0) -> int:
 
 
 def is_odd_request(pdu: bytes) -> bool:
-    """Whether a request has another length than its function code says: what it does nobody can tell.
+    """Whether a request has another length than its function code says: its effect is unknown.
 
-    A function code without a rule has no length to differ from.
+    A function code without a rule has no expected length.
 
     >>> is_odd_request(bytes.fromhex("03 01 01")), is_odd_request(bytes.fromhex("03 01 01 00 02"))
     (True, False)
@@ -178,9 +178,9 @@ def is_odd_request(pdu: bytes) -> bool:
 def reply_length(request_pdu: bytes, data: bytes, start: int = 0) -> int:
     """Return the length of the reply that begins at byte ``start`` of ``data``, or a constant.
 
-    The request is the context: diagnostics (8) are answered in the request's own length, and a vendor's
-    function code above 127 is no exception where it was asked for. A reply to something else is measured by
-    its own function code.
+    The request is the context. The reply to diagnostics (8) has the request's length, and a vendor's function
+    code above 127 is no exception if the request had it. A reply to another request is measured by its own
+    function code.
 
     >>> reply_length(bytes.fromhex("03 32 00 00 02"), bytes.fromhex("01 03 04"))
     9
@@ -201,7 +201,7 @@ def reply_length(request_pdu: bytes, data: bytes, start: int = 0) -> int:
 
 
 def asked_bytes(request_pdu: bytes) -> int | None:
-    """Return the byte count that the reply to a read has to carry; None for other requests.
+    """Return the byte count that the reply to a read must have; None for other requests.
 
     >>> asked_bytes(bytes.fromhex("03 02 00 00 02"))
     4
@@ -221,4 +221,4 @@ def _bits_each() -> bytes:
 
 
 _BITS_EACH: Final = _bits_each()
-"""By function code, the bits of each of the things whose number a request to read says; 0: it reads none."""
+"""By function code: bits of each item that a read request counts; 0: it is no read."""

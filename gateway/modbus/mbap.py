@@ -10,7 +10,7 @@ from gateway.modbus.errors import FrameError
 from gateway.modbus.pdu import MAX_PDU, ExceptionCode, exception_pdu
 
 HEADER: Final = Struct(">HHHB")
-"""Transaction id, protocol id (0), length of what follows it, unit id."""
+"""Transaction id, protocol id (0), length of the rest, unit id."""
 HEADER_SIZE: Final = 7
 PROTOCOL_AT: Final = 2
 COUNTED_FROM: Final = 6
@@ -18,8 +18,8 @@ COUNTED_FROM: Final = 6
 SHORTEST_LENGTH: Final = 2
 LONGEST_LENGTH: Final = 1 + MAX_PDU
 LARGEST_SENT: Final = 260
-"""Lengths that published clients and servers really send, beyond what the standard allows: an FC16 of 124
-registers has 255, a reply of 126 registers too. Up to here it is a frame that is too long, beyond it none."""
+"""Longer lengths than the standard allows, which published clients and servers send: an FC16 of 124 registers
+has 255, a reply of 126 registers too. Up to here a frame is too long, beyond it there is no frame."""
 FUNCTION_AT: Final = 7
 
 _unpack_header = HEADER.unpack_from
@@ -29,7 +29,7 @@ Adu = tuple[int, int, bytes]
 
 
 def encode_mbap(transaction_id: int, unit_id: int, pdu: bytes) -> bytes:
-    """Return a frame. Raises FrameError when an id or the length of the PDU is out of range.
+    """Return a frame. Raises FrameError if an id or the length of the PDU is out of range.
 
     >>> encode_mbap(1, 255, bytes.fromhex("03 32 00 00 02")).hex(" ")
     '00 01 00 00 00 06 ff 03 32 00 00 02'
@@ -52,25 +52,25 @@ def encode_mbap(transaction_id: int, unit_id: int, pdu: bytes) -> bytes:
 
 @dataclass(slots=True)
 class MbapCounters:
-    """What a decoder met besides good frames."""
+    """What a decoder received besides good frames."""
 
     skipped_frames: int = 0
     """Whole frames of another protocol id."""
     bad_headers: int = 0
     """Headers with an impossible length; everything from there on was dropped."""
     dropped_bytes: int = 0
-    """All bytes that belong to no frame passed on."""
+    """All bytes that belong to no frame returned."""
 
 
 class MbapDecoder:
     """Bytes of one connection in, frames out; for requests and replies alike. Never raises.
 
-    TCP loses nothing, so a header with an impossible length means that the other side does not speak
-    Modbus/TCP, or lost its count. There is nothing to find the next frame by: what stands behind it may be
-    the data of a frame, and would be obeyed. So it ends the decoding for good: ``broken_by`` is the head of
-    that frame, and whatever comes is dropped and counted. Closing the connection is up to the caller.
+    TCP loses nothing. So a header with an impossible length means that the other side does not use
+    Modbus/TCP, or has lost its count. The next frame cannot be found: what follows may be the data of a
+    frame, and would be executed. So the decoding ends for good: ``broken_by`` is the head of that frame, and
+    all further bytes are dropped and counted. The caller must close the connection.
 
-    ``longest_length``: what the length field may say at most; frames up to it come out whole.
+    ``longest_length``: largest value of the length field; frames up to it are returned whole.
     """
 
     __slots__ = ("_buffer", "_longest", "broken_by", "counters", "transaction_id", "unit_id")
@@ -79,15 +79,15 @@ class MbapDecoder:
         self._buffer = b""
         self._longest = longest_length
         self.broken_by = b""
-        """Header and, where there can be one, function code of the frame that cannot be; empty: none."""
+        """Header and, if there is one, function code of the impossible frame; empty: none."""
         self.counters = MbapCounters() if counters is None else counters
         self.transaction_id = self.unit_id = 0
         """Of the frame that :meth:`one` returned last."""
 
     def one(self, data: bytes) -> bytes:
-        """Return the PDU of ``data`` where that is one frame and nothing else, as it nearly always is.
+        """Return the PDU of ``data`` if that is exactly one frame, as it nearly always is.
 
-        Else b"", and nothing was taken: :meth:`feed` takes it.
+        Otherwise return b"" and take nothing: :meth:`feed` takes it.
         """
         size = len(data)
         if size <= HEADER_SIZE or len(self._buffer) or len(self.broken_by):
@@ -104,7 +104,7 @@ class MbapDecoder:
 
     @property
     def is_between_frames(self) -> bool:
-        """Whether everything that came was whole."""
+        """Whether all received frames are complete."""
         return not len(self._buffer)
 
     def _split(self, data: bytes) -> list[Adu]:
@@ -115,7 +115,7 @@ class MbapDecoder:
             length = data[start + 4] << 8 | data[start + 5]
             if not SHORTEST_LENGTH <= length <= self._longest:
                 if SHORTEST_LENGTH <= length <= LARGEST_SENT and size - start <= FUNCTION_AT:
-                    break  # its function code comes yet: it can be answered
+                    break  # its function code is still to come: then it can be answered
                 self.broken_by = data[start : start + FUNCTION_AT + 1]
                 self.counters.bad_headers += 1
                 break
@@ -137,7 +137,7 @@ class MbapDecoder:
 
 
 def answers_with(asked_id: int, answered_id: int) -> str:
-    """Say what a drive does whose replies carry another transaction id than their requests.
+    """Say what a drive does whose replies have another transaction id than their requests.
 
     >>> answers_with(7, 0)
     'answers, with transaction id 0 (asked with 7)'
@@ -146,9 +146,9 @@ def answers_with(asked_id: int, answered_id: int) -> str:
 
 
 def too_long(head: bytes) -> Adu | None:
-    r"""Return the exception that answers a frame whose length cannot be (``broken_by``); None: none does.
+    r"""Return the exception for a frame of impossible length (``broken_by``); None: there is none.
 
-    Exception 3, as servers answer it that read such a frame: where the length is one that clients send.
+    Exception 3, as from servers that read such a frame: only for lengths that clients send.
 
     >>> too_long(bytes.fromhex("00 02 00 00 00 FF 01 10"))
     (2, 1, b'\x90\x03')

@@ -60,7 +60,7 @@ class ExceptionCode(IntEnum):
 
 
 def exception_pdu(function: int, code: int) -> bytes:
-    """Return the reply that refuses a request of function code ``function``, with exception ``code``.
+    """Return the exception reply to a request of function code ``function``, with exception ``code``.
 
     >>> exception_pdu(FunctionCode.WRITE_SINGLE_REGISTER, ExceptionCode.ILLEGAL_DATA_ADDRESS).hex(" ")
     '86 02'
@@ -71,8 +71,8 @@ def exception_pdu(function: int, code: int) -> bytes:
 def is_exception(pdu: bytes) -> bool:
     r"""Whether a reply refuses its request: bit 7 of the function byte is set.
 
-    Some drives answer a refused read with 0x81 whatever the function code was (Kinco FD and CD), so the other
-    seven bits say nothing.
+    Some drives answer a refused read with 0x81 for any function code (Kinco FD and CD), so the other seven
+    bits mean nothing.
 
     >>> is_exception(b"\x83\x02"), is_exception(b"\x81\x02"), is_exception(b"\x03\x02\x00\x01")
     (True, True, False)

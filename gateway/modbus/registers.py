@@ -1,6 +1,6 @@
-"""Fields in registers: how a position lies in 16-bit words, and single bits of status words.
+"""Fields in registers: positions in 16-bit words, and single bits of status words.
 
-Bytes inside a word are big-endian for every drive known to us; what differs is the order of the words.
+Bytes inside a word are big-endian for every drive known to us; only the order of the words differs.
 ``high-first`` has the most significant word at the lowest address, ``low-first`` the least significant one.
 """
 
@@ -29,18 +29,18 @@ BITS_OF_A_WORD: Final = 16
 
 
 class WordOrder(Enum):
-    """Which word of a field lies at its lowest address."""
+    """Which word of a field is at its lowest address."""
 
     HIGH_FIRST = "high-first"
     LOW_FIRST = "low-first"
 
 
 FLOAT_STEP: Final = 2.0**-23
-"""Share of a float32 between two neighbours, at most."""
+"""Largest distance of two neighbouring float32 numbers, as a share of their value."""
 
 
 class RegisterType(Enum):
-    """What a field holds. Signed integers are two's complement, ``float32`` is IEEE 754 single precision."""
+    """Type of a field. Signed integers are two's complement, ``float32`` is IEEE 754 single precision."""
 
     INT16 = "int16"
     UINT16 = "uint16"
@@ -52,7 +52,7 @@ class RegisterType(Enum):
 
     @property
     def words(self) -> int:
-        """How many registers the type fills.
+        """Number of registers of the type.
 
         >>> RegisterType.INT48.words
         3
@@ -66,7 +66,7 @@ class RegisterType(Enum):
 
 
 class FieldAccess(Enum):
-    """Which requests reach a field: some drives read something else at an address than was written there."""
+    """Which requests reach a field: with some drives a read returns another field than a write sets."""
 
     BOTH = "both"
     READ = "read"
@@ -74,7 +74,7 @@ class FieldAccess(Enum):
 
 
 class BitTable(Enum):
-    """Where a status bit stands."""
+    """Where a status bit is."""
 
     REGISTER = "register"
     COIL = "coil"
@@ -83,7 +83,7 @@ class BitTable(Enum):
 
 
 class _WithCodec:
-    """Keeps what packs and unpacks, beside what is written down of a field."""
+    """Holds the codec of a field, besides its description."""
 
     __slots__ = ("_codec",)
     _codec: Codec
@@ -126,11 +126,11 @@ class PositionField(_WithCodec):
 
     @property
     def codec(self) -> Codec:
-        """What packs and unpacks its raw values."""
+        """Packs and unpacks its raw values."""
         return self._codec
 
     def step_counts(self, largest_counts: float) -> float:
-        """Return the counts from one position to the next that it can tell, up to ``largest_counts``.
+        """Return the smallest step that the field can show, in counts, up to ``largest_counts``.
 
         >>> PositionField(0, RegisterType.FLOAT32).step_counts(2.0**23)
         1.0
@@ -139,7 +139,7 @@ class PositionField(_WithCodec):
 
     @property
     def is_readable(self) -> bool:
-        """Whether a read of its registers and no others brings it.
+        """Whether a read of exactly its registers returns it.
 
         >>> PositionField(0x31, RegisterType.INT48, access=FieldAccess.READ, block=0x31).is_readable
         True
@@ -150,31 +150,31 @@ class PositionField(_WithCodec):
 
     @property
     def words(self) -> int:
-        """How many registers the field fills."""
+        """Number of registers of the field."""
         return self._codec.words
 
     @property
     def end(self) -> int:
-        """The first address behind the field."""
+        """The first address after the field."""
         return self.address + self._codec.words
 
     @property
     def is_high_first_pair(self) -> bool:
-        """Whether it is a whole number of four bytes, of which the highest one comes first."""
+        """Whether it is an integer of four bytes, the highest one first."""
         is_whole = not self.type.is_float and self.words == 2
         return is_whole and self.order is WordOrder.HIGH_FIRST
 
     def unpack(self, data: bytes, offset: int = 0) -> Raw:
         """Return the raw value that starts at byte ``offset`` of ``data``.
 
-        Raises RegisterDataError when ``data`` ends inside the field. A float32 may be NaN or infinite.
+        Raises RegisterDataError if ``data`` ends inside the field. A float32 may be NaN or infinite.
         """
         return self._codec.unpack(data, offset)
 
     def pack(self, raw: Raw) -> bytes:
         """Return the bytes of a raw value in the order of the wire.
 
-        Raises RegisterRangeError when the field cannot hold it: out of range, not finite, a fraction for an
+        Raises RegisterRangeError if the field cannot hold it: out of range, not finite, a fraction for an
         integer, a bool.
         """
         return self._codec.pack(raw)
@@ -184,7 +184,7 @@ class PositionField(_WithCodec):
 class BitField:
     """One bit of one register, bit 0 being the least significant; or one coil or discrete input.
 
-    ``is_inverted``: the drive says 0 for yes.
+    ``is_inverted``: the drive uses 0 for yes.
 
     >>> BitField(0x1003, 6).is_set(0x0040)
     True
@@ -204,5 +204,5 @@ class BitField:
             raise RegisterFieldError(f"bit {self.bit} of register {self.address} is not in 0 … 15")
 
     def is_set(self, word: int) -> bool:
-        """Whether the register's value says yes; of a coil or input, its own value."""
+        """Whether the register's value means yes; for a coil or input, its own value."""
         return bool(word >> self.bit & 1) is not self.is_inverted

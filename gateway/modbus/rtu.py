@@ -1,4 +1,4 @@
-"""RTU framing (Modbus over serial line V1.02): frames built here, and the two decoders."""
+"""RTU framing (Modbus over serial line V1.02): the frames are built here, and the two decoders are named."""
 
 from typing import Final
 
@@ -15,7 +15,7 @@ _UNIT_IDS: Final = tuple(bytes((unit_id,)) for unit_id in range(0x100))
 
 
 def encode_rtu(unit_id: int, pdu: bytes) -> bytes:
-    """Return a frame with its check sum. Raises FrameError when unit id or length of the PDU is out of range.
+    """Return a frame with its CRC. Raises FrameError if unit id or length of the PDU is out of range.
 
     >>> encode_rtu(1, bytes.fromhex("06 31 00 00 0F")).hex(" ")
     '01 06 31 00 00 0f c7 32'

@@ -1,8 +1,8 @@
-"""One RTU frame while it arrives: its bytes so far, and what is known of it.
+"""One RTU frame while it arrives: its bytes so far, and what they show.
 
-The decoders (``rtu_requests``, ``rtu_replies``) give whole frames, and look for the next good one behind
-damage. Who wants to know of a frame before it is whole follows it here, from its first byte to its last: it
-begins where its line was silent, and bytes that belong to no frame, or to another one, make it ``ODD``.
+The decoders (``rtu_requests``, ``rtu_replies``) return whole frames, and search for the next good one after
+damage. This file follows an incomplete frame instead, from its first byte to its last. It begins after a
+silence of its line. Bytes that belong to no frame, or to another one, make it ``ODD``.
 """
 
 from enum import Enum
@@ -14,20 +14,20 @@ from gateway.modbus.pdu import FunctionCode
 
 
 class Progress(Enum):
-    """What the bytes so far say."""
+    """What the bytes so far show."""
 
     __hash__ = object.__hash__
 
     BEGUN = "begun"
-    """Not how long the frame is."""
+    """The length of the frame is unknown."""
     HEAD = "head"
-    """All but its data: its length, and of a request which registers it touches."""
+    """All but its data: its length, and the registers of a request."""
     GOOD = "good"
-    """It is whole, and its check sum fits."""
+    """It is complete, and its CRC is right."""
     BAD = "bad"
-    """It is as long as it said, and its check sum does not fit."""
+    """It has its full length, and its CRC is wrong."""
     ODD = "odd"
-    """Nothing that can be followed: its bytes do not say how long it is, or it is not what was asked for."""
+    """It cannot be followed: its bytes do not show its length, or it is not the expected reply."""
 
 
 BLOCK_HEAD: Final = 7
@@ -46,7 +46,7 @@ REQUEST_HEADS: Final = {
 
 
 class RequestArrival:
-    """A request as it arrives. What is known of it follows from its bytes alone, however they are cut.
+    """A request while it arrives. Its progress depends on its bytes only, however they are split.
 
     >>> arrival = RequestArrival()
     >>> for piece in ("01 03 02 00 00", "02", "C5 B3 01"):
@@ -60,23 +60,23 @@ class RequestArrival:
 
     def __init__(self) -> None:
         self.data = b""
-        """What came of it."""
+        """The bytes so far."""
         self.progress = Progress.BEGUN
         self.length = 0
-        """How long it will be, with unit id and check sum; 0: that is not known yet, or never will be."""
+        """Its full length, with unit id and CRC; 0: not known yet, or never."""
         self.residue = SEAM
-        """Of its check sum, after what came of it."""
+        """CRC residue after the bytes so far."""
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing more can be learned of it."""
+        """Whether its progress is final."""
         return self.progress in (Progress.GOOD, Progress.BAD, Progress.ODD)
 
     def feed(self, data: bytes) -> int:
-        """Take what belongs to it; return how many bytes that were. What follows it begins another frame."""
+        """Take the bytes that belong to it; return their number. The next byte begins another frame."""
         taken = 0
         while taken < len(data) and not self.is_over:
-            # Up to the next byte at which more is known: one at a time until the length is.
+            # Up to the next byte that shows more: one at a time until the length is known.
             needed = (self.length or len(self.data) + 1) - len(self.data)
             piece = data[taken : taken + needed]
             self.data += piece
@@ -107,10 +107,10 @@ class RequestArrival:
 
 
 class ReplyArrival(RequestArrival):
-    """The reply to a request as it arrives. Only what was asked for is followed (W4).
+    """The reply to a request while it arrives. Only the expected reply is followed (W4).
 
-    An exception, the reply of another unit id or function, and another number of bytes than were asked for
-    are ODD: whoever passes replies on passes these on whole.
+    An exception, the reply of another unit id or function, and another number of bytes than requested are
+    ODD: they are passed on whole.
 
     >>> arrival = ReplyArrival(1, bytes.fromhex("03 02 00 00 02"))
     >>> for piece in ("01 03", "04", "00 B1 1F 40 A3 D4"):

@@ -1,4 +1,4 @@
-"""What both RTU decoders share: bytes that wait for the rest of their frame, silence, and counters."""
+"""Common parts of both RTU decoders: bytes that wait for the rest of their frame, silence, and counters."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -14,7 +14,7 @@ SILENCE_CHARACTERS: Final = 3.5
 FAST_ABOVE_BAUD: Final = 19200
 FAST_SILENCE_NS: Final = 1_750_000
 USB_PAUSE_NS: Final = 30_000_000
-"""USB adapters hand bytes over up to 16 ms apart, in the middle of a frame too: two of their pauses."""
+"""USB adapters deliver bytes up to 16 ms apart, even inside a frame: two of these pauses."""
 
 
 def silence_ns(baudrate: int, bits_per_character: int = 11) -> int:
@@ -46,34 +46,34 @@ def pause_ns(silence: int) -> int:
 
 @dataclass(slots=True)
 class RtuCounters:
-    """What a decoder met besides good frames, since it was made."""
+    """What a decoder received besides good frames, since it was made."""
 
     crc_errors: int = 0
-    """Lost frames: runs of at least four bytes of which no frame could be made."""
+    """Lost frames: runs of at least four bytes that made no frame."""
     damaged: int = 0
-    """Runs of bytes, however short, of which no frame could be made: ``crc_errors`` and what is shorter."""
+    """Runs of bytes, however short, that made no frame: ``crc_errors`` and shorter ones."""
     dropped_bytes: int = 0
     """Bytes that belong to no frame, without those below."""
     glitch_bytes: int = 0
-    """Zero bytes outside of frames, as an RS-485 driver makes when it is switched."""
+    """Zero bytes outside of frames, as an RS-485 driver makes when it switches."""
     oversized: int = 0
-    """Times that more bytes than a frame can have came without one."""
+    """How often more bytes than a frame can have came without a frame."""
     foreign: int = 0
-    """Whole frames on the drive side that answer another unit or another function."""
+    """Whole frames on the drive side with another unit id or another function."""
     stray_frames: int = 0
     """Whole good frames among the stray bytes: a drive that answers late, or twice."""
     stray_bytes: int = 0
     """Bytes on the drive side while nothing was expected."""
     echoes: int = 0
-    """Own requests heard back."""
+    """Own requests that were received back."""
 
 
 class RtuDecoder:
-    """Bytes that wait, the moment of the last one, and what becomes of them when the line is silent.
+    """Waiting bytes, the time of the last one, and what happens to them when the line is silent.
 
-    After ``silence_ns`` without a byte what has arrived is looked at for a frame that silence ends. What is
-    no frame then may still become one, because USB adapters make pauses of their own: it is kept until
-    ``give_up_ns`` after the last byte.
+    After ``silence_ns`` without a byte the waiting bytes are checked for a frame that a silence ends. If
+    there is none, one may still come, because USB adapters make their own pauses. So the bytes are kept until
+    ``give_up_ns`` after the last one.
     """
 
     __slots__ = ("_buffer", "_give_up_ns", "_last_byte_ns", "_silence_ns", "counters", "deadline_ns")
@@ -87,7 +87,7 @@ class RtuDecoder:
         self._buffer = b""
         self._last_byte_ns = 0
         self.deadline_ns: int | None = None
-        """When ``on_silence`` wants to be called; every byte puts it off. None: nothing waits."""
+        """When ``on_silence`` must be called; every byte postpones it. None: nothing waits."""
         self.counters = RtuCounters()
 
     @property
@@ -96,7 +96,7 @@ class RtuDecoder:
         return not self._buffer
 
     def on_silence(self, now_ns: int) -> list[Frame]:
-        """Return the frames that silence ended. Too early a call changes nothing (some timers fire early)."""
+        """Return the frames that a silence ended. An early call changes nothing (some timers fire early)."""
         if self.deadline_ns is None or now_ns < self.deadline_ns:
             return []
         has_given_up = now_ns - self._last_byte_ns >= self._give_up_ns
@@ -107,7 +107,7 @@ class RtuDecoder:
         return frames
 
     def reset(self) -> None:
-        """Forget what waits: the line is a new one."""
+        """Forget the waiting bytes: the line is a new one."""
         self._buffer = b""
         self.deadline_ns = None
 
@@ -119,7 +119,7 @@ class RtuDecoder:
         self.deadline_ns = now_ns + self._silence_ns if self._buffer else None
 
     def _drop(self, count: int) -> None:
-        """Throw the first ``count`` waiting bytes away, and count them for what they are."""
+        """Drop the first ``count`` waiting bytes, and count them by kind."""
         dropped = self._buffer[:count]
         self._buffer = self._buffer[count:]
         if any(dropped):

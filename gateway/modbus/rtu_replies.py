@@ -1,13 +1,13 @@
-"""RTU replies out of a byte stream: the side on which the gateway is the master.
+"""RTU replies from a byte stream: the side on which the gateway is the master.
 
-One reply is expected at a time. It carries the unit id of its request and its function code, with bit 7 set
-for an exception. Some drives refuse every read with the function byte 0x81: that of a drive whose registers
-are mapped counts only where its map says so, for it may be late and refuse another request. It ends where
-its own bytes say, with the request as the context, and its check sum decides; never at the first length whose
-check sum happens to be good, which one reply in some two hundred has too early.
+One reply is expected at a time. It has the unit id and function code of its request, with bit 7 set for an
+exception. Some drives refuse every read with the function byte 0x81. For a drive with mapped registers it
+counts only if its map declares it: it may be late and refuse another request. A reply ends where its own
+bytes say, with the request as the context, and its CRC decides. It never ends at the first length whose CRC
+happens to be right: about one reply in two hundred has such a length too early.
 
-Devices that take odd frames (see ``rtu_requests``) answer with such frames too. While one of them is expected
-to answer, nothing is looked for inside what begins like its reply before the line is silent.
+Devices that take odd frames (see ``rtu_requests``) answer with such frames too. While such a reply is
+expected, the decoder does not search inside bytes that begin like it before the line is silent.
 """
 
 from collections.abc import Mapping
@@ -28,7 +28,7 @@ from gateway.modbus.rtu_line import FAST_SILENCE_NS, Frame, RtuDecoder
 from gateway.modbus.rtu_requests import NO_UNITS
 
 REFUSED_READ: Final = 0x81
-"""With which some drives refuse every read."""
+"""The function byte with which some drives refuse every read."""
 READS: Final = frozenset(
     {
         FunctionCode.READ_COILS,
@@ -38,24 +38,24 @@ READS: Final = frozenset(
     }
 )
 TELLING: Final = frozenset({FunctionCode.READ_HOLDING_REGISTERS, FunctionCode.READ_INPUT_REGISTERS})
-"""Requests whose own bytes can be no reply to them; see ``RtuReplyDecoder.returned``."""
+"""Requests whose own bytes cannot be their reply; see ``RtuReplyDecoder.returned``."""
 TELLING_PDU: Final = 5
 TELLING_ADU: Final = 8
-"""With unit id and check sum."""
+"""With unit id and CRC."""
 THREE_BYTES: Final = TELLING_ADU - 5
 """The byte count of a reply of that length."""
 RETURNED_OFTEN: Final = 3
-"""So many of them in a row that came back are no chance: once it may be another master that asks the same."""
+"""This many echoes in a row are no chance: one may be another master with the same request."""
 NOBODY: Final[Mapping[int, int]] = MappingProxyType({})
 
 
 class RtuReplyDecoder(RtuDecoder):
     r"""Bytes from the drives in, at most one reply for each request out. Never raises.
 
-    With ``echo`` the adapter hears what it sends: the request comes back first, and is taken out.
-    ``refused_reads``: the function byte with which the drive of a unit id refuses reads, 0 for their own with
-    bit 7; of a unit id that is not there nobody knows it, and 0x81 counts. ``odd_units``: unit ids of devices
-    that answer with odd frames.
+    With ``echo`` the adapter receives what it sends: the request comes back first, and is removed.
+    ``refused_reads``: the function byte with which the drive of a unit id refuses reads, 0 for its own code
+    with bit 7. For a unit id that is not in it the byte is unknown, and 0x81 counts. ``odd_units``: unit ids
+    of devices that answer with odd frames.
 
     >>> decoder = RtuReplyDecoder()
     >>> decoder.expect(1, bytes.fromhex("03 02 00 00 02"))
@@ -94,7 +94,7 @@ class RtuReplyDecoder(RtuDecoder):
         self._refused_reads = refused_reads
         self._has_echo = echo
         self._has_returned = False
-        """What is asked has come back."""
+        """The present request has come back."""
         self._echo = b""
         self._lone_echo = b""
         self._heard = b""
@@ -103,19 +103,19 @@ class RtuReplyDecoder(RtuDecoder):
         self._stray = b""
         self._is_answered = False
         self._good_reply = b""
-        """The newest reply that came whole: all writes of a position have the same, which is good again."""
+        """The newest whole reply: the replies to all writes of one position are equal, and need no new CRC
+        check."""
         self.late_unit_id = -1
-        """Unit id of the newest whole frame that answered nothing; less than 0: none was met."""
+        """Unit id of the newest whole frame that matched no request; less than 0: none came."""
         self.returned = 0
-        """Without ``echo``: so many reads of registers in a row came back, byte for byte, before any reply.
+        """Without ``echo``: reads of registers in a row that came back, byte for byte, before any reply.
 
-        An acknowledgement repeats its request (FC05, 06, 08, 22), or does so with some drives (FC15, 16), so
-        nothing is told from writes. Nor from reads of coils: of 17 to 24 of them the reply may have the bytes
-        of its request. A reply to a read of registers has as many data bytes as its third byte says. There a
-        request has the high byte of its address: it is as long as such a reply where that is 3, which is no
-        number of bytes that registers have, and not even then it counts. What came back so is taken out: with
-        a drive that is silent it would be all that came, and count as its reply.
-        """
+        Writes show nothing: an acknowledgement repeats its request (FC05, 06, 08, 22), or does so with some
+        drives (FC15, 16). Nor do reads of coils: the reply to a read of 17 to 24 of them may be equal to its
+        request. A reply to a read of registers has as many data bytes as its third byte says. A request has
+        the high byte of its address there, so it is as long as such a reply if that byte is 3. Registers
+        never have 3 bytes, but even then the request does not count. A returned request is removed: with a
+        silent drive it would be the only thing received, and count as the reply."""
 
     @property
     def is_expecting(self) -> bool:
@@ -128,7 +128,7 @@ class RtuReplyDecoder(RtuDecoder):
         return self.counters.stray_bytes
 
     def expect(self, unit_id: int, request_pdu: bytes) -> None:
-        """Expect the reply to this request, and nothing else. To be called when the request is sent."""
+        """Expect the reply to this request, and nothing else. Call it when the request is sent."""
         if len(self._buffer):
             self.cancel()
         self._unit_id = unit_id
@@ -139,38 +139,38 @@ class RtuReplyDecoder(RtuDecoder):
             self._echo = append_crc(bytes((unit_id,)) + request_pdu)
 
     def expect_unechoed(self, unit_id: int, request_pdu: bytes) -> None:
-        """The same of a request whose echo somebody else takes out, where there is one."""
+        """The same for a request whose echo, if any, the caller removes."""
         self.expect(unit_id, request_pdu)
         self._echo = b""
 
     @property
     def is_at_reply(self) -> bool:
-        """Whether the next byte that comes is the first one of the reply that is expected."""
+        """Whether the next byte is the first one of the expected reply."""
         return bool(self._request) and not self._buffer and not self._echo
 
     def expect_echo(self, unit_id: int, request_pdu: bytes) -> None:
-        """Expect nothing but the echo of a request that nobody answers, where there is one."""
+        """Expect only the echo of a request without a reply, if there is an echo."""
         if self._has_echo:
             self._lone_echo = append_crc(bytes((unit_id,)) + request_pdu)
             self._heard = b""
 
     def cancel(self) -> None:
-        """Expect nothing any more: whatever arrives from now on is stray."""
+        """Expect nothing any more: all further bytes are stray."""
         self._drop(len(self._buffer))
         self._expect_nothing()
         self._is_answered = False
 
     def reset(self) -> None:
-        """Forget what waits and what is expected: the line is a new one."""
+        """Forget the waiting bytes and the expected reply: the line is a new one."""
         super().reset()
         self.returned = 0
         self._expect_nothing()
         self._is_answered = False
 
     def one(self, data: bytes) -> bytes:
-        """Return the PDU of ``data`` where that is the reply that is expected and nothing else.
+        """Return the PDU of ``data`` if that is exactly the expected reply.
 
-        Else b"", and nothing was taken: :meth:`feed` takes it.
+        Otherwise return b"" and take nothing: :meth:`feed` takes it.
         """
         size = len(data)
         if len(self._buffer) or len(self._echo) or not self._is_ours(data):
@@ -199,17 +199,17 @@ class RtuReplyDecoder(RtuDecoder):
         return function == self._request[0] or (function >= EXCEPTION_BIT and self._is_refusal(function))
 
     def _is_refusal(self, function: int) -> bool:
-        """Whether a function byte is that of an exception to what is expected."""
+        """Whether a function byte is that of an exception to the expected reply."""
         asked = self._request[0]
         if function == asked | EXCEPTION_BIT:
             return True
         return asked in READS and function == self._refused_reads.get(self._unit_id, REFUSED_READ)
 
     def _fits(self, data: bytes, start: int = 0) -> bool:
-        """Whether a reply to a read has as many bytes as were asked for.
+        """Whether a reply to a read has as many bytes as requested.
 
-        A reply carries no number on a serial line: what a drive says late or twice is told apart only so. One
-        that does not fit is passed on (W1) when no other comes.
+        A reply has no number on a serial line: only this distinguishes a late or repeated reply. One that
+        does not fit is passed on (W1) if no other comes.
         """
         asked = asked_bytes(self._request)
         return asked is None or data[start + 1] >= EXCEPTION_BIT or data[start + 2] == asked
@@ -231,12 +231,12 @@ class RtuReplyDecoder(RtuDecoder):
         return frames
 
     def _tells(self) -> bool:
-        """Whether the bytes of what was asked can be no reply to it."""
+        """Whether the bytes of the request cannot be its reply."""
         request = self._request
         return len(request) == TELLING_PDU and request[0] in TELLING and request[1] != THREE_BYTES
 
     def _take_return(self) -> None:
-        """Take out what was sent, where that has come first and can be no reply."""
+        """Remove the request if it has come back first and cannot be the reply."""
         sent = append_crc(bytes((self._unit_id,)) + self._request)
         if self._tells() and self._buffer[:TELLING_ADU] == sent:
             self.returned += 1
@@ -245,13 +245,13 @@ class RtuReplyDecoder(RtuDecoder):
             self._buffer = self._buffer[TELLING_ADU:]
 
     def _end_row(self) -> None:
-        """Note a reply before which nothing else came."""
+        """Record a reply without anything before it."""
         if self._tells() and not self._has_returned:
             self.returned = 0
         self._has_returned = False
 
     def _without_lone_echo(self, data: bytes) -> bytes:
-        """Take the echo of an unanswered request out of what came; what may still become one waits."""
+        """Remove the echo of an unanswered request; bytes that may still become one wait."""
         if not self._lone_echo:
             return data
         heard, self._heard = self._heard + data, b""
@@ -265,7 +265,7 @@ class RtuReplyDecoder(RtuDecoder):
         return heard
 
     def _pass_echo(self) -> bool:
-        """Take the own request out of what waits; False while it may still be coming in."""
+        """Remove the own request from the waiting bytes; False while it may still be incomplete."""
         if not self._echo:
             return True
         start = self._buffer.find(self._echo)
@@ -285,7 +285,7 @@ class RtuReplyDecoder(RtuDecoder):
             if length > 0 and self._is_ours(self._buffer, start) and self._fits(self._buffer, start):
                 return [self._take(start, length)]
             if length > 0 and self._is_ours(self._buffer, start):
-                start += length  # an odd drive, or the reply to another request: silence will tell
+                start += length  # an odd drive, or the reply to another request: the silence decides
             elif length > 0:
                 self._skip_foreign(start, length)
                 start = 0
@@ -297,11 +297,11 @@ class RtuReplyDecoder(RtuDecoder):
 
     @property
     def _may_be_odd(self) -> bool:
-        """Whether the reply that is expected may be an odd frame."""
+        """Whether the expected reply may be an odd frame."""
         return self._unit_id in self._odd_units
 
     def _settle(self, *, has_given_up: bool) -> list[Frame]:
-        """Take what is a reply now that the line is silent, wherever it begins."""
+        """Take what is a reply after the silence, wherever it begins."""
         data = self._buffer
         is_whole = MIN_ADU <= len(data) <= MAX_ADU
         if is_whole and data[0] != self._unit_id and data[0] in self._odd_units and is_intact(data):
@@ -321,19 +321,19 @@ class RtuReplyDecoder(RtuDecoder):
             if is_over and len(rest) <= MAX_ADU and self._may_end_oddly(rest[1]) and is_intact(rest):
                 return [self._take(start, len(rest))]
             if self._may_be_odd and not has_given_up:
-                break  # it may go on after a pause: nothing is looked for inside
+                break  # it may continue after a pause: no search inside it
         return []
 
     def _is_echo(self, frame: bytes) -> bool:
-        """Whether a drive repeats the request byte for byte: then nothing of its reply is still to come."""
+        """Whether a drive repeats the request byte for byte: then its reply is complete."""
         return frame == append_crc(bytes((self._unit_id,)) + self._request)
 
     def _may_end_oddly(self, function: int) -> bool:
-        """Whether a reply with this function byte may have another length than that says."""
+        """Whether a reply with this function byte may have another length than its code says."""
         return not self._may_be_odd or (function | EXCEPTION_BIT) == (self._request[0] | EXCEPTION_BIT)
 
     def _intact_length(self, start: int) -> int:
-        """Return the length of the good reply at ``start``, or a constant: NO_FRAME with a bad check sum."""
+        """Return the length of the good reply at ``start``, or a constant: NO_FRAME with a wrong CRC."""
         length = reply_length(self._request, self._buffer, start)
         if length <= 0:
             return length
@@ -343,7 +343,7 @@ class RtuReplyDecoder(RtuDecoder):
         return length if is_intact(self._buffer[start:end]) else NO_FRAME
 
     def _take(self, start: int, length: int) -> Frame:
-        """Take the reply; what stands before it is noise, what follows it answers nothing."""
+        """Take the reply; bytes before it are noise, bytes after it belong to no request."""
         if self.returned and not start:
             self._end_row()
         self._drop(start)
@@ -361,7 +361,7 @@ class RtuReplyDecoder(RtuDecoder):
         self.counters.foreign += 1
 
     def _count_stray(self, data: bytes) -> None:
-        # Zeros behind a reply come from a switching driver; after a time-out they may be part of a reply.
+        # Zeros after a reply come from a switching driver; after a time-out they may be part of a reply.
         if self._is_answered and not any(data):
             self.counters.glitch_bytes += len(data)
             return

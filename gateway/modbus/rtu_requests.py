@@ -1,14 +1,14 @@
-"""RTU requests out of a byte stream: the side on which the gateway is the slave.
+"""RTU requests from a byte stream: the side on which the gateway is the slave.
 
-A request ends where its own bytes say, and its check sum decides. Where the bytes say nothing (function codes
-without a rule, lengths that contradict the rule) it ends where the line falls silent. After damage the next
-good request is looked for at every later byte, so that one lost frame does not cost the next.
+A request ends where its own bytes say, and its CRC decides. If the bytes say nothing (function codes without
+a rule, lengths that contradict the rule), it ends with a silence. After damage every later byte is tried as
+the beginning of the next good request: so one lost frame does not cost the next.
 
 Some devices take *odd frames*, of another length than their function code says: ``05 03 01 01 30 B8`` starts
-some inverters. For the unit ids of such devices, and no others, all bytes from one silence to the next are
-one frame where the length that is expected gives no good check sum and theirs is good. Nothing is looked for
-inside it: what another device would take for a request may stand there. Requests that came behind it without
-a silence are told from it by all their check sums, and have to be whole to the end: no stop is lost with it.
+some inverters. This applies only to the unit ids of such devices. If the expected length gives no right CRC,
+but all bytes from one silence to the next do, these bytes are one frame. The decoder does not search inside
+it: bytes that another device would take for a request may be there. Requests that follow it without a silence
+are separated from it by all their CRCs, and must be complete to the end: so no stop is lost with it.
 """
 
 from typing import Final
@@ -26,11 +26,12 @@ from gateway.modbus.rtu_line import FAST_SILENCE_NS, Frame, RtuDecoder
 
 NO_UNITS: Final[frozenset[int]] = frozenset()
 MAX_BURST: Final = 2 * MAX_ADU
-"""So many bytes without a silence may wait where an odd frame begins: the longest, and requests behind it."""
+"""Most bytes without a silence that may wait where an odd frame begins: the longest one, and requests after
+it."""
 
 
 def _intact_length(data: bytes, start: int) -> int:
-    """Return the length of the good request at ``start``, or a constant: NO_FRAME with a bad check sum."""
+    """Return the length of the good request at ``start``, or a constant: NO_FRAME with a wrong CRC."""
     length = request_length(data, start)
     if length <= 0:
         return length
@@ -68,17 +69,17 @@ class RtuRequestDecoder(RtuDecoder):
         super().__init__(silence_ns, give_up_ns)
         self._odd_units = odd_units
         self._after_silence = 0
-        """Offset of the first waiting byte that came after the last silence."""
+        """Offset of the first waiting byte after the last silence."""
         self._frame_end_ns = -silence_ns
         self._is_behind_frame = False
         """Whether the waiting bytes follow a good frame without a silence."""
         self._is_truncated = False
-        """Whether the first waiting byte is any byte of a burst that was too long."""
+        """Whether the first waiting byte is in the middle of a burst that was too long."""
 
     def one(self, data: bytes, now_ns: int) -> bytes:
-        """Return the PDU of ``data`` where that is one good request and nothing else.
+        """Return the PDU of ``data`` if that is exactly one good request.
 
-        Else b"", and nothing was taken: :meth:`feed` takes it.
+        Otherwise return b"" and take nothing: :meth:`feed` takes it.
         """
         size = len(data)
         if len(self._buffer) or size < MIN_ADU or request_length(data) != size or not is_intact(data):
@@ -97,7 +98,7 @@ class RtuRequestDecoder(RtuDecoder):
         frames: list[Frame] = []
         was_silent = now_ns - self._last_byte_ns >= self._silence_ns
         if self._buffer and was_silent and self._awaits_end():
-            frames = self._settle(has_given_up=False)  # whoever calls at silences may come late
+            frames = self._settle(has_given_up=False)  # the call at a silence may come late
         if not self._buffer:
             self._after_silence = 0
             self._is_behind_frame = now_ns - self._frame_end_ns < self._silence_ns
@@ -116,7 +117,7 @@ class RtuRequestDecoder(RtuDecoder):
         return frames
 
     def _take_frames(self) -> list[Frame]:
-        """Take good requests from the front, past damage, up to bytes that must wait."""
+        """Take good requests from the front, after damage too, up to bytes that must wait."""
         frames: list[Frame] = []
         while self._buffer:
             length = _intact_length(self._buffer, 0)
@@ -125,7 +126,7 @@ class RtuRequestDecoder(RtuDecoder):
                 if next_good < 0:
                     break
                 if self._awaits_end():
-                    frames.append(self._take(next_good))  # odd, from the silence before it to the one behind
+                    frames.append(self._take(next_good))  # odd, from the silence before to the one after it
                 else:
                     self._drop(next_good)
             else:
@@ -133,31 +134,31 @@ class RtuRequestDecoder(RtuDecoder):
         return frames
 
     def _next_good(self, *, is_hopeless: bool) -> int:
-        """Where the next good request begins, if those waiting in front of it may be given up for it."""
+        """Return where the next good request begins, if the bytes before it may be given up; else -1."""
         fresh = self._after_silence
         awaits_end = self._awaits_end()
         if not awaits_end and (is_hopeless or len(self._buffer) > MAX_ADU):
             return _find(self._buffer, 1, self._last_to_search())
         if not fresh or _intact_length(self._buffer, fresh) <= 0:
             return -1
-        # Half an odd frame in front: what came after the silence may be the rest of it, and goes on.
+        # After an incomplete odd frame, the bytes since the silence may be its rest.
         return fresh if not awaits_end or self._is_intact(0, fresh) else -1
 
     # --- odd frames -----------------------------------------------------------------------------------------
 
     def _may_be_odd(self, start: int) -> bool:
-        """Whether an odd frame may begin at ``start``, which is behind a silence or a good frame."""
+        """Whether an odd frame may begin at ``start``, which follows a silence or a good frame."""
         data = self._buffer
         if len(data) <= start or data[start] not in self._odd_units or (start == 0 and self._is_truncated):
             return False
         return len(data) == start + 1 or data[start + 1] != 0
 
     def _awaits_end(self) -> bool:
-        """Whether an odd frame may be waiting: nothing is looked for before silence has ended it."""
+        """Whether an odd frame may be waiting: no search before a silence has ended it."""
         return len(self._odd_units) > 0 and len(self._buffer) <= MAX_BURST and self._may_be_odd(0)
 
     def _last_to_search(self) -> int:
-        """Return the last offset at which a good request is looked for behind damage."""
+        """Return the last offset at which a good request is searched for after damage."""
         fresh = self._after_silence
         return fresh if fresh and self._may_be_odd(fresh) else len(self._buffer)
 
@@ -165,11 +166,11 @@ class RtuRequestDecoder(RtuDecoder):
         return MIN_ADU <= end - start <= MAX_ADU and is_intact(self._buffer[start:end])
 
     def _odd_length(self, start: int, *, has_given_up: bool) -> int:
-        """Return the length of the odd frame at ``start`` now that the line is silent, or a constant.
+        """Return the length of the odd frame at ``start`` after a silence, or a constant.
 
-        NEEDS_MORE: perhaps an adapter only makes a pause. One frame in 256 ends with a 0, and then the bytes
-        before that have a good check sum too. All that waits is one frame before any part of it is: zeros
-        behind a check sum may belong to it.
+        NEEDS_MORE: the silence may be a pause of an adapter. One frame in 256 ends with a 0, and then the
+        bytes before it have a right CRC too. So all waiting bytes are tried as one frame before any part of
+        them: zeros after a CRC may belong to it.
         """
         end = len(self._buffer)
         if self._is_intact(start, end):
@@ -182,20 +183,20 @@ class RtuRequestDecoder(RtuDecoder):
                 continue
             if self._are_whole(at, has_given_up=has_given_up):
                 return at - start
-            # Damage that no more bytes can mend: two good check sums in a row are no chance.
+            # Damage that further bytes cannot repair: two right CRCs in a row are no chance.
             if has_given_up and before_damage == NO_FRAME and _intact_length(self._buffer, at) > 0:
                 before_damage = at - start
         return before_damage
 
     def _is_over(self, start: int, *, has_given_up: bool) -> bool:
-        """Whether an odd frame that is good so far is not waited for any longer.
+        """Whether an odd frame that is good so far is complete.
 
-        Where its function code says nothing of its length it ends with the silence, as it does of any unit.
+        If its function code has no rule for its length it ends with the silence, as for any unit.
         """
         return has_given_up or _intact_length(self._buffer, start) == UNTIL_SILENCE
 
     def _are_whole(self, start: int, *, has_given_up: bool) -> bool:
-        """Whether whole requests stand from ``start`` to the end of what waits; silence may end the last."""
+        """Whether whole requests fill the bytes from ``start`` to the end; a silence may end the last."""
         while start < len(self._buffer):
             length = _intact_length(self._buffer, start)
             if length <= 0:
@@ -207,7 +208,7 @@ class RtuRequestDecoder(RtuDecoder):
         return True
 
     def _whole_from(self, start: int, last: int) -> int:
-        """Return the first offset, ``last`` at most, from where whole requests reach to the end, or -1."""
+        """Return the first offset, ``last`` at most, from which whole requests reach to the end, or -1."""
         for at in range(start, min(last, len(self._buffer) - MIN_ADU) + 1):
             if _intact_length(self._buffer, at) > 0 and self._are_whole(at, has_given_up=True):
                 return at
@@ -238,9 +239,9 @@ class RtuRequestDecoder(RtuDecoder):
         return frames
 
     def _ended_by_silence(self, *, has_given_up: bool) -> tuple[int, int] | None:
-        """Return offset and length of what is a frame now that the line is silent.
+        """Return offset and length of the frame that the silence has ended.
 
-        All that waits, or all that came since the last silence; else the first good request behind damage.
+        All waiting bytes, or all since the last silence; else the first good request after damage.
         """
         fresh = self._after_silence
         length = self._length_to_silence(0, has_given_up=has_given_up)
@@ -258,25 +259,25 @@ class RtuRequestDecoder(RtuDecoder):
         return None if start < 0 else (start, _intact_length(self._buffer, start))
 
     def _length_to_silence(self, start: int, *, has_given_up: bool) -> int:
-        """Return the length of what begins at ``start`` and ends with the silence, or a constant.
+        """Return the length of the frame from ``start`` to the silence, or a constant.
 
-        NEEDS_MORE: perhaps it goes on; NO_FRAME: all of it is no frame.
+        NEEDS_MORE: it may continue; NO_FRAME: the bytes are no frame.
         """
         if self._odd_units and self._may_be_odd(start):
             return self._odd_length(start, has_given_up=has_given_up)
         frame = self._buffer[start:]
         if not MIN_ADU <= len(frame) <= MAX_ADU or frame[1] == 0 or not is_intact(frame):
             return NO_FRAME
-        # Shorter than its own bytes say: perhaps an adapter only makes a pause.
+        # Shorter than its own bytes say: the silence may be a pause of an adapter.
         is_over = has_given_up or _intact_length(frame, 0) != NEEDS_MORE
         return len(frame) if is_over else NO_FRAME
 
     def _behind_damage(self, fresh: int, length: int, *, has_given_up: bool) -> tuple[int, int] | None:
-        """Return what :meth:`_ended_by_silence` does, where an odd frame began and came to no good end.
+        """Return as :meth:`_ended_by_silence`, if an odd frame began and did not end well.
 
-        ``length`` is that of a frame that came after the last silence, or a constant. Where there is one,
-        what waited before it is over. Of that only requests count that are whole to the end, as no part of a
-        frame is: a stop is not lost behind damage, and what stands inside a damaged frame is not run.
+        ``length`` is that of a frame after the last silence, or a constant. If there is one, the bytes before
+        it are over. Of these, only requests count that are whole to the end, as no part of a frame is. So a
+        stop is not lost after damage, and no bytes inside a damaged frame are executed.
         """
         is_behind = length != NO_FRAME
         if fresh and not is_behind:

@@ -1,6 +1,6 @@
 """Numbers to words and back: one codec for each register type and word order, made once at import.
 
-One call reads or writes a whole field, and a compiled one takes a few instructions for it (``librt``).
+One call reads or writes a whole field; in compiled code that takes a few instructions (``librt``).
 """
 
 import struct
@@ -36,7 +36,7 @@ class Codec:
         self._low_first = low_first
         self._struct = struct.Struct(layout)
         self.words = self._struct.size // 2
-        """How many registers the type fills."""
+        """Number of registers of the type."""
 
     def unpack(self, data: bytes, offset: int) -> Raw:
         """Read the value that starts at byte ``offset``, or raise RegisterDataError."""
@@ -100,7 +100,7 @@ class Integer(Codec):
 
 
 class _LowFirstPair(Integer):
-    """Two words, the least significant first: the usual case, worth its own lines."""
+    """Two words, the least significant first: the usual case, with its own fast code."""
 
     __slots__ = ()
 
@@ -120,7 +120,7 @@ class _LowFirstPair(Integer):
 
 
 class _Words(Integer):
-    """Any number of words in either order, of which the most significant carries the sign."""
+    """Any number of words in either order, of which the most significant has the sign."""
 
     __slots__ = ()
 
