@@ -1,7 +1,7 @@
-"""One axis: the state of its direction and blends, what a target becomes, what a reading means.
+"""One axis: the state of its direction and blends, and the correction of targets and readings.
 
-:meth:`AxisCompensation.plan` only computes; :meth:`AxisCompensation.commit` makes it so once the drive has
-accepted the target. Between the two nothing has happened, and a refused target leaves no trace.
+:meth:`AxisCompensation.plan` only computes; :meth:`AxisCompensation.commit` applies the result once the drive
+has accepted the target. Nothing changes between the two, so a refused target leaves no trace.
 """
 
 from typing import Final
@@ -35,14 +35,14 @@ from gateway.counts import Counts
 from gateway.times import NS_PER_MS
 
 _new: Final = tuple.__new__
-"""Makes a named tuple of its fields in their order, for half the price of naming its class."""
+"""Makes a named tuple of its fields in their order, for half the cost of calling its class."""
 FORWARD: Final = Direction.FORWARD
 JUST_BELOW: Final = 1.0 - 1e-6
-"""A distance of exactly the hysteresis must count as one, whatever floating point makes of it."""
+"""A distance of exactly the hysteresis must reach it, whatever floating point does."""
 
 
 class AxisCompensation:
-    """Compensation of one axis. Positions cross its border in counts, nominal or corrected.
+    """Compensation of one axis. Its arguments and results are counts, nominal or corrected.
 
     ``counts = zero_counts + counts_per_unit * (nominal + machine_offset)``
     """
@@ -55,13 +55,14 @@ class AxisCompensation:
         self._accepted: Accepted | None = None
         self._way = (0.0, 0.0)
         self._steps = 0
-        """Targets of a run: accepted since these four were worked out, each going on from the one before."""
+        """Targets of a run: accepted since the four values above were computed, each continuing from the one
+        before."""
         self._from_nominal: Counts = 0
         self._from_corrected: Counts = 0
         """The last target but one of the run."""
         self._to_nominal: Counts = 0
         self._to_corrected: Counts = 0
-        """The last one."""
+        """The last target of the run."""
         self._position = self._extreme = 0.0
         self._at_ns = 0
         self._requested = NOTHING
@@ -70,7 +71,7 @@ class AxisCompensation:
         self._map_key: tuple[object, ...] = ()
         self._map = IDENTITY
         self.is_steady = False
-        """Whether the branch in force is the one that is wanted, whole: :meth:`plan_steady` may be asked."""
+        """Whether the requested branch is completely in force: :meth:`plan_steady` may be called."""
         self._steady_map = IDENTITY
         self.is_stream = settings.setpoints is Setpoints.STREAM
         """Whether a setpoint comes each cycle."""
@@ -80,28 +81,28 @@ class AxisCompensation:
 
     @property
     def state(self) -> State:
-        """What the last accepted target left behind."""
+        """The state after the last accepted target."""
         if self._steps:
             self._end_run()
         return self._state
 
     @property
     def readback(self) -> Readback:
-        """What a reading means."""
+        """The conversion of readings."""
         if self._steps:
             self._end_run()
         return self._readback
 
     @property
     def accepted(self) -> Accepted | None:
-        """The last accepted target; None: nothing was commanded yet, or nobody knows what the drive holds."""
+        """The last accepted target; None: none yet, or the target in the drive is unknown."""
         if self._steps:
             self._end_run()
         return self._accepted
 
     @property
     def has_target(self) -> bool:
-        """Whether there is a last accepted target; to ask ends no run."""
+        """Whether there is a last accepted target; does not end a run."""
         return self._accepted is not None
 
     @property
@@ -112,23 +113,23 @@ class AxisCompensation:
         return self._way
 
     def take_limits(self, settings: AxisSettings) -> None:
-        """Take the limits of other settings that are the same in everything else."""
+        """Take the limits of other settings, which are equal in everything else."""
         self.settings = settings
         self._lowest, self._highest = settings.corrected_bounds
 
     @property
     def base(self) -> State:
-        """What the last target before a run left behind; only the same object is the same base."""
+        """The state after the last target before a run; only the same object is the same base."""
         return self._state
 
     @property
     def steps(self) -> int:
-        """So many targets of a run were accepted since."""
+        """Targets of a run accepted since then."""
         return self._steps
 
     @property
     def step(self) -> tuple[object, ...]:
-        """The last target but one of a run and the last one; empty where there is no run.
+        """The last target but one of a run and the last one; empty without a run.
 
         Nominal and corrected counts of each, position and extreme of the travel, time in ns.
         """
@@ -146,13 +147,13 @@ class AxisCompensation:
 
     @property
     def is_passing(self) -> bool:
-        """Whether nothing is corrected and nothing is asked for: words go through as they are."""
+        """Whether no correction is in force or requested: words pass unchanged."""
         state = self._state  # a run changes nothing of what counts here
         return self._requested is NOTHING and state.spec is NOTHING and state.previous is None
 
     @property
     def is_blending(self) -> bool:
-        """Whether a reversal or a change-over is under way."""
+        """Whether a reversal or a change-over is in progress."""
         state = self._state
         return state.previous is not None or state.spec is not self._requested or is_reversing(state)
 
@@ -161,12 +162,12 @@ class AxisCompensation:
         return (counts - self.settings.zero_counts) / self.settings.counts_per_unit
 
     def is_outside(self, counts: Counts) -> bool:
-        """Whether the table wanted does not reach this nominal position."""
+        """Whether this nominal position is outside the requested table."""
         curve = self._requested.curve
         return curve is not None and not curve.covers(self.machine_position(counts))
 
     def want(self, spec: CorrectionSpec) -> None:
-        """Ask for another correction; it comes into force with different targets, never by itself."""
+        """Request another correction. It comes into force with different targets, never without one."""
         if spec is not self._requested:
             self._requested = spec
             self._measure_change()
@@ -175,20 +176,20 @@ class AxisCompensation:
     def assume_offset(
         self, actual_counts: Counts, nominal_counts: Counts, spec: CorrectionSpec, slack: float
     ) -> float:
-        """Take the offset in force when setpoints begin to stream: where the drive is, less the command.
+        """Derive the offset in force when setpoints begin to stream: drive position less command.
 
-        No more than a correction can be: between 0 and what both branches of ``spec`` say at the place of the
-        drive and at the setpoint, and ``slack`` more. Nothing else is read into it: a controller that read
-        1:1 until now and holds its setpoint is not moved, nor is one whose correction was in force.
+        The offset is limited to what a correction can be: between 0 and the corrections of both branches of
+        ``spec``, at the drive's position and at the setpoint, plus ``slack``. So the axis does not move for a
+        controller that read 1:1 until now and holds its setpoint, or whose correction was in force.
 
         Args:
-            actual_counts: where the drive is.
+            actual_counts: position of the drive.
             nominal_counts: the first setpoint.
-            spec: what may have been in force.
-            slack: what the registers cannot tell and what terms may have added, in units.
+            spec: the correction that may have been in force.
+            slack: resolution of the registers plus what terms may have added, in units.
 
         Returns:
-            What is no correction and so is motion, in units.
+            The part that is no correction and therefore motion, in units.
         """
         offset = (actual_counts - nominal_counts) / self.settings.counts_per_unit
         drive, setpoint = self.machine_position(actual_counts), self.machine_position(nominal_counts)
@@ -202,14 +203,14 @@ class AxisCompensation:
         return offset - taken
 
     def _stand_on(self, offset: float) -> None:
-        """Let a mere offset be in force, whole."""
+        """Put a constant offset completely into force."""
         spec = CorrectionSpec(offset=offset) if offset else NOTHING
         self._state = self.state._replace(spec=spec, previous=None, change=1.0)
         self._measure_change()
         self._update_steadiness()
 
     def lose_reference(self) -> None:
-        """Want nothing until the axis is referenced again: positions mean nothing.
+        """Request no correction until the axis is referenced again: positions have no meaning.
 
         Targets pass 1:1 from now on. A stream keeps its offset, which fades with different setpoints.
         """
@@ -224,7 +225,7 @@ class AxisCompensation:
         )
 
     def begin_anew(self) -> None:
-        """Pass 1:1 from now on, and want nothing: where the axis is has nothing to do with where it was."""
+        """Pass 1:1 from now on, and request nothing: earlier positions are no longer valid."""
         self._steps = 0
         self._state = State()
         self._accepted = None
@@ -234,9 +235,9 @@ class AxisCompensation:
         self._update_steadiness()
 
     def end_dry_run(self) -> None:
-        """What was reckoned so far was never on the drive: it holds the last target as it was commanded.
+        """Discard the computed state: the drive never had it, and holds the last target as commanded.
 
-        From now on as after a time of passing 1:1 with the same targets; nothing is wanted yet.
+        The state is then as after passing the same targets 1:1; no correction is requested yet.
         """
         state, accepted = self.state, self.accepted
         self.begin_anew()
@@ -246,9 +247,9 @@ class AxisCompensation:
             self._accepted, self._way = Accepted(here, here), (here, here)
 
     def find_reference(self, spec: CorrectionSpec) -> None:
-        """The axis knows where it is: want ``spec``, on the branch that homing ended on.
+        """Request ``spec`` on the branch that homing ended on: the axis is referenced.
 
-        Where setpoints stream already, what they have passed with is what gives way to ``spec``.
+        If setpoints stream already, the correction in force changes over to ``spec``.
         """
         if self.settings.setpoints is Setpoints.TARGETS or self.state.position is None:
             approach = Direction(self.settings.home_approach)
@@ -257,13 +258,13 @@ class AxisCompensation:
         self._update_steadiness()
 
     def forget_target(self) -> None:
-        """Nobody knows any more which target the drive holds; the next one is never taken for a repeat."""
+        """Forget the target: the drive may hold another one. The next target is never taken for a repeat."""
         if self._steps:
             self._end_run()
         self._accepted = None
 
     def invalidate(self) -> None:
-        """The branch in force is only assumed from now on."""
+        """Mark the branch in force as only assumed."""
         self._state = self.state._replace(is_unsure=True)
 
     @property
@@ -272,28 +273,28 @@ class AxisCompensation:
         return self._actual_counts is not None
 
     def observe(self, actual_counts: Counts) -> None:
-        """Note where the drive says it is: a fade begins there, and one that has ended there is over."""
+        """Take the drive's actual position: a fade begins there, and one that has ended there is over."""
         self._actual_counts = actual_counts
         if self.readback.is_faded_out(actual_counts):
             self._readback = self.readback.without_fade()
 
     def again(self) -> Move:
-        """Return the last accepted target as a move: the same correction, and nothing changes with it."""
+        """Return the last accepted target as a move: the same correction, and no change of state."""
         assert self.accepted is not None
         nominal_counts, corrected_counts = self.accepted
         correction_map = self.readback.correction_map
         return Move(nominal_counts, corrected_counts - nominal_counts, correction_map, self.state)
 
     def touch(self, now_ns: int) -> None:
-        """Note that the same setpoint came again: a blend by time stands still meanwhile."""
+        """Record that the same setpoint came again: a blend by time pauses meanwhile."""
         self._state = self.state._replace(at_ns=now_ns)
 
     def plan(self, nominal_counts: Counts, estimate: PositionEstimate | None, now_ns: int) -> Move:
-        """Work out what a target becomes. Nothing changes until :meth:`commit`.
+        """Compute the correction of a target. Nothing changes until :meth:`commit`.
 
         Args:
             nominal_counts: the target as commanded.
-            estimate: where the axis is, when that is known; only used where the drive profiles the move.
+            estimate: position of the axis, if it is known; only used if the drive profiles the move.
             now_ns: monotonic time.
 
         Raises:
@@ -305,7 +306,7 @@ class AxisCompensation:
         self._check_covered(state, position)
         correction_map = self.map_of(state)
         correction = correction_map.correction(position)
-        # Where nothing is wanted a mere offset is left: the axis does not know where it is.
+        # Without a requested correction only a constant offset is left: the axis position is unknown.
         knows_position = self._requested is not NOTHING or bool(correction_map.terms)
         if knows_position and not correction_map.is_identity:
             self._check_travel(position, correction)
@@ -318,12 +319,12 @@ class AxisCompensation:
         *,
         is_reached: bool = False,
     ) -> None:
-        """Take a planned target as accepted by the drive, with the counts that it was sent.
+        """Take a planned target as accepted by the drive, with the counts that were sent.
 
         Args:
             move: as :meth:`plan` returned it.
-            corrected_counts: what the drive was sent.
-            is_reached: the axis stands at the target before, whatever was read of it on the way there.
+            corrected_counts: the counts that the drive was sent.
+            is_reached: the axis is at the previous target, whatever was read on the way there.
         """
         seen, has_target = self._actual_counts, self.accepted is not None
         before = self.accepted.corrected_counts if self.accepted else corrected_counts
@@ -342,7 +343,7 @@ class AxisCompensation:
         goes_on = self._goes_on(move)
         is_other = move.state.spec is not self.state.spec
         self._state = move.state
-        if is_other:  # something else may have been asked for while it was on its way
+        if is_other:  # another one may have been requested while it was on its way
             self._measure_change()
         self._accepted = target
         self._actual_counts = None
@@ -350,9 +351,9 @@ class AxisCompensation:
             self._update_steadiness()
 
     def plan_steady(self, nominal_counts: Counts, now_ns: int, is_reached: bool) -> SteadyMove | None:
-        """Work out, only while ``is_steady``, a target that goes on in its direction; None: ask :meth:`plan`.
+        """Compute a target that continues in its direction, while ``is_steady``; None: call :meth:`plan`.
 
-        What comes out is what :meth:`plan` would say, for a fraction of its time.
+        The result is that of :meth:`plan`, in a fraction of its time.
 
         Args:
             nominal_counts: the target as commanded.
@@ -392,9 +393,9 @@ class AxisCompensation:
         return SteadyMove(nominal_counts, counts, position, extreme, now_ns, self._state, correction_map)
 
     def steady_correction(self, nominal_counts: Counts) -> float:
-        """Return what :meth:`plan_steady` adds to a target, in counts, if it returns anything.
+        """Return what :meth:`plan_steady` adds to a target, in counts, if it returns a move.
 
-        The target and this never fall together as the target rises: slopes stay above -1.
+        When the target rises, target plus correction never falls: slopes stay above -1.
         """
         position = (nominal_counts - self._zero_counts) / self._counts_per_unit
         return self._steady_map.correction(position) * self._counts_per_unit
@@ -405,7 +406,7 @@ class AxisCompensation:
         return _new(Move, (steady.nominal_counts, steady.correction_counts, steady.correction_map, state))
 
     def _state_after(self, before: State, position: float, extreme: float, now_ns: int) -> State:
-        """Return what a target leaves behind that goes on in its direction."""
+        """Return the state after a target that continues in its direction."""
         is_stream = self.is_stream
         return _new(
             State,
@@ -423,14 +424,14 @@ class AxisCompensation:
         )
 
     def go_on(self, steady: SteadyMove, corrected_counts: Counts, *, is_reached: bool) -> None:
-        """Take a steady move as accepted by the drive, as :meth:`commit` would, for a fraction of its time.
+        """Take a steady move as accepted by the drive, as :meth:`commit` would, in a fraction of its time.
 
-        What it leaves behind is worked out when somebody asks for it, of the last target of the run: what the
-        others left behind would be gone by then.
+        The state after it is computed only when it is read, for the last target of the run: the state after
+        the others would be replaced by then.
 
         Args:
             steady: as :meth:`plan_steady` returned it.
-            corrected_counts: what the drive was sent.
+            corrected_counts: the counts that the drive was sent.
             is_reached: as of :meth:`commit`.
         """
         accepted = self._accepted
@@ -453,7 +454,7 @@ class AxisCompensation:
         self._steps += 1
 
     def _end_run(self) -> None:
-        """Work out what the last target of a run has left behind."""
+        """Compute the state after the last target of a run."""
         steps, self._steps = self._steps, 0
         correction_map, before = self._steady_map, self._readback
         from_corrected, corrected = self._from_corrected, self._to_corrected
@@ -472,7 +473,7 @@ class AxisCompensation:
         return curve is None or curve.covers(position)
 
     def _goes_on(self, move: Move) -> bool:
-        """Whether the axis was steady, and a move changes nothing about that."""
+        """Whether the axis was steady and stays so after a move."""
         state, before = move.state, self._state  # a run changes nothing of what counts here
         return (
             self.is_steady
@@ -498,14 +499,14 @@ class AxisCompensation:
         )
 
     def accept_again(self, target: Accepted) -> None:
-        """The axis stands at a target that the drive accepted before: what was sent since did not run."""
+        """Take the axis as at a target that the drive accepted before: later targets did not run."""
         if self._steps:
             self._end_run()
         self._accepted = target
         self._readback = reached(self._readback, self.map_of(self._state), target)
 
     def read_as_reached(self, move: Move, corrected_counts: Counts) -> None:
-        """Read the axis as if it stood at a target of which nobody knows whether it went there."""
+        """Read the axis as if it were at a target that it may not have reached."""
         target = Accepted(move.nominal_counts, corrected_counts)
         self._readback = reached(self.readback, move.correction_map, target)
 
@@ -519,9 +520,9 @@ class AxisCompensation:
         *,
         came_from: Accepted | None = None,
     ) -> None:
-        """Go on where another run of the gateway left off; what is wanted stays.
+        """Continue from the state of another run of the gateway; the requested correction stays.
 
-        ``came_from``: the target before, from which the last one went on; anchor and fade follow from it.
+        ``came_from``: the target before the last one; anchor and fade follow from it.
         """
         self._steps = 0
         self._state = state
@@ -552,7 +553,7 @@ class AxisCompensation:
         )
 
     def _direction(self, position: float, estimate: PositionEstimate | None) -> tuple[Direction, bool]:
-        """Direction of a move to ``position``, and whether it is only assumed (M6)."""
+        """Return the direction of a move to ``position``, and whether it is only assumed (M6)."""
         kept = self.state.travel.direction
         if estimate is None:
             return kept, True
@@ -569,7 +570,7 @@ class AxisCompensation:
         return kept, is_short or estimate.kind is EstimateKind.ASSUMED
 
     def _is_same_again(self, position: float) -> bool:
-        """Whether a target is the last one with the noise of whoever resends it."""
+        """Whether a target repeats the last one, apart from the controller's jitter."""
         accepted, within = self.accepted, self.settings.repeat_within_counts
         if accepted is None or not within:
             return False
@@ -577,10 +578,10 @@ class AxisCompensation:
         return distance * abs(self._counts_per_unit) <= within / JUST_BELOW
 
     def _direction_from_drive(self, position: float, actual: float) -> tuple[Direction, bool]:
-        """Decide on the drive's scale, where no branch has to be known.
+        """Decide on the drive's scale, where no branch needs to be known.
 
-        An axis that stands where one branch puts the target has got there on that branch. Otherwise it has to
-        lie outside what the two branches make of the target for its direction to be certain.
+        If the axis is where one branch puts the target, it got there on that branch. Otherwise the direction
+        is certain only if the axis is outside the range of both branches for the target.
         """
         forward = position + self._requested.map_at(1.0).correction(position)
         backward = position + self._requested.map_at(0.0).correction(position)
@@ -588,14 +589,14 @@ class AxisCompensation:
         is_at_backward = abs(actual - backward) <= self._hysteresis
         if is_at_forward and is_at_backward:
             return self.state.travel.direction, False
-        if is_at_forward or is_at_backward:  # before the rest: whole counts may lie just outside of both
+        if is_at_forward or is_at_backward:  # first: whole counts may lie just outside of both
             return (Direction.FORWARD if is_at_forward else Direction.BACKWARD), False
         if min(forward, backward) <= actual <= max(forward, backward):
             return self.state.travel.direction, True
         return (Direction.FORWARD if actual < forward else Direction.BACKWARD), False
 
     def _direction_on_way(self, position: float, actual: float) -> tuple[Direction, bool]:
-        """The same where the axis does not stand: no branch has brought it to a place that it passes."""
+        """The same for a moving axis: it passes a position without a branch having put it there."""
         forward = position + self._requested.map_at(1.0).correction(position)
         backward = position + self._requested.map_at(0.0).correction(position)
         if actual < min(forward, backward) - self._hysteresis:

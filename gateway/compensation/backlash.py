@@ -1,4 +1,4 @@
-"""Constant lost motion, for tables that know only one direction, or for an axis without a table.
+"""Constant lost motion, for tables with one direction only, or for an axis without a table.
 
 A table with two columns already contains the lost motion: forward - backward is the backlash at each point.
 Applying it once more would double it, so the two exclude each other (Mint, ISG and LinuxCNC agree).
@@ -11,19 +11,19 @@ from gateway.compensation.settings import AxisSettings, Backlash, BacklashKind
 from gateway.compensation.table import CorrectionTable, make_table
 
 ANYWHERE: Final = 1e9
-"""An axis without travel reaches this far at most, in units."""
+"""Largest reach of an axis without travel, in units."""
 
 
 def no_correction(settings: AxisSettings) -> CorrectionTable:
-    """Return the table of an axis that has none, for its backlash: zeros wherever the axis may be."""
+    """Return a table of zeros over the whole range, for an axis that has only backlash."""
     low, high = settings.travel or ((0.0, settings.modulo) if settings.modulo else (-ANYWHERE, ANYWHERE))
     return make_table([low, high], [0.0, 0.0], [0.0, 0.0], settings.units)
 
 
 def with_backlash(table: CorrectionTable, backlash: Backlash) -> CorrectionTable:
-    """Return a table of two directions: moving forward lost motion has to be added, backward not.
+    """Return a table of two directions: lost motion is added when moving forward, not backward.
 
-    A table that has its lost motion from here already is returned as it is.
+    A table that already has its lost motion from here is returned unchanged.
 
     Raises:
         SettingsError: the table has two directions already, or the width is not positive.

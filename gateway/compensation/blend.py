@@ -1,4 +1,4 @@
-"""Progress of a blend. It is state and never a queue: interrupting it loses nothing."""
+"""Progress of a blend. It is a state and no queue: interrupting it loses nothing."""
 
 from math import pi, sin
 
@@ -31,10 +31,10 @@ def towards(progress: float, goal: float, share: float) -> float:
 
 
 def share_of(reversal: Reversal, distance: float, elapsed_ms: float) -> float:
-    """Part of a whole reversal that one different setpoint advances, 0 to 1.
+    """Return the part of a whole reversal that one different setpoint advances, 0 to 1.
 
     Args:
-        reversal: what the blend advances with.
+        reversal: the unit and length of the blend.
         distance: |setpoint - last setpoint|, units.
         elapsed_ms: time since the last setpoint of this reversal; 0 for its first.
     """

@@ -1,8 +1,8 @@
 """The correction in force: weighted branches of one or two curves, forward and exactly inverted.
 
 ``corrected = nominal + correction(nominal)``, both machine positions. Blends between the branches and between
-two tables are sums of piecewise linear curves, so they are piecewise linear and have an exact inverse too. So
-are they with a straight line added: an offset, and a tilt about machine position 0.
+two tables are sums of piecewise linear curves. So they are piecewise linear and have an exact inverse too. A
+straight line may be added without changing that: an offset, and a tilt about machine position 0.
 """
 
 from collections.abc import Callable
@@ -12,13 +12,13 @@ from typing import Final, NamedTuple
 from gateway.compensation.curve import Curve
 
 GUESSES: Final = 3
-"""Pieces that are tried before the search begins: a setpoint leads to the same piece or to the next."""
+"""Pieces that are tried before the search: a setpoint leads to the same piece or to the next."""
 MAX_BISECTIONS: Final = 200
 """More than enough to reduce any interval of doubles to neighbours."""
 
 
 class Term(NamedTuple):
-    """Share of one curve: how much of its forward and of its backward branch counts."""
+    """Share of one curve: the weights of its forward and of its backward branch."""
 
     curve: Curve
     forward_weight: float
@@ -42,17 +42,17 @@ class CorrectionMap:
         self.offset = offset
         self.tilt = tilt
         self.is_identity = not self.terms and not offset and not tilt
-        """Whether nothing is ever added."""
+        """Whether the correction is always 0."""
         self._branch, self._weight = _single_branch(self.terms)
         self._single = None if offset or tilt else self._branch
-        """The only branch, where it is all there is."""
+        """The only branch, if there is nothing else."""
         weights = (abs(t.forward_weight) + abs(t.backward_weight) for t in self.terms)
         self._bound = abs(offset) + sum(
             w * t.curve.max_correction for w, t in zip(weights, self.terms, strict=True)
         )
 
     def correction(self, nominal: float) -> float:
-        """Amount to add at a nominal machine position, in units."""
+        """Return the correction at a nominal machine position, in units."""
         if self._single is not None:
             return self._weight * self._single(nominal)
         total = self.offset + self.tilt * nominal
@@ -74,9 +74,9 @@ class CorrectionMap:
 
         Args:
             corrected: machine position on the drive's scale.
-            near: a guess. The piece around a good one nearly always holds the solution, and solving that
-                piece is exact; else the interval that the largest correction leaves open is halved until
-                its piece is found.
+            near: a guess. The piece around a good guess nearly always holds the solution, and solving that
+                piece is exact. Otherwise the interval that the largest correction allows is halved until its
+                piece is found.
         """
         if not self.terms:
             correction = (self.offset + self.tilt * corrected) / (1.0 + self.tilt)
@@ -89,14 +89,14 @@ class CorrectionMap:
         return self._search(corrected)
 
     def _step(self, near: float, corrected: float) -> tuple[float, float, bool]:
-        """Solve the piece around ``near``; say whether the solution lies on it, or is only a better guess."""
+        """Solve the piece around ``near``; return whether it holds the solution, or only a better guess."""
         low, high, correction, slope = self._piece(near)
         step = (corrected - near - correction) / (1.0 + slope)
         solution = near + step
         return solution, correction + slope * step, low <= solution <= high
 
     def _piece(self, nominal: float) -> tuple[float, float, float, float]:
-        """Bounds of the common straight stretch around ``nominal``, correction there, its slope."""
+        """Return bounds, correction and slope of the common straight piece around ``nominal``."""
         if self._branch is not None:
             curve, weight = self.terms[0].curve, self._weight
             low, high, correction, slope = curve.branch_piece(self._branch, nominal)
@@ -138,7 +138,7 @@ class CorrectionMap:
 
 
 def _single_branch(terms: tuple[Term, ...]) -> tuple[Callable[[float], float] | None, float]:
-    """Return the only branch in force as a function, and its weight; None where there is another number."""
+    """Return the only branch in force as a function, and its weight; None if there is not exactly one."""
     if len(terms) != 1:
         return None, 0.0
     curve, forward_weight, backward_weight = terms[0]

@@ -1,4 +1,4 @@
-"""What correction is wanted for an axis, wherever the axis is: its curve and gains, and a line."""
+"""The requested correction of an axis, for every position: its curve and gains, and a line."""
 
 from dataclasses import dataclass, replace
 from typing import Final
@@ -25,7 +25,7 @@ FULL: Final = Gain()
 
 @dataclass(frozen=True, slots=True)
 class CorrectionSpec:
-    """One thing that can be in force: nothing, a constant offset, or a curve with its gains and a line."""
+    """A correction that can be in force: none, a constant offset, or a curve with gains and a line."""
 
     curve: Curve | None = None
     gain: Gain = FULL
@@ -33,12 +33,12 @@ class CorrectionSpec:
     """Of the line at machine position 0, in units."""
     reversal: Reversal = STEP
     table_digest: bytes = b""
-    """Of the table that the curve was made from; empty without one, or where nobody asked for it."""
+    """Digest of the curve's table; empty without a table, or if no digest was given."""
     tilt: float = 0.0
-    """Slope of the line, units per unit of machine position; with that of the curve it stays below 1."""
+    """Slope of the line, units per unit of machine position; together with the curve's it stays below 1."""
 
     def terms(self, forward_share: float, weight: float) -> tuple[Term, ...]:
-        """Terms of the map at a blend between the branches (1 = forward), scaled by ``weight``."""
+        """Return the terms of the map at a blend between the branches (1 = forward), scaled by ``weight``."""
         if self.curve is None:
             return ()
         forward = weight * forward_share * self.gain.forward
@@ -46,11 +46,11 @@ class CorrectionSpec:
         return (Term(self.curve, forward, backward),)
 
     def gain_of(self, *, is_forward: bool) -> float:
-        """Share of its table that one branch gets."""
+        """Return the share of its table that one branch gets."""
         return self.gain.forward if is_forward else self.gain.backward
 
     def range(self, *, is_forward: bool) -> Range:
-        """Return the smallest and the largest correction of one branch, wherever the axis is."""
+        """Return the smallest and the largest correction of one branch over all positions."""
         if self.curve is None:
             return Range(self.offset, self.offset)
         low, high = self.curve.range(is_forward=is_forward)
@@ -58,11 +58,11 @@ class CorrectionSpec:
         return Range(self.offset + gain * low, self.offset + gain * high)
 
     def map_at(self, forward_share: float) -> CorrectionMap:
-        """Return the map with this alone in force."""
+        """Return the map with only this correction in force."""
         return CorrectionMap(self.terms(forward_share, 1.0), self.offset, self.tilt)
 
     def is_kin_of(self, other: "CorrectionSpec") -> bool:
-        """Whether the line is all in which two differ: the same curve and gains."""
+        """Whether two corrections differ in the line only: the same curve and gains."""
         return self.curve is not None and self.curve is other.curve and self.gain == other.gain
 
     def line_at(self, position: float) -> float:
@@ -77,7 +77,7 @@ def with_line(spec: CorrectionSpec, offset: float, tilt: float) -> CorrectionSpe
     """Return a correction with another line.
 
     Raises:
-        SettingsError: the slopes of curve and line could come to 1: the sum could not be inverted.
+        SettingsError: the slopes of curve and line could reach 1: the sum could not be inverted.
     """
     steepest = 0.0 if spec.curve is None else spec.curve.max_slope
     if not steepest + abs(tilt) < 1.0:
@@ -91,9 +91,10 @@ def with_line(spec: CorrectionSpec, offset: float, tilt: float) -> CorrectionSpe
 def towards_line(
     spec: CorrectionSpec, requested: CorrectionSpec, position: float, most: float
 ) -> CorrectionSpec:
-    """Return ``requested``, or a line on the way to it: it changes ``most`` at ``position``.
+    """Return ``requested``, or a line on the way to it that changes by ``most`` at ``position``.
 
-    ``spec`` and ``requested`` are kin. Where the lines cross the change is over at once: nothing moves there.
+    ``spec`` and ``requested`` differ in the line only. Where the lines cross the change is complete
+    immediately: nothing moves there.
     """
     change = abs(requested.line_at(position) - spec.line_at(position))
     if change <= most:
@@ -104,11 +105,11 @@ def towards_line(
 
 
 def steepest_change(spec: CorrectionSpec, requested: CorrectionSpec, max_slope: float) -> float:
-    """Return how fast a line may go over to another one, per unit of travel.
+    """Return how fast a line may change to another one, per unit of travel.
 
-    ``spec`` and ``requested`` are kin.
+    ``spec`` and ``requested`` differ in the line only.
 
-    As fast as a table may change, and with curve and line never so fast that the axis would turn round.
+    The limit is that of a table change. Curve and line together must also never reverse the axis.
     """
     steepest = 0.0 if spec.curve is None else spec.curve.max_slope
     room = 1.0 - steepest - max(abs(spec.tilt), abs(requested.tilt))
@@ -118,14 +119,14 @@ def steepest_change(spec: CorrectionSpec, requested: CorrectionSpec, max_slope: 
 def spec_of_table(
     table: CorrectionTable, settings: AxisSettings, gain: Gain | None = None, digest: bytes = b""
 ) -> CorrectionSpec:
-    """Return what a table, in the units of the axis, asks for under its settings.
+    """Return the correction of a table, in the units of the axis, under its settings.
 
-    ``digest`` is that of the table as it is given; it is only kept.
+    ``digest`` is that of the given table; it is only stored.
 
     Raises:
         TableError: a rotary table that does not close, a fade that is too steep.
-        SettingsError: backlash together with a table of two directions, a blend other than ``step`` where
-            the drive profiles the move itself.
+        SettingsError: backlash together with a table of two directions, or a blend other than ``step`` if the
+            drive profiles the move itself.
     """
     if settings.backlash is not None:
         table = with_backlash(table, settings.backlash)
@@ -135,10 +136,10 @@ def spec_of_table(
 
 
 def reversal_in_force(table: CorrectionTable, settings: AxisSettings, gain: Gain) -> Reversal:
-    """Return the blend at a reversal, long enough that it never turns the axis round.
+    """Return the blend at a reversal, long enough that it never reverses the axis.
 
-    A sin² blend over D adds at most (π/2)·difference/D to the slope of 1. Only backward corrections above
-    the forward ones (the wrong way round for lost motion) work against the motion.
+    A sin² blend over D adds at most (π/2)·difference/D to the slope of 1. Only backward corrections above the
+    forward ones (the wrong way round for lost motion) work against the motion.
     """
     asked = settings.reversal
     if settings.setpoints is Setpoints.TARGETS:
@@ -161,12 +162,12 @@ def reversal_in_force(table: CorrectionTable, settings: AxisSettings, gain: Gain
 
 
 def _branch_difference(table: CorrectionTable, gain: Gain) -> Range:
-    """Bounds of what is added forward less what is added backward; exact where both gains are the same."""
+    """Return the bounds of forward less backward correction; exact if both gains are equal."""
     facts = table.facts
     low, high = facts.difference
     if gain.is_even:
         return Range(gain.forward * low, gain.forward * high)
-    # gf·f − gb·b = gf·(f − b) + (gf − gb)·b, and each branch has bounds of its own.
+    # gf·f − gb·b = gf·(f − b) + (gf − gb)·b, and each branch has its own bounds.
     more = gain.forward - gain.backward
     rest = sorted((more * facts.backward.low, more * facts.backward.high))
     return Range(
@@ -182,16 +183,16 @@ def _branch_difference(table: CorrectionTable, gain: Gain) -> Range:
 
 
 def largest_difference(one: CorrectionSpec, other: CorrectionSpec) -> float:
-    """Bound of the change that going from ``one`` to ``other`` makes on either branch anywhere, in units.
+    """Return a bound of the change from ``one`` to ``other`` on either branch at any position, in units.
 
-    Exact where one of them is no curve, or both are one table with other gains. For two tables it is what
-    their extremes leave open: no walk over their points, and a blend that is rather too long.
+    Exact if one of them is no curve, or both are one table with other gains. For two tables it is the bound
+    from their extremes, without a walk over their points: the blend is rather too long than too short.
     """
     return max(_branch_change(one, other, is_forward=is_forward) for is_forward in (True, False))
 
 
 def _line_change(one: CorrectionSpec, other: CorrectionSpec, travel: tuple[float, float] | None) -> float:
-    """Bound of what the slopes of two lines make in the travel; their offsets count elsewhere."""
+    """Return a bound of the change by the slopes of two lines within the travel, without their offsets."""
     if one.tilt == other.tilt or travel is None:
         return 0.0
     return abs(one.tilt - other.tilt) * max(map(abs, travel))
@@ -207,6 +208,6 @@ def _branch_change(one: CorrectionSpec, other: CorrectionSpec, *, is_forward: bo
 
 
 def changeover_distance(one: CorrectionSpec, other: CorrectionSpec, settings: AxisSettings) -> float:
-    """Setpoint travel over which ``one`` gives way to ``other``: as configured, or longer if it must be."""
+    """Return the setpoint travel of the change-over: as configured, or longer if necessary."""
     difference = largest_difference(one, other) + _line_change(one, other, settings.travel)
     return max(settings.reload_distance, RELOAD_PER_DIFFERENCE * difference)

@@ -1,7 +1,7 @@
-"""One table as two piecewise linear functions of machine position, with what holds outside and on each turn.
+"""One table as two piecewise linear functions of machine position, also outside it and on each turn.
 
-Everything is answered as a *piece*: the stretch of straight line around a position. The correction is a point
-on it, the exact inverse solves it, and sums of curves intersect their pieces.
+Every result is a *piece*: the straight line around a position. The correction is a point on it, the exact
+inverse solves it, and sums of curves intersect their pieces.
 """
 
 from bisect import bisect_right
@@ -19,8 +19,9 @@ HOLD: Final = Outside()
 
 
 Piece = tuple[float, float, float, float, float, float, float]
-"""A straight stretch of both branches: low end, high end, reference position, forward and backward correction
-at the reference, forward and backward slope. Machine units; a plain tuple, for it is made per position."""
+"""A straight piece of both branches: low end, high end, reference position, forward and backward correction
+at the reference, forward and backward slope. Machine units; a plain tuple, because one is made per
+position."""
 
 
 class Curve:
@@ -28,7 +29,7 @@ class Curve:
 
     Args:
         table: in the units of the axis.
-        outside: policy beyond the ends. ``refuse`` reads like ``hold`` here: refusing is the axis's business.
+        outside: policy beyond the ends. ``refuse`` reads like ``hold`` here: the axis does the refusing.
         modulo: length of one turn, 0 for a linear axis.
 
     Raises:
@@ -71,18 +72,18 @@ class Curve:
         self.backward = self._branch(table.backward)
 
     def covers(self, position: float) -> bool:
-        """Whether the table itself, not the policy outside it, answers for this machine position."""
+        """Whether this machine position is inside the table, so that the policy outside does not apply."""
         return bool(self._modulo) or self.table.first <= position <= self.table.last
 
     def range(self, *, is_forward: bool) -> Range:
-        """Return the smallest and the largest correction of one branch, wherever the axis is."""
+        """Return the smallest and the largest correction of one branch over all positions."""
         low, high = self.table.facts.forward if is_forward else self.table.facts.backward
         if not self._modulo and (self._fade or self._outside is OutsideKind.ZERO):
             return Range(min(low, 0.0), max(high, 0.0))
         return Range(low, high)
 
     def piece(self, position: float) -> Piece:
-        """Return the straight stretch around a machine position; at a knot, the one that begins there."""
+        """Return the straight piece around a machine position; at a knot, the one that begins there."""
         table = self.table
         offset = 0.0
         if self._modulo:
@@ -109,9 +110,9 @@ class Curve:
     def branch_piece(
         self, branch: Callable[[float], float], position: float
     ) -> tuple[float, float, float, float]:
-        """Return the straight stretch of ``forward`` or ``backward`` around a machine position.
+        """Return the straight piece of ``forward`` or ``backward`` around a machine position.
 
-        Its ends, the correction at the position itself, and the slope: what :meth:`piece` says of one branch.
+        Its ends, the correction at the position itself, and the slope: :meth:`piece` for one branch.
         """
         is_forward = branch is self.forward
         table = self.table
@@ -128,12 +129,12 @@ class Curve:
     def _branch(self, values: Sequence[float]) -> Callable[[float], float]:
         """Return the function that gives one branch at a machine position.
 
-        The same numbers as from :meth:`piece`, for a third of the price: it is called for each setpoint.
+        The numbers are those of :meth:`piece`, for a third of the cost: it is called for each setpoint.
         """
         positions = self.table.positions
         first, last, step = self.table.first, self.table.last, self.table.even_step
         last_segment = len(positions) - 2
-        # The segment of the position before: the next setpoint mostly lies on it.
+        # The piece of the previous position: the next setpoint mostly lies on it.
         low, high, value, slope = inf, -inf, 0.0, 0.0
 
         def even(position: float) -> float:
@@ -146,7 +147,7 @@ class Curve:
             if index > last_segment:
                 index = last_segment
             low, high = positions[index], positions[index + 1]
-            # The division may land one segment off beside a point; the comparisons are exact.
+            # Near a point the division may be off by one piece; the comparisons are exact.
             if position < low:
                 index -= 1
                 low, high = positions[index], low
@@ -172,7 +173,7 @@ class Curve:
 
         def wrapped(position: float) -> float:
             position -= floor((position - first) / self._modulo) * self._modulo
-            index = self.table.segment(position)  # rounding may leave it a hair beyond the end of the turn
+            index = self.table.segment(position)  # rounding may leave it slightly beyond the end of the turn
             low, value = positions[index], values[index]
             return value + (values[index + 1] - value) / (positions[index + 1] - low) * (position - low)
 
@@ -205,7 +206,7 @@ def check_closes(table: CorrectionTable, modulo: float) -> None:
     """Check that a table covers one turn exactly and ends where it began.
 
     Raises:
-        TableError: naming the range found, or the corrections that differ.
+        TableError: with the range found, or the corrections that differ.
     """
     covered = table.last - table.first
     if abs(covered - modulo) > CLOSURE_TOLERANCE * modulo:

@@ -1,7 +1,7 @@
 """Direction of travel with hysteresis (the semantics of Fagor's REVEHYST, P99).
 
-The branch changes only after the setpoint has moved back by the hysteresis from the furthest point that it
-reached, so that dither and single increments at a quadrant leave no ridge.
+The branch changes only after the setpoint has moved back by the hysteresis from the furthest point reached.
+So dither and single increments at a quadrant leave no ridge.
 """
 
 from enum import Enum

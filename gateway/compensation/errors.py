@@ -2,7 +2,7 @@
 
 
 class CompensationError(Exception):
-    """Base of everything that this layer raises on purpose; anything else is a bug of ours."""
+    """Base of all intentional errors of this layer; any other error is a bug of ours."""
 
 
 class TableError(CompensationError):

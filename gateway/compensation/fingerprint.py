@@ -1,4 +1,4 @@
-"""Short digests that tell whether two tables, or two sets of numbers, are the same."""
+"""Short digests that show whether two tables, or two sets of numbers, are equal."""
 
 from array import array
 from collections.abc import Sequence
@@ -12,9 +12,9 @@ DIGEST_BYTES: Final = 16
 
 
 def table_digest(table: CorrectionTable) -> bytes:
-    """Digest of what a table holds: its units and its three columns, wherever they were read from.
+    """Return the digest of a table's content: its units and its three columns, whatever its file was.
 
-    A compiled table brings its own: nobody walks over the points of one in a loop that has to answer.
+    A compiled table has its own digest: no loop with deadlines walks over its points.
     """
     if table.digest:
         return bytes.fromhex(table.digest)[:DIGEST_BYTES]
@@ -25,10 +25,10 @@ def table_digest(table: CorrectionTable) -> bytes:
 
 
 def scale_digest(settings: AxisSettings, more: Sequence[object] = ()) -> bytes:
-    """Digest of every setting that decides what a count means and how a table is read.
+    """Return the digest of every setting that decides what a count means and how a table is read.
 
-    Gains are not among them, for they change as tables do; nor lengths that only say how a blend goes on.
-    ``more``: what else must be the same, as plain numbers and strings.
+    It has no gains, because they change as tables do, and no lengths that only control a blend. ``more``:
+    what else must be equal, as plain numbers and strings.
     """
     parts = (
         settings.units.value,

@@ -1,4 +1,4 @@
-"""What a table and its blends can do to the motion, and the limits on that."""
+"""What a table and its blends can add to the motion, and the limits of that."""
 
 from dataclasses import dataclass
 from math import pi
@@ -12,8 +12,8 @@ from gateway.compensation.table import CorrectionTable
 class MotionReport:
     """Worst additions to the motion of one axis, in its units and seconds.
 
-    ``largest_step``: a jump of the command at a reversal that is not blended. Speed and acceleration are at
-    the configured ``max_speed``; both are 0 when that is not known and no blend runs by time.
+    ``largest_step``: a jump of the command at a reversal without a blend. Speed and acceleration are at the
+    configured ``max_speed``; both are 0 if that is unknown and no blend runs by time.
     """
 
     largest_step: float

@@ -1,4 +1,4 @@
-"""What moves an axis: where it is, what a target becomes, and what accepting one leaves behind."""
+"""Data of a move: the position of the axis, the correction of a target, and the state after it."""
 
 from enum import Enum
 from typing import NamedTuple
@@ -12,29 +12,29 @@ from gateway.counts import Counts
 
 
 class EstimateKind(Enum):
-    """How well the place of an axis is known, and on which scale."""
+    """How well the position of an axis is known, and on which scale."""
 
     REACHED = "reached"
-    """The last accepted target, in nominal counts, known to be reached: every count of difference counts."""
+    """The last accepted target, in nominal counts, known to be reached: every count of difference matters."""
     MEASURED = "measured"
-    """A measured position in nominal counts: nearer than the hysteresis it says little."""
+    """A measured position in nominal counts: a difference below the hysteresis means little."""
     ASSUMED = "assumed"
-    """The last accepted target, in nominal counts, that nothing has proved to be reached."""
+    """The last accepted target, in nominal counts, not proved to be reached."""
     ON_DRIVE = "on-drive"
-    """A measured position in corrected counts, while nobody knows which branch led there."""
+    """A measured position in corrected counts, while the branch that led there is unknown."""
     ON_WAY = "on-way"
-    """The same of an axis that is on its way from a place that was assumed."""
+    """The same for an axis that moves from an assumed position."""
 
 
 class PositionEstimate(NamedTuple):
-    """Where an axis is."""
+    """The position of an axis."""
 
     counts: Counts
     kind: EstimateKind
 
 
 class State(NamedTuple):
-    """Everything that a target leaves behind. ``position`` is the last nominal machine position."""
+    """The whole state after a target. ``position`` is the last nominal machine position."""
 
     position: float | None = None
     travel: Travel = Travel(Direction.UNKNOWN, 0.0)
@@ -48,7 +48,7 @@ class State(NamedTuple):
 
 
 class Move(NamedTuple):
-    """What a target would do: a correction, and the state that accepting it leads to."""
+    """What a target would do: its correction, and the state after accepting it."""
 
     nominal_counts: Counts
     correction_counts: float
@@ -56,11 +56,11 @@ class Move(NamedTuple):
     state: State
 
 
-@mypyc_attr(free_list_len=1)  # there is one at a time, nearly always
+@mypyc_attr(free_list_len=1)  # nearly always there is one at a time
 class SteadyMove:
-    """A move that changes nothing but the position; see ``AxisCompensation.move_of``.
+    """A move that changes only the position; see ``AxisCompensation.move_of``.
 
-    Plain numbers, for one is made for each setpoint.
+    Plain numbers, because one is made for each setpoint.
     """
 
     __slots__ = (
@@ -88,10 +88,10 @@ class SteadyMove:
         self.position = position
         """Nominal machine position."""
         self.extreme = extreme
-        """The furthest one of its travel."""
+        """The furthest position of its travel."""
         self.now_ns = now_ns
         self.before = before
-        """The state before it: its position, furthest one and time may be older."""
+        """The state before it: its position, furthest position and time may be older."""
         self.correction_map = correction_map
 
 
@@ -103,13 +103,13 @@ class Accepted(NamedTuple):
 
 
 def is_reversing(state: State) -> bool:
-    """Whether a blend between the branches is under way."""
+    """Whether a blend between the branches is in progress."""
     direction = state.travel.direction
     return direction is not Direction.UNKNOWN and state.progress != direction.goal
 
 
 def map_in_force(state: State) -> CorrectionMap:
-    """Return the correction that a state stands for: both blends, and the straight lines."""
+    """Return the correction of a state: both blends, and the straight lines."""
     forward_share = shape(state.progress)
     weight = 1.0 if state.previous is None else shape(state.change)
     terms = state.spec.terms(forward_share, weight)
@@ -122,7 +122,7 @@ def map_in_force(state: State) -> CorrectionMap:
 
 
 def advance_change(state: State, distance: float) -> State:
-    """Return a state whose change-over has gone on by a distance, in units."""
+    """Return a state whose change-over has advanced by a distance, in units."""
     change = towards(state.change, 1.0, distance / state.change_distance if state.change_distance else 1.0)
     if change >= 1.0:
         return state._replace(previous=None, change=1.0)

@@ -1,12 +1,12 @@
-"""From what the drive reports back to what the controller commanded.
+"""From the position that the drive reports back to the position that the controller commanded.
 
-Three parts, all frozen when a target is accepted:
+There are three parts, all frozen when a target is accepted:
 
 - the exact inverse of the correction in force,
-- the *anchor*: the difference that rounding the command to whole counts made, so that an axis which stands
-  where it was sent reads back exactly the integer that was commanded,
-- the *fade*: when the map changes under an axis, the reading it had is kept and the difference is taken away
-  in step with the way still to go, so that a standing axis never jumps and a moving one reads monotonically.
+- the *anchor*: the difference from rounding the command to whole counts. So an axis at its target reads back
+  exactly the integer that was commanded,
+- the *fade*: when the map changes, the reading at that moment is kept, and the difference is removed in step
+  with the remaining way. So an axis at standstill never jumps, and a moving one reads monotonically.
 """
 
 from typing import Final, NamedTuple
@@ -16,15 +16,15 @@ from gateway.compensation.moves import Accepted
 from gateway.counts import Counts
 
 AWAY_PER_DIFFERENCE: Final = 20.0
-"""An axis that goes the other way keeps its reading monotonic by far over so many times the difference."""
+"""An axis moving the other way keeps its reading monotonic by a fade of this many times the difference."""
 NEGLIGIBLE_COUNTS: Final = 1e-6
-"""A difference of readings below this needs no fade: it is floating point, not position."""
+"""A smaller difference of readings needs no fade: it is floating point, not position."""
 
 
 class Fade(NamedTuple):
-    """A difference of nominal counts that lessens linearly between two nominal machine positions.
+    """A difference of nominal counts that decreases linearly between two nominal machine positions.
 
-    An axis that something else moves the other way loses it over ``away``, in machine units.
+    An axis that is moved the other way loses it over ``away``, in machine units.
     """
 
     difference_counts: float
@@ -33,7 +33,7 @@ class Fade(NamedTuple):
     away: float
 
     def remaining(self, nominal: float) -> float:
-        """Counts still to be added to a reading at ``nominal`` (machine units, through the new map)."""
+        """Return the counts still to be added to a reading at ``nominal`` (machine units, by the new map)."""
         way = self.end - self.start
         if not way:
             return 0.0
@@ -44,7 +44,7 @@ class Fade(NamedTuple):
 
 
 class Readback(NamedTuple):
-    """The map from corrected to nominal counts that one accepted target left behind."""
+    """The map from corrected to nominal counts after one accepted target."""
 
     counts_per_unit: float
     zero_counts: float
@@ -52,10 +52,10 @@ class Readback(NamedTuple):
     anchor_counts: float = 0.0
     fade: Fade | None = None
     end: float | None = None
-    """Nominal machine position at the target that it is for; None where it is for none."""
+    """Nominal machine position of its target; None without a target."""
 
     def correction_counts(self, corrected_counts: Counts) -> float:
-        """Counts to take out of a reading: ``nominal = corrected - correction``, not rounded."""
+        """Return the counts to subtract from a reading: ``nominal = corrected - correction``, not rounded."""
         correction_map = self.correction_map
         if self.fade is None and correction_map.is_identity:
             return self.anchor_counts
@@ -74,12 +74,12 @@ class Readback(NamedTuple):
         return not self.fade.remaining(self.correction_map.nominal(corrected))
 
     def without_fade(self) -> "Readback":
-        """Return the readback that is left when the fade is over."""
+        """Return the readback after the end of the fade."""
         return self._replace(fade=None)
 
 
 def reached(previous: Readback, correction_map: CorrectionMap, target: Accepted) -> Readback:
-    """Return the readback of an axis that has gone all the way to a target: no fade is left of it."""
+    """Return the readback of an axis that has reached a target: its fade is over."""
     counts_per_unit, zero_counts = previous.counts_per_unit, previous.zero_counts
     end, anchor = _end_and_anchor(previous, correction_map, target)
     return Readback(counts_per_unit, zero_counts, correction_map, anchor, None, end)
@@ -88,7 +88,7 @@ def reached(previous: Readback, correction_map: CorrectionMap, target: Accepted)
 def _end_and_anchor(
     previous: Readback, correction_map: CorrectionMap, target: Accepted
 ) -> tuple[float, float]:
-    """Return the nominal machine position at a target, and what rounding made of its counts."""
+    """Return the nominal machine position at a target, and the difference from rounding its counts."""
     counts_per_unit, zero_counts = previous.counts_per_unit, previous.zero_counts
     nominal_counts, corrected_counts = target
     corrected = (corrected_counts - zero_counts) / counts_per_unit
@@ -104,21 +104,21 @@ def after_target(
     *,
     is_at_target: bool,
 ) -> Readback:
-    """Return the readback that holds once a target was accepted.
+    """Return the readback after a target was accepted.
 
     Args:
         previous: the readback in force until now.
-        correction_map: the correction that the target was given.
-        target: what the controller commanded, and what the drive was told in whole steps of its register.
-        actual_counts: where the axis is, as the drive reports it.
-        is_at_target: that is exactly where the target of ``previous`` was.
+        correction_map: the correction of the target.
+        target: what the controller commanded, and what the drive was sent in whole steps of its register.
+        actual_counts: position of the axis, as the drive reports it.
+        is_at_target: the axis is exactly at the target of ``previous``.
     """
     counts_per_unit, zero_counts = previous.counts_per_unit, previous.zero_counts
     end, anchor = _end_and_anchor(previous, correction_map, target)
     if actual_counts == target.corrected_counts:
         return Readback(counts_per_unit, zero_counts, correction_map, anchor, None, end)
     if is_at_target and previous.end is not None and correction_map is previous.correction_map:
-        # The same place through the same map, where a fade has ended: nothing needs to be solved again.
+        # The same position in the same map, after the end of a fade: nothing needs to be solved again.
         start, difference = previous.end, anchor - previous.anchor_counts
     else:
         actual = (actual_counts - zero_counts) / counts_per_unit

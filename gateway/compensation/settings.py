@@ -13,7 +13,7 @@ DEFAULT_HYSTERESIS_STEPS: Final = 2
 DEFAULT_IN_POSITION_MM: Final = 0.02
 DEFAULT_MAX_CORRECTION_MM: Final = 0.5
 DEFAULT_MAX_CORRECTION_SHARE: Final = 3e-4
-"""Of the length of an axis: 0.3 mm/m, as much as a long screw of a sound machine is off at its end."""
+"""Of the length of an axis: 0.3 mm/m, the error at the end of a long screw in a sound machine."""
 DEFAULT_MAX_SLOPE: Final = 0.01
 DEFAULT_FRESH_MS: Final = 20.0
 DEFAULT_RELOAD_DISTANCE_MM: Final = 1.0
@@ -34,7 +34,7 @@ class Setpoints(Enum):
 
 
 class ReversalKind(Enum):
-    """What a reversal's blend advances with."""
+    """The unit in which the blend of a reversal advances."""
 
     STEP = "step"
     DISTANCE = "distance"
@@ -43,7 +43,7 @@ class ReversalKind(Enum):
 
 
 class OutsideKind(Enum):
-    """What holds outside the table."""
+    """What applies outside the table."""
 
     HOLD = "hold"
     FADE = "fade"
@@ -53,7 +53,7 @@ class OutsideKind(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Reversal:
-    """Blend between the branches; ``amount`` is a length, milliseconds or cycles, after its kind."""
+    """Blend between the branches; ``amount`` is a length, milliseconds or cycles, by its kind."""
 
     kind: ReversalKind
     amount: float = 0.0
@@ -81,9 +81,9 @@ class Gain:
 
 
 class BacklashKind(Enum):
-    """Where the lost motion of a unidirectional table is put.
+    """Where the lost motion of a unidirectional table is applied.
 
-    ``two-sided``: half of it each way (LinuxCNC). ``homed-forward`` / ``homed-backward``: nothing in the
+    ``two-sided``: half of it each way (LinuxCNC). ``homed-forward`` / ``homed-backward``: none in the
     direction in which homing took it up, all of it in the other (Mint).
     """
 
@@ -107,22 +107,22 @@ class ThermalSettings:
     alpha: float
     """Expansion per kelvin; steel has about 11.5e-6."""
     reference: float = 20.0
-    """Temperature at which the table holds, °C."""
+    """Temperature at which the table is valid, °C."""
     fixed_at: float = 0.0
-    """Machine position that stays where it is."""
+    """Machine position that does not move with the temperature."""
     timeout_s: float = 60.0
-    """So long after its last word the sensor is silent."""
+    """Time after its last value until the sensor counts as silent."""
     hold_s: float = 600.0
-    """So long after that the last value is held."""
+    """Time after that for which the last value is held."""
     rate_per_min: float = DEFAULT_KELVIN_PER_MIN
-    """The difference that counts follows no faster, in K per minute."""
+    """Largest rate of the effective difference, in K per minute."""
     largest_dt: float = DEFAULT_LARGEST_DT
-    """Difference from the reference beyond which a value is no temperature of a screw, K."""
+    """A value that differs more from the reference is no temperature of a screw, K."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisSettings:
-    """Everything the maths of one axis needs to know besides its table.
+    """All settings for the maths of one axis, besides its table.
 
     ``counts = zero_counts + counts_per_unit * (nominal + machine_offset)``; the table and ``travel`` are in
     machine positions, that is ``nominal + machine_offset``.
@@ -147,24 +147,23 @@ class AxisSettings:
     max_correction: float = DEFAULT_MAX_CORRECTION_MM
     max_slope: float = DEFAULT_MAX_SLOPE
     max_speed: float = 0.0
-    """Units per second; 0 when unknown."""
+    """Units per second; 0 if unknown."""
     fresh_ms: float = DEFAULT_FRESH_MS
     home_approach: int = 0
     """+1 forward, -1 backward, 0 unknown: the branch in force after homing."""
     step_counts: float = 1.0
-    """Counts from one position to the next that every register of the axis can tell, at most 1.
+    """Smallest step that every register of the axis can show, in counts, at most 1.
 
-    Less than 1 where a count is coarse, as with a ``float32`` in millimetres.
-    """
+    Less than 1 if a count is coarse, as with a ``float32`` in millimetres."""
 
     in_position: float = DEFAULT_IN_POSITION_MM
-    """Within this of its target an axis has arrived; never less than the hysteresis."""
+    """An axis within this distance of its target has arrived; never less than the hysteresis."""
     repeat_within_counts: float = 0.0
-    """A target that differs from the last one by no more keeps its branch."""
+    """A target within this distance of the last one keeps its branch."""
 
     @property
     def hysteresis_counts(self) -> float:
-        """What a standing axis may tremble by, each way."""
+        """Jitter that an axis at standstill may have, each way."""
         return self.hysteresis * abs(self.counts_per_unit)
 
     @property
@@ -184,7 +183,7 @@ class AxisSettings:
 
     @property
     def largest_counts(self) -> float:
-        """Size of the largest command within the travel or the turn; 0 where neither is known."""
+        """Size of the largest command within the travel or the turn; 0 if neither is known."""
         low, high = self.travel or (0.0, self.modulo)
         return max(abs(self.zero_counts + self.counts_per_unit * end) for end in (low, high))
 
@@ -199,7 +198,7 @@ class AxisSettings:
 
 
 def default_max_correction(units: Units, length: float) -> float:
-    """Largest correction of an axis of this length, where nobody says another: 0.5 mm, or 0.3 mm/m.
+    """Return the default for the largest correction of an axis of this length: 0.5 mm, or 0.3 mm/m.
 
     >>> default_max_correction(Units.MM, 500.0), round(default_max_correction(Units.MM, 3000.0), 9)
     (0.5, 0.9)

@@ -1,7 +1,7 @@
-"""The correction table: what every dialect is turned into.
+"""The correction table: every dialect is converted into it.
 
-``corrected = nominal + correction``. Every foreign sign convention has been converted by the reader of its
-dialect before a table exists; nothing that uses a table knows about signs any more.
+``corrected = nominal + correction``. The reader of a dialect has converted its sign convention before a table
+exists. Code that uses a table knows no other sign.
 """
 
 from array import array
@@ -16,7 +16,7 @@ from gateway.compensation.errors import TableError
 from gateway.compensation.units import Units
 
 EVEN_GRID_TOLERANCE: Final = 1e-9
-"""A grid counts as even when every point lies within this fraction of a step from its even place."""
+"""A grid counts as even if every point is within this fraction of a step from its even position."""
 
 
 class Range(NamedTuple):
@@ -32,14 +32,14 @@ class Range(NamedTuple):
 
 
 class TableFacts(NamedTuple):
-    """What holds for all points together. Lengths are in the units of the table.
+    """Properties of all points together. Lengths are in the units of the table.
 
-    Found once, by whoever builds the table: a process that must answer in microseconds never walks over the
-    points of one.
+    The builder of the table computes them once: a process with deadlines of microseconds never walks over the
+    points.
     """
 
     is_unidirectional: bool
-    """Both directions carry the same corrections."""
+    """Both directions have the same corrections."""
     forward: Range
     backward: Range
     difference: Range
@@ -47,7 +47,7 @@ class TableFacts(NamedTuple):
     max_slope: float
     """Largest |change of correction / distance| of either direction, without a unit."""
     has_backlash: bool = False
-    """A constant lost motion was put into it (see ``backlash``); its file knew one direction only."""
+    """A constant lost motion was added to it (see ``backlash``); its file had one direction only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class CorrectionTable:
     """Corrections of one axis over machine position, separate for each direction of travel.
 
     All arrays hold doubles in ``units``; positions ascend strictly; between points the curve is a straight
-    line. ``forward`` holds while the machine position grows, ``backward`` while it shrinks.
+    line. ``forward`` applies while the machine position grows, ``backward`` while it shrinks.
 
     Build one with :func:`make_table`, which checks it.
     """
@@ -65,10 +65,10 @@ class CorrectionTable:
     backward: Sequence[float]
     units: Units
     even_step: float
-    """Distance of neighbouring points when the grid is even, else 0."""
+    """Distance of neighbouring points if the grid is even, else 0."""
     facts: TableFacts
     digest: str = field(default="", compare=False)
-    """Names the compiled form that it came from; empty for one that was built in this process."""
+    """Names its compiled form; empty for a table that was built in this process."""
 
     @property
     def first(self) -> float:
@@ -82,11 +82,11 @@ class CorrectionTable:
 
     @property
     def is_unidirectional(self) -> bool:
-        """Whether both directions carry the same corrections."""
+        """Whether both directions have the same corrections."""
         return self.facts.is_unidirectional
 
     def segment(self, position: float) -> int:
-        """Index of the point that begins the segment around ``position``, clipped to the table.
+        """Return the index of the point that begins the segment around ``position``, clipped to the table.
 
         >>> make_table([0, 1, 2], [0, 0, 0], [0, 0, 0], Units.MM).segment(1.0)
         1
@@ -94,7 +94,7 @@ class CorrectionTable:
         last_segment = len(self.positions) - 2
         if self.even_step:
             index = int((position - self.positions[0]) / self.even_step)
-            # The division may land one segment off beside a point; the comparisons below are exact.
+            # Near a point the division may be off by one segment; the comparisons below are exact.
             index = 0 if index < 0 else min(index, last_segment)
             if position < self.positions[index] and index:
                 return index - 1

@@ -1,11 +1,11 @@
-"""What the temperature of a screw adds to its positions, and what holds while its sensor says nothing.
+"""The correction for the temperature of a screw, also while its sensor is silent.
 
-A screw that is held at ``fixed_at`` and is warmer than its table by dT puts the axis at ``fixed_at + (x −
+A screw that is fixed at ``fixed_at`` and is warmer than its table by dT puts the axis at ``fixed_at + (x −
 fixed_at)·(1 + alpha·dT)``. So ``−alpha·dT·(x − fixed_at)`` is added: a straight line over the position.
 
-dT follows the sensor no faster than ``rate_per_min``, by the clock of whoever asks: how often that is makes
-no difference. When the sensor falls silent dT is held, and after ``hold_s`` more it goes back to 0 at the
-same rate.
+dT follows the sensor at most at ``rate_per_min``, by the time argument: how often it is called makes no
+difference. When the sensor falls silent, dT is held; after another ``hold_s`` it returns to 0 at the same
+rate.
 """
 
 from enum import Enum
@@ -18,40 +18,40 @@ from gateway.times import NS_PER_S
 
 S_PER_MIN: Final = 60.0
 ROUNDING: Final = 1e-9
-"""Share of a limit by which a number may exceed it that was worked out back and forth."""
+"""Share by which a number may exceed a limit after conversion back and forth."""
 
 
 class TermState(Enum):
-    """How well it is known what a term should be."""
+    """How well the value of a term is known."""
 
     WAITING = "waiting"
-    """Nothing has been heard yet: the term is 0."""
+    """No value has come yet: the term is 0."""
     FOLLOWING = "following"
     HELD = "held"
-    """The last value holds, though nothing newer comes."""
+    """The last value stays in force, although no newer one comes."""
     FADING = "fading"
-    """It goes back to 0."""
+    """It returns to 0."""
     FADED = "faded"
-    """It is 0 again, until something is heard."""
+    """It is 0 again, until a value comes."""
 
 
 class Thermal:
-    """The difference of temperature that counts for one axis. Time is monotonic, in ns."""
+    """The effective temperature difference of one axis. Time is monotonic, in ns."""
 
     def __init__(self, settings: ThermalSettings) -> None:
         self.settings = settings
         self.celsius: float | None = None
-        """What the sensor said last."""
+        """The last value of the sensor."""
         self.difference = 0.0
-        """dT that counts, in K."""
+        """Effective dT, in K."""
         self._taken_ns = 0
         self._at_ns = 0
         self._is_known = False
         self._counts_at_once = True
-        """Nothing that was heard stands behind ``difference``: the next value has nothing to come from."""
+        """``difference`` comes from no sensor value: the next value applies immediately."""
 
     def take(self, celsius: float, now_ns: int) -> None:
-        """Take what the sensor says. The first value counts at once, as nothing was known before it.
+        """Take a value of the sensor. The first value applies immediately, because none was known before it.
 
         Raises:
             TemperatureError: it cannot be the temperature of this screw; nothing is changed.
@@ -71,10 +71,10 @@ class Thermal:
         self._counts_at_once = False
 
     def resume(self, difference: float, now_ns: int) -> None:
-        """Go on from what counted in another run, as if the sensor had been heard just now.
+        """Continue from the difference of another run, as if the sensor had just sent a value.
 
-        A difference that cannot be one was worked out with another ``alpha``: it holds until the sensor is
-        heard, and what that says counts at once.
+        An impossible difference was computed with another ``alpha``: it stays until the sensor sends a value,
+        which then applies immediately.
         """
         is_of_another_alpha = abs(difference) > self.settings.largest_dt * (1.0 + ROUNDING)
         if is_of_another_alpha and self.celsius is not None:
@@ -87,13 +87,13 @@ class Thermal:
         self._at_ns = now_ns
 
     def follow(self, now_ns: int) -> float:
-        """Return the difference that counts now, and go on from there."""
+        """Return the effective difference now, and continue from there."""
         self.difference = self.difference_at(now_ns)
         self._at_ns = max(self._at_ns, now_ns)
         return self.difference
 
     def difference_at(self, now_ns: int) -> float:
-        """Return the difference that counts at a time; nothing changes."""
+        """Return the effective difference at a time; nothing changes."""
         difference = self.difference
         if not self._is_known or now_ns <= self._at_ns:
             return difference
@@ -106,7 +106,7 @@ class Thermal:
         return difference
 
     def age_s(self, now_ns: int) -> float | None:
-        """Return how long ago the sensor was heard; None where it never was."""
+        """Return the age of the last sensor value; None if there was none."""
         return None if self.celsius is None else max(0, now_ns - self._taken_ns) / NS_PER_S
 
     def state(self, now_ns: int) -> TermState:

@@ -1,4 +1,4 @@
-"""Machine units. The only place that knows how long an inch is."""
+"""Machine units. The only file with the length of an inch."""
 
 from enum import Enum
 from typing import Final
@@ -8,16 +8,16 @@ MM_PER_INCH: Final = 25.4
 
 
 class Units(Enum):
-    """Unit of every length of one axis. The value is what files, status and command lines show."""
+    """Unit of every length of one axis. Files, status and command lines show the value."""
 
     MM = "mm"
     INCH = "inch"
     DEGREE = "degree"
 
     def from_mm(self, length_mm: float) -> float:
-        """Convert a length given in mm into these units; a degree stands for a millimetre.
+        """Convert a length in mm into these units; a degree corresponds to a millimetre.
 
-        Defaults of lengths are defined in mm; on a rotary axis the same number is taken in degrees.
+        Defaults of lengths are defined in mm; on a rotary axis the same number is in degrees.
 
         >>> Units.INCH.from_mm(25.4)
         1.0
@@ -25,7 +25,7 @@ class Units(Enum):
         return length_mm / MM_PER_INCH if self is Units.INCH else length_mm
 
     def convert_factor(self, target: "Units") -> float:
-        """Factor that turns a length in these units into ``target`` units.
+        """Return the factor that converts a length in these units into ``target`` units.
 
         Raises:
             ValueError: between a length and an angle.
