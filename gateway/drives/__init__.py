@@ -1,1 +1,1 @@
-"""Register maps of drives: the schema, and later the shipped profiles."""
+"""Register maps of drives: the schema and the shipped profiles."""

@@ -1,4 +1,4 @@
-"""The profiles of drives in words and as plain data: all of them in a list, and one with all that it says."""
+"""The profiles of drives as text and as plain data: a list of all, and one with its whole content."""
 
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,7 +35,7 @@ CONSEQUENCES: Final = {
     "home": 'values and "set_position" pass unchanged, and end or make the reference as referenced says',
     "other_motion": "values pass unchanged; where the axis is has to be read after them",
 }
-"""What comes of a key of the register map, by the key or the meaning of a value."""
+"""The effect of a key of the register map, by the key or the meaning of a value."""
 NOT_LISTED: Final = (
     'a value of a mode or trigger that is not listed and has no "otherwise" passes unchanged, and counts as '
     "unknown"
@@ -73,13 +73,13 @@ class ProfileList:
 
 @dataclass(frozen=True, slots=True)
 class ProfileShown:
-    """One profile, by the name of the list or of its file."""
+    """One profile, by its name in the list or its file."""
 
     name: str
     profile: Profile
 
     def as_data(self) -> JsonObject:
-        """Return everything it says as plain data, and how often which traffic was found in public."""
+        """Return its whole content as plain data, with the number of public sequences of each kind."""
         data = {"name": self.name, **self.profile.model_dump(mode="json", exclude_unset=True)}
         if library.is_name(self.name):
             kinds = [each.kind for each in public_traffic(self.name)]
@@ -87,7 +87,7 @@ class ProfileShown:
         return data
 
     def lines(self) -> Iterator[str]:
-        """Yield it as a person reads it."""
+        """Yield it as text for people."""
         name, profile = self.name, self.profile
         yield f"{profile.title} ({name}), tier {profile.tier.value}"
         yield from _facts(profile)
@@ -134,7 +134,7 @@ def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
 
 
 def _traffic_lines(name: str) -> Iterator[str]:
-    """Yield the kinds of sequences that were found, with their sources, and those that nobody published."""
+    """Yield the kinds of sequences that were found, with their sources, and those without a publication."""
     found = public_traffic(name)
     for kind in SequenceKind:
         sources = sorted({each.source for each in found if each.kind is kind})
@@ -163,7 +163,7 @@ def _facts(profile: Profile) -> Iterator[str]:
 
 
 def _map_lines(profile: Profile) -> Iterator[str]:
-    """Yield each entry of the map with how well it is known, its meaning and its sources."""
+    """Yield each entry of the map with its confidence, its meaning and its sources."""
     rows = list(_rows(profile))
     widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
     for key, confidence, text in rows:
@@ -179,7 +179,7 @@ def _map_lines(profile: Profile) -> Iterator[str]:
 
 
 def _consequence_lines(profile: Profile) -> Iterator[str]:
-    """Yield why something is refused, passed or corrected, as far as this map has it."""
+    """Yield why a value is refused, passed or corrected, as far as it applies to this map."""
     registers = profile.registers
     for key, text in CONSEQUENCES.items():
         if key in LISTS_OF_VALUES:

@@ -30,7 +30,7 @@ def is_name(drive: str) -> bool:
 
 
 def text_of(name: str) -> str:
-    """Return a shipped profile as it is written.
+    """Return the text of a shipped profile.
 
     Raises:
         KeyError: there is none of this name.
@@ -42,7 +42,7 @@ def text_of(name: str) -> str:
 
 @cache
 def shipped(name: str) -> Profile:
-    """Return a shipped profile. Its file is checked by the tests, not each time it is read.
+    """Return a shipped profile. The tests check its file, so it is not checked at each read.
 
     Raises:
         KeyError: there is none of this name.

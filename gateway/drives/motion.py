@@ -1,6 +1,6 @@
-"""What frames mean on one axis: how a written position is meant, and which values make the drive act.
+"""The meaning of frames on one axis: how a written position is meant, and which values make the drive act.
 
-Plain data that a drive profile fills in. Nothing here has state.
+Plain data from a drive profile. Nothing here has state.
 """
 
 from collections.abc import Mapping
@@ -10,31 +10,31 @@ from typing import Final, NamedTuple
 
 
 class Action(Enum):
-    """What a value of a mode or trigger register means; the value is the key that profiles use."""
+    """The meaning of a value of a mode or trigger register; the value is the key in profiles."""
 
     ABSOLUTE = "absolute"
     RELATIVE = "relative"
     """A distance from the last target."""
     RELATIVE_TO_COMMANDED = "relative_to_commanded"
-    """A distance from where the drive's own profile stands at that moment."""
+    """A distance from the momentary position of the drive's own profile."""
     RELATIVE_TO_ACTUAL = "relative_to_actual"
     START = "start"
     """Runs the target as the mode says; without a mode it is an absolute position."""
     FOLLOW = "follow"
-    """Runs the target, and from then on each one as soon as it is written."""
+    """Runs the target, and then each further one as soon as it is written."""
     FOLLOW_NEXT = "follow_next"
-    """Runs nothing by itself, and from then on each target as soon as it is written."""
+    """Runs nothing now, but then each target as soon as it is written."""
     STOP = "stop"
     HOME = "home"
     SET_POSITION = "set_position"
-    """Tells the drive that it stands somewhere else."""
+    """Sets another position of the drive."""
     STORED = "stored"
-    """Runs a position that the drive keeps: nobody knows which correction it carries."""
+    """Runs a position that is stored in the drive: its correction is unknown."""
     OTHER_MOTION = "other_motion"
     """Moves without a target: jog, velocity, torque."""
     IGNORE = "ignore"
     UNKNOWN = "unknown"
-    """The profile does not know this value: passed on, counted, and never corrected by guess."""
+    """The profile does not know this value: it is passed on, counted, and never corrected by guess."""
 
     @property
     def is_relative(self) -> bool:
@@ -43,7 +43,7 @@ class Action(Enum):
 
     @property
     def runs_target(self) -> bool:
-        """Whether it starts a move to a position that was written."""
+        """Whether it starts a move to a written position."""
         return self in _RUNS_TARGET
 
 
@@ -53,15 +53,15 @@ _RUNS_TARGET: Final = _RELATIVE | {Action.ABSOLUTE, Action.START, Action.FOLLOW}
 
 
 class Addressing(Enum):
-    """What consecutive addresses of one frame mean."""
+    """The meaning of consecutive addresses in one frame."""
 
     REGISTERS = "registers"
     OBJECTS = "objects"
-    """Each address is an object with a width of its own; a frame holds whole objects one after the other."""
+    """Each address is an object with its own width; a frame holds whole objects one after the other."""
 
 
 class Form(Enum):
-    """Function code with which the gateway reads or writes a position by itself."""
+    """Function code with which the gateway itself reads or writes a position."""
 
     FC03 = "fc03"
     FC04 = "fc04"
@@ -73,7 +73,7 @@ class Form(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ModePlan:
-    """A register that says how a written position is meant. It counts as it stands at the trigger."""
+    """A register that says how a written position is meant. Its value at the trigger counts."""
 
     address: int
     mask: int = 0xFFFF
@@ -81,22 +81,22 @@ class ModePlan:
     """By masked value."""
     otherwise: Action = Action.UNKNOWN
     is_in_frame: bool = False
-    """It counts only where the frame that holds the position holds it too."""
+    """It counts only if it is in the same frame as the position."""
     resets_to: int | None = None
-    """Content after each move that was started; None: it stays."""
+    """Content after each started move; None: it stays."""
 
     def action(self, word: int) -> Action:
-        """Return what a content of the register means."""
+        """Return the meaning of the register's content."""
         return self.actions.get(word & self.mask, self.otherwise)
 
 
 class Operation(NamedTuple):
-    """An action, and the command field that it runs; None: the one written last."""
+    """An action, and the command field that it runs; None: the field written last."""
 
     action: Action
     number: int | None = None
     is_letting_go: bool = False
-    """A stop that ends no more than what the same coil began: whatever else a frame starts, runs."""
+    """A stop that ends only what the same coil began: any other motion that a frame starts, runs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ class TriggerPlan:
     is_coil: bool = False
     mask: int = 0xFFFF
     rising: int = 0
-    """Bits of which one must rise from 0 to 1 for the drive to act; 0: every write acts."""
+    """The drive acts if one of these bits rises from 0 to 1; 0: every write acts."""
     deeds: Mapping[int, Operation] = field(default_factory=dict)
     """By masked value; a coil that is set has the value 1."""
     otherwise: Action = Action.UNKNOWN
@@ -115,9 +115,9 @@ class TriggerPlan:
     """It acts only in frames that begin at this address."""
 
     def operation(self, word: int, before: int | None) -> Operation:
-        """Return what writing ``word`` does, where the register held ``before`` (None: not known).
+        """Return what writing ``word`` does, if the register held ``before`` (None: unknown).
 
-        A stop needs no rising bit, and a bit that may have risen is taken as risen.
+        A stop needs no rising bit, and a bit that may have risen counts as risen.
         """
         operation = self.deeds.get(word & self.mask) or Operation(self.otherwise)
         if not self.rising or operation.action is Action.STOP:
@@ -126,7 +126,7 @@ class TriggerPlan:
         return operation if risen else NOTHING_DONE
 
     def stops_surely(self, word: int, certain: int) -> bool:
-        """Whether a word stops the drive of which only the bits ``certain`` are known."""
+        """Whether a word, of which only the bits ``certain`` are known, stops the drive in any case."""
         open_bits = self.mask & ~certain
         met = [
             operation.action
@@ -137,17 +137,17 @@ class TriggerPlan:
         return all(action is Action.STOP for action in met) and (is_all or self.otherwise is Action.STOP)
 
     def is_following(self, word: int) -> bool:
-        """Whether the drive goes to each position as it is written while the register holds ``word``."""
+        """Whether the drive follows each written position while the register holds ``word``."""
         operation = self.deeds.get(word & self.mask)
         return operation is not None and operation.action in _FOLLOWING
 
     def holds_unknown(self, word: int) -> bool:
-        """Whether nobody knows what the register's content means."""
+        """Whether the meaning of the register's content is unknown."""
         return self.otherwise is Action.UNKNOWN and word & self.mask not in self.deeds
 
     @property
     def can_follow(self) -> bool:
-        """Whether one of its values makes the drive follow each position written."""
+        """Whether one of its values makes the drive follow each written position."""
         return any(operation.action in _FOLLOWING for operation in self.deeds.values())
 
 
@@ -156,7 +156,7 @@ NOTHING_DONE: Final = Operation(Action.IGNORE)
 
 @dataclass(frozen=True, slots=True)
 class MotionPlan:
-    """How the drive of one axis is made to move."""
+    """How the drive of one axis starts a motion."""
 
     is_staged: bool = False
     """A written position waits for a trigger."""
@@ -167,7 +167,7 @@ class MotionPlan:
     """Registers that start the motion when they are written, whatever their value."""
     passes_stored_moves: bool = False
     passes_unknown_relative: bool = False
-    """A relative move from a place that nobody knows is sent unchanged."""
+    """A relative move from an unknown position is sent unchanged."""
 
     def mode(self, number: int) -> ModePlan | None:
         """Return the mode of one command field."""
@@ -175,7 +175,7 @@ class MotionPlan:
 
     @property
     def waits_for_trigger(self) -> bool:
-        """Whether a position may stand in the drive without being run (M3)."""
+        """Whether the drive may hold a position that it does not run (M3)."""
         return self.is_staged or bool(self.starts_on) or bool(self.triggers)
 
 

@@ -1,4 +1,4 @@
-"""One drive as a file: its register map, what goes wrong with it, and where each value comes from."""
+"""One drive as a file: its register map, its known problems, and the source of each value."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ FunctionCode = Annotated[int, Field(ge=1, le=127)]
 
 
 class Tier(Enum):
-    """How much stands behind a profile."""
+    """The quality of a profile's sources."""
 
     A = "A"
     """Target, trigger and measured position from manuals and independent programs that agree."""
@@ -39,14 +39,14 @@ class Confidence(Enum):
     """How well a value is known."""
 
     VERIFIED = "verified"
-    """Two independent places agree, or a manual and an independent program."""
+    """Two independent sources agree, or a manual and an independent program."""
     SINGLE_SOURCE = "single-source"
     UNCERTAIN = "uncertain"
-    """Sources contradict each other, or a value was taken over from a sister drive."""
+    """Sources contradict each other, or a value was taken over from a related drive."""
 
 
 class SerialDefaults(StrictModel):
-    """What the serial port of a drive is set to when it is new."""
+    """The serial settings of a new drive."""
 
     baudrate: Annotated[int, Field(gt=0)] | None = Field(default=None, description="bits per second")
     parity: str | None = Field(default=None, description="none, even or odd")
@@ -54,7 +54,7 @@ class SerialDefaults(StrictModel):
 
 
 class Trap(StrictModel):
-    """Something that goes wrong with this drive."""
+    """A known problem of this drive."""
 
     what: str = Field(description="what goes wrong")
     check: str = Field(default="", description="what to look at before the machine is run")
@@ -70,7 +70,7 @@ class Source(StrictModel):
 
 
 class Evidence(StrictModel):
-    """Why a value of the register map is believed."""
+    """The reason for a value of the register map."""
 
     confidence: ByName[Confidence] = Field(description="verified, single-source or uncertain")
     sources: ListOf[str] = Field(default=(), description="keys of [sources]")
@@ -98,13 +98,13 @@ class Profile(StrictModel):
     evidence: dict[str, Evidence] = Field(default={}, description="why each value is believed")
 
     def written(self) -> JsonObject:
-        """Return the register map as it stands in the file."""
+        """Return the register map as in the file."""
         return self.registers.model_dump(mode="json", exclude_unset=True)
 
 
 @dataclass(frozen=True, slots=True)
 class ProfileFault:
-    """Something wrong with a profile: the key, what was found, what to do."""
+    """A fault of a profile: the key, what was found, what to do."""
 
     path: KeyPath
     found: str
@@ -112,10 +112,10 @@ class ProfileFault:
 
 
 def faults(profile: Profile, *, is_shipped: bool = False) -> Iterator[ProfileFault]:
-    """Yield everything in a profile that does not fit together.
+    """Yield every contradiction in a profile.
 
-    A shipped one must give a reason for every value; in a user's own file evidence and sources may be
-    missing, but what stands there must be right.
+    A shipped profile must give a reason for every value. In a user's own file evidence and sources may be
+    missing, but those that it has must be right.
     """
     yield from _overlaps(profile.registers)
     yield from _too_long(profile.registers)
@@ -148,10 +148,10 @@ def _too_long(registers: RegisterMap) -> Iterator[ProfileFault]:
 
 
 def motion_faults(registers: RegisterMap) -> Iterator[ProfileFault]:
-    """Yield why the drive cannot be moved the way its registers say; keys inside the map."""
+    """Yield why the drive cannot be moved by its registers; keys inside the map."""
     longer = next((position for position in registers.command if position.type.words > 1), None)
     if registers.write is Form.FC06 and longer is not None and not registers.staged:
-        # Words that are written one by one must not move the axis one by one.
+        # Single writes of the words must not move the axis word by word.
         yield ProfileFault(
             ("write",),
             f'write = "fc06", a command of {longer.type.words} registers ({longer.type.value}) and '
@@ -247,7 +247,7 @@ def entries(written: Mapping[str, Any]) -> list[str]:
 
 
 def evidence_of(profile: Profile, key: str) -> Evidence | None:
-    """Return what is said about a key, or about what it is part of."""
+    """Return the evidence for a key, or for the key that contains it."""
     while key:
         if key in profile.evidence:
             return profile.evidence[key]
@@ -256,7 +256,7 @@ def evidence_of(profile: Profile, key: str) -> Evidence | None:
 
 
 def key_name(path: KeyPath) -> str:
-    """Write a path as a person names it; lists count from 1.
+    """Write a path as text for people; lists count from 1.
 
     >>> key_name(("command", 0, "words"))
     'command[1].words'

@@ -1,8 +1,7 @@
-"""What public programs and manuals send to a drive: frames, and what its motor does by the manual.
+"""Frames that public programs and manuals send to a drive, and what its motor does by the manual.
 
-Beside each profile there may be a file of the same name in ``traffic``. It is written from programs and
-manuals and never from the profile: the tests play it through the gateway, and find what the profile does not
-know.
+A profile may have a file of the same name in ``traffic``. That file is written from programs and manuals and
+never from the profile. The tests play it through the gateway, and so find what the profile lacks.
 """
 
 import tomllib
@@ -36,7 +35,7 @@ class SequenceKind(Enum):
 
 
 class SequenceTarget(StrictModel):
-    """Where a sequence writes the place that the motor goes to, or how far it goes."""
+    """Where a sequence writes the target position of the motor, or the distance."""
 
     address: Address = Field(description="first register, as in the frames")
     type: ByName[RegisterType] = Field(default=RegisterType.INT32, description="how the number is stored")
@@ -46,7 +45,7 @@ class SequenceTarget(StrictModel):
 
 
 class Sequence(StrictModel):
-    """Frames that a controller sends one after the other, and what comes of them."""
+    """Frames that a controller sends one after the other, and their effect."""
 
     kind: ByName[SequenceKind] = Field(description="what the motor does")
     what: str = Field(description="the same in words")
@@ -64,7 +63,7 @@ class Traffic(StrictModel):
 
 @cache
 def public_traffic(name: str) -> tuple[Sequence, ...]:
-    """Return what is known to be sent to the drive of a shipped profile; nothing where none is public."""
+    """Return the known traffic to the drive of a shipped profile; empty if none is public."""
     file = files("gateway.drives") / FOLDER / f"{name}{SUFFIX}"
     if not file.is_file():
         return ()

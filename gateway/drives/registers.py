@@ -31,25 +31,25 @@ DEFAULT_MAX_REGISTERS: Final = 123
 
 
 class DoneMeans(Enum):
-    """What the done bit of a drive says."""
+    """The meaning of a drive's done bit."""
 
     MOVE_ENDED = "move-ended"
     """The last move has ended."""
     IN_POSITION = "in-position"
-    """It is near where it is told to be at the moment, also on the way."""
+    """It is near its momentary setpoint, also on the way."""
 
 
 class NextTarget(Enum):
-    """What a drive does with a target that comes while it goes to another one."""
+    """What a drive does with a new target while it moves to another one."""
 
     AT_ONCE = "at-once"
-    """It turns to it."""
+    """It moves to the new target."""
     QUEUED = "queued"
-    """It goes to the one before first."""
+    """It completes the earlier target first."""
 
 
 class OnException(Enum):
-    """What a refusal by the drive proves about the registers it was to write."""
+    """What a refusal by the drive proves about the registers of the request."""
 
     UNKNOWN = "unknown"
     NOTHING_WRITTEN = "nothing-written"
@@ -110,7 +110,7 @@ class PositionSpec(StrictModel):
         return self
 
     def field(self, offset: int = 0) -> PositionField:
-        """Return it as the exchange uses it, ``offset`` registers further on."""
+        """Return it for the exchange, ``offset`` registers further on."""
         block = None if self.block is None else self.block + offset
         return PositionField(self.address + offset, self.type, self.words, self.scale, self.access, block)
 
@@ -151,7 +151,7 @@ class RepeatedSpec(PositionSpec):
 
     @property
     def overlap(self) -> str:
-        """Say which path would begin inside the one before it; empty when none does."""
+        """Say which path would begin inside the one before it; empty if none does."""
         if self.paths is None or self.paths.count == 1 or self.paths.stride >= self.type.words:
             return ""
         return f"stride = {self.paths.stride}, but {self.type.value} takes {self.type.words} registers"
@@ -162,7 +162,7 @@ class RepeatedSpec(PositionSpec):
 
     @property
     def offsets(self) -> list[int]:
-        """How many registers each path lies further on."""
+        """Return the offset of each path in registers."""
         return [0] if self.paths is None else [self.paths.stride * n for n in range(self.paths.count)]
 
 
@@ -213,19 +213,19 @@ class BitSpec(StrictModel):
         return self
 
     def field(self) -> BitField:
-        """Return it as the exchange uses it."""
+        """Return it for the exchange."""
         return BitField(self.address, self.bit, self.table, self.inverted)
 
 
 class ObjectSpec(StrictModel):
-    """How many registers an object takes that is not a position."""
+    """The number of registers of an object that is no position."""
 
     address: Address = Field(description="index of the object")
     words: Annotated[int, Field(ge=1, le=4)] = Field(description="its registers")
 
 
 class BitsSpec(StrictModel):
-    """What the drive tells about its state; each is true while its bit is 1."""
+    """The status bits of the drive; each is true while its bit is 1."""
 
     homed: BitSpec | None = Field(default=None, description="the drive knows where it is")
     done: BitSpec | None = Field(default=None, description="the last move has ended")
@@ -233,7 +233,7 @@ class BitsSpec(StrictModel):
     alarm: BitSpec | None = Field(default=None, description="the drive has given up")
 
     def named(self) -> Iterator[tuple[str, BitSpec]]:
-        """Yield the bits that are mapped, with their names."""
+        """Yield the mapped bits, with their names."""
         for name in BitsSpec.model_fields:
             bit: BitSpec | None = getattr(self, name)
             if bit is not None:
@@ -241,7 +241,7 @@ class BitsSpec(StrictModel):
 
 
 class RegisterMap(StrictModel):
-    """Which registers of a drive hold positions, and how the drive wants to be spoken to."""
+    """The position registers of a drive, and how the drive must be addressed."""
 
     command: Annotated[ListOf[CommandSpec], Field(min_length=1)] = Field(
         description="positions that the controller writes; read back they give the nominal value too"
@@ -476,7 +476,7 @@ class RegisterMap(StrictModel):
     def motion(
         self, *, passes_stored_moves: bool = False, passes_unknown_relative: bool = False
     ) -> MotionPlan:
-        """Return what the frames mean, as the exchange uses it."""
+        """Return the meaning of the frames, for the exchange."""
         modes = tuple(
             mode.plan(offset) if (mode := position.mode or self.mode) is not None else None
             for position in self.command
@@ -548,7 +548,7 @@ def rule_spans(registers: RegisterMap) -> list[ClaimedSpan]:
 
 
 def share_register(one: ClaimedSpan, other: ClaimedSpan) -> bool:
-    """Whether two spans have a register in common that the same request can reach.
+    """Whether two spans share a register that the same request can reach.
 
     >>> share_register(ClaimedSpan(("command", 0), 10, 2), ClaimedSpan(("actual", 0), 11, 2))
     True
@@ -564,7 +564,7 @@ def share_register(one: ClaimedSpan, other: ClaimedSpan) -> bool:
 def clashes(registers: RegisterMap) -> list[tuple[ClaimedSpan, ClaimedSpan]]:
     """Return the pairs of one map that share a register; bits may share theirs, and rules too.
 
-    Of the many positions that one key can stand for only the first pair is told.
+    For one key with many positions only the first pair is reported.
     """
     positions = position_spans(registers)
     spans = [*positions, *bit_spans(registers), *rule_spans(registers)]
@@ -581,7 +581,7 @@ def clashes(registers: RegisterMap) -> list[tuple[ClaimedSpan, ClaimedSpan]]:
 
 
 def first_of_keys(pairs: Iterable[tuple[ClaimedSpan, ClaimedSpan]]) -> list[tuple[ClaimedSpan, ClaimedSpan]]:
-    """Return the first pair of each two keys."""
+    """Return the first pair for each pair of keys."""
     found: dict[tuple[object, object], tuple[ClaimedSpan, ClaimedSpan]] = {}
     for one, other in pairs:
         found.setdefault((one.key, other.key), (one, other))

@@ -1,4 +1,4 @@
-"""Where the registers of a drive say that a frame stops, homes or moves the axis."""
+"""The keys of a register map that make a frame stop, home or move the axis."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""What a register map says about the meaning of frames: how a position is meant, and what starts a motion."""
+"""The rules of a register map for frames: how a position is meant, and what starts a motion."""
 
 from collections.abc import Iterator
 from enum import Enum
@@ -14,7 +14,7 @@ COIL_VALUES: Final = frozenset({0, 1})
 
 
 class ModeSource(Enum):
-    """Where it is decided what a written position means."""
+    """Where the meaning of a written position is decided."""
 
     FIXED = "fixed"
     STICKY = "sticky"
@@ -33,7 +33,7 @@ MODE_ACTIONS: Final = (
     Action.STORED,
     Action.OTHER_MOTION,
 )
-"""What a mode can say about the positions that are written, or about what a trigger then does."""
+"""Possible meanings of a mode, for the written positions or for the effect of a trigger."""
 TRIGGER_ACTIONS: Final = (
     Action.ABSOLUTE,
     Action.RELATIVE,
@@ -52,7 +52,7 @@ TRIGGER_ACTIONS: Final = (
 
 
 class _Values(StrictModel):
-    """Values of one register, listed under what they mean."""
+    """Values of one register, listed by their meaning."""
 
     mask: Word = Field(
         default=0xFFFF,
@@ -105,7 +105,7 @@ class _Values(StrictModel):
                 yield value, action
 
     def wrong_values(self, actions: tuple[Action, ...]) -> str:
-        """Say what is wrong with the listed values; empty when nothing is."""
+        """Return what is wrong with the listed values; empty if nothing is."""
         seen: dict[int, Action] = {}
         for value, action in self.listed(actions):
             if value & ~self.mask:
@@ -117,7 +117,7 @@ class _Values(StrictModel):
 
 
 class ModeSpec(_Values):
-    """How to tell an absolute position from a relative one, or from none at all."""
+    """How to distinguish an absolute position from a relative one, or from none at all."""
 
     source: ByName[ModeSource] = Field(
         description="where the mode is decided",
@@ -156,7 +156,7 @@ class ModeSpec(_Values):
         return self
 
     def plan(self, offset: int = 0) -> ModePlan | None:
-        """Return it as the exchange uses it, ``offset`` registers further on."""
+        """Return it for the exchange, ``offset`` registers further on."""
         if self.address is None:
             return None
         return ModePlan(
@@ -236,7 +236,7 @@ class TriggerSpec(_Values):
         return self
 
     def wrong_paths(self, paths: int) -> str:
-        """Say which value, with the number of a path added, means something else; empty when none does."""
+        """Return the value that, with a path number added, means something else; empty if there is none."""
         listed = dict(self.listed(TRIGGER_ACTIONS))
         for value, action in listed.items():
             for sum_ in range(value + 1, value + paths) if self.paths and action.runs_target else ():
@@ -247,11 +247,11 @@ class TriggerSpec(_Values):
         return ""
 
     def _lets_go(self, value: int) -> bool:
-        """Whether a value is that of a coil let go of which moves the axis for as long as it is set."""
+        """Whether a value resets a coil that moves the axis as long as it is set."""
         return self.coil is not None and value == 0 and 1 in (*self.other_motion, *self.stored)
 
     def plan(self, paths: int = 1) -> TriggerPlan:
-        """Return it as the exchange uses it, for a drive with so many paths."""
+        """Return it for the exchange, for a drive with this many paths."""
         deeds: dict[int, Operation] = {}
         for value, action in self.listed(TRIGGER_ACTIONS):
             if self.paths and action.runs_target:

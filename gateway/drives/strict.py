@@ -1,4 +1,4 @@
-"""The base of everything that is read from a file: nothing extra, nothing converted."""
+"""The base of all file content: no unknown keys, no conversions."""
 
 from collections.abc import Mapping
 from enum import Enum
@@ -12,20 +12,20 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue
 class StrictModel(BaseModel):
     """A table of a TOML file. Unknown keys, wrong types, nan and inf are errors."""
 
-    # Deferred: else each part is built once for itself and once more in the whole, at every start.
+    # Deferred: otherwise each part is built once alone and once more in the whole, at every start.
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False, defer_build=True)
 
 
 Element = TypeVar("Element")
 
-# TOML knows neither enumerations nor tuples: a text stands for the one, an array for the other. Only that
-# step is relaxed; what stands inside stays strict.
+# TOML has neither enumerations nor tuples: it uses a text for the one, an array for the other. Only that step
+# is relaxed; the content stays strict.
 ByName = Annotated[Element, Field(strict=False)]
 ListOf = Annotated[tuple[Element, ...], Field(strict=False)]
 
 
 class Mark(Enum):
-    """What a key declares in its type, beside what may stand there."""
+    """What a key declares in its type, besides its values."""
 
     PLANNED = "planned"
     LIVE = "live"
@@ -34,7 +34,7 @@ class Mark(Enum):
 Planned = Annotated[Element, Mark.PLANNED]
 """The plan has a field of the same name and takes the value as it is (:func:`planned`)."""
 Live = Annotated[Element, Mark.LIVE]
-"""A gateway that runs can be given another value; of a table, of any key in it."""
+"""A running gateway can take another value; for a table, of any key in it."""
 
 
 @cache
@@ -51,11 +51,11 @@ def marks_of(model: type[BaseModel]) -> Mapping[str, frozenset[Mark]]:
 
 
 def planned(plan: type[Any], *models: StrictModel) -> dict[str, Any]:
-    """Return the values of keys marked :data:`Planned`, by name: of those that ``plan`` takes.
+    """Return the values of keys marked :data:`Planned` that ``plan`` takes, by name.
 
     ``plan`` is a dataclass or a struct of msgspec.
     """
-    taken = signature(plan).parameters  # not ``__match_args__``: that lacks what is given by its name only
+    taken = signature(plan).parameters  # not ``__match_args__``: that lacks keyword-only fields
     return {
         key: getattr(model, key)
         for model in models
@@ -65,12 +65,12 @@ def planned(plan: type[Any], *models: StrictModel) -> dict[str, Any]:
 
 
 def documented(text: str = "", more: str = "", kind: str = "", default: str = "") -> dict[str, JsonValue]:
-    """Return what the reference says of a key beyond its description, for ``json_schema_extra``.
+    """Return what the reference adds to a key's description, for ``json_schema_extra``.
 
     Args:
-        text: in place of the description, which is short because errors show it.
-        more: behind the description, as a sentence of its own.
-        kind: what may stand there, where the type of the field does not say it well.
-        default: what holds without the key, where the field does not know it: it depends on others.
+        text: replaces the description, which is short because errors show it.
+        more: a sentence after the description.
+        kind: the possible values, if the type of the field does not show them well.
+        default: the value without the key, if the field does not know it because it depends on others.
     """
     return {"text": text, "more": more, "kind": kind, "default": default}
