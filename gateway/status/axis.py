@@ -1,4 +1,4 @@
-"""An axis: where it is, what is added, and how well both are known. Lengths in its units."""
+"""An axis: its position, its correction, and how well both are known. Lengths in its units."""
 
 from typing import Annotated, Any
 
@@ -24,7 +24,7 @@ class Reading(Struct, frozen=True, kw_only=True):
 
 
 class ProblemStatus(Struct, kw_only=True):
-    """What is wrong with a table file."""
+    """A problem of a table file."""
 
     file: str = ""
     line: int | None = None
@@ -47,11 +47,11 @@ class TableStatus(Struct, kw_only=True):
     error: str | None = None
     loaded_at: str | None = None
     problems: list[ProblemStatus] | UnsetType = UNSET
-    """Known to the supervisor alone."""
+    """Known to the supervisor only."""
 
 
 class GroupStatus(Struct, kw_only=True):
-    """What the group of an axis goes by."""
+    """The state of an axis' group."""
 
     state: str = ""
     has_gone: bool = False
@@ -61,7 +61,7 @@ class GroupStatus(Struct, kw_only=True):
 
 
 class ThermalStatus(Struct, kw_only=True):
-    """What is added for the temperature."""
+    """The correction for the temperature."""
 
     state: str = ""
     celsius: float | None = None
@@ -72,7 +72,7 @@ class ThermalStatus(Struct, kw_only=True):
 
 
 class CrossStatus(Struct, kw_only=True):
-    """What is added for where other axes are."""
+    """The correction for the positions of other axes."""
 
     state: str = ""
     axes: list[str] = []
@@ -80,7 +80,7 @@ class CrossStatus(Struct, kw_only=True):
 
 
 class TermsStatus(Struct, kw_only=True):
-    """What is added beside the table."""
+    """The corrections besides the table."""
 
     correction: float | None = None
     is_too_large: bool = False
@@ -105,7 +105,7 @@ class WriterConflictStatus(Struct, kw_only=True):
 
 
 class AxisTimes(Struct, kw_only=True):
-    """How long the gateway takes for the frames of an axis, beside its budget."""
+    """The gateway's time for the frames of an axis, and its budget."""
 
     gateway_us: GatewayTimes = NOTHING_MEASURED
     request_us: Figures = NOT_WORKED_OUT
@@ -118,7 +118,7 @@ class AxisTimes(Struct, kw_only=True):
 
 
 class AxisVerdict(Struct, frozen=True, kw_only=True):
-    """How an axis is."""
+    """The overall state of an axis."""
 
     state: str = ""
     kind: str = ""
@@ -127,7 +127,7 @@ class AxisVerdict(Struct, frozen=True, kw_only=True):
 
 
 class AxisAlarm(Struct, frozen=True, kw_only=True):
-    """The worst that is wrong with an axis."""
+    """The worst alarm of an axis."""
 
     kind: str = ""
     severity: str = ""
@@ -136,10 +136,10 @@ class AxisAlarm(Struct, frozen=True, kw_only=True):
 
 
 class Position(Struct, frozen=True, kw_only=True):
-    """What is known best of where an axis is, on both scales, with its age."""
+    """The best known position of an axis, on both scales, with its age."""
 
     of: str | None = None
-    """``reading``: it is there; ``last-reading`` or ``target``, whichever is newer; None: it is not known."""
+    """``reading``: it is there; ``last-reading`` or ``target``, whichever is newer; None: unknown."""
     nominal: float | None = None
     corrected: float | None = None
     age_s: float | None = None
@@ -160,7 +160,7 @@ class AxisStatus(Struct, kw_only=True):
     nominal_actual: float | None = None
     corrected_actual: float | None = None
     last_actual: Reading | None = None
-    """The newest reading, however old; None: there was none, or it counts no more."""
+    """The newest reading, however old; None: there was none, or it is no longer valid."""
     actual_age_s: float | None = None
     writer: str | None = None
     table: TableStatus = field(default_factory=TableStatus)
@@ -169,7 +169,7 @@ class AxisStatus(Struct, kw_only=True):
     rivals: WriterConflictStatus | None = None
     latency: AxisTimes = field(default_factory=AxisTimes)
     configured: dict[str, Any] = {}
-    """Gain, mode and limits as the configuration has them."""
+    """Gain, mode and limits of the configuration."""
 
 
 class WholeAxis(AxisStatus, kw_only=True):
@@ -179,4 +179,4 @@ class WholeAxis(AxisStatus, kw_only=True):
     trouble: AxisAlarm | None = None
     last_seen: Reading | None = None
     position: Position | UnsetType = UNSET
-    """Older releases do not tell."""
+    """UNSET from older releases."""

@@ -1,4 +1,4 @@
-"""How a counter is declared: with its field in the status."""
+"""The declaration of a counter, in the type of its status field."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,18 +9,18 @@ import msgspec
 
 @dataclass(frozen=True, slots=True)
 class Counter:
-    """A number that only grows; it stands in the type of its field, ``Annotated[int, Counter(…)]``."""
+    """A number that only grows, declared in the type of its field: ``Annotated[int, Counter(…)]``."""
 
     words: str
-    """What stands beside it in the terminal and on the page."""
+    """Its label in the terminal and on the page."""
     description: str
     """What it counts, as the end of a sentence."""
     remedy: str = ""
-    """What to do where it grows; empty: nothing."""
+    """What to do if it grows; empty: nothing."""
     is_shown: bool = False
-    """The terminal shows it where it counts something."""
+    """The terminal shows it if it is not 0."""
     is_logged: bool = False
-    """It stands in the lines of the status in the log."""
+    """It is in the status lines of the log."""
     is_metric: bool = False
     """It is a metric of its line."""
 

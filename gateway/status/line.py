@@ -20,7 +20,7 @@ class UnitStatus(Struct, kw_only=True):
 
     answered_s: float | None = None
     silent_s: float | None = None
-    """None: it answers, or nobody has asked it."""
+    """None: it answers, or had no request."""
     timeouts_in_a_row: Annotated[
         int,
         Counter(
@@ -61,14 +61,14 @@ class UnitStatus(Struct, kw_only=True):
 
 
 class UnitIds(Struct, kw_only=True):
-    """Whom controllers talk to, and who answers."""
+    """The unit ids that controllers address, and those that answer."""
 
     axes: dict[str, int] = {}
     heard: list[int] = []
     strangers: list[int] = []
-    """Of those that were heard the ones that nobody knows."""
+    """The unknown ones of ``heard``."""
     requests: dict[str, int] = {}
-    """To each of these."""
+    """Requests to each of these."""
     asked_by: dict[str, list[int]] = {}
     """By controller."""
     drives: dict[str, UnitStatus] = {}
@@ -76,7 +76,7 @@ class UnitIds(Struct, kw_only=True):
 
 
 class Forwarded(Struct, kw_only=True):
-    """What became of the requests, or of the replies, of a line with ``cut_through``."""
+    """Results for the requests, or for the replies, of a line with ``cut_through``."""
 
     cut_through: Annotated[
         int,
@@ -106,7 +106,7 @@ class Forwarded(Struct, kw_only=True):
 
 
 class CutThroughStatus(Struct, kw_only=True):
-    """What a line with ``cut_through`` made of its frames."""
+    """Results of cut-through for the frames of a line."""
 
     requests: Forwarded
     replies: Forwarded
@@ -130,7 +130,7 @@ class LineMinute(Struct, frozen=True, kw_only=True):
 
 
 class Computed(Struct, kw_only=True):
-    """What arithmetic says of a controller."""
+    """Calculated times of a controller."""
 
     exchange_ms: float = 0.0
     round_ms: float = 0.0
@@ -149,19 +149,19 @@ class Rs485(Struct, frozen=True):
 
 
 class LatencySettings(Struct, frozen=True):
-    """What makes bytes wait in the driver of a serial port; None where its driver has no such thing."""
+    """Settings in the driver of a serial port that delay bytes; None if its driver has no such setting."""
 
     ftdi_latency_timer_ms: int | None = None
-    """So long an FTDI adapter keeps bytes that do not fill a USB packet."""
+    """How long an FTDI adapter keeps bytes that do not fill a USB packet."""
     async_low_latency: bool | None = None
     """The low-latency flag of the port (``setserial low_latency``)."""
     rx_trig_bytes: int | None = None
-    """So many bytes a 16550 collects before it interrupts; fewer wait for four characters of silence."""
+    """Bytes that a 16550 collects before it interrupts; fewer wait for four characters of silence."""
     rs485: Rs485 | None = None
 
 
 class DrivesStatus(Struct, frozen=True, kw_only=True):
-    """The way to the drives."""
+    """The link to the drives."""
 
     echo: str = ""
     address: str = ""
@@ -189,7 +189,7 @@ class PortMinute(Struct, frozen=True, kw_only=True):
 
 
 class CertificateStatus(Struct, kw_only=True):
-    """When a file of ``tls`` is good no more."""
+    """When a file of ``tls`` expires."""
 
     key: str = ""
     file: str = ""
@@ -199,7 +199,7 @@ class CertificateStatus(Struct, kw_only=True):
 
 
 class Session(Struct, kw_only=True):
-    """A controller that came by certificate."""
+    """A controller that connected with a certificate."""
 
     peer: str = ""
     certified: str = ""
@@ -227,9 +227,9 @@ class TlsStatus(Struct, kw_only=True):
 
 
 class ControllerStatus(Struct, kw_only=True):
-    """A controller: what comes from it, and how long the gateway takes for it.
+    """A controller: its traffic, and the gateway's time for it.
 
-    ``connections`` has one over TCP; ``state``, ``whole`` and ``minute`` has one on a serial port.
+    A TCP controller has ``connections``; a serial one has ``state``, ``whole`` and ``minute``.
     """
 
     name: str = ""
@@ -240,7 +240,7 @@ class ControllerStatus(Struct, kw_only=True):
     opens: int | UnsetType = UNSET
     connections: list[str] | UnsetType = UNSET
     asked_s: float | UnsetType | None = UNSET
-    """None: it has never asked since the start. Older releases do not tell."""
+    """None: no request since the start. UNSET from older releases."""
     notes: list[str] | UnsetType = UNSET
     latency: LatencySettings | UnsetType | None = UNSET
     echo: str | UnsetType = UNSET
@@ -270,13 +270,13 @@ class ControllerStatus(Struct, kw_only=True):
     drive_us: Figures = NOT_WORKED_OUT
     queue_us: Figures = NOT_WORKED_OUT
     silent_s: float | UnsetType = UNSET
-    """For how long it has asked nothing; the supervisor works it out."""
+    """For how long it has sent no request; the supervisor calculates it."""
     silent_after_s: float | UnsetType | None = UNSET
-    """From then on that counts; None: as with all controllers."""
+    """Time after which it counts as silent; None: as for all controllers."""
 
 
 class LineStatus(Struct, kw_only=True):
-    """A line. What only RTU or only Modbus/TCP counts the other lines do not have."""
+    """A line. Counters of RTU only, or of Modbus/TCP only, are missing on other lines."""
 
     state: str = ""
     exchanges: Annotated[

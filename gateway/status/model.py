@@ -1,4 +1,4 @@
-"""The whole of it: the gateway, its lines and axes, the supervisor, and what is wrong."""
+"""The complete model: the gateway, its lines and axes, the supervisor, and the alarms."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Final
@@ -22,7 +22,7 @@ from gateway.status.line import (
 
 
 class Scheduling(Struct, frozen=True, kw_only=True):
-    """What the kernel says of the relay's thread; ``fifo`` 0: an ordinary one."""
+    """The kernel's scheduling of the relay's thread; ``fifo`` 0: normal."""
 
     fifo: int = 0
     cpus: list[int] = []
@@ -47,7 +47,7 @@ class Loop(Struct, frozen=True, kw_only=True):
 
 
 class GatewayStatus(Struct, kw_only=True):
-    """The gateway itself. What the relay tells is UNSET until it was reached."""
+    """The gateway itself. Fields from the relay are UNSET until it was reached."""
 
     name: str = ""
     version: str = ""
@@ -69,7 +69,7 @@ class ConfigurationStatus(Struct, frozen=True, kw_only=True):
 
 
 class FolderStatus(Struct, frozen=True, kw_only=True):
-    """A folder that the supervisor looks after."""
+    """A folder that the supervisor watches."""
 
     folder: str = ""
     problem: str | None = None
@@ -85,7 +85,7 @@ class HttpStatus(Struct, frozen=True, kw_only=True):
 
 
 class MqttStatus(Struct, frozen=True, kw_only=True):
-    """MQTT; the state is ``off`` where the configuration has none."""
+    """MQTT; the state is ``off`` without an MQTT configuration."""
 
     problem: str | None = None
     state: str = "off"
@@ -103,7 +103,7 @@ class MqttStatus(Struct, frozen=True, kw_only=True):
 
 
 class SupervisorStatus(Struct, frozen=True, kw_only=True):
-    """What the supervisor says of itself; a ``problem`` is None where all is well."""
+    """The supervisor's own status; a ``problem`` is None if all is well."""
 
     configuration: ConfigurationStatus = ConfigurationStatus()
     tables_folder: FolderStatus = FolderStatus()
@@ -113,23 +113,23 @@ class SupervisorStatus(Struct, frozen=True, kw_only=True):
 
 
 class AcknowledgedBy(Struct, frozen=True, kw_only=True):
-    """Who has seen a trouble, and when."""
+    """Who has seen an alarm, and when."""
 
     by: str = ""
     at: str = ""
 
 
 class AlarmStatus(Struct, frozen=True, kw_only=True):
-    """Something that is wrong right now."""
+    """An active alarm."""
 
     kind: str = ""
     severity: str = ""
     audience: str = "operator"
-    """Of all: whoever filtered by it sees every trouble."""
+    """The same for all: a filter by it shows every alarm."""
     where: str = ""
     what: str = ""
     says: Any = None
-    """The same as template and values (``catalogue.said``)."""
+    """The same as template and values (``catalogue.text``)."""
     remedy: str = ""
     since: str = ""
     axes: list[str] = []
@@ -137,7 +137,7 @@ class AlarmStatus(Struct, frozen=True, kw_only=True):
 
 
 class Verdict(Struct, frozen=True, kw_only=True):
-    """How the gateway is."""
+    """The overall state of the gateway."""
 
     state: str = ""
     since: str = ""
@@ -146,7 +146,7 @@ class Verdict(Struct, frozen=True, kw_only=True):
 
 
 class RelayModel(Struct, kw_only=True):
-    """What the relay tells."""
+    """The relay's part of the model."""
 
     gateway: GatewayStatus = field(default_factory=GatewayStatus)
     lines: dict[str, LineStatus] = {}
@@ -154,7 +154,7 @@ class RelayModel(Struct, kw_only=True):
 
 
 class Model(Struct, kw_only=True):
-    """The status model: what the relay tells, with what the supervisor adds."""
+    """The status model: the relay's part, with the additions of the supervisor."""
 
     gateway: GatewayStatus = field(default_factory=GatewayStatus)
     lines: dict[str, LineStatus] = {}
@@ -163,7 +163,7 @@ class Model(Struct, kw_only=True):
     """None: there is no supervisor."""
     troubles: list[AlarmStatus] = []
     verdict: Verdict = Verdict()
-    """Of an older release without a word."""
+    """Empty from an older release."""
 
     def as_data(self) -> JsonObject:
         """Return it as plain data."""

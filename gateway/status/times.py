@@ -1,10 +1,10 @@
-"""How long the gateway and the drives take, in microseconds since the start."""
+"""Times of the gateway and the drives, in microseconds since the start."""
 
 from msgspec import UNSET, Struct, UnsetType
 
 
 class Figures(Struct, frozen=True, kw_only=True):
-    """Percentiles; None: not worked out yet. 0.0 where nothing was measured."""
+    """Percentiles; None: not calculated yet. 0.0 if nothing was measured."""
 
     p50: float | None = None
     p99: float | None = None
