@@ -1,6 +1,6 @@
-"""pitch-gateway: leadscrew error compensation spliced into the Modbus cable.
+"""pitch-gateway: leadscrew error compensation, connected into the Modbus cable.
 
-Layers and their rules are in ``docs/architecture.md``; import-linter checks them.
+``docs/architecture.md`` has the layers and their rules; import-linter checks them.
 """
 
 __version__ = "1.0.0"

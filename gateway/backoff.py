@@ -1,4 +1,4 @@
-"""The pause before the next attempt at something that failed: it doubles each time, up to a longest one."""
+"""The pause before the next attempt after a failure: it doubles each time, up to a longest one."""
 
 import os
 from collections.abc import Callable
@@ -14,10 +14,10 @@ class Backoff:
     Args:
         first_s: the pause after the first failure; it doubles with each further one.
         longest_s: the longest pause.
-        at_once_s: a short pause that comes before all of these.
-        spread: the least and the greatest share of a pause that is waited, so that several gateways do not
-            try in step.
-        share: returns a number from 0 to 1, by which the share of a pause is drawn.
+        at_once_s: a short pause before all of these.
+        spread: the smallest and the largest share of a pause that is waited. It keeps several gateways from
+            retrying at the same time.
+        share: returns a number from 0 to 1 that selects the share.
     """
 
     __slots__ = ("_at_once_s", "_first_s", "_longest_s", "_share", "_spread", "failures")
@@ -34,11 +34,11 @@ class Backoff:
         self._first_s, self._longest_s, self._at_once_s = first_s, longest_s, at_once_s
         self._spread, self._share = spread, share
         self.failures = 0
-        """Attempts since the last one that was of use."""
+        """Attempts since the last useful one."""
 
     @property
     def pause_s(self) -> float:
-        """The pause that comes next, before it is spread."""
+        """The next pause, before the spread is applied."""
         doublings = self.failures - (self._at_once_s is not None)
         if self._at_once_s is not None and doublings < 0:
             return self._at_once_s
@@ -55,5 +55,5 @@ class Backoff:
         return pause_s * (least + (most - least) * self._share())
 
     def reset(self) -> None:
-        """Begin with the first pause again: an attempt was of use."""
+        """Begin with the first pause again, after a useful attempt."""
         self.failures = 0

@@ -1,7 +1,7 @@
-"""The clock of everything that waits, ages or is paced: it goes on while the machine is suspended.
+"""The clock of all waiting, ages and pacing: it continues while the machine is suspended.
 
-A request that a controller gave up while the machine slept has to be old when it wakes. What is read here is
-CLOCK_BOOTTIME; that of a paused virtual machine stands still with it (``docs/security.md``).
+If a controller gave up a request while the machine slept, that request must be old when it wakes. The clock
+is CLOCK_BOOTTIME; on a paused virtual machine it stops (``docs/security.md``).
 """
 
 from collections.abc import Callable
@@ -11,4 +11,4 @@ from gateway import system
 
 CLOCK: Final = system.CLOCK
 boot_ns: Final[Callable[[], int]] = system.boot_ns
-"""Return the time since the machine was booted, in ns."""
+"""Return the time since the boot of the machine, in ns."""

@@ -1,4 +1,4 @@
-"""Whether this installation runs compiled modules (docs/decisions/0028), and what the compiler is told."""
+"""Whether this installation runs compiled modules (docs/decisions/0028), and attributes for the compiler."""
 
 from collections.abc import Callable
 from importlib.machinery import EXTENSION_SUFFIXES
@@ -6,20 +6,20 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Final, TypeVar
 
 if TYPE_CHECKING:
-    # The compiler knows it by this name. It comes with mypy, and what runs has no need of it.
+    # The compiler knows it by this name. It comes with mypy, and the running program does not need it.
     from mypy_extensions import mypyc_attr
 else:
     _Class = TypeVar("_Class")
 
     def mypyc_attr(**_attributes: object) -> Callable[[_Class], _Class]:
-        """Tell the compiler something about a class; without one it means nothing."""
+        """Give the compiler an attribute of a class; without a compiler it does nothing."""
         return lambda cls: cls
 
 
 __all__ = ["HOT_MODULE", "is_compiled", "mypyc_attr"]
 
 HOT_MODULE: Final = "gateway.exchange.line"
-"""One that is compiled with all the others, or not at all."""
+"""It is compiled with all the others, or not at all."""
 
 
 def is_compiled() -> bool:

@@ -1,8 +1,8 @@
-"""Files that a person named: reading a regular file of a sensible size, and nothing else; writing one whole.
+"""Files named by a user: read only a regular file of limited size; write a file whole.
 
-A FIFO would wait for ever for somebody to write into it, a device such as ``/dev/zero`` would fill the
-memory, and opening a serial port may switch a machine. So a name is looked at before it is opened, and what
-was opened is looked at again.
+Opening a FIFO would wait for a writer forever, and a device such as ``/dev/zero`` would fill the memory.
+Opening a serial port may switch a machine. So the name is checked before it is opened, and the open file
+again.
 """
 
 import os
@@ -30,7 +30,7 @@ class FileRefusedError(Exception):
 
 
 def read_regular_file(path: Path, limit_bytes: int, what: str) -> bytes:
-    """Return the whole content of a regular file; ``what`` is named where another file is needed.
+    """Return the whole content of a regular file; ``what`` names the needed file in errors.
 
     Raises:
         FileRefusedError: missing, no permission, no regular file, or longer than ``limit_bytes``.
@@ -47,14 +47,14 @@ def read_regular_file(path: Path, limit_bytes: int, what: str) -> bytes:
 
 
 def open_regular_file(path: Path, what: str) -> BinaryIO:
-    """Open a regular file for reading; ``what`` is named where another file is needed.
+    """Open a regular file for reading; ``what`` names the needed file in errors.
 
     Raises:
         FileRefusedError: missing, no permission, or no regular file.
     """
     try:
         _refuse_irregular(path.stat(), what)
-        # Non-blocking: should the name have become a FIFO meanwhile, opening it must not wait either.
+        # Non-blocking: if the name has become a FIFO meanwhile, the open must not wait either.
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
         file = open(descriptor, "rb")  # noqa: PTH123, SIM115 - a descriptor, and the caller closes it
         try:
@@ -74,7 +74,7 @@ def open_regular_file(path: Path, what: str) -> BinaryIO:
 
 
 def kind_of(mode: int) -> str:
-    """Say what a file that is no regular file is.
+    """Say what a file is that is no regular file.
 
     >>> kind_of(stat.S_IFIFO)
     'a FIFO'
@@ -83,25 +83,24 @@ def kind_of(mode: int) -> str:
 
 
 def create(path: Path, mode: int = 0o600) -> int:
-    """Make a file that is not there yet, and return its descriptor, open for writing.
+    """Create a new file, and return its descriptor, open for writing.
 
     Raises:
-        OSError: it exists, or cannot be made.
+        OSError: it exists, or cannot be created.
     """
     return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
 
 
 def write_file(path: Path, content: bytes, *, force: bool, is_secret: bool = False) -> None:
-    """Write a file that a person named, whole or not at all.
+    """Write a file named by a user, whole or not at all.
 
-    With ``force`` an existing file is replaced in one step, through a link too, and the new one keeps its
-    owner and mode. A secret is readable by its owner, and by others only as the replaced file was to its
-    group.
+    With ``force`` an existing file is replaced in one step, also through a link, and the new file keeps its
+    owner and mode. A secret is readable by its owner only, and by the group if the replaced file was.
 
     Raises:
-        FileExistsError: there is one, and no ``force``.
+        FileExistsError: the file exists, and no ``force``.
         FileRefusedError: what would be replaced is no regular file.
-        OSError: it cannot be written; what was there is still there.
+        OSError: it cannot be written; the old file is unchanged.
     """
     existing = None
     if force:
@@ -132,27 +131,27 @@ def _make_like(descriptor: int, existing: os.stat_result, *, is_secret: bool) ->
     mode = stat.S_IMODE(existing.st_mode)
     try:
         os.fchown(descriptor, existing.st_uid, existing.st_gid)
-    except OSError:  # only root gives files away
-        if is_secret:  # its group is another one now
+    except OSError:  # only root can change the owner
+        if is_secret:  # its group is a different one now
             return
     with suppress(OSError):  # a file system without modes
         os.fchmod(descriptor, mode & 0o640 if is_secret else mode)
 
 
 def _give_free_name(beside: Path, path: Path) -> None:
-    """Give a file its name; FileExistsError where somebody has made one of that name meanwhile."""
+    """Give a file its name; FileExistsError if that name has been created meanwhile."""
     try:
         path.hardlink_to(beside)  # unlike a rename it replaces nothing
     except FileExistsError:
         raise
-    except OSError:  # a stick with FAT knows no links
+    except OSError:  # FAT has no links
         if os.path.lexists(path):
             raise FileExistsError(path) from None
         beside.replace(path)
 
 
 def mark_of(status: os.stat_result) -> tuple[int, ...]:
-    """Return by what new content of a file is noticed, without a look into it."""
+    """Return what changes with new content of a file, without reading it."""
     return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
 
 

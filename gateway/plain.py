@@ -1,8 +1,8 @@
-"""Plain data, as JSON holds it."""
+"""Plain data, as in JSON."""
 
 from collections.abc import Mapping, Sequence
 
 Json = None | bool | int | float | str | Sequence["Json"] | Mapping[str, "Json"]
 """Any value."""
 JsonObject = dict[str, Json]
-"""What a result says to a program: an object that may still be completed."""
+"""The result for a program: an object that the caller may extend."""

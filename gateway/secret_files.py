@@ -1,6 +1,6 @@
-"""Files that only the gateway may read: passwords, tokens, keys. Where they are, and who else reads them.
+"""Files that only the gateway may read: passwords, tokens, keys. Their paths, and a check of their mode.
 
-``credential:NAME`` is the file of that name that systemd hands to a service (``LoadCredential=``,
+``credential:NAME`` is the file of that name that systemd gives to a service (``LoadCredential=``,
 systemd.exec(5)); every other name is a path, relative to the configuration file.
 """
 
@@ -14,13 +14,13 @@ from gateway.files import FileRefusedError
 
 CREDENTIAL: Final = "credential:"
 CREDENTIALS_FOLDER: Final = "CREDENTIALS_DIRECTORY"
-"""Variable of the environment in which systemd names the folder."""
+"""Environment variable in which systemd names the folder."""
 _CREDENTIAL: Final = re.compile(r"[A-Za-z0-9._-]{1,255}")
-"""What a unit has no other meaning for: a space, a colon or a percent sign would end it or become another."""
+"""Characters without another meaning in a unit: a space, a colon or a percent sign has one."""
 
 
 def is_credential_name(name: str) -> bool:
-    """Whether a name with ``credential:`` before it is one that systemd can hand over, and a unit can have.
+    """Whether a name ``credential:NAME`` is possible for systemd and in a unit.
 
     >>> [is_credential_name(f"credential:{name}") for name in ("http-key", "", "..", "a/b", "a b", "%h")]
     [True, False, False, False, False, False]
@@ -30,10 +30,10 @@ def is_credential_name(name: str) -> bool:
 
 
 def secret_path(name: str, folder: Path) -> Path:
-    """Return where a secret is; ``folder`` is that of the configuration file.
+    """Return the path of a secret; ``folder`` is that of the configuration file.
 
     Raises:
-        FileRefusedError: a name that no credential can have, or nobody has handed any over.
+        FileRefusedError: a name that no credential can have, or the service has no credentials.
     """
     if not name.startswith(CREDENTIAL):
         return folder / name
@@ -53,12 +53,12 @@ def secret_path(name: str, folder: Path) -> Path:
 
 
 def refuse_open_to_others(path: Path) -> None:
-    """Refuse a secret that every user of the machine may read or write; a missing one is not looked at.
+    """Refuse a secret that every user of the machine may read or write; a missing one is not checked.
 
-    Who may write a token's file lets himself in.
+    A user who may write the file of a token can log in with it.
 
     Raises:
-        FileRefusedError: with the mode and the command that mends it.
+        FileRefusedError: with the mode and the command that corrects it.
     """
     try:
         mode = path.stat().st_mode

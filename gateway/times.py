@@ -1,4 +1,4 @@
-"""Units of time. Instants and spans are integers of nanoseconds; the unit is in every name."""
+"""Units of time. Instants and spans are integers of nanoseconds; every name has the unit."""
 
 from typing import Final
 
@@ -9,7 +9,7 @@ NS_PER_S: Final = 1_000_000_000
 
 
 def span(seconds: float) -> str:
-    """Return a span as a person says it.
+    """Return a span in words.
 
     >>> span(0.4), span(12.34), span(3_725.0), span(90_061.0)
     ('less than 1 s', '12 s', '1 h 2 min', '1 d 1 h')
