@@ -1,1 +1,1 @@
-"""One axis: its state, what can happen to it, its registers, its record."""
+"""One axis: its state machines, its registers and its record."""

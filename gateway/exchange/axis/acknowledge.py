@@ -1,8 +1,10 @@
-"""Whether a drive has taken a target: while it is on the wire, and after nobody acknowledged it (M5, M7).
+"""Whether a drive has received a target: while it is on the wire, and without an acknowledgement (M5, M7).
 
-While a target is on the wire the process may die, and the drive may hold it or not: what a record has to say
-of it then is in :class:`Acknowledgement`. What was sent and not acknowledged is proven later by where the
-axis is seen (:class:`Proof`); :class:`~gateway.exchange.axis.motion.Motion` keeps that target.
+The process may be killed while a target is on the wire; the drive may then hold the target or not.
+:class:`Acknowledgement` decides what the record says in that time.
+
+A target that was sent and not acknowledged is proven later by the positions in which the axis is seen
+(:class:`Proof`). :class:`~gateway.exchange.axis.motion.Motion` holds that target.
 """
 
 from collections.abc import Callable
@@ -18,60 +20,60 @@ from gateway.exchange.axis.impossible import IGNORED, sentence_of
 class Outcome(Enum):
     """How a request ended."""
 
-    __hash__ = object.__hash__  # asked for with each request; that of Enum is slow
+    __hash__ = object.__hash__  # used for each request; the hash of Enum is slow
 
     ACKNOWLEDGED = "acknowledged"
-    """Its drive answered with the full native success."""
+    """Its drive answered with a complete normal reply."""
     EXCEPTION = "exception"
     """Its drive refused it, with the function byte of this request."""
     OTHER_REPLY = "other-reply"
-    """Its drive said something that proves nothing."""
+    """Its drive sent a reply that proves nothing."""
     NO_REPLY = "no-reply"
-    """It was sent, and no reply came in time, or the link went down."""
+    """It was sent, and no reply came in time, or the link was lost."""
     BROADCAST = "broadcast"
-    """It went to every drive, and none of them answers."""
+    """It was sent to all drives; none of them answers."""
     NEVER_SENT = "never-sent"
-    """Refused, withdrawn or given up before it left, or spoilt while it did."""
+    """It was refused, withdrawn or given up before it was sent, or aborted during forwarding."""
 
 
 class OnWire(Enum):
-    """What is on its way to the drive, where a record is kept: nobody may live to see the reply."""
+    """What is on the wire to the drive, for the record: the process may not live until the reply."""
 
     __hash__ = object.__hash__
 
     NOTHING = "nothing"
-    """Nothing that moves it."""
+    """Nothing that moves the axis."""
     TARGET = "target"
-    """A target that it has or has not got."""
+    """A target. The drive may have received it or not."""
     MOTION = "motion"
-    """Something that moves it in a way which nobody can say."""
+    """Something that moves the axis in a way that the record cannot describe."""
 
 
 class WireEvent(Enum):
-    """What decides what is on its way to the drive."""
+    """What changes :class:`OnWire`."""
 
     __hash__ = object.__hash__
 
     TARGET_SENT = "target-sent"
-    """A target leaves that a record can name: nothing else is open, and the branch is known."""
+    """A target is sent that a record can name: no other target is open, and the branch is known."""
     MOTION_SENT = "motion-sent"
-    """Something leaves that moves the axis in a way that its record does not say."""
+    """Something is sent that moves the axis in a way that its record does not describe."""
     ENDED = "ended"
-    """What was sent has been answered, or never will be."""
+    """What was sent is answered, or will never be."""
 
 
-_NOTHING: Final = OnWire.NOTHING  # a member is looked up slowly, and these are asked for with each target
+_NOTHING: Final = OnWire.NOTHING  # member lookup is slow, and these are used for each target
 _TARGET: Final = OnWire.TARGET
 
 ON_WIRE_AFTER: Final[dict[OnWire, dict[WireEvent, OnWire | None]]] = {
     OnWire.NOTHING: {
         WireEvent.TARGET_SENT: OnWire.TARGET,
         WireEvent.MOTION_SENT: OnWire.MOTION,
-        WireEvent.ENDED: IGNORED,  # it moved nothing, or no record is kept
+        WireEvent.ENDED: IGNORED,  # the request moved nothing, or no record is kept
     },
     OnWire.TARGET: {
-        WireEvent.TARGET_SENT: OnWire.TARGET,  # one of the fast path, rendered after all
-        WireEvent.MOTION_SENT: OnWire.MOTION,  # a second one in the same frame: a record names one
+        WireEvent.TARGET_SENT: OnWire.TARGET,  # a target of the fast path, rendered after all
+        WireEvent.MOTION_SENT: OnWire.MOTION,  # a second target in the same frame: a record names one
         WireEvent.ENDED: OnWire.NOTHING,
     },
     OnWire.MOTION: {
@@ -80,39 +82,40 @@ ON_WIRE_AFTER: Final[dict[OnWire, dict[WireEvent, OnWire | None]]] = {
         WireEvent.ENDED: OnWire.NOTHING,
     },
 }
-"""What each event makes of each state; every pair can be."""
+"""The state after each event; every pair is possible."""
 
 
 class Proof(Enum):
-    """What readings have told of a target without an acknowledgement that is proven at its ends (M5)."""
+    """What readings at both ends of its travel say about an unacknowledged target (M5)."""
 
     __hash__ = object.__hash__
 
     ONE = "one"
-    """The next one at an end decides."""
+    """The next reading at an end decides."""
     TWO = "two"
-    """Two in a row at one end decide: it was on its way when the gateway ended, and its record names it."""
+    """Two readings in a row at one end decide: the target was on the wire when the gateway ended, and the
+    record names it."""
     AT_START = "at-start"
     """The first of the two was at its start."""
     AT_END = "at-end"
     """The first of the two was at its end."""
     NONE = "none"
-    """None decides: the machine was switched off since, or its ends are too near each other."""
+    """No reading decides: the machine was switched off since, or both ends are too close together."""
     EXECUTED = "executed"
-    """It ran: the axis has gone to its end."""
+    """It was executed: the axis went to its end."""
     NOT_EXECUTED = "not-executed"
-    """It did not: the axis stands at its start."""
+    """It was not executed: the axis is still at its start."""
 
 
 class WayEnd(Enum):
-    """At which end of its way an axis is seen."""
+    """The end of its travel at which an axis is seen."""
 
     __hash__ = object.__hash__
 
     START = "start"
     END = "end"
     NEITHER = "neither"
-    """At neither, or where both windows overlap."""
+    """At neither end, or where both windows overlap."""
 
 
 PROOF_AFTER: Final[dict[Proof, dict[WayEnd, Proof]]] = {
@@ -122,7 +125,7 @@ PROOF_AFTER: Final[dict[Proof, dict[WayEnd, Proof]]] = {
     Proof.AT_END: {WayEnd.START: Proof.AT_START, WayEnd.END: Proof.EXECUTED, WayEnd.NEITHER: Proof.TWO},
     Proof.NONE: {WayEnd.START: Proof.NONE, WayEnd.END: Proof.NONE, WayEnd.NEITHER: Proof.NONE},
 }
-"""What each reading of an axis that may stand makes of it. What decides is there no more."""
+"""The proof after each reading of an axis that may be at standstill. Decided proofs have no row."""
 AT_ONE_END: Final = frozenset({Proof.AT_START, Proof.AT_END})
 DECIDED: Final = frozenset({Proof.EXECUTED, Proof.NOT_EXECUTED})
 
@@ -131,28 +134,29 @@ DECIDED: Final = frozenset({Proof.EXECUTED, Proof.NOT_EXECUTED})
 
 
 class Rendering(NamedTuple):
-    """A target ready to be written: both forms of its words, and what accepting it means."""
+    """A target ready to be written: its words in both frames, and the state after its acceptance."""
 
     number: int
-    """Of its command field."""
+    """Number of its command field."""
     nominal_words: bytes
     corrected_words: bytes
     corrected_counts: Counts
     move: Move | None
-    """None for a repeat: the drive is told exactly the same words again (M4)."""
+    """None for a repeat: the drive gets exactly the same words again (M4)."""
     is_distance: bool = False
     """The words are a distance; ``corrected_counts`` is where it ends."""
     start: Accepted | None = None
     """Where a distance starts."""
     stood_there: bool = False
-    """Of one that was not acknowledged: the drive held these words before, so to read them proves nothing."""
+    """For an unacknowledged target: the drive held these words before, so reading them proves nothing."""
     is_beside_another: bool = False
-    """Of such: the target right before it is so near that to see the axis there proves nothing."""
+    """For an unacknowledged target: the target before it is so near that seeing the axis there proves
+    nothing."""
     proof: Proof = Proof.ONE
-    """Of such, where its start is known: what readings at its ends have told by now."""
+    """For an unacknowledged target with a known start: what readings at its ends have shown so far."""
 
 
-@mypyc_attr(free_list_len=1)  # as of the moves in them
+@mypyc_attr(free_list_len=1)  # as for the moves in them
 class SteadyTarget:
     """A target on the fast path."""
 
@@ -170,13 +174,13 @@ class SteadyTarget:
         self.corrected_words = corrected_words
         self.corrected_counts = corrected_counts
         self.epoch = epoch
-        """Of its field, when it was sent."""
+        """Epoch of its field when it was sent."""
         self.steady = steady
-        """What accepting it means; None: it is a repeat."""
+        """The state after its acceptance; None: it is a repeat."""
 
 
 class Acknowledgement:
-    """What is on its way to the drive of one axis, as its record has to say it."""
+    """What is on the wire to the drive of one axis, as its record must describe it."""
 
     __slots__ = ("_on_fault", "on_wire", "pending")
 
@@ -184,53 +188,53 @@ class Acknowledgement:
         self._on_fault = on_fault
         self.on_wire = _NOTHING
         self.pending: Rendering | None = None
-        """The target that was on the wire last, as long as its record has to name it."""
+        """The target that was on the wire last, as long as its record must name it."""
 
     def happens(self, event: WireEvent) -> None:
-        """Go on to the state that the table says."""
+        """Enter the state that the table gives."""
         try:
             after = ON_WIRE_AFTER[self.on_wire][event]
         except KeyError:
             sentence = sentence_of("acknowledgement", self.on_wire, event)
-            self.on_wire, self.pending = OnWire.MOTION, None  # the safest: a record says nothing
+            self.on_wire, self.pending = OnWire.MOTION, None  # the safest state: the record says nothing
             self._on_fault(sentence)
             return
         if after is not IGNORED:
             self.on_wire = after
 
     def send(self, target: Rendering | None) -> None:
-        """A target leaves; None: it is named when it ends otherwise than as usual (:meth:`name`)."""
+        """A target is sent; None: :meth:`name` names it if it ends in an unusual way."""
         self.happens(WireEvent.TARGET_SENT)
         self.pending = target if self.on_wire is _TARGET else None
 
     def send_motion(self) -> None:
-        """Something leaves that moves the axis in a way that its record does not say."""
+        """Something is sent that moves the axis in a way that its record does not describe."""
         self.happens(WireEvent.MOTION_SENT)
         self.pending = None
 
     def name(self, target: Rendering) -> None:
-        """Name the target that is on the wire, where it was not rendered before."""
+        """Name the target that is on the wire, if it was not rendered before."""
         if self.on_wire is _TARGET and self.pending is None:
             self.pending = target
 
     def go_on_naming(self, target: Rendering | None) -> None:
-        """A target of before is still open: its record goes on to name it."""
+        """An earlier target is still open: the record continues to name it."""
         self.pending = target
 
     def conclude(self, unacknowledged: Rendering | None) -> None:
-        """What was sent has been answered, or never will be; ``unacknowledged``: what is open of it."""
+        """What was sent is answered, or will never be; ``unacknowledged``: the target that stays open."""
         if self.on_wire is not _NOTHING:
             self.happens(WireEvent.ENDED)
         if unacknowledged is not self.pending:
             self.pending = None
 
     def let_go(self, target: Rendering) -> None:
-        """A target is not open any more: a record need not name it."""
+        """A target is not open any more: the record need not name it."""
         if self.pending is target and self.on_wire is _NOTHING:
             self.pending = None
 
     def marked(self, target: Rendering, marked: Rendering) -> Rendering:
-        """Return a target of which more is known now; its record goes on to name it."""
+        """Return a target with new knowledge in it; the record continues to name it."""
         if self.pending is target:
             self.pending = marked
         return marked

@@ -1,38 +1,43 @@
-"""One axis on its line: its machines, what its drive holds, and what each thing that happens makes of them.
+"""One axis on its line: its state machines, what its drive holds, and how each event changes them.
 
 Theory of operation
 ===================
 
-A controller commands *nominal* positions, its drive is told *corrected* ones. What is added depends on where
-the axis is to go, and, as a worn screw has lost motion, on the side from which it gets there: its *branch*.
-So two things have to be known of an axis: whether its positions mean anything, and where it is.
+A controller commands *nominal* positions. The drive receives *corrected* positions. The correction depends on
+the target. A worn screw has lost motion, so it also depends on the side from which the axis reaches the
+target: its *branch*. So the gateway must know two things of an axis: whether its positions are meaningful
+(its reference), and where it is (its motion state).
 
-Each is a machine in a file of its own: its states, its events and the table of both.
+Each of these is a state machine in a file of its own, with its states, its events and the table of both:
 
-=================  ======================================  ================================================
-machine            says                                    sees
-=================  ======================================  ================================================
-``reference``      whether its positions mean anything     the homed bit, homing, set positions, losses
-``motion``         where it is                             acknowledgements, stops, bits, actual positions
-``acknowledge``    whether its drive has taken a target    frames that leave, their end, readings at both ends
-``interlock``      whether its triggers are refused        targets that were lost, targets that came whole
-``gantry``         what the first of a group has fixed     triggers of all axes of its group
-``readability``    whether its drive tells where it is     answers to the gateway's own reads
-=================  ======================================  ================================================
+=================  =======================================  ================================================
+machine            answers                                  sees
+=================  =======================================  ================================================
+``reference``      are its positions meaningful?            homed bit, homing, set positions, losses
+``motion``         where is it?                             acknowledgements, stops, bits, actual positions
+``acknowledge``    did its drive receive a target?          frames sent, their end, readings at both ends
+``interlock``      are its triggers refused?                targets lost, complete targets accepted
+``gantry``         what did its group's first trigger fix?  triggers of all axes of its group
+``readability``    does its drive report its position?      answers to the gateway's own reads
+=================  =======================================  ================================================
 
-Whether positions are to be corrected a person decides (``is_enabled``), or a drive whose registers were moved
-about (``reference.is_remapped``). While nothing is known, positions pass 1:1 in both directions.
+Each thing that can happen to an axis is one method of :class:`Axis`. ``exchange.effects`` calls these methods
+when a request is sent and when it ends; ``exchange.group`` does so for the axes of a group. Nothing else
+changes an axis. The gateway believes only what is proven: by an acknowledgement, a status bit, or a position
+that was read. Without a proof the state says so (``UNACKNOWLEDGED``, ``UNKNOWN``).
 
-*How it is corrected* at the moment is in ``compensation`` (``gateway.compensation``): direction, blends,
-offset, the last target in both frames, and the readback map that turns readings back.
+*Whether* positions are corrected is decided by a person (``is_enabled``). Compensation also ends when a
+remapping register of the drive was written (``reference.is_remapped``). While the reference is not known,
+positions pass 1:1 in both directions.
 
-*What the drive holds* is the register image (``registers``): targets may stand in the drive without being
-run, and parts of them may have been lost. What was lost blocks the triggers (``interlock``).
+*How* they are corrected now is in ``compensation`` (``gateway.compensation``): direction, blends, offset, the
+last target in both frames, and the readback map that converts readings back.
 
-Each thing that can happen to an axis is one method of :class:`Axis`. What a request makes of its axes as it
-leaves and as it ends is in ``exchange.effects``, and what it makes of their group in ``exchange.group``.
-Nothing else changes an axis. What is to be told of it waits in ``events``, which the line passes on. Who
-moves the axis (``hold``) is kept beside it, by ``ownership``.
+*What the drive holds* is in the register image (``registers``). The drive may hold staged targets that no
+trigger has run, and parts of a target may have been lost. A lost target blocks the triggers (``interlock``).
+
+Events to be reported wait in ``events`` until the line collects them. ``hold`` says who moves the axis;
+``ownership`` maintains it.
 """
 
 from collections.abc import Iterable
@@ -95,9 +100,9 @@ from gateway.modbus.registers import PositionField
 from gateway.times import NS_PER_MS, NS_PER_S
 
 SEEN_LATELY_NS: Final = 500 * NS_PER_MS
-"""An actual position seen so long ago says where a stream begins, where none can be read."""
+"""Maximum age of an actual position from which a stream begins, where none can be read."""
 REWRITTEN_EVERY_NS: Final = 60 * NS_PER_S
-"""How often restaging is reported; all of it is counted."""
+"""Minimum time between reports of restaging; every restaging is counted."""
 _SAYS_NOTHING_WRITTEN: Final = frozenset(
     {
         ExceptionCode.ILLEGAL_DATA_ADDRESS,
@@ -115,17 +120,15 @@ MOVES_OTHERWISE: Final = frozenset(
         Action.UNKNOWN,
     }
 )
-"""Actions after which the last target does not say any more where the axis is."""
-_REFUSED: Final = (
-    Readability.REFUSED
-)  # a member is looked up slowly, and these are asked for with each sample
+"""Actions after which the last target no longer says where the axis is."""
+_REFUSED: Final = Readability.REFUSED  # member lookup is slow, and these are used for each sample
 _MOVING: Final = MotionState.MOVING
 _SUPERSEDED: Final = MotionState.SUPERSEDED
 REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
 
 
 class Axis:
-    """An axis on its line: what is known of it, and what can happen to it. See the module."""
+    """An axis on its line: its state, and all that can happen to it. See the module."""
 
     __slots__ = (
         "acknowledgement",
@@ -168,28 +171,29 @@ class Axis:
 
     def __init__(self, plan: AxisPlan) -> None:
         self.plan = plan
-        # --- what of the plan is asked for with each request
+        # --- values of the plan that each request needs
         self.is_dry_run = plan.compensation is CompensationMode.SHADOW
-        """Whether it is a dry run: computed and shown, written and read 1:1 (``compensation = "shadow"``).
+        """Whether it is a dry run: computed and shown, but written and read 1:1 (``compensation =
+        "shadow"``).
 
-        The only one of these that changes: a reload may end it (``Axis.end_dry_run``).
+        The only one of these values that changes: a reload may end it (``Axis.end_dry_run``).
         """
         self.may_read = plan.safe_read and plan.added_frames
         """Whether the gateway may add reads of this axis's registers (W8)."""
         self.asked_actual = self.asked(plan.actual)
-        """The actual position that the gateway may read by itself (W8); None: it only sees it in passing."""
+        """The actual position that the gateway may read (W8); None: it only sees it in other replies."""
         self.readability = Readability.OPEN
-        """Whether its drive tells that; where it does not, ``asked_actual`` is None."""
+        """Whether its drive answers such reads; if it refuses, ``asked_actual`` is None."""
         self.asked_commanded = self.asked(plan.commanded)
-        """The same of the drive's own commanded position."""
+        """The drive's own commanded position that the gateway may read; None: none."""
         # --- what the drive holds
         self.fields = [FieldImage(each, waits=plan.motion.waits_for_trigger) for each in plan.command]
         self.limit_fields = [FieldImage(each) for each in plan.limits]
         self.rules = RuleImage(plan.motion)
         self.holds_unrun = False
-        """A target was written since a trigger ran one."""
+        """A target was written after the last trigger that ran one."""
         self.last_run = Action.ABSOLUTE
-        """How the last target was meant: the best guess for one that is staged before its mode is known."""
+        """Kind of the last target: the best guess for one that is staged before its mode is known."""
         # --- its machines
         self.compensation = AxisCompensation(plan.settings)
         self.reference = AxisReference(plan, self.report_fault)
@@ -197,40 +201,40 @@ class Axis:
         self.motion = Motion(plan, self.compensation, self.acknowledgement, self.fields, self.report_fault)
         self.interlock = Interlock(self.report_fault)
         self.is_alarmed = False
-        """Its alarm bit was set when it was seen last: only its rise tells of something."""
+        """Its alarm bit was set when last seen: only a rising bit is an event."""
         self.silent_since_ns: int | None = None
         self.silent_until_ns = 0
-        """The first and the last request since then that its drive left unanswered."""
+        """Times of the first and the last of the consecutive requests that its drive left unanswered."""
         # --- its group
         self.peers: tuple[Axis, ...] = ()
         """The other axes of its group (M11)."""
         self.gantry: Gantry | None = None
-        """What the first trigger of its group has fixed; one for all of its axes."""
+        """What the first trigger of its group has fixed; shared by all axes of the group."""
         self.fixed: Fixed | None = None
-        """What counts in place of reference and switch until its group has gone (M11); None: nothing does."""
-        # --- what correction is wanted
+        """Replaces reference and switch until its group has moved (M11); None: nothing is fixed."""
+        # --- which correction is requested
         self.is_enabled = plan.compensation is not CompensationMode.OFF
         """Whether a person or the configuration wants the table to be applied."""
         self.terms = Terms(plan) if plan.thermal or plan.cross else None
         self.base: CorrectionSpec = NOTHING
-        """What the table asks for."""
+        """The correction by its table."""
         self.requested: CorrectionSpec = NOTHING
         """The same with its terms."""
         self.has_branches = False
-        """Whether the direction of travel makes a difference to the correction."""
-        # --- who moves it, what is kept of it, and what is to be told
+        """Whether the correction depends on the direction of travel."""
+        # --- who moves it, its record, and its events
         self.hold = Hold(plan.writer_hold_s, is_shared=not plan.has_one_writer)
         self.hunting = Hunting()
         self.record: Record | None = None
-        """What is kept of it for the next run of the gateway."""
+        """Its record for the next run of the gateway."""
         self.events: list[Event] = []
-        """What the line has still to report."""
+        """Events that the line has not collected yet."""
         self.began: tuple[float, float] | None = None
-        """Offset with which a stream has begun and what of it was motion, in units, until it is told."""
+        """Offset with which a stream began, and the rest that was motion, in units; until reported."""
         self.reported_unsure = False
         self.reported_rewrite_ns: int | None = None
         self.reported_unknown: tuple[tuple[int, int], ...] | None = None
-        """Register contents that were reported as unknown last."""
+        """Register contents that were last reported as unknown."""
         self._choose_correction()
         if self.reference.is_referenced:
             self.compensation.find_reference(self.requested)
@@ -238,25 +242,25 @@ class Axis:
 
     @property
     def goes_as_referenced(self) -> bool:
-        """Whether its next target goes as that of an axis that knows where it is (M11)."""
+        """Whether its next target is handled as that of a referenced axis (M11)."""
         fixed = self.fixed
         return self.reference.is_referenced if fixed is None else fixed.is_referenced
 
     @property
     def passes_unchanged(self) -> bool:
-        """Whether words of this axis go through 1:1 in both directions (M9)."""
+        """Whether words of this axis pass 1:1 in both directions (M9)."""
         return self.is_dry_run or self.compensation.is_passing
 
     @property
     def reads_unchanged(self) -> bool:
-        """Whether what is read of it goes through 1:1: not yet while the last correction fades out."""
+        """Whether its readings pass 1:1; not while the last correction still fades out."""
         return self.passes_unchanged and (self.is_dry_run or self.compensation.readback.fade is None)
 
     def needs_reference(self, now_ns: int, *, is_target: bool) -> bool:
-        """Whether the homed bit has to be read before this axis's positions pass.
+        """Whether the homed bit must be read before this axis's positions pass.
 
-        A stream of setpoints is not held up for an old bit while the axis is referenced. Nor is anything of a
-        group of which one axis has gone: its reference is fixed.
+        An old bit does not hold up a stream of setpoints while the axis is referenced. Nor does it hold up a
+        group of which one axis has started: its reference is fixed.
         """
         if not self.may_read or self.fixed is not None:
             return False
@@ -267,21 +271,21 @@ class Axis:
 
     @property
     def is_unsure(self) -> bool:
-        """Whether the branch in force was assumed, where there are two and they count."""
+        """Whether the branch in force was assumed, and the correction depends on the branch."""
         is_assumed = self.compensation.is_unsure or self.motion.is_distance_unconfirmed
         return is_assumed and self.has_branches and not self.compensation.is_passing
 
     @property
     def is_unreadable(self) -> bool:
-        """Whether it is not asked where it is because its drive refuses to tell."""
+        """Whether the gateway does not read its position because its drive refuses to report it."""
         return self.readability is Readability.REFUSED
 
     def asked(self, fields: tuple[PositionField, ...]) -> PositionField | None:
-        """Return the one of some positions that the gateway may read by itself; None: none."""
+        """Return the position field that the gateway may read; None: none."""
         return fields[0] if self.may_read and fields and fields[0].is_readable else None
 
     def is_repeat(self, number: int, nominal_words: bytes) -> bool:
-        """Whether a command field is written with what the drive acknowledged there already (M4)."""
+        """Whether these words are those that the drive already acknowledged for this command field (M4)."""
         image = self.fields[number]
         return (
             self.compensation.accepted is not None
@@ -293,23 +297,23 @@ class Axis:
 
     @property
     def writes_words_alone(self) -> bool:
-        """Whether the drive takes single registers only: a word is sent as it is written."""
+        """Whether the drive takes single registers only: each word is sent as it is written."""
         return self.plan.writes_with is Form.FC06
 
     def writes_nothing(self, code: int, *, reads_too: bool) -> bool:
         """Whether an exception to a write proves that nothing was written (M7).
 
-        A function code that a drive does not know it cannot have carried out. What is wrong with an address,
-        a value or the drive itself (2 to 4) proves it where the register map says so; not of a frame that
-        reads too, whose reading may have been refused after the writing. Busy, acknowledge and the codes of
-        gateways never prove it.
+        A drive cannot have executed a function code that it does not know. Codes 2 to 4 (address, value,
+        device failure) prove it only if the register map says so. They do not prove it for a frame that also
+        reads: the read may have been refused after the write. Busy, acknowledge and gateway codes never prove
+            it.
         """
         if code == ExceptionCode.ILLEGAL_FUNCTION:
             return True
         return code in _SAYS_NOTHING_WRITTEN and self.plan.exception_writes_nothing and not reads_too
 
     def nominal_words(self, field_: PositionField, words: bytes, readback: Readback) -> bytes:
-        """Turn words reported by the drive into what the controller is to see.
+        """Convert words reported by the drive to the words for the controller.
 
         Raises:
             RegisterRangeError: the nominal position does not fit the register.
@@ -321,7 +325,8 @@ class Axis:
         accepted = self.compensation.accepted
         if accepted is not None:
             corrected_target = accepted.corrected_counts
-            # A register in coarser steps than that of the target says the same of the places around it.
+            # A register with coarser steps than the target's gives one value for all positions near the
+            # target.
             if corrected_counts == corrected_target or corrected == raw_of(field_, corrected_target):
                 return field_.pack(raw_of(field_, accepted.nominal_counts))
         correction = readback.correction_counts(corrected_counts)
@@ -330,11 +335,11 @@ class Axis:
         return field_.pack(corrected - steps_of(field_, correction))
 
     def report(self, kind: EventEntry, detail: str = "") -> None:
-        """Report something about this axis."""
+        """Report an event of this axis."""
         self.events.append(Event(kind, self.plan.name, detail))
 
     def report_unknown(self, contents: tuple[tuple[int, int], ...]) -> None:
-        """Report register contents that mean something the map does not know: the same ones once."""
+        """Report register contents that the map does not know; the same contents only once."""
         if self.reported_unknown == contents:
             return
         self.reported_unknown = contents
@@ -343,10 +348,10 @@ class Axis:
         self.report(exchange_events.UNKNOWN_MODE, f"{what}: it passed unchanged")
 
     def report_fault(self, sentence: str) -> None:
-        """One of its machines met an event that cannot be in its state: a bug of this program.
+        """Handle an impossible event in one of its machines: a bug of this program.
 
-        The safest counts from now on: nobody knows where the axis is, its reference is lost where a bit tells
-        it anew, its triggers are refused until a complete target was accepted.
+        The axis goes to its safest state. Its position is unknown. Its reference is lost if a bit can restore
+        it. Its triggers are refused until a complete target is accepted.
         """
         self.report(exchange_events.INTERNAL_FAULT, sentence)
         self.motion.enter(MotionState.UNKNOWN)
@@ -358,7 +363,7 @@ class Axis:
         self.block_triggers(ExceptionCode.SERVER_DEVICE_FAILURE, why)
 
     def take_events(self) -> tuple[Event, ...]:
-        """Return what is to be reported of this axis, each change once; its record says the same then."""
+        """Return the new events of this axis, each change once; its record is up to date then."""
         if self.record is not None:
             self.publish()
         reference = self.reference
@@ -392,7 +397,7 @@ class Axis:
     # --- where it is -----------------------------------------------------------------------------------
 
     def forget(self) -> None:
-        """Where the axis is and what its drive holds is unknown (M7)."""
+        """Mark as unknown where the axis is and what its drive holds (M7)."""
         self.motion.displace()
         self._forget_words()
 
@@ -402,9 +407,9 @@ class Axis:
             image.forget()
 
     def _lose_reach(self, *, was_closed: bool = False) -> None:
-        """The drive cannot be seen: what it holds and where its axis is has to be found out anew.
+        """The drive was out of reach: what it holds and where its axis is must be read again.
 
-        ``was_closed``: a connection was closed in order, by its server when it was idle or by us.
+        ``was_closed``: the connection was closed in order, by an idle server or by us.
         """
         if self.gantry is not None:
             self.gantry.happens(GantryEvent.ENDED)
@@ -412,20 +417,20 @@ class Axis:
         self._forget_words()
 
     def invalidate_words(self) -> None:
-        """The drive may hold other targets than it was told; what the controller believes stays."""
+        """The drive may hold other targets than it was sent; the controller's view stays."""
         for image in self.fields:
             image.invalidate()
 
-    # --- whether its positions mean anything -----------------------------------------------------------
+    # --- whether its positions are meaningful ----------------------------------------------------------
 
     def reference_happens(self, event: ReferenceEvent) -> None:
-        """Go on to the state of the reference that the table says, and put it into force."""
+        """Enter the reference state that the table gives, and put it into force."""
         was_referenced = self.reference.is_referenced
         self.reference.happens(event)
         self._follow_reference(was_referenced=was_referenced)
 
     def _follow_reference(self, *, was_referenced: bool) -> None:
-        """Put into force what the reference is now."""
+        """Put the present reference into force."""
         is_referenced = self.reference.is_referenced
         if is_referenced is was_referenced:
             return
@@ -435,7 +440,7 @@ class Axis:
         self._take_reference(is_referenced=is_referenced)
 
     def _take_reference(self, *, is_referenced: bool) -> None:
-        """Let positions mean something from now on, or nothing."""
+        """Positions are meaningful from now on, or not any more."""
         self.motion.change_reference()
         self.invalidate_words()
         if is_referenced:
@@ -445,13 +450,13 @@ class Axis:
             self.compensation.lose_reference()
 
     def see_homed_bit(self, now_ns: int, *, is_set: bool) -> None:
-        """Take note of the drive's homed bit, where it decides."""
+        """Record the drive's homed bit, if it decides."""
         was_referenced = self.reference.is_referenced
         self.reference.see_homed_bit(now_ns, is_set=is_set)
         self._follow_reference(was_referenced=was_referenced)
 
     def begin_homing(self, now_ns: int, *, is_certain: bool) -> None:
-        """A homing command went out; ``is_certain``: the drive acknowledged it."""
+        """A homing command was sent; ``is_certain``: the drive acknowledged it."""
         was_referenced = self.reference.is_referenced
         self.reference.begin_homing(now_ns, is_certain=is_certain)
         self._follow_reference(was_referenced=was_referenced)
@@ -461,10 +466,10 @@ class Axis:
         self.reference_happens(ReferenceEvent.LOSS)
 
     def declare_referenced(self) -> None:
-        """A person says that the axis stands where its drive says.
+        """A person confirms that the axis is where its drive says.
 
-        The drive counts from the same zero: a target that it was given since the last loss keeps its
-        words, also on its way.
+        The drive counts from the same zero. So a target that it received since the last loss keeps its words,
+        also while the axis still moves there.
         """
         members = [each for each in (self, *self.peers) if each.compensation.accepted is not None]
         self.reference_happens(ReferenceEvent.DECLARED)
@@ -474,27 +479,27 @@ class Axis:
             member.motion.mark_kept_over(KeptOver.DECLARATION)
 
     def follow_group(self) -> None:
-        """Compensate the axes of its group only while every one of them knows where it is (M11)."""
+        """Correct the axes of its group only while all of them are referenced (M11)."""
         members = (self, *self.peers)
         is_whole = all(member.reference.is_found for member in members)
         for member in members:
             member.wait_for_peers(waits=not is_whole)
 
     def wait_for_peers(self, *, waits: bool) -> None:
-        """Another axis of the group does not know where it is, or all of them do."""
+        """Another axis of the group is not referenced (``waits``), or all are."""
         was_referenced = self.reference.is_referenced
         self.reference.wait_for_peers(waits=waits)
         self._follow_reference(was_referenced=was_referenced)
 
     def join(self, peers: "tuple[Axis, ...]", gantry: Gantry) -> None:
-        """Be one of a group from now on."""
+        """Make it a member of a group."""
         self.peers, self.gantry = peers, gantry
         self.follow_group()
 
     # --- what the first trigger of its group fixes (M11) -----------------------------------------------
 
     def release(self) -> None:
-        """What was put off comes into force: as ever, with the next different target."""
+        """Put deferred changes into force, with the next different target."""
         fixed, self.fixed = self.fixed, None
         if fixed is None:
             return
@@ -507,13 +512,13 @@ class Axis:
         self._want()
 
     def _put_off(self, fixed: Fixed) -> None:
-        """Note what has to wait until nothing is fixed any more."""
+        """Record what must wait until nothing is fixed any more."""
         assert self.gantry is not None
         self.fixed = fixed
         self.gantry.put_off()
 
     def fix(self, run: Rendering | None, *, keeps_words: bool) -> None:
-        """Its group goes: reference and correction are what they are now, until nothing is fixed any more."""
+        """Its group starts: keep the present reference and correction until nothing is fixed any more."""
         accepted, actual = self.compensation.accepted, self.motion.actual
         nominal_counts = None if accepted is None else accepted.nominal_counts
         if nominal_counts is None and actual is not None:
@@ -528,22 +533,22 @@ class Axis:
         )
 
     def go_as_fixed(self, missing: int, now_ns: int) -> None:
-        """It has gone; ``missing``: the words of its target that are still to come, a bit for each."""
+        """It has started; ``missing``: mask of the words of its target that have not come yet."""
         assert self.fixed is not None
         self.fixed = self.fixed._replace(has_gone=True, missing=missing, part_ns=now_ns if missing else 0)
 
     def may_go_as_fixed(self) -> None:
-        """It is the first of its group, and nobody knows whether it has gone."""
+        """It is the first of its group, and it is unknown whether it has started."""
         assert self.fixed is not None
         self.fixed = self.fixed._replace(may_have_gone=True)
 
     def keep_no_other_words(self) -> None:
-        """One of its group goes by what was fixed: none keeps words of another switch any more."""
+        """An axis of its group uses what was fixed: none may keep words of another switch any more."""
         if self.fixed is not None and self.fixed.keeps_words:
             self.fixed = self.fixed._replace(keeps_words=False)
 
     def may_have_gone_to(self, number: int, nominal_words: bytes) -> bool:
-        """Whether some words are the absolute target that was sent last and never acknowledged."""
+        """Whether these words are the absolute target that was sent last and not acknowledged."""
         unacknowledged, field = self.motion.unacknowledged, self.plan.command[number]
         if unacknowledged is None or unacknowledged.move is None or unacknowledged.is_distance:
             return False
@@ -552,24 +557,25 @@ class Axis:
     # --- which words may stay as they are (M4, M11) ------------------------------------------------------
 
     def may_keep_words(self, spec: CorrectionSpec) -> bool:
-        """Whether a target that comes again may be the same words, which were made with ``spec``.
+        """Whether a repeated target may keep its words, which were rendered with ``spec``.
 
-        With what is asked for now they are right in any case. Of a group one axis must not keep words of
-        another switch, table or gain while another axis goes by what is asked for. Setpoints of a stream may:
-        what is asked for comes into force with way that they go, and the same one again has none.
+        Words rendered with the requested correction are always right. In a group, one axis must not keep
+        words of another switch, table or gain while another axis uses the requested one. Setpoints of a
+        stream may: the requested correction comes into force over the distance that they travel, and a repeat
+        has no distance.
         """
         if self.gantry is None or self.compensation.is_stream or not self.is_other(spec):
             return True
         if self.fixed is not None:
             return self.fixed.keeps_words
-        is_again = self.motion.unacknowledged is None  # else the others have to come there yet
+        is_again = self.motion.unacknowledged is None  # else the other axes must still get there
         return all(peer.keeps_other_words and (is_again or peer.holds_unrun) for peer in self.peers)
 
     @property
     def keeps_other_words(self) -> bool:
-        """Whether the next target of it, as far as it is known, keeps words of another switch, table or gain.
+        """Whether its next target probably keeps words of another switch, table or gain.
 
-        Of a target that has not come nobody knows: then it is taken for the last one, come again.
+        A target that has not come yet is unknown. It is assumed to be a repeat of the last one.
         """
         number = self.rules.staged
         words = None if number is None else self.fields[number].nominal_words
@@ -584,7 +590,7 @@ class Axis:
         return state.position is None or self.is_other(state.spec)
 
     def spec_of_words(self, number: int, nominal_words: bytes) -> CorrectionSpec | None:
-        """With which correction the words were made that a target may keep; None: it is a new one."""
+        """Return the correction of the words that a target may keep; None: it is a new target."""
         if self.may_have_gone_to(number, nominal_words):
             assert self.motion.unacknowledged is not None
             assert self.motion.unacknowledged.move is not None
@@ -598,7 +604,7 @@ class Axis:
         return self.compensation.state.spec
 
     def is_other(self, spec: CorrectionSpec) -> bool:
-        """Whether a correction is that of another switch, table or gain than what counts for it now."""
+        """Whether a correction has another switch, table or gain than the one that applies now."""
         asked = self.requested if self.goes_as_referenced else NOTHING
         if spec.curve is None or asked.curve is None:
             return spec.curve is not asked.curve
@@ -607,21 +613,21 @@ class Axis:
 
     @property
     def blocked_by(self) -> int | None:
-        """Exception code with which its triggers are refused, for a lost target of its own or its group's."""
+        """Exception code that refuses its triggers, for a lost target of its own or of its group."""
         return self.interlock.block_code if self.interlock.is_blocked else self.blocked_by_peer
 
     @property
     def blocked_by_peer(self) -> int | None:
-        """Exception code of a target that another axis of the group lost for its own sake (M11)."""
+        """Exception code of a target that another axis of the group has lost itself (M11)."""
         for axis in self.peers:
             if axis.interlock.block is Block.OWN:
                 return axis.interlock.block_code
         return None
 
-    # --- what correction is wanted ---------------------------------------------------------------------
+    # --- which correction is requested -----------------------------------------------------------------
 
     def _want(self) -> None:
-        """Ask for what its table says, where its positions mean something and nothing else is fixed."""
+        """Request the correction by its table, if its positions are meaningful and nothing else is fixed."""
         if self.reference.is_referenced and self.fixed is None:
             self.compensation.want(self.requested)
 
@@ -640,14 +646,14 @@ class Axis:
         self.requested = self.base if self.terms is None else self.terms.on(self.base, self.plan)
 
     def enable(self, *, is_on: bool) -> None:
-        """Apply the table, or stop to: with the next different target, never by itself."""
+        """Apply the table or stop applying it, from the next different target on; it never moves the axis."""
         if not self.reference.is_remapped:
             self.is_enabled = is_on
         self._choose_correction()
         self._want()
 
     def end_dry_run(self) -> None:
-        """Apply what was only shown until now, from the next different target on; it stands."""
+        """Apply what was only shown, from the next different target on; the axis is at standstill."""
         self._take_plan(replace(self.plan, compensation=CompensationMode.ON))
         self.is_dry_run = False
         self._choose_correction()
@@ -655,26 +661,26 @@ class Axis:
         if self.plan.actual:
             self.motion.happens(
                 MotionEvent.IN_WINDOW
-            )  # else it could not end; so whoever is seen away has been moved
+            )  # a dry run ends only at the target; an axis that is seen elsewhere later was moved
         self._want()
 
     def _take_plan(self, plan: AxisPlan) -> None:
-        """Go by another plan, which knows the same registers."""
+        """Use another plan with the same registers."""
         self.plan = self.motion.plan = plan
 
     def adopt(self, plan: AxisPlan) -> None:
-        """Go on with another table or gain; comes into force as in :meth:`enable`."""
+        """Use another table or gain; it comes into force as in :meth:`enable`."""
         self._take_plan(plan)
         self._choose_correction()
         self._want()
 
     def limit(self, plan: AxisPlan) -> None:
-        """Go on with other limits, from now on."""
+        """Use other limits, from now on."""
         self._take_plan(plan)
         self.compensation.take_limits(plan.settings)
 
     def end(self) -> None:
-        """End the compensation until the gateway is started again: its registers mean something else now."""
+        """End compensation until the gateway restarts: its registers have another meaning now."""
         if self.reference.is_remapped:
             return
         self.report(exchange_events.COMPENSATION_ENDED, REMAPPED)
@@ -687,7 +693,7 @@ class Axis:
         self.compensation.begin_anew()
 
     def follow_terms(self, now_ns: int) -> None:
-        """Look what its terms ought to be; another line comes into force with different targets."""
+        """Update its terms; a changed line comes into force with different targets."""
         terms = self.terms
         assert terms is not None
         if terms.follow(self.base, self.plan, now_ns):
@@ -696,12 +702,12 @@ class Axis:
         self.report_terms(now_ns)
 
     def report_terms(self, now_ns: int) -> None:
-        """Report what is new about how well its terms are known."""
+        """Report changes in how well its terms are known."""
         if self.terms is not None:
             self.events += self.terms.events(self.plan.name, now_ns)
 
     def move_zero(self) -> None:
-        """The drive counts from another zero: what it was told, and where it was seen, mean nothing now."""
+        """The drive counts from another zero: its targets and seen positions are void."""
         self.invalidate_words()
         self.motion.forget_position()
         if self.compensation.is_stream:
@@ -710,9 +716,9 @@ class Axis:
                 self.compensation.find_reference(self.requested)
 
     def begin_stream(self, number: int, nominal_words: bytes, fresh: Actual | None, now_ns: int) -> None:
-        """Let the offset that the drive has be in force before the first setpoint of a stream (M6).
+        """Put the offset that the drive already has into force before the first setpoint of a stream (M6).
 
-        Read for this setpoint; where the gateway may not read, seen in passing a moment ago.
+        The position was read for this setpoint. If the gateway may not read, a recently seen one is used.
         """
         actual = fresh
         if actual is None and self.asked_actual is None and self.motion.actual is not None:
@@ -732,7 +738,7 @@ class Axis:
         self.began = (self.compensation.state.spec.offset, rest)
 
     def report_beginning(self) -> None:
-        """Report with what offset a stream has begun."""
+        """Report the offset with which a stream began."""
         if self.began is None:
             return
         (offset, rest), units = self.began, self.plan.settings.units.value
@@ -747,7 +753,7 @@ class Axis:
     def fall_silent(self, since_ns: int, now_ns: int) -> None:
         """The drive left a request unanswered, and may have lost its reference.
 
-        ``since_ns``: when the first one was sent that it has not answered.
+        ``since_ns``: when the first unanswered request was sent.
         """
         if self.silent_since_ns is None:
             self.silent_since_ns = since_ns
@@ -760,9 +766,9 @@ class Axis:
             self.see_homed_bit(now_ns, is_set=False)
 
     def end_silence(self, *, is_answer: bool, until_ns: int | None = None) -> None:
-        """Look at how long the drive has been silent: it may have been switched off meanwhile.
+        """Check how long the drive was silent: it may have been switched off meanwhile.
 
-        ``until_ns``: so long at least, where that is known.
+        ``until_ns``: the minimum end of the silence, if known.
         """
         if until_ns is not None:
             self.silent_until_ns = until_ns
@@ -777,14 +783,14 @@ class Axis:
         target, pending = motion.unacknowledged, acknowledgement.pending
         kept = motion.superseded
         self._lose_reach(was_closed=kept is not None and kept.over is KeptOver.ORDERLY_CLOSE)
-        if target is not None:  # it may have arrived before the drive fell silent
+        if target is not None:  # it may have reached the drive before the silence
             motion.happens(MotionEvent.NOT_ACKNOWLEDGED, target)
             acknowledgement.go_on_naming(pending)
         self.motion.send_off(self.silent_until_ns)
         self.lose_reference()
 
     def lose_link(self, now_ns: int, *, was_closed: bool = False) -> None:
-        """Forget what may have changed while nobody looked; ``was_closed``: see :meth:`_lose_reach`."""
+        """Forget what may have changed while the link was down; ``was_closed``: see :meth:`_lose_reach`."""
         if self.record is not None:
             self.record.pause()
         self._lose_reach(was_closed=was_closed)
@@ -793,14 +799,14 @@ class Axis:
         self.fall_silent(now_ns, now_ns)
 
     def update_readability(self, answer: PositionAnswer) -> None:
-        """Take note of what its drive answers when the gateway asks it where the axis is."""
+        """Record how its drive answers when the gateway reads its position."""
         self.readability = READABILITY_AFTER[self.readability][answer]
         self.asked_actual = None if self.is_unreadable else self.asked(self.plan.actual)
 
-    # --- a target on its way ---------------------------------------------------------------------------
+    # --- a target on the wire --------------------------------------------------------------------------
 
     def send_target(self, rendering: Rendering) -> None:
-        """A target goes out next: when the process dies now, the drive may hold it or not."""
+        """A target is sent next: if the process dies now, the drive may hold it or not."""
         record, acknowledgement = self.record, self.acknowledgement
         if record is None:
             return
@@ -816,9 +822,9 @@ class Axis:
         record.write_ahead(self.motion, acknowledgement, self.requested)
 
     def send_steady(self, target: SteadyTarget) -> bool:
-        """The same of a target on the fast path; whether it was kept without being rendered.
+        """Do the same for a target on the fast path; return whether it was recorded without being rendered.
 
-        It is rendered when it ends in another way than it usually does (``Acknowledgement.name``).
+        It is rendered if it ends in an unusual way (``Acknowledgement.name``).
         """
         record, steady = self.record, target.steady
         if record is None or steady is None:
@@ -832,7 +838,7 @@ class Axis:
         return True
 
     def send_motion(self) -> None:
-        """Something goes out that moves the axis in a way that its record does not say."""
+        """Something is sent that moves the axis in a way that its record does not describe."""
         record = self.record
         if record is None:
             return
@@ -846,17 +852,17 @@ class Axis:
         self.holds_unrun = True
 
     def mark_run(self, action: Action) -> None:
-        """Its drive runs a target, which was meant as ``action`` says."""
+        """Its drive runs a target of the kind ``action``."""
         self.holds_unrun = False
         self.last_run = action
         self.reference_happens(ReferenceEvent.OTHER_MOTION)
 
     def conclude(self) -> None:
-        """What was sent has been answered, or never will be."""
+        """What was sent is answered, or will never be."""
         self.acknowledgement.conclude(self.motion.unacknowledged)
 
     def acknowledge(self, rendering: Rendering, now_ns: int = 0, epoch: int | None = None) -> None:
-        """The drive acknowledged a target with its full native success, and goes there (M7).
+        """The drive acknowledged a target with a complete normal reply, and goes there (M7).
 
         ``epoch``: of its field, when the target was sent.
         """
@@ -868,7 +874,7 @@ class Axis:
             self.go(rendering, rendering.move, now_ns)
 
     def acknowledge_steady(self, number: int, target: SteadyTarget, now_ns: int) -> None:
-        """The same of a target on the fast path: it goes on in its direction, or is a repeat."""
+        """Do the same for a target on the fast path: it continues in its direction, or is a repeat."""
         self.fields[number].settle(target.nominal_words, target.corrected_words, target.epoch)
         self.motion.mark_heard(now_ns)
         steady = target.steady
@@ -878,7 +884,7 @@ class Axis:
             self.motion.go_on(number, steady, target.corrected_counts, now_ns)
 
     def go(self, rendering: Rendering, move: Move, now_ns: int) -> None:
-        """The axis goes to a target, or has gone there, whatever its registers hold by now."""
+        """The axis goes to a target, or has gone there, whatever its registers hold now."""
         compensation = self.compensation
         if (
             not compensation.is_stream
@@ -895,7 +901,7 @@ class Axis:
     def leave_unacknowledged(self, rendering: Rendering, now_ns: int) -> None:
         """A target was sent and not acknowledged: the drive may hold it or not.
 
-        Of a repeat it holds the same words in either case.
+        After a repeat it holds the same words in either case.
         """
         is_repeat = rendering.move is None and not rendering.is_distance
         if is_repeat and (self.compensation.accepted is not None or self.motion.state is _SUPERSEDED):
@@ -908,12 +914,12 @@ class Axis:
         image.forget()
 
     def leave_run_unacknowledged(self, rendering: Rendering, now_ns: int) -> None:
-        """A trigger was not acknowledged: the drive holds its target, and may be going there or not."""
+        """A trigger was not acknowledged: the drive holds its target, and may be moving there or not."""
         motion = self.motion
         kept = motion.superseded_as(rendering.number, rendering.nominal_words)
         is_same = kept is not None and kept.corrected_words == rendering.corrected_words
         if is_same and not rendering.is_distance:
-            motion.send_off(now_ns)  # its repeat is the same words all the same
+            motion.send_off(now_ns)  # its repeat still has the same words
         elif rendering.move is None:
             motion.displace(now_ns)
         else:
@@ -922,13 +928,13 @@ class Axis:
     # --- triggers that are refused ---------------------------------------------------------------------
 
     def lose_mode(self, address: int, code: int) -> None:
-        """The writing of a mode register was lost."""
+        """The write of a mode register was lost."""
         self.rules.lose_mode(address, code, self.interlock.begin_epoch())
 
     def block_triggers(self, code: int, why: str, *, is_own: bool = True) -> None:
-        """Refuse triggers from now on, and say why if they were not refused before.
+        """Refuse triggers from now on, and report why if they passed before.
 
-        ``is_own``: for its own sake, not because another axis of the group was blocked (M11).
+        ``is_own``: it lost the target itself, not because another axis of the group was blocked (M11).
         """
         if self.interlock.refuse(code, is_own=is_own):
             self.report(exchange_events.AXIS_BLOCKED, why)
@@ -940,14 +946,14 @@ class Axis:
                 exchange_events.AXIS_RELEASED, "a complete target was accepted: its triggers pass again"
             )
 
-    # --- a staged target that is written once more -----------------------------------------------------
+    # --- a staged target that is rewritten -------------------------------------------------------------
 
     def acknowledge_rewrite(self, rendering: Rendering, first: int, words: bytes, epoch: int) -> None:
         """The drive acknowledged words of a staged target, from its word ``first`` on (M2)."""
         self.fields[rendering.number].acknowledge_rewrite(rendering.nominal_words, first, words, epoch)
 
     def report_rewritten(self, count: int, now_ns: int) -> None:
-        """Report restaging now and then: where an axis goes to and fro, every second move needs it."""
+        """Report restaging, but not too often: an axis that alternates needs it at every second move."""
         reported_ns = self.reported_rewrite_ns
         if reported_ns is None or now_ns - reported_ns >= REWRITTEN_EVERY_NS:
             self.reported_rewrite_ns = now_ns
@@ -955,7 +961,7 @@ class Axis:
             self.report(exchange_events.RESTAGED, detail)
 
     def lose_rewritten(self, rendering: Rendering, code: int, why: str) -> None:
-        """A staged target that was written anew was not acknowledged."""
+        """The rewrite of a staged target was not acknowledged."""
         image = self.fields[rendering.number]
         image.leave(rendering.nominal_words, rendering.corrected_words)
         image.invalidate_rewritten(rendering.corrected_words)
@@ -965,7 +971,7 @@ class Axis:
     # --- another writer --------------------------------------------------------------------------------
 
     def take_over(self, former: str, code: int) -> None:
-        """What the former writer wrote is no part of what the next one means, who writes all of it (M3)."""
+        """Discard the former writer's parts: they are no part of what the next writer means (M3)."""
         for image in self.fields:
             image.lose_all_words()
         if self.plan.motion.waits_for_trigger and self.rules.staged is not None:
@@ -975,12 +981,12 @@ class Axis:
             self.block_triggers(code, why)
 
     def forget_parts(self) -> None:
-        """Let no part of a position be completed that came on a connection which broke off."""
+        """Complete no part of a position that came on a broken connection."""
         for image in (*self.fields, *self.limit_fields):
             image.forget_parts()
 
     def lose_everything(self, code: int) -> None:
-        """More requests of a writer were lost than are remembered: all of its targets and modes are."""
+        """More requests of a writer were lost than are remembered: all its targets and modes are lost."""
         for image in self.fields:
             image.lose_all_words()
         for mode in self.plan.motion.modes:
@@ -990,7 +996,7 @@ class Axis:
             self.block_triggers(code, "more requests of its writer were lost than are remembered")
 
     def overwrite(self, numbers: list[int], writer: str, code: int) -> None:
-        """A stop of somebody else changed targets: whoever moves the axis has to write them again."""
+        """A stop of another controller changed targets: the writer of the axis must write them again."""
         for number in numbers:
             self.fields[number].lose_all_words()
         if not numbers:
@@ -1000,10 +1006,10 @@ class Axis:
             why = f"a stop of {writer} changed the target: triggers are refused until a complete one came"
             self.block_triggers(code, why)
 
-    # --- what is seen of it ----------------------------------------------------------------------------
+    # --- what the gateway sees of it -------------------------------------------------------------------
 
     def observe_actual(self, field_: PositionField, words: bytes, asked_ns: int) -> Actual | None:
-        """Note an actual position as it was when asked at ``asked_ns``; None where it is no number."""
+        """Record an actual position, read at ``asked_ns``; None if it is not a number."""
         raw = field_.unpack(words)
         if not isfinite(raw):
             return None
@@ -1021,7 +1027,7 @@ class Axis:
         if self.compensation.accepted is not None:
             self.motion.see_position(now)
         elif self.motion.seen_at_superseded is False:
-            for member in (self, *self.peers):  # of a beam all targets of before a loss count, or none (M11)
+            for member in (self, *self.peers):  # a group keeps all targets from before a loss, or none (M11)
                 if member.motion.state is _SUPERSEDED:
                     member.motion.happens(MotionEvent.ELSEWHERE)
         if was_unseen and self.motion.state is _MOVING:
@@ -1032,7 +1038,7 @@ class Axis:
         return now
 
     def _prove(self, before: Actual | None, now: Actual) -> None:
-        """Take a target without a reply as accepted when the axis is seen to have gone there (M7)."""
+        """Take an unacknowledged target as accepted when the axis is seen to have gone there (M7)."""
         target = self.motion.unacknowledged
         if self.motion.is_distance_unconfirmed:
             self.prove_distance(now, before)
@@ -1040,7 +1046,7 @@ class Axis:
             self.go(target, target.move, now.seen_ns)
 
     def prove_distance(self, now: Actual, before: Actual | None = None) -> None:
-        """Take a distance that was never acknowledged as run, or not, where that is certain now (M5)."""
+        """Take an unacknowledged distance as executed or not executed, when that is certain (M5)."""
         target = self.motion.unacknowledged
         proof = self.motion.proof_at(now, before)
         if target is None or target.move is None or target.start is None:
@@ -1051,14 +1057,14 @@ class Axis:
             self.motion.run_not(target.start)
 
     def observe_rule(self, address: int, word: int) -> None:
-        """Note what a mode or trigger register was read to hold."""
+        """Record the content of a mode or trigger register."""
         self.rules.store_read(address, word)
 
     def observe_bit(self, name: str, asked_ns: int, *, is_set: bool) -> None:
-        """Note one of the drive's status bits, as it was when asked at ``asked_ns``."""
+        """Record one of the drive's status bits, read at ``asked_ns``."""
         if not self.motion.is_unseen(
             asked_ns
-        ):  # whoever looks again does not see by it where the axis has been since
+        ):  # after a gap the bit does not show where the axis was meanwhile
             self.motion.mark_heard(asked_ns)
         if name == DONE_BIT:
             self.motion.observe_done(asked_ns, is_done=is_set)
@@ -1066,7 +1072,7 @@ class Axis:
             self.motion.observe_moving(asked_ns, is_moving=is_set)
         elif name == ALARM_BIT:
             if is_set and not self.is_alarmed:
-                self.motion.displace()  # the drive has given up: it stands somewhere
+                self.motion.displace()  # the drive has given up: it stopped anywhere
                 self.lose_reference()
             self.is_alarmed = is_set
         elif name == HOMED_BIT and self.reference.follows_homed_bit:
@@ -1079,10 +1085,10 @@ class Axis:
     def read_command_words(
         self, number: int, field_: PositionField, words: bytes, readback: Readback
     ) -> bytes:
-        """Turn the words of a command field that is read back into what the controller wrote.
+        """Convert a command field that is read back to what the controller wrote.
 
-        They also prove that a target arrived which was never acknowledged, unless the drive held the same
-        words before; of a distance they say nothing about its having run.
+        The words also prove that an unacknowledged target arrived, unless the drive held the same words
+        before. They do not prove that a distance was executed.
         """
         unacknowledged, image = self.motion.unacknowledged, self.fields[number]
         if (
@@ -1097,10 +1103,10 @@ class Axis:
         return image.means(words) or self.nominal_words(field_, words, readback)
 
     def read_back(self, number: int, words: bytes) -> None:
-        """Note the words of a command field that the gateway has read.
+        """Record the words of a command field that the gateway has read.
 
-        Where they are those of the target of before a lost link, its drive has kept it: nothing else is told
-        by that, and what was lost on the way there stays lost (M3).
+        If they are those of the target before a lost link, the drive has kept it. This proves nothing else,
+        and what was lost on the way stays lost (M3).
         """
         image, superseded = self.fields[number], self.motion.superseded
         if superseded is None or superseded.number != number or superseded.corrected_words != words:
@@ -1111,23 +1117,23 @@ class Axis:
     # --- its record ------------------------------------------------------------------------------------
 
     def attach_record(self, record: Record | None) -> None:
-        """Keep a record from now on, and let that of the run before count where it does; None: keep none."""
+        """Keep a record from now on, and use that of the last run if it counts; None: keep none."""
         self.record = record
         if record is not None and record.saved is not None and not self.is_enabled:
             self.drop_record("the compensation of the axis is off")
 
     @property
     def is_recalling(self) -> bool:
-        """Whether it is not decided yet if the record of the run before counts."""
+        """Whether it is still undecided if the record of the last run counts."""
         return self.record is not None and self.record.saved is not None
 
     def publish(self) -> None:
-        """Let its record say what holds now."""
+        """Bring its record up to date."""
         if self.record is not None:
             self.record.publish(self.motion, self.acknowledgement, self.requested)
 
     def _decide_record(self, actual: Actual) -> None:
-        """Find out, with an actual position, whether the record of the run before counts."""
+        """Decide with an actual position whether the record of the last run counts."""
         record = self.record
         assert record is not None
         saved = record.saved
@@ -1150,7 +1156,7 @@ class Axis:
             self._take_group_up()
 
     def _take_group_up(self) -> None:
-        """Take all axes of the group up, as soon as the records of all of them fit."""
+        """Restore all axes of the group as soon as the records of all of them fit."""
         members = [self, *(peer for peer in self.peers if peer.record is not None)]
         decisions = [member.record.decision for member in members if member.record is not None]
         if Decision.NONE in decisions or Decision.DROPPED in decisions:
@@ -1161,7 +1167,7 @@ class Axis:
                     member.take_up(member.record)
 
     def drop_record(self, reason: str) -> None:
-        """The record of the run before does not count."""
+        """The record of the last run does not count."""
         assert self.record is not None
         self.record.decide(Decision.DROPPED)
         self.record.clear()
@@ -1171,7 +1177,7 @@ class Axis:
                 peer.drop_record(f"axis {self.plan.name} of its group starts without one")
 
     def take_up(self, record: Record) -> None:
-        """Go on from the record of the run before, which fits: all of it, or nothing of it."""
+        """Continue from the record of the last run, which fits: all of it, or nothing."""
         saved, fitting = record.saved, record.finding
         assert saved is not None
         assert fitting is not None
@@ -1194,7 +1200,7 @@ class Axis:
         self._resume_terms(actual.seen_ns)
         if not self.reference.is_referenced:
             self.motion.displace(keeps_branch=self.compensation.is_stream)
-            self.compensation.lose_reference()  # what a stream has passed with stays, and fades (M9)
+            self.compensation.lose_reference()  # the offset of a stream stays, and fades (M9)
         record.decide(Decision.TAKEN)
         settings, in_force = self.plan.settings, self.compensation.state
         position = (
@@ -1216,14 +1222,14 @@ class Axis:
     def may_have_stopped(self) -> bool:
         """Whether an axis that was found on its way may go no further.
 
-        Then its next distance begins where it is. A drive that is only told positions gets its target once
-        more, or another one; one that takes stops and distances may have stopped for want of a master, and
-        its target must be no base of a distance (M5).
+        Its next distance then begins where it is. A drive that takes positions only gets its target again, or
+        another one. A drive that takes stops and distances may have stopped because its master was missing.
+        Its target must not be the base of a distance then (M5).
         """
         return self.motion.has_rules
 
     def _restore(self, saved: Remembered, state: State, *, is_at_target: bool) -> None:
-        """Be where the record says, on its branch, with its correction."""
+        """Restore the recorded position, branch and correction."""
         accepted = None
         if is_at_target or (saved.has_target and not self.may_have_stopped):
             accepted = Accepted(saved.nominal_counts, saved.corrected_counts)
@@ -1233,7 +1239,7 @@ class Axis:
         if accepted is None:
             motion_state = MotionState.STOPPED
         elif not is_at_target:
-            motion_state = _MOVING  # a record does not say how well the start of the way was known
+            motion_state = _MOVING  # a record does not say whether the start was known
         elif saved.may_have_left:
             motion_state = MotionState.MAY_HAVE_LEFT
         elif saved.was_done_seen:
@@ -1251,7 +1257,7 @@ class Axis:
     def _restore_unacknowledged(
         self, saved: Remembered, move: RememberedMove, after: State, finding: Finding
     ) -> None:
-        """Take the target that was on its way as accepted, or as one that nobody acknowledged."""
+        """Take the target that was on the wire as accepted, or as unacknowledged."""
         field_ = self.plan.command[move.number]
         nominal_words = corrected_words = b""
         if not move.is_distance:
@@ -1274,7 +1280,7 @@ class Axis:
             proof=proof,
         )
         if finding not in PROVEN:
-            # Its record goes on to name it, for the next start as for this one.
+            # Its record continues to name it, so the next start finds it as this one did.
             self.acknowledgement.go_on_naming(rendering)
             is_timed = saved.is_of_this_boot and proof is Proof.TWO
             self.leave_unacknowledged(rendering, after.at_ns if is_timed else self.motion.heard_ns)
@@ -1289,9 +1295,9 @@ class Axis:
             self.motion.displace(keeps_branch=True)
 
     def _resume_terms(self, now_ns: int) -> None:
-        """Let its terms go on from what its record put into force."""
+        """Continue its terms from what its record put into force."""
         terms, spec = self.terms, self.compensation.state.spec
-        if terms is None or spec.curve is None:  # a mere offset holds a table too
+        if terms is None or spec.curve is None:  # a plain offset has no table
             return
         terms.resume(spec, now_ns)
         self.requested = spec if spec.is_kin_of(self.base) else terms.on(self.base, self.plan)
@@ -1299,7 +1305,7 @@ class Axis:
 
 
 def join_terms(axes: Iterable[Axis]) -> None:
-    """Let each axis find the axes that act on it, also those of other lines."""
+    """Connect each axis with the axes that act on it, also those of other lines."""
     axes = tuple(axes)
     partners = {axis.plan.name: Partner(axis.motion, axis.reference) for axis in axes}
     for axis in axes:

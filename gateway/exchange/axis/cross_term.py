@@ -1,4 +1,4 @@
-"""What the place of another axis adds to an axis: straightness, sag, squareness."""
+"""What the position of another axis adds to an axis: straightness, sag, squareness."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from gateway.times import NS_PER_S
 
 
 class Partner(NamedTuple):
-    """What a term asks of another axis: where it is, and whether it knows that."""
+    """What a term needs of another axis: where it is, and whether it is referenced."""
 
     motion: Motion
     reference: AxisReference
@@ -30,7 +30,7 @@ class CrossTerm:
         table = make_table(plan.positions, plan.corrections, plan.corrections, units)
         self._correction = Curve(table, modulo=plan.modulo).forward
         self.largest = max(map(abs, plan.corrections))
-        """The most that it adds, in units."""
+        """The largest correction that it adds, in units."""
         self._plan = plan
         self.partner: Partner | None = None
         self.seen: Accepted | None = None
@@ -40,7 +40,7 @@ class CrossTerm:
         self.partner = axes.get(self.axis, self.partner)
 
     def refresh(self) -> None:
-        """Take note of the last target of the other axis, which counts from now on."""
+        """Use the last target of the other axis from now on."""
         self.seen = self.target
 
     @property
@@ -50,7 +50,7 @@ class CrossTerm:
 
     @property
     def referenced_partner(self) -> Partner | None:
-        """The other axis, where it is there, its registers mean what they did, and it knows where it is."""
+        """The other axis, if it exists, is referenced and its registers were not remapped; else None."""
         partner = self.partner
         if partner is None or partner.reference.is_remapped or not partner.reference.is_referenced:
             return None
@@ -58,14 +58,14 @@ class CrossTerm:
 
     @property
     def target(self) -> Accepted | None:
-        """The last accepted target of the other axis, where it says where that axis is."""
+        """The last accepted target of the other axis, if it says where that axis is; else None."""
         partner = self.referenced_partner
         return None if partner is None else partner.motion.compensation.accepted
 
     def position(self, now_ns: int) -> Counts | None:
-        """Return where the other axis is, in nominal counts; None where nobody knows.
+        """Return where the other axis is, in nominal counts; None: unknown.
 
-        After a stop or a jog it has no target: then a reading of its actual position has to do.
+        After a stop or a jog it has no target: then a fresh reading of its actual position is used.
         """
         target, partner = self.target, self.referenced_partner
         if target is not None:
@@ -77,7 +77,7 @@ class CrossTerm:
         return partner.motion.nominal_of(partner.motion.actual.counts) if is_fresh else None
 
     def correction(self, nominal_counts: Counts) -> float:
-        """Return what a place of the other axis adds, in units."""
+        """Return the correction for a position of the other axis, in units."""
         assert self.partner is not None
         position = self.partner.motion.compensation.machine_position(nominal_counts)
         return self._correction(position * self._plan.scale)

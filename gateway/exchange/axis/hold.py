@@ -1,20 +1,20 @@
-"""Who moves an axis: one writer at a time, until it has gone or has been quiet for long enough."""
+"""Who moves an axis: one writer at a time, until it disconnects or was quiet for long enough."""
 
 from typing import Final
 
 from gateway.times import NS_PER_S
 
 NEVER_NS: Final = -(10**18)
-"""Long before every time there is."""
+"""Earlier than any real time."""
 BACK_NS: Final = 2 * NS_PER_S
-"""So long a writer without a connection may still be one that connects anew, for each request or after its
-cable was pulled: nobody else begins between two of its commands."""
+"""A writer without a connection keeps its axis so long. It may be a controller that connects for each
+request, or whose cable was unplugged: no other writer begins between two of its commands."""
 
 
 class Hold:
-    """The hold on one axis. A *writer* is a controller and the host that it connects from.
+    """The hold on one axis. A *writer* is a controller together with the host from which it connects.
 
-    Whoever held it last stays its writer until another one takes it over: what the drive holds is from there.
+    The last holder stays the writer until another one takes over: what the drive holds comes from it.
     """
 
     __slots__ = ("_hold_ns", "is_shared", "jogged_by", "last_ns", "overwritten_by", "writer")
@@ -22,16 +22,16 @@ class Hold:
     def __init__(self, hold_s: float, *, is_shared: bool) -> None:
         self._hold_ns = int(hold_s * NS_PER_S)
         self.is_shared = is_shared
-        """Everybody may move it at any time."""
+        """Any writer may move it at any time."""
         self.writer = ""
-        """Who moved it last; empty: nobody has."""
+        """The writer that moved it last; empty: none."""
         self.last_ns = NEVER_NS
         """When its writer moved it last."""
         self.jogged_by = ""
-        """Who made it move without a target, until that was ended; empty: nobody."""
+        """The writer that started a motion without a target which has not ended; empty: none."""
         self.overwritten_by = ""
-        """Who changed the target in the drive beside a stop, which nobody is refused; "": nobody. It is not
-        run: its writer has to write another one."""
+        """The writer that changed the target together with a stop, which is never refused; empty: none. That
+        target is not run: the axis's writer must write another one."""
 
     def is_held(self, now_ns: int) -> bool:
         """Whether its writer still holds it."""
@@ -42,7 +42,7 @@ class Hold:
         return not self.is_shared and writer != self.writer and self.is_held(now_ns)
 
     def leave(self, now_ns: int) -> None:
-        """Its writer has no connection any more: it holds for :data:`BACK_NS` at most."""
+        """Its writer has no connection any more: it holds for at most :data:`BACK_NS`."""
         self.last_ns = min(self.last_ns, now_ns + BACK_NS - self._hold_ns)
 
     def move(self, writer: str, now_ns: int) -> None:
@@ -55,9 +55,9 @@ class Hold:
         self.last_ns = now_ns
 
     def set_jog(self, writer: str) -> None:
-        """Note who makes it move without a target; "": nobody any more."""
+        """Record the writer that moves it without a target; empty: none any more."""
         self.jogged_by = writer
 
     def overwrite(self, writer: str) -> None:
-        """Note who changed the target beside a stop; "": its writer has written another one since."""
+        """Record the writer whose stop changed the target; empty: the axis's writer wrote a new one."""
         self.overwritten_by = writer

@@ -1,4 +1,4 @@
-"""Whether a branch changes all the time: a controller resends one target with noise in it."""
+"""Whether the branch changes all the time: a controller repeats one target with jitter."""
 
 from collections import deque
 from typing import Final
@@ -7,12 +7,12 @@ from gateway.times import NS_PER_S
 
 MOST: Final = 5
 WITHIN_NS: Final = 10 * NS_PER_S
-"""More changes than that within so long are worth a word."""
+"""More changes than that within so long are reported."""
 REPORT_EVERY_NS: Final = 60 * NS_PER_S
 
 
 class Hunting:
-    """The latest changes of the branch of one axis. Time is monotonic, in ns."""
+    """The newest branch changes of one axis. Time is monotonic, in ns."""
 
     __slots__ = ("_changes_ns", "_reported_ns")
 
@@ -21,7 +21,7 @@ class Hunting:
         self._reported_ns: int | None = None
 
     def count_change(self, now_ns: int) -> bool:
-        """Take note of a change; whether it is time to tell."""
+        """Count a change; return whether to report it now."""
         self._changes_ns.append(now_ns)
         if len(self._changes_ns) <= MOST or now_ns - self._changes_ns[0] > WITHIN_NS:
             return False

@@ -1,8 +1,8 @@
 """Whether the triggers of an axis are refused because a target was lost (M3, M11).
 
-Stops always pass. What was lost counts until a complete target was accepted that was sent after the loss;
-what was sent before carries an older *epoch*. An axis of a group is refused its triggers as well while
-another one is blocked for its own sake (``Axis.blocked_by``).
+Stops always pass. Triggers stay refused until a complete target is accepted that was sent after the loss. A
+target that was sent before carries an older *epoch* and does not count. In a group, triggers are also refused
+while another axis is blocked for a loss of its own (``Axis.blocked_by``).
 """
 
 from collections.abc import Callable
@@ -20,9 +20,9 @@ class Block(Enum):
     NONE = "none"
     """Triggers pass."""
     OWN = "own"
-    """The target was lost for its own sake."""
+    """The axis itself lost a target."""
     OF_GROUP = "of-group"
-    """It was lost because another axis of the group was blocked (M11)."""
+    """Its target was lost because another axis of the group was blocked (M11)."""
 
 
 class BlockEvent(Enum):
@@ -31,7 +31,7 @@ class BlockEvent(Enum):
     __hash__ = object.__hash__
 
     LOST = "lost"
-    """A target, its mode or a part of it was lost for its own sake."""
+    """A target, its mode or a part of it was lost by the axis itself."""
     LOST_OF_GROUP = "lost-of-group"
     """It was lost because another axis of the group was blocked (M11)."""
     COMPLETED = "completed"
@@ -42,11 +42,11 @@ BLOCK_AFTER: Final[dict[Block, dict[BlockEvent, Block | None]]] = {
     Block.NONE: {
         BlockEvent.LOST: Block.OWN,
         BlockEvent.LOST_OF_GROUP: Block.OF_GROUP,
-        BlockEvent.COMPLETED: IGNORED,  # as always
+        BlockEvent.COMPLETED: IGNORED,  # the usual case
     },
     Block.OWN: {
-        BlockEvent.LOST: IGNORED,  # the first loss says why
-        BlockEvent.LOST_OF_GROUP: IGNORED,  # its own loss holds up the others too: it must not be taken back
+        BlockEvent.LOST: IGNORED,  # the first loss gives the reason
+        BlockEvent.LOST_OF_GROUP: IGNORED,  # its own loss blocks the others too: it must stay
         BlockEvent.COMPLETED: Block.NONE,
     },
     Block.OF_GROUP: {
@@ -55,7 +55,7 @@ BLOCK_AFTER: Final[dict[Block, dict[BlockEvent, Block | None]]] = {
         BlockEvent.COMPLETED: Block.NONE,
     },
 }
-"""What each event makes of each state; every pair can be."""
+"""The state after each event; every pair is possible."""
 
 
 class Interlock:
@@ -67,14 +67,15 @@ class Interlock:
         self._on_fault = on_fault
         self.block = Block.NONE
         self.block_code = 0
-        """Exception code of the target that was lost; its triggers are refused with it."""
+        """Exception code of the lost target; triggers are refused with it."""
         self.epoch = 0
-        """Goes up with each target and mode that is lost: what was sent before makes up for none."""
+        """Increases with each lost target or mode: what was sent in an older epoch replaces nothing lost
+        since."""
         self.blocked_in_epoch = 0
-        """The epoch that began with the loss for which triggers were blocked last."""
+        """The epoch that began with the newest loss that blocked triggers."""
 
     def happens(self, event: BlockEvent) -> bool:
-        """Go on to the state that the table says; return whether triggers pass otherwise than before."""
+        """Enter the state that the table gives; return whether it changed if triggers pass."""
         before = self.block
         try:
             after = BLOCK_AFTER[before][event]
@@ -88,14 +89,14 @@ class Interlock:
         return (before is Block.NONE) is not (after is Block.NONE)
 
     def begin_epoch(self) -> int:
-        """Something is lost: return the epoch that begins with it."""
+        """Something was lost: return the epoch that begins with it."""
         self.epoch += 1
         return self.epoch
 
     def refuse(self, code: int, *, is_own: bool) -> bool:
         """Refuse triggers from now on; return whether they passed before.
 
-        ``is_own``: for its own sake, not because another axis of the group was blocked (M11).
+        ``is_own``: the axis lost the target itself, not because another axis of the group was blocked (M11).
         """
         self.blocked_in_epoch = self.begin_epoch()
         is_new = self.happens(BlockEvent.LOST if is_own else BlockEvent.LOST_OF_GROUP)
@@ -104,7 +105,7 @@ class Interlock:
         return is_new
 
     def complete(self, epoch: int) -> bool:
-        """A complete target was accepted, sent in ``epoch``; return whether triggers pass again by that."""
+        """A complete target, sent in ``epoch``, was accepted; return whether it released the triggers."""
         return epoch >= self.blocked_in_epoch and self.happens(BlockEvent.COMPLETED)
 
     @property

@@ -1,22 +1,23 @@
-"""Where an axis is, as far as anybody can tell (M4 to M6).
+"""Where an axis is, as far as the gateway can know (M4 to M6).
 
-A target that its drive acknowledged makes the axis move (``MOVING``); a done bit and positions that are seen
-afterwards prove its arrival step by step (``DONE_REPORTED``, ``IN_WINDOW``, ``ARRIVED``); a stop, a jog,
-homing, an alarm or a lost reply takes that away again. Of an axis that has arrived the sign of its next way
-tells on which branch the next target lies, however short that way; of any other a reading has to tell, or the
-branch is flagged (``render``).
+An acknowledged target makes the axis move (``MOVING``). A done bit and actual positions then prove its
+arrival step by step (``DONE_REPORTED``, ``IN_WINDOW``, ``ARRIVED``). A stop, a jog, homing, an alarm or a
+lost reply takes that knowledge away. For an axis that has arrived, the sign of its next travel gives the
+branch of the next target, however short the travel is. For any other axis a reading must give it. Without a
+reading the branch is assumed and flagged (``render``).
 
-Three words. The *branch* is the side from which the axis came to where it stands: with rising positions, or
-with falling ones. Its *way* is the stretch from where it set out to its target. A *stream* is a drive that is
-given setpoints one after the other, and lags behind them.
+Three words. The *branch* is the side from which the axis came to its position: with rising or with falling
+positions. Its *way* is the range of positions from its start to its target. A *stream* is a drive that gets
+setpoints one after the other and lags behind them.
 
-What is seen counts only where it cannot be of the time before. A reading counts from when its request was
-sent. A done bit may be that of the move before until it was seen to fall or the drive has had the time
-to let it fall (:class:`Reported`).
+An observation counts only if it cannot be older than the last command. A reading has the time at which its
+request was sent. A done bit may still be that of the move before. It counts only after it was seen to fall,
+or after the drive had enough time to clear it (:class:`Reported`).
 
-:class:`Motion` is the machine. What belongs to a state is set with it in :meth:`Motion.enter`, and nowhere
-else: the target that was not acknowledged is there exactly in ``UNACKNOWLEDGED``, the target of before a loss
-exactly in ``SUPERSEDED``, and the accepted target (``gateway.compensation``) exactly in :data:`TARGETED`.
+:class:`Motion` is the machine. :meth:`Motion.enter` sets the data of a state together with the state, and
+nothing else does: the unacknowledged target exists exactly in ``UNACKNOWLEDGED``, the target from before a
+loss exactly in ``SUPERSEDED``, and the accepted target (``gateway.compensation``) exactly in
+:data:`TARGETED`.
 """
 
 from collections.abc import Callable
@@ -44,37 +45,38 @@ from gateway.times import NS_PER_MS, NS_PER_S
 
 
 class MotionState(Enum):
-    """Where the axis is, as far as anybody can tell."""
+    """Where the axis is, as far as the gateway can know."""
 
-    __hash__ = object.__hash__  # looked up with each sample; that of Enum is slow
+    __hash__ = object.__hash__  # looked up for each sample; the hash of Enum is slow
 
     UNKNOWN = "unknown"
-    """Something else than a target decides where it is: homing, a jog, a stored position, an alarm."""
+    """Something other than a target decides where it is: homing, a jog, a stored position, an alarm."""
     STOPPED = "stopped"
-    """A stop came after the last target: it stands somewhere, on the branch of that target."""
+    """A stop came after the last target: it stops anywhere, on the branch of that target."""
     SUPERSEDED = "superseded"
-    """The last target means nothing any more, but its words are kept: the reference has changed since, or its
-    drive could not be reached, or was silent for long. If the axis is seen to stand there, a repeat of that
-    target is the same words, and moves nothing (:class:`RepeatKind`)."""
+    """The last target is void, but its words are kept: the reference has changed, the drive could not be
+    reached, or it was silent for long. If the axis is then seen at that target, a repeat of the target gets
+    the same words and moves nothing (:class:`RepeatKind`)."""
     UNACKNOWLEDGED = "unacknowledged"
-    """A target was sent and not acknowledged: the drive may hold it or not. It may have said done since."""
+    """A target was sent and not acknowledged: the drive may hold it or not. It may have reported done
+    since."""
     MOVING = "moving"
-    """The last target was acknowledged, and nothing has shown the axis there. Where it set out, and on which
-    branch, may have been known or not."""
+    """The last target was acknowledged, and the axis was not seen there yet. Its start and branch may be
+    known or not."""
     DONE_REPORTED = "done-reported"
-    """Its drive says done; where it stands has not been seen yet."""
+    """Its drive reports done; its position was not seen yet."""
     IN_WINDOW = "in-window"
-    """Its actual position was seen in the window; its drive has not said done."""
+    """Its actual position was seen in the window; its drive has not reported done."""
     ARRIVED = "arrived"
-    """Its drive says done, and it was seen in the window; or done alone, where no position is mapped."""
+    """Its drive reports done, and it was seen in the window; without a mapped position, done alone."""
     MAY_HAVE_LEFT = "may-have-left"
-    """Its drive had said done, and says so no more: something else moves it, or the bit has flickered."""
+    """Its drive reports done no longer: something else moves it, or the bit flickered."""
     AT_REST = "at-rest"
-    """It stands, at its target or elsewhere: done rose after ``MAY_HAVE_LEFT``, or it was seen beside its
-    target after ``ARRIVED``."""
+    """It is at standstill, at its target or elsewhere: done rose after ``MAY_HAVE_LEFT``, or after
+    ``ARRIVED`` it was seen beside its target."""
 
 
-# A member is looked up slowly, and these are asked for with each move.
+# Member lookup is slow, and these are used for each move.
 _UNKNOWN: Final = MotionState.UNKNOWN
 _STOPPED: Final = MotionState.STOPPED
 _SUPERSEDED: Final = MotionState.SUPERSEDED
@@ -96,58 +98,58 @@ TARGETED: Final = frozenset(
 )
 """States in which the last accepted target says where the axis is or goes."""
 WAS_THERE: Final = TARGETED - {_MOVING}
-"""States in which an axis that is seen away has been moved by something else."""
+"""States in which an axis seen elsewhere was moved by something else."""
 MAY_BE_ELSEWHERE: Final = frozenset({MotionState.MAY_HAVE_LEFT, MotionState.AT_REST})
-"""States in which an axis is looked at before a repeat of its target (M4)."""
+"""States in which the position is read before a repeat of the target (M4)."""
 ON_BRANCH: Final = TARGETED | {_STOPPED}
-"""States in which the branch of the last target is that on which the axis stands or moves."""
+"""States in which the axis is or moves on the branch of the last target."""
 
 
 class MotionEvent(Enum):
     """What decides, or shows, where an axis is."""
 
-    __hash__ = object.__hash__  # looked up with each sample; that of Enum is slow
+    __hash__ = object.__hash__  # looked up for each sample; the hash of Enum is slow
 
     ACKNOWLEDGED = "acknowledged"
     """The drive acknowledged a target and goes there, or was seen to have gone there."""
     NOT_ACKNOWLEDGED = "not-acknowledged"
-    """A target went out, and its acknowledgement never came."""
+    """A target was sent, and its acknowledgement never came."""
     NOT_EXECUTED = "not-executed"
-    """A distance that was not acknowledged did not run: the axis was seen where it would have started."""
+    """An unacknowledged distance was not executed: the axis was seen where it would have started."""
     STOPPED = "stopped"
-    """It stands, or soon will, somewhere on the way that it was on."""
+    """It has stopped, or soon will, somewhere on its way."""
     DISPLACED = "displaced"
-    """Something else than a target moves it, or has moved it, or nobody knows."""
+    """Something other than a target moves it or has moved it, or that is unknown."""
     LINK_LOST = "link-lost"
-    """The way to its drive was lost, or it was silent for so long that it may have been switched off; there
-    is a target whose words the drive holds."""
+    """The link to its drive was lost, or the drive was silent for so long that it may have been switched off.
+    There is a target whose words the drive holds."""
     REFERENCE_CHANGED = "reference-changed"
-    """Its last target means nothing from now on, and nothing but a target has moved it since."""
+    """Its last target is void from now on, and nothing but a target has moved it since."""
     DONE = "done"
-    """Its drive says done, and what it says is not of the time before."""
+    """Its drive reports done, and the report is not older than the last command."""
     DONE_ALONE = "done-alone"
-    """The same, and there is no actual position to look at."""
+    """The same, for an axis without an actual position."""
     NOT_DONE = "not-done"
-    """Its drive says: not done."""
+    """Its drive reports: not done."""
     IN_WINDOW = "in-window"
-    """The actual position lies in the in-position window of the last target."""
+    """The actual position is in the in-position window of the last target."""
     BESIDE = "beside"
-    """It lies beside it, by no more than a correction."""
+    """It is beside the window, by no more than a correction."""
     ELSEWHERE = "elsewhere"
-    """It lies elsewhere."""
+    """It is elsewhere."""
 
 
 MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = {
     MotionState.UNKNOWN: {
         MotionEvent.ACKNOWLEDGED: MotionState.MOVING,
         MotionEvent.NOT_ACKNOWLEDGED: MotionState.UNACKNOWLEDGED,
-        MotionEvent.STOPPED: MotionState.UNKNOWN,  # it stands on a branch that nobody knows
+        MotionEvent.STOPPED: MotionState.UNKNOWN,  # it stops on an unknown branch
         MotionEvent.DISPLACED: MotionState.UNKNOWN,
         # It goes to no target of ours: a bit says only whether it moves (``Reported``).
         MotionEvent.DONE: IGNORED,
         MotionEvent.DONE_ALONE: IGNORED,
         MotionEvent.NOT_DONE: IGNORED,
-        MotionEvent.IN_WINDOW: IGNORED,  # the end of a dry run (``Axis.end_dry_run``) that got no target
+        MotionEvent.IN_WINDOW: IGNORED,  # the end of a dry run (``Axis.end_dry_run``) without a target
         # Not executed: no target is open. Link lost, reference changed: there is no target to keep, so both
         # come as displaced. Beside, elsewhere: there is no accepted target to compare with.
     },
@@ -156,36 +158,36 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
         MotionEvent.NOT_ACKNOWLEDGED: MotionState.UNACKNOWLEDGED,
         MotionEvent.STOPPED: MotionState.STOPPED,
         MotionEvent.DISPLACED: MotionState.UNKNOWN,
-        MotionEvent.DONE: IGNORED,  # as of ``UNKNOWN``
+        MotionEvent.DONE: IGNORED,  # as for ``UNKNOWN``
         MotionEvent.DONE_ALONE: IGNORED,
         MotionEvent.NOT_DONE: IGNORED,
-        # Not executed, link lost, reference changed, beside, elsewhere: as of ``UNKNOWN``. In window: no
-        # dry run ends while nobody knows where the axis stands.
+        # Not executed, link lost, reference changed, beside, elsewhere: as for ``UNKNOWN``. In window: a dry
+        # run does not end while the position is unknown.
     },
     MotionState.SUPERSEDED: {
         MotionEvent.ACKNOWLEDGED: MotionState.MOVING,
         MotionEvent.NOT_ACKNOWLEDGED: MotionState.UNACKNOWLEDGED,
-        MotionEvent.STOPPED: MotionState.UNKNOWN,  # the branch of a target that means nothing says nothing
+        MotionEvent.STOPPED: MotionState.UNKNOWN,  # a void target gives no branch
         MotionEvent.DISPLACED: MotionState.UNKNOWN,
-        MotionEvent.LINK_LOST: MotionState.SUPERSEDED,  # once more: the first loss stays the reason
+        MotionEvent.LINK_LOST: MotionState.SUPERSEDED,  # again: the first loss stays the reason
         MotionEvent.REFERENCE_CHANGED: MotionState.SUPERSEDED,
-        MotionEvent.DONE: IGNORED,  # as of ``UNKNOWN``
+        MotionEvent.DONE: IGNORED,  # as for ``UNKNOWN``
         MotionEvent.DONE_ALONE: IGNORED,
         MotionEvent.NOT_DONE: IGNORED,
-        MotionEvent.ELSEWHERE: MotionState.UNKNOWN,  # it was moved since: the same words would not help
-        # In window, beside: no events here; a target that comes asks for them (``seen_at_superseded``).
+        MotionEvent.ELSEWHERE: MotionState.UNKNOWN,  # it was moved since: the same words would be wrong
+        # In window, beside: no events here; the next target checks them (``seen_at_superseded``).
     },
     MotionState.UNACKNOWLEDGED: {
         MotionEvent.ACKNOWLEDGED: MotionState.MOVING,  # the next target, or a proof that this one was taken
-        MotionEvent.NOT_ACKNOWLEDGED: MotionState.UNACKNOWLEDGED,  # the next one
-        MotionEvent.NOT_EXECUTED: MotionState.MOVING,  # it stands where the target before sent it
-        MotionEvent.STOPPED: MotionState.UNKNOWN,  # nobody knows on which of two ways
+        MotionEvent.NOT_ACKNOWLEDGED: MotionState.UNACKNOWLEDGED,  # the next target
+        MotionEvent.NOT_EXECUTED: MotionState.MOVING,  # it is where the target before sent it
+        MotionEvent.STOPPED: MotionState.UNKNOWN,  # it may be on either of two ways
         MotionEvent.DISPLACED: MotionState.UNKNOWN,
-        MotionEvent.DONE: MotionState.UNACKNOWLEDGED,  # it stands at one of two places
+        MotionEvent.DONE: MotionState.UNACKNOWLEDGED,  # it is at one of two positions
         MotionEvent.DONE_ALONE: MotionState.UNACKNOWLEDGED,
-        MotionEvent.NOT_DONE: IGNORED,  # it goes there, or has: what it was said to be done with stays said
-        # Link lost, reference changed: come as displaced, for nobody knows which target its drive holds.
-        # Where it is seen proves the target, or that it did not run (``Proof``); it is no event before.
+        MotionEvent.NOT_DONE: IGNORED,  # it goes there, or has; an earlier done report stays valid
+        # Link lost, reference changed: come as displaced, because the drive's target is unknown. A reading
+        # proves that the target was executed, or that it was not (``Proof``); it is no event before that.
     },
     MotionState.MOVING: {
         MotionEvent.ACKNOWLEDGED: MotionState.MOVING,
@@ -195,10 +197,10 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
         MotionEvent.LINK_LOST: MotionState.SUPERSEDED,
         MotionEvent.REFERENCE_CHANGED: MotionState.SUPERSEDED,
         MotionEvent.DONE: MotionState.DONE_REPORTED,
-        MotionEvent.DONE_ALONE: MotionState.ARRIVED,  # nothing else can ever tell
-        MotionEvent.NOT_DONE: IGNORED,  # as it should be
+        MotionEvent.DONE_ALONE: MotionState.ARRIVED,  # there is no other proof
+        MotionEvent.NOT_DONE: IGNORED,  # as expected
         MotionEvent.IN_WINDOW: MotionState.IN_WINDOW,
-        MotionEvent.BESIDE: IGNORED,  # it comes from there, or goes on there
+        MotionEvent.BESIDE: IGNORED,  # it comes from there, or passes through
         MotionEvent.ELSEWHERE: IGNORED,
     },
     MotionState.DONE_REPORTED: {
@@ -211,9 +213,9 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
         MotionEvent.DONE: IGNORED,
         MotionEvent.NOT_DONE: MotionState.MAY_HAVE_LEFT,
         MotionEvent.IN_WINDOW: MotionState.ARRIVED,
-        MotionEvent.BESIDE: IGNORED,  # a done drive may stand off by a correction: the next reading tells
-        MotionEvent.ELSEWHERE: MotionState.UNKNOWN,  # done with another motion
-        # Done alone: without an actual position done is arrival, so this state is never come to.
+        MotionEvent.BESIDE: IGNORED,  # a done drive may be off by a correction: the next reading decides
+        MotionEvent.ELSEWHERE: MotionState.UNKNOWN,  # another motion is done
+        # Done alone: without an actual position done is arrival, so this state does not occur.
     },
     MotionState.IN_WINDOW: {
         MotionEvent.ACKNOWLEDGED: MotionState.MOVING,
@@ -225,9 +227,9 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
         MotionEvent.DONE: MotionState.ARRIVED,
         MotionEvent.NOT_DONE: IGNORED,  # it settles
         MotionEvent.IN_WINDOW: IGNORED,
-        MotionEvent.BESIDE: MotionState.MOVING,  # it swings, or passed through: as if it had not been there
+        MotionEvent.BESIDE: MotionState.MOVING,  # it overshot or passed through: as if not seen there
         MotionEvent.ELSEWHERE: MotionState.UNKNOWN,
-        # Done alone: what is in a window was read.
+        # Done alone: an axis in the window has an actual position.
     },
     MotionState.ARRIVED: {
         MotionEvent.ACKNOWLEDGED: MotionState.MOVING,
@@ -240,7 +242,7 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
         MotionEvent.DONE_ALONE: IGNORED,
         MotionEvent.NOT_DONE: MotionState.MAY_HAVE_LEFT,
         MotionEvent.IN_WINDOW: IGNORED,
-        MotionEvent.BESIDE: MotionState.AT_REST,  # pushed, or it has crept: it stands, and not quite there
+        MotionEvent.BESIDE: MotionState.AT_REST,  # pushed or crept: at standstill, but not quite there
         MotionEvent.ELSEWHERE: MotionState.UNKNOWN,
     },
     MotionState.MAY_HAVE_LEFT: {
@@ -251,9 +253,9 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
         MotionEvent.LINK_LOST: MotionState.SUPERSEDED,
         MotionEvent.REFERENCE_CHANGED: MotionState.SUPERSEDED,
         MotionEvent.DONE: MotionState.AT_REST,
-        MotionEvent.DONE_ALONE: IGNORED,  # it stands, and nothing can tell whether it stands there again
+        MotionEvent.DONE_ALONE: IGNORED,  # at standstill; nothing shows whether it is there again
         MotionEvent.NOT_DONE: IGNORED,
-        MotionEvent.IN_WINDOW: IGNORED,  # it may pass through: its drive has to say done first
+        MotionEvent.IN_WINDOW: IGNORED,  # it may pass through: its drive must report done first
         MotionEvent.BESIDE: IGNORED,
         MotionEvent.ELSEWHERE: MotionState.UNKNOWN,
     },
@@ -269,21 +271,21 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
         MotionEvent.IN_WINDOW: MotionState.ARRIVED,
         MotionEvent.BESIDE: IGNORED,
         MotionEvent.ELSEWHERE: MotionState.UNKNOWN,
-        # Done alone: an axis without an actual position never comes here.
+        # Done alone: an axis without an actual position never enters this state.
     },
 }
-"""What each event makes of each state. ``IGNORED``: nothing happens, and what belongs to the state stays. The
-state itself: it is entered anew, with what the event brings. A pair that is not here cannot be."""
+"""The state after each event. ``IGNORED``: nothing changes, also not the data of the state. The state itself:
+it is entered again, with the data of the event. A missing pair is impossible."""
 
 
 class Reported(Enum):
-    """What the drive has said since the last motion began: the end of an old one and of this look alike."""
+    """What the drive has reported since the last command: old and new motions end alike."""
 
     NOTHING = "nothing"
-    """Nothing that could not be of the time before."""
+    """Nothing that is certainly newer than the command."""
     MOVES = "moves"
     STOOD = "stood"
-    """It moved, and then stood."""
+    """It moved, and then it was at standstill."""
 
 
 @dataclass(slots=True)
@@ -294,23 +296,24 @@ class Actual:
     seen_ns: int
 
 
-# --- the target of before a loss ---------------------------------------------------------------------------
+# --- the target from before a loss -------------------------------------------------------------------------
 
 
 class RepeatKind(Enum):
-    """What a target is that equals the one of before a loss of reach or reference."""
+    """How to handle a target that equals the one from before a loss of reach or reference."""
 
     NEW = "new"
-    """A new target: no such one is kept, or the axis was seen elsewhere since."""
+    """As a new target: none is kept, or the axis was seen elsewhere since."""
     SAME_WORDS = "same-words"
-    """The same words as before: the axis was seen to stand there since, or nobody may look and its drive goes
-    with each write (a cyclic writer must not jerk it)."""
+    """With the same words as before. Either the axis was seen at standstill there since. Or the position
+    cannot be read, and the drive moves with each write: a cyclic writer must not make it jump."""
     UNSEEN = "unseen"
-    """Nobody may look, and its drive waits for a trigger: refused until a reading or a different target."""
+    """The position cannot be read, and the drive waits for a trigger: refused until a reading or a different
+    target."""
 
 
 REPEAT_KINDS: Final[dict[tuple[bool, bool, bool], RepeatKind]] = {
-    # was seen there since, its drive waits for a trigger, had been seen there before the loss
+    # seen there since, drive waits for a trigger, seen there before the loss
     (True, True, True): RepeatKind.SAME_WORDS,
     (True, True, False): RepeatKind.SAME_WORDS,
     (True, False, True): RepeatKind.SAME_WORDS,
@@ -320,40 +323,40 @@ REPEAT_KINDS: Final[dict[tuple[bool, bool, bool], RepeatKind]] = {
     (False, True, True): RepeatKind.UNSEEN,
     (False, True, False): RepeatKind.NEW,
 }
-"""What a kept target is; one that was seen elsewhere is not kept any more."""
+"""How to handle a kept target; one that was seen elsewhere is not kept any more."""
 
 
 class KeptOver(Enum):
-    """What a last target is kept over."""
+    """The kind of loss over which a last target is kept."""
 
     LOSS = "loss"
     """The drive may have been switched off, or counts from another zero."""
     ORDERLY_CLOSE = "orderly-close"
-    """The link was closed in order, and nothing else was lost: its drive may hold these words still."""
+    """The link was closed in order, and nothing else was lost: the drive may still hold these words."""
     DECLARATION = "declaration"
-    """Nothing was lost: a person has declared the reference, and the drive holds these words as before."""
+    """Nothing was lost: a person declared the reference, and the drive still holds these words."""
 
 
 class Superseded(NamedTuple):
-    """The last target as its drive was told it, over a loss of reach or reference."""
+    """The last target as its drive received it, kept over a loss of reach or reference."""
 
     number: int
     nominal_words: bytes
     corrected_words: bytes
     corrected_counts: Counts
     move: Move
-    """The correction it was told with."""
+    """The correction in it."""
     was_there: bool
-    """The axis had been seen at it, or its drive had said so, before the loss."""
+    """The axis was seen at it, or its drive reported so, before the loss."""
     newest_ns: int
-    """When the last actual position before the loss was asked for: only a later one proves anything."""
+    """When the last actual position before the loss was requested: only a later one proves anything."""
     over: KeptOver = KeptOver.LOSS
     is_other_reference: bool = False
-    """The reference has changed since; else its drive could not be reached, or was silent for long."""
+    """The reference has changed; otherwise the drive could not be reached, or was silent for long."""
 
     @property
     def is_declared(self) -> bool:
-        """Whether it needs no proof: nothing was lost."""
+        """Whether it needs no proof, because nothing was lost."""
         return self.over is KeptOver.DECLARATION
 
 
@@ -398,31 +401,31 @@ class Motion:
         self.fields = fields
         self._on_fault = on_fault
         self.has_rules = plan.has_rules
-        """Whether a frame to it may mean something else than positions to be gone to at once."""
+        """Whether a frame to it may mean something other than a position to go to immediately."""
         self._done_drop_ns = int(plan.done_drop_ms * NS_PER_MS)
-        # --- the state, and what belongs to it: all of that is set in ``enter``
+        # --- the state and its data: only ``enter`` sets them
         self.state = _UNKNOWN
         self.unacknowledged: Rendering | None = None
-        """The target that was not acknowledged; there exactly in the state of that name."""
+        """The unacknowledged target; only in the state of that name."""
         self.has_reported_done = False
-        """Its drive has said done since it was sent; only there."""
+        """Its drive has reported done since it was sent; only in that state."""
         self.superseded: Superseded | None = None
-        """The last target of before a loss; there exactly in the state of that name."""
+        """The last target from before a loss; only in the state of that name."""
         self.is_start_known = False
-        """It was known where it stood, and on which branch, when it set out; only while ``MOVING``."""
-        # --- what was seen and said
+        """Its position and branch were known at its start; only while ``MOVING``."""
+        # --- what was seen and reported
         self.reported = Reported.NOTHING
         self.sent_off_ns = 0
-        """When the drive was made to move last, or may have been."""
+        """When the drive was last made to move, or may have been."""
         self.last_number: int | None = None
-        """Of the command field through which the last accepted target came."""
+        """Number of the command field that brought the last accepted target."""
         self.actual: Actual | None = None
         self.heard_ns = 0
-        """When it was seen last, or was told something that it acknowledged."""
+        """When it was last seen, or last acknowledged something."""
         self.is_moving = False
-        """Its moving bit was set when it was seen last, and nothing has been commanded since."""
+        """Its moving bit was set when last seen, and nothing was commanded since."""
 
-    # --- from state to state ---------------------------------------------------------------------------
+    # --- changes of state ------------------------------------------------------------------------------
 
     def happens(
         self,
@@ -432,7 +435,7 @@ class Motion:
         *,
         is_start_known: bool = False,
     ) -> None:
-        """Go on to the state that the table says, with what belongs to it."""
+        """Enter the state that the table gives, with its data."""
         try:
             after = MOTION_AFTER[self.state][event]
         except KeyError:
@@ -456,7 +459,7 @@ class Motion:
         is_start_known: bool = False,
         has_reported_done: bool = False,
     ) -> None:
-        """Be in a state, with exactly what belongs to it; with anything else nobody knows where it is."""
+        """Enter a state with exactly its data; with missing data the position becomes unknown."""
         has_its_own = (
             (unacknowledged is not None) is (state is _UNACKNOWLEDGED)
             and (superseded is not None) is (state is _SUPERSEDED)
@@ -477,32 +480,33 @@ class Motion:
         self.is_start_known = is_start_known
 
     def resume(self, state: MotionState, sent_off_ns: int, number: int) -> None:
-        """Go on as a record says; ``number``: of the command field of its last target."""
+        """Continue as a record says; ``number``: of the command field of its last target."""
         self.enter(state)
         self.send_off(sent_off_ns)
         self.last_number = number
 
     def replace_unacknowledged(self, unacknowledged: Rendering) -> None:
-        """Know more of the target that was not acknowledged, which stays the same one."""
+        """Add knowledge about the unacknowledged target, which stays the same one."""
         self.unacknowledged = unacknowledged
 
     def mark_kept_over(self, over: KeptOver) -> None:
-        """Note over what the target of before a loss is kept, where there is one."""
+        """Record the kind of loss over which the last target is kept, if one is."""
         if self.superseded is not None:
             self.superseded = self.superseded._replace(over=over)
 
     # --- what moves it ---------------------------------------------------------------------------------
 
     def send_off(self, now_ns: int) -> None:
-        """The drive is made to move, or may be: what it said before is of the time before."""
+        """The drive starts to move, or may: its earlier reports count no more."""
         self.sent_off_ns = now_ns
         self.reported = Reported.NOTHING
 
     def displace(self, moved_ns: int | None = None, *, keeps_branch: bool = False) -> None:
-        """Something else than the last target decides where the axis is (M5).
+        """Something other than the last target decides where the axis is (M5).
 
-        ``moved_ns``: since when it may be on a new way; None: it is on none. ``keeps_branch``: it came there
-        by the last target all the same, as after a stop.
+        ``moved_ns``: since when it may be on a new way; None: it is on none. ``keeps_branch``: the last
+            target
+        brought it there all the same, as before a stop.
         """
         self.happens(MotionEvent.STOPPED if keeps_branch else MotionEvent.DISPLACED)
         if moved_ns is not None:
@@ -510,7 +514,7 @@ class Motion:
         self.is_moving = False
 
     def lose_reach(self, over: KeptOver) -> None:
-        """The drive cannot be seen: what was its last target may be so still, or not."""
+        """The drive is out of reach: its last target may still be valid or not."""
         last = self.last_target
         if last is None:
             self.happens(MotionEvent.DISPLACED)
@@ -519,7 +523,7 @@ class Motion:
         self.is_moving = False
 
     def change_reference(self) -> None:
-        """Its positions mean something from now on, or nothing: a stream keeps its branch."""
+        """Its positions become meaningful, or stop being so; a stream keeps its branch."""
         last = self.last_target
         if self.compensation.is_stream:
             self.displace(keeps_branch=True)
@@ -530,7 +534,7 @@ class Motion:
             self.is_moving = False
 
     def go(self, rendering: Rendering, move: Move, now_ns: int) -> None:
-        """The axis goes to a target, or has gone there, whatever its registers hold by now."""
+        """The axis goes to a target, or has gone there, whatever its registers hold now."""
         compensation = self.compensation
         target = (move.nominal_counts, rendering.corrected_counts)
         is_same_way = self.is_start_known and compensation.accepted == target
@@ -539,18 +543,18 @@ class Motion:
         self._set_out(rendering.number, now_ns, was_seen=was_seen, is_same_way=is_same_way)
 
     def go_on(self, number: int, steady: SteadyMove, corrected_counts: Counts, now_ns: int) -> None:
-        """The same of a target on the fast path: it goes on in its direction."""
+        """Do the same for a target on the fast path: it continues in its direction."""
         compensation = self.compensation
         was_seen = compensation.is_seen
         compensation.go_on(steady, corrected_counts, is_reached=self.state is _ARRIVED)
         self._set_out(number, now_ns, was_seen=was_seen, is_same_way=False)
 
     def _set_out(self, number: int, now_ns: int, *, was_seen: bool, is_same_way: bool) -> None:
-        """It is on its way to the target of a field, from where it was known to stand, or not."""
+        """It moves to the target of a command field, from a known start or an unknown one."""
         state, had_reported_done = self.state, self.has_reported_done
         self.last_number = number
         if state is _MOVING:
-            self.is_start_known = is_same_way  # the same state, with the same that belongs to it
+            self.is_start_known = is_same_way  # the same state, with the same data
         else:
             is_known = state is _ARRIVED or state is _STOPPED or (was_seen and state in WAS_THERE)
             self.happens(MotionEvent.ACKNOWLEDGED, is_start_known=is_known)
@@ -559,12 +563,12 @@ class Motion:
         self.is_moving = False
 
     def leave_unacknowledged(self, rendering: Rendering, now_ns: int) -> None:
-        """A target that means something else than before was sent, and was not acknowledged."""
+        """A target unlike the last one was sent, and was not acknowledged."""
         unacknowledged, before = self.unacknowledged, self.unacknowledged or self.compensation.accepted
-        if before is not None:  # an axis that is seen near both may have gone to either
+        if before is not None:  # an axis seen near both may have gone to either
             distance_counts = abs(rendering.corrected_counts - before.corrected_counts)
             is_beside = 0.0 < distance_counts <= 2.0 * self.plan.settings.hysteresis_counts
-            if unacknowledged is not None and not distance_counts:  # the same once more
+            if unacknowledged is not None and not distance_counts:  # the same target again
                 is_beside = unacknowledged.is_beside_another
             rendering = self._acknowledgement.marked(
                 rendering, rendering._replace(is_beside_another=is_beside)
@@ -574,7 +578,7 @@ class Motion:
         self.is_moving = False
 
     def run_not(self, start: Accepted) -> None:
-        """A distance that was not acknowledged did not run: the axis stands where it would have started."""
+        """An unacknowledged distance was not executed: the axis is where it would have started."""
         was_done = self.has_reported_done
         self.compensation.accept_again(start)
         self.happens(MotionEvent.NOT_EXECUTED)
@@ -584,20 +588,20 @@ class Motion:
     # --- what is seen of it ----------------------------------------------------------------------------
 
     def see(self, actual: Actual) -> None:
-        """Note where the drive said that it was."""
+        """Record the position that the drive reported."""
         self.actual = actual
         self.heard_ns = actual.seen_ns
 
     def forget_position(self) -> None:
-        """What the drive said of its place means nothing any more."""
+        """The position that the drive reported is void."""
         self.actual = None
 
     def mark_heard(self, now_ns: int) -> None:
-        """The drive has acknowledged something, or told one of its bits."""
+        """The drive acknowledged something, or reported one of its bits."""
         self.heard_ns = now_ns
 
     def observe_motion(self, asked_ns: int, *, moves: bool) -> None:
-        """Take note of the drive's word that it moves, or stands, wherever it goes."""
+        """Record whether the drive reports motion, whatever its target is."""
         if asked_ns < self.sent_off_ns:
             return
         if moves:
@@ -606,7 +610,7 @@ class Motion:
             self.reported = Reported.STOOD
 
     def observe_done(self, asked_ns: int, *, is_done: bool) -> None:
-        """Note the drive's done bit; of an axis that goes nowhere we know it only says whether it moves."""
+        """Record the drive's done bit; without a target of ours it only says whether the axis moves."""
         self.observe_motion(asked_ns, moves=not is_done)
         if asked_ns < self.sent_off_ns:
             return
@@ -617,13 +621,13 @@ class Motion:
             self.happens(MotionEvent.DONE if has_actual else MotionEvent.DONE_ALONE)
 
     def observe_moving(self, asked_ns: int, *, is_moving: bool) -> None:
-        """Note the drive's moving bit; where there is a done bit that may be older, that one counts."""
+        """Record the drive's moving bit; where a done bit is mapped, that one decides."""
         self.is_moving = is_moving
         if DONE_BIT not in self.plan.bits:
             self.observe_motion(asked_ns, moves=is_moving)
 
     def see_position(self, actual: Actual) -> None:
-        """Notice that the axis has come to its target, or that something else moved it away (M4)."""
+        """Decide whether the axis came to its target, or something else moved it away (M4)."""
         if actual.seen_ns < self.sent_off_ns:
             return
         accepted = self.compensation.accepted
@@ -631,22 +635,22 @@ class Motion:
         if self.is_at_target(actual.counts):
             is_start_unknown = self.state is _MOVING and not self.is_start_known
             if is_start_unknown and self.compensation.readback.fade is not None:
-                return  # the reading still fades from a start that nobody knew: it may have stood there
+                return  # the reading still fades from an unknown start: the axis may have been there already
             event = MotionEvent.IN_WINDOW
         elif abs(actual.counts - accepted.corrected_counts) <= self.plan.settings.max_correction_counts:
             event = MotionEvent.BESIDE
         elif self.compensation.is_stream and self.state is _DONE_REPORTED:
             return  # a stream lags behind its setpoints, done or not
         elif self.plan.queues_targets and self.state is not _ARRIVED:
-            return  # it may have been done with the target before, and be there yet
+            return  # done may belong to the target before, and the axis may still be there
         else:
             event = MotionEvent.ELSEWHERE
         self.happens(event)
 
     def take_poll(self, actual: Actual, *, is_for_distance: bool) -> None:
-        """The axis was asked for, because nobody had seen it for a while: it may have been moved.
+        """Use a position that was read because the axis was unseen for a while: it may have been moved.
 
-        One that was not at its target yet may be anywhere on its way there; a distance has no base there.
+        An axis that had not arrived may be anywhere on its way. That is no base for a distance.
         """
         if self.is_at_target(actual.counts) or self.is_seen_at_superseded:
             return
@@ -655,9 +659,9 @@ class Motion:
             self.displace()
 
     def see_way(self, actual: Actual) -> None:
-        """Notice that an axis that nobody had seen for a while is not on its way any more (M4, M6).
+        """Check whether an axis that was unseen for a while has left its way (M4, M6).
 
-        If nobody knows where it set out, every place is on its way; a stream has none to leave.
+        With an unknown start every position is on its way. A stream has no way that it could leave.
         """
         low, high = self.compensation.way
         is_known = low < high or self.is_start_known
@@ -670,7 +674,7 @@ class Motion:
         return low - window <= actual.counts <= high + window
 
     def has_jumped(self, before: Actual, now: Actual) -> bool:
-        """Whether an axis at rest stands where no motion can have brought it (M9)."""
+        """Whether an axis at standstill changed its position faster than any motion could (M9)."""
         settings = self.plan.settings
         if not settings.max_speed:
             return False
@@ -678,10 +682,10 @@ class Motion:
         reach = settings.max_speed * (now.seen_ns - before.seen_ns) / NS_PER_S + settings.max_correction
         return distance > 2.0 * reach
 
-    # --- what proves a target that was not acknowledged ------------------------------------------------
+    # --- what proves an unacknowledged target ----------------------------------------------------------
 
     def is_proven(self, before: Actual | None, now: Actual) -> bool:
-        """Whether the axis is seen to have gone to the target that was not acknowledged (M7)."""
+        """Whether the axis was seen to have gone to the unacknowledged target (M7)."""
         target = self.unacknowledged
         if before is None or target is None or target.move is None or target.is_beside_another:
             return False
@@ -690,13 +694,14 @@ class Motion:
         return abs(now.counts - end) <= near < abs(before.counts - end)
 
     def proof_at(self, now: Actual, before: Actual | None = None) -> Proof:
-        """Find out whether a distance that was never acknowledged has run: from which of its ends (M5).
+        """Find out from both of its ends whether an unacknowledged distance was executed (M5).
 
-        Only of an axis that has had the time to start and may stand. At neither of the ends, or at both,
-        nobody knows where the next distance would begin. So it is with a target that a record names.
+        Counts only after the axis had time to start, when it may be at standstill. At neither end, or at
+        both, the base of the next distance is unknown. A target that a record names is handled in the same
+        way.
 
         Returns:
-            ``EXECUTED`` or ``NOT_EXECUTED`` where it is certain; what is to follow is the caller's.
+            ``EXECUTED`` or ``NOT_EXECUTED`` if it is certain; the caller acts on it.
         """
         target = self.unacknowledged
         if target is None or target.start is None or target.move is None:
@@ -720,15 +725,15 @@ class Motion:
 
     @property
     def is_distance_unconfirmed(self) -> bool:
-        """Whether a distance was sent of which nobody knows if it ran: its axis is at one of two places.
+        """Whether it is unknown if a sent distance was executed: the axis is at one of two positions.
 
-        So it is with a target that the axis may have gone to or have come past (``record.Finding.EITHER``).
+        A target that the axis may have gone to or passed counts too (``record.Finding.EITHER``).
         """
         target = self.unacknowledged
         return target is not None and (target.is_distance or target.proof is not Proof.ONE)
 
     def polls_needed(self, now_ns: int) -> int:
-        """How often it has to be read to tell whether it went, of a target that its record names; 0: not."""
+        """Return how many more readings decide whether the target in its record was executed; 0: none."""
         target = self.unacknowledged
         if target is None or target.proof in (Proof.ONE, Proof.NONE) or not self.may_stand(now_ns):
             return 0
@@ -736,49 +741,49 @@ class Motion:
 
     @property
     def says_done(self) -> bool:
-        """Of an axis at rest whose target is not proven: whether its drive says so, where it has a bit."""
+        """Whether the drive of an axis with an unproven target reports done, or has no done bit."""
         return DONE_BIT not in self.plan.bits or self.has_reported_done
 
     # --- where it is -----------------------------------------------------------------------------------
 
     @property
     def is_at_rest(self) -> bool:
-        """Whether anything says that the axis stands."""
+        """Whether anything shows that the axis is at standstill."""
         return self.state in WAS_THERE or self.has_reported_done
 
     @property
     def has_arrived(self) -> bool:
-        """Whether the axis is known to stand at its target."""
+        """Whether the axis is known to be at standstill at its target."""
         return self.state is _ARRIVED
 
     @property
     def knows_branch(self) -> bool:
-        """Whether a position of the drive can be turned back on a branch that was not merely assumed.
+        """Whether a drive position can be converted back on a branch that was not merely assumed.
 
-        A target that was reached on an assumed branch is where the controller takes the axis to be; a place
-        short of it, where the axis was stopped, is not.
+        A target reached on an assumed branch is where the controller takes the axis to be. A position short
+        of it, where the axis was stopped, is not.
         """
         is_assumed = self.state is _STOPPED and self.compensation.is_unsure
         return self.state in ON_BRANCH and not is_assumed
 
     def is_unseen(self, now_ns: int) -> bool:
-        """Whether somebody may have moved it since anything was heard of it or said to it (M5, M6)."""
+        """Whether it may have been moved since it was last seen or last acknowledged something (M5, M6)."""
         return now_ns - self.heard_ns > self.plan.unseen_ms * NS_PER_MS
 
     def is_at_target(self, corrected_counts: Counts) -> bool:
-        """Whether a position lies in the in-position window of the last accepted target."""
+        """Whether a position is in the in-position window of the last accepted target."""
         accepted = self.compensation.accepted
         if accepted is None:
             return False
         return abs(corrected_counts - accepted.corrected_counts) <= self.plan.settings.in_position_counts
 
     def has_started(self, asked_ns: int) -> bool:
-        """Whether a done bit that was asked for then is not that of the move before."""
+        """Whether a done bit requested then belongs to the present move."""
         is_new = self.reported is not Reported.NOTHING or asked_ns - self.sent_off_ns >= self._done_drop_ns
         return is_new and asked_ns >= self.sent_off_ns
 
     def may_stand(self, asked_ns: int) -> bool:
-        """Whether a position that was asked for then may be that of an axis that has come to rest."""
+        """Whether a position requested then may be that of an axis at standstill."""
         return self.has_started(asked_ns) and self.reported is not Reported.MOVES
 
     def nominal_of(self, corrected_counts: Counts) -> float:
@@ -789,10 +794,10 @@ class Motion:
 
     @property
     def why_not_at_rest(self) -> str:
-        """Why nobody can say that it stands at its last target, "" where it does, or was told none yet.
+        """Why it is not certain to be at standstill at its last target; "" if it is, or has no target yet.
 
-        In a dry run the drive stands at the target as it was commanded. Where no register tells where it is,
-        nobody ever can: then the last word of its drive has to do.
+        In a dry run the drive is at the target as it was commanded. Without a position register there is no
+        better proof than the drive's last report.
         """
         compensation, accepted = self.compensation, self.compensation.accepted
         if self.unacknowledged is not None:
@@ -812,12 +817,12 @@ class Motion:
         away_counts = abs(actual.counts - accepted.nominal_counts)
         return "" if away_counts <= self.plan.settings.in_position_counts else "it is not at its target yet"
 
-    # --- the target of before a loss -------------------------------------------------------------------
+    # --- the target from before a loss -----------------------------------------------------------------
 
     def holds_target(self, number: int) -> bool:
-        """Whether the words of a command field are the last accepted target, in both frames.
+        """Whether a command field holds the last accepted target, in both frames.
 
-        Not those of a distance, of a position written where it means nothing, or with a word replaced.
+        Not if it holds a distance, a position written without a reference, or a replaced word.
         """
         accepted, image, field_ = self.compensation.accepted, self.fields[number], self.plan.command[number]
         if accepted is None or image.nominal_words is None or image.corrected_words is None:
@@ -832,7 +837,7 @@ class Motion:
 
     @property
     def last_target(self) -> Superseded | None:
-        """The last accepted target with its words, where nothing but a target moves the axis since."""
+        """The last accepted target with its words, if nothing but a target has moved the axis since."""
         accepted, number = self.compensation.accepted, self.last_number
         newest_ns = 0 if self.actual is None else self.actual.seen_ns
         if self.compensation.is_stream or accepted is None or number is None:
@@ -844,7 +849,7 @@ class Motion:
             return kept._replace(was_there=was_there, newest_ns=newest_ns, over=over)
         image = self.fields[number]
         if not self.holds_target(number):
-            return None  # another one is staged there by now, or a distance
+            return None  # the field holds another staged target by now, or a distance
         assert image.nominal_words is not None
         assert image.corrected_words is not None
         return Superseded(
@@ -858,33 +863,33 @@ class Motion:
         )
 
     def superseded_as(self, number: int, nominal_words: bytes) -> Superseded | None:
-        """Return the target of before a loss of reach or reference, where these words are it; else None."""
+        """Return the target from before a loss of reach or reference, if these words are it; else None."""
         kept = self.superseded
         if kept is None or (kept.number, kept.nominal_words) != (number, nominal_words):
             return None
         return kept
 
     def repeat_kind(self, number: int, nominal_words: bytes) -> RepeatKind:
-        """Return what a target is by what is known now, that may be the one of before a loss."""
+        """Return how to handle a target that may be the one from before a loss, by present knowledge."""
         kept = self.superseded_as(number, nominal_words)
         if kept is None:
             return RepeatKind.NEW
         if kept.is_declared:
             return RepeatKind.SAME_WORDS
         if not self.plan.actual and not kept.is_other_reference:
-            return RepeatKind.SAME_WORDS  # no reading can ever tell, and its positions still mean something
+            return RepeatKind.SAME_WORDS  # no reading is possible, and its positions are still meaningful
         return REPEAT_KINDS[self.is_seen_at_superseded, self.plan.motion.waits_for_trigger, kept.was_there]
 
     @property
     def is_seen_at_superseded(self) -> bool:
-        """Whether the axis was seen, after the loss, where its superseded target had sent it."""
+        """Whether the axis was seen, after the loss, at its superseded target."""
         return self.seen_at_superseded is True
 
     @property
     def seen_at_superseded(self) -> bool | None:
-        """Whether it stands where its superseded target had sent it; None: nobody has seen it stand since.
+        """Whether it is at its superseded target; None: it was not seen at standstill since.
 
-        With a declared reference another place proves nothing: the axis may be on its way.
+        With a declared reference another position proves nothing: the axis may still be moving.
         """
         kept, actual = self.superseded, self.actual
         if kept is None or actual is None or actual.seen_ns <= kept.newest_ns or self.is_moving:

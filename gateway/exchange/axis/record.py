@@ -1,12 +1,12 @@
-"""What the next run of the gateway has to know of an axis, kept at every moment as it is.
+"""What the next run of the gateway must know of an axis, kept up to date at every moment.
 
-After each input of the line the axis is compared with what was written last, so that whatever changes it (a
-stop, homing, a lost reply, a command) changes the record as well. What cannot be seen afterwards is written
-before a frame goes out (``axis``): the target in it, which the drive may have got when the process
-dies; and that nothing is known, where it moves the axis in another way.
+After each input of the line the axis is compared with the newest record. So whatever changes the axis (a
+stop, homing, a lost reply, a command) changes the record too. Some things cannot be observed afterwards. They
+are written before a frame is sent (``axis``): the target in it, which the drive may have received when the
+process dies; or, if the frame moves the axis in another way, that nothing is known.
 
-At the start the record of the run before is compared with where the drive stands (:func:`find`). Whether it
-counts is :class:`Decision`; the axis is taken up from it in ``axis``, in one step.
+At the start the record of the last run is compared with the position of the drive (:func:`find`). Whether it
+counts is :class:`Decision`; ``axis`` restores the axis from it in one step.
 """
 
 from collections.abc import Callable
@@ -34,22 +34,22 @@ from gateway.exchange.plan import AxisPlan
 from gateway.times import NS_PER_MS, NS_PER_S
 
 LARGEST_COUNTS: Final = 2.0**53
-"""Beyond it a double does not hold every whole count; such a target is not kept."""
+"""Above it a double does not hold every whole count; such a target is not recorded."""
 STILL_FOLLOWS_NS: Final = 5 * NS_PER_S
-"""A record of this boot and no older may be of a drive that still follows its last setpoint."""
+"""With a record of this boot that is no older, the drive may still be following its last setpoint."""
 LONGEST_POLL_NS: Final = 100 * NS_PER_MS
-"""So long it is watched whether the drive comes nearer."""
+"""How long the gateway checks whether the drive comes nearer."""
 _NO_TARGET: Final[tuple[float, ...]] = (0.0, 0.0)
 _NO_FADE: Final = (False, 0.0, 0.0, 0.0, 0.0)
 _Base = tuple[State, CorrectionSpec, MotionState, bool, int | None, bool]
-"""State before a run and what is asked for, the same objects; where it is, whether its start was known,
-field, whether its words are known."""
+"""State before a run and the requested correction, the same objects; motion state, whether its start was
+known, field, whether its words are known."""
 FindTable = Callable[[bytes], CorrectionTable | None]
-"""The table with a digest (``compensation.fingerprint.table_digest``); None where it is not to be had."""
+"""Returns the table with a digest (``compensation.fingerprint.table_digest``); None: not available."""
 
 
 def digest_of_axis(plan: AxisPlan) -> bytes:
-    """Digest of all that decides what the counts of an axis mean: a record made under another one is void."""
+    """Digest of all that decides what an axis's counts mean: a record with another digest is void."""
     fields = [
         (f.address, f.type.value, f.order.value, float(f.scale), f.block)
         for f in (*plan.command, *plan.actual[:1])
@@ -58,41 +58,41 @@ def digest_of_axis(plan: AxisPlan) -> bytes:
 
 
 class Decision(Enum):
-    """What became of the record of the run before."""
+    """The decision about the record of the last run."""
 
     NONE = "none"
-    """There was none."""
+    """There was no record."""
     OPEN = "open"
     """It is not decided yet whether it counts."""
     FITS = "fits"
-    """It does, and waits for those of the other axes of its group: all of them are taken up, or none."""
+    """It counts, and waits for those of the other axes of its group: all of them are restored, or none."""
     TAKEN = "taken"
     DROPPED = "dropped"
 
 
 class Finding(Enum):
-    """Where the drive was found, told from what the record allows."""
+    """Where the drive was found, relative to its record."""
 
     AT_TARGET = "at-target"
     """At the last accepted target."""
     ON_WAY = "on-way"
-    """On the way to it, or on which it was stopped."""
+    """On its way to it, or on the way on which it was stopped."""
     AT_UNACKNOWLEDGED = "at-unproven"
-    """At the target that was on its way to the drive when the gateway ended: it has got there."""
+    """At the target that was on the wire when the gateway ended: the drive received it."""
     ON_WAY_TO_UNACKNOWLEDGED = "on-way-to-unproven"
-    """On the way to that one, where no other target can have brought it."""
+    """On its way to that one, where no other target can have brought it."""
     EITHER = "either"
-    """At that one, and on the way to the last accepted target: nobody knows yet which of them it went to."""
+    """At that one, and on its way to the last accepted target: its target is not known yet."""
 
 
 PROVEN: Final = frozenset({Finding.AT_UNACKNOWLEDGED, Finding.ON_WAY_TO_UNACKNOWLEDGED})
-"""Findings which prove that the drive had got the unproven target."""
+"""Findings which prove that the drive received the unacknowledged target."""
 
 
 class Record:
-    """The record of one axis: what is written for the next run, and what the run before left.
+    """The record of one axis: what is written for the next run, and what the last run left.
 
-    ``saved`` is the record of the run before, until it is decided whether it counts.
+    ``saved`` is the record of the last run, until it is decided whether it counts.
     """
 
     __slots__ = (
@@ -120,32 +120,34 @@ class Record:
         self._written: tuple[object, ...] = ()
         """What the newest record says of the axis."""
         self._base: _Base | None = None
-        """What of it does not change while setpoints go on in their direction; None: no step may follow."""
+        """The part of it that does not change while setpoints continue in their direction; None: no step may
+        follow."""
         self._step = (0, False)
-        """The last step after it: how many targets of the run were accepted, whether one was on its way."""
+        """The last step after it: number of accepted targets of the run, and whether one was on the wire."""
         self.decision = Decision.NONE if saved is None else Decision.OPEN
         self.saved = saved
         self.first: Actual | None = None
-        """Where the drive was read to be first."""
+        """The first position that was read of the drive."""
         self.finding: tuple[Finding, Actual] | None = None
         self.polls = 0
-        """How often something was read of the drive since, to tell whether it has got its last target."""
+        """Number of readings since then that were taken to decide whether the drive received its last
+        target."""
         if saved is None:
             self.clear()
 
-    # --- from the run before ---------------------------------------------------------------------------
+    # --- from the last run -----------------------------------------------------------------------------
 
     @property
     def wants_poll(self) -> bool:
-        """Whether the drive has to be read once more before it is decided."""
+        """Whether the drive must be read once more before the decision."""
         return self.decision is Decision.OPEN and self.first is not None
 
     def start_polling(self, actual: Actual) -> None:
-        """The drive has to be watched: one that comes nearer to its target is on its way there."""
+        """Begin to watch the drive: one that comes nearer to its target is on its way there."""
         self.first = self.first or actual
 
     def count_poll(self) -> None:
-        """The drive is read once more, to tell whether it has got its last target."""
+        """Count a reading that is taken to decide whether the drive received its last target."""
         self.polls += 1
 
     def fit(self, finding: Finding, actual: Actual) -> None:
@@ -153,21 +155,21 @@ class Record:
         self.decision, self.finding = Decision.FITS, (finding, actual)
 
     def decide(self, decision: Decision) -> None:
-        """Note what became of the record; it is there only as long as that is open."""
+        """Set the decision; the saved record is dropped with it."""
         self.decision, self.saved, self.finding = decision, None, None
 
     def find_table(
         self, table: CorrectionTable | None, requested: CorrectionSpec, digest: bytes
     ) -> CorrectionTable | None:
-        """Return the table with a digest: the one configured, or one that is kept elsewhere."""
+        """Return the table with a digest: the configured one, or one that is kept elsewhere."""
         if requested.table_digest == digest:
             return table
         return None if self._find_elsewhere is None else self._find_elsewhere(digest)
 
-    # --- for the run after -----------------------------------------------------------------------------
+    # --- for the next run ------------------------------------------------------------------------------
 
     def publish(self, motion: Motion, acknowledgement: Acknowledgement, requested: CorrectionSpec) -> None:
-        """Write down what has changed since it was written last."""
+        """Write what has changed since the last record."""
         if self._is_paused or self.saved is not None or acknowledgement.on_wire is not OnWire.NOTHING:
             return
         if acknowledgement.pending is not None:
@@ -200,14 +202,14 @@ class Record:
     def write_ahead(
         self, motion: Motion, acknowledgement: Acknowledgement, requested: CorrectionSpec
     ) -> None:
-        """Write down what holds before a frame leaves, and the frame."""
+        """Write the present state, and the frame that is about to be sent."""
         self._write(motion, acknowledgement, requested)
         self._written, self._base = (), None
 
     def write_step_ahead(
         self, motion: Motion, requested: CorrectionSpec, steady: SteadyMove, corrected_counts: Counts
     ) -> bool:
-        """The same of a target that goes on in its direction; whether that could be written as a step."""
+        """Do the same for a target that continues in its direction; return whether a step was enough."""
         if not (self._goes_on(motion, requested) and -LARGEST_COUNTS <= corrected_counts <= LARGEST_COUNTS):
             return False
         compensation = motion.compensation
@@ -217,7 +219,7 @@ class Record:
         return True
 
     def _goes_on(self, motion: Motion, requested: CorrectionSpec) -> bool:
-        """Whether nothing has changed since the newest record but a run of targets."""
+        """Whether nothing but a run of targets has changed since the newest record."""
         base = self._base
         if base is None:
             return False
@@ -232,14 +234,14 @@ class Record:
         )
 
     def clear(self) -> None:
-        """Let the record say nothing."""
+        """Write a record that says nothing."""
         self._written, self._base = (), None
         if not self._is_empty:
             self._slots.clear()
             self._is_empty = True
 
     def pause(self) -> None:
-        """The link to the drives is lost, or closed: what the record says stays true."""
+        """The link to the drives is lost or closed: what the record says stays true."""
         self._is_paused = True
 
     def go_on(self) -> None:
@@ -247,7 +249,7 @@ class Record:
         self._is_paused = False
 
     def _write(self, motion: Motion, acknowledgement: Acknowledgement, requested: CorrectionSpec) -> None:
-        """Write the record that follows from the state of an axis; it follows from nothing else."""
+        """Write the record of an axis. It depends only on the axis's state."""
         compensation, on_wire = motion.compensation, acknowledgement.on_wire
         low, high = compensation.way
         is_known = motion.state in ON_BRANCH and on_wire is not OnWire.MOTION
@@ -284,13 +286,13 @@ class Record:
 
 
 def _knows_words(motion: Motion) -> bool:
-    """Whether the drive holds the words of the last target, and a restart may tell a repeat by them."""
+    """Whether the drive holds the words of the last target, so that a restart may recognise a repeat."""
     number = motion.last_number
     return number is not None and not motion.has_rules and _holds_its_words(motion.fields[number])
 
 
 def _was_there(motion: Motion) -> bool:
-    """Whether an axis was at its target so surely that a drive found elsewhere has been moved since."""
+    """Whether an axis was at its target so certainly that a drive found elsewhere was moved since."""
     accepted, actual, settings = motion.compensation.accepted, motion.actual, motion.plan.settings
     if motion.state is not MotionState.IN_WINDOW or accepted is None or actual is None:
         return motion.state in WAS_THERE
@@ -299,7 +301,7 @@ def _was_there(motion: Motion) -> bool:
 
 
 def _holds_its_words(image: FieldImage) -> bool:
-    """Whether the drive holds the words of the last target, and nothing was lost on the way there since."""
+    """Whether the drive holds the words of the last target, and no write was lost since."""
     return image.corrected_words is not None and image.nominal_words is not None and not image.is_incomplete
 
 
@@ -317,26 +319,26 @@ def _state_numbers(state: State) -> tuple[object, ...]:
     )
 
 
-# --- whether it counts -------------------------------------------------------------------------------------
+# --- whether it counts -----------------------------------------------------------------------------
 
 
 class TableNotFoundError(Exception):
-    """A table that a record names is not to be had."""
+    """A table that a record names is not available."""
 
 
 def find(motion: Motion, record: Remembered, first: Actual, now: Actual) -> Finding | str | None:
     """Compare where the drive is with where its record says that it may be.
 
-    Returns a sentence where it may not be there, and None where it has to be read once more.
+    Return a sentence if it cannot be there, None if it must be read once more.
 
-    Of a stream the drive lags behind: one that comes nearer to the last setpoint is on its way there, however
-    far it lags, if the record is no older than some seconds.
+    The drive of a stream lags behind. If it comes nearer to the last setpoint, it is on its way there, at any
+    distance, if the record is only some seconds old.
 
     Args:
-        motion: where the axis is, which is not changed.
+        motion: where the axis is; it is not changed.
         record: its record.
         first: the first position that was read.
-        now: the last one; the same at the first look.
+        now: the last position that was read; at first the same.
     """
     finding = _find(motion, record, now.counts)
     move = record.unacknowledged
@@ -369,7 +371,7 @@ def _is_recent(record: Remembered, first: Actual) -> bool:
 
 
 def _has_come_nearer(settings: AxisSettings, record: Remembered, before: Counts, now: Counts) -> bool:
-    """Whether the drive goes to one of the last two setpoints, by more than a standing one trembles."""
+    """Whether the drive goes to one of the last two setpoints, by more than its jitter at standstill."""
     near = settings.hysteresis_counts
     targets = [record.corrected_counts]
     if record.unacknowledged is not None:
@@ -378,10 +380,10 @@ def _has_come_nearer(settings: AxisSettings, record: Remembered, before: Counts,
 
 
 def _find(motion: Motion, record: Remembered, counts: Counts) -> Finding | None:
-    """Compare where the drive is with where it may be; None where the record cannot be true.
+    """Compare where the drive is with where it may be; None: the record cannot be true.
 
-    Between two targets of which one is not proven, the nearer one counts. Where the way to the proven one
-    leads over the other, or begins there, it may be either; a stream goes on from setpoint to setpoint.
+    Between two targets of which one is unproven, the nearer one counts. It may be either if the way to the
+    proven one passes the other or begins there. A stream continues from setpoint to setpoint.
     """
     settings = motion.plan.settings
     near = settings.hysteresis_counts
@@ -395,7 +397,7 @@ def _find(motion: Motion, record: Remembered, counts: Counts) -> Finding | None:
         return before if is_on_way else None
     from_move = abs(counts - move.corrected_counts)
     is_ambiguous = is_on_way and not (is_at_target or motion.compensation.is_stream)
-    if from_move <= settings.in_position_counts and is_ambiguous:  # it may stand some counts off
+    if from_move <= settings.in_position_counts and is_ambiguous:  # it may be some counts off
         return Finding.EITHER
     if from_move <= near and not (is_at_target and from_target <= from_move):
         return Finding.AT_UNACKNOWLEDGED
@@ -408,10 +410,10 @@ def _find(motion: Motion, record: Remembered, counts: Counts) -> Finding | None:
 
 
 def proof_of(settings: AxisSettings, record: Remembered, finding: Finding) -> Proof:
-    """Return what it takes to tell whether the target went that was on its way to the drive.
+    """Return what is needed to decide whether the target on the wire was executed.
 
-    Of a machine that was switched off since nobody knows what was done to it meanwhile: it counts only where
-    it stands at the target before.
+    It is unknown what happened to a machine that was switched off since. Its record counts only if it is at
+    the target before.
     """
     move = record.unacknowledged
     if move is None or not (move.is_distance or finding is Finding.EITHER):
@@ -429,11 +431,11 @@ def state_of(
     find_table: FindTable,
     now_ns: int,
 ) -> State:
-    """Return the state of the compensation that numbers stand for.
+    """Return the state of the compensation for recorded numbers.
 
     Raises:
-        TableNotFoundError: a table is not to be had.
-        TableError, SettingsError: a table does not go with the settings of the axis.
+        TableNotFoundError: a table is not available.
+        TableError, SettingsError: a table does not fit the settings of the axis.
     """
     return State(
         position=numbers.position,
@@ -446,18 +448,18 @@ def state_of(
         change=numbers.change,
         change_distance=numbers.change_distance,
         is_unsure=numbers.is_unsure,
-        at_ns=min(numbers.at_ns, now_ns),  # the clock begins anew with the machine
+        at_ns=min(numbers.at_ns, now_ns),  # the clock restarts with the machine
     )
 
 
 def _spec(
     settings: AxisSettings, requested: CorrectionSpec, numbers: RememberedSpec, find_table: FindTable
 ) -> CorrectionSpec:
-    """Return the correction that numbers stand for: the one wanted now, where it is the same.
+    """Return the correction for recorded numbers; the requested object itself if it is the same.
 
     Raises:
-        TableNotFoundError: its table is not to be had.
-        TableError, SettingsError: its table does not go with the settings of the axis.
+        TableNotFoundError: its table is not available.
+        TableError, SettingsError: its table does not fit the settings of the axis.
     """
     if not numbers.digest:
         return CorrectionSpec(offset=numbers.offset) if numbers.offset else NOTHING

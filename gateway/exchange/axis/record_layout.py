@@ -1,18 +1,18 @@
-"""The record of one axis in bytes: two slots, written in turn, each with its generation and a check sum.
+"""The record of one axis in bytes: two slots, written alternately, each with its generation and a checksum.
 
-A process may be killed between any two stores, and a power cut may leave half a page: the slot that is being
-written then fails its check sum, and the other one, a generation older, holds. Little-endian, no padding; the
-check sum is the CRC-32 of everything before it. Each slot has a page of its own.
+A process may be killed between any two stores, and a power cut may leave half a page. The slot that is being
+written then fails its checksum, and the other slot, one generation older, is valid. Little-endian, no
+padding. The checksum is the CRC-32 of everything before it. Each slot has a page of its own.
 
-Behind the header stands which boot of the machine the newest records are of, from which generation on.
+Behind the header: the boot id of the newest records, and the generation from which it applies.
 
-Behind these stands, in the same page, a step of a run: what changes while setpoints go on in their
-direction, with the generation that says all the rest. Steps are written in turn, as slots are, each with a
-check sum of its own; the last good one of the newest good slot counts.
+Behind that, in the same page: a step of a run. It holds what changes while setpoints continue in their
+direction, and the generation of the record with everything else. Steps are written alternately, like slots,
+each with its own checksum. The last valid one of the newest valid slot counts.
 
-Behind a slot stands its tail: the slopes of its lines and the generation that it belongs to; zeros as long as
-there never was a slope, as in version 1, which had no tail. It is written before its slot, so that a slot
-never holds with the tail of another one.
+Behind each slot: its tail, with the slopes of its lines and its generation. It is zero as long as there never
+was a slope, as in version 1, which had no tail. It is written before its slot, so a slot is never valid with
+the tail of another one.
 """
 
 import struct
@@ -29,10 +29,10 @@ READABLE: Final = (1, 2, VERSION)
 PAGE: Final = 4096
 MAGIC: Final = b"PGAXREC\n"
 NAME_BYTES: Final = 32
-"""As long as the name of an axis may be."""
+"""Maximum length of an axis name."""
 HEADER: Final = struct.Struct(f"<8sH{NAME_BYTES}s")
 BOOT: Final = struct.Struct("<16sQ")
-"""Which boot, and the first generation that was written in it; the CRC-32 of both follows."""
+"""Boot id, and the first generation written in that boot; the CRC-32 of both follows."""
 SLOTS_AT: Final = (PAGE, 2 * PAGE)
 RECORD_SIZE: Final = 3 * PAGE
 
@@ -44,7 +44,7 @@ _BASE: Final = "?????B" + "4d" + _STATE + "d?4d"
 """Has a target, at it, done, may have left it, words known, its field; nominal, corrected, way; state;
 anchor, fade."""
 _MOVE: Final = struct.Struct("<?B2d" + _STATE)
-"""Is a distance, its field; nominal, corrected; state. What stands here without a move is left over."""
+"""Is a distance, its field; nominal, corrected; state. Without a move the bytes here have no meaning."""
 _SPEC: Final = struct.Struct("<B16s3d")
 _SPECS: Final = 4 * _SPEC.size
 _BODY: Final = struct.Struct(f"<{_HEAD}{_BASE}{_SPECS}s")
@@ -57,8 +57,8 @@ _TILTS: Final = struct.Struct("<Q4d")
 _TAIL_SIZE: Final = _TILTS.size + _CRC.size
 _NO_TAIL: Final = bytes(_TAIL_SIZE)
 _STEP: Final = struct.Struct("<QQ??6dq4dq")
-"""Generation, number of the step; has made one, has a target on its way; nominal and corrected counts of the
-target before and of the last one, position of that, extreme of its travel, time; of the target on its way:
+"""Generation, number of the step; has made one, has a target on the wire; nominal and corrected counts of the
+target before and of the last one, position of that, extreme of its travel, time; of the target on the wire:
 nominal and corrected counts, position, extreme, time."""
 _STEP_SIZE: Final[int] = _STEP.size
 _pack_step: Final = _STEP.pack_into
@@ -82,7 +82,7 @@ _NO_SPEC: Final = _SPEC.pack(0, b"", 0.0, 0.0, 0.0)
 Specs = tuple[
     CorrectionSpec, CorrectionSpec | None, CorrectionSpec | None, CorrectionSpec | None, CorrectionSpec
 ]
-"""What the state refers to, in force and giving way; the same of a move; and what is asked for."""
+"""The corrections of the state, in force and fading out; the same of a move; and the requested one."""
 
 
 class RememberedSpec(NamedTuple):
@@ -94,9 +94,9 @@ class RememberedSpec(NamedTuple):
     backward_gain: float
     offset: float
     tilt: float
-    """Of the line: at machine position 0 in units, and its slope."""
+    """Of the line: its value at machine position 0, in units, and its slope."""
     was_requested: bool
-    """Nothing but another line was asked for then."""
+    """The requested correction differed from it in the line only."""
 
 
 class RememberedState(NamedTuple):
@@ -115,11 +115,11 @@ class RememberedState(NamedTuple):
 
 
 class RememberedMove(NamedTuple):
-    """A target that was on its way to the drive when the record was written: it may have arrived or not."""
+    """A target that was on the wire when the record was written: it may have arrived or not."""
 
     is_distance: bool
     number: int
-    """Of its command field."""
+    """Number of its command field."""
     nominal_counts: Counts
     corrected_counts: Counts
     state: RememberedState
@@ -141,24 +141,25 @@ class Remembered(NamedTuple):
     nominal_counts: Counts
     corrected_counts: Counts
     way: tuple[float, float]
-    """Corrected counts between which the axis moves, lower one first."""
+    """Corrected counts between which the axis moves, the lower one first."""
     state: RememberedState
     anchor_counts: float
     fade: tuple[float, float, float, float] | None
-    """Difference in counts, start, end, way the other way; of ``compensation.readback.Fade``."""
+    """Difference in counts, start, end, way in the other direction; see ``compensation.readback.Fade``."""
     unacknowledged: RememberedMove | None
     is_of_this_boot: bool
-    """The machine has not been started anew since: its clock goes on."""
+    """The machine was not restarted since: its clock continues."""
     came_from: tuple[Counts, Counts] | None = None
-    """Nominal and corrected counts of the setpoint before the last one, where a run went on from there:
-    anchor and fade are those of an older one, and follow from these."""
+    """Nominal and corrected counts of the setpoint before the last one, if a run continued from there. Anchor
+    and fade are those of an older one, and follow from these."""
 
 
 class RecordSlots:
-    """Writes the newest record over the older slot of a buffer, and finds the newest good one.
+    """Writes the newest record over the older slot of a buffer, and finds the newest valid one.
 
-    The buffer has :data:`RECORD_SIZE` bytes; ``scale_digest`` belongs to the axis as it is configured now,
-    ``boot_id`` to the machine. ``may_store`` is asked before each store: a mapped file may have been cut.
+    The buffer has :data:`RECORD_SIZE` bytes. ``scale_digest`` belongs to the axis as configured now,
+    ``boot_id`` to the machine. ``may_store`` is called before each store: a mapped file may have been
+    truncated.
     """
 
     __slots__ = (
@@ -206,17 +207,17 @@ class RecordSlots:
 
     @property
     def is_damaged(self) -> bool:
-        """Whether something was written once and no slot is good."""
+        """Whether something was written once and no slot is valid."""
         return not any(self._bodies()) and any(any(self._buffer[at : at + SLOT_SIZE]) for at in SLOTS_AT)
 
     def release(self) -> None:
-        """Let go of the buffer; nothing may be written any more."""
+        """Release the buffer; nothing may be written afterwards."""
         for view in (*self._views, *self._step_views):
             view.release()
         self._buffer.release()
 
     def write(self, base: tuple[object, ...], move: tuple[object, ...] | None, specs: Specs) -> None:
-        """Write a record: its numbers in the order of the layout, and those of a target on its way."""
+        """Write a record: its numbers in the order of the layout, and those of a target on the wire."""
         if specs != self._specs:
             self._specs = specs
             self._specs_bytes = b"".join(_spec_bytes(spec, specs[4]) for spec in specs[:4])
@@ -224,18 +225,18 @@ class RecordSlots:
         self._store(True, base, move, self._specs_bytes)
 
     def write_step(self, step: tuple[object, ...], move: tuple[object, ...] | None) -> None:
-        """Write a step of a run that goes on from the record that was written last.
+        """Write a step of a run that continues from the newest record.
 
         Args:
             step: the target before and the last one, in nominal and corrected counts each, position and
                 extreme, time; empty: none was accepted since.
-            move: the target on its way in nominal and corrected counts, its position and extreme, time.
+            move: the target on the wire in nominal and corrected counts, its position and extreme, time.
         """
         if self._may_store is not None and not self._may_store():
             return
         number = self._step = self._step + 1
         at, buffer = STEPS_AT[number & 1], self._buffer
-        # One by one and not by asterisks, which would make a list and a tuple of them each time.
+        # One by one: starred unpacking would create a list and a tuple each time.
         from_nominal, from_corrected, to_nominal, to_corrected, position, extreme, at_ns = step or _NO_STEP
         nominal, corrected, going_position, going_extreme, going_at_ns = move or _NO_MOVE
         _pack_step(
@@ -250,7 +251,7 @@ class RecordSlots:
         self._store(False, _EMPTY, None, b"")
 
     def read(self) -> Remembered | None:
-        """Return the newest good record; None where there is none, or where it says nothing."""
+        """Return the newest valid record; None: there is none, or it says nothing."""
         good = [body for body in self._bodies() if body is not None]
         newest = max(good, key=_generation, default=None)
         if newest is None:
@@ -263,7 +264,7 @@ class RecordSlots:
         return found if found is None or step is None else _after_step(found, step)
 
     def _newest_step(self, generation: int) -> tuple[Any, ...] | None:
-        """Return the last good step of a generation; None where there is none."""
+        """Return the last valid step of a generation; None: there is none."""
         found = [self._step_of(generation, at) for at in STEPS_AT]
         return max((step for step in found if step is not None), key=lambda step: step[1], default=None)
 
@@ -274,7 +275,7 @@ class RecordSlots:
         return step if is_good and step[0] == generation else None
 
     def begin_anew(self) -> None:
-        """The buffer was emptied by somebody else: what stands in it once is to be written again."""
+        """The buffer was cleared from outside: what is written only once must be written again."""
         self._is_boot_known = False
 
     def _is_of_this_boot(self, body: bytes) -> bool:
@@ -308,7 +309,7 @@ class RecordSlots:
 
     def _store_tail(self, number: int, generation: int) -> None:
         at = SLOTS_AT[number] + SLOT_SIZE
-        self._has_tail[number] = True  # for good: zeros again would belong to any generation
+        self._has_tail[number] = True  # permanently: zeros again would fit any generation
         slopes = _TILTS.pack(generation, *self._tilts)
         self._buffer[at : at + _TAIL_SIZE] = slopes + _CRC.pack(crc32(slopes))
 
@@ -317,14 +318,14 @@ class RecordSlots:
 
 
 def header(name: str) -> bytes:
-    """Return what a record begins with."""
+    """Return the header of a record."""
     return HEADER.pack(MAGIC, VERSION, name.encode())
 
 
 def why_not_readable(data: bytes | memoryview, name: str, size: int | None = None) -> str:
-    """Return what is wrong with the beginning of a record, "" where nothing is.
+    """Return what is wrong with the beginning of a record; "": nothing.
 
-    ``size`` is that of the whole file in bytes, where ``data`` is only a part of it.
+    ``size``: of the whole file in bytes, if ``data`` is only a part of it.
     """
     if size is None:
         size = len(data)
@@ -348,7 +349,7 @@ def _spec_bytes(spec: CorrectionSpec | None, requested: CorrectionSpec) -> bytes
 
 
 def _body(buffer: memoryview, number: int) -> bytes | None:
-    """Return a slot whose check sum holds and whose generation belongs there."""
+    """Return a slot with a valid checksum and a generation that belongs there."""
     at = SLOTS_AT[number]
     data = bytes(buffer[at : at + _CRC_AT])
     if _CRC.unpack_from(buffer, at + _CRC_AT)[0] != crc32(data):
@@ -363,7 +364,7 @@ def _tail(buffer: memoryview, number: int) -> bytes:
 
 
 def _is_tail_of(tail: bytes, generation: int) -> bool:
-    """Whether a tail belongs to the slot of a generation: it is none, or whole and of the same."""
+    """Whether a tail belongs to the slot of a generation: it is empty, or valid with the same generation."""
     if tail == _NO_TAIL:
         return True
     is_good: bool = _CRC.unpack_from(tail, _TILTS.size)[0] == crc32(tail[: _TILTS.size])
@@ -408,7 +409,7 @@ def _remembered(body: bytes, tilts: Sequence[float], *, is_of_this_boot: bool) -
 
 
 def _after_step(found: Remembered, step: tuple[Any, ...]) -> Remembered:
-    """Return a record with what its last step has changed."""
+    """Return a record with the changes of its last step."""
     _, _, is_made, has_move, *numbers = step
     *targets, position, extreme, at_ns = numbers[:7]
     if is_made:

@@ -1,9 +1,10 @@
-"""Whether an axis knows where it is: only then are its positions corrected (M9).
+"""Whether an axis is referenced: only then are its positions corrected (M9).
 
-How that can be known is configured (``plan.Reference``), and each way has its own table. Beside its state
-the machine (:class:`AxisReference`) has two facts that matter where a bit of the drive decides: whether that
-bit was ever seen, and whether it has to be read before positions pass (*unconfirmed*: the drive may have been
-switched off, or told another zero, since it was read last). :data:`ASKS_AGAIN` says after which events.
+The configuration says how this is known (``plan.Reference``); each kind of reference has its own table. Where
+a status bit of the drive decides, the machine (:class:`AxisReference`) keeps two more facts. The first:
+whether that bit was ever seen. The second: whether it must be read before positions pass (*unconfirmed*). The
+drive may have been switched off, or got another zero, since the last reading. :data:`ASKS_AGAIN` lists the
+events that make it unconfirmed.
 """
 
 from collections.abc import Callable
@@ -16,53 +17,53 @@ from gateway.times import NS_PER_MS, NS_PER_S
 
 
 class ReferenceState(Enum):
-    """Whether the axis knows where it is."""
+    """Whether the axis is referenced."""
 
     __hash__ = object.__hash__
 
     NOT_REFERENCED = "not-referenced"
-    """Nobody has said yet where the axis stands, or it may have lost that."""
+    """The axis was not referenced yet, or may have lost its reference."""
     HOMING = "homing"
-    """A homing command was seen, and not yet its end."""
+    """A homing command was seen, but not its end."""
     REFERENCED = "referenced"
-    """The axis knows where it is: its positions are corrected."""
+    """The axis is referenced: its positions are corrected."""
 
 
-# A member is looked up slowly, and these are asked for with each frame.
+# Member lookup is slow, and these are used for each frame.
 _NOT_REFERENCED: Final = ReferenceState.NOT_REFERENCED
 _HOMING: Final = ReferenceState.HOMING
 _REFERENCED: Final = ReferenceState.REFERENCED
 
 
 class ReferenceEvent(Enum):
-    """What decides whether an axis knows where it is."""
+    """What decides whether an axis is referenced."""
 
     __hash__ = object.__hash__
 
     BIT_SET = "bit-set"
-    """The bit that decides is set, and it was set after the homing began."""
+    """The deciding bit is set, and it was set after the homing began."""
     BIT_CLEAR = "bit-clear"
-    """The bit that decides is not set."""
+    """The deciding bit is clear."""
     HOMING = "homing"
-    """A homing command went out."""
+    """A homing command was sent."""
     OTHER_MOTION = "other-motion"
-    """Something else was commanded: the bit that is seen next does not end a homing."""
+    """Something else was commanded: the next set bit does not end a homing."""
     SET_AT_REST = "set-at-rest"
-    """The drive was told that it stands somewhere else, and it stood."""
+    """The drive got a new position value at standstill."""
     SET_MOVING = "set-moving"
-    """The same, and it moved, or nobody knows whether it was told."""
+    """The same while it moved, or it is unknown whether the drive got it."""
     LOSS = "loss"
-    """The drive may have lost its position: switched off, an alarm, a jump."""
+    """The drive may have lost its position: power off, an alarm, a jump."""
     SILENCE = "silence"
     """A request was not answered."""
     DECLARED = "declared"
-    """A person says that the axis stands where its drive says."""
+    """A person confirms that the axis is where its drive says."""
 
 
 _Rows = dict[ReferenceEvent, ReferenceState | None]
 
 REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceState, _Rows]]] = {
-    # Known from the start, whatever happens, until the zero is moved. No homing is waited for, no bit asked.
+    # Known from the start until the zero is moved. It waits for no homing and reads no bit.
     Reference.ABSOLUTE: {
         ReferenceState.NOT_REFERENCED: {
             ReferenceEvent.HOMING: IGNORED,
@@ -73,7 +74,7 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceState, _Rows]]] = {
             ReferenceEvent.DECLARED: ReferenceState.REFERENCED,
         },
         ReferenceState.REFERENCED: {
-            ReferenceEvent.HOMING: IGNORED,  # the encoder knows better
+            ReferenceEvent.HOMING: IGNORED,  # the absolute encoder decides
             ReferenceEvent.OTHER_MOTION: IGNORED,
             ReferenceEvent.SET_AT_REST: ReferenceState.NOT_REFERENCED,
             ReferenceEvent.SET_MOVING: ReferenceState.NOT_REFERENCED,
@@ -81,13 +82,13 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceState, _Rows]]] = {
             ReferenceEvent.DECLARED: IGNORED,
         },
     },
-    # Nothing hangs on homing: what counts is the position that is set after it, while the axis stands.
+    # Homing does not count; the position that is set after it, at standstill, does.
     Reference.SET_POSITION: {
         ReferenceState.NOT_REFERENCED: {
             ReferenceEvent.HOMING: IGNORED,
             ReferenceEvent.OTHER_MOTION: IGNORED,
             ReferenceEvent.SET_AT_REST: ReferenceState.REFERENCED,
-            ReferenceEvent.SET_MOVING: IGNORED,  # nobody knows where it was when that was set
+            ReferenceEvent.SET_MOVING: IGNORED,  # it is unknown where the axis was at that moment
             ReferenceEvent.LOSS: IGNORED,
             ReferenceEvent.DECLARED: ReferenceState.REFERENCED,
         },
@@ -100,7 +101,7 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceState, _Rows]]] = {
             ReferenceEvent.DECLARED: IGNORED,
         },
     },
-    # A homing command begins it, and the bit that is set at its end; that bit is looked at only meanwhile.
+    # A homing command begins it, and a bit set at its end completes it; that bit is read only in between.
     Reference.HOMING: {
         ReferenceState.NOT_REFERENCED: {
             ReferenceEvent.HOMING: ReferenceState.HOMING,
@@ -112,8 +113,8 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceState, _Rows]]] = {
         },
         ReferenceState.HOMING: {
             ReferenceEvent.BIT_SET: ReferenceState.REFERENCED,
-            ReferenceEvent.HOMING: IGNORED,  # once more
-            ReferenceEvent.OTHER_MOTION: ReferenceState.NOT_REFERENCED,  # the homing was broken off
+            ReferenceEvent.HOMING: IGNORED,  # again
+            ReferenceEvent.OTHER_MOTION: ReferenceState.NOT_REFERENCED,  # the homing was aborted
             ReferenceEvent.SET_AT_REST: ReferenceState.NOT_REFERENCED,
             ReferenceEvent.SET_MOVING: ReferenceState.NOT_REFERENCED,
             ReferenceEvent.LOSS: ReferenceState.NOT_REFERENCED,
@@ -128,8 +129,8 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceState, _Rows]]] = {
             ReferenceEvent.DECLARED: IGNORED,
         },
     },
-    # The drive itself says it. Once the bit was seen to be down a homing has begun: the next one set ends it.
-    # A person cannot declare it.
+    # The drive reports it. A bit seen clear means that a homing is going on: the next set bit ends it. A
+    # person cannot declare it.
     Reference.DRIVE_BIT: {
         ReferenceState.NOT_REFERENCED: {
             ReferenceEvent.BIT_SET: ReferenceState.REFERENCED,
@@ -145,7 +146,7 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceState, _Rows]]] = {
             ReferenceEvent.BIT_SET: ReferenceState.REFERENCED,
             ReferenceEvent.BIT_CLEAR: ReferenceState.NOT_REFERENCED,
             ReferenceEvent.HOMING: IGNORED,
-            ReferenceEvent.OTHER_MOTION: ReferenceState.NOT_REFERENCED,  # the homing was broken off
+            ReferenceEvent.OTHER_MOTION: ReferenceState.NOT_REFERENCED,  # the homing was aborted
             ReferenceEvent.SET_AT_REST: ReferenceState.NOT_REFERENCED,
             ReferenceEvent.SET_MOVING: ReferenceState.NOT_REFERENCED,
             ReferenceEvent.LOSS: ReferenceState.NOT_REFERENCED,
@@ -158,15 +159,15 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceState, _Rows]]] = {
             ReferenceEvent.OTHER_MOTION: IGNORED,
             ReferenceEvent.SET_AT_REST: ReferenceState.NOT_REFERENCED,
             ReferenceEvent.SET_MOVING: ReferenceState.NOT_REFERENCED,
-            ReferenceEvent.LOSS: IGNORED,  # the bit says whether it was one
+            ReferenceEvent.LOSS: IGNORED,  # the bit shows whether it was one
             ReferenceEvent.SILENCE: IGNORED,
         },
     },
 }
-"""What each event makes of each state, by the way in which it is known; what is not here cannot be.
+"""The state after each event, for each kind of reference; a missing pair is impossible.
 
-``BIT_SET``, ``BIT_CLEAR`` and ``SILENCE`` come only with ``DRIVE_BIT``; ``BIT_SET`` also with ``HOMING``,
-where a bit ends a homing. ``HOMING`` is a state only where that end is waited for.
+``BIT_SET``, ``BIT_CLEAR`` and ``SILENCE`` occur only with ``DRIVE_BIT``; ``BIT_SET`` also with ``HOMING``,
+where a bit ends a homing. The state ``HOMING`` occurs only where that end is awaited.
 """
 ASKS_AGAIN: Final = frozenset(
     {
@@ -177,7 +178,7 @@ ASKS_AGAIN: Final = frozenset(
         ReferenceEvent.SILENCE,
     }
 )
-"""Events after which a bit that decides has to be read before positions pass, whatever the state."""
+"""Events after which a deciding bit must be read before positions pass, in every state."""
 BITS: Final = frozenset({ReferenceEvent.BIT_SET, ReferenceEvent.BIT_CLEAR})
 
 REFERENCE_AT_START: Final = {
@@ -187,13 +188,13 @@ REFERENCE_AT_START: Final = {
     Reference.SET_POSITION: _NOT_REFERENCED,
 }
 FRESH_NS: Final = NS_PER_S
-"""A homed bit that was seen longer ago is read again before a target."""
+"""A homed bit older than this is read again before a target."""
 SETTLE_NS: Final = 100 * NS_PER_MS
-"""A bit that is still set so soon after a homing command may be that of the homing before."""
+"""A bit that is still set so soon after a homing command may belong to the homing before."""
 
 
 class AxisReference:
-    """Whether one axis knows where it is. Time is monotonic, in ns."""
+    """Whether one axis is referenced. Time is monotonic, in ns."""
 
     __slots__ = (
         "_on_fault",
@@ -217,23 +218,23 @@ class AxisReference:
         self.bit = (
             DONE_BIT if plan.referenced is Reference.HOMING and HOMED_BIT not in plan.bits else HOMED_BIT
         )
-        """Name of the bit that tells when homing has ended."""
+        """Name of the bit that shows the end of homing."""
         self.state = REFERENCE_AT_START[plan.referenced]
         self.is_unconfirmed = self.follows_homed_bit
-        """The bit that decides has to be read before positions pass."""
+        """The deciding bit must be read before positions pass."""
         self.was_reported = not self.follows_homed_bit
-        """Whether the homed bit was ever seen, where it decides."""
+        """Whether the homed bit was ever seen, if it decides."""
         self.bit_seen_ns = 0
-        """When the bit that decides was seen last."""
+        """When the deciding bit was last seen."""
         self.homing_since_ns = 0
-        """When the last homing command went out, or when the bit was seen to be down since."""
+        """When the last homing command was sent, or when the bit was seen clear since."""
         self.is_remapped = False
         """A remapping register of its unit was written (M10): nothing is corrected until a restart."""
         self.waits_for_peers = False
         """Another axis of its group is not referenced (M11)."""
 
     def happens(self, event: ReferenceEvent) -> None:
-        """Go on to the state that the table says, with what belongs to it."""
+        """Enter the state that the table gives, with its data."""
         try:
             after = REFERENCE_AFTER[self.kind][self.state][event]
         except KeyError:
@@ -249,26 +250,26 @@ class AxisReference:
                 self.is_unconfirmed = True
 
     def invalidate(self) -> None:
-        """Nobody knows where it is until that was read anew, or said."""
+        """The reference is unknown until it is read again or declared."""
         self.state = _NOT_REFERENCED
         self.is_unconfirmed = self.follows_homed_bit
 
     def begin_homing(self, now_ns: int, *, is_certain: bool) -> None:
-        """A homing command went out; ``is_certain``: the drive acknowledged it."""
+        """A homing command was sent; ``is_certain``: the drive acknowledged it."""
         self.homing_since_ns = now_ns
         self.happens(ReferenceEvent.HOMING)
-        if not is_certain:  # nobody knows whether it homes: a bit that is seen next ends nothing
+        if not is_certain:  # it may not be homing: the next set bit ends nothing
             self.happens(ReferenceEvent.OTHER_MOTION)
 
     def see_homed_bit(self, now_ns: int, *, is_set: bool) -> None:
-        """Take note of the drive's homed bit, where it decides."""
+        """Record the drive's homed bit, if it decides."""
         if is_set and self.is_homing and now_ns - self.homing_since_ns < SETTLE_NS:
-            return  # it may be that of the homing before
+            return  # it may belong to the homing before
         self.bit_seen_ns = now_ns
         self.happens(ReferenceEvent.BIT_SET if is_set else ReferenceEvent.BIT_CLEAR)
 
     def see_end_of_homing(self, now_ns: int, *, is_set: bool) -> None:
-        """Take note of the bit that ends a homing command, where it is not the bit that decides for good."""
+        """Record the bit that ends a homing command, if it is not a bit that decides permanently."""
         if self.kind is not Reference.HOMING or not self.is_homing:
             return
         if not is_set:
@@ -277,42 +278,42 @@ class AxisReference:
             self.happens(ReferenceEvent.BIT_SET)
 
     def wait_for_peers(self, *, waits: bool) -> None:
-        """Another axis of its group does not know where it is, or all of them do (M11)."""
+        """Another axis of its group is not referenced (``waits``), or all are (M11)."""
         self.waits_for_peers = waits
 
     def end(self) -> None:
-        """The registers of its drive mean something else from now on."""
+        """The registers of its drive have another meaning from now on."""
         self.is_remapped = True
 
     @property
     def is_found(self) -> bool:
-        """Whether the axis itself knows where it is, as far as one can tell."""
+        """Whether the axis itself is referenced, as far as is known."""
         return self.state is _REFERENCED
 
     @property
     def is_referenced(self) -> bool:
-        """Whether the axis, and every axis of its group, knows where it is, as far as one can tell."""
+        """Whether the axis, and every axis of its group, is referenced, as far as is known."""
         return self.state is _REFERENCED and not self.waits_for_peers
 
     @property
     def is_homing(self) -> bool:
-        """Whether the end of a homing command is waited for."""
+        """Whether the end of a homing command is awaited."""
         return self.state is _HOMING
 
     @property
     def is_lost(self) -> bool:
-        """Whether it is certain that the axis does not know where it is."""
+        """Whether it is certain that the axis is not referenced."""
         return self.was_reported and self.state is not _REFERENCED
 
     @property
     def hangs_on_a_bit(self) -> bool:
-        """Whether a status bit of the drive tells when the reference is found."""
+        """Whether a status bit of the drive shows that the reference was found."""
         return self.kind in (Reference.DRIVE_BIT, Reference.HOMING)
 
     def needs_reading(self, now_ns: int, *, before_target: bool) -> bool:
-        """Whether the bit has to be read before positions pass.
+        """Whether the bit must be read before positions pass.
 
-        ``before_target``: a target is to pass that is held up for an old bit.
+        ``before_target``: the next position is a target, which an old bit holds up.
         """
         if not self.follows_homed_bit:
             return before_target and self.is_homing and self.kind is Reference.HOMING

@@ -1,9 +1,9 @@
-"""What is added to the table of an axis: the length of its screw when warm, and what other axes do to it.
+"""What is added to an axis's table: the thermal growth of its screw, and the influence of other axes.
 
-All of it is one line over the position of the axis (``compensation.correction_spec.with_line``), so it is
-inverted, remembered and taken over like every other correction: with different targets, never by itself.
-Here is kept what the line ought to be. It is looked at before a different target is rendered, where that is
-due (:meth:`Terms.is_due`); such a target takes the slow path.
+Both together are one line over the position of the axis (``compensation.correction_spec.with_line``). So it
+is inverted, recorded and restored like every other correction, and it changes only with different targets.
+This file computes which line is requested. It does so before a different target is rendered, when an update
+is due (:meth:`Terms.is_due`); such a target takes the slow path.
 """
 
 from collections.abc import Mapping
@@ -22,11 +22,12 @@ from gateway.status.axis import CrossStatus, TermsStatus, ThermalStatus
 from gateway.times import NS_PER_MS, NS_PER_S
 
 UPDATE_NS: Final = 500 * NS_PER_MS
-"""At the slowest, the temperature is followed so often: at 2 K/min and 1 m of steel a step is 0.2 µm."""
+"""Longest time between temperature updates: at 2 K/min and 1 m of steel one step is 0.2 µm."""
 ROUNDING: Final = 1e-9
-"""Share of a limit by which decimal fractions may exceed it."""
+"""Fraction of a limit by which decimal fractions may exceed it."""
 FITS_AGAIN_NS: Final = 60 * NS_PER_S
-"""So long a line has to fit before it is told again that it does not: a sensor trembles about the limit."""
+"""A line must fit for so long before a misfit is reported again: a sensor value may jitter about the
+limit."""
 _EVENTS: Final = {
     TermState.FOLLOWING: exchange_events.TERM_FOLLOWS,
     TermState.HELD: exchange_events.TERM_HELD,
@@ -45,26 +46,26 @@ class Terms:
         self.crosses = tuple(CrossTerm(each, plan) for each in plan.cross)
         self._fresh_ns = int(min((each.fresh_s for each in plan.cross), default=0.0) * NS_PER_S)
         self.offset = self.tilt = 0.0
-        """The line that is asked for: at machine position 0 in units, and its slope."""
+        """The requested line: its value at machine position 0, in units, and its slope."""
         self.is_too_large = False
-        """The line that ought to be would, with the table, come to more than ``max_correction``."""
+        """The computed line and the table together would exceed ``max_correction``."""
         self._ends = settings.travel or (0.0, 0.0)
         self._most = settings.max_correction
         finest_counts = min(field.step_counts(settings.largest_counts) for field in plan.command)
         self._least = 0.5 * finest_counts / abs(settings.counts_per_unit)
-        """What no command field can tell, in units."""
+        """Changes smaller than this cannot be expressed by any command field, in units."""
         self._due_ns = 0
         self._cross = self._held_cross = 0.0
         self._is_cross_known = False
         self._lost_ns: int | None = None
-        """Since when nobody has known where one of the other axes is."""
+        """Since when the position of one of the other axes is unknown."""
         self._reported: dict[str, TermState] = {}
         self._began_ns: int | None = None
         self._was_missed = False
         self._too_large_reported_ns: int | None = None
-        """When it was last seen to be too large, since it was told."""
+        """When it was last seen to be too large, since that was reported."""
 
-    # --- what is heard ---------------------------------------------------------------------------------
+    # --- inputs ----------------------------------------------------------------------------------------
 
     def join(self, axes: Mapping[str, Partner]) -> None:
         """Find the other axes among these."""
@@ -72,16 +73,16 @@ class Terms:
             cross.join(axes)
 
     def take_temperature(self, celsius: float, now_ns: int) -> None:
-        """Take what the sensor says; it counts with the next look. Raises TemperatureError."""
+        """Take a sensor value; it counts from the next update. Raises TemperatureError."""
         assert self.thermal is not None
         self.thermal.take(celsius, now_ns)
         self._due_ns = 0
 
     def resume(self, spec: CorrectionSpec, now_ns: int) -> None:
-        """Go on from the line that was in force in another run.
+        """Continue from the line that was in force in another run.
 
-        Without one nobody can say whether anything was known there: then the first word of a sensor counts at
-        once, as at any start.
+        Without a line it is unknown whether that run had any values. The first sensor value then counts
+        immediately, as at any start.
         """
         self.offset, self.tilt = spec.offset, spec.tilt
         self._due_ns = 0
@@ -95,19 +96,19 @@ class Terms:
             self._is_cross_known = True
             self._lost_ns = now_ns
 
-    # --- what it ought to be ---------------------------------------------------------------------------
+    # --- the requested line ----------------------------------------------------------------------------
 
     def is_due(self, now_ns: int) -> bool:
-        """Whether the line has to be looked at before the next target."""
+        """Whether the line must be updated before the next target."""
         if now_ns >= self._due_ns:
             return True
-        for cross in self.crosses:  # noqa: SIM110 (asked for each setpoint: no generator)
+        for cross in self.crosses:  # noqa: SIM110 (runs for each setpoint: no generator)
             if cross.target is not cross.seen:
                 return True
         return False
 
     def follow(self, base: CorrectionSpec, plan: AxisPlan, now_ns: int) -> bool:
-        """Work out the line anew; whether another one is asked for now."""
+        """Compute the line again; return whether the requested line has changed."""
         self._due_ns = now_ns + UPDATE_NS
         offset, tilt = self._cross_now(now_ns), 0.0
         if self.thermal is not None:
@@ -127,7 +128,7 @@ class Terms:
         return True
 
     def on(self, base: CorrectionSpec, plan: AxisPlan) -> CorrectionSpec:
-        """Return a table with the line; without one where the two do not fit. A line needs a table."""
+        """Return a table with the line, or without it if both do not fit. A line needs a table."""
         if base is NOTHING or not self._has_line:
             return base
         if not self._fits(base, plan, self.offset, self.tilt):
@@ -137,7 +138,7 @@ class Terms:
         return with_line(base, self.offset, self.tilt)
 
     def largest_at(self, position: float) -> float:
-        """Return the most that the terms can have added at a machine position, in units."""
+        """Return the most that the terms can add at a machine position, in units."""
         largest = sum(cross.largest for cross in self.crosses)
         if self.thermal is not None:
             settings = self.thermal.settings
@@ -160,7 +161,7 @@ class Terms:
         return largest <= plan.settings.max_correction * (1.0 + ROUNDING)
 
     def _cross_now(self, now_ns: int) -> float:
-        """Return the sum of what the other axes add; held as a whole while one of them is not known."""
+        """Return the sum of the cross terms; held as a whole while the position of one axis is unknown."""
         if not self.crosses:
             return 0.0
         total, is_known = 0.0, True
@@ -182,14 +183,14 @@ class Terms:
         return self._cross
 
     def _left(self, now_ns: int) -> float:
-        """Return the share of the cross terms that is left, 1 to 0."""
+        """Return the remaining fraction of the cross terms, 1 to 0."""
         if self._lost_ns is None:
             return 1.0
         if not self._fresh_ns:
             return 0.0
         return min(1.0, max(0.0, 2.0 - (now_ns - self._lost_ns) / self._fresh_ns))
 
-    # --- what is told ----------------------------------------------------------------------------------
+    # --- reports ---------------------------------------------------------------------------------------
 
     def cross_state(self, now_ns: int) -> TermState:
         """Return how well the positions of the other axes are known."""
@@ -203,7 +204,7 @@ class Terms:
         return TermState.FADING if left else TermState.FADED
 
     def events(self, name: str, now_ns: int) -> list[Event]:
-        """Return what has changed since it was asked last; nothing else changes."""
+        """Return what has changed since the last call; nothing else changes."""
         found = []
         for kind, state in self.states(now_ns).items():
             reported = self._reported.get(kind, TermState.WAITING)
@@ -213,7 +214,7 @@ class Terms:
             if state is not reported:
                 self._reported[kind] = state
                 event = _EVENTS.get(state)
-                # Another axis may be known and lost again before it ever counted: then it is waited for.
+                # Another axis may become known and lost before it ever counted: the term waits for it then.
                 if event is not None and event is not _EVENTS.get(reported):
                     found.append(Event(event, name, self._detail(kind, state), (("term", kind),)))
         reported_ns = self._too_large_reported_ns
@@ -227,7 +228,7 @@ class Terms:
         return found
 
     def _is_missed(self, now_ns: int) -> bool:
-        """Whether nothing has been heard for as long as a sensor may be silent; true once."""
+        """Whether no value has come for as long as a sensor may be silent; true once."""
         assert self.thermal is not None
         if self._began_ns is None:
             self._began_ns = now_ns
@@ -237,7 +238,7 @@ class Terms:
         return True
 
     def states(self, now_ns: int) -> dict[str, TermState]:
-        """Return how each kind of term is known."""
+        """Return the state of each kind of term."""
         states = {}
         if self.thermal is not None:
             states["thermal"] = self.thermal.state(now_ns)
@@ -270,10 +271,10 @@ class Terms:
         return found
 
     def _in_force(self, compensation: AxisCompensation) -> tuple[float, float] | tuple[None, None]:
-        """Return what the temperature and what the other axes added to the last target, in units.
+        """Return the thermal and the cross correction in the last target, in units.
 
-        Only the temperature tilts the line, and it leaves ``fixed_at`` where it is: so the two can be told
-        apart. A correction without a table is an offset that was found, and nothing of it is a term.
+        Only the temperature tilts the line, and ``fixed_at`` stays in place. So the two can be separated. A
+        correction without a table is an offset that was found; it contains no term.
         """
         state = compensation.state
         if compensation.accepted is None or state.position is None:
