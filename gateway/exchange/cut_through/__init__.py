@@ -1,1 +1,1 @@
-"""Cut-through: frames that leave while they still arrive, on serial lines."""
+"""Cut-through forwarding on serial lines: a frame is sent on before all of it has come in."""

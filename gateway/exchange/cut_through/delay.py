@@ -1,18 +1,19 @@
-"""The forwarding delay: how late the first byte of a frame leaves that is forwarded while it still arrives.
+"""The forwarding delay: when the first byte of a frame may be sent while the frame still comes in.
 
-A byte leaves when the bytes have come that it depends on; a transmitter that has begun must never run empty
-inside the frame: adapters that switch the direction of an RS-485 bus by themselves let go of it then, and
-drives take a pause for the end of a frame. So the first byte waits until no later one will have to.
+A byte can be sent when the bytes that it depends on have come. But a transmitter must never run empty inside
+a frame. RS-485 adapters that switch direction automatically release the bus then, and drives take a pause
+for the end of a frame. So the first byte waits so long that no later byte has to wait.
 
-A :class:`FrameShape` says what depends on what, in bytes. :func:`delay_ns` makes a time of it for two wires
-that keep their baud rates exactly. What adapters, drivers and this process add, nobody works out:
-:class:`MeasuredDelay` learns it from the frames that came.
+A :class:`FrameShape` says, in bytes, which byte depends on which. :func:`delay_ns` converts that to a time
+for two wires with exact baud rates. The delays of adapters, drivers and this process cannot be computed:
+:class:`MeasuredDelay` learns them from received frames.
 
-Counted in characters of wires that are both equally fast a write of one position of two registers leaves four
-characters after it began to arrive: the last byte of its position is the eleventh to come, and the first one
-the eighth to leave. Where the first three bytes decide that one (``ByteThreshold.is_early``), it leaves three
-after. Its acknowledgement leaves two later, for the check sum has to have come before its own leaves; so do a
-read without positions, and its reply three. A gateway that stores adds all 13 + 8 characters of both.
+An example, in characters, for two wires of the same speed and a write of one position of two registers. The
+first byte is sent four characters after it began to come in. The last byte of the position is the eleventh
+to come in, and the first byte of the position is the eighth to be sent. If its first three bytes decide that
+byte (``ByteThreshold.is_early``), the delay is three characters. The acknowledgement has a delay of two: its
+CRC must come in before its own CRC is sent. A read without positions has the same delay, and its reply has
+three. A gateway that stores both frames adds all of their 13 + 8 characters.
 """
 
 from collections import deque
@@ -26,29 +27,29 @@ from gateway.modbus.rtu_arrival import BLOCK_HEAD, REGISTERS_HEAD
 
 CRC_BYTES: Final = 2
 FUNCTION_BYTES: Final = 2
-"""Bytes of a frame that say who is meant and what is done."""
+"""Bytes of a frame that hold the unit id and the function."""
 PAGE_BYTES: Final = 3
-"""Bytes of a request that also say in which 256 registers the first one is."""
+"""Bytes of a request that also tell in which block of 256 registers the first one is."""
 ADDRESS_BYTES: Final = MIN_ADU
-"""Bytes of a request that also say at which register."""
+"""Bytes of a request that also hold the address of the first register."""
 COUNT_BYTES: Final = 3
-"""Bytes of the reply to a read that also say how long it is."""
+"""Bytes of a reply to a read that also hold its byte count."""
 READ_BYTES: Final = REGISTERS_HEAD + CRC_BYTES
 
 
 class ByteThreshold(NamedTuple):
-    """Byte ``first`` of a frame, and all behind it, leave only when ``needs`` bytes of it have come."""
+    """Byte ``first`` of a frame, and all behind it, are sent only when ``needs`` bytes of it have come."""
 
     first: int
     needs: int
     is_judged: bool = False
-    """A position ends there: what leaves in the place of the bytes between is somebody's judgement."""
+    """A position ends there: a judge decides what is sent instead of the bytes between."""
     is_early: bool = False
-    """Byte ``first``, of a position of four bytes whose highest one comes first, leaves already when all but
-    the last one have come: where these decide it."""
+    """Byte ``first`` is sent one byte earlier, if the bytes before the last one decide it. Only for a
+    position of four bytes, the most significant first."""
 
     def needs_of(self, index: int) -> int:
-        """Return how many bytes this gate wants to have come before byte ``index`` leaves."""
+        """Return how many bytes this threshold needs before byte ``index`` is sent."""
         if index < self.first:
             return 0
         return self.needs - 1 if self.is_early and index == self.first else self.needs
@@ -56,18 +57,19 @@ class ByteThreshold(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FrameShape:
-    """A frame of so many bytes, with unit id and check sum, and what its bytes wait for.
+    """The length of a frame, with unit id and CRC, and what its bytes wait for.
 
-    Gates stand in their order. Every byte waits at least for itself, and the check sum for all that came.
+    Thresholds are in ascending order. Each byte waits at least until it has come itself, the CRC for all
+    bytes.
     """
 
     length: int
     thresholds: tuple[ByteThreshold, ...]
     late: "FrameShape | None" = None
-    """What the frame is where none of its bytes leaves sooner than is always safe; None: what it is here."""
+    """The shape in which no byte is sent earlier than is always safe; None: it is this one."""
 
     def needs(self, index: int) -> int:
-        """Return how many bytes have to have come before byte ``index``, counted from 0, may leave.
+        """Return how many bytes must have come before byte ``index``, counted from 0, may be sent.
 
         >>> [write_shape(2, 0, 2).needs(index) for index in range(13)]
         [4, 4, 4, 4, 5, 6, 7, 11, 11, 11, 11, 13, 13]
@@ -79,7 +81,7 @@ class FrameShape:
         return max([index + 1] + [threshold.needs_of(index) for threshold in self.thresholds])
 
     def leaves(self, come: int) -> int:
-        """Return how many of its bytes may have left when ``come`` have come, without its check sum.
+        """Return how many of its bytes may have been sent when ``come`` have come, without its CRC.
 
         >>> [write_shape(2, 0, 2).leaves(come) for come in range(14)]
         [0, 0, 0, 0, 4, 5, 6, 7, 7, 7, 7, 11, 11, 11]
@@ -93,13 +95,13 @@ class FrameShape:
         return most
 
     def reach(self, before: bytes, now: bytes, reach: int) -> int:
-        """Return how far from ``now`` the positions of the next frame may be expected: :meth:`stays`.
+        """Return how far from ``now`` the positions of the next frame are expected: for :meth:`stays`.
 
-        Twice as far as the last step, and a little farther; a longer one before is forgotten slowly.
+        Twice the last step and a little more; an older, longer step is forgotten slowly.
 
         Args:
-            before: the frame before, without check sum; empty: there was none.
-            now: the newest one.
+            before: the frame before, without CRC; empty: there was none.
+            now: the newest frame.
             reach: what was returned for ``before``.
         """
         if not before:
@@ -113,12 +115,12 @@ class FrameShape:
         return max(2 * longest + NEAR_COUNTS, remembered)
 
     def stays(self, frame: bytes, reach: int) -> bool:
-        """Whether the first byte of each position may be expected to stay what it was in ``frame``.
+        """Whether the first byte of each position is likely to stay as it was in ``frame``.
 
-        Nothing but whether it pays hangs on that: where it does not stay, a frame is spoilt.
+        Only the gain depends on this: if the byte changes, the frame is aborted.
         """
         if ends_a_frame(residue_after(frame[: self.needs(0)])):
-            return False  # no piece ends there
+            return False  # no piece may end there
         for threshold in self.thresholds:
             if threshold.is_early:
                 position = _position(threshold, frame)
@@ -130,13 +132,13 @@ class FrameShape:
 
 
 COUNTS: Final = 1 << 32
-"""So many numbers a position has whose first byte may leave before it is whole."""
+"""Number of values of a position whose first byte may be sent before it is complete."""
 FAR_COUNTS: Final = COUNTS
 """The next position may be anywhere."""
 NEAR_COUNTS: Final = 4 << 8
-"""So far the next position may be from one that did not move: four times what its last byte leaves open."""
+"""Reach after a position that did not move: four times the range of its last byte."""
 FORGOTTEN: Final = 16
-"""So large a part of an older reach is taken off with each frame."""
+"""This part of an older reach is subtracted with each frame: one sixteenth."""
 
 
 def _position(threshold: ByteThreshold, frame: bytes) -> int:
@@ -146,11 +148,12 @@ def _position(threshold: ByteThreshold, frame: bytes) -> int:
 def write_shape(words: int, first_word: int, position_words: int, *, is_early: bool = False) -> FrameShape:
     """Return the shape of a write of ``words`` registers that hold a position from ``first_word`` on.
 
-    It begins to leave when it is known where it writes, its data when the position is whole: until then it
-    may have to be refused.
+    The head is sent as soon as the address is known. The data is sent when the position is complete: until
+    then it may be refused.
 
-    ``is_early``: the position stands first and has four bytes, the highest first, and nothing else that moves
-    or stops is written at an address with the same first byte. So it begins to leave with that byte.
+    ``is_early``: the position comes first and has four bytes, the most significant first. No other address
+        with
+    the same first byte holds anything that moves or stops. So the frame is sent from that byte on.
     """
     data_ends = BLOCK_HEAD + 2 * (first_word + position_words)
     length = BLOCK_HEAD + 2 * words + CRC_BYTES
@@ -164,12 +167,12 @@ def write_shape(words: int, first_word: int, position_words: int, *, is_early: b
 
 
 def read_shape() -> FrameShape:
-    """Return the shape of a read. It changes nothing in a drive, and may begin to leave at its function."""
+    """Return the shape of a read. It changes nothing in a drive: it is sent from its function byte on."""
     return FrameShape(READ_BYTES, (ByteThreshold(0, FUNCTION_BYTES),))
 
 
 def acknowledgement_shape() -> FrameShape:
-    """Return the shape of the reply to a write of a block: unit id, function, address, count."""
+    """Return the shape of the reply to a block write: unit id, function, address, count."""
     return FrameShape(READ_BYTES, (ByteThreshold(0, FUNCTION_BYTES),))
 
 
@@ -178,8 +181,8 @@ def reply_shape(
 ) -> FrameShape:
     """Return the shape of the reply to a read of ``words`` registers.
 
-    ``positions``: the first register of each and how many it has, in their order. ``early``: the first
-    registers of those that have four bytes, the highest first.
+    ``positions``: the first register of each position and its number of registers, in ascending order.
+    ``early``: the first registers of those with four bytes, the most significant first.
     """
     length = ADU_OVERHEAD + FUNCTION_BYTES + 2 * words
     thresholds, late = [ByteThreshold(0, COUNT_BYTES)], [ByteThreshold(0, COUNT_BYTES)]
@@ -192,38 +195,39 @@ def reply_shape(
 
 
 def delay_ns(shape: FrameShape, in_ns: int, out_ns: int) -> int:
-    """Return how long after the first bit of a frame came its own first bit may leave, at the earliest.
+    """Return the shortest delay from the first bit received to the first bit sent.
 
     Args:
-        shape: what depends on what.
-        in_ns: what one character takes on the wire on which it comes.
-        out_ns: and on the one on which it leaves.
+        shape: which byte depends on which.
+        in_ns: time of one character on the incoming wire.
+        out_ns: time of one character on the outgoing wire.
     """
     return max(shape.needs(index) * in_ns - index * out_ns for index in range(shape.length))
 
 
 def stored_ns(shape: FrameShape, in_ns: int) -> int:
-    """Return the same for a gateway that waits for the whole frame."""
+    """Return the same delay for a gateway that waits for the complete frame."""
     return shape.length * in_ns
 
 
 class Piece(NamedTuple):
-    """Bytes of a frame that came at once: when, and how many there are of it since then."""
+    """Bytes of a frame that came together: when, and the number of bytes so far."""
 
     came_ns: int
     so_far: int
 
 
 def needed_ns(shape: FrameShape, pieces: Sequence[Piece], out_ns: int) -> int:
-    """Return how long after its first piece a frame that has come would have had to begin to leave.
+    """Return how long after its first piece a received frame should have begun to be sent.
 
-    The pieces are those of a whole frame, in their order. Between two pieces only the first byte that needs
-    the later one counts: those behind it have more time.
+    ``pieces``: all pieces of a complete frame, in order. Between two pieces only the first byte that needs
+        the
+    later one counts: the bytes behind it have more time.
     """
     begun_ns = pieces[0].came_ns
     most_ns, before = 0, 0
     for piece in pieces:
-        # The check sum needs all of them; what leaves then is the first byte that did not before.
+        # The CRC needs all of them; only the first byte that could not be sent before counts.
         first = shape.leaves(before)
         if shape.needs(first) <= piece.so_far:
             most_ns = max(most_ns, piece.came_ns - begun_ns - first * out_ns)
@@ -232,23 +236,23 @@ def needed_ns(shape: FrameShape, pieces: Sequence[Piece], out_ns: int) -> int:
 
 
 GUARDED: Final = 4
-"""The guard is so large a part of a character,"""
+"""The guard is one such part of a character,"""
 LEAST_GUARD_NS: Final = 125_000
-"""and never less: where characters are long, more time costs as small a part of a round trip."""
+"""and never shorter: with long characters, more time would still cost only a small part of a round trip."""
 LATER_NS: Final = 75_000
-"""So much later than the latest that was seen, and half of what they differed by, bytes may come. Less than
-the guard: a frame whose bytes come later still is spoilt, one whose guard rings later has a gap in it."""
+"""Bytes may come so much later than the latest seen plus half of the spread. It is less than the guard: a
+frame whose bytes come later still is aborted, a frame whose guard timer is late has a gap in it."""
 LEARNED_AFTER: Final = 32
-"""Frames of a shape that are stored before the first one may leave early: nobody knows the port before."""
+"""Frames of a shape that are stored before the first one is forwarded: the port is not measured before."""
 REMEMBERED: Final = 256
-"""Frames whose needs count: a port that was disturbed once is trusted again after so many."""
+"""Number of frames whose needs count: after so many, a disturbed port is trusted again."""
 
 
 def guard_ns(out_ns: int) -> int:
-    """Return how long before the transmitter is empty a frame that stalls is filled up.
+    """Return how long before the transmitter runs empty a stalled frame is filled up.
 
-    It is what the timer that rings then, a turn of the loop and a write may take together: nobody sees that
-    in what came, so nothing teaches it. ``out_ns``: what a character takes on the wire on which it leaves.
+    The timer, one turn of the event loop and one write must fit into it. Received frames do not show this
+    time, so it cannot be learned. ``out_ns``: time of one character on the outgoing wire.
     """
     return max(LEAST_GUARD_NS, out_ns // GUARDED)
 
@@ -263,11 +267,11 @@ def margin_ns(out_ns: int) -> int:
 
 
 class MeasuredDelay:
-    """How long after its first piece a frame of one shape may begin to leave, by what the last ones needed.
+    """How long after its first piece a frame of one shape may be sent, learned from the last frames.
 
-    No model of an adapter: latency timers, packets, the scheduler of the system and different baud rates all
-    show in when the bytes came. To the longest of their needs comes half of what they have differed by, the
-    longest that the gateway itself took between reading and writing, and ``margin_ns``.
+    It models no adapter: latency timers, packets, the system's scheduler and different baud rates all show in
+    when the bytes came. The delay is the longest need, plus half of the spread, plus the longest time that
+    the gateway itself took between reading and writing, plus ``margin_ns``.
     """
 
     __slots__ = (
@@ -291,18 +295,19 @@ class MeasuredDelay:
         self._own_ns: deque[int] = deque(maxlen=REMEMBERED)
         self._wholes_ns: deque[int] = deque(maxlen=REMEMBERED)
         self.delay_ns: int | None = None
-        """After so long a frame may begin to leave. None: it is stored, because too few have been seen, or
-        because it would not leave a character before the soonest of them was whole."""
+        """A frame may be sent after so long. None: it is stored, because too few frames were seen, or because
+        the gain over the soonest complete frame would be less than a character."""
         self.no_gain: tuple[int, int] | None = None
-        """Where enough were seen, and it is not worth it: after how long a frame could begin to leave, and
-        after how long the soonest was whole, both since its first piece."""
+        """Where enough frames were seen and forwarding gains nothing: the delay after which a frame could be
+        sent, and the time after which the soonest was complete. Both since its first piece."""
 
     def add(self, pieces: Sequence[Piece], own_ns: int = 0, written_need_ns: int = 0) -> None:
-        """Learn from a frame that has come whole, whether it was cut through or stored.
+        """Learn from a completely received frame, forwarded or stored.
 
-        ``own_ns``: so long the gateway took between reading its last bytes and writing them.
-        ``written_need_ns``: by its writing one that was cut through would have had to begin so long after its
-        first piece (``ForwardedFrame.written_need_ns``).
+        ``own_ns``: time that the gateway took between reading its last bytes and writing them.
+        ``written_need_ns``: how long after its first piece a forwarded frame should have begun, by the times
+            of
+        writing (``ForwardedFrame.written_need_ns``).
         """
         needs_ns, wholes_ns = self._needs_ns, self._wholes_ns
         need_ns = needed_ns(self.shape, pieces, self.out_ns)
@@ -319,11 +324,11 @@ class MeasuredDelay:
 
 
 class Delays:
-    """How late each shape of frames has to begin to leave between two wires, as far as it was measured.
+    """The measured forwarding delay of each frame shape between two wires.
 
     Args:
-        in_ns: what a character takes on the wire on which they come.
-        out_ns: and on the one on which they leave.
+        in_ns: time of one character on the incoming wire.
+        out_ns: time of one character on the outgoing wire.
         margin_ns: see ``MeasuredDelay``.
     """
 
@@ -338,7 +343,7 @@ class Delays:
     def measure(
         self, shape: FrameShape, pieces: Sequence[Piece], own_ns: int = 0, written_need_ns: int = 0
     ) -> MeasuredDelay:
-        """Learn from how a frame came, whatever became of it; return what is known now."""
+        """Learn from how a frame came in, whatever its result; return the new measurement."""
         delay = self.measured.get(shape)
         if delay is None:
             delay = self.measured[shape] = MeasuredDelay(shape, self._in_ns, self._out_ns, self._margin_ns)
@@ -346,6 +351,6 @@ class Delays:
         return delay
 
     def of(self, shape: FrameShape) -> int | None:
-        """Return after how long a frame of a shape may begin to leave; None: it is stored."""
+        """Return the delay after which a frame of a shape may be sent; None: it is stored."""
         delay = self.measured.get(shape)
         return None if delay is None else delay.delay_ns

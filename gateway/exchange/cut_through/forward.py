@@ -1,13 +1,14 @@
-"""Cut-through on one line: frames are followed as they arrive, and forwarded where they may be.
+"""Cut-through on one line: frames are parsed as they arrive, and forwarded where that is allowed.
 
-:class:`Forwarding` is all that the rest of the exchange knows of it. A line has one where its configuration
-asks for it; every other line has none of this. One :class:`Forwarder` follows the requests of each port of a
-controller, one the replies of the drives. It follows all frames beside the decoder, each from its first byte
-after a silence. What is not cut through takes the usual way, and teaches how its port hands bytes over.
+:class:`Forwarding` is the only part that the rest of the exchange knows. A line has one if its configuration
+asks for it; other lines have none of this. One :class:`Forwarder` follows the requests of each controller
+port, and one the replies of the drives. A forwarder sees all frames, beside the decoder, each from its first
+byte after a silence. A frame that is not forwarded takes the usual path; from it the forwarder learns how its
+port delivers bytes.
 
-Requests and replies differ in what is expected, who judges, where bytes go and what is learned. That is their
-:class:`Way`: :class:`RequestWay` or :class:`ReplyWay`. What leaves does so as whole frames do, and the line
-hears of it (:class:`ForwardingLine`).
+Requests and replies differ in what is expected, which judge decides, where bytes go and what is learned. This
+is their :class:`Way`: :class:`RequestWay` or :class:`ReplyWay`. Forwarded bytes are sent by the line, like
+complete frames (:class:`ForwardingLine`).
 """
 
 from collections import deque
@@ -40,7 +41,8 @@ from gateway.status.line import CutThroughStatus, Forwarded
 from gateway.times import NS_PER_MS, NS_PER_US
 
 ABORTED_SILENCES: Final = 3
-"""So many silences follow a spoilt frame: whoever cannot tell its length has to see where it ended."""
+"""Number of silences after an aborted frame: a receiver that cannot tell its length must see where it
+ends."""
 WASTED: Final = frozenset(
     {
         ForwardEvent.UNFIT,
@@ -51,24 +53,24 @@ WASTED: Final = frozenset(
         ForwardEvent.MET,
     }
 )
-"""Why a frame was spoilt that stored would have left whole."""
+"""Reasons for which a frame was aborted that would have been sent whole if stored."""
 
 
 class SerialTiming(NamedTuple):
-    """A serial wire: how fast its characters come, and how long it is silent between frames."""
+    """Timing of a serial wire: its character time, and its silence between frames."""
 
     char_ns: int
     silence_ns: int
-    """3.5 characters, or what stands for them."""
+    """3.5 characters, or the fixed time that replaces them."""
 
     @property
     def pause_ns(self) -> int:
-        """The longest pause between two characters of a frame: 1.5 of them, or what stands for them."""
+        """The longest pause between two characters of a frame: 1.5 characters, or the fixed time for them."""
         return pause_ns(self.silence_ns)
 
 
 class Pauses:
-    """How far apart the pieces of frames come, by the last ones that came whole."""
+    """The time between pieces of a frame, learned from the last complete frames."""
 
     __slots__ = ("_longest", "longest_ns")
 
@@ -77,7 +79,7 @@ class Pauses:
         self.longest_ns = char_ns
 
     def add(self, pieces: Sequence[Piece]) -> None:
-        """Learn from a frame that came whole."""
+        """Learn from a complete frame."""
         longest_ns = 0
         for before, piece in pairwise(pieces):
             longest_ns = max(longest_ns, piece.came_ns - before.came_ns)
@@ -86,20 +88,20 @@ class Pauses:
 
 
 class Totals:
-    """What became of the frames of one way since the start."""
+    """The results of all frames of one way since the start."""
 
     __slots__ = ("ended", "gain_ns", "stored")
 
     def __init__(self) -> None:
         self.ended = dict.fromkeys(ForwardEvent, 0)
-        """How they ended, and why: COMMITTED were cut through, KEPT stored."""
+        """Frames by their result: COMMITTED were forwarded, KEPT were stored."""
         self.stored = dict.fromkeys(ForwardEvent, 0)
-        """Those of them of which nothing had left."""
+        """The part of these of which nothing had been sent."""
         self.gain_ns = 0
-        """How much sooner all that were cut through began to leave than they were whole."""
+        """Sum over all forwarded frames: how much earlier each began to be sent than it was complete."""
 
     def status(self) -> Forwarded:
-        """Return what the status says: cut through, stored or spoilt, and why."""
+        """Return the counts for the status: forwarded, stored or aborted, and why."""
         whole = self.ended[ForwardEvent.COMMITTED]
         return Forwarded(
             cut_through=whole,
@@ -117,17 +119,17 @@ class Forwarding:
     """Cut-through on one line.
 
     Args:
-        line: what it does for a request that leaves while it arrives.
-        link: the way to the drives, asked when what was sent was written.
+        line: carries out what the line does for a forwarded request.
+        link: the link to the drives; asked for its time stamps.
         units: the register maps of the line.
-        wire: of the drives.
-        gap_ns: silence that the drives want before each request.
-        stored_units: of devices that are no axes: only silence may say where a frame of theirs ends.
-        on_change: called when a frame has gone on that was cut through: the deadline of the line may be
-            another.
-        tell_no_gain: told once for each port and direction that cut-through gains nothing there, and why.
-        tell_fault: told a sentence of what cannot be.
-        tap: listens. What is no whole frame yet it does not hear.
+        wire: the wire of the drives.
+        gap_ns: silence that the drives need before each request.
+        stored_units: unit ids of devices that are no axes: only silence marks the end of their frames.
+        on_change: called after each step of a forwarded frame: the deadline of the line may have changed.
+        tell_no_gain: called once for each port and direction in which cut-through gains nothing, with the
+            reason.
+        tell_fault: called with a sentence for an impossible pair.
+        tap: sees the traffic. It does not see frames that are incomplete.
     """
 
     def __init__(
@@ -151,11 +153,11 @@ class Forwarding:
         self.wire = wire
         self.stored_units = stored_units
         self.silence_ns = max(gap_ns, ABORTED_SILENCES * wire.silence_ns)
-        """After a spoilt request."""
+        """After an aborted request."""
         self.requests = Totals()
         self.replies = Totals()
         self.underruns = 0
-        """Frames inside of which the transmitter was empty."""
+        """Number of frames inside which the transmitter was empty."""
         self.on_change = on_change
         self.report_no_gain = report_no_gain
         self.report_fault = report_fault
@@ -168,7 +170,7 @@ class Forwarding:
     # --- the ports of controllers -----------------------------------------------------------------------
 
     def follow(self, port: ControllerPort, wire: SerialTiming) -> "Forwarder":
-        """Follow the requests of a port that was opened, on its wire."""
+        """Follow the requests of an opened port, on its wire."""
         way = self._ways[port] = RequestWay(self, port, wire)
         return way.forwarder
 
@@ -184,34 +186,34 @@ class Forwarding:
 
     @property
     def is_leaving(self) -> bool:
-        """Whether bytes of a frame have left that others have to follow in time."""
+        """Whether bytes of a frame were sent that others must follow in time."""
         forwarders = [self.drives, *(way.forwarder for way in self._ways.values())]
         return any(forwarder.is_leaving for forwarder in forwarders)
 
-    # --- what the line says of its transactions ---------------------------------------------------------
+    # --- what the line reports of its transactions ------------------------------------------------------
 
     def end_request(self, transaction: Transaction, why: ForwardEvent, now_ns: int) -> None:
-        """Let no more of a request leave that is leaving."""
+        """Send no more of the request that is being forwarded."""
         way = self.way_of(transaction.port)
         assert way is not None
         way.forwarder.end(why, now_ns)
 
     def end_reply(self, why: ForwardEvent, now_ns: int) -> None:
-        """Nobody waits for the reply any more, or it will not come."""
+        """The reply is not needed any more, or will not come."""
         self.drives.end(why, now_ns)
 
     def expect(self, transaction: Transaction) -> None:
-        """The reply to a request comes next; what came of another one is over."""
+        """Expect the reply to this request next; drop what came of another one."""
         self._reply_way.expect(transaction)
 
     def answered(self, path: FastPath, transaction: Transaction, reply: bytes, now_ns: int) -> bytes | None:
-        """Return what ``path.answered`` says, which is asked once for each reply."""
+        """Return the result of ``path.answered``, which is called once for each reply."""
         return self._reply_way.nominal_reply(transaction) or path.answered(transaction, reply, now_ns)
 
     def add(self, transaction: Transaction, reply: bytes, passed: bytes | None, now_ns: int) -> None:
-        """Remember a request that was answered, and how long the gateway took with it and with its reply.
+        """Remember an answered request, and the gateway's own time for it and for its reply.
 
-        ``passed``: what its controller was told, if that is known: it took the fast path.
+        ``passed``: the reply as its controller got it, if the request took the fast path.
         """
         way = self.way_of(transaction.port)
         pdu = transaction.pdu
@@ -231,12 +233,12 @@ class Forwarding:
         path = self.units.path_of(transaction.unit_id, pdu)
         way.heads.add(path, unit_id + pdu, unit_id + sent)
 
-    # --- figures ----------------------------------------------------------------------------------------
+    # --- statistics -------------------------------------------------------------------------------------
 
     def learn(
         self, way: "Way", controller: str, delays: Delays, shape: FrameShape, frame: ForwardedFrame
     ) -> None:
-        """Learn from how a frame came, whatever became of it; tell once where such frames gain nothing."""
+        """Learn from how a frame came in, whatever its result; report once where they gain nothing."""
         if shape.late is not None:
             delays.measure(shape.late, frame.pieces, way.own_ns, frame.written_need_ns)
         delay = delays.measure(shape, frame.pieces, way.own_ns, frame.written_need_ns)
@@ -250,19 +252,19 @@ class Forwarding:
         )
 
     def status(self) -> CutThroughStatus:
-        """Return what became of requests and replies since the start."""
+        """Return the counts of requests and replies since the start."""
         return CutThroughStatus(
             requests=self.requests.status(), replies=self.replies.status(), torn=self.underruns
         )
 
 
 class Forwarder:
-    """Frames as they arrive, the requests of one port or the replies of the drives: one after the other.
+    """Follows arriving frames one after the other: the requests of one port, or the replies of the drives.
 
     Args:
-        way: in what these frames differ from the others.
+        way: what is special to these frames.
         forwarding: of the line.
-        in_ns: what a character takes on the wire on which they come.
+        in_ns: time of one character on the incoming wire.
     """
 
     __slots__ = ("_came", "_forwarding", "_frame", "_last_ns", "_now_ns", "_pauses", "_way")
@@ -272,33 +274,33 @@ class Forwarder:
         self._forwarding = forwarding
         self._pauses = Pauses(in_ns)
         self._frame: ForwardedFrame | None = None
-        """The one that arrives, or came last. None: of the one that arrives nothing leaves early."""
+        """The frame that arrives, or that came last. None: nothing of the arriving one is forwarded."""
         self._came: ForwardedFrame | None = None
-        """One that came whole, and from which the port has not learned yet."""
+        """A complete frame from which the port has not learned yet."""
         self._last_ns = 0
         """When the last bytes came."""
         self._now_ns = 0
 
     @property
     def deadline_ns(self) -> int | None:
-        """When :meth:`tick` wants to be called."""
+        """When :meth:`tick` must be called."""
         return None if self._frame is None else self._frame.deadline_ns
 
     @property
     def is_leaving(self) -> bool:
-        """Whether bytes of the frame that arrives have left, and others have to follow."""
+        """Whether bytes of the arriving frame were sent and others must follow."""
         return self._frame is not None and self._frame.is_on_the_way
 
     def feed(self, data: bytes, now_ns: int, *, is_fresh: bool) -> bool:
-        """Take bytes, before the decoder does; return whether they ended a frame that has left with them.
+        """Take bytes, before the decoder does; return whether they ended a frame that was sent with them.
 
-        The decoder gives that one too; a request is not to be sent again. ``is_fresh``: no bytes wait in
-        there, and of the drives a reply begins with these.
+        The decoder yields that frame too; such a request must not be sent again. ``is_fresh``: the decoder
+        holds no bytes, and a reply of the drives begins with these.
         """
         silent_ns, self._last_ns, self._now_ns = now_ns - self._last_ns, now_ns, now_ns
         if is_fresh and self._way.begins(silent_ns, self._frame):
             if self._frame is not None and self._frame.is_on_the_way:
-                # Nobody looked for so long that the decoder gave the rest of it up before the guard rang.
+                # The loop was late: the decoder dropped the rest before the guard timer was served.
                 self.end(ForwardEvent.STALLED, now_ns)
             self._learn()
             self._frame = self._way.begin(self._pauses.longest_ns, self._happened)
@@ -312,25 +314,25 @@ class Forwarder:
         return self._go_on(frame, was, out)
 
     def tick(self, now_ns: int) -> None:
-        """Do what has fallen due."""
+        """Do what is due."""
         frame = self._frame
         if frame is not None:
             self._now_ns = now_ns
             self._go_on(frame, frame.state, frame.tick(now_ns))
 
     def end(self, why: ForwardEvent, now_ns: int) -> None:
-        """Let no more leave of the frame that arrives. A request takes the usual way, if all of it comes."""
+        """Send no more of the arriving frame. A request takes the usual path if all of it comes."""
         frame = self._frame
         if frame is not None:
             self._now_ns = now_ns
             self._go_on(frame, frame.state, frame.go_on(why, now_ns))
 
     def drop(self) -> None:
-        """What came is over, and nothing more leaves of it."""
+        """Drop what came; nothing more of it is sent."""
         self._frame = None
 
     def _happened(self, event: ForwardEvent) -> None:
-        """Take note of a step of the frame that arrives, in the middle of it."""
+        """Handle an event of the arriving frame while its step still runs."""
         frame = self._frame
         assert frame is not None
         if event is ForwardEvent.OPENED:
@@ -347,7 +349,7 @@ class Forwarder:
                 self._way.wasted(frame.expected)
 
     def _go_on(self, frame: ForwardedFrame, was: ForwardState, out: bytes) -> bool:
-        """Write what leaves; return whether all of it has left with its own check sum."""
+        """Write what is to be sent; return whether all of it was sent with its own CRC."""
         if not out and frame.state is was:
             return False
         if out:
@@ -362,7 +364,7 @@ class Forwarder:
         return frame.state is ForwardState.WHOLE
 
     def _learn(self) -> None:
-        """Learn from the frame before, when the next one begins: nothing that leaves waits for it."""
+        """Learn from the frame before, when the next one begins: this never delays a byte."""
         frame, self._came = self._came, None
         if frame is not None:
             self._pauses.add(frame.pieces)
@@ -370,13 +372,13 @@ class Forwarder:
 
 
 class Way:
-    """In what requests and replies differ: what is expected, who judges, where bytes go, what is learned.
+    """What differs between requests and replies: expectation, judge, destination and what is learned.
 
     Args:
         forwarding: of the line.
-        what: goes this way, in a word.
-        totals: what became of them.
-        in_ns: what a character takes on the wire on which they come.
+        what: the kind of frame, in one word.
+        totals: the results of these frames.
+        in_ns: time of one character on the incoming wire.
     """
 
     __slots__ = ("forwarder", "forwarding", "own_ns", "totals", "what")
@@ -387,39 +389,39 @@ class Way:
         self.totals = totals
         self.forwarder = Forwarder(self, forwarding, in_ns)
         self.own_ns = 0
-        """So long the gateway took between reading and writing the last one that was answered."""
+        """Time that the gateway took between reading and writing the last answered one."""
 
     def begins(self, silent_ns: int, frame: ForwardedFrame | None) -> bool:
-        """Whether a frame begins that comes after a silence, and after this frame."""
+        """Whether a new frame begins after a silence and after this frame."""
         raise NotImplementedError
 
     def begin(self, longest_ns: int, on_event: Callable[[ForwardEvent], None]) -> ForwardedFrame | None:
-        """Return a frame that begins; None: nothing of it leaves early.
+        """Return a frame that begins; None: nothing of it is forwarded.
 
-        ``longest_ns``: so far apart its pieces come.
+        ``longest_ns``: the longest time between its pieces.
         """
         raise NotImplementedError
 
     def opened(self, expected: bytes, now_ns: int) -> None:
-        """A frame begins to leave."""
+        """The first bytes of a frame are about to be sent."""
 
     def send(self, frame: ForwardedFrame, piece: bytes, now_ns: int) -> Stamps:
-        """Let a piece of a frame leave, the last one if it is whole; return when that was."""
+        """Send a piece of a frame, the last one if the frame is WHOLE; return the time stamps."""
         raise NotImplementedError
 
     def gained(self, expected: bytes, gain_ns: int) -> None:
-        """A frame was cut through, and has left so much sooner than stored."""
+        """A frame was forwarded, and began so much earlier than if stored."""
 
     def wasted(self, expected: bytes) -> None:
-        """A frame was spoilt that stored would have left whole."""
+        """A frame was aborted that would have been sent whole if stored."""
         raise NotImplementedError
 
     def ended(self, frame: ForwardedFrame, filling: bytes, now_ns: int) -> None:
-        """Nothing more of a frame leaves; ``filling``: the bytes that have left last."""
+        """Nothing more of a frame is sent; ``filling``: the bytes that were sent last."""
         raise NotImplementedError
 
     def learn(self, frame: ForwardedFrame) -> None:
-        """Learn from a frame that came whole, whatever became of it."""
+        """Learn from a complete frame, whatever its result."""
         raise NotImplementedError
 
 
@@ -433,12 +435,12 @@ class RequestWay(Way):
         drives = forwarding.wire
         self.port = port
         self.wire = wire
-        """On which they come."""
+        """The incoming wire."""
         self.heads = Heads(Delays(wire.char_ns, drives.char_ns, margin_ns(drives.char_ns)))
         self.replies = Replies(Delays(drives.char_ns, wire.char_ns, margin_ns(wire.char_ns)))
-        """What the port is answered."""
+        """The replies to the port."""
         self._transaction: Transaction | None = None
-        """The request that is leaving; None: none is, or the line did not let it begin."""
+        """The request that is being sent; None: there is none, or the line did not allow it."""
 
     def begins(self, silent_ns: int, frame: ForwardedFrame | None) -> bool:
         """See ``Way``."""
@@ -457,7 +459,7 @@ class RequestWay(Way):
         self._transaction = self.forwarding.line.begin(self.port, expected, now_ns)
 
     def _commit(self, path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int) -> bytes | None:
-        """Let the rest of the request leave; None: it may not."""
+        """Let the rest of the request be sent; None: it may not be."""
         transaction = self._transaction
         if transaction is None:
             return None
@@ -478,7 +480,7 @@ class RequestWay(Way):
         self.heads.pay(expected, gain_ns)
 
     def wasted(self, expected: bytes) -> None:
-        """See ``Way``. Whoever sent it waits for what was filled up, and for the silence behind it."""
+        """See ``Way``. The sender waits for the filling and for the silence behind it."""
         forwarding = self.forwarding
         self.heads.pay(expected, -(forwarding.silence_ns + len(expected) * forwarding.wire.char_ns))
 
@@ -487,7 +489,7 @@ class RequestWay(Way):
         transaction, self._transaction = self._transaction, None
         if transaction is not None and frame.state is ForwardState.ABORTED:
             forwarding = self.forwarding
-            # Counted from the writing: between reading and writing the process may have stood still.
+            # Counted from the writing: the process may have been suspended between reading and writing.
             written_ns = forwarding.link.stamps.sent_ns + len(filling) * forwarding.wire.char_ns
             until_ns = max(frame.empty_ns, written_ns) + forwarding.silence_ns
             forwarding.line.aborted(transaction, until_ns, now_ns)
@@ -503,23 +505,23 @@ class RequestWay(Way):
 
 
 class ReplyWay(Way):
-    """The way of the replies of the drives to whoever asked."""
+    """The way of the replies of the drives to the controllers."""
 
     __slots__ = ("_judge", "_transaction")
 
     def __init__(self, forwarding: Forwarding) -> None:
         super().__init__(forwarding, "replies", forwarding.replies, forwarding.wire.char_ns)
         self._transaction: Transaction | None = None
-        """Whose reply is followed."""
+        """The transaction whose reply is followed."""
         self._judge: ReplyJudge | None = None
 
     def expect(self, transaction: Transaction) -> None:
-        """The reply to a request comes next; what came of another one is over."""
+        """Expect the reply to this request next; drop what came of another one."""
         self._transaction, self._judge = transaction, None
         self.forwarder.drop()
 
     def nominal_reply(self, transaction: Transaction) -> bytes | None:
-        """Return what the reply to a request was found to say when all of it had come; None: not asked."""
+        """Return the nominal form of the reply as computed when all of it had come; None: not computed."""
         judge = self._judge
         return judge.nominal_reply if judge is not None and self._transaction is transaction else None
 
@@ -556,7 +558,7 @@ class ReplyWay(Way):
         return port.stamps
 
     def wasted(self, expected: bytes) -> None:
-        """See ``Way``. It costs its controller a repeat: such replies are stored for a while."""
+        """See ``Way``. The controller must repeat its request, so such replies are stored for a while."""
         transaction = self._transaction
         if transaction is not None:
             asked, shape = self.forwarding.way_of(transaction.port), reply_shape_of(transaction)
@@ -568,7 +570,7 @@ class ReplyWay(Way):
         if self._transaction is not None and (
             frame.state is ForwardState.WHOLE or frame.state is ForwardState.ABORTED
         ):
-            self._transaction.give_up()  # its controller has heard what it hears
+            self._transaction.give_up()  # its controller has received these bytes and gets no other reply
 
     def learn(self, frame: ForwardedFrame) -> None:
         """See ``Way``."""
@@ -581,12 +583,12 @@ class ReplyWay(Way):
 
 
 def _pace(comes_on: SerialTiming, leaves_on: SerialTiming, longest_ns: int) -> ForwardingPace:
-    """Return how fast a frame leaves whose pieces come so far apart at most, and what is too slow."""
+    """Return the pace of a frame whose pieces are at most ``longest_ns`` apart."""
     return ForwardingPace(leaves_on.char_ns, comes_on.pause_ns + longest_ns, guard_ns(leaves_on.char_ns))
 
 
 def _sent_pdu(transaction: Transaction) -> bytes:
-    """Return a request as it left."""
+    """Return a request as it was sent."""
     path, target, pdu = transaction.path, transaction.target, transaction.pdu
     if target is not None and isinstance(path, WritePath):
         start, end = path.byte_range

@@ -1,40 +1,41 @@
-"""Cut-through: what of a frame may leave when, while it still arrives. Sans-IO; time is an argument.
+"""One frame under cut-through forwarding: which bytes of it may be sent, and when.
 
-One :class:`ForwardedFrame` is one frame on its way through the gateway, a request or a reply. It is in one
-state of :class:`ForwardState`, and goes from one to the next only as :data:`FORWARD_AFTER` says. The rules,
-all of them:
+Sans-IO; time is an argument. Only this file decides when a byte may be sent. The judges (``requests``,
+``replies``) decide which bytes replace a position, and ``delay`` computes when the first byte may be sent.
 
-1. *Begin.* Bytes are handed in as they come. None leaves before the judge knows by them that the frame is one
-   that may be cut through (``opening``), and not before the delay is over: from then on the transmitter is
-   never empty before the frame has ended (``delay``).
-2. *Head.* Bytes of the head leave as they come. When it is whole it has to be what was expected (``fits``).
-3. *Data.* No byte of a position, and none behind it, leaves before the position is whole and judged
-   (``rendered``); all of it leaves as it was rendered.
-   *First byte.* Where a gate says so (``Gate.is_early``), the first byte of a position leaves as soon as all
-   but the last one have come: if it is that of the filler, and the position is rendered with it whatever the
-   last byte is (``begins_with``). Else it waits. Where the whole position is rendered with another one then,
-   for something has happened since, the frame is spoilt.
-4. *Check sum.* Both of its bytes leave together, after the incoming one was good and the judge has agreed to
-   exactly the bytes that left (``commits``), whatever has happened since it judged them. W3: no other frame
-   ever ends with a good check sum.
-5. *Spoil.* Whatever else happens to a frame of which bytes have left, it is filled up to its length at once,
-   in one piece, and closed with both bytes of its check sum inverted. It is never cut short: a drive that
-   counts bytes would take the next frame for the rest of it. It is as long as what was expected. What it is
-   filled with is what the judge gave for it: a drive that looks at no check sum, which has no place behind
-   cut-through, is then told what it holds.
-6. *Seams.* Nobody can keep a process from being killed, or an adapter from being pulled, between two pieces.
-   So none ends where the bytes so far are a frame by themselves or would be one with the next (``crc``): its
-   last byte waits for the one behind it. Heads that would have to wait so are not cut through
-   (:func:`is_fit_head`). What a frame is filled with avoids it too, also for the piece taken alone.
-7. *Stall.* A frame of which bytes have left and of which no more come is spoilt as soon as a character's
-   pause is longer than ``stall_ns``, or the transmitter is about to be empty.
+One :class:`ForwardedFrame` is one request or one reply on its way through the gateway. It is in one state of
+:class:`ForwardState` and changes state only as :data:`FORWARD_AFTER` says. These are all of the rules:
 
-What a spoilt frame was meant to be is not known here. Where all of it came, and its check sum was good, it is
-still a request: whoever owns this lets it take the way of one that was stored, after the silence that a
-spoilt frame wants. The drive has had nothing of it that it could take for a frame.
+1. *Begin.* Bytes are handed in as they come. The first byte is sent when two conditions hold. The judge
+   recognises a frame that may be forwarded (``opening``), and the forwarding delay is over (``delay``). From
+   then on the transmitter does not run empty before the end of the frame.
+2. *Head.* Bytes of the head are sent as they come. The complete head must be the expected one (``fits``).
+3. *Data.* A position is sent only when it is complete and judged (``rendered``), exactly as it was rendered.
+   Bytes behind it wait too.
+   *First byte.* Some positions may send their first byte early (``ByteThreshold.is_early``), when all bytes
+   but the last one have come. Two conditions hold then: it equals the first byte of the filler, and the
+   position gets this first byte whatever its last byte is (``begins_with``). Otherwise the byte waits. If a
+   change in between gives the complete position another first byte, the frame is aborted.
+4. *CRC.* Both bytes of the CRC are sent together. The received CRC must be good, and the judge must agree to
+   exactly the bytes that were sent (``commits``), whatever has happened since it judged them. W3: no other
+   frame ever ends with a good CRC.
+5. *Abort.* In every other case a frame that has begun to be sent is completed immediately, in one piece, with
+   both bytes of its CRC inverted. It is never truncated: a drive that counts bytes would take the next frame
+   for the rest of it. Its length is the expected one. The judge supplies the filler. So a drive that ignores
+   the CRC receives what it already holds; such a drive must not be used with cut-through at all.
+6. *Seams.* Between two pieces the process may be killed, or an adapter unplugged. So no piece ends where the
+   bytes so far are a valid frame, or would be one together with the next frame (``crc``). The last byte of
+   such a piece waits for the byte behind it. A head that would have to wait is not forwarded
+   (:func:`is_fit_head`). The filler avoids such ends too, also when it is received alone.
+7. *Stall.* A frame that has begun to be sent is aborted when no byte comes for longer than ``stall_ns``, or
+   when the transmitter is about to run empty.
 
-A pair of state and event without a row in the table cannot be. Tests raise it (``axis.impossible``). At a
-machine it is told, and goes the safest way (:data:`SAFEST`): what has left becomes no frame.
+This file does not know what an aborted frame was meant to be. If all of it came and its CRC was good, it is
+still a request. The owner then handles it like a stored one, after the silence that follows an aborted frame.
+The drive received nothing that it could take for a frame.
+
+A pair of state and event without a row in the table is a bug. Tests raise it (``axis.impossible``). In
+production it is reported, and the frame goes the safest way (:data:`SAFEST`): what was sent becomes no frame.
 """
 
 from collections.abc import Callable, Mapping
@@ -51,67 +52,67 @@ from gateway.modbus.rtu_arrival import Progress, RequestArrival
 
 
 class ForwardState(Enum):
-    """How far a frame has come on its way through."""
+    """How far a frame has come through the gateway."""
 
     __hash__ = object.__hash__
 
     BEGUN = "begun"
-    """Bytes of it have come, and none has left."""
+    """Bytes of it have come in. None was sent."""
     HEAD = "head"
-    """Bytes of its head have left. It is not known yet whether it is what was expected."""
+    """Bytes of its head were sent. It is not known yet whether the head is the expected one."""
     LEAVING = "leaving"
-    """Its head is what was expected, and its bytes leave as they may."""
+    """Its head is the expected one. Its bytes are sent as the rules allow."""
     STORED = "stored"
-    """Nothing of it has left, and nothing will from here: it takes the usual way."""
+    """Nothing of it was or will be sent from here: it takes the usual path."""
     WHOLE = "whole"
-    """It left with its own check sum."""
+    """It was sent with its own CRC."""
     ABORTED = "spoilt"
-    """It was filled up and closed so that it is no frame."""
+    """It was filled up and sent with an inverted CRC, so it is no valid frame."""
     BROKEN = "broken"
-    """The wire on which it left was lost: it ends where that ended."""
+    """The link to its receiver was lost. It ends where the link ended."""
 
 
 class ForwardEvent(Enum):
-    """What happens to a frame on its way through."""
+    """What happens to a frame on its way through the gateway."""
 
     __hash__ = object.__hash__
 
     OPENED = "opened"
-    """Its delay is over."""
+    """Its forwarding delay is over."""
     FITTED = "fitted"
-    """Its head is whole, and is what was expected."""
+    """Its head is complete and is the expected one."""
     JUDGED = "judged"
-    """A position in it is whole, and may leave as it was rendered."""
+    """A position in it is complete and may be sent as it was rendered."""
     COMMITTED = "committed"
-    """All of it came, its check sum was good, and the judge agreed to what has left."""
+    """All of it came, its CRC was good, and the judge agreed to the bytes that were sent."""
     KEPT = "kept"
-    """It is not one that is cut through, or it was whole before its delay was over."""
+    """It may not be forwarded, or it was complete before its delay was over."""
     UNFIT = "unfit"
-    """Its head is another one than was expected."""
+    """Its head is not the expected one."""
     REFUSED = "refused"
-    """A position in it may not leave, or has to be looked at on the slow path."""
+    """A position in it may not be sent, or the slow path must decide."""
     CHANGED = "changed"
-    """What has left is not what would be sent by now."""
+    """What was sent is no longer what would be sent now."""
     BAD = "bad"
-    """Its check sum was bad."""
+    """Its CRC was bad."""
     STALLED = "stalled"
     """No more of it came in time."""
     OVERTAKEN = "overtaken"
-    """A stop came."""
+    """A stop arrived."""
     ANEW = "anew"
-    """Whoever sends it began another one."""
+    """Its sender began another frame."""
     MET = "met"
-    """Bytes came on the wire on which it leaves: on a bus of two wires they have met."""
+    """Bytes came in on the wire on which it is sent: on a two-wire bus they collided."""
     GONE = "gone"
-    """The port on which it comes was lost."""
+    """The port on which it comes in was lost."""
     LOST = "lost"
-    """The wire on which it leaves was lost."""
+    """The wire on which it is sent was lost."""
 
 
 def _from_outside(
     after: ForwardState | None, lost: ForwardState | None
 ) -> dict[ForwardEvent, ForwardState | None]:
-    """Return the rows of what its owner, or time, ends a frame with. It can come in each state."""
+    """Return the rows of events that its owner, or time, causes. They can occur in each state."""
     return {
         ForwardEvent.STALLED: after,
         ForwardEvent.OVERTAKEN: after,
@@ -136,7 +137,7 @@ FORWARD_AFTER: Final[Mapping[ForwardState, Mapping[ForwardEvent, ForwardState | 
     ForwardState.LEAVING: {
         ForwardEvent.JUDGED: ForwardState.LEAVING,
         ForwardEvent.COMMITTED: ForwardState.WHOLE,
-        ForwardEvent.UNFIT: ForwardState.ABORTED,  # its length turns out to be another one
+        ForwardEvent.UNFIT: ForwardState.ABORTED,  # its length turns out to differ
         ForwardEvent.REFUSED: ForwardState.ABORTED,
         ForwardEvent.CHANGED: ForwardState.ABORTED,
         ForwardEvent.BAD: ForwardState.ABORTED,
@@ -147,8 +148,8 @@ FORWARD_AFTER: Final[Mapping[ForwardState, Mapping[ForwardEvent, ForwardState | 
     ForwardState.ABORTED: _from_outside(IGNORED, lost=IGNORED),
     ForwardState.BROKEN: _from_outside(IGNORED, lost=IGNORED),
 }
-"""Where each event leads. What is not there cannot be; :data:`IGNORED` changes nothing. Only one row leads to
-WHOLE."""
+"""The state that follows each event. :data:`IGNORED` changes nothing; a missing pair is impossible. Only one
+row leads to WHOLE."""
 SAFEST: Final[Mapping[ForwardState, ForwardState | None]] = {
     ForwardState.BEGUN: ForwardState.STORED,
     ForwardState.HEAD: ForwardState.ABORTED,
@@ -158,41 +159,43 @@ SAFEST: Final[Mapping[ForwardState, ForwardState | None]] = {
     ForwardState.ABORTED: IGNORED,
     ForwardState.BROKEN: IGNORED,
 }
-"""Where what cannot be leads: what has left becomes no frame, and the request takes the usual way."""
+"""Where an impossible pair leads: what was sent becomes no frame, and the request takes the usual path."""
 OVER: Final = frozenset({ForwardState.STORED, ForwardState.WHOLE, ForwardState.ABORTED, ForwardState.BROKEN})
-"""States in which nothing more of a frame leaves from here."""
+"""States in which nothing more of a frame is sent from here."""
 
 
 class ForwardingPace(NamedTuple):
-    """How fast frames leave, and what is too slow."""
+    """How fast frames are sent, and what is too slow."""
 
     out_ns: int
-    """What a character takes on the wire on which they leave."""
+    """Time of one character on the outgoing wire."""
     stall_ns: int
-    """After so long without a byte no more of a frame comes: 1.5 characters, and what pieces are apart."""
+    """A frame that brings no byte for so long has stalled: 1.5 characters plus the gaps between its
+    pieces."""
     guard_ns: int
-    """So long before the transmitter is empty a frame is filled up: less than the margin of its delay."""
+    """A frame is filled up so long before the transmitter runs empty; less than the margin of its delay."""
 
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """A frame that may be cut through: what it is expected to be."""
+    """The frame that is expected, for one that may be forwarded."""
 
     shape: FrameShape
     delay_ns: int
-    """After its first piece came; see ``MeasuredDelay``."""
+    """Since its first piece came in; see ``MeasuredDelay``."""
     filler: bytes
-    """The last one that was acknowledged, as it left, without its check sum."""
+    """The last acknowledged frame like it, as it was sent, without its CRC."""
 
 
 NOT_EXPECTED: Final = Opening(FrameShape(0, ()), 0, b"")
-"""What a frame is expected to be of which nobody knows yet."""
+"""The opening of a frame that is not recognised yet."""
 
 
 def opening_of(shape: FrameShape, delays: Delays, filler: bytes, *, is_early: bool) -> Opening | None:
-    """Return how a frame of this shape begins to leave; None: it is stored.
+    """Return how a frame of this shape begins to be sent; None: it is stored.
 
-    ``is_early``: its first bytes may be expected to stay what they are; else it is late, if it has to be.
+    ``is_early``: its first bytes are likely to stay the same. Otherwise its late shape is used, if it has
+        one.
     """
     for each in (shape if is_early else None, shape.late or shape):
         delay_ns = None if each is None else delays.of(each)
@@ -203,44 +206,44 @@ def opening_of(shape: FrameShape, delays: Delays, filler: bytes, *, is_early: bo
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class Judge:
-    """What a frame on its way through asks of the exchange. Nothing but ``commits`` changes anything."""
+    """What a frame on its way through asks of the exchange. Only ``commits`` changes anything."""
 
     def opening(self, begun: bytes, now_ns: int) -> Opening | None:
-        """Return what a frame is expected to be that begins so; None: it may not leave, as far as is known.
+        """Return what a frame with this beginning is expected to be; None: it may not be sent yet.
 
-        Asked anew with each piece that comes and when its delay is over, until its first byte leaves or it is
-        whole.
+        Asked again for each piece that comes and at the end of the delay, until its first byte is sent or it
+        is complete.
         """
         raise NotImplementedError
 
     def fits(self, opening: Opening, begun: bytes) -> bool:
-        """Return whether a frame whose head is whole is what was expected."""
+        """Return whether a frame with a complete head is the expected one."""
         raise NotImplementedError
 
     def rendered(self, begun: bytes, first: int, end: int, now_ns: int) -> bytes | None:
-        """Return what leaves in the place of the bytes ``first`` to ``end``, all of which have come.
+        """Return what is sent instead of the bytes ``first`` to ``end``, all of which have come.
 
-        It has as many bytes. None: they may not leave, or nobody knows without looking closer.
+        It has as many bytes. None: they may not be sent, or the slow path must decide.
         """
         raise NotImplementedError
 
     def begins_with(self, byte: int, begun: bytes, first: int, now_ns: int) -> bool:
-        """Whether a position of which all but the last byte have come is rendered with this first byte.
+        """Whether a position is rendered with this first byte, whatever its last byte is.
 
-        Whatever the last byte is. It begins at the byte ``first``, and ``begun`` ends with what came of it.
+        All of its bytes but the last have come. It begins at byte ``first``; ``begun`` ends with its bytes.
         """
         raise NotImplementedError
 
     def commits(self, frame: bytes, sent: bytes, now_ns: int) -> bool:
-        """Decide whether a good frame that leaves as ``sent`` gets its check sum; and take note of it.
+        """Decide whether a good frame, sent as ``sent``, gets its CRC; if so, record it.
 
-        What has to be known of it after a kill is written before this returns. Both without check sum.
+        What must survive a kill is written before this returns. Neither argument has a CRC.
         """
         raise NotImplementedError
 
 
 def is_fit_head(head: bytes) -> bool:
-    """Whether a frame may stand still behind any byte of its head: all but seven of 65 536 addresses.
+    """Whether a frame may pause behind any byte of its head: true for all but seven of 65 536 addresses.
 
     >>> is_fit_head(bytes.fromhex("01 10 6F 00 00 02 04"))
     True
@@ -256,10 +259,10 @@ def is_fit_head(head: bytes) -> bool:
 
 
 def closed(left: bytes, filler: bytes) -> bytes:
-    """Return ``filler`` as it follows on what has left, with a check sum that makes sure that it is no frame.
+    """Return ``filler`` as it continues what was sent, with a CRC that makes the frame invalid.
 
-    A byte of it is another one where the frame could end behind it, or where what is returned, should it come
-    alone because the wire was silent before it, could.
+    A byte of it differs where the frame could end behind that byte. The same holds where the returned bytes
+    alone, after a silence on the wire, could be a frame.
 
     >>> closed(bytes.fromhex("01 10 6F 00"), bytes.fromhex("00 02 04 00 00 00 00")).hex(" ")
     '00 02 04 00 00 00 00 e5 a2'
@@ -281,14 +284,14 @@ def closed(left: bytes, filler: bytes) -> bytes:
 
 
 class ForwardedFrame:
-    """One frame on its way through; see the head of this file.
+    """One frame on its way through the gateway; see the module.
 
     Args:
-        arrival: follows its bytes.
-        judge: decides what may leave.
-        pace: how fast it leaves, and what is too slow.
-        on_event: hears of each step, and why.
-        on_fault: hears a sentence of what cannot be, which is a bug.
+        arrival: parses its bytes as they come.
+        judge: decides what may be sent.
+        pace: how fast it is sent, and what is too slow.
+        on_event: called with each event.
+        on_fault: called with a sentence for an impossible pair, which is a bug.
     """
 
     __slots__ = (
@@ -325,56 +328,57 @@ class ForwardedFrame:
         self.arrival = arrival
         self.state = ForwardState.BEGUN
         self.left = b""
-        """What has left."""
+        """What was sent."""
         self.began_ns = 0
-        """When its first byte left; 0: none has."""
+        """When its first byte was sent; 0: none was."""
         self.empty_ns = 0
-        """When the transmitter has sent all that has left."""
+        """When the transmitter has sent everything so far."""
         self.gap_ns = 0
-        """The longest time for which it was empty inside of the frame, by its speed and by when the pieces
-        were written: longer than 0 where it may have been (:meth:`written`)."""
+        """The longest time for which the transmitter was empty inside the frame, by its speed and by the
+        times of writing. Above 0 where it may have been empty (:meth:`written`)."""
         self.written_need_ns = 0
-        """How long after its first piece it would have had to begin to leave, by when what followed was
-        written, so that the transmitter is never empty. 0: it left in one, or not from here."""
+        """How long after its first piece the frame should have begun, so that the transmitter never ran
+        empty; computed from the times at which the rest was written. 0: it was sent in one piece, or not from
+        here."""
         self.pieces: list[Piece] = []
-        """How it came."""
+        """When its bytes came in."""
         self.judge = judge
         self._pace = pace
         self._on_event = on_event
         self._on_fault = on_fault
         self._opening = NOT_EXPECTED
         self._out = b""
-        """What may leave in the place of what came, as far as that is known."""
+        """What may be sent instead of what came, as far as it is known."""
         self._rendered = 0
-        """Positions that were judged."""
+        """Number of positions that were judged."""
         self._sure = b""
-        """The first byte of the next one, if it leaves before that is whole."""
+        """The first byte of the next position, if it is sent before that is complete."""
         self._judged = 0
-        """Those of them that were told of."""
+        """Number of judged positions that were reported."""
         self._last_came_ns = 0
         self._left_ns = 0
-        """When the bytes that left last had been read that let them leave."""
+        """When the input that released the newest sent bytes was read."""
         self._off_ns = 0
-        """When all that was written is off the wire, at the earliest."""
+        """When everything written is off the wire, at the earliest."""
 
     @property
     def is_on_the_way(self) -> bool:
-        """Whether bytes of it have left, and others have to follow."""
+        """Whether bytes of it were sent and others must follow."""
         return self.state is ForwardState.HEAD or self.state is ForwardState.LEAVING
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing more leaves from here."""
+        """Whether nothing more is sent from here."""
         return self.state in OVER
 
     @property
     def expected(self) -> bytes:
-        """What it was expected to be, without its check sum; of one that is on its way."""
+        """The expected frame, without its CRC; only for a frame that is being sent."""
         return self._opening.filler
 
     @property
     def deadline_ns(self) -> int | None:
-        """When :meth:`tick` wants to be called; None: not before something else happens."""
+        """When :meth:`tick` must be called; None: not before another event."""
         if self.is_on_the_way:
             return min(self._last_came_ns + self._pace.stall_ns, self.empty_ns - self._pace.guard_ns)
         return (
@@ -386,7 +390,7 @@ class ForwardedFrame:
         return self.pieces[0].came_ns + self._opening.delay_ns
 
     def feed(self, data: bytes, now_ns: int) -> bytes:
-        """Take bytes that came, of this frame and behind it; return those that leave now."""
+        """Take received bytes, of this frame and behind it; return those to send now."""
         if self._is_stalled(now_ns):
             self.go_on(ForwardEvent.STALLED, now_ns)
         due = self.tick(now_ns)
@@ -398,7 +402,7 @@ class ForwardedFrame:
         return due + self._leave(now_ns)
 
     def tick(self, now_ns: int) -> bytes:
-        """Do what has fallen due; return the bytes that leave now."""
+        """Do what is due; return the bytes to send now."""
         deadline_ns = self.deadline_ns
         if deadline_ns is None or now_ns < deadline_ns:
             return b""
@@ -407,7 +411,7 @@ class ForwardedFrame:
         return self._leave(now_ns)
 
     def go_on(self, event: ForwardEvent, now_ns: int) -> bytes:
-        """Take a step of :data:`FORWARD_AFTER`; return what fills it up, where that spoils it."""
+        """Take a step of :data:`FORWARD_AFTER`; return the filling if the step aborts the frame."""
         row = FORWARD_AFTER[self.state]
         if event in row:
             after = row[event]
@@ -424,17 +428,17 @@ class ForwardedFrame:
         return self._write(closed(self.left, self._opening.filler[len(self.left) : body]), now_ns)
 
     def written(self, size: int, from_ns: int, until_ns: int) -> None:
-        """Take note of when the last ``size`` bytes were written, all at once.
+        """Record when the last ``size`` bytes were written, all of them together.
 
-        For what is counted (:attr:`gap_ns`) and learned (:attr:`written_need_ns`) alone.
+        Used only for statistics (:attr:`gap_ns`) and for learning (:attr:`written_need_ns`).
 
-        Not before ``from_ns``, and not after ``until_ns``: between reading and writing the process may have
-        stood still, with the transmitter empty. What has to be in time is reckoned from the reading.
+        They were written between ``from_ns`` and ``until_ns``: between reading and writing the process may
+        have been suspended, with the transmitter empty. Deadlines are computed from the time of reading.
         """
         before = len(self.left) - size
         if before:
             self.gap_ns = max(self.gap_ns, until_ns - self._off_ns)
-            # When it really began does not matter: what comes first takes so long on the wire.
+            # The real beginning does not matter: the first bytes take the same time on the wire.
             since_ns = until_ns - self.pieces[0].came_ns
             self.written_need_ns = max(self.written_need_ns, since_ns - before * self._pace.out_ns)
         self._off_ns = max(self._off_ns, self._left_ns, from_ns) + size * self._pace.out_ns
@@ -442,7 +446,7 @@ class ForwardedFrame:
     # --- steps -----------------------------------------------------------------------------------------
 
     def _is_stalled(self, now_ns: int) -> bool:
-        """Whether nothing of it has left and its bytes come too late: its delay counts from the first one."""
+        """Whether it stalled before it was sent: its delay counts from its first byte."""
         has_begun = self.state is ForwardState.BEGUN and bool(self.pieces)
         return has_begun and now_ns - self._last_came_ns > self._pace.stall_ns
 
@@ -454,7 +458,7 @@ class ForwardedFrame:
         return taken
 
     def _leave(self, now_ns: int) -> bytes:
-        """Go as far as its bytes allow; return those that leave."""
+        """Advance as far as its bytes allow; return those to send."""
         if self.state is ForwardState.BEGUN and not self._opens(now_ns):
             return b""
         progress = self.arrival.progress
@@ -480,18 +484,18 @@ class ForwardedFrame:
         return self._write(self._piece(), now_ns)
 
     def _opens(self, now_ns: int) -> bool:
-        """See whether its bytes say by now that it may be cut through; return whether it begins to leave."""
+        """Return whether its first bytes may be sent now."""
         if self.arrival.is_over:
             self.go_on(ForwardEvent.KEPT, now_ns)
             return False
         if self._is_stalled(now_ns):
-            self.go_on(ForwardEvent.STALLED, now_ns)  # it would have to be spoilt as soon as it had begun
+            self.go_on(ForwardEvent.STALLED, now_ns)  # it would be aborted as soon as it had begun
             return False
-        # Each time anew: what it was expected to be before its delay was over may be another thing now.
+        # Asked each time: the expected frame may have changed during the delay.
         self._opening = self.judge.opening(self.arrival.data, now_ns) or NOT_EXPECTED
         if self._opening is NOT_EXPECTED or now_ns < self._opens_ns or not self._piece():
             return False
-        # What is known by now to be another one, or to be refused, need not be spoilt: nothing has left.
+        # A frame that is unexpected or refused already need not be aborted: nothing was sent.
         is_head_known = self.arrival.progress is not Progress.BEGUN
         if is_head_known and not (self._is_expected() and self._judge_positions(now_ns) is None):
             self.go_on(ForwardEvent.KEPT, now_ns)
@@ -504,7 +508,7 @@ class ForwardedFrame:
         return arrival.length == opening.shape.length and self.judge.fits(opening, arrival.data)
 
     def _judge_positions(self, now_ns: int) -> ForwardEvent | None:
-        """Have the positions judged that have come; return why one may not leave, None: all of them may."""
+        """Have the received positions judged; return why one may not be sent, None: all may."""
         come = self.arrival.data
         judged = [threshold for threshold in self._opening.shape.thresholds if threshold.is_judged]
         for threshold in judged[self._rendered :]:
@@ -525,7 +529,7 @@ class ForwardedFrame:
         return None
 
     def _piece(self) -> bytes:
-        """Return what may leave now of a frame of which not all has come."""
+        """Return what may be sent now of a frame that has not come completely."""
         come, shape = self.arrival.data, self._opening.shape
         may = shape.leaves(len(come))
         out = self._out + come[len(self._out) : may]

@@ -1,4 +1,4 @@
-"""What a line does for a request that leaves while it arrives: it has the line as one that has left."""
+"""What the line does for a request under cut-through: it occupies the line like one that was sent."""
 
 from collections.abc import Callable
 
@@ -17,19 +17,19 @@ from gateway.times import NS_PER_MS
 
 
 class ForwardingLine:
-    """What a line does for a request that leaves while it arrives.
+    """What the line does for a request under cut-through.
 
     Args:
         timing: of the line.
-        link: the way to the drives.
-        waiting: what waits for the line.
+        link: the link to the drives.
+        waiting: the queue of the line.
         transactions: of the line.
-        turns: who goes next.
-        silent_units: who does not answer.
+        turns: decides which request is sent next.
+        silent_units: the units that do not answer.
         link_state: whether the drives can be reached.
         rest: the pauses of the line.
-        go_on: has the line start what waits.
-        tap: listens.
+        go_on: makes the line start what waits.
+        tap: sees the traffic.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class ForwardingLine:
         self._tap = tap
 
     def may_forward(self, port: ControllerPort, now_ns: int) -> bool:
-        """Whether a request of a port may begin to leave now: what would go out at once, if all had come."""
+        """Whether a request of a port may be forwarded now: if complete, it would be sent immediately."""
         if self._transactions.current is not None or self._rest.until_ns is not None:
             return False
         if not self._link_state.is_up or self._link_state.is_stopping:
@@ -68,9 +68,9 @@ class ForwardingLine:
         return port.is_motion and port.gate is None and self._link.may_forward(now_ns)
 
     def begin(self, port: ControllerPort, expected: bytes, now_ns: int) -> Transaction | None:
-        """A request begins to leave that is expected to be this one: unit id and PDU.
+        """Begin to forward a request that is expected to be this one: unit id and PDU.
 
-        Whatever comes meanwhile waits, as for one that has left (W6).
+        Requests that come meanwhile wait, as behind one that was sent (W6).
         """
         if self._scheduler.gaps.is_watching:
             self._scheduler.motion_came(now_ns)
@@ -78,26 +78,26 @@ class ForwardingLine:
         return transaction if self._transactions.begin(transaction) else None
 
     def forward(self, transaction: Transaction, piece: bytes, now_ns: int) -> None:
-        """Bytes of it leave, with which it is not whole."""
+        """Send bytes that do not complete it."""
         unit_id = transaction.unit_id
         self._transactions.send(transaction, Step.PIECE, unit_id, b"", now_ns, piece=piece)
 
     def commit(
         self, transaction: Transaction, path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int
     ) -> bytes | None:
-        """All of it has come in this moment: let its rest leave, on its fast path; see ``RequestJudge``."""
+        """All of it has just come: allow the rest to be sent, on its fast path; see ``RequestJudge``."""
         port = transaction.port
         assert port is not None
         self._transactions.come_whole(transaction, port, pdu, now_ns)
         sent_pdu = leave_on(path, transaction, target, now_ns)
         if sent_pdu is not None:
-            if self._tap is not None:  # as if it had been stored
+            if self._tap is not None:  # recorded as a stored request would be
                 self._tap.request(port, transaction.transaction_id, transaction.unit_id, pdu, now_ns)
             transaction.take(path)
         return sent_pdu
 
     def forward_last(self, transaction: Transaction, pdu: bytes, piece: bytes, now_ns: int) -> None:
-        """Its last bytes leave; ``pdu``: what has left with them."""
+        """Send its last bytes; ``pdu``: the complete request as it was sent."""
         path, port, unit_id = transaction.path, transaction.port, transaction.unit_id
         assert path is not None
         assert port is not None
@@ -109,9 +109,9 @@ class ForwardingLine:
             path.left(transaction)
 
     def aborted(self, transaction: Transaction, until_ns: int, now_ns: int) -> None:
-        """It was spoilt: nothing is sent before the silence behind it is over.
+        """It was aborted: nothing is sent before the silence behind it is over.
 
-        If all of it comes it is a request as any other, behind the silence.
+        If all of it comes, it is handled after that silence like any other request.
         """
         if self._transactions.current is transaction:
             self._transactions.free_wire()

@@ -1,12 +1,12 @@
-"""Replies that are cut through: the acknowledgement of a target, and what a read on a fast path brings.
+"""Replies under cut-through: the acknowledgement of a target, and the reply to a read on a fast path.
 
-:class:`Replies` remembers what each request of a port was last answered: a reply that has to be filled up is
-filled with that, so that a controller that looks at no check sum is told what it was told before.
-:class:`ReplyJudge` answers for one reply on its way; it asks the fast path on which its request left.
+:class:`Replies` remembers the last reply to each request of a port. An aborted reply is filled up with it, so
+a controller that ignores the CRC receives what it received before. :class:`ReplyJudge` judges one reply on
+its way; it asks the fast path on which its request was sent.
 
-Only a full native success is cut through. An exception, another unit id, function or length never begins to
-leave (``ReplyArrival``); an acknowledgement of other registers than were written is spoilt where bytes of it
-have left, and passed on whole where none has.
+Only a normal, complete reply is forwarded. Nothing of an exception, or of a reply with another unit id,
+function or length, is forwarded (``ReplyArrival``). An acknowledgement with other registers than were written
+is aborted if bytes of it were sent; otherwise it is passed on complete.
 """
 
 from typing import Final, NamedTuple
@@ -27,24 +27,24 @@ from gateway.exchange.transaction import Transaction
 
 REMEMBERED_REPLIES: Final = 256
 STORED_FOR: Final = 256
-"""So many replies of a shape are stored after one of them was spoilt: its controller had to ask again."""
+"""Number of replies of a shape that are stored after an aborted one: its controller had to ask again."""
 ACKNOWLEDGEMENT: Final = acknowledgement_shape()
 
 
 class Passed(NamedTuple):
-    """What a read was answered last."""
+    """The last reply to a read."""
 
     frame: bytes
-    """As its controller got it, without check sum."""
+    """As its controller got it, without CRC."""
     reach: int
-    """How far from it the positions of the next one may be expected (``FrameShape.reach``)."""
+    """How far from it the positions of the next reply are expected (``FrameShape.reach``)."""
 
 
 NOT_PASSED: Final = Passed(b"", FAR_COUNTS)
 
 
 def reply_shape_of(transaction: Transaction) -> FrameShape | None:
-    """Return the shape of the reply to what is on the wire; None: it is not cut through."""
+    """Return the shape of the reply to what is on the wire; None: it is not forwarded."""
     path = transaction.path
     if isinstance(path, WritePath):
         return ACKNOWLEDGEMENT
@@ -54,7 +54,7 @@ def reply_shape_of(transaction: Transaction) -> FrameShape | None:
     positions, early = [], []
     for which, (start, end) in enumerate(path.byte_ranges):
         if start < ended:
-            return None  # two positions share a register: what it leaves as is decided by both
+            return None  # two positions share a register, so both decide its bytes
         first = (start - head) // 2
         positions.append((first, (end - start) // 2))
         if path.is_early(which):
@@ -64,7 +64,7 @@ def reply_shape_of(transaction: Transaction) -> FrameShape | None:
 
 
 class Replies:
-    """What the requests of one port were last answered, and how late each shape has to begin to leave."""
+    """The last replies to the requests of one port, and the forwarding delay of each shape."""
 
     __slots__ = ("_passed", "_stored", "delays")
 
@@ -73,10 +73,10 @@ class Replies:
         """From the wire of the drives to the controller's."""
         self._passed: dict[tuple[int, bytes], Passed] = {}
         self._stored: dict[FrameShape, int] = {}
-        """How many more of a shape are stored."""
+        """Number of further replies of a shape that are stored."""
 
     def add(self, transaction: Transaction, passed: bytes) -> None:
-        """Remember what a read was answered: the PDU as its controller got it."""
+        """Remember the reply to a read: the PDU as its controller got it."""
         key, shape = (transaction.unit_id, transaction.pdu), reply_shape_of(transaction)
         if len(self._passed) >= REMEMBERED_REPLIES and key not in self._passed:
             self._passed.clear()
@@ -87,17 +87,17 @@ class Replies:
         self._passed[key] = Passed(frame, reach)
 
     def came(self, shape: FrameShape) -> None:
-        """A reply of a shape came whole, whatever became of it."""
+        """A reply of a shape came complete, whatever its result."""
         left = self._stored.pop(shape, 0) - 1
         if left > 0:
             self._stored[shape] = left
 
     def rest(self, shape: FrameShape) -> None:
-        """One of a shape was spoilt: the next ones are stored."""
+        """A reply of a shape was aborted: the next ones are stored."""
         self._stored[shape] = STORED_FOR
 
     def opening(self, transaction: Transaction) -> Opening | None:
-        """Return what the reply to what is on the wire is expected to be; None: it is stored."""
+        """Return the expected reply to what is on the wire; None: it is stored."""
         shape = reply_shape_of(transaction)
         if shape is None or shape in self._stored:
             return None
@@ -112,11 +112,11 @@ class Replies:
 
 
 class ReplyJudge(Judge):
-    """Answers for the reply to one request, on its way to the controller.
+    """Judges the reply to one request, on its way to the controller.
 
     Args:
         transaction: what is on the wire.
-        replies: what is known of the replies of its port.
+        replies: what was learned of the replies of its port.
     """
 
     __slots__ = ("_next_position", "_replies", "nominal_reply", "transaction")
@@ -125,9 +125,9 @@ class ReplyJudge(Judge):
         self.transaction = transaction
         self._replies = replies
         self._next_position = 0
-        """Positions that were turned back."""
+        """Number of positions that were converted back to nominal."""
         self.nominal_reply: bytes | None = None
-        """What the whole reply says to its controller, as soon as all of it was taken note of."""
+        """The complete reply as its controller gets it, once all of it was processed."""
 
     def opening(self, begun: bytes, now_ns: int) -> Opening | None:
         """See ``Judge``."""
@@ -140,7 +140,7 @@ class ReplyJudge(Judge):
         return self._replies.opening(self.transaction)
 
     def _may_begin(self, now_ns: int) -> bool:
-        """Whether its controller waits for it still, and its wire is free."""
+        """Whether its controller still waits for it, and its wire is free."""
         transaction = self.transaction
         port = transaction.port
         return port is not None and not transaction.is_orphan and port.may_forward(now_ns)
@@ -164,9 +164,9 @@ class ReplyJudge(Judge):
         return path.begins_with(byte, self.transaction, self._next_position, begun[first:])
 
     def commits(self, frame: bytes, sent: bytes, now_ns: int) -> bool:
-        """See ``Judge``. The whole reply is taken note of, as one that was stored.
+        """See ``Judge``. The complete reply is processed like a stored one.
 
-        Where something has come to another result meanwhile only its controller has not heard of it.
+        If the result differs from the bytes sent, only the controller's reply is lost.
         """
         path = self.transaction.path
         assert path is not None

@@ -1,12 +1,12 @@
-"""Requests that are cut through: which may begin to leave, and what leaves in the place of their positions.
+"""Requests under cut-through: which may be forwarded, and what is sent instead of their positions.
 
-:class:`Heads` remembers the requests of one controller's port that were acknowledged. What begins like one of
-them is expected to go on like it. :class:`RequestJudge` answers for one request on its way
-(``frame.ForwardedFrame``): it has no judgement of its own, but asks the fast path.
+:class:`Heads` remembers the acknowledged requests of one controller port. A request with the same beginning
+is expected to go on in the same way. :class:`RequestJudge` judges one request on its way
+(``frame.ForwardedFrame``). It decides nothing itself: it asks the fast path.
 
-What is never cut through has no entry here: only reads that a fast path knows, and writes of one whole
-position (FC16) to drives whose map has no modes, triggers or stops. So a stop, a trigger, FC06, a broadcast
-and whatever the slow path has to look at never begin like something that is expected.
+Only two kinds are remembered: reads that have a fast path, and writes of one complete position (FC16) to
+drives whose map has no modes, triggers or stops. So these never match an expected beginning: a stop, a
+trigger, FC06, a broadcast, and whatever needs the slow path.
 """
 
 from collections import deque
@@ -35,27 +35,27 @@ from gateway.modbus.rtu_arrival import BLOCK_HEAD, REGISTERS_HEAD
 WRITE: Final = FunctionCode.WRITE_MULTIPLE_REGISTERS
 REGISTER_READS: Final = frozenset({FunctionCode.READ_HOLDING_REGISTERS, FunctionCode.READ_INPUT_REGISTERS})
 REMEMBERED_BEGINNINGS: Final = 256
-"""A controller uses a few; of one that uses more all are forgotten now and then."""
+"""A controller uses a few. If one uses more, all are forgotten when the limit is reached."""
 READ: Final = read_shape()
 WEIGHED: Final = 64
-"""So many of the last requests that began to leave are weighed: what was gained against what was lost."""
+"""Number of the newest forwarded requests that are compared: time gained against time lost."""
 WEIGHED_AT_LEAST: Final = 8
 STORED_FOR: Final = 256
-"""So many requests are stored where it was a loss, before it is tried again."""
+"""Number of requests that are stored after a loss, before forwarding is tried again."""
 
 
 class Expected(NamedTuple):
-    """The newest acknowledged request of those that begin alike."""
+    """The newest acknowledged request of those with the same beginning."""
 
     shape: FrameShape
     sent: bytes
-    """As it left, without its check sum."""
+    """As it was sent, without its CRC."""
     reach: int
-    """How far from it the next one may be expected (``FrameShape.reach``)."""
+    """How far from it the next one is expected (``FrameShape.reach``)."""
 
 
 def shape_of(path: FastPath | None, frame: bytes) -> FrameShape | None:
-    """Return the shape of a request, whole or only its head; None: it is not cut through.
+    """Return the shape of a request, complete or only its head; None: it is not forwarded.
 
     ``path``: its fast path, if it has one.
     """
@@ -73,9 +73,9 @@ def shape_of(path: FastPath | None, frame: bytes) -> FrameShape | None:
 
 
 def beginning_of(begun: bytes) -> bytes:
-    """Return the bytes by which a request is known: of a read its function, of a write its address too.
+    """Return the bytes that identify a request: the function of a read, also the address of a write.
 
-    Empty, while not so many have come.
+    Empty while fewer bytes have come.
     """
     if len(begun) < FUNCTION_BYTES:
         return b""
@@ -84,10 +84,11 @@ def beginning_of(begun: bytes) -> bytes:
 
 
 class Heads:
-    """What requests of one port begin like, and how late each shape of them has to begin to leave.
+    """The beginnings of one port's requests, and the forwarding delay of each of their shapes.
 
-    A write is known by its whole address; by the first byte of it where all writes of the port that came with
-    this byte went to one address, and the register map has no other target there (``WritePath.is_early``).
+    A write is identified by its complete address. The first byte of the address is enough where all writes of
+    the port with this byte went to one address, and the register map has no other target there
+    (``WritePath.is_early``).
     """
 
     __slots__ = ("_expected", "_gains", "_pages", "_stored", "delays")
@@ -96,19 +97,19 @@ class Heads:
         self.delays = delays
         """From the controller's wire to that of the drives."""
         self._expected: dict[bytes, Expected | None] = {}
-        """None: of what begins so nobody knows how it goes on."""
+        """None: requests with this beginning go on in different ways."""
         self._pages: dict[bytes, bytes] = {}
-        """By the first three bytes of writes that came: how all of them began; empty: not alike."""
+        """By the first three bytes of received writes: their common beginning; empty: they differ."""
         self._gains: dict[bytes, deque[int]] = {}
-        """Of the last requests that began so: how much sooner each was through, less than 0: later."""
+        """For the last requests with a beginning: how much earlier each was through; below 0: later."""
         self._stored: dict[bytes, int] = {}
-        """How many more are stored of those that began so: it did not pay."""
+        """Number of further requests with a beginning that are stored, because forwarding did not pay."""
 
     def add(self, path: FastPath | None, frame: bytes, sent: bytes) -> None:
-        """Remember a request that was acknowledged, as it came and as it left, both without check sum.
+        """Remember an acknowledged request, as it came and as it was sent, both without CRC.
 
-        Two that begin alike and go on otherwise are both stored from then on. Reads may differ: they change
-        nothing, and all have one length.
+        Two with the same beginning that go on differently are both stored from then on. Reads may differ:
+        they change nothing, and all have one length.
         """
         shape = shape_of(path, frame)
         beginning = beginning_of(frame)
@@ -120,7 +121,7 @@ class Heads:
             self._stored.clear()
         before = None if is_new else self._expected[beginning]
         if shape is None and frame[1] in REGISTER_READS:
-            return  # a read that goes the slow path, first or among others; how often is weighed
+            return  # a read on the slow path, the first or one of several; ``pay`` weighs how often
         head = sent[: REGISTERS_HEAD if shape is READ else BLOCK_HEAD]
         is_alike = is_new or shape is READ or (before is not None and before.sent[:BLOCK_HEAD] == head)
         is_expected = shape is not None and is_alike and is_fit_head(head)
@@ -132,7 +133,7 @@ class Heads:
         self._expected[beginning] = Expected(shape, sent, reach)
 
     def saw(self, frame: bytes) -> None:
-        """A request came whole, whatever it is: by the first three bytes of a write it may be another one."""
+        """Record any complete request: by its first three bytes a write might be another one."""
         beginning = beginning_of(frame)
         if len(beginning) != ADDRESS_BYTES:
             return
@@ -142,16 +143,16 @@ class Heads:
         self._pages[page] = beginning if self._pages.get(page, beginning) == beginning else b""
 
     def came(self, frame: bytes) -> None:
-        """A request came whole, whatever became of it."""
+        """A request came complete, whatever its result."""
         beginning = beginning_of(frame)
         left = self._stored.pop(beginning, 0) - 1
         if left > 0:
             self._stored[beginning] = left
 
     def pay(self, frame: bytes, gain_ns: int) -> None:
-        """A request that began to leave was through so much sooner than stored; less than 0: later.
+        """Record how much earlier than stored a forwarded request was through; below 0: later.
 
-        Where it is a loss all in all, the next ones are stored.
+        If the sum is a loss, the next ones are stored.
         """
         beginning = beginning_of(frame)
         gains = self._gains.get(beginning)
@@ -163,7 +164,7 @@ class Heads:
             gains.clear()
 
     def opening(self, begun: bytes) -> Opening | None:
-        """Return what a request is expected to be that begins so; None: it is stored, or more has to come."""
+        """Return the request expected after this beginning; None: it is stored, or needs more bytes."""
         alone = self._pages.get(begun[:PAGE_BYTES], b"")
         beginning = beginning_of(begun) or alone
         expected = self._expected.get(beginning)
@@ -175,15 +176,16 @@ class Heads:
 
 
 class RequestJudge(Judge):
-    """Answers for one request of one port on its way to the drives.
+    """Judges one request of one port on its way to the drives.
 
     Args:
         port: of its controller.
         units: the register maps of the line.
-        heads: what is known of the port's requests.
-        may_forward: whether the line is free, at rest and owes nothing, and a port may ask for anything.
-        leaves: takes note that the request leaves, on its fast path, with the target that it carries; whether
-            it may.
+        heads: what was learned of the port's requests.
+        may_forward: whether the line is free, at rest and expects no late reply, and the port may send
+            anything.
+        leaves: records that the request is sent, on its fast path, with the target in it; returns None if it
+            may not be.
     """
 
     __slots__ = ("_heads", "_judged_ns", "_leaves", "_may_forward", "_port", "_target", "_units", "path")
@@ -206,7 +208,7 @@ class RequestJudge(Judge):
         self.path: FastPath | None = None
 
     def opening(self, begun: bytes, now_ns: int) -> Opening | None:
-        """See ``Judge``. A target that could not pass whatever its words are is stored, not spoilt."""
+        """See ``Judge``. A target that cannot pass, whatever its words are, is stored instead of aborted."""
         opening = self._heads.opening(begun) if self._may_forward(self._port, now_ns) else None
         if opening is None or begun[1] != WRITE:
             return opening
@@ -215,7 +217,7 @@ class RequestJudge(Judge):
         return opening if is_ready else None
 
     def fits(self, opening: Opening, begun: bytes) -> bool:
-        """See ``Judge``. A write goes to the registers that were expected, a read anywhere on a fast path."""
+        """See ``Judge``. A write goes to the expected registers, a read to any registers with a fast path."""
         is_write = begun[1] == WRITE
         head = begun[: BLOCK_HEAD if is_write else REGISTERS_HEAD]
         if is_write and head != opening.filler[:BLOCK_HEAD]:
@@ -246,7 +248,7 @@ class RequestJudge(Judge):
         return path.begins_with(byte, self._port, begun[first:], now_ns)
 
     def commits(self, frame: bytes, sent: bytes, now_ns: int) -> bool:
-        """See ``Judge``. A target is judged again, as if nothing but what has happened since were new."""
+        """See ``Judge``. A target is judged again, with everything that has changed since."""
         path, target = self.path, self._target
         assert path is not None
         if isinstance(path, WritePath):
@@ -260,9 +262,9 @@ class RequestJudge(Judge):
 def leave_on(
     path: FastPath, transaction: Transaction, target: SteadyTarget | None, now_ns: int
 ) -> bytes | None:
-    """Let a transaction leave on its fast path, as the line does with one that was stored; None: it may not.
+    """Send a transaction on its fast path, as the line does with a stored one; None: it may not be sent.
 
-    What has to be known of it after a kill is written.
+    What must survive a kill is written.
     """
     if target is None or not isinstance(path, WritePath):
         return path.sent(transaction, now_ns)
