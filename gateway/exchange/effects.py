@@ -1,7 +1,8 @@
-"""What a request makes of its axes: as it leaves, as it ends, and where it never reached its drive (M3, M7).
+"""What a request changes in its axes: when it is sent, when it ends, and when it was never sent (M3, M7).
 
-Only the full native success of a drive counts as obeyed. Of anything else the drive may have written what it
-was told, or not, unless an exception proves that it did not (``Axis.writes_nothing``).
+Only a complete normal reply proves that the drive obeyed. After any other end the drive may have written the
+data or not, unless an exception proves that it did not (``Axis.writes_nothing``). So each function here calls
+the methods of ``Axis`` for what is proven, and for what is open.
 """
 
 from collections.abc import Sequence
@@ -15,14 +16,14 @@ from gateway.exchange.decode import AxisCommand, Part
 from gateway.exchange.group import end_in_group, leave_in_group, report_skew
 from gateway.exchange.request import Request
 
-# --- as it leaves ------------------------------------------------------------------------------------------
+# --- when it is sent ---------------------------------------------------------------------------------------
 
 
 def leave(request: Request, now_ns: int) -> int:
-    """A request leaves next: keep what must be known if nobody lives to see the reply.
+    """A request is sent next: record what must be known if the process dies before the reply.
 
     Returns:
-        Of how many axes it means something that the register map does not know.
+        For how many axes it has a meaning that the register map does not know.
     """
     return sum([_leave_to(command, now_ns) for command in request.commands])
 
@@ -32,7 +33,7 @@ def _leave_to(command: AxisCommand, now_ns: int) -> bool:
     leave_in_group(command, now_ns)
     for rendering in (*command.targets, *command.runs):
         axis.send_target(rendering)
-    if command.is_stop:  # an axis found on its way counts as stopped in any case (``Axis.may_have_stopped``)
+    if command.is_stop:  # an axis found on its way counts as stopped anyway (``Axis.may_have_stopped``)
         is_target_unknown = command.sets_position_too or axis.acknowledgement.pending is not None
     else:
         runs_unknown = command.runs_alone and not command.runs
@@ -48,7 +49,7 @@ def _leave_to(command: AxisCommand, now_ns: int) -> bool:
 
 
 def _report_unknown(command: AxisCommand) -> None:
-    """Report a frame that means something the register map does not know: once for the same contents."""
+    """Report a frame with a meaning that the register map does not know: once for the same contents."""
     axis, words = command.axis, dict(command.words)
     mode = None if command.number is None else axis.rules.plan.mode(command.number)
     word = None if mode is None else axis.rules.word(mode.address)
@@ -57,11 +58,11 @@ def _report_unknown(command: AxisCommand) -> None:
     axis.report_unknown(tuple(sorted(words.items())))
 
 
-# --- as it ends --------------------------------------------------------------------------------------------
+# --- when it ends ------------------------------------------------------------------------------------------
 
 
 def finish(request: Request, outcome: Outcome, code: int, now_ns: int) -> None:
-    """Take note of how a request ended that went out, and of which exception it ended with."""
+    """Apply the end of a request that was sent; ``code``: its exception code, if it ended with one."""
     for command in request.commands:
         axis = command.axis
         if outcome is Outcome.ACKNOWLEDGED:
@@ -76,7 +77,7 @@ def finish(request: Request, outcome: Outcome, code: int, now_ns: int) -> None:
 
 
 def _obeyed(request: Request, command: AxisCommand, now_ns: int) -> None:
-    """The drive acknowledged a request in full (M7)."""
+    """The drive acknowledged a request completely (M7)."""
     axis = command.axis
     for image, nominal_words, corrected_words, epoch, written in command.stagings:
         image.settle(nominal_words, corrected_words, epoch, written)
@@ -105,11 +106,11 @@ def _obeyed(request: Request, command: AxisCommand, now_ns: int) -> None:
     if action in MOVES_OTHERWISE:
         _move_otherwise(axis, action, now_ns, is_certain=True)
         if command.runs_stored and not axis.passes_unchanged:
-            axis.compensation.invalidate()  # with words that nobody corrected for it
+            axis.compensation.invalidate()  # those words were not corrected for it
         if command.sets_position_too:
             _move_otherwise(axis, Action.SET_POSITION, now_ns, is_certain=True)
     elif command.is_doubtful:
-        axis.motion.displace(now_ns, keeps_branch=True)  # the reading counts on it already
+        axis.motion.displace(now_ns, keeps_branch=True)  # readings rely on the branch already
     is_whole = not any(axis.fields[number].is_incomplete for number in command.written)
     if command.written and is_whole:
         axis.release_triggers(command.epoch)
@@ -118,7 +119,7 @@ def _obeyed(request: Request, command: AxisCommand, now_ns: int) -> None:
 
 
 def _runs_superseded(command: AxisCommand) -> bool:
-    """Whether a request runs the target of before a loss as it was: its axis stays where it is."""
+    """Whether a request runs the target from before a loss unchanged: its axis does not move."""
     superseded = command.axis.motion.superseded
     if superseded is None:
         return False
@@ -127,7 +128,7 @@ def _runs_superseded(command: AxisCommand) -> bool:
 
 
 def _not_obeyed(request: Request, command: AxisCommand, outcome: Outcome, code: int, now_ns: int) -> None:
-    """A request went out and was not acknowledged; what a refusal proves, the register map says (M7)."""
+    """A request was sent and not acknowledged; the register map says what a refusal proves (M7)."""
     axis = command.axis
     is_broadcast = outcome is Outcome.BROADCAST
     is_refusal = outcome is Outcome.EXCEPTION
@@ -164,7 +165,7 @@ def _not_obeyed(request: Request, command: AxisCommand, outcome: Outcome, code: 
 
 
 def _go_unknown(command: AxisCommand, now_ns: int) -> None:
-    """Nobody knows where the axis goes; flag its branch where its words were not corrected for that."""
+    """The axis goes to an unknown position; its branch is flagged if its words were not corrected for it."""
     axis = command.axis
     axis.motion.displace(now_ns)
     if command.is_uncorrected and not axis.passes_unchanged:
@@ -172,16 +173,16 @@ def _go_unknown(command: AxisCommand, now_ns: int) -> None:
 
 
 def _write_blindly(request: Request, command: AxisCommand, now_ns: int) -> None:
-    """Nobody knows what command fields hold that were written, nor where the axis goes with them."""
+    """The content of written command fields is unknown, and so is where the axis goes with them."""
     for image in command.untracked:
         command.axis.motion.displace(now_ns)
         image.forget()
-        if image.is_incomplete:  # words that were lost before are older than what has gone out by now
+        if image.is_incomplete:  # words lost before are older than what was sent now
             image.lose_all_words(request.arrived_ns)
 
 
 def _move_otherwise(axis: Axis, action: Action, now_ns: int, *, is_certain: bool) -> None:
-    """Something else than a target moves the axis, or stops it, or moves its zero."""
+    """Something other than a target moves the axis, stops it, or moves its zero."""
     is_at_rest = not axis.motion.is_moving
     moved_ns = None if action in (Action.STOP, Action.SET_POSITION) else now_ns
     axis.motion.displace(moved_ns, keeps_branch=action is Action.STOP)
@@ -209,7 +210,7 @@ def lose(
     arrived_ns: int,
     follows_ns: int,
 ) -> None:
-    """A request never reached the drive: what it wrote is lost, and torn from the rest (M3)."""
+    """A request never reached the drive: what it wrote is lost, and its fields are incomplete (M3)."""
     _lose(parts, loss, arrived_ns, follows_ns, arrived_ns)
     if command is not None:
         if command.runs_target:
@@ -226,9 +227,9 @@ def _lose(parts: Sequence[Part], loss: Loss, arrived_ns: int, follows_ns: int, n
 
 
 def _block_for(command: AxisCommand, code: int) -> None:
-    """A target, its mode or a part of it was lost: its triggers are refused from now on (M3)."""
+    """A target, its mode or a part of it was lost: refuse its triggers from now on (M3)."""
     axis = command.axis
-    # The others of a beam must not go alone (M11); a run refused for their sake holds nobody up.
+    # The other axes of a gantry must not go alone (M11). A run refused for their sake blocks none of them.
     is_run_of_gantry = bool(axis.peers) and command.runs_target and axis.blocked_by_peer is None
     may_stand = axis.plan.motion.waits_for_trigger or bool(axis.peers)
     if not may_stand or not (command.written or command.writes_mode or is_run_of_gantry):
@@ -240,6 +241,6 @@ def _block_for(command: AxisCommand, code: int) -> None:
             f"a target or its mode was lost (exception {code:#04x}): triggers are refused until a "
             "complete one was accepted; stops always pass"
         )
-        # Of what only stages, the loss is its own: a peer that is released must not go without it.
+        # For a frame that only stages, the loss is its own: a released peer must not go without this axis.
         is_own = axis.blocked_by_peer is None or not command.runs_target
         axis.block_triggers(code, why, is_own=is_own)

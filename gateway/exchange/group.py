@@ -1,12 +1,12 @@
-"""The axes of a group: what the first trigger fixes, takes before it leaves, and what it leaves behind (M11).
+"""The axes of a group: what the first trigger fixes, what it needs before, and what it changes (M11).
 
-``axis.gantry`` has the machine: what is fixed, and how long. Here is what a request makes of it as it leaves
-(:func:`leave_in_group`) and as it ends (:func:`end_in_group`).
+``axis.gantry`` has the state machine: what is fixed, and for how long. This file drives it when a request is
+sent (:func:`leave_in_group`) and when it ends (:func:`end_in_group`).
 
-The other axes may be refused nothing once the first has gone. So what their triggers would need is done
-before (:func:`next_of_groups`): their references are read, and the targets that they hold are written anew
-with the words that the decision gives, each with one named write (M2). Where that is refused, unanswered or
-not allowed the first trigger is refused, and nothing moves.
+Once the first axis has started, the others must not be refused anything. So what their triggers need is done
+before (:func:`next_of_groups`). Their references are read. Their staged targets are rewritten with the words
+that the decision gives, each with one named write (M2). If that is refused, unanswered or not allowed, the
+first trigger is refused, and nothing moves.
 """
 
 from collections.abc import Iterable, Sequence
@@ -28,7 +28,7 @@ from gateway.exchange.request import Request, written_part
 
 
 def join_groups(axes: Sequence[Axis], groups: Iterable[Iterable[str]]) -> None:
-    """Make the axes of each group know each other, and what its first trigger fixes."""
+    """Connect the axes of each group with each other, and with what its first trigger fixes."""
     by_name = {axis.plan.name: axis for axis in axes}
     for names in groups:
         members = [by_name[name] for name in names if name in by_name]
@@ -41,7 +41,7 @@ def join_groups(axes: Sequence[Axis], groups: Iterable[Iterable[str]]) -> None:
 
 
 def settle_group(axis: Axis, now_ns: int) -> None:
-    """Bring its group up to date: one reference for all, and no decision of before that has ended."""
+    """Bring its group up to date: one reference for all, and no decision that has ended."""
     if axis.gantry is None:
         return
     axis.follow_group()
@@ -52,7 +52,7 @@ def settle_group(axis: Axis, now_ns: int) -> None:
 
 
 def leave_in_group(command: AxisCommand, now_ns: int) -> None:
-    """A request leaves to an axis of a group: it fixes what all go by, or goes by that, or ends it."""
+    """A request to an axis of a group is sent: it fixes values for all, uses the fixed ones, or ends them."""
     axis, gantry = command.axis, command.axis.gantry
     if gantry is None:
         return
@@ -76,7 +76,7 @@ def leave_in_group(command: AxisCommand, now_ns: int) -> None:
 
 
 def end_in_group(request: Request, command: AxisCommand, outcome: Outcome, code: int, now_ns: int) -> None:
-    """A request to an axis of a group has ended: it has gone, was refused, or was given a target."""
+    """A request to an axis of a group has ended: the axis has started, was refused, or got a target."""
     axis, gantry, fixed = command.axis, command.axis.gantry, command.axis.fixed
     if gantry is None or fixed is None:
         return
@@ -120,15 +120,15 @@ def _keeps_other_words(command: AxisCommand) -> bool:
 
 
 def _holds_unconfirmed(axis: Axis, number: int) -> bool:
-    """Whether a command field holds the target to which it may have gone, or not all of one."""
+    """Whether a command field holds a target to which the axis may have gone, or an incomplete one."""
     image = axis.fields[number]
     if image.nominal_words is None or image.is_incomplete:
-        return True  # the rest of it is to come
+        return True  # the rest of it is still to come
     return axis.may_have_gone_to(number, image.nominal_words)
 
 
 def _is_joined(axis: Axis, first: int, count: int, now_ns: int) -> bool:
-    """Whether words of a target, from its word ``first`` on, belong to that with which it went."""
+    """Whether words of a target, from its word ``first`` on, belong to the target with which it started."""
     fixed = axis.fixed
     if fixed is None or now_ns - fixed.part_ns > JOIN_NS:
         return False
@@ -137,7 +137,7 @@ def _is_joined(axis: Axis, first: int, count: int, now_ns: int) -> bool:
 
 
 def _missing_words(command: AxisCommand, fixed: Fixed, now_ns: int) -> int:
-    """Return which words of a target have not come yet, of a drive that goes to each part of one."""
+    """Return which words of a target have not come yet, for a drive that moves with each part."""
     axis, missing = command.axis, 0
     for part in command.parts:
         if part.first >= 0:
@@ -149,7 +149,7 @@ def _missing_words(command: AxisCommand, fixed: Fixed, now_ns: int) -> int:
 
 
 def _is_group_through(axis: Axis, now_ns: int) -> bool:
-    """Whether each axis of its group has gone, and no word of its target is to come."""
+    """Whether each axis of its group has started, and no word of its target is missing."""
     for member in (axis, *axis.peers):
         fixed = member.fixed
         if fixed is None or not fixed.has_gone:
@@ -160,7 +160,7 @@ def _is_group_through(axis: Axis, now_ns: int) -> bool:
 
 
 def _report_unconfirmed_first(axis: Axis, gantry: Gantry, code: int) -> None:
-    """It is the first of its group, and nobody knows whether it goes."""
+    """It is the first of its group, and it is unknown whether it starts."""
     gantry.skew_by(None)
     detail = (
         f"its trigger was sent, and the drive may have obeyed it (exception {code:#04x}): the skew is "
@@ -170,7 +170,7 @@ def _report_unconfirmed_first(axis: Axis, gantry: Gantry, code: int) -> None:
 
 
 def report_skew(axis: Axis, code: int) -> None:
-    """It is refused after another axis of its group has gone: nothing of ours stops that one (M3)."""
+    """It is refused after another axis of its group has started: the gateway does not stop that one (M3)."""
     gantry, fixed = axis.gantry, axis.fixed
     if gantry is None or not gantry.is_under_way or fixed is None or fixed.has_gone:
         return
@@ -192,21 +192,21 @@ def report_skew(axis: Axis, code: int) -> None:
 
 
 def _way_in_group(axis: Axis) -> float | None:
-    """How far it was sent since its group began to go, in units; None: nobody knows."""
+    """How far it was sent since its group started, in units; None: unknown."""
     fixed, accepted = axis.fixed, axis.compensation.accepted
     if fixed is None or fixed.nominal_counts is None or accepted is None:
         return None
     return (accepted.nominal_counts - fixed.nominal_counts) / axis.plan.settings.counts_per_unit
 
 
-# --- what goes before the first trigger --------------------------------------------------------------------
+# --- before the first trigger ------------------------------------------------------------------------------
 
 
 def settle_groups(request: Request) -> bool:
-    """Let a new round begin where an axis that has gone is given another target; return whether one has.
+    """Begin a new round if an axis that has started gets another target; return whether one has begun.
 
     Raises:
-        RefusedRequestError: the axis must not be given it, so it stays where the round has sent it.
+        RefusedRequestError: the axis must not get it, so it stays where the last round sent it.
     """
     for command in request.commands:
         gantry, fixed = command.axis.gantry, command.axis.fixed
@@ -220,12 +220,12 @@ def settle_groups(request: Request) -> bool:
 
 
 def next_of_groups(requests: Sequence[Request]) -> AddedFrame | None:
-    """Return the next frame that has to be exchanged for the other axes of a group, if any.
+    """Return the next prerequisite of the other axes of a group, if any.
 
-    ``requests``: one request, as each unit has it that it reaches.
+    ``requests``: one request, decoded for each unit that it reaches.
 
     Raises:
-        RefusedRequestError: the first trigger must not leave, for one of them could not follow.
+        RefusedRequestError: the first trigger must not be sent, because one of them could not follow.
     """
     firsts = [
         (request, command) for request in requests for command in request.commands if _is_first(command)
@@ -254,7 +254,7 @@ def next_of_groups(requests: Sequence[Request]) -> AddedFrame | None:
 
 
 def _poll_at_superseded(request: Request, axis: Axis) -> AddedFrame | None:
-    """Return the look that tells whether the target of before a loss counts: of a group all do, or none."""
+    """Return the read that decides if the target from before a loss counts: in a group all do, or none."""
     actual = axis.asked_actual
     superseded = axis.motion.superseded
     is_open = superseded is not None and not superseded.is_declared and axis.motion.seen_at_superseded is None
@@ -269,7 +269,7 @@ def _is_first(command: AxisCommand) -> bool:
 
 
 def _goes_elsewhere(request: Request, command: AxisCommand) -> bool:
-    """Whether a request sends an axis that has gone to another place than where it went."""
+    """Whether a request sends an axis that has started to another position than before."""
     axis = command.axis
     accepted, is_unconfirmed = axis.compensation.accepted, axis.fixed is not None and axis.fixed.may_have_gone
     if command.action.is_relative or (accepted is None and not is_unconfirmed):
@@ -298,7 +298,7 @@ def _is_at(axis: Axis, number: int, words: bytes) -> bool:
 
 
 def _decide_anew(request: Request, axis: Axis) -> None:
-    """Forget what was worked out for this request where something else has come into force meanwhile."""
+    """Drop what was prepared for this request if another correction has come into force meanwhile."""
     prefetched, members = request.prefetched, (axis, *axis.peers)
     is_other = False
     for member in members:
@@ -320,12 +320,12 @@ def _reference_of(request: Request, axis: Axis) -> AddedFrame | None:
 
 
 def _prepare_peer(request: Request, axis: Axis, first: AxisCommand) -> AddedFrame | None:
-    """Return the next frame by which an axis comes to hold its target as it has to run it.
+    """Return the next frame after which an axis holds its target as it must run it.
 
-    It will be run as the first trigger of its group runs its own: a target of the same number, by the same
-    kind of move where that is the trigger's to say.
+    It will run as the first trigger of its group runs its own target: a target of the same number, with the
+    same kind of move, where the trigger decides that.
 
-    A target that it was stopped on the way to may be meant to run once more, or not: it holds nobody up.
+    A target before which the axis was stopped may be meant to run later or not: it holds up no other axis.
     """
     number, motion = axis.rules.staged, axis.plan.motion
     if not motion.waits_for_trigger:
@@ -344,7 +344,7 @@ def _prepare_peer(request: Request, axis: Axis, first: AxisCommand) -> AddedFram
             raise refused(refusals.GROUP_CANNOT_FOLLOW, axis.plan.name, exchange_events.STORED_MOVE, why=why)
         return None
     if not axis.holds_unrun and axis.motion.state is not MotionState.STOPPED:
-        return None  # it has run that
+        return None  # it has run that target already
     try:
         return _prepare_staged(request, axis, number, words, first.action)
     except RefusedRequestError as refusal:

@@ -1,16 +1,17 @@
-"""One line: who may send next, what is sent, whose reply comes back. Sans-IO; time is an argument.
+"""One line: which request is sent next, what is sent, whose reply comes back. Sans-IO; time is an argument.
 
 States of the line:
 
-- *down*: no link to the drives; requests are answered 0x0A (serial controllers: silence).
+- *down*: there is no link to the drives. If one can be made, requests wait for it for a limited time.
+  Otherwise they are answered 0x0A (serial controllers: silence).
 - *free*: the next request is sent in the same call in which it arrives.
-- *busy*: one transaction is on the wire (W6); others wait, stops at their head (M3).
-- *resting*: nothing but stops is sent until an instant passes: the turnaround after a broadcast (no stops
-  either), or the silence after a frame that nobody asked for (W6).
+- *busy*: one transaction is on the wire (W6). Others wait, stops at their head (M3).
+- *resting*: only stops are sent until a certain time. It is the silence after an unexpected frame (W6), or
+  the turnaround after a broadcast, in which stops wait too.
 
-Decided elsewhere is whether a frame leaves and how its request ends (``transaction``), who goes next
-(``scheduler``), who is silent and answered for (``silent_units``), and what an end of the link means
-(``link_state``).
+The other decisions have files of their own: whether a frame is sent and how its request ends
+(``transaction``), which request is next (``scheduler``), which units are silent and answered for
+(``silent_units``), and what the end of the link means (``link_state``).
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -81,11 +82,11 @@ EXCEPTION: Final = Outcome.EXCEPTION
 FRAME: Final = Step.FRAME
 ADDED_FRAME: Final = Step.ADDED_FRAME
 DEMAND_EVERY_NS: Final = 100 * NS_PER_MS
-"""So often a connection is asked for while something waits for it."""
+"""Minimum time between demands for a connection while something waits for it."""
 NO_UNIT_ID: Final = -1
 ON_THE_WIRE: Final = "a request that may move it is on the wire; let it arrive at a target, and reload again"
 REFUSALS_REPORTED: Final = 10
-"""So many refusals of a kind are told of an axis in a second; of more how many there were."""
+"""Number of refusals of one kind and axis that are reported in a second; of more, only their count."""
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
@@ -109,7 +110,7 @@ class LineExchange:
     ) -> None:
         self._tap = tap
         self.alarm: Alarm | None = None
-        """Set to the deadline after each call; None: whoever drives the line asks for :attr:`deadline_ns`."""
+        """Set to the deadline after each call; None: the owner of the line polls :attr:`deadline_ns`."""
         self.axes = tuple([Axis(plan) for plan in axes])
         join_terms(self.axes)
         join_groups(self.axes, groups)
@@ -129,7 +130,7 @@ class LineExchange:
         self.rest = Rest(timing)
         self._waiting = WaitingQueue()
         self._broken_off: ControllerPort | None = None
-        """The connection of what is on the wire, where that has broken off meanwhile."""
+        """The connection of the request on the wire, if it broke meanwhile."""
         self._renewal = Renewal(
             self._response_timeout_ns, longest_lost_ns([axis.plan.lost_ms for axis in self.axes])
         )
@@ -172,7 +173,7 @@ class LineExchange:
         self.meter = LineMeter(self.axes, link, on_event, what_ran)
         self._deadlines = Deadlines(self.axes, self._units, self.counters, on_event)
         self.forwarding: Forwarding | None = None
-        """Of a line whose frames may leave while they arrive; ``cut_through`` is the wire of its drives."""
+        """Only on a line with cut-through; ``cut_through`` is the wire of its drives."""
         if cut_through is not None:
             gap_ns = int(timing.gap_ms * NS_PER_MS)
             line = ForwardingLine(
@@ -202,7 +203,7 @@ class LineExchange:
 
     @property
     def deadline_ns(self) -> int | None:
-        """When :meth:`tick` wants to be called; a few milliseconds late does no harm."""
+        """When :meth:`tick` must be called; a few milliseconds late does no harm."""
         if self._transactions.current is not None:
             return self._transactions.current.deadline_ns
         rests_until_ns, waits_until_ns = self.rest.until_ns, self._scheduler.waits_until_ns
@@ -225,13 +226,13 @@ class LineExchange:
 
     @property
     def is_still(self) -> bool:
-        """Whether nothing is on the wire, waits or is due, but that the connection may be closed."""
+        """Whether nothing is on the wire, waits or is due, except that the connection may be closed."""
         due_ns = self.deadline_ns
         return due_ns is None or (self.link_state.closes_ns > 0 and due_ns == self.link_state.closes_ns)
 
     @property
     def serves(self) -> bool:
-        """Whether there is a link to the drives, or none because nobody needs it, or for a moment."""
+        """Whether requests can be served: the link is up, blinks, or is not needed at the moment."""
         return (
             self.link_state.is_up
             or self.link_state.is_blinking
@@ -240,12 +241,12 @@ class LineExchange:
 
     @property
     def needs_silence(self) -> bool:
-        """Whether a reply may still come that is not for whoever uses the line next."""
+        """Whether a reply may still come that is not for the next user of the line."""
         return self.rest.needs_silence or self.silent_units.awaits_late_reply
 
     @property
     def unit_ids(self) -> UnitIds:
-        """Unit ids that controllers have talked to, and the requests to those that nobody knows."""
+        """Unit ids that controllers have addressed, and the number of requests to unknown ones."""
         aliases = self._units.aliases
         return UnitIds(
             heard=sorted(self._units.heard),
@@ -254,12 +255,12 @@ class LineExchange:
         )
 
     def unit_ids_status(self, now_ns: int) -> UnitIds:
-        """Return whom controllers talk to, and how the drives of unit ids answer."""
+        """Return which unit ids controllers address, and how the drives answer."""
         asked = {unit_id for unit_id in self._units.heard if unit_id != BROADCAST_UNIT_ID}
         shown = sorted(asked.union(axis.plan.unit_id for axis in self.axes))
         asked_by: dict[str, list[int]] = {}
         for controller, unit_id in sorted(self.silent_units.askers.union(self.meter.measured)):
-            if unit_id >= 0:  # of others than the pairs that are measured apart
+            if unit_id >= 0:  # others are not measured as pairs
                 asked_by.setdefault(controller, []).append(unit_id)
         found = self.unit_ids
         found.axes = {axis.plan.name: axis.plan.unit_id for axis in self.axes}
@@ -268,7 +269,7 @@ class LineExchange:
         return found
 
     def writer_conflict(self, axis: str, now_ns: int) -> WriterConflictStatus | None:
-        """Return who moves an axis beside its writer, or tries to; None: nobody does."""
+        """Return the conflict of another controller with the writer of an axis; None: there is none."""
         return self._ownership.writer_conflicts.status(axis, now_ns)
 
     @property
@@ -288,10 +289,11 @@ class LineExchange:
         *,
         why_given_up: str = "",
     ) -> None:
-        """Take a whole request; it goes out in this very call when the line is free.
+        """Take a complete request; it is sent in this call if the line is free.
 
-        ``why_given_up``: its controller gave up on it before it could be sent. Then it goes out only if it is
-        a stop; anything else never reaches the drive (W5, M3).
+        ``why_given_up``: its controller gave up before it could be sent. Then it is sent only if it is a
+            stop;
+        anything else never reaches the drive (W5, M3).
         """
         if self._tap is not None:
             self._tap.request(port, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
@@ -344,14 +346,14 @@ class LineExchange:
             self._judge(transaction, now_ns, is_free=is_free and self.link_state.is_up)
 
     def _answer_as_own(self, transaction: Transaction, why_given_up: str, now_ns: int) -> None:
-        """Answer for the gateway's own unit id, whatever the line is at."""
+        """Answer for the gateway's own unit id, in any state of the line."""
         assert self._own_unit is not None
         self._transactions.go_on(transaction, Outcome.NEVER_SENT)
         if not why_given_up:
             self._transactions.reply(transaction, self._own_unit.answer(transaction.pdu, now_ns))
 
     def _judge(self, transaction: Transaction, now_ns: int, *, is_free: bool) -> None:
-        """Start, queue or refuse a request that cannot simply go out."""
+        """Start, queue or refuse a request that cannot simply be sent."""
         port = transaction.port
         assert port is not None
         is_allowed, stops = judge(self._units, transaction, is_free=is_free)
@@ -375,12 +377,13 @@ class LineExchange:
                 transaction.hold_up()
             is_behind = self._waiting.has(port)
             self._waiting.add(transaction)
-            # Else nothing has changed for those before it. A stop that waits for a silence is before nobody.
+            # Otherwise nothing has changed for those before it. A stop that waits for a silence precedes
+            # none.
             if not is_behind or self._waiting.has_stops:
                 self._next(now_ns)
 
     def _deny(self, transaction: Transaction, denial: Denial, now_ns: int) -> None:
-        """Refuse a request: behind the answers before it, which keep their order, but not in a flood."""
+        """Refuse a request behind the answers before it, which keeps their order; in a flood immediately."""
         port = transaction.port
         assert port is not None
         self._admission.report(transaction, denial, now_ns)
@@ -403,9 +406,9 @@ class LineExchange:
         self._next(now_ns)
 
     def controller_gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool = False) -> None:
-        """Withdraw what a closed connection still has waiting (W5).
+        """Withdraw the waiting requests of a closed connection (W5).
 
-        ``is_broken``: its controller did not close it; see ``Ownership.gone`` for what that costs (M1).
+        ``is_broken``: its controller did not close it; ``Ownership.gone`` says what that costs (M1).
         """
         if self._tap is not None:
             self._tap.gone(port, now_ns, is_broken=is_broken)
@@ -420,7 +423,7 @@ class LineExchange:
         self._settle()
 
     def _give_up(self, port: ControllerPort, reason: str, now_ns: int) -> None:
-        """Withdraw what a controller has given up on; a reply to what is on the wire is not for it (W5)."""
+        """Withdraw what a controller has given up on; it gets no reply to the request on the wire (W5)."""
         for transaction in self._waiting.give_up(port):
             self._transactions.withdraw(transaction, reason, now_ns)
         if self._transactions.current and self._transactions.current.port is port:
@@ -428,14 +431,14 @@ class LineExchange:
             self._transactions.current.give_up()
 
     def report_standstill(self, gap_ns: int) -> None:
-        """Report that nobody looked for a while."""
+        """Report that the process did not run for a while."""
         detail = f"the relay stood still for {gap_ns / NS_PER_S:.2f} s; what controllers gave up is not sent"
         self._on_event(Event(exchange_events.STOOD_STILL, None, detail))
 
     def command(
         self, command: Command, now_ns: int, tables: Sequence[CorrectionTable] = ()
     ) -> dict[str, str]:
-        """Do what a command asks for; see ``control.carry_out``. Raises ControlError."""
+        """Carry out a command; see ``control.carry_out``. Raises ControlError."""
         if self._tap is not None:
             self._tap.command(command, tables, now_ns)
         current = self._transactions.current
@@ -488,7 +491,7 @@ class LineExchange:
         self.silent_units.answered_ns[unit_id] = now_ns
         if self.silent_units.silences:
             if transaction.stopping is Stopping.AGAIN and self.silent_units.awaits_late_reply_of(unit_id):
-                # Of the same stop, sent twice, one answer has come; nobody knows which.
+                # The same stop was sent twice, and one answer came; it is unknown for which.
                 self.silent_units.expect_late_reply(unit_id, transaction.sent_ns + self._response_timeout_ns)
             self._renewal.mark_answered(unit_id)
             self._renewal.mark_alive()
@@ -523,7 +526,7 @@ class LineExchange:
             self._next(now_ns)
 
     def _take_reply(self, transaction: Transaction, pdu: bytes, now_ns: int) -> tuple[Axis, ...]:
-        """Take a reply on the slow path; return the axes of which something may have been learned."""
+        """Take a reply on the slow path; return the axes about which it may tell something."""
         axes = self._units.axes_of(transaction.wire_unit_id)
         for axis in axes:
             axis.end_silence(is_answer=True)
@@ -541,7 +544,7 @@ class LineExchange:
         return axes
 
     def _take_added(self, transaction: Transaction, pdu: bytes, now_ns: int) -> None:
-        """Take note of the reply to a frame of the gateway's own, and go on with what it was for."""
+        """Process the reply to a frame of the gateway, and go on with the request that needed it."""
         frame = transaction.added
         assert frame is not None
         if self._renewal.holds and frame.rendering is None:
@@ -564,16 +567,16 @@ class LineExchange:
         elif self._waiting.has_stops and not transaction.overtaken_by:
             transaction.begin_anew()
             self._waiting.put_back(transaction)
-        elif self.rest.is_closing or self._renewal.holds:  # it is not sent into a connection that closes
+        elif self.rest.is_closing or self._renewal.holds:  # do not send it into a connection that closes
             self._waiting.put_back(transaction)
         else:
             self._start(transaction, now_ns)
 
     def _learn(self, transaction: Transaction, frame: AddedFrame, pdu: bytes, now_ns: int) -> int | None:
-        """Take note of the reply to a prerequisite.
+        """Process the reply to a prerequisite.
 
         Returns:
-            The exception code with which the request that it was for is refused; None when it can go on.
+            The exception code with which its request is refused; None: the request can go on.
         """
         prefetched = transaction.knowledge()
         rendering = frame.rendering
@@ -596,10 +599,11 @@ class LineExchange:
         return code
 
     def stray(self, now_ns: int, *, unit_id: int = -1) -> None:
-        """Note bytes from the drives that answer nothing; a resting line must fall silent first (W6).
+        """Record bytes from the drives that answer nothing; a resting line must fall silent first (W6).
 
-        A whole frame that nobody asked for means that a drive answers late or twice, and that the next reply
-        may be that of another request: a serial line is left alone until it is silent.
+        A complete unexpected frame means that a drive answers late or twice. The next reply may then belong
+        to another
+        request: a serial line is left alone until it is silent.
         """
         if self._tap is not None:
             self._tap.stray(now_ns, unit_id)
@@ -624,13 +628,13 @@ class LineExchange:
             self._next(now_ns)
 
     def unframed(self, now_ns: int) -> None:
-        """Note bytes of the drives of which no frame was made yet: the connection lives."""
+        """Record bytes of the drives that form no frame yet: the connection is alive."""
         if self._tap is not None:
             self._tap.unframed(now_ns)
         self._renewal.mark_alive()
 
     def link_up(self, now_ns: int) -> None:
-        """Note that the drives can be reached. What that means, :data:`~.link_loss.LINK_LOSS` says."""
+        """The drives can be reached; :data:`~.link_loss.LINK_LOSS` says what that means."""
         if self._tap is not None:
             self._tap.link_up(now_ns)
         if not self.link_state.is_up:
@@ -639,9 +643,9 @@ class LineExchange:
         self._settle()
 
     def link_down(self, now_ns: int, reason: str = "", *, is_orderly: bool = False) -> None:
-        """Note that the drives cannot be reached: nothing waits for them any longer but for a connection.
+        """The drives cannot be reached: requests wait for nothing but a connection.
 
-        ``reason``: why, where that is known. ``is_orderly``: the other end has closed it, and nothing broke.
+        ``reason``: why, if known. ``is_orderly``: the other end closed it, and nothing broke.
         """
         if self._tap is not None:
             self._tap.link_down(now_ns, reason, is_orderly=is_orderly)
@@ -668,13 +672,13 @@ class LineExchange:
     # --- what waits for the next link ------------------------------------------------------------------
 
     def _may_begin_anew(self, transaction: Transaction) -> bool:
-        """Whether nothing but a read of the gateway's own was on the wire for a request that waits on."""
+        """Whether only a read of the gateway was on the wire, for a request that continues to wait."""
         frame = transaction.added
         is_read = transaction.phase is Phase.PREREQUISITE and frame is not None and frame.rendering is None
         return is_read and self._link.connects and not self.link_state.is_stopping
 
     def _hold_up_waiting(self, now_ns: int) -> None:
-        """Let what waits wait for the next connection; where there will be none, nothing is to be had."""
+        """Let waiting requests wait for the next connection; if there will be none, refuse them."""
         for transaction in self._waiting.withdraw(lambda each: each.port is None or not self._link.connects):
             self._transactions.refuse_absent(transaction, now_ns)
         is_lost = bool(self.link_state.lost)
@@ -685,7 +689,7 @@ class LineExchange:
         self._next(now_ns)
 
     def _wait_for_link(self, now_ns: int) -> int:
-        """Answer what has waited for the link for too long; return when the next one has."""
+        """Answer what has waited too long for the link; return the next such time."""
         until_ns = NO_DEADLINE_NS
         for transaction in tuple(self._waiting):
             if transaction.port is None or (self.link_state.is_up and not transaction.is_held_up):
@@ -705,25 +709,25 @@ class LineExchange:
         return until_ns
 
     def _has_waited_too_long(self, transaction: Transaction, now_ns: int) -> bool:
-        """Whether a request that was held up would leave too late: what may write, and a stop."""
+        """Whether a held-up write or stop would be sent too late."""
         is_late = transaction.is_held_up and now_ns >= transaction.waits_until_ns
         return is_late and not transaction.only_reads
 
     # --- time ------------------------------------------------------------------------------------------
 
     def rest_first(self, now_ns: int) -> None:
-        """Begin with a silence: the drives may still answer what was asked before (W6)."""
+        """Begin with a silence: the drives may still answer earlier requests (W6)."""
         if self._tap is not None:
             self._tap.rest_first(now_ns)
         self.rest.expect_late_reply()
 
     def _settle(self) -> None:
-        """Have the line woken at its deadline, which may be another one now."""
+        """Set the alarm to the deadline of the line, which may have changed."""
         if self.alarm is not None:
             self.alarm.arm(self.deadline_ns)
 
     def tick(self, now_ns: int) -> None:
-        """Do what has fallen due."""
+        """Do what is due."""
         deadline_ns = self.deadline_ns
         if deadline_ns is not None and now_ns >= deadline_ns:
             if self._tap is not None:
@@ -735,10 +739,10 @@ class LineExchange:
         is_timed_out = self._transactions.current is not None
         if self._transactions.current is not None:
             self._time_out(self._transactions.current, now_ns)
-        # What comes too late to the end of a silence has to see that there was one.
+        # A request that comes when a silence ends must see that there was one.
         if self.link_state.is_up and self.silent_units.awaits_late_reply:
             self.silent_units.answer_waiting(now_ns)
-        # Only here: a caller that comes late has read by then what had come (W6).
+        # Only here: a late caller has read by then what had come in (W6).
         rests_until_ns = self.rest.until_ns
         if self.rest.is_closing and rests_until_ns is not None and now_ns >= rests_until_ns:
             self.link_state.stayed()
@@ -752,7 +756,7 @@ class LineExchange:
         self._next(now_ns)
 
     def stop(self, now_ns: int) -> None:
-        """Send nothing new; the transaction on the wire ends as it would have (see :attr:`is_idle`)."""
+        """Send nothing new; the transaction on the wire ends as usual (see :attr:`is_idle`)."""
         if self._tap is not None:
             self._tap.stop(now_ns)
         self.link_state.stop()
@@ -780,17 +784,17 @@ class LineExchange:
                 self._put_on_wire(read, read.pdu, read.unit_id, now_ns)
 
     def _is_answered_at_once(self, transaction: Transaction, now_ns: int) -> bool:
-        """The same of one that comes now: with the next link a dead drive may be asked again."""
+        """Whether the gateway answers an arriving request itself; not if the next link polls dead drives."""
         return not self.link_state.asks_again and self.silent_units.is_answered_for(transaction, now_ns)
 
     def _is_behind(self, port: ControllerPort) -> bool:
-        """Whether a controller is owed another answer first."""
+        """Whether a controller must get another answer first."""
         return (
             self._transactions.current is not None and self._transactions.current.port is port
         ) or self._waiting.has(port)
 
     def _start(self, transaction: Transaction, now_ns: int) -> None:
-        """Send a transaction, or the frame that it needs first; or withdraw or refuse it."""
+        """Send a transaction or its prerequisite; or withdraw or refuse it."""
         transaction.start(now_ns)
         reason = "the gateway stops" if self.link_state.is_stopping else transaction.why_given_up(now_ns)
         if reason:
@@ -853,20 +857,20 @@ class LineExchange:
         self._ownership.moved(transaction, now_ns)
 
     def _report_refusal(self, refusal: RefusedRequestError, now_ns: int) -> None:
-        """Tell why a request was refused, and of many like it how many there were."""
+        """Report why a request was refused, and how many like it there were."""
         count = self._refusals.due((refusal.kind.name, refusal.axis), now_ns)
         if count:
             self._on_event(Event(refusal.kind, refusal.axis or None, refusal.reason + times(count)))
 
     def _count_unknown_unit(self, unit_id: int) -> None:
-        """Count a request to a unit id of which nobody knows anything, and tell of the first one."""
+        """Count a request to an unknown unit id, and report the first one."""
         if self._units.aliases.count_request(unit_id):
             mapped = ", ".join(f"{axis.plan.name} (unit id {axis.plan.unit_id})" for axis in self.axes)
             detail = f"a controller addresses unit id {unit_id}, which has no axis; the axes are {mapped}"
             self._on_event(Event(exchange_events.UNKNOWN_UNIT, None, detail))
 
     def _put_on_wire(self, transaction: Transaction, pdu: bytes, unit_id: int, now_ns: int) -> None:
-        """Send a frame: the request itself, or one of the gateway's own."""
+        """Send a frame: the request itself, or one of the gateway."""
         patience_ns = self._response_timeout_ns
         port = transaction.port
         if self.silent_units.silences:
@@ -887,20 +891,20 @@ class LineExchange:
         if is_broadcast and has_left:
             self._end_broadcast(transaction, now_ns)
 
-    # --- requests that leave while they arrive ---------------------------------------------------------
+    # --- requests under cut-through --------------------------------------------------------------------
 
     def _end_reply(self, why: ForwardEvent, now_ns: int) -> None:
-        """Let no more leave of a reply that is leaving."""
+        """Send no more of the reply that is being forwarded."""
         if self.forwarding is not None:
             self.forwarding.end_reply(why, now_ns)
 
     def _abort(self, transaction: Transaction, why: ForwardEvent, now_ns: int) -> None:
-        """Let no more leave of a request that is leaving."""
+        """Send no more of the request that is being forwarded."""
         assert self.forwarding is not None
         self.forwarding.end_request(transaction, why, now_ns)
 
     def _end_broadcast(self, transaction: Transaction, now_ns: int) -> None:
-        """Give the drives time to obey what all of them heard, and none of them answers."""
+        """Give the drives time to execute a broadcast, which none of them answers."""
         self.counters.broadcasts += 1
         self.rest.begin_turnaround(now_ns)
         self._scheduler.gaps.ended(transaction, now_ns, self.rest.until_ns)
@@ -910,7 +914,7 @@ class LineExchange:
         self._report(self.axes)
 
     def _report(self, axes: tuple[Axis, ...]) -> None:
-        """Tell what is new about these axes; a group is referenced as a whole, or not at all."""
+        """Report what is new about these axes; a group is referenced as a whole, or not at all."""
         for axis in axes:
             if axis.peers:
                 axis.follow_group()
@@ -926,14 +930,14 @@ class LineExchange:
     # --- endings ---------------------------------------------------------------------------------------
 
     def _lose(self, transaction: Transaction, code: int, loss: Loss) -> None:
-        """Note that a request never reached its drive (M3); who may write nothing has nothing to lose."""
+        """Record that a request never reached its drive (M3); a sender that may not write loses nothing."""
         if transaction.is_denied and not transaction.is_motion:
             return
         self._ownership.lose(transaction, code, loss)
         self._report(self._units.axes_of(transaction.unit_id))
 
     def _end_unanswered(self, transaction: Transaction, now_ns: int) -> None:
-        """End what is on the wire, and will not be answered any more."""
+        """End the request on the wire, which will not be answered any more."""
         outcome, frame = Outcome.NO_REPLY, transaction.added
         if transaction.phase is Phase.PREREQUISITE:
             outcome = Outcome.NEVER_SENT
@@ -945,13 +949,13 @@ class LineExchange:
             self._forget_parts_of(transaction)
 
     def _forget_parts_of(self, transaction: Transaction) -> None:
-        """A part that was on the wire when its connection broke off is completed by no other one (M1)."""
+        """Drop a part that was on the wire when its connection broke: no other part completes it (M1)."""
         port, self._broken_off = self._broken_off, None
         if port is not None and transaction.port is port:
             self._ownership.forget_parts(port)
 
     def _unanswered_by(self, unit_id: int) -> str:
-        """Name a unit id that did not answer, and say what it did instead where that is known."""
+        """Name a unit id that did not answer, and what came instead, if known."""
         return f"unit id {unit_id} {self._link.came_instead(unit_id)}".rstrip()
 
     def _time_out(self, transaction: Transaction, now_ns: int) -> None:

@@ -1,7 +1,7 @@
 """What each kind of lost link does, in one table: :data:`LINK_LOSS`.
 
-A drive that was out of sight may have been switched off and on, or moved by hand. How much of what is known
-of it counts afterwards hangs on how it went out of sight, and on for how long.
+A drive that was out of reach may have been power-cycled, or moved by hand. How much of the earlier knowledge
+still counts depends on how it went out of reach, and for how long.
 """
 
 from enum import Enum
@@ -10,38 +10,38 @@ from typing import Final, NamedTuple
 from gateway.times import NS_PER_MS, NS_PER_S
 
 BLINK_NS: Final = 100 * NS_PER_MS
-"""A connection that was closed in order and is back within this time has blinked: no drive starts so fast."""
+"""A connection closed in order that is back within this time has blinked: no drive restarts so fast."""
 HEARD_NS: Final = NS_PER_S
-"""An axis whose drive answered so shortly before is as it was after a blink; as with the homed bit, which is
-read again when it was seen longer ago."""
+"""If its drive answered so shortly before a blink, the axis is unchanged. The homed bit has the same limit:
+an older one is read again."""
 CLOSES_SOON_NS: Final = 20 * NS_PER_MS
 """A server that closes its connection within this time after an answer closes it after each answer."""
 
 
 class LinkLoss(Enum):
-    """How a drive went out of sight."""
+    """How a drive went out of reach."""
 
     __hash__ = object.__hash__
 
     BLINK = "blink"
-    """The connection was closed in order, by its peer or by us, with nothing outstanding, and is open again
-    within 100 ms. Of an axis whose drive answered within the last second; to any other it is a close."""
+    """Closed in order by the peer or by us, with nothing outstanding, and open again within 100 ms. Only for
+    an axis whose drive answered within the last second; for others it is a close."""
     IDLE_CLOSE = "idle-close"
     """Closed by its peer with nothing outstanding, for longer."""
     OWN_CLOSE = "own-close"
     """Closed by us with nothing outstanding, for longer (``connect = "on-demand"``, ``max_connection_s``)."""
     RENEWAL = "renewal"
-    """Broken off by us because nothing answered on it any more, to make another one."""
+    """Closed by us because nothing answered on it any more, to make a new one."""
     LOSS = "loss"
     """Any other: closed while something was outstanding, reset, unplugged, malformed."""
     SILENCE = "silence"
     """The link stayed, but the drive was silent for more than ``lost_ms``: it may have been switched off."""
     RESTART = "restart"
-    """The gateway itself was gone."""
+    """The gateway itself was down."""
 
 
 class Words(Enum):
-    """What becomes of the words of the last target."""
+    """What happens to the words of the last target."""
 
     KEPT = "kept"
     UNTIL_READ = "kept until a reading proves or disproves them"
@@ -49,14 +49,14 @@ class Words(Enum):
 
 
 class BaseAfterLoss(Enum):
-    """What becomes of the base of relative moves, the modes and the registers."""
+    """What happens to the base of relative moves, the modes and the registers."""
 
     KEPT = "kept"
     FORGOTTEN = "forgotten"
 
 
 class ReferenceAfterLoss(Enum):
-    """What becomes of the reference."""
+    """What happens to the reference."""
 
     KEPT = "kept"
     UNCONFIRMED = "a homed bit is read; else kept up to `lost_ms` of silence"
@@ -65,14 +65,14 @@ class ReferenceAfterLoss(Enum):
 
 
 class Reached(Enum):
-    """What becomes of how far a unit id is from answering (W11)."""
+    """What happens to the reach of a unit id (W11)."""
 
     KEPT = "goes on, with when it is tried again"
     ASKED_AGAIN = "asked again"
 
 
 class Silent(Enum):
-    """What becomes of the silence of a drive, which counts up to ``lost_ms``."""
+    """What happens to the silence of a drive, which counts up to ``lost_ms``."""
 
     NONE = "none began"
     GOES_ON = "goes on until the drive's own frame"
@@ -82,7 +82,7 @@ class Silent(Enum):
 
 
 class Recorded(Enum):
-    """What becomes of the record of the axis."""
+    """What happens to the record of the axis."""
 
     GOES_ON = "goes on"
     PAUSED = "paused until the link is up"
@@ -141,5 +141,5 @@ LINK_LOSS: Final = {
         Recorded.READ,
     ),
 }
-"""What each kind does. ``LinkState`` acts on the first five; the sixth is ``Axis.end_silence``, the last
-``axis.record``."""
+"""What each kind does. ``LinkState`` carries out the first five, ``Axis.end_silence`` the sixth,
+``axis.record`` the last."""

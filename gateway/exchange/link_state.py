@@ -1,11 +1,11 @@
-"""The link to the drives of a line: when it ends, what its end and its return mean, and what is told of it.
+"""The link to the drives of a line: when it ends, what its end and its return mean, and what is reported.
 
-What is forgotten of the axes with each kind of end, :data:`~.link_loss.LINK_LOSS` says. We end it ourselves
-in two ways: a connection that nobody needs, or that is old, is closed once nothing is under way; one on which
-nothing answers any more is broken off and made anew (``renewal``).
+:data:`~.link_loss.LINK_LOSS` says what each kind of end makes the axes forget. The gateway ends the link in
+two ways. A connection that is not needed, or too old, is closed when nothing is under way. A connection on
+which nothing answers any more is closed and made again (``renewal``).
 
-A connection that its server closes when it is idle comes and goes all day: of each reason the first one is
-told, then one a minute with how many there were. What lasts is told in any case.
+A connection that an idle server closes comes and goes all day. So for each reason the first end is reported,
+then one a minute with their number. A lasting end is reported in any case.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,27 +30,27 @@ from gateway.limits import Reports, others_of_pairs, times
 from gateway.times import NS_PER_MS, NS_PER_S
 
 STREAM_ENDED_NS: Final = NS_PER_S
-"""A stream without a setpoint for so long is over, or stands still."""
+"""A stream without a setpoint for so long has ended or paused."""
 LASTS_NS: Final = NS_PER_S
-"""A line that is down for so long is told of, however often it was told for the same reason."""
+"""A line that is down for so long is reported, however often the same reason was reported before."""
 NEVER: Final = 1 << 62
 ON_DEMAND_NS: Final = NS_PER_S
-"""A connection on demand is closed after as long without an answer."""
+"""A connection on demand is closed after so long without an answer."""
 LOOKED_AGAIN_NS: Final = 100 * NS_PER_MS
-"""So often it is looked whether a connection can be closed, from when on it is to be."""
+"""Time between checks whether a connection that is due to be closed can be closed."""
 IDLE: Final = "closed by its peer when idle"
 ASKED: Final = "closed by its peer while a request was unanswered"
 AT_REST: Final = frozenset(
     {MotionState.UNKNOWN, MotionState.STOPPED, MotionState.SUPERSEDED, MotionState.ARRIVED}
 )
-"""Places from which nothing that came through the gateway is under way."""
+"""States in which nothing sent through the gateway is under way."""
 
 
 def is_at_rest(axis: Axis, up_ns: int, now_ns: int) -> bool:
     """Whether nothing of an axis is under way, streamed, unproven or staged: its drive may be left alone.
 
-    ``up_ns``: when the link came up. Something else than a target may move the axis where it was sent off
-    since, until its drive has said that it stands.
+    ``up_ns``: when the link came up. An axis that was sent off since may be moved by something other than a
+    target, until its drive has reported standstill.
     """
     has_arrived = axis.motion.state in AT_REST
     if axis.motion.state is MotionState.UNKNOWN:
@@ -58,7 +58,7 @@ def is_at_rest(axis: Axis, up_ns: int, now_ns: int) -> bool:
     if axis.compensation.is_stream and now_ns - axis.motion.heard_ns < STREAM_ENDED_NS:
         return False
     if axis.motion.state is MotionState.IN_WINDOW:
-        has_arrived = DONE_BIT not in axis.plan.bits  # it has no other way to say so
+        has_arrived = DONE_BIT not in axis.plan.bits  # it has no other way to report it
     is_stationary = has_arrived and not axis.motion.is_moving and not axis.reference.is_homing
     if not is_stationary or axis.acknowledgement.on_wire is not OnWire.NOTHING:
         return False
@@ -70,20 +70,20 @@ def is_at_rest(axis: Axis, up_ns: int, now_ns: int) -> bool:
 
 
 class LinkState:
-    """See the module.
+    """The link to the drives of one line. See the module.
 
     Args:
         axes: of the line.
         units: their register maps.
         timing: of the line.
-        link: the way to the drives.
-        waiting: what waits for the line.
+        link: the link to the drives.
+        waiting: the queue of the line.
         transactions: of the line.
-        silent_units: who does not answer.
+        silent_units: the units that do not answer.
         rest: the pauses of the line.
         renewal: what a new connection holds back.
-        on_event: hears what is worth a word.
-        report: tells what is new about some axes.
+        on_event: called with each event.
+        report: reports what is new about some axes.
     """
 
     def __init__(
@@ -115,31 +115,31 @@ class LinkState:
         self._response_timeout_ns = int(timing.response_timeout_ms * NS_PER_MS)
         self._delay_ns = int(timing.connect_delay_ms * NS_PER_MS)
         self.is_on_demand = timing.connects_on_demand and link.connects
-        """Whether there is a connection only while somebody needs one."""
+        """Whether there is a connection only while one is needed."""
         self._longest_ns = int(timing.max_connection_s * NS_PER_S) * link.connects
         self.closes_ns = 0
-        """When it is looked whether the connection can be closed; 0: it stays."""
+        """When to check whether the connection can be closed; 0: it stays."""
         self.is_stopping = False
-        """Whether the gateway stops: nothing new is sent, and that the link goes down is no event."""
+        """Whether the gateway stops: nothing new is sent, and a link that goes down is no event."""
         self.is_up = False
         """Whether there is a link to the drives."""
         self.loss = LinkLoss.RESTART
-        """How it ended last; of a blink that lasts it becomes what that is then."""
+        """How it ended last; a blink that lasts becomes the loss that it is then."""
         self.lost: tuple[Axis, ...] = self._axes
         """Axes of which nothing is known since it ended: they are read when it is back."""
         self.up_ns = self.down_ns = 0
         self.blinks_until_ns = 0
-        """Until then the link may come back as if it had not ended; 0: it did end."""
+        """Until then the link may come back as if it had not ended; 0: it has ended."""
         self.closes_soon = link.connects
-        """Whether the server may close its connection behind an answer: it was not seen yet that it stays."""
+        """Whether the server may close its connection after an answer: it was not seen yet to keep one."""
         self.has_closed_soon = False
         """Whether it did so the last time."""
         self._reports: Reports[tuple[str, str]] = Reports(others=others_of_pairs)
         self._is_reported = True
-        """Whether somebody knows that it is down: then that it is up is told, too."""
+        """Whether its end was reported: then its return is reported too."""
         self._detail = ""
         self._report_ns = 0
-        """When it is told that it is still down; 0: it was told."""
+        """When to report that it is still down; 0: this was reported."""
 
     @property
     def is_blinking(self) -> bool:
@@ -148,17 +148,17 @@ class LinkState:
 
     @property
     def holds_up(self) -> bool:
-        """Whether requests wait for the link, or for what it was made anew for."""
+        """Whether requests wait for the link, or for what the new connection holds back."""
         return not self.is_up or self._renewal.holds or self._rest.is_opening
 
     @property
     def asks_again(self) -> bool:
-        """Whether the link is down, and dead drives are asked again when it is back."""
+        """Whether the link is down, and dead drives are polled again when it is back."""
         return not self.is_up and LINK_LOSS[self.loss].reach is Reached.ASKED_AGAIN
 
     @property
     def deadline_ns(self) -> int:
-        """When it is to be told, or looked whether it is to be closed; :data:`NEVER`: nothing is due."""
+        """When a report or a check is due; :data:`NEVER`: nothing is due."""
         if not self.is_up:
             return min(self.blinks_until_ns or NEVER, self._report_ns or NEVER)
         due_ns = self.closes_ns or NEVER
@@ -190,7 +190,7 @@ class LinkState:
             self._silent_units.link_up()
         for axis in self.lost:
             axis.end_silence(is_answer=True, until_ns=now_ns)
-        if loss is LinkLoss.RENEWAL:  # whoever is silent was so over it, and may have been switched off
+        if loss is LinkLoss.RENEWAL:  # a drive that is silent was so before, and may have been switched off
             for axis in self._axes:
                 axis.end_silence(is_answer=False, until_ns=now_ns)
         for read in reads_at_start(self.lost):
@@ -202,7 +202,7 @@ class LinkState:
         self._report(self._axes)
 
     def resume(self, up_ns: int, *, closes_soon: bool, has_closed_soon: bool) -> None:
-        """Go on with a link of which more is known than that it is up: in a replay."""
+        """Continue with a link in a known state, not only known to be up: in a replay."""
         self.closes_soon, self.has_closed_soon = closes_soon, has_closed_soon
         if up_ns:
             self.up_ns = up_ns
@@ -214,9 +214,9 @@ class LinkState:
 
         Args:
             current: what was on the wire.
-            reason: why, where that is known.
+            reason: why, if known.
             now_ns: when.
-            is_orderly: the other end has closed it, and nothing broke.
+            is_orderly: the other end closed it, and nothing broke.
         """
         awaits_nothing = current is None and self._renewal.awaits_nothing
         is_idle = is_orderly and awaits_nothing and self._connects
@@ -230,7 +230,7 @@ class LinkState:
         self.is_stopping = True
 
     def _go_down(self, loss: LinkLoss, detail: str, current: Transaction | None, now_ns: int) -> None:
-        """Take the link for down, and forget of the axes what :data:`~.link_loss.LINK_LOSS` says."""
+        """Set the link down, and make the axes forget what :data:`~.link_loss.LINK_LOSS` says."""
         self.is_up = False
         self.closes_ns = 0
         is_under_way = any(axis.motion.state is MotionState.MOVING for axis in self._axes)
@@ -264,7 +264,7 @@ class LinkState:
         return at_ns > 0 and now_ns - at_ns <= HEARD_NS
 
     def _end_blink(self, now_ns: int) -> None:
-        """A connection that did not come back at once is lost: what was known counts no more."""
+        """A connection that did not come back soon is lost: earlier knowledge counts no more."""
         if not self.blinks_until_ns or now_ns < self.blinks_until_ns:
             return
         self.blinks_until_ns = 0
@@ -278,10 +278,10 @@ class LinkState:
                     transaction.begin_anew()
             self._report(kept)
 
-    # --- we end it ourselves ---------------------------------------------------------------------------
+    # --- the gateway ends it ---------------------------------------------------------------------------
 
     def watch(self, now_ns: int) -> None:
-        """Do what has fallen due."""
+        """Do what is due."""
         if not self.is_up:
             self._end_blink(now_ns)
             if self._report_ns and now_ns >= self._report_ns:
@@ -293,7 +293,7 @@ class LinkState:
             self._close_at_rest(now_ns)
 
     def _close_at_rest(self, now_ns: int) -> None:
-        """Close the connection, if it is to be closed, once nothing is under way."""
+        """Close the connection, if it is due, once nothing is under way."""
         idle_ns = max(self.up_ns, self._silent_units.last_answered_ns) + ON_DEMAND_NS
         is_idle = self._transactions.current is None and not self._waiting.total
         is_idle = is_idle and not self._silent_units.silences
@@ -308,7 +308,7 @@ class LinkState:
             self._link.hang_up(returns=not self.is_on_demand)
 
     def renews(self, now_ns: int) -> bool:
-        """Make the connection anew once it is known that nobody answers on it; return whether that is so."""
+        """Renew the connection once it is certain that nothing answers on it; return whether that is so."""
         if not self._renewal.is_mute(now_ns):
             return False
         unit_ids = dict.fromkeys(axis.plan.unit_id for axis in self._axes)
@@ -334,10 +334,10 @@ class LinkState:
     # --- its server closes it --------------------------------------------------------------------------
 
     def see_whether_it_closes(self, transaction: Transaction, now_ns: int) -> None:
-        """Behind an answer let nothing leave that a server would not read which closes its connection.
+        """Send nothing after an answer that a server which closes its connection would not read.
 
-        Of one that was not seen to do so that is what would leave in this very call; what comes later is
-        read after the end of the connection, if that has come.
+        If the server was not seen to do so, only a request that would be sent in this very call waits. A
+        later one is sent after the end of the connection was read, if that has come.
         """
         answered_ns = self._silent_units.answered_ns[transaction.wire_unit_id]
         if not self.has_closed_soon and self.up_ns <= answered_ns < now_ns - CLOSES_SOON_NS:
@@ -346,16 +346,16 @@ class LinkState:
             self._rest.await_close(now_ns)
 
     def stayed(self) -> None:
-        """It was not closed behind an answer."""
+        """It was not closed after an answer."""
         self.closes_soon = self.has_closed_soon = False
 
-    # --- what is told ----------------------------------------------------------------------------------
+    # --- reports ---------------------------------------------------------------------------------------
 
     def _report_down(self, detail: str, now_ns: int, *, is_under_way: bool) -> None:
-        """Tell of the end of the link, if that is to be told. A loss under way always is.
+        """Report the end of the link, if it is due. A loss while something was under way always is.
 
-        What stands behind a colon does not make it another reason. A serial port that was unplugged is told
-        of each time.
+        Text behind a colon does not make another reason. A serial port that was unplugged is reported each
+        time.
         """
         if not self._connects:
             self._is_reported = True
@@ -370,5 +370,5 @@ class LinkState:
             self._report_later(detail, now_ns)
 
     def _report_later(self, detail: str, now_ns: int) -> None:
-        """It is told only if it lasts."""
+        """Report it only if it lasts."""
         self._is_reported, self._detail, self._report_ns = False, detail, now_ns + LASTS_NS

@@ -1,19 +1,20 @@
-"""Who goes next on a line: stops, the gateway's own frames, motion, and the others in its gaps (M3).
+"""Which request is sent next: stops, the gateway's own frames, motion, then monitors in the gaps (M3).
 
-What waits is in ``queue``, in this order. :meth:`Scheduler.next` says which of it may go now:
+``queue`` holds what waits, in this order. :meth:`Scheduler.next` decides which of it may be sent now:
 
-- On a line that is free and on which nobody is silent the first one goes. Of monitors and operators one goes
-  that fits into a gap between two motion transactions (``arbitration``).
-- While the line rests only stops go, and those only where its rest does not keep them.
-- While a unit id is silent each one waits for what ``silent_units`` says of it.
+- On a free line without silent units the first one is sent. A request of a monitor or an operator is sent
+  only if it fits into a gap between two motion transactions (``arbitration``).
+- While the line rests, only stops are sent, and only those that the rest does not hold back.
+- While a unit id is silent, ``silent_units`` says how long each request waits.
 - While a new connection holds requests back, those wait that it does not carry yet (``renewal``).
 
 Requests of one controller keep their order; its stops wait for none of them.
 
-A stop goes before everything else. What waits and would move its axes afterwards is withdrawn. What is on the
-wire is not cut short: the stop goes after its reply or its time-out. In the silence after a time-out it goes
-early, and once more behind the silence, unless its own echo came. The same stop to a unit that does not
-answer starves nobody: others get their turns in between.
+A stop goes before everything else. Waiting requests that would move its axes afterwards are withdrawn. The
+request on the wire is not interrupted: the stop is sent after its reply or its time-out. In the silence after
+a time-out the stop is sent early. It is sent once more after the silence, unless its own echo came. A
+repeated stop to a unit that does not answer does not block the line: other controllers get their turns in
+between.
 """
 
 from collections.abc import Sequence
@@ -40,22 +41,22 @@ from gateway.exchange.transaction import (
 )
 
 NO_DEADLINE_NS: Final = 1 << 62
-"""Instant of what waits for somebody else's turn and not for time."""
+"""Time for what waits for another turn and not for a time."""
 FULL_ECHOES: Final = frozenset({0x05, 0x06, 0x16})
-"""Function codes whose reply repeats the whole request: no other one has the same."""
+"""Function codes whose reply repeats the complete request: no other request has the same reply."""
 OVERTAKEN: Final = "a stop of its axis came after it"
 
 
 class Scheduler:
-    """The turns of one line.
+    """Decides which request of one line is sent next.
 
     Args:
         axes: of the line.
         timing: of the line.
         units: the register maps of the line.
-        waiting: what waits for the line.
+        waiting: the queue of the line.
         transactions: of the line.
-        silent_units: who does not answer.
+        silent_units: the units that do not answer.
         rest: the pauses of the line.
         renewal: what a new connection holds back.
         is_serial: replies carry no number (W6).
@@ -84,10 +85,10 @@ class Scheduler:
         self._is_serial = is_serial
         self.gaps = Gaps(timing)
         self.waits_until_ns: int | None = None
-        """When something that waits may go: a monitor's, or what waits for late frames."""
+        """When a waiting request may be sent: of a monitor, or one that waits for late frames."""
         self._early_stops: list[Transaction] = []
-        """Stops that left while writes were held: what they stop may be executed after them, and they go once
-        more."""
+        """Stops that were sent while writes were held. Their targets may be executed after them, so they are
+        sent once more."""
 
     @property
     def is_moving(self) -> bool:
@@ -96,14 +97,14 @@ class Scheduler:
         return (current is not None and current.is_motion) or not self._waiting.only_others
 
     def motion_came(self, now_ns: int) -> None:
-        """Note a motion request that comes now."""
+        """Record a motion request that arrives now."""
         if not self.is_moving:
             self.gaps.motion_came(now_ns)
 
-    # --- who goes next ---------------------------------------------------------------------------------
+    # --- which request is next -------------------------------------------------------------------------
 
     def next(self, now_ns: int) -> Transaction | None:
-        """Take out and return what may be started now on a line that is not busy; None: nothing may."""
+        """Remove and return what may be started now on a line that is not busy; None: nothing may."""
         if self._rest.until_ns is not None or self._silent_units.silences or self._renewal.holds:
             if self._silent_units.awaits_late_reply:
                 self._silent_units.answer_waiting(now_ns)
@@ -117,12 +118,12 @@ class Scheduler:
         return chosen
 
     def wake_at(self, due_ns: int) -> None:
-        """See to it that what waits is looked at then, or sooner."""
+        """Make the line check the waiting requests at this time, or earlier."""
         due_ns = min(due_ns, self.waits_until_ns or NO_DEADLINE_NS)
         self.waits_until_ns = None if due_ns == NO_DEADLINE_NS else due_ns
 
     def _choose(self, now_ns: int) -> Transaction | None:
-        """Return what may go now although the line rests or somebody is silent; None: nothing may.
+        """Return what may be sent although the line rests or a unit is silent; None: nothing may.
 
         Requests of one controller keep their order; its stops wait for none of them.
         """
@@ -156,7 +157,7 @@ class Scheduler:
         return chosen
 
     def _from_ns(self, transaction: Transaction, now_ns: int) -> int:
-        """Return from when on something that waits may be started, be it to end at once."""
+        """Return from when a waiting request may be started, even if only to end immediately."""
         unit_id = transaction.unit_id
         if transaction.is_stop:
             rests_until_ns = self._rest.until_ns
@@ -178,11 +179,11 @@ class Scheduler:
             if dead is not None and dead.odd_due_ns > now_ns:
                 return dead.odd_due_ns
         free_ns = self._silent_units.free_ns(unit_id, now_ns, is_read=transaction.only_reads)
-        # Then it is withdrawn, and keeps back nothing that waits behind it.
+        # After that it is withdrawn, so that it does not hold back what waits behind it.
         return min(free_ns, transaction.given_up_ns + 1)
 
     def _stop_from_ns(self, stop: Transaction) -> int:
-        """Return from when on a stop may leave: the same stop to a silent unit starves nobody."""
+        """Return from when a stop may be sent: repeats to a silent unit must not block other controllers."""
         silence = self._silent_units.silences.get(stop.unit_id)
         if silence is None:
             return 0
@@ -200,7 +201,7 @@ class Scheduler:
         return held is Held.ALL or not transaction.only_reads
 
     def held_read(self, now_ns: int) -> Transaction | None:
-        """Return a read that asks a drive whether it is there, while nothing else may go; None: not now."""
+        """Return a read that asks if a drive is there, while nothing else may be sent; None: not now."""
         if self._renewal.held is not Held.ALL:
             return None
         until_ns, own = NO_DEADLINE_NS, None
@@ -229,8 +230,8 @@ class Scheduler:
     def overtake(self, stop: Transaction, stops: list[AxisCommand], now_ns: int) -> None:
         """Withdraw what would move the axes of a stop afterwards (M3).
 
-        So it does with axes whose targets the same frame writes: their triggers were meant for those before.
-        And with those whose targets it runs: it would run the ones before.
+        The same holds for axes whose targets the frame writes: waiting triggers were meant for earlier
+        targets. And for axes whose targets it runs: it would run the earlier ones.
         """
         axes = [command.axis for command in stops]
         axes += self._units.given_targets(self._units.frames_of(stop))
@@ -247,9 +248,9 @@ class Scheduler:
         self._transactions.stop_goes_on(stop, event)
 
     def add_stop(self, stop: Transaction, now_ns: int) -> bool:
-        """Put a stop at the head of the queue; return False when the same waits already, many times.
+        """Put a stop at the head of the queue; return False if many equal ones wait already.
 
-        It takes the place of those like it whose controllers have given up.
+        It replaces equal stops whose controllers have given up.
         """
         for before in self._waiting.withdraw(lambda each: each.is_same_stop(stop) and each.is_orphan):
             self._transactions.replace(before, stop)
@@ -260,15 +261,16 @@ class Scheduler:
         return True
 
     def is_early(self, stop: Transaction, now_ns: int) -> bool:
-        """Whether a late frame may come in the place of the reply to a stop, or meet it on the wire."""
+        """Whether a late frame may come instead of the reply to a stop, or collide with the stop."""
         if stop.waits_for_silence or not self._is_serial:
             return False
         return self._rest.is_draining or self._silent_units.free_ns(stop.unit_id, now_ns, is_read=False) > 0
 
     def is_answer(self, stop: Transaction, reply: bytes) -> bool:
-        """Whether a reply to a stop that left early ends it: a late one may come in its place.
+        """Whether a reply to an early stop ends it: a late reply may come instead.
 
-        What waited for the silence before it came may move its axis yet: then it goes once more behind that.
+        A request that waited for the silence may still move its axis. The stop is sent once more behind it
+        then.
         """
         unit_id, pdu = stop.unit_id, stop.pdu
         axes = [command.axis for command in self._units.stops_of(self._units.frames_of(stop))]
@@ -277,34 +279,34 @@ class Scheduler:
                 return False
         if pdu[0] in FULL_ECHOES:
             return reply == pdu
-        # Of several registers only their addresses come back, as they do for any other write there.
+        # With several registers the reply has only their addresses, as for any other write there.
         return reply == pdu[:5] and not (
             self._rest.is_draining or self._silent_units.awaits_late_reply_of(unit_id)
         )
 
     def go_again(self, stop: Transaction, now_ns: int) -> None:
-        """End a stop that left early and was not answered; its controller waits for the next one.
+        """End an early stop that was not answered; its controller waits for the next one.
 
-        Where that has given up on it and the same stop waits already, that one is the next.
+        If that controller has given up and an equal stop waits already, that one is the next.
         """
         if not (stop.is_orphan and any(each.is_same_stop(stop) for each in self._waiting)):
             self.wait_again(stop)
         self._transactions.finish(stop, Outcome.NO_REPLY, now_ns, code=NO_RESPONSE)
 
     def wait_again(self, stop: Transaction) -> None:
-        """Let a stop that left wait, to go once more."""
+        """Queue a sent stop again, to be sent once more."""
         again = self._transactions.once_more(stop)
         if again is not None:
             self._waiting.add_again(again)
 
     def add_early_stop(self, stop: Transaction) -> None:
-        """Take note of a stop that leaves while writes are held, unless it does more than stop."""
+        """Record a stop that is sent while writes are held, unless it does more than stop."""
         is_known = any(each.is_same_stop(stop) for each in self._early_stops)
         if stop.stopping is not Stopping.ONCE and not is_known:
             self._early_stops.append(stop)
 
     def release_stops(self) -> None:
-        """Let the stops that left while writes were held leave once more, before any write does."""
+        """Send the stops again that were sent while writes were held, before any write is sent."""
         stops, self._early_stops = self._early_stops, []
         for stop in stops:
             again = self._transactions.once_more(stop)

@@ -1,27 +1,28 @@
-"""One request from its arrival to its end: why nothing is sent twice, and what each end leaves behind.
+"""One request from its arrival to its end: why nothing is sent twice, and what each end changes.
 
 Why nothing is sent twice:
 
-1. All bytes of requests leave in :meth:`Transactions.send`. Nothing else writes to the link of the drives.
+1. All bytes of requests are sent in :meth:`Transactions.send`. Nothing else writes to the link of the drives.
 2. :class:`Phase` says how far a :class:`Transaction` has come. Each step goes through
    :meth:`Transactions.go_on`, which looks it up in :data:`PHASE_AFTER`. A step without a row is a bug:
-   nothing is sent, and it is told; in tests ``sentence_of`` raises it (``axis.impossible``). An end without a
-   row ends the transaction all the same, in the safest way.
-3. Its own frame leaves from WAITING, in pieces from LEAVING. Both lead to SENT. From SENT the only way is to
-   ENDED, and from ENDED there is none.
-4. WAITING comes again only after PREREQUISITE. What left then was another frame: one that the gateway added.
-5. What leaves in LEAVING is no frame before its check sum has left. A transaction that ends there has not
-   been sent: no drive takes what left for a frame (``cut_through``).
-6. A stop may leave twice, for to stop once too often does no harm. The second time it is another transaction.
-   :data:`STOP_AFTER` has a row ``GOES_AGAIN`` for each state from which one is made, and none for what is no
-   stop or does more than stop.
+   nothing is sent, and the fault is reported; in tests ``sentence_of`` raises it (``axis.impossible``). An
+   end without a row still ends the transaction, in the safest way.
+3. The own frame of a transaction is sent from WAITING, or in pieces from LEAVING. Both lead to SENT. SENT
+   leads only to ENDED, and nothing leads out of ENDED.
+4. WAITING comes again only after PREREQUISITE. The frame sent there was another one, added by the gateway.
+5. In LEAVING, bytes are sent while the request still comes in (cut-through). They become a valid frame only
+   when the CRC is sent. If the request is aborted before that, its CRC is inverted. No drive accepts it, and
+   it counts as not sent.
+6. A stop may be sent twice, because an extra stop does no harm. The second time it is another transaction.
+   :data:`STOP_AFTER` has a row ``GOES_AGAIN`` for each state from which one is made. There is none for a
+   request that is no stop or does more than stop.
 
 Two equal requests of a controller are two transactions: it has asked twice.
 
-The rows of :data:`PHASE_AFTER` that lead to ENDED say how a transaction may end in each phase. What never
-left cannot have been acknowledged, and what left cannot be withdrawn. A transaction ends once, in
-:meth:`Transactions.finish`; one that went the fast path and was answered as usual ends in
-``LineExchange.reply``, in the same steps.
+The rows of :data:`PHASE_AFTER` that lead to ENDED say how a transaction may end in each phase. A request that
+was never sent cannot be acknowledged, and a sent one cannot be withdrawn. A transaction ends once, in
+:meth:`Transactions.finish`. If it took the fast path and got its usual reply, it ends in
+``LineExchange.reply`` instead, by the same steps.
 """
 
 from collections.abc import Callable, Sequence
@@ -51,7 +52,7 @@ from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, 
 from gateway.times import NS_PER_S
 
 NEVER_NS: Final = 1 << 62
-"""Deadline of what has to be waited for by somebody else."""
+"""Deadline of a transaction whose end is awaited elsewhere."""
 LOST: Final = ExceptionCode.SERVER_DEVICE_FAILURE
 NO_RESPONSE: Final = ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND
 
@@ -62,34 +63,34 @@ class Phase(Enum):
     __hash__ = object.__hash__
 
     WAITING = "waiting"
-    """Its own frame has not left, and nothing of it is on the wire."""
+    """Its own frame was not sent, and nothing of it is on the wire."""
     PREREQUISITE = "prerequisite"
-    """A frame of the gateway's own that it needs first is on the wire."""
+    """A frame of the gateway that it needs first is on the wire."""
     LEAVING = "leaving"
-    """Bytes of its own frame leave while it still arrives: it is no frame before its check sum has left."""
+    """Bytes of its own frame are sent while it still comes in: no valid frame before its CRC is sent."""
     SENT = "sent"
-    """Its own frame has left."""
+    """Its own frame was sent."""
     ENDED = "ended"
-    """Its outcome is known, and nothing leaves for it any more."""
+    """Its outcome is known, and nothing is sent for it any more."""
 
 
 class Step(Enum):
-    """What takes a transaction from one phase to the next, beside its end, which is an ``Outcome``."""
+    """What takes a transaction to its next phase, besides its end, which is an ``Outcome``."""
 
     __hash__ = object.__hash__
 
     FRAME = "frame"
-    """Its own frame leaves, whole."""
+    """Its own frame is sent, complete."""
     ADDED_FRAME = "added-frame"
-    """A frame of the gateway's own leaves, which it needs first."""
+    """A frame of the gateway that it needs first is sent."""
     ANSWERED = "answered"
-    """What it needed first was answered, or the link was lost with a read: it waits for its turn again."""
+    """Its prerequisite was answered, or the link was lost during a read: it waits for its turn again."""
     BEGINS = "begins"
-    """It begins to leave while it still arrives: its first bytes are written next."""
+    """Its forwarding begins: its first bytes are written next."""
     PIECE = "piece"
-    """Bytes of its own frame leave while it still arrives, or fill it up so that it is no frame."""
+    """Bytes of its own frame are sent while it still comes in, or fill it up so that it is no valid frame."""
     LAST_PIECE = "last-piece"
-    """The last bytes of its own frame leave, with its check sum: all of it has come."""
+    """The last bytes of its own frame are sent, with its CRC: all of it has come in."""
 
 
 PHASE_AFTER: Final[dict[Phase, dict[Step | Outcome, Phase]]] = {
@@ -97,16 +98,16 @@ PHASE_AFTER: Final[dict[Phase, dict[Step | Outcome, Phase]]] = {
         Step.FRAME: Phase.SENT,
         Step.ADDED_FRAME: Phase.PREREQUISITE,
         Step.BEGINS: Phase.LEAVING,
-        Outcome.NEVER_SENT: Phase.ENDED,  # refused, withdrawn, or answered for
+        Outcome.NEVER_SENT: Phase.ENDED,  # refused, withdrawn, or answered by the gateway
     },
     Phase.PREREQUISITE: {
         Step.ANSWERED: Phase.WAITING,
-        Outcome.NEVER_SENT: Phase.ENDED,  # what it needed was refused, or not answered
+        Outcome.NEVER_SENT: Phase.ENDED,  # its prerequisite was refused, or not answered
     },
     Phase.LEAVING: {
         Step.PIECE: Phase.LEAVING,
         Step.LAST_PIECE: Phase.SENT,
-        Outcome.NEVER_SENT: Phase.ENDED,  # spoilt
+        Outcome.NEVER_SENT: Phase.ENDED,  # aborted
     },
     Phase.SENT: {
         Outcome.ACKNOWLEDGED: Phase.ENDED,
@@ -117,22 +118,23 @@ PHASE_AFTER: Final[dict[Phase, dict[Step | Outcome, Phase]]] = {
     },
     Phase.ENDED: {},
 }
-"""Where each step and each outcome leads. What is not there cannot be."""
+"""The phase after each step and each outcome. A missing pair is impossible."""
 
 
 class Stopping(Enum):
-    """Whether a transaction stops an axis, and how often it leaves for that."""
+    """Whether a transaction stops an axis, and how often it is sent for that."""
 
     __hash__ = object.__hash__
 
     NO = "no"
-    """It stops nothing. Or it is a stop that left at once, on a free line: nothing had to be done for it."""
+    """It stops nothing. Or it is a stop that was sent immediately on a free line, which needs no special
+    care."""
     FIRST = "first"
-    """It goes before everything else, on a resting line too, and is never given up."""
+    """It goes before everything else, also on a resting line, and is never given up."""
     EARLY = "early"
-    """It left although a late frame might come: only its exact echo is an answer."""
+    """It was sent although a late frame might come: only its exact echo counts as its answer."""
     AGAIN = "again"
-    """Sent early before and not answered: it goes once more, when no late frame can come."""
+    """It was sent early and not answered: it is sent once more when no late frame can come."""
     ONCE = "once"
     """It does more than stop, which must not be done twice: it goes first, when no late frame can come."""
 
@@ -143,15 +145,15 @@ class StopEvent(Enum):
     __hash__ = object.__hash__
 
     FOUND = "found"
-    """It is found to stop an axis, and cannot leave as it comes. It does nothing else."""
+    """It is found to stop an axis, and cannot be sent immediately. It does nothing else."""
     FOUND_WITH_MORE = "found-with-more"
     """The same, and it does more than stop."""
     LEAVES_EARLY = "leaves-early"
-    """It leaves now, although a late frame may come in the place of its reply."""
+    """It is sent now, although a late frame may come instead of its reply."""
     REPLACES = "replaces"
-    """It takes the place of the same stop that waited in AGAIN."""
+    """It replaces the same stop that waited in AGAIN."""
     GOES_AGAIN = "goes-again"
-    """It left, and goes once more, as another transaction. The row says how that one begins."""
+    """It was sent, and is sent once more as another transaction. The row gives the state of that one."""
 
 
 STOP_AFTER: Final[dict[Stopping, dict[StopEvent, Stopping | None]]] = {
@@ -159,7 +161,7 @@ STOP_AFTER: Final[dict[Stopping, dict[StopEvent, Stopping | None]]] = {
     Stopping.FIRST: {
         StopEvent.LEAVES_EARLY: Stopping.EARLY,
         StopEvent.REPLACES: Stopping.AGAIN,
-        StopEvent.GOES_AGAIN: Stopping.AGAIN,  # it left while writes were held back (``renewal``)
+        StopEvent.GOES_AGAIN: Stopping.AGAIN,  # it was sent while writes were held back (``renewal``)
     },
     Stopping.EARLY: {StopEvent.GOES_AGAIN: Stopping.AGAIN},  # its own echo did not come
     Stopping.AGAIN: {
@@ -168,48 +170,50 @@ STOP_AFTER: Final[dict[Stopping, dict[StopEvent, Stopping | None]]] = {
     },
     Stopping.ONCE: {StopEvent.REPLACES: IGNORED},
 }
-"""Where each event leads. What is not there cannot be; :data:`IGNORED` changes nothing."""
+"""The state after each event. A missing pair is impossible; :data:`IGNORED` changes nothing."""
 
-_WAITING: Final = Phase.WAITING  # a member is looked up slowly, and these are asked for with each request
+_WAITING: Final = Phase.WAITING  # member lookup is slow, and these are used for each request
 _NO_STOP: Final = Stopping.NO
 _PIECE: Final = Step.PIECE
 _LAST_PIECE: Final = Step.LAST_PIECE
 
 
 class Answer(Enum):
-    """What its controller hears of a request that its drive did not answer (W7)."""
+    """How the controller is answered if the drive did not answer (W7)."""
 
     REFUSAL = "refusal"
-    """An exception of the gateway's own, on serial lines too; counted."""
+    """An exception of the gateway, also on serial lines; counted."""
     DENIAL = "denial"
-    """The same, but what may not be reached is as good as absent: 0x0A is silence on a serial line."""
+    """The same, but for 0x0A a serial line stays silent: a forbidden unit is treated as absent."""
     BACK_OFF = "back-off"
-    """An exception at once, on serial lines too: the drive left three requests unanswered; counted apart."""
+    """An immediate exception, also on serial lines: the drive left three requests unanswered; counted
+    separately."""
     TOO_LATE = "too-late"
-    """The same: it could only have left too late behind the silence of its drive; counted apart."""
+    """The same, but it could only have been sent too late, behind the silence of its drive; counted
+    separately."""
     ABSENCE = "absence"
-    """An exception on TCP, silence on a serial line: the drive cannot be had."""
+    """An exception on TCP, silence on a serial line: the drive is not reachable."""
     NOTHING = "nothing"
-    """It does not wait for it any more."""
+    """No answer: the controller does not wait for it any more."""
 
 
 class FastPath:
-    """How a request leaves and its reply comes back where nothing about them needs to be judged.
+    """How a request is sent and its reply passed on when nothing in them needs judgement.
 
-    This one is for frames that hold nothing the gateway cares for: both directions pass as they are. What
-    positions need is in ``fast_path``.
+    This class is for frames without any mapped content: both directions pass unchanged. ``fast_path`` has the
+    classes for positions.
     """
 
     __slots__ = ("_size", "axes")
 
     def __init__(self, size: int, axes: tuple[Axis, ...] = ()) -> None:
         self._size = size
-        """Bytes of the PDU: of a request whose length contradicts its head nobody knows what it writes."""
+        """Bytes of the PDU. If the length contradicts the head, it is unknown what a request writes."""
         self.axes = axes
-        """Axes of its unit, of which something may have been learned."""
+        """Axes of its unit, about which the reply may tell something."""
 
     def sent(self, transaction: "Transaction", now_ns: int) -> bytes | None:
-        """Return what is sent for a request; None: it goes the slow path."""
+        """Return what is sent for a request; None: it takes the slow path."""
         for axis in self.axes:
             if axis.silent_since_ns is not None:
                 return None
@@ -217,17 +221,17 @@ class FastPath:
         return pdu if len(pdu) == self._size else None
 
     def answered(self, transaction: "Transaction", reply: bytes, now_ns: int) -> bytes | None:
-        """Return what the controller gets for a drive's reply; None: it goes the slow path."""
+        """Return what the controller gets for a drive's reply; None: it takes the slow path."""
         return reply
 
     def left(self, transaction: "Transaction") -> None:
-        """Take note that a target is on its way."""
+        """Record that a target was sent."""
 
     def settle(self, transaction: "Transaction", now_ns: int) -> None:
-        """Take note of what the reply proved, once it was passed on."""
+        """Record what the reply proved, after it was passed on."""
 
     def rendering(self, transaction: "Transaction") -> Rendering:
-        """Return the target that a transaction carries, as the slow path would have rendered it."""
+        """Return the target of a transaction, as the slow path would have rendered it."""
         raise NotImplementedError
 
     def request(self, transaction: "Transaction") -> Request:
@@ -235,49 +239,49 @@ class FastPath:
         raise NotImplementedError
 
 
-@mypyc_attr(free_list_len=1)  # there is one at a time, nearly always
+@mypyc_attr(free_list_len=1)  # nearly always there is only one
 class Transaction:
-    """One request with its reply. ``port`` is None for a read that the gateway added by itself."""
+    """One request with its reply. ``port`` is None for a read that the gateway added on its own."""
 
-    # Defaults of the class: most leave most of them alone, and one is made for each request.
+    # Class defaults: one transaction is made for each request, and most set few of these.
     phase = _WAITING
     sent_ns = 0
     deadline_ns = 0
     started_ns = 0
-    """When its turn came, after it had waited or after a frame that it needed; 0: as it arrived."""
+    """When its turn came, after waiting or after a prerequisite; 0: as it arrived."""
     queue_ns = 0
     """How long it waited for the line."""
     added_ns = 0
-    """How long frames of the gateway's own held it up."""
+    """How long frames of the gateway held it up."""
     early_ns = 0
-    """So long its own frame had been leaving when all of it had come (``cut_through``)."""
+    """How long it had been forwarded when all of it had come (``cut_through``)."""
     excused_ns = 0
-    """How much of that no deadline counts: a look at where the axis stands."""
+    """Waiting time that no deadline counts: a read of the axis's position."""
     follows_ns = 0
-    """When the request before it came on the same connection."""
+    """When the request before it arrived on the same connection."""
     is_orphan = False
-    """Its controller has gone or gone on, or has heard a reply while that still arrived (``cut_through``):
-    what comes is taken note of and then dropped."""
+    """Its controller has disconnected or moved on, or already received the reply by cut-through: what comes
+    is processed and then dropped."""
     is_denied = False
-    """There was no room for it: it is refused when the answers before it have been given."""
+    """There was no room for it: it is refused after the answers before it were given."""
     is_odd = False
-    """It has another length than its function code says, and is for a device that may take it."""
+    """Its length differs from its function code, and it goes to a device that may accept that."""
     is_held_up = False
-    """It waited for the link to the drives: of that its controller knows nothing (``leave_by_ns``)."""
+    """It waited for the link to the drives, which its controller cannot know (``leave_by_ns``)."""
     overtaken_by = ""
     """Why it must not be sent any more, although its controller waits for it."""
     stopping = _NO_STOP
     added: AddedFrame | None = None
-    """A frame of the gateway's own that goes first, or alone."""
+    """A frame of the gateway that is sent before it, or alone."""
     frames: tuple[DecodedRequest, ...] | None = None
-    """What its bytes say to each unit that it reaches, as soon as that was asked for."""
+    """Its content, parsed for each unit that it reaches; None: not parsed yet."""
     prefetched: Prefetched | None = None
     path: FastPath | None = None
-    """The fast path on which it was sent; None: it went the slow one."""
+    """The fast path on which it was sent; None: it took the slow path."""
     target: SteadyTarget | None = None
-    """What it carries on the fast path."""
+    """The target in it, on the fast path."""
     readbacks: Sequence[Readback | None] = ()
-    """Of each position that it reads, on the fast path: as they were when it was sent."""
+    """The readback of each position that it reads on the fast path, as it was when it was sent."""
     _requests: tuple[Request, ...] = ()
     _rendering: Rendering | None = None
 
@@ -288,13 +292,13 @@ class Transaction:
         self.transaction_id = transaction_id
         self.unit_id = unit_id
         self.wire_unit_id = unit_id
-        """Of the frame that is on the wire for it."""
+        """Unit id of the frame that is on the wire for it."""
         self.pdu = pdu
         self.arrived_ns = arrived_ns
 
     @property
     def is_motion(self) -> bool:
-        """Whether a motion controller asked for it."""
+        """Whether a motion controller sent it."""
         return self.port is not None and self.port.is_motion
 
     @property
@@ -309,17 +313,17 @@ class Transaction:
 
     @property
     def requests(self) -> tuple[Request, ...]:
-        """The request as each unit has it that it reaches, as it is sent; a broadcast reaches several."""
+        """The request as it is sent to each unit that it reaches; a broadcast reaches several."""
         if self.target is not None and self.path is not None and not self._requests:
             self._requests = (self.path.request(self),)
         return self._requests
 
     def set_frames(self, frames: tuple[DecodedRequest, ...]) -> None:
-        """Note what its bytes say."""
+        """Set its parsed content."""
         self.frames = frames
 
     def set_requests(self, requests: tuple[Request, ...]) -> None:
-        """Note what is sent for it."""
+        """Set what is sent for it."""
         self._requests = requests
 
     def knowledge(self) -> Prefetched:
@@ -329,20 +333,20 @@ class Transaction:
         return self.prefetched
 
     def become_odd(self) -> None:
-        """Note that it is an odd frame: it counts as a write."""
+        """Mark it as an odd frame: it counts as a write."""
         self.is_odd = True
 
     def deny(self) -> None:
-        """Note that it has no room, and is refused in its turn."""
+        """Mark it as refused for lack of room; it is answered in its turn."""
         self.is_denied = True
 
     @property
     def waits_for_silence(self) -> bool:
-        """Whether it is a stop that leaves only when no late frame can come."""
+        """Whether it is a stop that is sent only when no late frame can come."""
         return self.stopping is Stopping.AGAIN or self.stopping is Stopping.ONCE
 
     def rendering(self) -> Rendering:
-        """Return the target that it carries on the fast path: always the same object."""
+        """Return its target on the fast path: always the same object."""
         if self._rendering is None:
             assert self.path is not None
             self._rendering = self.path.rendering(self)
@@ -350,28 +354,28 @@ class Transaction:
 
     @property
     def leave_by_ns(self) -> int:
-        """Latest instant at which a request that was held up may leave: half of ``timeout_ms`` is left then.
+        """Latest time at which a held-up request may be sent: half of ``timeout_ms`` is left then.
 
-        One limit for each wait that its controller cannot know of: a line that is down, the silence of its
-        own drive, a connection that is made anew. What leaves later may be answered after its controller gave
-        up, which then takes a write for lost that the drive carries out.
+        One limit for each wait that its controller cannot know: a line that is down, the silence of its own
+        drive, a connection that is renewed. A later request may be answered after its controller gave up. The
+        controller then takes a write for lost that the drive carries out.
         """
         return NEVER_NS if self.port is None else self.arrived_ns + self.port.patience_ns // 2
 
     @property
     def given_up_ns(self) -> int:
-        """Latest instant at which its controller still waits for it (W5)."""
+        """Latest time at which its controller still waits for it (W5)."""
         return NEVER_NS if self.port is None else self.arrived_ns + self.port.patience_ns
 
     @property
     def waits_until_ns(self) -> int:
-        """Until when it waits for the link to the drives; a stop as long as its controller waits for it."""
+        """Until when it waits for the link to the drives; a stop waits as long as its controller does."""
         return self.given_up_ns if self.is_stop else self.leave_by_ns
 
     # --- its turn --------------------------------------------------------------------------------------
 
     def start(self, now_ns: int) -> None:
-        """Note that it is its turn: after it waited for the line, or for a frame that goes first."""
+        """Record that its turn has come: after it waited for the line, or for a prerequisite."""
         if self.added is not None or self.prefetched is not None:
             self.added_ns += now_ns - (self.started_ns or self.arrived_ns)
         else:
@@ -379,23 +383,23 @@ class Transaction:
         self.started_ns = now_ns
 
     def need(self, frame: AddedFrame | None) -> None:
-        """Note which frame of the gateway's own it needs first; None: none any more."""
+        """Set the frame of the gateway that it needs first; None: none any more."""
         self.added = frame
 
     def begin_anew(self) -> None:
-        """Something else goes first: what it needs is found out anew when its turn comes, and read again."""
+        """Something else goes first: its prerequisites are determined and read again at its next turn."""
         self.prefetched = Prefetched()
 
     def carry(self, path: FastPath, target: SteadyTarget) -> None:
-        """Note the target that it carries on a fast path."""
+        """Set its target on a fast path."""
         self.path, self.target = path, target
 
     def take(self, path: FastPath) -> None:
-        """Note the fast path on which it leaves."""
+        """Set the fast path on which it is sent."""
         self.path = path
 
     def set_readbacks(self, readbacks: Sequence[Readback | None]) -> None:
-        """Note how the positions that it reads on a fast path are turned back."""
+        """Set how the positions that it reads on a fast path are converted back."""
         self.readbacks = readbacks
 
     def hold_up(self) -> None:
@@ -403,7 +407,7 @@ class Transaction:
         self.is_held_up = True
 
     def excuse(self, span_ns: int) -> None:
-        """No deadline counts so much of its waiting."""
+        """Exclude this much of its waiting time from all deadlines."""
         self.excused_ns += span_ns
 
     def overtake(self, why: str) -> None:
@@ -411,17 +415,17 @@ class Transaction:
         self.overtaken_by = why
 
     def give_up(self) -> None:
-        """Its controller does not wait for it any more: a reply is taken note of and then dropped."""
+        """Its controller does not wait for it any more: a reply is processed and then dropped."""
         self.is_orphan = True
 
     def is_same_stop(self, other: "Transaction") -> bool:
-        """Whether this is a stop that says the same to the same drive."""
+        """Whether this is a stop with the same content for the same drive."""
         return self.is_stop and self.unit_id == other.unit_id and self.pdu == other.pdu
 
     def why_given_up(self, now_ns: int) -> str:
         """Return why its controller does not wait for it any more; empty while it does (W5).
 
-        A stop goes out all the same: to stop once too often does no harm.
+        A stop is sent all the same, because an extra stop does no harm.
         """
         if self.is_stop:
             return ""
@@ -433,15 +437,15 @@ class Transaction:
 
 
 class Transactions:
-    """The transactions of one line: nothing else takes one from phase to phase, sends it, or ends it.
+    """The transactions of one line: only this class changes their phase, sends them and ends them.
 
     Args:
         counters: of the line.
-        on_event: hears what is worth a word.
-        lose: notes what a request that never left would have written (``ownership``).
+        on_event: called with each event.
+        lose: records what a request that was never sent would have written (``ownership``).
         unit_of: the register map of a unit id.
-        link: the way to the drives.
-        tap: listens.
+        link: the link to the drives.
+        tap: sees the traffic.
     """
 
     def __init__(
@@ -462,27 +466,27 @@ class Transactions:
         self._unit_of = unit_of
         self._withdrawals: Reports[tuple[str, str]] = Reports(NS_PER_S, others=others_of_pairs)
         self._arrived_ns = 0
-        """When the newest request came."""
+        """When the newest request arrived."""
         self.current: Transaction | None = None
-        """The one on the wire: it is leaving, or its reply has not come."""
+        """The transaction on the wire: it is being forwarded, or its reply has not come."""
 
     def free_wire(self) -> Transaction | None:
-        """Nothing is on the wire any more; return what was."""
+        """Clear the wire; return what was on it."""
         current, self.current = self.current, None
         return current
 
     def come(
         self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int
     ) -> Transaction:
-        """Return the transaction of a request that comes now."""
-        # Losses are told apart by it (M3): no two requests come at one instant.
+        """Return the transaction of a request that arrives now."""
+        # It identifies losses (M3): no two requests have the same arrival time.
         arrived_ns = self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
         transaction = Transaction(port, transaction_id, unit_id, pdu, arrived_ns)
         transaction.follows_ns, port.newest_ns = port.newest_ns, arrived_ns
         return transaction
 
     def come_whole(self, transaction: Transaction, port: ControllerPort, pdu: bytes, now_ns: int) -> None:
-        """All of a request has come while it was leaving: this is what it says."""
+        """A forwarded request has come completely: this is its content."""
         arrived_ns = self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
         transaction.pdu, transaction.arrived_ns = pdu, arrived_ns
         transaction.early_ns = arrived_ns - transaction.sent_ns
@@ -492,7 +496,7 @@ class Transactions:
     # --- steps -----------------------------------------------------------------------------------------
 
     def go_on(self, transaction: Transaction, event: Step | Outcome) -> bool:
-        """Take a step of :data:`PHASE_AFTER`; return whether there is one. If not, nothing has changed."""
+        """Take a step of :data:`PHASE_AFTER`; return whether it exists. If not, nothing has changed."""
         after = PHASE_AFTER[transaction.phase].get(event)
         if after is None:
             self.report_fault(sentence_of("transaction", transaction.phase, event))
@@ -501,9 +505,9 @@ class Transactions:
         return True
 
     def begin(self, transaction: Transaction) -> bool:
-        """Let a request have the line from now on that leaves while it arrives; return whether it may.
+        """Give the line to a request whose forwarding begins; return whether it may.
 
-        It has its deadline elsewhere.
+        ``cut_through`` watches its deadline.
         """
         if not self.go_on(transaction, Step.BEGINS):
             return False
@@ -522,16 +526,16 @@ class Transactions:
         patience_ns: int = 0,
         piece: bytes = b"",
     ) -> bool:
-        """Let a frame leave, or a piece of one: all bytes of requests leave here. Return whether it left.
+        """Send a frame or a piece of one: all bytes of requests are sent here. Return whether it was sent.
 
         Args:
-            transaction: for which it leaves; it is the one on the wire then.
-            step: its own frame, one that it needs first, or a piece of its own.
+            transaction: for which it is sent; it is then the one on the wire.
+            step: its own frame, a prerequisite, or a piece of its own frame.
             unit_id: of the frame.
-            pdu: of the frame; of one of which the last piece leaves, all of it.
+            pdu: of the frame; with the last piece, the complete PDU.
             now_ns: when.
-            patience_ns: so long its reply is waited for.
-            piece: the bytes that leave, where it is a piece.
+            patience_ns: how long its reply is awaited.
+            piece: the bytes to send, if it is a piece.
         """
         if not self.go_on(transaction, step):
             return False
@@ -546,26 +550,26 @@ class Transactions:
         if step is _LAST_PIECE:
             self._link.forward_last(unit_id, pdu, piece)
             return True
-        if unit_id != BROADCAST_UNIT_ID or not self._link.is_serial:  # nobody answers a broadcast
+        if unit_id != BROADCAST_UNIT_ID or not self._link.is_serial:  # a broadcast has no reply
             self.current = transaction
         self._link.send_request(unit_id, pdu)
         return True
 
     def stop_goes_on(self, stop: Transaction, event: StopEvent) -> None:
-        """Take a step of :data:`STOP_AFTER` with a transaction itself."""
+        """Take a step of :data:`STOP_AFTER` with the transaction itself."""
         after = self._after_stop(stop, event)
         if after is not None:
             stop.stopping = after
 
     def replace(self, before: Transaction, stop: Transaction) -> None:
-        """Let a stop take the place of the same one, which may have been sent early and not answered."""
+        """Replace an equal waiting stop, which may have been sent early and not answered."""
         if before.stopping is Stopping.AGAIN:
             self.stop_goes_on(stop, StopEvent.REPLACES)
 
     def once_more(self, stop: Transaction) -> Transaction | None:
-        """Return the same stop, to go once more when no late frame can come in the place of its reply.
+        """Return the same stop, to be sent once more when no late frame can come instead of its reply.
 
-        None: that cannot be (:data:`STOP_AFTER`).
+        None: it must not be sent again (:data:`STOP_AFTER`).
         """
         after = self._after_stop(stop, StopEvent.GOES_AGAIN)
         if after is None:
@@ -583,7 +587,7 @@ class Transactions:
         return row[event]
 
     def report_fault(self, sentence: str) -> None:
-        """Tell of something that cannot be: a bug of this program."""
+        """Report an impossible event: a bug of this program."""
         self._counters.internal_faults += 1
         self._on_event(Event(exchange_events.INTERNAL_FAULT, None, sentence))
 
@@ -601,23 +605,23 @@ class Transactions:
         withdrawn: str = "",
         loss: Loss | None = Loss.DENIED,
     ) -> None:
-        """End a transaction: answer its controller, and take note of what the end says of its axes.
+        """End a transaction: answer its controller, and apply the end to its axes.
 
         Args:
             transaction: what ends.
             outcome: how.
             now_ns: when.
-            code: exception code that its controller gets, or would get, where its drive did not answer.
+            code: exception code that its controller gets, or would get, if its drive did not answer.
             reply: of its drive.
-            answer: what its controller hears where there is no reply.
-            withdrawn: why it was not sent any more; "" where it was not withdrawn.
-            loss: how what it would have written is lost, where it never left (M3); None for those who have
-                no right to write, and where that was noted already.
+            answer: how its controller is answered if there is no reply.
+            withdrawn: why it was withdrawn; "": it was not.
+            loss: how its content is lost if it was never sent (M3). None: its sender has no right to write,
+                or the loss was recorded already.
         """
         if not self.go_on(transaction, outcome):
             if transaction.phase is Phase.ENDED:
                 return
-            # The safest: of what may have reached its drive nobody knows what it did.
+            # The safest: a request that was sent may have been executed or not.
             outcome = Outcome.NO_REPLY if transaction.phase is Phase.SENT else Outcome.NEVER_SENT
             self.go_on(transaction, outcome)
         if outcome is Outcome.NEVER_SENT:
@@ -640,12 +644,12 @@ class Transactions:
         self.finish(transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.REFUSAL, loss=loss)
 
     def refuse_absent(self, transaction: Transaction, now_ns: int) -> None:
-        """Say that there is no link to the drives (W7)."""
+        """Answer that there is no link to the drives (W7)."""
         code = ExceptionCode.GATEWAY_PATH_UNAVAILABLE
         self.finish(transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.ABSENCE)
 
     def never_left(self, transaction: Transaction, now_ns: int) -> None:
-        """End what never left whole: nothing is lost that its controller has not still to send."""
+        """End a request that was never sent completely: its controller still sends it, so nothing is lost."""
         self.finish(transaction, Outcome.NEVER_SENT, now_ns, loss=None)
 
     def withdraw(self, transaction: Transaction, why: str, now_ns: int) -> None:
@@ -653,7 +657,7 @@ class Transactions:
         self.finish(transaction, Outcome.NEVER_SENT, now_ns, code=LOST, withdrawn=why, loss=Loss.WITHDRAWN)
 
     def overtaken(self, transaction: Transaction, why: str, now_ns: int) -> None:
-        """Withdraw what a stop has overtaken; its controller still waits, and is told (M3)."""
+        """Withdraw what a stop has overtaken; its controller still waits, and gets an exception (M3)."""
         code = ExceptionCode.SERVER_DEVICE_BUSY
         self.finish(transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.REFUSAL, withdrawn=why)
 
@@ -662,7 +666,7 @@ class Transactions:
         port = transaction.port
         if port is None or transaction.is_orphan:
             return
-        if not (port.is_serial and transaction.unit_id == BROADCAST_UNIT_ID):  # nobody answers a broadcast
+        if not (port.is_serial and transaction.unit_id == BROADCAST_UNIT_ID):  # a broadcast has no reply
             if self._tap is not None:
                 self._tap.answered(port, transaction.transaction_id, transaction.unit_id, pdu)
             port.send_reply(transaction.transaction_id, transaction.unit_id, pdu)
@@ -670,10 +674,11 @@ class Transactions:
     def _pass_back(
         self, transaction: Transaction, outcome: Outcome, code: int, reply: bytes, now_ns: int
     ) -> None:
-        """Give the controller a drive's reply, and take note of what it says.
+        """Give the controller a drive's reply, and apply what it proves.
 
-        The controller waits for its reply, so it is sent as soon as it is known: before the state of the axis
-        is worked out, unless the same frame also reads positions, which that state turns back.
+        The controller waits, so the reply is sent as early as possible: before the new state of the axis is
+        computed. If the same frame also reads positions, that state comes first, because it converts them
+        back.
         """
         self._counters.count_reply(reply)
         requests = transaction.requests
@@ -710,7 +715,7 @@ class Transactions:
             self.reply(transaction, exception_pdu(transaction.pdu[0], code))
 
     def _count_withdrawn(self, transaction: Transaction, why: str, now_ns: int) -> None:
-        """Count it; tell of one for each controller and reason in a second, and how many there were."""
+        """Count it; report one for each controller and reason in a second, with their number."""
         self._counters.withdrawn += 1
         if transaction.port is None:
             return
@@ -721,7 +726,7 @@ class Transactions:
 
 
 def outcome_of_reply(transaction: Transaction, reply: bytes) -> tuple[Outcome, int]:
-    """Return how a transaction ends that its drive replied to, and the exception code that stands for it."""
+    """Return the outcome of a transaction with this reply, and its exception code."""
     for request in transaction.requests:
         return outcome_of(request, reply)
     return (Outcome.EXCEPTION, reply[-1]) if is_exception(reply) else (Outcome.ACKNOWLEDGED, 0)

@@ -126,9 +126,9 @@ class Forwarding:
         gap_ns: silence that the drives need before each request.
         stored_units: unit ids of devices that are no axes: only silence marks the end of their frames.
         on_change: called after each step of a forwarded frame: the deadline of the line may have changed.
-        tell_no_gain: called once for each port and direction in which cut-through gains nothing, with the
+        report_no_gain: called once for each port and direction in which cut-through gains nothing, with the
             reason.
-        tell_fault: called with a sentence for an impossible pair.
+        report_fault: called with a sentence for an impossible pair.
         tap: sees the traffic. It does not see frames that are incomplete.
     """
 

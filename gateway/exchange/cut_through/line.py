@@ -24,7 +24,7 @@ class ForwardingLine:
         link: the link to the drives.
         waiting: the queue of the line.
         transactions: of the line.
-        turns: decides which request is sent next.
+        scheduler: decides which request is sent next.
         silent_units: the units that do not answer.
         link_state: whether the drives can be reached.
         rest: the pauses of the line.
