@@ -52,7 +52,7 @@ class MotionState(Enum):
     UNKNOWN = "unknown"
     """Something other than a target decides where it is: homing, a jog, a stored position, an alarm."""
     STOPPED = "stopped"
-    """A stop came after the last target: it stops anywhere, on the branch of that target."""
+    """A stop came after the last target: the axis is somewhere on its way, on the branch of that target."""
     SUPERSEDED = "superseded"
     """The last target is void, but its words are kept: the reference has changed, the drive could not be
     reached, or it was silent for long. If the axis is then seen at that target, a repeat of the target gets
@@ -741,7 +741,7 @@ class Motion:
 
     @property
     def says_done(self) -> bool:
-        """Whether the drive of an axis with an unproven target reports done, or has no done bit."""
+        """Whether the drive of an axis with an unacknowledged target reports done, or has no done bit."""
         return DONE_BIT not in self.plan.bits or self.has_reported_done
 
     # --- where it is -----------------------------------------------------------------------------------

@@ -382,8 +382,8 @@ def _has_come_nearer(settings: AxisSettings, record: Remembered, before: Counts,
 def _find(motion: Motion, record: Remembered, counts: Counts) -> Finding | None:
     """Compare where the drive is with where it may be; None: the record cannot be true.
 
-    Between two targets of which one is unproven, the nearer one counts. It may be either if the way to the
-    proven one passes the other or begins there. A stream continues from setpoint to setpoint.
+    Between two targets of which one is unacknowledged, the nearer one counts. It may be either if the way to
+    the other passes it or begins there. A stream continues from setpoint to setpoint.
     """
     settings = motion.plan.settings
     near = settings.hysteresis_counts

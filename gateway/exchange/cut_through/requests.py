@@ -86,8 +86,9 @@ def beginning_of(begun: bytes) -> bytes:
 class Heads:
     """The beginnings of one port's requests, and the forwarding delay of each of their shapes.
 
-    A write is identified by its complete address. The first byte of the address is enough where all writes of
-    the port with this byte went to one address, and the register map has no other target there
+    A write is identified by its complete address. The first byte of the address is enough under two
+    conditions: all writes of the port with this byte went to one address, and the register map has no other
+        target there
     (``WritePath.is_early``).
     """
 
