@@ -1,1 +1,1 @@
-"""Sans-IO: the only place where compensation meets Modbus."""
+"""Sans-IO: the only package in which compensation meets Modbus."""

@@ -1,9 +1,9 @@
 """Which registers a request writes and reads, for every function code that can carry a position.
 
-One entry per function code. A function code that is not here never holds a position and passes as it is.
+One entry per function code. A function code without an entry never holds a position and passes unchanged.
 
-Layouts: Modbus application protocol V1.1b3, sections 6.3, 6.4, 6.6, 6.12, 6.16, 6.17 and 6.21 (CANopen
-general reference; its data is little-endian, as CiA 309-2 has it, and is turned round here).
+Layouts: Modbus application protocol V1.1b3, sections 6.3, 6.4, 6.6, 6.12, 6.16, 6.17 and 6.21. The data of
+the CANopen general reference (6.21) is little-endian, as in CiA 309-2; its bytes are swapped here.
 """
 
 from collections.abc import Callable
@@ -15,15 +15,15 @@ COIL_ON: Final = 0xFF
 MEI_HEAD: Final = 12
 """Bytes of a general reference before its data."""
 HEAD_BYTES: Final = bytes({1: 5, 2: 5, 3: 5, 4: 5, 6: 3, 16: 6}.get(function, 0) for function in range(256))
-"""By function code: how many bytes of a PDU say which registers it touches; 0: more than its head says it."""
+"""By function code: bytes of a PDU that say which registers it touches; 0: its head alone does not say it."""
 
 
 class Access(NamedTuple):
     """Registers touched by one request.
 
-    Words of the write stand in the PDU from ``data_offset``; ``is_consistent`` is False when the counts of
-    the request contradict each other, so that nobody can tell what the drive would write. With ``is_mei`` the
-    address is an object's index, and the bytes of each word are swapped.
+    The words of a write begin in the PDU at ``data_offset``. ``is_consistent`` is False if the counts of the
+    request contradict each other, so that the effect on the drive is unknown. With ``is_mei`` the address is
+    an object's index, and the bytes of each word are swapped.
     """
 
     read_address: int = 0
@@ -41,7 +41,7 @@ class Access(NamedTuple):
         return swapped(data) if self.is_mei else data
 
     def with_words(self, pdu: bytes, words: bytes) -> bytes:
-        """Return the request with other words in place of its own, of the same number."""
+        """Return the request with other words instead of its own, of the same number."""
         return pdu[: self.data_offset] + (swapped(words) if self.is_mei else words)
 
 
@@ -99,7 +99,7 @@ def _read_write(pdu: bytes) -> Access | None:
 
 
 def _general_reference(pdu: bytes) -> Access | None:
-    """MEI type 13: read or write one object; other sub-indexes than 0 hold nothing that is mapped."""
+    """MEI type 13: read or write one object; sub-indexes other than 0 hold nothing that is mapped."""
     if len(pdu) < MEI_HEAD or pdu[1] != MEI_CANOPEN_GENERAL_REFERENCE or pdu[7] != 0:
         return None
     index, quantity = _u16(pdu, 5), (pdu[11] + 1) // 2
@@ -118,7 +118,7 @@ def coils_written(pdu: bytes) -> dict[int, int]:
     >>> coils_written(bytes.fromhex("0F 0019 0003 01 05"))
     {25: 1, 26: 0, 27: 1}
     """
-    if pdu[0] == FunctionCode.WRITE_SINGLE_COIL and len(pdu) >= 5:  # a drive may overlook what is too much
+    if pdu[0] == FunctionCode.WRITE_SINGLE_COIL and len(pdu) >= 5:  # a drive may ignore extra bytes
         return {_u16(pdu, 1): int(pdu[3] == COIL_ON)}
     if pdu[0] == FunctionCode.WRITE_MULTIPLE_COILS and len(pdu) > 6:
         address, quantity = _u16(pdu, 1), min(_u16(pdu, 3), 8 * (len(pdu) - 6))
@@ -135,11 +135,11 @@ ACCESS: Final[dict[int, Callable[[bytes], Access | None]]] = {
     0x17: _read_write,
     0x2B: _general_reference,
 }
-"""Function code to the registers that its request touches; None where the request is too short to tell."""
+"""Function code to the registers that its request touches; None: the request is too short to tell."""
 
 
 def access_of(pdu: bytes) -> Access | None:
-    """Return the registers that a request touches; None for none, and where it is too short to tell."""
+    """Return the registers that a request touches; None: none, or the request is too short to tell."""
     parse = ACCESS.get(pdu[0])
     return None if parse is None else parse(pdu)
 
@@ -149,7 +149,7 @@ _FORMS: Final = {1: 5, 2: 5, 3: 5, 4: 5, 5: 5, 6: 5, 15: 6, 16: 6, 22: 7, 23: 10
 
 
 def is_truncated(pdu: bytes) -> bool:
-    """Whether a request lacks bytes that its own function code asks for: no drive can make sense of it.
+    """Whether a request lacks bytes that its own function code needs: no drive can execute it.
 
     >>> is_truncated(bytes.fromhex("10 01 00")), is_truncated(bytes.fromhex("10 0100 0001 02 1234"))
     (True, False)
@@ -167,6 +167,6 @@ READ_OBJECT: Final = bytes((0x2B, MEI_CANOPEN_GENERAL_REFERENCE, 0))
 
 
 def only_reads(pdu: bytes) -> bool:
-    """Whether a request changes nothing in any drive that keeps to the specification."""
+    """Whether a request changes nothing in any drive that follows the specification."""
     is_object_read = pdu[:3] == READ_OBJECT and len(pdu) >= MEI_HEAD
     return pdu[0] in MONITOR_FUNCTIONS or pdu[:2] == READ_DEVICE_IDENTIFICATION or is_object_read

@@ -1,11 +1,16 @@
-"""The frames that the gateway adds of its own accord (W8), and what it learns from their replies.
+"""The frames that the gateway adds on its own (W8), and what it learns from their replies.
 
-Reads: the actual position, where nothing else tells the direction of a move or the offset in force; the
-drive's command words, when a controller writes a part of a position whose rest is not known; the homed bit;
-a mode register whose content decides what a target means; the place from which a relative move starts, and
-whether the axis stands there; anything of a drive that did not answer, before what may move it (W11); at the
-start, where an axis with a record of the run before stands. One kind of write: a staged target once more,
-corrected for its trigger (M2).
+The gateway adds these reads:
+
+- the actual position, if nothing else gives the direction of a move or the offset in force;
+- the drive's command words, if a controller writes a part of a position and the rest is unknown;
+- the homed bit;
+- a mode register that decides what a target means;
+- the start of a relative move, and whether the axis is at standstill there;
+- any register of a drive that did not answer, before a request that may move it (W11);
+- at the start, the position of an axis with a record of the last run.
+
+It adds one kind of write: a staged target again, corrected for its trigger (M2).
 """
 
 from collections.abc import Sequence
@@ -41,24 +46,24 @@ class Purpose(Enum):
 
     ACTUAL = "actual"
     POLL = "look"
-    """The actual position too: whether an axis that was not seen for a while still stands at its target."""
+    """The actual position: whether an axis that was unseen for a while is still at its target."""
     COMMANDED = "commanded"
     COMMAND = "command"
     KEPT = "kept"
-    """The same: whether the drive still holds the target of before a close, which a trigger runs."""
+    """The same read: whether the drive still holds the target from before a close, which a trigger runs."""
     HOMED = "homed"
     STANDSTILL = "standing"
     RULE = "rule"
     REWRITE = "restage"
     TRIAL = "trial"
-    """Something of a drive that does not answer: whether it is there again."""
+    """Any register of a drive that does not answer: whether it is back."""
 
 
 _POSITION_READS: Final = frozenset({Purpose.ACTUAL, Purpose.POLL})
 LATER: Final = frozenset({ExceptionCode.ACKNOWLEDGE, ExceptionCode.SERVER_DEVICE_BUSY})
-"""Exceptions which say that the same may be had later."""
+"""Exceptions which mean that the same read may succeed later."""
 POLLS: Final = 2
-"""So often the place of an axis is read at the start, to tell whether it went to its last target."""
+"""Number of position reads at the start that decide whether an axis went to its last target."""
 _WRITABLE: Final = frozenset({Purpose.COMMAND, Purpose.KEPT, Purpose.RULE})
 
 
@@ -76,11 +81,11 @@ class AddedFrame:
     rendering: Rendering | None = None
     """Of a restaged target."""
     is_for_distance: bool = False
-    """A look before a distance, which no place on the way is good for."""
+    """A poll before a distance, for which no position on the way is a base."""
     epoch: int = 0
-    """Of its field, when it was made."""
+    """Epoch of its field when the frame was made."""
     is_again: bool = False
-    """A read that no request needs, once more after it was refused."""
+    """A repeat of a refused read that no request needs."""
 
     @property
     def pdu(self) -> bytes:
@@ -105,11 +110,11 @@ class AddedFrame:
         if self.words:
             return plan.writes_with
         if self.purpose in _WRITABLE and plan.reads_with is Form.FC04:
-            return Form.FC03  # what can be written stands in holding registers
+            return Form.FC03  # what can be written is in holding registers
         return plan.reads_with
 
     def words_of(self, reply: bytes) -> bytes | None:
-        """Return the words that a reply carries; None when it is no good."""
+        """Return the words in a reply; None: it has none."""
         sent = self.pdu
         if sent[0] == FunctionCode.ENCAPSULATED_INTERFACE_TRANSPORT:
             is_good = reply[:8] == sent[:8] and len(reply) > MEI_HEAD and len(reply) == MEI_HEAD + reply[11]
@@ -121,7 +126,7 @@ class AddedFrame:
         return reply[2:] if is_good else None
 
     def is_acknowledged(self, reply: bytes) -> bool:
-        """Whether a reply is the full native success of the write."""
+        """Whether a reply is the complete normal reply to the write."""
         sent = self.pdu
         if sent[0] == FunctionCode.WRITE_MULTIPLE_REGISTERS:
             return reply == sent[:5]
@@ -138,12 +143,12 @@ def _general_reference(index: int, quantity: int, words: bytes) -> bytes:
 
 
 def read_field(axis: Axis, purpose: Purpose, field: PositionField) -> AddedFrame:
-    """Return the read of a whole position."""
+    """Return the read of a complete position."""
     return AddedFrame(axis, purpose, field.address, field.words)
 
 
 def once_more(read: AddedFrame) -> AddedFrame:
-    """Return the read of a position that no request needs, to go once more."""
+    """Return the same read of a position again, for no request."""
     return AddedFrame(read.axis, read.purpose, read.address, read.quantity, is_again=True)
 
 
@@ -158,7 +163,7 @@ def read_bit(axis: Axis, purpose: Purpose, bit: BitField) -> AddedFrame:
 
 
 def homed_read(axis: Axis) -> AddedFrame | None:
-    """Return the read of the bit on which the reference of an axis hangs at the moment."""
+    """Return the read of the bit on which the reference of an axis depends now."""
     bit = axis.plan.bits.get(axis.reference.bit)
     is_needed = axis.reference.follows_homed_bit or axis.reference.is_homing
     if not is_needed or not axis.may_read or bit is None:
@@ -167,7 +172,7 @@ def homed_read(axis: Axis) -> AddedFrame | None:
 
 
 def trial_read(axes: Sequence[Axis]) -> AddedFrame | None:
-    """Return a read by which the drive of some axes shows that it is there again; None: none is allowed."""
+    """Return a read that shows whether the drive of some axes is back; None: none is allowed."""
     for axis in axes:
         if not axis.may_read:
             continue
@@ -184,7 +189,7 @@ def trial_read(axes: Sequence[Axis]) -> AddedFrame | None:
 
 
 def reads_at_start(axes: Sequence[Axis]) -> list[AddedFrame]:
-    """Return what is read when the line comes up: every homed bit, then where axes with a record stand."""
+    """Return what is read when the line comes up: homed bits, then the positions of axes with a record."""
     reads: list[AddedFrame | None] = []
     for axis in axes:
         if axis.record is not None:
@@ -198,10 +203,10 @@ def reads_at_start(axes: Sequence[Axis]) -> list[AddedFrame]:
 
 
 def next_poll(read: AddedFrame, now_ns: int) -> AddedFrame | None:
-    """Return what is read next at the start, until an axis is known to have gone to its last target or not.
+    """Return the next read at the start, until it is known whether an axis went to its last target.
 
-    A drive that may be on its way is watched. Else its status bit, and where it stands, twice at most: the
-    traffic has to tell the rest.
+    A drive that may still be moving is polled. Otherwise its status bit and its position are read, at most
+    twice; after that passing traffic must show it.
     """
     axis, record = read.axis, read.axis.record
     actual = axis.asked_actual
@@ -217,7 +222,7 @@ def next_poll(read: AddedFrame, now_ns: int) -> AddedFrame | None:
 
 
 def standstill_bit(axis: Axis) -> AddedFrame | None:
-    """Return the read of the bit that says whether an axis stands, where it has one."""
+    """Return the read of the bit that shows whether an axis is at standstill, if it has one."""
     bits = axis.plan.bits
     for name in (DONE_BIT, MOVING_BIT):
         if name in bits:
@@ -238,7 +243,7 @@ def next_rewrite(axis: Axis, rendering: Rendering) -> AddedFrame | None:
 
 
 def addresses_to_rewrite(axis: Axis, rendering: Rendering) -> list[int]:
-    """Return the registers that have to be written for that, however many frames it takes."""
+    """Return the registers that must be written for that, in any number of frames."""
     image, corrected_words = axis.fields[rendering.number], rendering.corrected_words
     if image.holds(0, corrected_words):
         return []
@@ -265,7 +270,7 @@ def _rewrite_frame(axis: Axis, rendering: Rendering, address: int, words: bytes)
 
 
 def acknowledge_rewritten(frame: AddedFrame) -> None:
-    """Take note of an acknowledged write of a staged target."""
+    """Record an acknowledged write of a staged target."""
     rendering = frame.rendering
     assert rendering is not None
     first = frame.address - frame.axis.plan.command[rendering.number].address
@@ -273,10 +278,10 @@ def acknowledge_rewritten(frame: AddedFrame) -> None:
 
 
 def is_asked_again(read: AddedFrame, reply: bytes, prefetched: Prefetched) -> bool:
-    """Whether a read of where an axis is was refused and may be had by asking once more (W8).
+    """Whether a refused read of a position may succeed if it is repeated (W8).
 
-    After "busy" it is asked once more for each request; after any other exception until the drive has refused
-    twice in a row (``READABILITY_AFTER``).
+    After "busy" it is repeated once for each request. After any other exception it is repeated until the
+    drive has refused twice in a row (``READABILITY_AFTER``).
     """
     if read.purpose not in _POSITION_READS or not is_exception(reply):
         return False
@@ -290,14 +295,14 @@ def is_asked_again(read: AddedFrame, reply: bytes, prefetched: Prefetched) -> bo
 
 
 def learn(read: AddedFrame, reply: bytes, prefetched: Prefetched, asked_ns: int) -> None:
-    """Take note of the reply to an added read, which says what held when it was asked for.
+    """Apply the reply to an added read: it shows the state at the time of the read.
 
-    A refused one is not tried again for this request, but for :func:`is_asked_again`.
+    A refused read is not repeated for this request, except by :func:`is_asked_again`.
 
-    A drive that will not tell whether it is homed is taken as not homed.
+    A drive that refuses to report whether it is homed counts as not homed.
     """
     if read.purpose is Purpose.TRIAL:
-        return  # that it came is all
+        return  # its arrival is all that counts
     axis, name, words = read.axis, read.axis.plan.name, read.words_of(reply)
     if read.purpose is Purpose.HOMED:
         prefetched.references.add(name)

@@ -1,4 +1,4 @@
-"""Who may send what: the role of a controller, its rights, and the stops that go before everything else."""
+"""Who may send what: a controller's role, its rights, and the stops that go before everything else."""
 
 from collections.abc import Callable
 from typing import Final
@@ -22,13 +22,13 @@ from gateway.modbus.pdu import ExceptionCode
 NO_ROOM: Final = Denial(
     ExceptionCode.SERVER_DEVICE_BUSY, "", f"{WAITING_BYTES >> 10} KiB of requests of its host wait already"
 )
-"""Why a request is refused that has no room left to wait in."""
+"""The refusal of a request for which there is no room to wait."""
 
 
 def judge(units: UnitMaps, transaction: Transaction, *, is_free: bool) -> tuple[bool, list[AxisCommand]]:
-    """Return whether a controller's role allows a request, and what it stops as far as that matters.
+    """Return whether a controller's role allows a request, and what it stops, if that matters.
 
-    A motion controller's stop on a free line need not be told from its other requests.
+    On a free line a motion controller's stop is sent like its other requests.
     """
     assert transaction.port is not None
     role = transaction.port.plan.role
@@ -42,7 +42,7 @@ def judge(units: UnitMaps, transaction: Transaction, *, is_free: bool) -> tuple[
 
 
 def role_denial(role: Role) -> Denial:
-    """Return why a role does not allow what its controller asks for."""
+    """Return why a role does not allow a request."""
     detail = f"a request that may write, from a {role.value}"
     if role is Role.OPERATOR:
         detail = "a request that does more than read and stop, from an operator"
@@ -50,7 +50,7 @@ def role_denial(role: Role) -> Denial:
 
 
 class Admission:
-    """The doors of one line: what is not allowed is refused here and counted; its events are throttled."""
+    """Access control of one line: refuses and counts forbidden requests; its reports are rate-limited."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class Admission:
         self._reports: Reports[tuple[str, str]] = Reports(others=others_of_pairs)
 
     def denial(self, transaction: Transaction, now_ns: int) -> Denial | None:
-        """Return why the rights of its controller do not allow a request that comes now; None: they do."""
+        """Return why the rights of its controller forbid an arriving request; None: they allow it."""
         port = transaction.port
         assert port is not None
         gate = port.gate
@@ -84,7 +84,7 @@ class Admission:
         return denial
 
     def denial_of_waiting(self, transaction: Transaction) -> Denial:
-        """Return why one that was denied and has waited for its turn is refused; see ``denial``."""
+        """Return why a request that waited after its denial is refused; see ``denial``."""
         port = transaction.port
         assert port is not None
         gate = port.gate
@@ -96,13 +96,13 @@ class Admission:
         return denial
 
     def gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool) -> None:
-        """Note that a connection is gone; a serial port may come back."""
+        """Record that a connection is gone; a serial port may come back."""
         if port.gate is not UNSEEN:
             port.gate = UNSEEN
             self._ownership.gone(port, now_ns, is_broken=is_broken)
 
     def report(self, transaction: Transaction, denial: Denial, now_ns: int) -> None:
-        """Tell that a request is not allowed, and of many like it how many there were."""
+        """Report a forbidden request, and how many like it there were."""
         port = transaction.port
         assert port is not None
         count = self._reports.due((port.plan.name, denial.key), now_ns)
@@ -120,7 +120,7 @@ class Admission:
         self._on_event(Event(exchange_events.REQUEST_REFUSED, None, detail, more))
 
     def refuse(self, transaction: Transaction, denial: Denial, now_ns: int) -> None:
-        """Answer a request that is not allowed; only who may move something can lose it (M3)."""
+        """Answer a forbidden request; only a sender that may move something can lose it (M3)."""
         self._transactions.finish(
             transaction,
             Outcome.NEVER_SENT,
@@ -131,7 +131,7 @@ class Admission:
         )
 
     def _gate_of(self, plan: ControllerPlan) -> Gate | None:
-        """Return what all connections of a controller share, so that they share its rate."""
+        """Return the gate that all connections of a controller share, and so its rate."""
         if plan.rights == UNLIMITED:
             return None
         gate = self._gates.get(plan)

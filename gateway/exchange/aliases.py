@@ -1,12 +1,12 @@
-"""Unit ids that may reach an axis under another name than its own.
+"""Unit ids that may reach an axis under a unit id that is not its own.
 
-A broadcast reaches every drive of a serial line. A Modbus/TCP drive may answer to 0 and 255 beside the unit
-id that it was given (Messaging on TCP/IP implementation guide V1.0b, p. 23), and many do not look at it at
-all. None of these may carry a position around the correction.
+A broadcast reaches every drive of a serial line. A Modbus/TCP drive may answer to 0 and 255 besides its own
+unit id (Messaging on TCP/IP implementation guide V1.0b, p. 23), and many ignore the unit id completely. None
+of these may carry a position around the correction.
 
-So on a Modbus/TCP line with one axis unit id a request to another one is taken as reaching that axis, unless
-the configuration names the device (``other_units``). Several axis unit ids mean a converter, which looks at
-them.
+So on a Modbus/TCP line with one axis unit id, a request to any other one counts as reaching that axis. Unit
+ids of devices that the configuration names (``other_units``) are excepted. Several axis unit ids mean that
+there is a converter, which evaluates them.
 """
 
 from collections.abc import Collection, Iterable
@@ -26,20 +26,20 @@ _HARMLESS: Final = frozenset({Action.STOP, Action.IGNORE, Action.UNKNOWN})
 
 
 class Aliases:
-    """The unit ids of one line that have no axis: which are known, and what may pass to them."""
+    """The unit ids of one line without an axis: which are known, and what may pass to them."""
 
     def __init__(self, units: Collection[UnitMap], other: OtherUnits, *, is_serial: bool) -> None:
         self._units = units
         self._other = other
         self.is_serial = is_serial
         self.is_alone = len(units) == 1
-        """Whether there is but one unit id with an axis."""
+        """Whether there is only one unit id with an axis."""
         self.requests: dict[int, int] = {}
-        """Requests to unit ids of which nobody knows anything, by unit id."""
+        """Number of requests to each unknown unit id."""
 
     @property
     def requests_by_name(self) -> dict[str, int]:
-        """The same as the status has it."""
+        """The same, as the status shows it."""
         return {str(unit_id): count for unit_id, count in self.requests.items()}
 
     @property
@@ -53,7 +53,7 @@ class Aliases:
         )
 
     def is_unknown(self, unit_id: int) -> bool:
-        """Whether a unit id without an axis is one of which nobody knows anything, on Modbus/TCP."""
+        """Whether a unit id without an axis is unknown, on Modbus/TCP."""
         return (
             not self.is_serial
             and bool(self._units)
@@ -62,17 +62,17 @@ class Aliases:
         )
 
     def count_request(self, unit_id: int) -> bool:
-        """Count a request to a unit id of which nobody knows anything; return whether it is the first one."""
+        """Count a request to an unknown unit id; return whether it is the first one."""
         count = self.requests[unit_id] = self.requests.get(unit_id, 0) + 1
         return count == 1
 
     def frames(self, pdu: bytes) -> list[DecodedRequest]:
-        """Return a request as each axis unit id would have it."""
+        """Return a request as decoded for each axis unit id."""
         access, coils = access_of(pdu) or NO_ACCESS, coils_written(pdu)
         return [DecodedRequest(unit, pdu, access, coils) for unit in self._units]
 
     def is_stop(self, pdu: bytes, frames: Iterable[DecodedRequest]) -> bool:
-        """Whether a request is the stop of some drive that is known, and nothing else to the axes here."""
+        """Whether a request is the stop of a known drive, and nothing else for the axes here."""
         word = _only_word(pdu)
         is_coil = pdu[0] == FunctionCode.WRITE_SINGLE_COIL
         if word is None or not any(_is_that_stop(stop, word, is_coil=is_coil) for stop in self._other.stops):
@@ -81,7 +81,7 @@ class Aliases:
 
 
 def why_not_passed(aliases: Aliases, unit_id: int, pdu: bytes) -> RefusalEntry | None:
-    """Return why a request to a unit id without axes must not pass; None when it may."""
+    """Return why a request to a unit id without axes must not pass; None: it may."""
     if aliases.is_serial:
         if unit_id == BROADCAST_UNIT_ID and _writes_position(aliases.frames(pdu)):
             return refusals.BROADCAST_POSITION
@@ -107,12 +107,12 @@ def _touches(frames: Iterable[DecodedRequest]) -> bool:
 
 
 def _writes_position(frames: Iterable[DecodedRequest]) -> bool:
-    """Whether a request writes what is a position of a corrected axis."""
+    """Whether a request writes a position of a corrected axis."""
     return any(own.fields and not own.axis.passes_unchanged for frame in frames for own in frame.by_axis)
 
 
 def _reads_position(frames: Iterable[DecodedRequest]) -> bool:
-    """Whether a request reads what is a position of a corrected axis."""
+    """Whether a request reads a position of a corrected axis."""
     return any(
         not hit.mapped.axis.passes_unchanged
         for frame in frames
@@ -127,7 +127,7 @@ def _commands(frames: Iterable[DecodedRequest]) -> list[AxisCommand]:
 
 
 def _only_word(pdu: bytes) -> tuple[int, int] | None:
-    """Return address and content of the one register or coil that a request writes; None: not just one."""
+    """Return address and content of the only register or coil that a request writes; None: not only one."""
     if len(pdu) == 5 and pdu[0] in (FunctionCode.WRITE_SINGLE_REGISTER, FunctionCode.WRITE_SINGLE_COIL):
         content = int.from_bytes(pdu[3:5], "big")
         is_coil = pdu[0] == FunctionCode.WRITE_SINGLE_COIL

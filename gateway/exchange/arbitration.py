@@ -1,17 +1,20 @@
-"""When monitors get the line: into the gaps that motion leaves, and never for long without.
+"""When monitors get the line: in the gaps between motion, and never after too long a wait.
 
-A monitor's transaction starts at two kinds of chances, and only if it fits the gap that it finds there:
+A monitor's transaction may start at two kinds of moments, and only if it fits the expected gap:
 
-- directly after a motion transaction ended, into the shortest gap of the last second;
-- after ``quiet_ms`` without motion, into what is left of the shortest gap of the last second that was as long
-  as that. Bursts leave short gaps between their frames and long ones behind them; a pause is one of the long.
+- directly after the end of a motion transaction, into the shortest gap of the last second;
+- after ``quiet_ms`` without motion, into the rest of the shortest gap of the last second that was at least as
+  long as ``quiet_ms``. Bursts have short gaps between their frames and long ones behind them; a pause is one
+  of the long ones.
 
-It is taken to last as long as it did the last time; one that was never seen, as long as a motion transaction.
-One that has waited for ``monitor_max_wait_ms``, or for half of its controller's ``timeout_ms``, starts at the
-next chance all the same: it is forced. However many monitors there are, the next one is forced only when
-``monitor_max_wait_ms`` has passed since the last one ended, and nine times as long as that one held the line,
-the rest after a time-out included: at most a tenth of the line's time is taken from motion. Where no motion
-transaction was seen for a second, monitors need not wait at all.
+A transaction is expected to last as long as the last time; one that was never seen, as long as a motion
+transaction. One that has waited for ``monitor_max_wait_ms``, or for half of its controller's ``timeout_ms``,
+starts at the next such moment even if it does not fit: it is forced.
+
+The number of monitors does not matter. After the end of a forced transaction the next one is forced only when
+two times have passed: ``monitor_max_wait_ms``, and nine times as long as the last one held the line. That
+includes the rest after a time-out. So monitors take at most a tenth of the line's time from motion. They need
+not wait at all if no motion transaction was seen for a second.
 """
 
 from collections.abc import Sequence
@@ -24,13 +27,13 @@ from gateway.times import NS_PER_MS, NS_PER_S
 WINDOW_NS: Final = NS_PER_S // 2
 """Gaps are kept for two of these: the last second, within half of one."""
 REMEMBERED: Final = 256
-"""Requests whose duration is remembered."""
+"""Number of requests whose duration is remembered."""
 SHRINKS: Final = 8
-"""A duration that was not reached again is taken to be an eighth shorter the next time."""
+"""An expected duration that was not reached again shrinks by an eighth each time."""
 PAID_BACK: Final = 9
-"""Motion gets the line for so many times as long as a forced transaction held it."""
+"""Motion then gets the line for this multiple of a forced transaction's time."""
 HEAD_BYTES: Final = 5
-"""Bytes of a PDU that say what is asked for."""
+"""Bytes of a PDU that identify a request."""
 
 
 class _Shortest:
@@ -47,7 +50,7 @@ class _Shortest:
             self._now_ns = gap_ns
 
     def get(self, now_ns: int) -> int | None:
-        """Return it; None where there was none."""
+        """Return it; None: there was none."""
         self._advance_window(now_ns)
         if self._now_ns is None or self._before_ns is None:
             return self._before_ns if self._now_ns is None else self._now_ns
@@ -69,7 +72,7 @@ class Gaps:
         self._quiet_ns = int(timing.quiet_ms * NS_PER_MS)
         self._max_wait_ns = int(timing.monitor_max_wait_ms * NS_PER_MS)
         self.is_watching = False
-        """Whether anybody but motion controllers uses the line; nothing is watched before."""
+        """Whether others than motion controllers use the line; gaps are not recorded before."""
         self._ended_ns: int | None = None
         """When the last motion transaction ended; None: none was seen yet."""
         self._any = _Shortest()
@@ -78,13 +81,13 @@ class Gaps:
         self._durations_ns: dict[bytes, int] = {}
         self._motion_ns = 0
         self._forced: Transaction | None = None
-        """The last one that went although it did not fit."""
+        """The last forced transaction: it did not fit."""
         self._forced_since_ns = 0
         self._next_forced_ns = 0
-        """No other one is forced before."""
+        """No other transaction is forced before."""
 
     def motion_came(self, now_ns: int) -> None:
-        """Note a motion request that found no other motion transaction under way."""
+        """Record a motion request that found no other motion transaction under way."""
         if self._ended_ns is None:
             return
         gap_ns = now_ns - self._ended_ns
@@ -93,7 +96,7 @@ class Gaps:
             self._long.add(gap_ns, now_ns)
 
     def ended(self, transaction: Transaction, now_ns: int, rests_until_ns: int | None = None) -> None:
-        """Note the end of a transaction, answered or not, and the rest of the line that it leaves."""
+        """Record the end of a transaction, answered or not, and the rest that the line takes after it."""
         if not self.is_watching:
             return
         if transaction.is_motion:
@@ -107,16 +110,16 @@ class Gaps:
         self._durations_ns[_key(transaction)] = max(
             free_ns - transaction.sent_ns, before_ns - before_ns // SHRINKS
         )
-        # One that needs a frame of the gateway's own first ends twice; it held the line for both.
+        # A transaction with a prerequisite ends twice; it held the line for both.
         if transaction is self._forced:
             occupied_ns = free_ns - self._forced_since_ns
             self._next_forced_ns = free_ns + max(self._max_wait_ns, PAID_BACK * occupied_ns)
 
     def choose(self, first: Sequence[Transaction], now_ns: int) -> tuple[Transaction | None, int | None]:
-        """Return the first transaction whose turn it is; else None, and when to ask again.
+        """Return the first transaction that may start; else None, and when to ask again.
 
-        The line is free, and no motion waits. One whose controller has given up is returned too, and one
-        that is to be refused: neither goes anywhere, nor keeps back what waits behind it.
+        The line is free, and no motion waits. A transaction whose controller has given up is returned too,
+        and one that is to be refused: neither is sent, and neither holds back what waits behind it.
         """
         idle_ns = self._idle_ns(now_ns)
         is_chance = not 0 < idle_ns < self._quiet_ns
@@ -138,7 +141,7 @@ class Gaps:
         next_ns = ended_ns + self._quiet_ns
         if not self._fits(transaction, self._quiet_ns, next_ns) or next_ns <= now_ns:
             next_ns = max(next_ns, self._forced_from_ns(transaction))
-        if transaction.port is not None:  # then it is to be withdrawn
+        if transaction.port is not None:  # it is withdrawn then
             given_up_ns = transaction.arrived_ns + transaction.port.patience_ns + 1
             next_ns = min(next_ns, given_up_ns)
         return max(now_ns + 1, min(next_ns, ended_ns + NS_PER_S))
@@ -147,7 +150,7 @@ class Gaps:
         return NS_PER_S if self._ended_ns is None else now_ns - self._ended_ns
 
     def _forced_from_ns(self, transaction: Transaction) -> int:
-        """When it goes at the next chance although it does not fit."""
+        """When it starts at the next possible moment although it does not fit."""
         max_wait_ns = self._max_wait_ns
         if transaction.port is not None:
             max_wait_ns = min(max_wait_ns, transaction.port.patience_ns // 2)

@@ -1,8 +1,8 @@
-"""Commands to a running line: one struct for each, which the socket, MQTT, recordings and the line pass on.
+"""Commands to a running line: one struct each, passed on by the socket, MQTT, recordings and the line.
 
-:func:`gateway.exchange.control.carry_out` carries them out. A new command needs its struct and its
-place in :data:`Command` here, a case there, a case in ``relay.gateway.Relay._log_command`` for its event,
-and a command line.
+:func:`gateway.exchange.control.carry_out` carries them out. A new command needs its struct and a place in
+:data:`Command` here, a case there, a case in ``relay.gateway.Relay._log_command`` for its event, and a
+command line.
 """
 
 from typing import Annotated, ClassVar, Final
@@ -12,24 +12,24 @@ import msgspec
 VERSION: Final = 2
 """Of the messages on the gateway's socket."""
 MAX_TABLES: Final = 16
-"""In one command: the axes of a group are changed together, and no gantry has more."""
+"""In one command: the axes of a group change together, and no gantry has more."""
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What all messages on the socket have."""
+    """The common part of all messages on the socket."""
 
     version: int = VERSION
 
 
 class Enable(Message, frozen=True, tag="enable", tag_field="kind"):
-    """Switch the compensation of axes on; no names: of all axes. A group changes as one."""
+    """Switch the compensation of axes on; no names: all axes. A group changes as one."""
 
     stays: ClassVar[str] = "switch"
     axes: tuple[str, ...] = ()
 
 
 class Disable(Message, frozen=True, tag="disable", tag_field="kind"):
-    """Switch the compensation of axes off; no names: of all axes. A group changes as one."""
+    """Switch the compensation of axes off; no names: all axes. A group changes as one."""
 
     stays: ClassVar[str] = "switch"
     axes: tuple[str, ...] = ()
@@ -43,31 +43,31 @@ class EndDryRun(Message, frozen=True, tag="end-dry-run", tag_field="kind"):
 
 
 class SetReference(Message, frozen=True, tag="reference", tag_field="kind"):
-    """Tell the gateway that an axis stands where its drive says."""
+    """Declare that an axis is where its drive says."""
 
     stays: ClassVar[str] = ""
     axis: str
 
 
 class TableFor(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A table and its axis. Its points travel beside the command, at the same place in their order."""
+    """A table and its axis. Its points are passed beside the command, at the same index."""
 
     axis: str
     file: str
     format: str
     sha256: str
-    """Of the file that it was read from."""
+    """Of the file from which it was read."""
 
 
 class SetTable(Message, frozen=True, tag="set-table", tag_field="kind"):
-    """Hand over tables, all of them or none; recorded by their digests."""
+    """Set tables, all of them or none; recorded by their digests."""
 
     stays: ClassVar[str] = "table"
     tables: Annotated[tuple[TableFor, ...], msgspec.Meta(min_length=1, max_length=MAX_TABLES)]
 
 
 class ClearTable(Message, frozen=True, tag="clear-table", tag_field="kind"):
-    """Take the tables of axes away, and so their correction; axes of a group lose theirs together."""
+    """Remove the tables of axes, and so their correction; axes of a group lose theirs together."""
 
     stays: ClassVar[str] = "table"
     axes: Annotated[tuple[str, ...], msgspec.Meta(min_length=1)]
@@ -77,9 +77,9 @@ Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 
 
 class SetGain(Message, frozen=True, tag="set-gain", tag_field="kind"):
-    """Apply another share of the tables, until the gateway is started again; no names: of all axes.
+    """Set another gain of the tables, until the gateway restarts; no names: all axes.
 
-    A command is for the whole group of an axis. What the configuration says (``is_configured``) is for each
+    A command applies to the whole group of an axis. A configured value (``is_configured``) applies to each
     axis alone.
     """
 
@@ -94,7 +94,7 @@ Limit = Annotated[float, msgspec.Meta(ge=0.0)]
 
 
 class SetLimits(Message, frozen=True, tag="set-limits", tag_field="kind"):
-    """Give an axis other limits, in its units; those of its configuration, as long as the gateway runs."""
+    """Set other limits of an axis, in its units: those of its configuration, while the gateway runs."""
 
     stays: ClassVar[str] = "limits"
     axis: str
@@ -105,7 +105,7 @@ class SetLimits(Message, frozen=True, tag="set-limits", tag_field="kind"):
 
 
 class SetTemperature(Message, frozen=True, tag="set-temperature", tag_field="kind"):
-    """Tell the temperature of the screw of an axis, in °C, as it is now."""
+    """Set the present temperature of an axis's screw, in °C."""
 
     stays: ClassVar[str] = "temperature"
     axis: str
@@ -115,7 +115,7 @@ class SetTemperature(Message, frozen=True, tag="set-temperature", tag_field="kin
 Command = (
     Enable | Disable | EndDryRun | SetReference | SetTable | ClearTable | SetGain | SetLimits | SetTemperature
 )
-"""``stays`` names what a command leaves changed: the last one of each name holds. Empty: nothing."""
+"""``stays`` names what a command changes permanently: the last one of each name holds. Empty: nothing."""
 
 
 def axes_of(command: Command) -> tuple[str, ...]:

@@ -26,26 +26,26 @@ from gateway.exchange.commands import (
 from gateway.exchange.limits import limits_of, values_of, with_limits
 
 ROUNDING: Final = 1e-9
-"""Share of a limit by which decimal fractions and conversions may exceed it."""
+"""Fraction of a limit by which decimal fractions and conversions may exceed it."""
 NEXT_TARGET: Final = "next-target"
 BLENDED: Final = "blended"
 NOT_IN_FORCE: Final = "not-in-force"
 
 
 class ControlError(Exception):
-    """A request that cannot be followed; the message says why, and what to do."""
+    """A command that cannot be carried out; the message says why, and what to do."""
 
 
 def carry_out(
     axes: Sequence[Axis], command: Command, now_ns: int, tables: Sequence[CorrectionTable] = ()
 ) -> dict[str, str]:
-    """Do what a command asks for; return the axes that changed, each with how that comes into force.
+    """Carry out a command; return the axes that changed, each with how that comes into force.
 
-    That is "" where there is nothing to say about it. Nothing moves by itself. The command is for one axis,
-    or hands over ``tables``, one for each that it names.
+    That text is "" if there is nothing to say. No axis moves because of a command. The command is for one
+    axis, or sets ``tables``, one for each axis that it names.
 
     Raises:
-        ControlError: why it cannot be, and what to do; nothing has changed then.
+        ControlError: why it is not possible, and what to do; nothing has changed then.
     """
     if isinstance(command, SetTable):
         return set_tables(axes, command.tables, tables)
@@ -69,9 +69,9 @@ def carry_out(
 
 
 def switch(axes: Sequence[Axis], name: str, *, is_on: bool) -> tuple[str, ...]:
-    """Apply the table of an axis and of its whole group, or stop to; return their names.
+    """Apply the table of an axis and of its whole group, or stop applying it; return their names.
 
-    Nothing moves by itself: it comes into force with the next different target, or blended over setpoints.
+    No axis moves: it comes into force with the next different target, or blended over setpoints.
 
     Raises:
         ControlError: no such axis, or nothing to apply.
@@ -93,10 +93,10 @@ def switch(axes: Sequence[Axis], name: str, *, is_on: bool) -> tuple[str, ...]:
 def end_dry_run(axes: Sequence[Axis], name: str) -> dict[str, str]:
     """Apply what an axis and its whole group only showed; return how that comes into force, by name.
 
-    Nothing moves by itself, and no reading changes: the drives stand where they were told to.
+    No axis moves, and no reading changes: the drives are where they were commanded to be.
 
     Raises:
-        ControlError: no such axis, or one of them does not stand; nothing has changed then.
+        ControlError: no such axis, or one of them is not at standstill; nothing has changed then.
     """
     members = [axis for axis in _group_of(axes, name) if axis.is_dry_run]
     for axis in members:
@@ -116,7 +116,7 @@ def end_dry_run(axes: Sequence[Axis], name: str) -> dict[str, str]:
 
 
 def declare(axes: Sequence[Axis], name: str) -> tuple[str, ...]:
-    """Take an axis as standing where its drive says; return its name.
+    """Declare that an axis is where its drive says; return its name.
 
     Raises:
         ControlError: no such axis, or its drive's homed bit decides.
@@ -133,9 +133,9 @@ def declare(axes: Sequence[Axis], name: str) -> tuple[str, ...]:
 def set_tables(
     axes: Sequence[Axis], requested: Sequence[TableFor], tables: Sequence[CorrectionTable]
 ) -> dict[str, str]:
-    """Give axes other tables, all of them or none; return how each comes into force, by name.
+    """Set other tables of axes, all of them or none; return how each comes into force, by name.
 
-    Nothing here walks over the points of a table.
+    No loop here runs over the points of a table.
 
     Raises:
         ControlError: which axis cannot have its table, and why; nothing has changed then.
@@ -158,7 +158,7 @@ def set_tables(
 
 
 def clear_table(axes: Sequence[Axis], name: str) -> dict[str, str]:
-    """Take the table of an axis and of its whole group away; return how the correction goes, by name.
+    """Remove the table of an axis and of its whole group; return how the correction ends, by name.
 
     Raises:
         ControlError: no such axis.
@@ -170,7 +170,7 @@ def clear_table(axes: Sequence[Axis], name: str) -> dict[str, str]:
 
 
 def set_gain(axes: Sequence[Axis], name: str, gain: Gain, *, is_configured: bool = False) -> dict[str, str]:
-    """Apply another share of the tables of an axis and its whole group; return how each comes into force.
+    """Set another gain of the tables of an axis and its whole group; return how each comes into force.
 
     ``is_configured``: as in :class:`~gateway.exchange.commands.SetGain`.
 
@@ -185,7 +185,7 @@ def set_gain(axes: Sequence[Axis], name: str, gain: Gain, *, is_configured: bool
 
 
 def set_limits(axes: Sequence[Axis], limits: SetLimits) -> tuple[str, ...]:
-    """Give an axis other limits, from now on; return its name where they were others.
+    """Set other limits of an axis, from now on; return its name if they have changed.
 
     Raises:
         ControlError: no such axis.
@@ -198,10 +198,10 @@ def set_limits(axes: Sequence[Axis], limits: SetLimits) -> tuple[str, ...]:
 
 
 def set_temperature(axes: Sequence[Axis], name: str, celsius: float, now_ns: int) -> tuple[str, ...]:
-    """Tell an axis the temperature of its screw; it counts from its next different target on.
+    """Set the temperature of an axis's screw; it counts from its next different target on.
 
     Raises:
-        ControlError: no such axis, one that does not ask for it, or no temperature of a screw.
+        ControlError: no such axis, an axis without thermal settings, or an impossible temperature.
     """
     terms = _group_of(axes, name)[0].terms
     if terms is None or terms.thermal is None:
@@ -234,7 +234,7 @@ def _check_fits(axis: Axis, table: CorrectionTable) -> None:
 
 
 def _check_whole(members: Sequence[Axis]) -> None:
-    """Check that no axis comes twice, and that none of a group is left without a table (M11)."""
+    """Check that no axis comes twice, and that no axis of a group is left without a table (M11)."""
     names = [axis.plan.name for axis in members]
     for axis in members:
         if names.count(axis.plan.name) > 1:
@@ -248,7 +248,7 @@ def _check_whole(members: Sequence[Axis]) -> None:
 
 
 def _comes(axis: Axis) -> str:
-    """Say how what is wanted of an axis comes into force; nothing moves by itself."""
+    """Return how a requested change of an axis comes into force; it never moves the axis."""
     if not axis.is_enabled or not axis.reference.is_referenced:
         return NOT_IN_FORCE
     return BLENDED if axis.plan.settings.setpoints is Setpoints.STREAM else NEXT_TARGET

@@ -7,7 +7,7 @@ from gateway.modbus.pdu import is_exception
 
 @dataclass(slots=True)
 class LineCounters:
-    """Numbers since the start. ``status.line`` declares under the same name what each counts for users."""
+    """Numbers since the start. ``status.line`` has a field of the same name with its meaning for users."""
 
     exchanges: int = 0
     timeouts: int = 0
@@ -18,24 +18,24 @@ class LineCounters:
     """Targets and triggers that waited longer than their axis's deadline."""
     refused: int = 0
     refused_by: dict[str, int] = field(default_factory=dict)
-    """The same by the name of the controller."""
+    """The same, by the name of the controller."""
     backed_off: int = 0
-    """Requests that were answered at once because their drive had left three in a row unanswered."""
+    """Requests answered immediately, because their drive had left three in a row unanswered."""
     too_late: int = 0
-    """Requests that were answered at once because they could only have left too late behind a silence."""
+    """Requests answered immediately, because they could only have been sent too late behind a silence."""
     withdrawn: int = 0
     broadcasts: int = 0
     added_reads: int = 0
     restaged: int = 0
-    """Staged targets that were written once more."""
+    """Staged targets that were written again."""
     unknown_modes: int = 0
-    """Frames whose meaning the register map does not know: they passed untouched."""
+    """Frames with a meaning that the register map does not know: they passed unchanged."""
     unmapped_reads: int = 0
-    """Reads of positions that are not mapped: they pass as they are."""
+    """Reads of positions that are not mapped: they pass unchanged."""
     oversized: int = 0
     """Replies that are longer than a frame may be."""
     internal_faults: int = 0
-    """Events that cannot be in the state of an axis in which they came: bugs of the gateway."""
+    """Events that are impossible in the state of their axis or transaction: bugs of the gateway."""
 
     def count_reply(self, reply: bytes) -> None:
         """Count a transaction that a drive answered."""

@@ -1,7 +1,7 @@
-"""Targets and triggers that have waited too long: sent all the same and counted, or refused.
+"""Targets and triggers that have waited too long: sent and counted, or refused.
 
-In ``targets`` a move must not end short, in ``stream`` a stale setpoint is worse than none: ``late`` says
-which.
+With ``targets`` a move must not end short. With a ``stream`` an old setpoint is worse than none.
+``late`` decides.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +18,7 @@ from gateway.exchange.transaction import Transaction
 from gateway.times import NS_PER_MS, NS_PER_S
 
 REPORT_EVERY_NS: Final = NS_PER_S
-"""How often late targets of one axis that are forwarded are reported; all are counted."""
+"""Minimum time between reports of late targets of one axis that are sent; all are counted."""
 
 
 class Deadlines:
@@ -39,14 +39,14 @@ class Deadlines:
         self._reported_ns: dict[str, int] = {}
 
     def may_be_late(self, transaction: Transaction, now_ns: int) -> bool:
-        """Whether a request has waited longer than any axis allows."""
+        """Whether a request has waited longer than some axis allows."""
         return bool(self._axes) and now_ns - transaction.arrived_ns - transaction.excused_ns > self._least_ns
 
     def check(self, transaction: Transaction, now_ns: int) -> None:
-        """Look at the age of a target or trigger that is about to be sent.
+        """Check the age of a target or trigger that is about to be sent.
 
         Raises:
-            RefusedRequestError: it is late, and its axis wants no late ones.
+            RefusedRequestError: it is late, and its axis refuses late ones.
         """
         if not self.may_be_late(transaction, now_ns):
             return

@@ -3,68 +3,71 @@
 What makes a target run
 =======================
 
-What a profile says of its drive (``drives.motion.MotionPlan``) and what a frame writes decide it together.
-One frame may do several things to an axis at once. Each line below that applies is one of them; where none
-applies, nothing moves (``IGNORE``).
+Two things decide: the drive's profile (``drives.motion.MotionPlan``) and what the frame writes. One frame may
+do several things to an axis. Each line below that applies is one of them. If none applies, nothing moves
+(``IGNORE``).
 
 ==============================================================  =============================================
-the frame writes                                                what that does
+the frame writes                                                meaning
 ==============================================================  =============================================
 a value of a trigger (a register or a coil)                     what the profile says of that value, or of
                                                                 every value that it does not name
-the same, where the trigger acts as a bit rises                 that value's action, if the bit was 0 or is
-                                                                not known; a stop needs no bit that rises
-bits of a trigger (FC22), where its other bits are not known    the action of the value, if the written bits
-                                                                decide it; else a stop, if all that it can be
-                                                                is a stop; else ``UNKNOWN``
+the same, where the trigger acts on a rising bit                that value's action, if the bit was 0 or is
+                                                                unknown; a stop needs no rising bit
+bits of a trigger (FC22), while its other bits are unknown      the action of the value, if the written bits
+                                                                decide it; else a stop, if it can only be a
+                                                                stop; else ``UNKNOWN``
 a trigger that counts only in frames from its ``block`` on,     nothing
 in another frame
-a register of ``starts_on``, whatever the value                 ``START``
-a command field, of a drive that is not staged and has no       ``START``
-register in ``starts_on``: it goes there at once
+a register of ``starts_on``, with any value                     ``START``
+a command field of a drive that is not staged and has no        ``START``
+register in ``starts_on``: the drive moves immediately
 a command field, while a trigger register holds a value that    ``START``
-says ``FOLLOW`` or ``FOLLOW_NEXT``, or its mode says ``FOLLOW``
-a command field, while nobody knows what a trigger register     ``UNKNOWN``
-holds that has such a value
+means ``FOLLOW`` or ``FOLLOW_NEXT``, or its mode means
+``FOLLOW``
+a command field, while a trigger register with such a value     ``UNKNOWN``
+has unknown content
 an actual position that can be set                              ``SET_POSITION``
 a mode in which the drive moves without targets                 ``OTHER_MOTION``
 ==============================================================  =============================================
 
-The first of :data:`PRECEDENCE` among these counts. If it is a stop, the others do not. ``START`` runs a
-target as its mode says, ``FOLLOW`` that one and from then on each as soon as it is written, ``FOLLOW_NEXT``
-only the next ones; ``STORED`` runs a position that the drive keeps. ``FOLLOW_NEXT`` becomes ``FOLLOW`` with a
-command field in the frame, else nothing. Before a command field counts, a trigger register that may follow is
-read, if nobody knows what it holds and the gateway may read. The words of a target that was written before,
-and that nobody knows, are no question here (``prerequisites``).
+The first of these in :data:`PRECEDENCE` counts. If it is a stop, the others do not count at all. ``START``
+runs a target as its mode says. ``FOLLOW`` runs that target, and later each one as soon as it is written.
+``FOLLOW_NEXT`` runs only the next ones: it becomes ``FOLLOW`` if the frame has a command field, else nothing.
+``STORED`` runs a position that the drive stores.
+
+A trigger register that may follow must be known before a command field counts. If it is not, and the gateway
+may read, it is read first. Unknown words of an earlier target do not matter here (``prerequisites``).
 
 *Which target.* The command field that the value names. Else the first one that the frame writes. Else the one
 that was written last.
 
-*Which move.* The mode of that field, as it stands once the frame is applied:
+*Which move.* The mode of that field decides, with the content that the frame leaves in it:
 
 ======================  ==================================  ==================================================
-the trigger says        the mode says                       the action
+the trigger means       the mode means                      the action
 ======================  ==================================  ==================================================
-anything that runs      something that runs no target       what the mode says
+anything that runs      something that runs no target       that of the mode
 ``START``               a move                              that of the mode; if it is ``START``, absolute
 ``FOLLOW``              a distance                          that of the mode
 a move                  a move                              that of the trigger
 anything that runs      no mode is mapped                   that of the trigger; if it is ``START``, absolute
-anything that runs      nobody knows                        it is read first; ``UNKNOWN`` if the gateway may
-                                                            not read, or the drive does not say
-anything that runs      a mode that counts only beside its  ``UNKNOWN``
-                        position, and is not in the frame
+anything that runs      unknown                             it is read first; ``UNKNOWN`` if the gateway may
+                                                            not read, or the drive does not answer
+anything that runs      a mode that counts only together    ``UNKNOWN``
+                        with its position, which is not in
+                        the frame
 ======================  ==================================  ==================================================
 
-*What runs.* Of a drive that is staged, or has a trigger or a register in ``starts_on``, the one target above;
-any other command field in the frame waits in the drive. Of any other drive, each command field that the frame
-writes.
+*What runs.* If a drive is staged, or has a trigger or a register in ``starts_on``, only the one target above
+runs; any other command field in the frame waits in the drive. With any other drive, each command field that
+the frame writes runs.
 
-There are two steps. A :class:`DecodedRequest` is what the bytes say. It is parsed once, for the registers of
-a unit stay the same as long as the line runs. What it commands depends on more: on what the drive
-acknowledged before, and on what was read for the request. So :func:`decode` is called when the turn of a
-request comes, once for each frame that leaves for it (``request.understand``), and wherever it has to be
-known what a request stops or moves.
+Decoding has two steps. A :class:`DecodedRequest` is the content of the bytes. It is parsed once, because the
+registers of a unit do not change while the line runs. Its commands depend on more: on what the drive has
+acknowledged, and on what was read for the request. So :func:`decode` is called when it is the request's turn,
+once for each frame that is sent for it (``request.understand``). It is also called wherever the gateway must
+know what a request stops or moves.
 
 Nothing is changed here.
 """
@@ -95,20 +98,18 @@ PRECEDENCE: Final = (
     Operation(Action.RELATIVE_TO_ACTUAL),
     Operation(Action.START),
     Operation(Action.OTHER_MOTION),
-    Operation(
-        Action.STOP, is_letting_go=True
-    ),  # a jog let go of in the frame that starts something is no stop
+    Operation(Action.STOP, is_letting_go=True),  # releasing a jog in a frame that starts something is no stop
     Operation(Action.FOLLOW_NEXT),
     Operation(Action.IGNORE),
 )
-"""Which one counts where a request does several things to one axis."""
+"""Which command counts if a request does several things to one axis."""
 _RANK: Final = {
     (operation.action, operation.is_letting_go): rank for rank, operation in enumerate(PRECEDENCE)
 }
 
 
 class DecodedRequest:
-    """A request to one unit, as its bytes say: which registers and coils it touches, by axis."""
+    """A request to one unit, by its bytes: which registers and coils it touches, by axis."""
 
     __slots__ = ("access", "by_axis", "coils", "is_clear", "pdu", "unit")
 
@@ -133,13 +134,13 @@ class DecodedRequest:
 
 
 class FieldWrite(NamedTuple):
-    """A command field that a request writes, whole or in part."""
+    """A command field that a request writes, in full or in part."""
 
     hit: FieldHit
     words: bytes | None
-    """All its nominal words once the request is applied; None: not known."""
+    """All its nominal words after the request; None: unknown."""
     is_run: bool
-    """The drive goes there with this request; False: it only holds it."""
+    """The drive moves there with this request; False: it only holds the position."""
 
 
 class Part(NamedTuple):
@@ -147,9 +148,9 @@ class Part(NamedTuple):
 
     image: FieldImage
     first: int
-    """Its first word; -1: all of it, or in a way that leaves nothing of it certain."""
+    """Its first word; -1: all of it, or a write that leaves nothing of it certain."""
     words: bytes
-    """Empty where a mask changes one word."""
+    """Empty if a mask changes one word."""
 
 
 class Staging(NamedTuple):
@@ -158,9 +159,9 @@ class Staging(NamedTuple):
     image: FieldImage
     nominal_words: bytes
     corrected_words: bytes | None
-    """None: what the drive holds is not known."""
+    """None: it is unknown what the drive holds."""
     epoch: int
-    """Of the field, when it was sent."""
+    """Epoch of the field when it was sent."""
     written: int = ALL_WORDS
     """Mask of the words that the controller wrote."""
 
@@ -170,10 +171,10 @@ NOTHING_WRITTEN: Final[Mapping[int, int]] = {}
 
 
 class AxisCommand:
-    """What one request does to one axis: what it means, what it writes, and what is sent for that.
+    """What one request does to one axis: its meaning, what it writes, and what is sent for it.
 
-    :func:`decode` says what it means, ``request.understand`` what it writes, ``prepare`` what is sent;
-    ``effects`` what its end makes of the axis.
+    :func:`decode` sets its meaning, ``request.understand`` what it writes, ``prepare`` what is sent.
+    ``effects`` applies its end to the axis.
     """
 
     __slots__ = (
@@ -223,12 +224,12 @@ class AxisCommand:
         is_doubtful: bool = False,
         sets_position_too: bool = False,
     ) -> None:
-        # --- what it means
+        # --- its meaning
         self.axis = axis
         self.action = action
-        """IGNORE where nothing moves; never START: that is what the mode makes of it."""
+        """IGNORE if nothing moves; never START: the mode replaces that."""
         self.number = number
-        """The command field that runs, of an action that runs a target; also where nobody knows its mode."""
+        """The command field that runs, if the action runs a target; also if its mode is unknown."""
         self.hits = hits
         """The command fields that it writes."""
         self.written = tuple([hit.mapped.number for hit in hits])
@@ -237,56 +238,56 @@ class AxisCommand:
         """Mode and trigger registers, as the request leaves them."""
         self.coils = coils
         self.unclear_words = unclear_words
-        """Such registers that it changes in a way that nobody can tell."""
+        """Such registers whose content is unknown after the request."""
         self.modes_written = tuple(sorted(axis.rules.modes.intersection((*self.words, *unclear_words))))
         """Registers that it writes and that decide what a position means."""
         self.needs_word = needs_word
         """A mode or trigger register that must be read before the meaning is known."""
         self.is_doubtful = is_doubtful
-        """A bit that starts the motion is set, and nobody knows whether it was set before."""
+        """It sets a bit that starts the motion, and it is unknown whether the bit was set before."""
         self.sets_position_too = sets_position_too
-        """A stop that also tells the drive that it stands somewhere else."""
+        """A stop that also sets the drive's position."""
         self.is_stop = action is Action.STOP
         """It must never be refused or late (M3)."""
         self.runs_target = action.runs_target
-        """It starts a move to a position that was written, in this request or before."""
+        """It starts a move to a position that this request or an earlier one wrote."""
         self.runs_alone = self.runs_target and number not in self.written
-        """It runs a target that was written before."""
+        """It runs a target that an earlier request wrote."""
         self.epoch = axis.interlock.epoch
         # --- what it writes
         self.writes: list[FieldWrite] = []
         self.partly_written: list[FieldImage] = []
-        """Fields of which a part is written where there are no parts: addresses are commands, or objects."""
+        """Fields written in part where parts do not exist: addresses are commands, or objects."""
         self.is_again = False
-        """It makes the drive go nowhere but where it was told already (M4)."""
+        """It only repeats the target that the drive already has (M4)."""
         # --- what is sent
         self.targets: list[Rendering] = []
-        """Targets that the drive goes to with this request."""
+        """Targets in this request to which the drive goes."""
         self.runs: list[Rendering] = []
-        """The same of those that it held already."""
+        """Targets to which the drive goes and that it held already."""
         self.epochs: dict[int, int] = {}
-        """Of the field of each of these targets, by its number, when the request was sent."""
+        """Epoch of the field of each of these targets when the request was sent, by field number."""
         self.stagings: list[Staging] = []
         self.parts: list[Part] = []
-        """What it writes of command fields, all of it."""
+        """All that it writes of command fields."""
         self.buffered_parts: list[Part] = []
-        """Parts of staged targets whose other parts are not known yet: they pass as they come (M1)."""
+        """Parts of staged targets whose other parts are unknown: they pass as they come (M1)."""
         self.untracked: list[FieldImage] = []
         """Command fields that were written 1:1 in a way that leaves their content unknown."""
         self.goes_unknown = False
-        """The axis goes somewhere nobody knows: a distance passed unchanged."""
+        """The axis goes to an unknown position: a distance passed unchanged."""
         self.is_uncorrected = False
-        """It goes there beside a stop of another axis, with words that were not corrected for it."""
+        """It goes there together with a stop of another axis, with words that were not corrected for it."""
         self.peer_runs = NO_RUNS
-        """What the other axes of its group hold and have to run, by their names (M11)."""
+        """Targets that the other axes of its group hold and must run, by their names (M11)."""
         self.remaps = False
-        """It writes a register that moves other registers about."""
+        """It writes a register that remaps other registers."""
 
-    # --- what it means
+    # --- its meaning
 
     @property
     def is_empty(self) -> bool:
-        """Whether the request means nothing to the axis, whatever else it writes of it, as a limit."""
+        """Whether the request has no meaning for the axis, even if it writes a limit of it."""
         is_anything = self.hits or self.words or self.coils or self.unclear_words
         return self.action is Action.IGNORE and not is_anything
 
@@ -297,7 +298,7 @@ class AxisCommand:
 
     @property
     def runs_stored(self) -> bool:
-        """Whether it runs what the drive keeps, in a way that nobody knows."""
+        """Whether it runs a position that the drive stores, or may do so."""
         return self.action is Action.STORED or (
             self.action is Action.UNKNOWN and self.number is not None and self.number not in self.written
         )
@@ -319,15 +320,15 @@ class AxisCommand:
     # --- what is sent
 
     def go_anywhere(self) -> None:
-        """Note that nobody knows where the axis goes."""
+        """Mark the position to which the axis goes as unknown."""
         self.goes_unknown = True
 
     def run_uncorrected(self) -> None:
-        """Note that the axis goes somewhere with words that were not corrected for that."""
+        """Mark that the axis goes somewhere with words that were not corrected for it."""
         self.goes_unknown = self.is_uncorrected = True
 
     def forget_targets(self) -> None:
-        """Note that what was rendered is not what goes out."""
+        """Drop the rendered targets, because they are not what is sent."""
         self.targets.clear()
         self.stagings.clear()
 
@@ -342,7 +343,7 @@ class AxisCommand:
         return bool(self.targets or self.runs or self.untracked)
 
 
-# --- what it means -----------------------------------------------------------------------------------------
+# --- meaning -----------------------------------------------------------------------------------------------
 
 
 def decode(
@@ -351,15 +352,15 @@ def decode(
     *,
     may_have_risen: bool = False,
 ) -> list[AxisCommand]:
-    """Return what a request means for each axis of its unit that it means something to.
+    """Return what a request means for each axis of its unit; axes without a meaning are left out.
 
     Args:
         frame: the request.
-        read_words: mode and trigger registers that were read for this request, by axis and address; None
-            where one would not tell.
-        may_have_risen: take every bit that is set as one that rises.
+        read_words: mode and trigger registers that were read for this request, by axis and address; None: the
+            drive did not answer.
+        may_have_risen: treat every set bit as a rising one.
     """
-    if not frame.unit.has_rules:  # of a unit without triggers and modes each command field runs
+    if not frame.unit.has_rules:  # in a unit without triggers and modes each command field runs
         return [
             AxisCommand(hits.axis, Action.ABSOLUTE, hits.commands[0].mapped.number, hits.commands)
             for hits in frame.by_axis
@@ -375,7 +376,7 @@ def decode(
 
 
 class _Decoder:
-    """One request, decoded for one axis."""
+    """Decodes one request for one axis."""
 
     def __init__(
         self,
@@ -396,7 +397,7 @@ class _Decoder:
         self.words: dict[int, int] = {}
         self.unclear: set[int] = set()
         self.certain_bits: dict[int, tuple[int, int]] = {}
-        """Of registers that are only partly known after a mask: their content, and which bits are certain."""
+        """Registers that are only partly known after a mask: their content, and which bits are certain."""
         if hits.rules:
             data = frame.access.words(frame.pdu)
             for hit in hits.rules:
@@ -510,12 +511,12 @@ class _Decoder:
         return operations
 
     def _sets_other_motion(self, mode: ModePlan) -> bool:
-        """Whether a mode is set in which the drive moves without targets, perhaps at once."""
+        """Whether it sets a mode in which the drive moves without targets, perhaps immediately."""
         word = self.words.get(mode.address)
         return word is not None and mode.action(word) is Action.OTHER_MOTION
 
     def _unknown_following(self) -> int | None:
-        """Return a trigger register that decides whether a position moves at once, and is not known."""
+        """Return an unknown trigger register that decides whether a position is run immediately."""
         if not self.hits or not self.axis.may_read:
             return None
         asked = self.unclear | set(self.read_words)
@@ -532,7 +533,7 @@ class _Decoder:
         return self.read_words.get(address) if word is None else word
 
     def _may_follow(self) -> bool:
-        """Whether a register that may make the drive go to each position holds nobody knows what."""
+        """Whether a register that may make the drive follow each position has unknown content."""
         for trigger in self.axis.rules.following:
             word = self._word_at(trigger.address)
             if word is None or trigger.holds_unknown(word):
@@ -548,7 +549,7 @@ class _Decoder:
         return False
 
     def _moves_at_once(self) -> bool:
-        """Whether a written position is gone to without anything else."""
+        """Whether the drive goes to a written position without any trigger."""
         if not (self.plan.is_staged or self.plan.starts_on) or self._is_following():
             return True
         mode = self.plan.mode(self.hits[0].mapped.number)
@@ -575,7 +576,7 @@ def _rank(operation: Operation) -> int:
 
 
 def _run_as(trigger: Action, mode: Action) -> Action:
-    """Return what running a target amounts to, with what the trigger and what the mode say."""
+    """Return the action of running a target, from what the trigger and the mode say."""
     if not mode.runs_target:
         return mode
     if trigger is Action.START or (trigger is Action.FOLLOW and mode.is_relative):

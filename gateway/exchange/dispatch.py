@@ -1,4 +1,4 @@
-"""What goes out next for one request: itself, or a frame that it needs first."""
+"""What is sent next for one request: the request itself, or a frame that it needs first."""
 
 from collections.abc import Iterable, Sequence
 from typing import Final
@@ -22,14 +22,14 @@ from gateway.exchange.unit import UnitMap
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 
 REMEMBERED_PATHS: Final = 4096
-"""Heads of requests whose fast path is remembered; a controller uses a few dozen."""
+"""Number of request heads whose fast path is remembered; a controller uses a few dozen."""
 UNIT_IDS: Final = 256
 SHORTEST_REQUEST: Final = 5
-"""Bytes of the PDU of a request that has a fast path."""
+"""Bytes of the shortest PDU with a fast path."""
 
 
 class UnitMaps:
-    """The mapped unit ids of one line."""
+    """The register maps of all unit ids of one line."""
 
     def __init__(
         self,
@@ -45,7 +45,7 @@ class UnitMaps:
         }
         self.aliases = Aliases(tuple(self._units.values()), other_units, is_serial=is_serial)
         self.heard: set[int] = set()
-        """Unit ids that controllers have talked to."""
+        """Unit ids that controllers have addressed."""
         # The mapped units that a request reaches: on a serial line a broadcast reaches all.
         self._reached: dict[int, tuple[UnitMap, ...]] = {
             unit_id: (unit,) for unit_id, unit in self._units.items()
@@ -61,9 +61,9 @@ class UnitMaps:
             grouped = [axis for axis in axes if axis.peers]
             self._partners[BROADCAST_UNIT_ID] = _partners(grouped)
         self.have_rules = any(unit.has_rules for unit in self._units.values())
-        """Whether any frame may mean something else than positions to be gone to at once."""
+        """Whether a frame may mean something other than a position to go to immediately."""
         self.broadcast_unit_ids = frozenset(unit_ids) if is_serial else None
-        """The mapped unit ids that a broadcast reaches; None where nothing is broadcast."""
+        """The mapped unit ids that a broadcast reaches; None: there are no broadcasts."""
         self._paths: list[dict[bytes, FastPath | None]] = [{} for _ in range(UNIT_IDS)]
         self._remembered_paths = self._paths_left = remembered_paths
 
@@ -72,11 +72,11 @@ class UnitMaps:
         return unit_id in self._units
 
     def get(self, unit_id: int) -> UnitMap | None:
-        """Return a unit id's register map; None where it has none."""
+        """Return a unit id's register map; None: it has none."""
         return self._units.get(unit_id)
 
     def path_of(self, unit_id: int, pdu: bytes) -> FastPath | None:
-        """Return the fast path of a request; None: it goes the slow one."""
+        """Return the fast path of a request; None: it takes the slow one."""
         head = pdu[: HEAD_BYTES[pdu[0]]]
         paths = self._paths[unit_id]
         path = paths.get(head)
@@ -85,7 +85,7 @@ class UnitMaps:
         return None if head in paths else self._find_path(unit_id, pdu, head)
 
     def forget_paths(self) -> None:
-        """Look all fast paths up anew: an axis has more of them than it had."""
+        """Find all fast paths again: an axis has more of them now."""
         for paths in self._paths:
             paths.clear()
         self._paths_left = self._remembered_paths
@@ -112,14 +112,15 @@ class UnitMaps:
         return self._axes.get(unit_id, ())
 
     def partners(self, unit_id: int) -> tuple[int, ...]:
-        """Return the unit ids that have to answer for a request to one of them: itself and its group (M11).
+        """Return the unit ids that must be reachable for a request to one: itself and its group (M11).
 
-        Of a broadcast all that are in a group: what only one of two drives on a beam hears moves that one.
+        For a broadcast, all that are in a group: if only one of two drives on a gantry receives it, only that
+        one moves.
         """
         return self._partners.get(unit_id) or (unit_id,)
 
     def frames_of(self, transaction: Transaction) -> tuple[DecodedRequest, ...]:
-        """Return a request as each mapped unit has it that it reaches: parsed once, the first time."""
+        """Return a request, decoded for each mapped unit that it reaches; parsed at the first call only."""
         frames = transaction.frames
         if frames is None:
             pdu, reached = transaction.pdu, self._reached.get(transaction.unit_id, ())
@@ -130,7 +131,7 @@ class UnitMaps:
 
     @staticmethod
     def stops_of(frames: Iterable[DecodedRequest]) -> list[AxisCommand]:
-        """Return what a request stops; it goes before everything else (M3)."""
+        """Return what a request stops; a stop goes before everything else (M3)."""
         return [
             command
             for frame in frames
@@ -152,9 +153,9 @@ class UnitMaps:
 
     @staticmethod
     def only_stops(frames: Iterable[DecodedRequest]) -> bool:
-        """Whether a request does nothing to any axis but stop it, whenever it is sent and however often."""
+        """Whether a request only stops axes, whenever it is sent and however often."""
         for frame in frames:
-            # A bit that is set now may have been cleared before it leaves, or before it leaves once more.
+            # A bit that is set now may be cleared before the request is sent, or before it is sent again.
             found = {command.axis.plan.name: command for command in decode(frame, may_have_risen=True)}
             for own in frame.by_axis:
                 command = found.get(own.axis.plan.name)
@@ -165,7 +166,7 @@ class UnitMaps:
         return True
 
     def next_to_send(self, transaction: Transaction, now_ns: int) -> tuple[AddedFrame | None, bytes]:
-        """Return what goes out next for a transaction: a frame that it needs first, or its own request.
+        """Return what is sent next for a transaction: a frame that it needs first, or its own request.
 
         Raises:
             RefusedRequestError: it must not reach the drive.
@@ -224,7 +225,7 @@ def moves_one_of(units: UnitMaps, transaction: Transaction, axes: Sequence[Axis]
     if transaction.port is None:
         return False
     for frame in units.frames_of(transaction):
-        # A bit that is set now may have been cleared by a request that waits before this one.
+        # A bit that is set now may be cleared by a request that waits before this one.
         for command in decode(frame, may_have_risen=True):
             acts = bool(command.hits) or command.action is not Action.IGNORE
             if acts and not (transaction.is_stop and command.is_stop) and command.axis in axes:

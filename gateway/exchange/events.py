@@ -7,7 +7,7 @@ from gateway.catalogue.entry import EventEntry
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One thing that happened; ``detail`` is a sentence for the operator."""
+    """One event; ``detail`` is a sentence for the operator."""
 
     kind: EventEntry
     """One of ``catalogue.exchange_events``."""

@@ -1,11 +1,10 @@
-"""The fast path: most frames need no judgement, and leave with a lookup or with one correction.
+"""The fast path: most frames need no judgement, and are sent after a lookup or after one correction.
 
 A path is found once for a unit id and the head of a request, which says what registers it touches, and is
-remembered. It is a cache of the slow path and has no meaning of its own: it holds prepared lookups, takes the
-usual case only, and calls the same transitions. Whenever anything is not as usual it returns None, and the
-request or the reply goes the slow path (``dispatch``, ``prepare``, ``transaction``), which knows every
-case. Both come to the same bytes and leave the same state behind; tests/exchange/test_fast_path.py holds one
-against the other.
+then cached. It decides nothing of its own: it holds prepared lookups, handles the usual case only, and calls
+the same transitions as the slow path. If anything is unusual it returns None. The request or reply then takes
+the slow path (``dispatch``, ``prepare``, ``transaction``), which handles every case. Both give the same bytes
+and leave the same state; tests/exchange/test_fast_path.py compares them.
 """
 
 from typing import Final, NamedTuple
@@ -33,7 +32,7 @@ ARRIVED: Final = MotionState.ARRIVED
 
 LOWEST: Final = b"\x00"
 HIGHEST: Final = b"\xff"
-"""Between these lies the last byte of a position of which all others have come."""
+"""Together with LOWEST, the range of the last byte of a position of which all others have come."""
 NOBODY: Final[frozenset[str]] = frozenset()
 """Names of the axes that a read sends somewhere."""
 
@@ -51,7 +50,7 @@ class _Read(NamedTuple):
 
 
 class ReadPath(FastPath):
-    """Reads of whole positions and status bits."""
+    """Reads of complete positions and status bits."""
 
     __slots__ = ("_access", "_asks_for_bits", "_hits", "_reads", "_unit")
 
@@ -70,7 +69,7 @@ class ReadPath(FastPath):
             if axis.silent_since_ns is not None or (record is not None and record.saved is not None):
                 return None
             if axis.fixed is not None:
-                return None  # what was fixed may have ended by now
+                return None  # the decision of the group may have ended by now
         if self._asks_for_bits:
             for read in self._reads:
                 if read.axis.needs_reference(now_ns, is_target=False):
@@ -110,17 +109,17 @@ class ReadPath(FastPath):
 
     @property
     def quantity(self) -> int:
-        """How many registers it reads."""
+        """Number of registers that it reads."""
         return self._access.read_quantity
 
     @property
     def byte_ranges(self) -> tuple[tuple[int, int], ...]:
-        """Where in the PDU of a reply each position begins and ends."""
+        """Where each position begins and ends in the PDU of a reply."""
         return tuple((read.start, read.end) for read in self._reads)
 
     @property
     def is_sure(self) -> bool:
-        """Whether no position that it reads may prove something, and be turned back otherwise for that."""
+        """Whether no position in it can prove something and then be converted back differently."""
         for read in self._reads:
             record = read.axis.record
             if read.axis.motion.unacknowledged is not None:
@@ -130,9 +129,9 @@ class ReadPath(FastPath):
         return True
 
     def nominal_words(self, transaction: Transaction, which: int, words: bytes) -> bytes | None:
-        """Return what ``answered`` would make of the words of one position; None: that cannot be said yet.
+        """Return the words of one position as ``answered`` would convert them; None: not decided yet.
 
-        Nothing is changed by it.
+        It changes nothing.
         """
         if not self.is_sure:
             return None
@@ -149,17 +148,18 @@ class ReadPath(FastPath):
             return None
 
     def is_early(self, which: int) -> bool:
-        """Whether the first byte of a position may be told from all but its last one.
+        """Whether all bytes but the last may decide the first byte of a position.
 
-        Not of a limit: 0 passes as it is.
+        Not for a limit: 0 passes unchanged.
         """
         read = self._reads[which]
         return read.field.is_high_first_pair and read.role is not FieldRole.LIMIT
 
     def begins_with(self, byte: int, transaction: Transaction, which: int, begun: bytes) -> bool:
-        """Whether :meth:`nominal_words` begins with this byte, whatever the last byte behind ``begun`` is.
+        """Whether :meth:`nominal_words` begins with this byte, whatever the last byte after ``begun`` is.
 
-        Between both ends positions are turned back in their order; a command may be known by its words.
+        Conversion keeps the order of positions, so both ends are enough; a command may be recognised by its
+        words.
         """
         axis, role, _, number, _, _, _ = self._reads[which]
         candidates = [begun + LOWEST, begun + HIGHEST]
@@ -175,7 +175,7 @@ class ReadPath(FastPath):
 
 
 class WritePath(FastPath):
-    """Writes of one whole target, in a frame that may hold other words beside it."""
+    """Writes of one complete target, in a frame that may hold other words too."""
 
     __slots__ = (
         "_access",
@@ -211,16 +211,16 @@ class WritePath(FastPath):
         self._start = access.data_offset + 2 * hit.word
         self._end = self._start + 2 * hit.mapped.field.words
         self._is_last = self._start == access.data_offset and self._end == len(pdu)
-        """The target is all that is written; else other words stand beside it."""
+        """The frame writes the target only; otherwise it holds other words too."""
         self._head = pdu[: access.data_offset]
-        """Which all requests of this path begin with."""
+        """Common beginning of all requests on this path."""
         self._echo = pdu[:5]
         self._asks_for_bits = unit.asks_for_bits
         is_first = self._start == access.data_offset
         is_alone = writes_alone((axis.plan for axis in unit.axes), hit.mapped.field)
         self.is_early = is_first and is_alone and hit.mapped.field.is_high_first_pair
-        """Whether it may begin to leave by the first byte of its address, and its position by all but the
-        last byte: see ``cut_through.delay.write_shape``."""
+        """Whether it may be sent from the first byte of its address on, and its position from its last byte
+        but one on: see ``cut_through.delay.write_shape``."""
 
     def sent(self, transaction: Transaction, now_ns: int) -> bytes | None:
         """See ``FastPath``."""
@@ -236,21 +236,21 @@ class WritePath(FastPath):
         return self._head + words if self._is_last else pdu[:start] + words + pdu[end:]
 
     def write_ahead(self, transaction: Transaction, target: SteadyTarget) -> None:
-        """A target goes out next: what has to be known of it after a kill is written."""
+        """A target is sent next: write what must survive a kill."""
         axis = self._axis
         transaction.carry(self, target)
         if axis.record is not None and not axis.send_steady(target):
             axis.send_target(transaction.rendering())
 
     def is_ready(self, port: ControllerPort | None, now_ns: int) -> bool:
-        """Whether nothing but its words can keep a target from going this way."""
+        """Whether only the words of a target can still keep it from this path."""
         if port is None or (port.writer != self._hold.writer and not self._hold.is_shared):
-            return False  # another one moved it last, or nobody
+            return False  # another writer moved it last, or none
         return self._axis.compensation.is_steady and self._is_usual(now_ns)
 
     @property
     def byte_range(self) -> tuple[int, int]:
-        """Where in the PDU the position begins and ends."""
+        """Where the position begins and ends in the PDU."""
         return self._start, self._end
 
     @property
@@ -259,10 +259,10 @@ class WritePath(FastPath):
         return self._echo
 
     def judged(self, port: ControllerPort | None, words: bytes, now_ns: int) -> SteadyTarget | None:
-        """Return the target that its words are, as it would be sent now; None: it goes the slow path.
+        """Return the target for these words as it would be sent now; None: it takes the slow path.
 
-        Nothing is changed by it: asked again at the same instant it answers the same, as long as nothing else
-        has happened to the axis.
+        It changes nothing. Called again with the same time it returns the same, unless something has happened
+        to the axis in between.
         """
         axis, image = self._axis, self._image
         compensation = axis.compensation
@@ -272,7 +272,7 @@ class WritePath(FastPath):
             if compensation.accepted is None or image.corrected_words is None:
                 return None
             if self._number != axis.motion.last_number:
-                return None  # another register of the axis was written since: this is a target
+                return None  # another register of the axis was written since: this is a new target
             return SteadyTarget(words, image.corrected_words, 0.0, image.epoch, None)
         if self._terms is not None and self._terms.is_due(now_ns):
             return None
@@ -290,10 +290,10 @@ class WritePath(FastPath):
         return SteadyTarget(words, corrected_words, corrected_counts, image.epoch, steady)
 
     def begins_with(self, byte: int, port: ControllerPort | None, begun: bytes, now_ns: int) -> bool:
-        """Whether the words that :meth:`judged` sends begin with this byte, if it sends any.
+        """Whether the words that :meth:`judged` sends, if any, begin with this byte.
 
-        Whatever byte comes behind ``begun`` as the last one. What is added between both ends leaves targets
-        in their order; the target of before is sent as it was.
+        The last byte after ``begun`` may have any value. Correction keeps the order of targets, so both ends
+        are enough; a repeated target is sent unchanged.
         """
         image = self._image
         if not self.is_ready(port, now_ns) or (self._terms is not None and self._terms.is_due(now_ns)):
@@ -319,7 +319,7 @@ class WritePath(FastPath):
         self._hold.move(transaction.port.writer, transaction.sent_ns)
 
     def _is_usual(self, now_ns: int) -> bool:
-        """Whether nothing has happened that must be looked at before the next target."""
+        """Whether nothing has happened that must be checked before the next target."""
         axis = self._axis
         for each in self.axes:
             record = each.record
@@ -370,7 +370,7 @@ class WritePath(FastPath):
 
 
 def find_path(unit: UnitMap | None, unit_id: int, pdu: bytes) -> FastPath | None:
-    """Return the fast path of the requests to a unit id that begin as this one does; None: there is none."""
+    """Return the fast path of the requests to a unit id with this beginning; None: there is none."""
     access = ACCESS[pdu[0]](pdu) if pdu[0] in ACCESS else None
     if access is not None and not access.is_consistent:
         return None

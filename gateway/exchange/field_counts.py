@@ -1,4 +1,4 @@
-"""Between the content of a register and counts."""
+"""Conversion between register contents and counts."""
 
 from math import floor
 
@@ -7,13 +7,13 @@ from gateway.modbus.registers import PositionField
 
 
 def nearest(value: float) -> int:
-    """Return the nearest whole number, of two the even one: ``round``, for a tenth of its price compiled.
+    """Return the nearest whole number, of two the even one: ``round`` at a tenth of its cost when compiled.
 
     >>> [nearest(value) for value in (0.4, 0.5, 1.5, -0.5, -1.5, -2.6)]
     [0, 0, 2, 0, -2, -3]
     """
     below = floor(value)
-    rest = value - below  # exact, but for values next to -0.5, whose nearest is 0 either way
+    rest = value - below  # exact, except for values next to -0.5, which give 0 either way
     return below + (1 if rest > 0.5 or (rest == 0.5 and below & 1) else 0)
 
 
@@ -23,7 +23,7 @@ def counts_of(field_: PositionField, raw: Raw) -> Counts:
 
 
 def steps_of(field_: PositionField, counts: Counts) -> Raw:
-    """Whole steps of a register for a number of counts; a float register takes them as they are."""
+    """Whole steps of a register for a number of counts; a float register takes them unrounded."""
     return counts / field_.scale if field_.type.is_float else nearest(counts / field_.scale)
 
 

@@ -1,7 +1,7 @@
-"""What one controller may ask for beside its role: its rights, looked up by the head of a request.
+"""What one controller may send besides its role: its rights, looked up by the head of a request.
 
-A verdict on a unit id and the head of a request, which says what registers it touches, is found once and
-remembered, as the fast paths are.
+A verdict belongs to a unit id and the head of a request, which says what registers it touches. It is found
+once and cached, like the fast paths.
 """
 
 from collections.abc import Sequence
@@ -25,16 +25,16 @@ from gateway.modbus.pdu import (
 from gateway.times import NS_PER_S
 
 REMEMBERED: Final = 4096
-"""Heads of requests whose verdict is remembered; a controller uses a few dozen."""
+"""Number of request heads whose verdict is remembered; a controller uses a few dozen."""
 BURST_NS: Final = NS_PER_S
-"""After a pause so many requests may come at once as are allowed in this time."""
+"""Burst after a pause: the requests allowed in this time may come together."""
 
 _READS_BITS: Final = frozenset({FunctionCode.READ_COILS, FunctionCode.READ_DISCRETE_INPUTS})
 _READS_REGISTERS: Final = frozenset(
     {FunctionCode.READ_HOLDING_REGISTERS, FunctionCode.READ_INPUT_REGISTERS, 0x17}
 )
 _OBJECT: Final = bytes((FunctionCode.ENCAPSULATED_INTERFACE_TRANSPORT, MEI_CANOPEN_GENERAL_REFERENCE))
-"""How requests begin that read or write one object; where they are allowed its index is their address."""
+"""Beginning of requests that read or write one object; where allowed, its index is their address."""
 _ADDRESSED: Final = frozenset({0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F, 0x10, 0x16, 0x17})
 """Function codes whose requests name the addresses that they touch."""
 _WITHOUT_ADDRESSES: Final = frozenset({0x07, 0x0B, 0x0C, 0x11})
@@ -47,7 +47,7 @@ class Denial(NamedTuple):
     code: int
     """Exception code; 0x0A is silence for a serial controller (W7)."""
     key: str
-    """The key of the configuration that says so."""
+    """The configuration key that forbids it."""
     detail: str
     """What is not allowed."""
 
@@ -56,8 +56,8 @@ class Gate:
     """The rights of one controller, over all its connections.
 
     Args:
-        rights: what is left of what its role allows.
-        axis_unit_ids: the unit ids that a broadcast reaches for sure; None where 0 is a unit id like others.
+        rights: the part of its role's rights that it has.
+        axis_unit_ids: the unit ids that a broadcast certainly reaches; None: 0 is a unit id like others.
     """
 
     def __init__(self, rights: Rights, axis_unit_ids: frozenset[int] | None = None) -> None:
@@ -72,8 +72,9 @@ class Gate:
     def denial(self, unit_id: int, pdu: bytes, *, is_odd: bool = False) -> Denial | None:
         """Return why a request is not allowed; None: it is.
 
-        ``is_odd``: it has another length than its function code says, and counts as a write. Its unit id, its
-        head and its length say so, as they say the verdict.
+        ``is_odd``: its length differs from its function code, and it counts as a write. It depends on unit
+            id, head and
+        length only, like the verdict.
         """
         head = pdu[: HEAD_BYTES[pdu[0]]]
         verdicts = self._verdicts.get(unit_id)
@@ -84,12 +85,12 @@ class Gate:
         return self._judge_and_cache(unit_id, pdu, head, is_odd=is_odd)
 
     def is_too_often(self, now_ns: int) -> bool:
-        """Count a request; return whether it is one more than ``requests_per_s`` allows."""
+        """Count a request; return whether it exceeds ``requests_per_s``."""
         return self._rate is not None and not self._rate.takes(now_ns)
 
     @property
     def too_often(self) -> Denial:
-        """Why a request is refused that comes too often."""
+        """The refusal of a request that exceeds the rate."""
         detail = f"more than {self._rights.requests_per_s:g} requests in a second"
         return Denial(ExceptionCode.SERVER_DEVICE_BUSY, "requests_per_s", detail)
 
@@ -149,11 +150,11 @@ class Gate:
 
 
 UNSEEN: Final = Gate(UNLIMITED)
-"""Of a connection that has not asked for anything yet."""
+"""The gate of a connection that has not sent a request yet."""
 
 
 def _touched(pdu: bytes) -> tuple[RegisterSpan | None, RegisterSpan | None] | None:
-    """Return what a request reads and what it writes; None where it contradicts itself."""
+    """Return what a request reads and what it writes; None: it contradicts itself."""
     function, size = pdu[0], len(pdu)
     if function in _READS_BITS:
         return (_span(_u16(pdu, 1), _u16(pdu, 3)), None) if size == 5 else None

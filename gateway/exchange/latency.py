@@ -1,6 +1,6 @@
-"""How long things take, in integers: counts in log-linear buckets, a hundred nanoseconds a value.
+"""Statistics of durations, in integers: counts in log-linear buckets, a hundred nanoseconds per value.
 
-Each power of two is divided into 64 buckets, so that a value is known within 1.6 %, from 1 ns to ten hours.
+Each power of two has 64 buckets, so a value is known within 1.6 %, from 1 ns to ten hours.
 """
 
 from bisect import bisect_left
@@ -13,10 +13,10 @@ from gateway.times import NS_PER_S
 
 SUB_BITS: Final = 6
 OCTAVE: Final = SUB_BITS + 1
-"""Times of so many bits have a bucket each; of longer ones the lowest bits are left out."""
+"""Durations of up to so many bits have a bucket each; of longer ones the lowest bits are dropped."""
 LONGEST_BITS: Final = 45
 LONGEST_NS: Final = (1 << LONGEST_BITS) - 1
-"""Whatever takes longer counts as this: ten hours, longer than any time-out."""
+"""Longer durations count as this: ten hours, longer than any time-out."""
 BUCKETS: Final = (LONGEST_BITS - OCTAVE + 2) << SUB_BITS
 SLOT_NS: Final = 10 * NS_PER_S
 SLOTS: Final = 6
@@ -24,7 +24,7 @@ SLOTS: Final = 6
 
 
 def bucket_of(span_ns: int) -> int:
-    """Return the bucket of a time in ns; what is negative belongs to 0.
+    """Return the bucket of a duration in ns; negative ones belong to 0.
 
     >>> [bucket_of(ns) for ns in (0, 1, 127, 128, 129, 130, 255, 256)]
     [0, 1, 127, 128, 128, 129, 191, 192]
@@ -51,7 +51,7 @@ def middle_ns(bucket: int) -> int:
 
 
 def running_totals(counts: Iterable[int]) -> list[int]:
-    """Return how many times lie in each bucket or below it: the one walk that all figures need.
+    """Return the number of durations in or below each bucket: one pass serves all statistics.
 
     >>> running_totals([1, 0, 2])
     [1, 1, 3]
@@ -60,7 +60,7 @@ def running_totals(counts: Iterable[int]) -> list[int]:
 
 
 def percentiles_ns(totals: Sequence[int], shares: Sequence[float]) -> list[int]:
-    """Return the time that each share (0 to 1) of all counted ones does not exceed; 0 of none.
+    """Return the duration that each share (0 to 1) of all does not exceed; 0 if there are none.
 
     >>> counts = [0] * BUCKETS
     >>> for ns in range(1, 101):
@@ -75,9 +75,9 @@ def percentiles_ns(totals: Sequence[int], shares: Sequence[float]) -> list[int]:
 
 
 def below_bounds(totals: Sequence[int], bounds_ns: Sequence[int]) -> list[int]:
-    """Return how many times do not exceed each bound, and how many there are.
+    """Return how many durations do not exceed each bound, and how many there are.
 
-    Exact but for times within 1.6 % of a bound, which share its bucket.
+    Exact except for durations within 1.6 % of a bound, which share its bucket.
 
     >>> counts = [0] * BUCKETS
     >>> for ns in (5, 10, 11, 1000):
@@ -89,25 +89,25 @@ def below_bounds(totals: Sequence[int], bounds_ns: Sequence[int]) -> list[int]:
 
 
 class HighMark:
-    """The highest time since the start, and of the last minute."""
+    """The highest duration since the start, and of the last minute."""
 
     __slots__ = ("_slot_ends_ns", "_slots", "ever_ns", "slot_ns")
 
     def __init__(self) -> None:
         self.ever_ns = 0
         self.slot_ns = 0
-        """Highest since the slot began: what is not above it need not be told."""
+        """Highest since the slot began: only a higher one must be recorded."""
         self._slots: deque[int] = deque([0] * SLOTS, maxlen=SLOTS)
         self._slot_ends_ns = 0
 
     def raise_to(self, span_ns: int) -> None:
-        """Note a time above ``slot_ns``."""
+        """Record a duration above ``slot_ns``."""
         self.slot_ns = span_ns
         if span_ns > self.ever_ns:
             self.ever_ns = span_ns
 
     def tick(self, now_ns: int) -> None:
-        """Begin a new slot when the last one is full; to be called at least once in ten seconds."""
+        """Begin a new slot when the last one is over; must be called at least once in ten seconds."""
         if now_ns >= self._slot_ends_ns:
             self._slots.append(self.slot_ns)
             self.slot_ns = 0

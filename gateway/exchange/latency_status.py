@@ -1,8 +1,8 @@
-"""Measured times as the status shows them: microseconds, since the start.
+"""Measured durations for the status: in microseconds, since the start.
 
-Percentiles take a walk through all buckets, and what belongs to a line, a controller or an axis may first
-have to be added up over many pairs. The loop has other things to do, so each look takes a few steps of that,
-in turn.
+Percentiles need a pass through all buckets. The figures of a line, a controller or an axis may first have to
+be summed over many pairs. The event loop has other work, so each poll of the status takes only a few of these
+steps, in turn.
 """
 
 from collections import deque
@@ -21,12 +21,12 @@ from gateway.times import NS_PER_S, NS_PER_US
 
 SHARES: Final[tuple[float, ...]] = (0.5, 0.99, 0.999)
 BOUNDS_US: Final = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
-"""Of the histogram of gateway time that the status shows; the budget lies in the middle of them."""
+"""Bounds of the histogram of gateway time in the status; the budget is in the middle of them."""
 STEPS: Final = 3
-"""So many steps are taken each time: a walk through the buckets, or the adding of one pair; 60 µs at most."""
+"""Steps for each poll: one pass through the buckets, or the sum of one pair; 60 µs at most."""
 AT_FIRST: Final = 12
-"""So many figures that nothing has to be added up for are worked out at once, the first time that they are
-wanted; the others are null until it is their turn."""
+"""Number of figures without a sum that are computed immediately, the first time that they are requested; the
+others are null until their turn."""
 
 BOUNDS_NS: Final = tuple(int(bound_us * NS_PER_US) for bound_us in BOUNDS_US)
 
@@ -39,7 +39,7 @@ PARTS: Final[dict[str, Pick]] = {
     "drive_us": lambda measured: measured.drive,
     "queue_us": lambda measured: measured.queue,
 }
-"""By the name in the status; ``queue_us`` counts only what had to wait."""
+"""By the name in the status; ``queue_us`` counts only requests that had to wait."""
 
 
 Key = tuple[str, str, str]
@@ -47,7 +47,7 @@ Key = tuple[str, str, str]
 
 
 class LatencyStatus:
-    """What the status shows of one line's meter."""
+    """The statistics of one line's meter for the status."""
 
     def __init__(self, meter: LineMeter) -> None:
         self._meter = meter
@@ -62,14 +62,14 @@ class LatencyStatus:
         self._to_add: deque[Iterable[int]] = deque()
 
     def refresh(self, now_ns: int) -> None:
-        """Take a few steps; to be called before the figures are shown."""
+        """Take a few steps; must be called before the figures are shown."""
         self._meter.tick(now_ns)
         self._at_first = AT_FIRST
         for _ in range(STEPS if self._round_robin else 0):
             self._step()
 
     def fill_line(self, status: LineStatus) -> None:
-        """Enter the line's part."""
+        """Fill in the line's part."""
         meter = self._meter
         self._fill(status, "line", "")
         status.budget_overruns = meter.overruns
@@ -77,7 +77,7 @@ class LatencyStatus:
         status.added_frames_s = round(meter.added_ns / NS_PER_S, 6)
 
     def fill_controller(self, status: ControllerStatus) -> None:
-        """Enter a controller's part."""
+        """Fill in a controller's part."""
         self._fill(status, "controller", status.name)
 
     def axis(self, name: str) -> AxisTimes:
@@ -123,7 +123,7 @@ class LatencyStatus:
         return NOT_WORKED_OUT
 
     def _step(self) -> None:
-        """Begin with the next figures, or go on adding for those that are in hand."""
+        """Begin with the next figures, or continue the sum that has begun."""
         key = self._round_robin[0]
         if not self._to_add:
             columns = self._columns(key)
@@ -138,14 +138,14 @@ class LatencyStatus:
             self._round_robin.rotate(-1)
 
     def _worked_out(self, key: Key, columns: Sequence[Iterable[int]]) -> Figures:
-        """Return the percentiles, 0 of none; of the gateway time of lines and axes keep the histogram too."""
+        """Return the percentiles, 0 of none; keep the histogram of the gateway time of lines and axes."""
         if not columns:
             return Figures(p50=0.0, p99=0.0, p999=0.0)
         totals = running_totals(columns[0])
         if key[0] != "controller" and key[2] == "gateway_us":
             self._below[key] = below_bounds(totals, BOUNDS_NS)
         found = percentiles_ns(totals, SHARES)
-        if key[2] == "gateway_us":  # the middle of a bucket may lie above the highest time in it
+        if key[2] == "gateway_us":  # the middle of a bucket may be above the highest value in it
             highest_ns = max((pair.high.ever_ns for pair in self._pairs_of(key[0], key[1])), default=0)
             found = [min(ns, highest_ns) for ns in found]
         p50, p99, p999 = [round(ns / NS_PER_US, 1) for ns in found]

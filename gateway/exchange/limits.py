@@ -1,7 +1,7 @@
-"""What an axis can be given while it runs; who compares it needs none of what runs.
+"""Values that an axis can get while it runs. Comparing them needs no running axis.
 
-Its limits are the fields of :class:`~gateway.exchange.commands.SetLimits`, each under the name that it has in
-the plan or in the settings of the axis; nothing else lists them.
+Its limits are the fields of :class:`~gateway.exchange.commands.SetLimits`, each under its name in the plan or
+in the settings of the axis; there is no other list of them.
 """
 
 from dataclasses import replace
@@ -34,7 +34,7 @@ def with_limits(plan: AxisPlan, values: dict[str, float]) -> AxisPlan:
 
 
 def without_live_values(plan: AxisPlan) -> AxisPlan:
-    """Return a plan without its table and what else an axis that runs can be given (``exchange.control``)."""
+    """Return a plan without its table and the other values that a running axis can get (``control``)."""
     is_off = plan.compensation is CompensationMode.OFF
     plan = with_limits(plan, dict.fromkeys(_NAMES, 0.0))
     return replace(

@@ -9,9 +9,12 @@ States of the line:
 - *resting*: only stops are sent until a certain time. It is the silence after an unexpected frame (W6), or
   the turnaround after a broadcast, in which stops wait too.
 
-The other decisions have files of their own: whether a frame is sent and how its request ends
-(``transaction``), which request is next (``scheduler``), which units are silent and answered for
-(``silent_units``), and what the end of the link means (``link_state``).
+The other decisions have files of their own:
+
+- ``transaction``: whether a frame is sent, and how its request ends;
+- ``scheduler``: which request is next;
+- ``silent_units``: which units are silent, and what the gateway answers for them;
+- ``link_state``: what the end of the link means.
 """
 
 from collections.abc import Callable, Iterable, Sequence

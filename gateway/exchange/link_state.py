@@ -47,7 +47,7 @@ AT_REST: Final = frozenset(
 
 
 def is_at_rest(axis: Axis, up_ns: int, now_ns: int) -> bool:
-    """Whether nothing of an axis is under way, streamed, unproven or staged: its drive may be left alone.
+    """Whether nothing of an axis is under way, streamed, unacknowledged or staged: its link may be closed.
 
     ``up_ns``: when the link came up. An axis that was sent off since may be moved by something other than a
     target, until its drive has reported standstill.

@@ -1,12 +1,12 @@
-"""What the gateway itself costs: each transaction measured, held against the budget of its axes.
+"""What the gateway itself costs: each transaction is measured and compared with the budget of its axes.
 
-Times are those of ``read()`` and ``write()``. Of one transaction:
+Times are those of ``read()`` and ``write()``. A transaction has these parts:
 
 - *queue*: from its last byte until the line was free for it;
-- *request leg*: from then until its frame was written to the drive, without the frames of the gateway's own
-  that went first (*added*), and without the silence that a wire wants;
-- *drive*: from then to the last byte of the reply, without the time that the bytes take on the wire (of a
-  request that was cut through only the bytes that were left then);
+- *request leg*: from then until its frame was written to the drive; without the frames of the gateway that
+  went first (*added*), and without the silence that a wire needs;
+- *drive*: from then to the last byte of the reply, without the transmission time of the bytes (under
+  cut-through, only of the bytes still to be sent then);
 - *reply leg*: from then until the reply was written to the controller.
 
 Gateway time is both legs together.
@@ -27,13 +27,13 @@ from gateway.exchange.transaction import Transaction
 from gateway.times import NS_PER_S, NS_PER_US
 
 WITHIN_TO_END: Final = 100
-"""So many transactions in a row within the budget end an overrun, when they also lasted ``CALM_NS``."""
+"""So many transactions in a row within the budget end an overrun, if ``CALM_NS`` have passed too."""
 CALM_NS: Final = 10 * NS_PER_S
-"""A busy machine exceeds a budget every second; told each time, it would push all other events out."""
+"""A busy machine exceeds a budget every second. Reporting each time would displace all other events."""
 RTU_OVERHEAD: Final = 3
-"""Bytes of an RTU frame beside its PDU: unit id and check sum."""
+"""Bytes of an RTU frame besides its PDU: unit id and CRC."""
 MOST_PAIRS: Final = 128
-"""Pairs of controller and unit id that are measured apart on one line; all others together."""
+"""Pairs of controller and unit id that are measured separately on one line; all others together."""
 OTHERS: Final = ("others", -1)
 NO_BUDGET: Final = 1 << 62
 
@@ -42,12 +42,12 @@ Key = tuple[str, int]
 
 
 def _none_yet() -> vec[i64]:
-    """Return counts of all buckets: numbers of the machine, of which counting makes no objects."""
+    """Return counts of all buckets, as machine integers: counting creates no objects."""
     return vec[i64]([0] * BUCKETS)
 
 
 class Measured:
-    """Times of the transactions of one controller with one unit id: counts by ``latency.bucket_of``."""
+    """Durations of the transactions of one controller with one unit id: counts by ``latency.bucket_of``."""
 
     __slots__ = ("budget_ns", "drive", "gateway", "high", "queue", "reply", "request")
 
@@ -57,14 +57,14 @@ class Measured:
         self.reply = _none_yet()
         self.drive = _none_yet()
         self.queue: vec[i64] | None = None
-        """Of those that had to wait for the line; made with the first one."""
+        """Of those that had to wait for the line; created with the first one."""
         self.high = HighMark()
         self.budget_ns = budget_ns
-        """The smallest of the axes of the unit id."""
+        """The smallest budget of the unit id's axes."""
 
 
 class AxisBudget:
-    """The budget of one axis, and how it is kept."""
+    """The budget of one axis, and how well it is met."""
 
     __slots__ = ("axis", "budget_ns", "exceeded_ns", "is_over", "overruns", "unit_id", "within")
 
@@ -76,16 +76,16 @@ class AxisBudget:
         self.overruns = 0
         self.is_over = False
         self.within = 0
-        """Transactions since the last overrun, while it lasts."""
+        """Transactions since the last overrun, while that lasts."""
         self.exceeded_ns = 0
         """When the last overrun was."""
 
     def take_limits(self, axis: Axis) -> None:
-        """Hold the axis against the budget that its plan has now."""
+        """Use the budget in the axis's present plan."""
         self.budget_ns = int(axis.plan.budget_us * NS_PER_US)
 
     def exceed(self, now_ns: int) -> bool:
-        """Note an overrun; return whether it is the first one of several."""
+        """Record an overrun; return whether it is the first one of several."""
         was_over = self.is_over
         self.overruns += 1
         self.within = 0
@@ -94,7 +94,7 @@ class AxisBudget:
         return not was_over
 
     def count_within(self, now_ns: int) -> int:
-        """Note a transaction within the budget; return how many there were if they end an overrun, else 0."""
+        """Count a transaction within the budget; return their number if they end an overrun, else 0."""
         self.within += 1
         if self.within < WITHIN_TO_END or now_ns - self.exceeded_ns < CALM_NS:
             return 0
@@ -105,7 +105,7 @@ class AxisBudget:
 class LineMeter:
     """Measures the transactions of one line.
 
-    ``what_ran`` says what else the loop ran between two instants; it is asked when a budget is exceeded.
+    ``what_ran`` returns what else the loop ran between two times; it is called when a budget is exceeded.
     """
 
     def __init__(
@@ -124,11 +124,11 @@ class LineMeter:
         self._last_port: ControllerPort | None = None
         self._last_unit_id = -1
         self._last: Measured | None = None
-        """Where the transaction before was measured: mostly the next one belongs there too."""
+        """Where the last transaction was measured: the next one usually belongs there too."""
         self.wire_ns = 0
-        """All the time that bytes of transactions took on the drives' wire, as their number says."""
+        """Total time of transactions' bytes on the drives' wire, computed from their number."""
         self.added_ns = 0
-        """All the time that the gateway's own frames held requests up."""
+        """Total time for which frames of the gateway held requests up."""
 
     @property
     def overruns(self) -> int:
@@ -136,14 +136,14 @@ class LineMeter:
         return sum(budget.overruns for budget in self.axes.values())
 
     def take_limits(self, axes: Iterable[Axis]) -> None:
-        """Hold the axes of the line against the budgets that their plans have now."""
+        """Use the budgets in the present plans of the line's axes."""
         for axis in axes:
             self.axes[axis.plan.name].take_limits(axis)
         for key, measured in self.measured.items():
             measured.budget_ns = self._smallest_ns(key)
 
     def tick(self, now_ns: int) -> None:
-        """Let high marks of the last minute grow old; to be called every few seconds."""
+        """Age the high marks of the last minute; must be called every few seconds."""
         for measured in self.measured.values():
             measured.high.tick(now_ns)
 
@@ -153,7 +153,7 @@ class LineMeter:
         sent_ns, started_ns = sent.sent_ns, transaction.started_ns
         leg_ns = replied.sent_ns - reply_ns - replied.paced_ns
         if not sent_ns or leg_ns < 0:
-            return  # nobody keeps time, or nobody was there to answer
+            return  # times are not recorded, or the controller is gone
         unit_id = transaction.unit_id
         measured = self._last
         if port is not self._last_port or unit_id != self._last_unit_id or measured is None:
@@ -164,10 +164,11 @@ class LineMeter:
         drive_ns = reply_ns - sent_ns
         if sent.wire_ns_per_byte:
             wire_ns = (len(transaction.pdu) + len(reply) + 2 * RTU_OVERHEAD) * sent.wire_ns_per_byte
-            # Some of it may have left before (cut-through); adapters may keep less than a character's time.
+            # A part may have been sent before (cut-through); adapters may buffer less than a character's
+            # time.
             drive_ns = max(0, drive_ns + transaction.early_ns - wire_ns)
             self.wire_ns += wire_ns
-        # bucket_of, four times in place: the calls alone would cost as much as all the rest.
+        # ``bucket_of``, four times inline: its calls would cost as much as all the rest.
         shift = gateway_ns.bit_length() - OCTAVE
         measured.gateway[(shift << SUB_BITS) + (gateway_ns >> shift) if shift > 0 else gateway_ns] += 1
         shift = request_ns.bit_length() - OCTAVE
@@ -197,7 +198,7 @@ class LineMeter:
         return min(budgets, default=NO_BUDGET)
 
     def _add_waiting(self, transaction: Transaction, measured: Measured) -> None:
-        """Note what came between a request's arrival and its turn."""
+        """Record the time between a request's arrival and its turn."""
         self.added_ns += transaction.added_ns
         if transaction.queue_ns:
             if measured.queue is None:
@@ -205,7 +206,7 @@ class LineMeter:
             measured.queue[bucket_of(transaction.queue_ns)] += 1
 
     def _judge(self, transaction: Transaction, port: ControllerPort, gateway_ns: int, reply_ns: int) -> None:
-        """Hold a transaction against the budgets of the axes that it was for."""
+        """Compare a transaction with the budgets of its axes."""
         for budget in self.axes.values():
             if budget.unit_id != transaction.unit_id:
                 continue

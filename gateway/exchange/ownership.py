@@ -1,7 +1,7 @@
-"""One writer at a time for each axis: whoever moves it holds it, and another one is refused (W10).
+"""One writer at a time for each axis: the writer that moves it holds it, others are refused (W10).
 
-What such a frame would have changed is lost to whoever sent it, and to nobody else: the axis of the one who
-holds it goes on. It comes to count when its sender takes the axis over (M3).
+A refused frame is a loss only for its sender: the axis continues for the writer that holds it. The loss takes
+effect when the sender takes the axis over (M3).
 """
 
 from collections.abc import Callable, Sequence
@@ -25,13 +25,13 @@ from gateway.limits import Reports, others_of_pairs, times
 from gateway.modbus.pdu import ExceptionCode
 
 LOST_BY_WRITER: Final = 32
-"""Requests of one writer to one axis that are remembered as lost; of more, everything of the axis is lost."""
+"""Lost requests of one writer to one axis that are remembered; above it, everything of the axis is lost."""
 KEPT: Final = 256
-"""For so many axes and writers something is remembered; what came first is forgotten for the next."""
+"""Number of axes and writers for which losses are remembered; the oldest is dropped for the next."""
 
 _BUSY: Final = ExceptionCode.SERVER_DEVICE_BUSY
 _HEAD_BYTES: Final = {0x17: 9, 0x2B: 8}
-"""By function code: how many bytes of a PDU say what it writes to; of all others 5 do (``access``)."""
+"""By function code: bytes of a PDU that say what it writes to; for all others 5 (``access``)."""
 
 
 class Unsent(NamedTuple):
@@ -44,7 +44,7 @@ class Unsent(NamedTuple):
 
 
 class Ownership:
-    """Who moves which axis of one line."""
+    """Decides who moves which axis of one line."""
 
     def __init__(self, axes: Sequence[Axis], units: UnitMaps, on_event: Callable[[Event], None]) -> None:
         self._axes = axes
@@ -57,15 +57,15 @@ class Ownership:
         self.writer_conflicts = WriterConflicts()
 
     def came(self, port: ControllerPort) -> None:
-        """Note a connection that asks for something the first time."""
+        """Record a connection that sends its first request."""
         self._connections[port.writer] = self._connections.get(port.writer, 0) + 1
 
     def gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool) -> None:
-        """Note that such a connection is gone: after the last one its writer soon lets go of every axis.
+        """Record that such a connection is gone: after its last one, a writer soon releases every axis.
 
-        A part of a position that the drive has acknowledged is completed by what comes on another one, unless
-        the connection broke off: a controller may close its own after each request. A part that never reached
-        the drive joins nothing of another connection in any case.
+        A part of a position that the drive has acknowledged can be completed from another connection: a
+        controller may close its own after each request. Not if the connection broke. A part that never
+        reached the drive is never completed from another connection.
         """
         if is_broken:
             self.forget_parts(port)
@@ -78,13 +78,13 @@ class Ownership:
                 axis.hold.leave(now_ns)
 
     def forget_parts(self, port: ControllerPort) -> None:
-        """Let nothing complete a part of a position that came on a connection which broke off."""
+        """Complete no part of a position that came on a broken connection."""
         for axis in self._axes:
             if axis.hold.is_shared or axis.hold.writer in ("", port.writer):
                 axis.forget_parts()
 
     def may_move(self, transaction: Transaction, now_ns: int) -> bool:
-        """Return whether a request may go on as far as other writers are concerned; it takes its axes over.
+        """Return whether a request may go on as far as other writers are concerned; it takes over its axes.
 
         Stops always may, and take nothing over (M3).
         """
@@ -97,7 +97,7 @@ class Ownership:
         return True
 
     def moved(self, transaction: Transaction, now_ns: int) -> None:
-        """Note that a request has left: its writer goes on to hold what it moves."""
+        """Record that a request was sent: its writer continues to hold what it moves."""
         port = transaction.port
         assert port is not None
         has_stop = has_a_stop(transaction.requests)
@@ -111,7 +111,7 @@ class Ownership:
                     _mark_beside_stop(command, request, port)
 
     def lose(self, transaction: Transaction, code: int, loss: Loss) -> None:
-        """Note that a request never reached the drive: at once for its own axes, else for later."""
+        """Record that a request never reached the drive: now for its own axes, else for later."""
         port = transaction.port
         assert port is not None
         frames = self._units.frames_of(transaction)
@@ -130,11 +130,11 @@ class Ownership:
             if len(self._lost) >= KEPT:
                 del self._lost[next(iter(self._lost))]
             lost = self._lost[whose] = {}
-        if len(lost) <= LOST_BY_WRITER:  # one more says that there were too many
+        if len(lost) <= LOST_BY_WRITER:  # one more marks that there were too many
             lost[unit_id, unsent.pdu[: _HEAD_BYTES.get(unsent.pdu[0], 5)]] = unsent
 
     def _may_take(self, transaction: Transaction, port: ControllerPort, now_ns: int) -> bool:
-        """Judge a request to axes that another one moved last, or nobody."""
+        """Judge a request to axes that another writer moved last, or none."""
         if transaction.pdu[0] in MONITOR_FUNCTIONS:
             return True
         claims = self._claims(transaction)
@@ -160,7 +160,7 @@ class Ownership:
 
     @staticmethod
     def _is_free(axis: Axis, command: AxisCommand | None, writer: str, now_ns: int) -> bool:
-        """Whether what a stop of another axis does beside it may take an axis over; it passes in any case."""
+        """Whether the rest of a frame that stops another axis may take an axis over; it always passes."""
         if command is not None and command.is_idle:
             return False
         members = (axis, *axis.peers)
@@ -170,7 +170,7 @@ class Ownership:
     def _claims(self, transaction: Transaction) -> list[tuple[Axis, AxisCommand | None]]:
         """Return the axes that a request would move or prepare to move; not those that it stops.
 
-        To let go of a jog, as a button is let go of, is a stop for whoever jogged.
+        Releasing a jog, like releasing a button, is a stop for the writer that jogged.
         """
         writer = "" if transaction.port is None else transaction.port.writer
         claims: list[tuple[Axis, AxisCommand | None]] = []
@@ -210,7 +210,7 @@ class Ownership:
             self._apply_lost(axis, writer)
 
     def _apply_lost(self, axis: Axis, writer: str) -> None:
-        """What was refused to a writer while another one held the axis counts from now on."""
+        """Apply the losses of a writer from the time in which another one held the axis."""
         lost = self._lost.pop((axis.plan.name, writer), {})
         if len(lost) > LOST_BY_WRITER:
             axis.lose_everything(_BUSY)
@@ -226,7 +226,7 @@ def _hold_on(axis: Axis, writer: str, now_ns: int) -> None:
 
 
 def _lose_of_axis(axis: Axis, lost: Unsent, code: int, loss: Loss) -> None:
-    """Note for one axis that a request never reached its drive."""
+    """Record for one axis that a request never reached its drive."""
     for frame in lost.frames:
         for own in frame.by_axis:
             if own.axis is axis:
@@ -238,7 +238,7 @@ def _lose_of_axis(axis: Axis, lost: Unsent, code: int, loss: Loss) -> None:
 
 
 def _runs_of_another(axis: Axis, command: AxisCommand | None, writer: str) -> bool:
-    """Whether a request runs a target that another one may have written."""
+    """Whether a request runs a target that another writer may have written."""
     hold = axis.hold
     is_own = hold.is_shared or hold.writer in ("", writer)
     if command is None or (is_own and not hold.overwritten_by):
@@ -255,14 +255,14 @@ def _set_jog(command: AxisCommand, writer: str) -> None:
 
 
 def _lets_go(command: AxisCommand, writer: str) -> bool:
-    """Whether a request of whoever jogged an axis starts nothing: it may end the jog."""
+    """Whether a request of the writer that jogs an axis starts nothing: it may end the jog."""
     return command.is_idle and command.axis.hold.jogged_by == writer
 
 
 def _mark_beside_stop(command: AxisCommand, request: Request, port: ControllerPort) -> None:
-    """A stop of somebody who does not move the axis changed more: its writer has to write that again (M3).
+    """A stop from another writer changed more: the axis's writer must write that again (M3).
 
-    So it is where another axis is stopped in the same frame: for the sake of that it has passed.
+    This also holds if another axis is stopped in the same frame: the frame passed because of that.
     """
     axis, hold = command.axis, command.axis.hold
     is_writer = hold.is_shared or hold.writer in ("", port.writer)
@@ -278,7 +278,7 @@ def _mark_beside_stop(command: AxisCommand, request: Request, port: ControllerPo
 
 
 def _is_changed(hit: FieldHit, request: Request) -> bool:
-    """Whether a request writes other words into a command field than its writer believes there."""
+    """Whether a request writes other words to a command field than its writer believes there."""
     image, access = hit.mapped.image, request.frame.access
     assert image is not None
     if image.is_incomplete or image.nominal_words is None or access.is_mask or not access.is_consistent:

@@ -1,4 +1,4 @@
-"""What the exchange needs to know, checked and frozen before it runs."""
+"""What the exchange must know, checked and frozen before it runs."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -20,14 +20,14 @@ ALARM_BIT: Final = "alarm"
 DEFAULT_UNSEEN_MS: Final = 500.0
 DEFAULT_DONE_DROP_MS: Final = 1000.0
 DEFAULT_WRITER_HOLD_S: Final = 5.0
-"""Longer than a program pauses between two moves and than a controller takes to connect again; shorter than
-the way from one panel to the next."""
+"""Longer than a program pauses between two moves, and than a controller needs to reconnect; shorter than the
+walk from one panel to the next."""
 
 DEFAULT_BUDGET_US: Final = 1000.0
-"""About ten times what the relay takes in the median on a small Linux machine: an overrun is told."""
+"""About ten times the median of the relay on a small Linux machine: an overrun is reported."""
 
 PAGE_BITS: Final = 8
-"""Addresses of one high byte."""
+"""Addresses with the same high byte."""
 
 
 class CompensationMode(Enum):
@@ -39,16 +39,16 @@ class CompensationMode(Enum):
 
 
 class Reference(Enum):
-    """How the gateway knows that the axis knows where it is."""
+    """How the gateway knows that an axis is referenced."""
 
     ABSOLUTE = "absolute"
-    """An absolute encoder: only a set position ends it, until somebody says otherwise."""
+    """An absolute encoder: only a set position ends it, until a person declares it again."""
     DRIVE_BIT = "drive-bit"
-    """The drive's homed bit. Nobody declares it: the drive says it."""
+    """The drive's homed bit. A person cannot declare it."""
     HOMING = "homing"
     """A homing command was seen, and after it the bit that ends it."""
     SET_POSITION = "set-position"
-    """The controller tells the drive where it stands, at rest."""
+    """The controller sets the drive's position, at standstill."""
 
 
 class Late(Enum):
@@ -59,12 +59,12 @@ class Late(Enum):
 
 
 def default_late(setpoints: Setpoints) -> Late:
-    """Return what happens where nothing is said: a move must not end short, a stale setpoint not be used."""
+    """Return the default: a move must not end short, an old setpoint must not be used."""
     return Late.REJECT if setpoints is Setpoints.STREAM else Late.FORWARD
 
 
 class Role(Enum):
-    """What a controller may do, the most first. ``monitor`` may only read."""
+    """What a controller may do, highest first. ``monitor`` may only read."""
 
     MOTION = "motion"
     OPERATOR = "operator"
@@ -78,20 +78,20 @@ class ControllerPlan:
     name: str
     role: Role = Role.MOTION
     timeout_ms: float = 1000.0
-    """After this the controller has given up on a request (W5, W7)."""
+    """After this time the controller gives up on a request (W5, W7)."""
     serial: bool = False
     """RTU controllers get silence where TCP ones get exceptions 0x0A and 0x0B."""
     rights: Rights = UNLIMITED
     certified: str = ""
-    """The role in the certificate of this connection, where roles come by certificates."""
+    """The role in the certificate of this connection, where certificates give roles."""
 
 
 @dataclass(frozen=True, slots=True)
 class CrossPlan:
     """Corrections of one axis over the position of another: straightness, sag, squareness.
 
-    Positions and corrections are in the units of the axis that is corrected; ``scale`` turns those of the
-    other one into them.
+    Positions and corrections are in the units of the corrected axis; ``scale`` converts the other axis's
+    units to them.
     """
 
     axis: str
@@ -101,16 +101,17 @@ class CrossPlan:
     corrections: tuple[float, ...]
     scale: float = 1.0
     modulo: float = 0.0
-    """One turn of the other axis; 0 where it is linear."""
+    """One turn of the other axis; 0: it is linear."""
     fresh_s: float = 60.0
-    """So long the last position counts when nobody knows where the other axis is, and so long it fades."""
+    """How long the last position counts after the other axis's position became unknown, and then how long it
+    fades."""
     table_name: str = ""
     table_digest: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisPlan:
-    """One axis: its place on the bus, its registers, its numbers and its table."""
+    """One axis: its address on the bus, its registers, its settings and its table."""
 
     name: str
     unit_id: int
@@ -124,15 +125,15 @@ class AxisPlan:
     guarded: tuple[PositionField, ...] = ()
     """Registers that hold positions which are not mapped (M10)."""
     remapping: tuple[PositionField, ...] = ()
-    """Registers that move other registers about (M10)."""
+    """Registers that remap other registers (M10)."""
     passes_unmapped: bool = False
     """Writes to guarded registers pass all the same."""
     limits: tuple[PositionField, ...] = ()
-    """Positions that the drive compares its own with."""
+    """Positions with which the drive compares its own."""
     aliases: tuple[PositionField, ...] = ()
     """Further addresses at which positions can be read."""
     settable: frozenset[int] = frozenset()
-    """Actual positions, by number, whose writing tells the drive that it stands somewhere else."""
+    """Actual positions, by number, that can be written to set the drive's position."""
     motion: MotionPlan = DIRECT
     addressing: Addressing = Addressing.REGISTERS
     object_words: Mapping[int, int] = field(default_factory=dict)
@@ -140,29 +141,29 @@ class AxisPlan:
     reads_with: Form = Form.FC03
     writes_with: Form = Form.FC16
     budget_us: float = DEFAULT_BUDGET_US
-    """The gateway's own time in one transaction: last byte in to first byte out, both ways added."""
+    """The gateway's own time in one transaction: last byte in to first byte out, both directions added."""
     deadline_ms: float = 0.0
     """Age, since its last byte came in, at which a target or trigger is late; 0: never."""
     late: Late = Late.FORWARD
     lost_ms: float = 1000.0
-    """After a silence as long as this the drive may have been switched off."""
+    """After so long a silence the drive may have been switched off."""
     unseen_ms: float = DEFAULT_UNSEEN_MS
-    """After so long without a word of it or to it somebody may have moved it."""
+    """After so long without traffic from or to the drive its axis may have been moved."""
     done_drop_ms: float = DEFAULT_DONE_DROP_MS
-    """So long after a target its drive may still say done of the move before."""
+    """So long after a target its drive may still report done of the move before."""
     queues_targets: bool = False
-    """A target that comes while the axis moves is gone to after the one before."""
+    """A target that comes while the axis moves is run after the one before."""
     done_is_in_position: bool = False
-    """Its done bit says only that it is near where it is told to be at the moment, also on the way."""
+    """Its done bit only says that it is near its momentary setpoint, also on the way."""
     bits: Mapping[str, BitField] = field(default_factory=dict)
     max_registers: int = 123
     """Most registers that the drive takes in one frame."""
     response_ms: float | None = None
-    """What the drive takes from the last byte of a request to the first of its reply; None: not known."""
+    """The drive's time from the last byte of a request to the first of its reply; None: unknown."""
     safe_read: bool = True
-    """Positions and bits may be read by the gateway itself (W8)."""
+    """The gateway itself may read positions and bits (W8)."""
     checks_crc: bool = True
-    """A frame with a wrong check sum is neither obeyed nor answered; else no line of it is cut through."""
+    """The drive ignores frames with a wrong CRC. If False, its line has no cut-through."""
     added_frames: bool = True
     refused_read: int = 0
     """Function byte with which its drive refuses every read; 0: that of the request with bit 7."""
@@ -171,11 +172,11 @@ class AxisPlan:
     has_one_writer: bool = True
     """Only one controller may move it at a time."""
     writer_hold_s: float = DEFAULT_WRITER_HOLD_S
-    """After so long without a frame that moves it its writer holds it no more."""
+    """After so long without a frame that moves it, its writer loses its hold."""
     drive: str = ""
-    """Name of the shipped profile that the registers came from; the simulator's endpoint goes by it."""
+    """Name of the shipped profile with its registers; it selects the simulator's drive."""
     table_name: str = ""
-    """Of its file; there without a table where the file was taken away, or is bad and nothing was before."""
+    """Name of its file. Set without a table if the file was removed, or is bad and there was none before."""
     table_format: str = ""
     table_digest: str = ""
     thermal: ThermalSettings | None = None
@@ -184,13 +185,13 @@ class AxisPlan:
 
     @property
     def has_rules(self) -> bool:
-        """Whether a frame may mean something else than positions to be gone to at once."""
+        """Whether a frame may mean something other than a position to go to immediately."""
         return self.motion.waits_for_trigger or any(self.motion.modes) or bool(self.settable)
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class StopWord:
-    """What stops some drive: a register, or a coil, that is written with a certain content."""
+    """What stops a drive: a register or a coil, written with a certain content."""
 
     address: int
     mask: int
@@ -200,24 +201,24 @@ class StopWord:
 
 @dataclass(frozen=True, slots=True)
 class OtherUnits:
-    """What is known of the unit ids of a line that have no axis."""
+    """What is known of the unit ids of a line without an axis."""
 
     unit_ids: frozenset[int] = frozenset()
-    """Those of other devices: they pass as they are."""
+    """Those of other devices: they pass unchanged."""
     odd: frozenset[int] = frozenset()
-    """Those of them that may take odd frames, of another length than their function code says: all that are
-    on a serial port, but never 0, which is no device."""
+    """Those of them that may take odd frames, whose length differs from their function code: all that are on
+    a serial port, but never 0, which is no device."""
     stops: frozenset[StopWord] = frozenset()
-    """What stops the drives that are known: it passes to any of them."""
+    """What stops the known drives: it passes to any of them."""
 
 
 NO_OTHER_UNITS: Final = OtherUnits()
 
 
 def writes_alone(plans: Iterable[AxisPlan], field: PositionField) -> bool:
-    """Whether a target is all that is written with FC16 at an address with the same high byte, by the maps.
+    """Whether a target is the only thing written with FC16 at addresses with the same high byte, by the maps.
 
-    Of one unit id, of which no frame may mean anything else than positions to be gone to at once.
+    For one unit id of which every frame is only a position to go to immediately.
     """
     page = field.address >> PAGE_BITS
     for plan in plans:
@@ -242,20 +243,20 @@ class LineTiming:
     gap_ms: float = 0.0
     """Silence that a drive needs before each request, beyond 3.5 characters (Delta: 10 ms)."""
     quiet_ms: float = 5.0
-    """Time without motion after which a monitor's may start; directly after motion it may always."""
+    """Time without motion after which a monitor's request may start; directly after motion it always may."""
     monitor_max_wait_ms: float = 200.0
-    """A monitor's request that has waited for as long goes at the next gap, though it does not fit."""
+    """A monitor's request that has waited so long goes at the next gap, even if it does not fit."""
     retry_ms: float = 1000.0
-    """Pause before a unit is tried again that left three requests in a row unanswered: twice as long each
-    time, up to 10 s; 0: it is asked as if it had answered."""
+    """Pause before a unit is tried again that left three requests in a row unanswered; it doubles each time,
+    up to 10 s. 0: such a unit gets requests as if it had answered."""
     connect_delay_ms: float = 0.0
-    """Pause between a connection to the drives that was made and the first request on it."""
+    """Pause between a new connection to the drives and the first request on it."""
     max_connection_s: float = 0.0
-    """A connection to the drives is made anew after as long, once nothing is under way; 0: never."""
+    """A connection to the drives is renewed after so long, once nothing is under way; 0: never."""
     connects_on_demand: bool = False
     """The connection is made for a request, and closed when none comes."""
 
     @property
     def backs_off(self) -> bool:
-        """Whether a unit that left three requests in a row unanswered is not asked, but for trials."""
+        """Whether a unit that left three requests in a row unanswered gets only trials."""
         return int(self.retry_ms * NS_PER_MS) > 0

@@ -1,8 +1,8 @@
-"""What the exchange asks of the world around it: small classes that whoever frames derives its own from.
+"""What the exchange needs from the outside: small base classes for the code that frames bytes.
 
-The exchange speaks in unit ids and PDUs. Framing (RTU with its CRC, MBAP with its transaction id) is done by
-the relay. These are classes and not protocols, because what is asked for with each frame is then a look into
-an object and a call, also where it is compiled.
+The exchange uses unit ids and PDUs. The relay does the framing (RTU with its CRC, MBAP with its transaction
+id). These are classes and not protocols: access for each frame is then one attribute and one call, also when
+compiled.
 """
 
 from gateway.compiled import mypyc_attr
@@ -20,21 +20,21 @@ class Alarm:
 
 
 class Stamps:
-    """When the newest frame left, over a controller's port or a drive link. Monotonic, in ns."""
+    """When the newest frame was sent, over a controller's port or a drive link. Monotonic, in ns."""
 
     def __init__(self) -> None:
         self.ready_ns = 0
-        """When it was ready to be written; only kept of requests."""
+        """When it was ready to be written; only kept for requests."""
         self.sent_ns = 0
-        """When the system had taken it, or, while it is held back, when it was ready; 0: nobody measures."""
+        """When the system had taken it; while it is held back, when it was ready; 0: not measured."""
         self.paced_ns = 0
-        """How long it was held back, for the silence that a wire or a drive wants before it."""
+        """How long it was held back, for the silence that a wire or a drive needs before it."""
         self.wire_ns_per_byte = 0
-        """How long a byte takes on its wire; 0 where there is none."""
+        """Time of one byte on its wire; 0: there is no wire."""
 
 
 def writer_name(controller: str, peer: str) -> str:
-    """Return what a controller at a host is known by: it stays the same when it connects again.
+    """Return the identity of a controller at a host: it stays the same after a reconnection.
 
     >>> writer_name("cnc", "192.168.0.7"), writer_name("cnc", "")
     ('cnc (192.168.0.7)', 'cnc')
@@ -48,50 +48,51 @@ class ControllerPort:
 
     def __init__(self, plan: ControllerPlan, peer: str = "") -> None:
         self.plan = plan
-        """The controller's configuration; connections share it, where certificates give roles by role."""
-        # --- what of the plan is asked for with each request
+        """The controller's configuration; connections share it, one for each role if certificates give
+        roles."""
+        # --- values of the plan that each request needs
         self.name = plan.name
         self.is_serial = plan.serial
         self.is_motion = plan.role is Role.MOTION
         self.patience_ns = int(plan.timeout_ms * NS_PER_MS)
         """After so long the controller gives up on a request."""
         self.peer = peer
-        """The host that it connects from; empty on a serial port."""
+        """The host from which it connects; empty on a serial port."""
         self.writer = writer_name(plan.name, peer)
         """See :func:`writer_name`."""
         self.stamps = Stamps()
-        """When its newest frame left."""
+        """When its newest frame was sent."""
         self.newest_ns = 0
-        """When its newest request came. The exchange's own."""
+        """When its newest request came. Owned by the exchange."""
         self.ends_by_silence = False
-        """Whether its frames may be odd: it is a serial port, on which silence says where they end."""
+        """Whether its frames may be odd: on a serial port silence marks their end."""
         self.gate: Gate | None = UNSEEN
-        """What it may ask for; None: whatever its role allows. The exchange's own."""
+        """Its rights; None: everything that its role allows. Owned by the exchange."""
         self.number = 0
-        """Its number in a recording; 0: it has asked for nothing yet. The tap's own."""
+        """Its number in a recording; 0: it has sent nothing yet. Owned by the tap."""
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """Frame and send a reply. ``transaction_id`` is the request's own (0 on serial lines)."""
         raise NotImplementedError
 
-    # --- replies that leave while they arrive, and requests that did (``cut_through``); serial ports alone
+    # --- cut-through replies, and replies to cut-through requests (``cut_through``); serial ports only
 
     def may_forward(self, now_ns: int) -> bool:
-        """Whether a reply may begin to leave now."""
+        """Whether the forwarding of a reply may begin now."""
         return False
 
     def forward(self, piece: bytes) -> None:
-        """Send bytes of a reply, of which the last ones of its check sum may come later or not at all."""
+        """Send bytes of a reply; the last bytes of its CRC may come later or not at all."""
         raise NotImplementedError
 
     def forward_last(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
-        """Send the rest of a reply; what has left with it is this one."""
+        """Send the rest of a reply; the complete reply is this one."""
         raise NotImplementedError
 
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class OwnUnit:
-    """A unit id at which the gateway itself answers: what is asked there never reaches a drive."""
+    """A unit id at which the gateway itself answers: requests to it never reach a drive."""
 
     def __init__(self, unit_id: int) -> None:
         self.unit_id = unit_id
@@ -106,14 +107,14 @@ class DriveLink:
     """The link to the drives of one line.
 
     ``is_serial``: replies carry no transaction id: RTU, over a wire or over TCP (W6).
-    ``connects``: it is a connection, which can be made anew; a serial port is not.
+    ``connects``: it is a connection, which can be renewed; a serial port is not.
     """
 
     def __init__(self, *, is_serial: bool, connects: bool = False) -> None:
         self.is_serial = is_serial
         self.connects = connects
         self.stamps = Stamps()
-        """When its newest frame left."""
+        """When its newest frame was sent."""
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         """Frame and send a request, and expect the reply that fits it."""
@@ -124,30 +125,30 @@ class DriveLink:
         raise NotImplementedError
 
     def came_instead(self, unit_id: int) -> str:
-        """Say what came in the place of the newest reply that a unit id did not give; "": nothing known."""
+        """Return what came instead of the newest reply that a unit id did not give; "": unknown."""
         return ""
 
-    # --- connections alone: how they end is up to the exchange, which takes the link for down at once
+    # --- connections only: the exchange decides how they end, and treats the link as down immediately
 
     def want(self) -> None:
-        """A request waits for the link: connect, if that may be tried again yet."""
+        """A request waits for the link: connect, if another attempt is allowed already."""
 
     def renew(self) -> None:
-        """Break the connection off, with what was not sent yet, and make another one."""
+        """Abort the connection, with everything not sent yet, and make another one."""
 
     def hang_up(self, *, returns: bool) -> None:
-        """Close the connection in order; ``returns``: make another one at once."""
+        """Close the connection in order; ``returns``: make another one immediately."""
 
-    # --- requests that leave while they arrive (``cut_through``); serial links alone
+    # --- requests under cut-through (``cut_through``); serial links only
 
     def may_forward(self, now_ns: int) -> bool:
-        """Whether a request may begin to leave now."""
+        """Whether the forwarding of a request may begin now."""
         return False
 
     def forward(self, piece: bytes) -> None:
-        """Send bytes of a request that is none yet, and may never be one."""
+        """Send bytes of a request that is not valid yet, and may never be."""
         raise NotImplementedError
 
     def forward_last(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
-        """Send the rest of a request; what has left with it is this one. Expect the reply that fits it."""
+        """Send the rest of a request; the complete request is this one. Expect the reply that fits it."""
         raise NotImplementedError

@@ -1,7 +1,7 @@
 """What is sent for a request (M1 to M5, M8, M10).
 
-:func:`prepare` renders the positions that a request writes and makes cut ones whole. Nothing that it finds
-counts before the drive has acknowledged the request.
+:func:`prepare` renders the positions that a request writes and completes partial ones. Its results count only
+after the drive has acknowledged the request.
 """
 
 from gateway.catalogue import exchange_events, refusals
@@ -48,13 +48,14 @@ from gateway.modbus.pdu import (
 
 
 def prepare(request: Request, *, has_stop: bool = False) -> None:
-    """Work out what is sent for a request.
+    """Compute what is sent for a request.
 
     ``has_stop``: its frame stops an axis, of this unit or another one, and passes whatever else it does (M3).
-    A target that is not corrected for its run is flagged then.
+        A
+    target that is not corrected for its run is flagged then.
 
-    Of an axis that is brought up to date which its reply decides nothing of: terms that are due, and the
-    offset with which a stream begins. The rest is done as the request leaves and as it ends.
+    Two things of an axis that do not depend on the reply are updated here: terms that are due, and the offset
+    with which a stream begins. All else is done when the request is sent and when it ends.
 
     Raises:
         RefusedRequestError: the request must not reach the drive.
@@ -81,13 +82,13 @@ def prepare(request: Request, *, has_stop: bool = False) -> None:
 
 
 def _leaving(run: Rendering, now_ns: int) -> Rendering:
-    """Return what a trigger runs, as old as the trigger: its drive has not had the time to start before."""
+    """Return what a trigger runs, with the time of the trigger: the drive could not start earlier."""
     move = run.move
     return run if move is None else run._replace(move=move._replace(state=move.state._replace(at_ns=now_ns)))
 
 
 def _prepare_write(request: Request, *, has_stop: bool) -> None:
-    """Render what a request writes; refuse what it must not, unless it stops an axis."""
+    """Render what a request writes; refuse what it must not write, unless it stops an axis."""
     frame, access = request.frame, request.frame.access
     stopped = [command.axis for command in request.commands if command.is_stop]
     changed: list[tuple[FieldHit, bytes]] = []
@@ -125,7 +126,7 @@ def _prepare_write(request: Request, *, has_stop: bool) -> None:
 
 
 def _send_rendered(request: Request, changed: list[tuple[FieldHit, bytes]], *, has_stop: bool) -> None:
-    """Send the rendered words; beside a stop all as it came, where there is no room for whole positions."""
+    """Send the rendered words; with a stop everything unchanged, if complete positions do not fit."""
     try:
         request.send_instead(_written_pdu(request.frame.pdu, request.frame.access, changed))
     except RefusedRequestError:
@@ -136,7 +137,7 @@ def _send_rendered(request: Request, changed: list[tuple[FieldHit, bytes]], *, h
 
 
 def _prepare_other(request: Request, hit: FieldHit) -> list[tuple[FieldHit, bytes]]:
-    """Render a limit, or refuse to write a position around the correction; return what goes out changed."""
+    """Render a limit, or refuse a write around the correction; return what is sent changed."""
     mapped = hit.mapped
     if mapped.role is FieldRole.LIMIT:
         return [(hit, _stage_limit(hit, request))]
@@ -146,7 +147,7 @@ def _prepare_other(request: Request, hit: FieldHit) -> list[tuple[FieldHit, byte
 
 
 def _pass_blindly(request: Request, hit: FieldHit) -> None:
-    """Let a field go out as it came beside a stop: nobody knows what that makes of its axis (M3)."""
+    """Send a field unchanged together with a stop: the effect on its axis is unknown (M3)."""
     written, image = request.of(hit.mapped.axis), hit.mapped.image
     written.forget_targets()
     written.run_uncorrected()
@@ -155,7 +156,7 @@ def _pass_blindly(request: Request, hit: FieldHit) -> None:
 
 
 def _pass_targets(request: Request, command: AxisCommand) -> None:
-    """Let the targets of an axis go out as they came beside a stop of another one (M3)."""
+    """Send the targets of an axis unchanged together with a stop of another one (M3)."""
     command.forget_targets()
     for hit, words, is_run in command.writes:
         _pass_raw(request, hit, words)
@@ -164,17 +165,17 @@ def _pass_targets(request: Request, command: AxisCommand) -> None:
 
 
 def _check_counts(hit: FieldHit, access: Access) -> None:
-    """Refuse what no drive can obey: it must not end the compensation.
+    """Refuse what no drive can execute: it must not end the compensation.
 
     Raises:
-        RefusedRequestError: the counts of the request contradict each other, and its axis is corrected.
+        RefusedRequestError: the counts in the request contradict each other, and its axis is corrected.
     """
     if not access.is_consistent and not hit.mapped.axis.passes_unchanged:
         raise refused(refusals.COUNTS_CONTRADICT, hit.mapped.axis.plan.name, register=_at(hit))
 
 
 def _stage_limit(hit: FieldHit, request: Request) -> bytes:
-    """Render a limit; one of which a part is written alone is refused."""
+    """Render a limit; a partial write of one is refused."""
     axis, image = hit.mapped.axis, hit.mapped.image
     assert image is not None
     if not (hit.is_whole and request.frame.access.is_consistent) or request.frame.access.is_mask:
@@ -189,7 +190,7 @@ def _stage_limit(hit: FieldHit, request: Request) -> bytes:
 
 
 def _refuse_guarded(hit: FieldHit) -> None:
-    """Refuse to write a position around the correction (M10).
+    """Refuse a write of a position around the correction (M10).
 
     Raises:
         RefusedRequestError: unless the axis lets such writes pass.
@@ -207,7 +208,7 @@ def _at(hit: FieldHit) -> str:
 
 
 def _written_pdu(pdu: bytes, access: Access, rendered: list[tuple[FieldHit, bytes]]) -> bytes:
-    """Put rendered words into a request, widening it where it cuts a position (M1)."""
+    """Put rendered words into a request, and widen it to complete positions (M1)."""
     axis = rendered[0][0].mapped.axis
     if not access.is_mask and (axis.writes_words_alone or all(hit.is_whole for hit, _ in rendered)):
         patched = bytearray(access.words(pdu))
@@ -293,15 +294,15 @@ def check_may_act(command: AxisCommand) -> None:
 
 
 def target_lost(code: int, axis: str) -> RefusedRequestError:
-    """Return what to raise for a trigger of a lost target; ``code``: that of the loss."""
+    """Return the refusal of a trigger whose target was lost; ``code``: that of the loss."""
     return RefusedRequestError(code, axis, refusals.TARGET_LOST.sentence(), exchange_events.AXIS_BLOCKED)
 
 
 def _blocking_code(command: AxisCommand) -> int | None:
-    """Return the exception code with which an action is refused; None where it may go on.
+    """Return the exception code with which an action is refused; None: it may go on.
 
-    What writes a whole target and runs it may go on, unless its mode was lost or another axis of the group
-    has lost its target: the beam would rack.
+    A request that writes a complete target and runs it may go on. Not if its mode was lost, or if another
+    axis of the group has lost its target: the gantry would skew.
     """
     axis, action = command.axis, command.action
     runs_unseen = command.runs_alone or (action is Action.UNKNOWN and not command.hits)
@@ -316,14 +317,14 @@ def _blocking_code(command: AxisCommand) -> int | None:
     return axis.blocked_by_peer if command.runs_target else None
 
 
-# --- targets that the drive goes to --------------------------------------------------------------------
+# --- targets to which the drive goes -----------------------------------------------------------------------
 
 
 def _prepare_targets(request: Request, command: AxisCommand) -> list[tuple[FieldHit, bytes]]:
-    """Render the command fields of one axis: those that run, then those that the drive only holds.
+    """Render the command fields of one axis: first those that run, then those that the drive only holds.
 
     Returns:
-        The fields whose words go out changed, with all their corrected words.
+        The fields with changed words, with all their corrected words.
 
     Raises:
         RefusedRequestError: the request must not reach the drive.
@@ -339,7 +340,7 @@ def _prepare_targets(request: Request, command: AxisCommand) -> list[tuple[Field
             continue
         number, image = hit.mapped.number, hit.mapped.image
         assert image is not None
-        # What was refused before would run with it (M3): the trigger is in this frame, or is this word.
+        # A part that was refused before would run too (M3): the trigger is in this frame, or is this word.
         runs_lost_part = image.is_incomplete and not hit.is_whole and axis.plan.motion.waits_for_trigger
         if words is None or (runs_lost_part and image.completeness is Completeness.PART_REFUSED):
             _refuse_unknown(request, hit)
@@ -359,7 +360,7 @@ def _prepare_targets(request: Request, command: AxisCommand) -> list[tuple[Field
             name = axis.plan.name
             raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
         is_complete = _is_complete(hit, request.frame.access)
-        if rendering is None:  # a distance passes as it is, and nobody knows where it leads
+        if rendering is None:  # a distance passes unchanged, and its end is unknown
             command.stagings.append(Staging(image, words, words, image.epoch))
             command.go_anywhere()
             if not is_complete:
@@ -375,7 +376,7 @@ def _prepare_targets(request: Request, command: AxisCommand) -> list[tuple[Field
 
 
 def seen(request: Request, axis: Axis) -> RenderContext:
-    """Return what a target is rendered with: the time, and an actual position that was read for it."""
+    """Return what is needed to render a target: the time, and an actual position that was read for it."""
     fresh = request.prefetched.actual.get(axis.plan.name)
     return RenderContext(request.now_ns, fresh, is_position_withheld(axis, request.prefetched))
 
@@ -383,11 +384,11 @@ def seen(request: Request, axis: Axis) -> RenderContext:
 def render_relative(
     request: Request, axis: Axis, number: int, words: bytes, action: Action
 ) -> Rendering | None:
-    """Render a relative move; None where it passes as it is, and nobody knows where it leads.
+    """Render a relative move; None: it passes unchanged, and its end is unknown.
 
     Raises:
-        RefusedPositionError: where it would end must not be gone to (M8).
-        RefusedRequestError: nobody knows where it starts (M5).
+        RefusedPositionError: the axis must not go to its end (M8).
+        RefusedRequestError: its start is unknown (M5).
     """
     base = base_of(axis, action, request.prefetched)
     is_passing = axis.passes_unchanged
@@ -403,11 +404,11 @@ def render_relative(
     raise refused(refusals.BASE_UNKNOWN, axis.plan.name, exchange_events.BASE_UNKNOWN, why=why)
 
 
-# --- targets that the drive only holds -----------------------------------------------------------------
+# --- targets that the drive only holds ---------------------------------------------------------------------
 
 
 def _pass_raw(request: Request, hit: FieldHit, words: bytes | None) -> None:
-    """Let words go out as they came: in a stop, homing or unknown frame they are no target (M2)."""
+    """Send words unchanged: in a stop, homing or unknown frame they are no target (M2)."""
     axis, image = hit.mapped.axis, hit.mapped.image
     assert image is not None
     if words is None:
@@ -424,10 +425,10 @@ def _pass_raw(request: Request, hit: FieldHit, words: bytes | None) -> None:
 
 
 def _is_complete(hit: FieldHit, access: Access) -> bool:
-    """Whether the drive holds what its controller means once a write of a position went out as it came.
+    """Whether the drive holds what its controller means after a write of a position was sent unchanged.
 
-    What a part or a mask leaves as it is has to stand there as the controller wrote it: not corrected, and
-    no word of it lost.
+    The words that a partial write or a mask leaves must be as the controller wrote them: not corrected, and
+    none of them lost.
     """
     image = hit.mapped.image
     assert image is not None
@@ -438,7 +439,7 @@ def _is_complete(hit: FieldHit, access: Access) -> bool:
 def _stage(
     request: Request, command: AxisCommand, hit: FieldHit, words: bytes | None
 ) -> list[tuple[FieldHit, bytes]]:
-    """Render a staged target as well as it can be foreseen; its trigger computes it anew (M2)."""
+    """Render a staged target as far as its run can be predicted; its trigger renders it again (M2)."""
     axis, image = hit.mapped.axis, hit.mapped.image
     assert image is not None
     if words is None:
@@ -479,7 +480,7 @@ def _foreseen(request: Request, command: AxisCommand, hit: FieldHit, words: byte
     now = RenderContext(request.now_ns, None)
     spec = axis.spec_of_words(number, words)
     is_kept = spec is None or axis.may_keep_words(spec)
-    # Its trigger would write it anew; one that may not runs what is written now, so that is made anew here.
+    # Its trigger would rewrite it. A trigger that may not runs what is written now, so it is rendered here.
     is_kept &= axis.plan.added_frames
     if (
         is_kept
@@ -489,7 +490,7 @@ def _foreseen(request: Request, command: AxisCommand, hit: FieldHit, words: byte
     ):
         return image.corrected_words
     if axis.motion.repeat_kind(number, words) is RepeatKind.UNSEEN:
-        return words  # its trigger is refused until a reading tells what it is
+        return words  # its trigger is refused until a reading shows what it is
     action, is_certain = _expected(command, number)
     try:
         if action.is_relative:
@@ -514,7 +515,7 @@ def may_run_distances(axis: Axis) -> bool:
 
 
 def _expected(command: AxisCommand, number: int) -> tuple[Action, bool]:
-    """Return how a staged target will probably be run, and whether that is certain enough to refuse it."""
+    """Return the probable action of a staged target, and whether it is certain enough for a refusal."""
     axis = command.axis
     motion = axis.plan.motion
     mode = motion.mode(number)
@@ -532,13 +533,13 @@ def _merged(words: bytes | None, first: int, part: bytes) -> bytes | None:
     return words[: 2 * first] + part + words[2 * first + len(part) :]
 
 
-# --- parts whose rest is not known ---------------------------------------------------------------------
+# --- parts whose rest is unknown ---------------------------------------------------------------------------
 
 
 def _refuse_unknown(request: Request, hit: FieldHit) -> None:
-    """Refuse a write that leaves a position nobody knows, unless the axis passes 1:1.
+    """Refuse a write that leaves an unknown position, unless the axis passes 1:1.
 
-    Then too where it leaves words of the drive as they are that may be corrected ones.
+    It is also refused if it leaves words in the drive that may be corrected ones.
 
     Raises:
         RefusedRequestError: unless it may pass.

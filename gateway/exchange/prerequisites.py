@@ -1,4 +1,4 @@
-"""What has to be read or written before a request can be sent (M2, M5, M6, W8)."""
+"""What must be read or written before a request can be sent (M2, M5, M6, W8)."""
 
 from gateway.catalogue import exchange_events, refusals
 from gateway.drives.motion import Action
@@ -65,10 +65,10 @@ def next_frame(request: Request) -> AddedFrame | None:
 
 
 def run_beside_stop(request: Request) -> None:
-    """Find out which targets run as they ought to in a frame that stops another axis: it waits for nothing.
+    """Find which targets run correctly in a frame that stops another axis, which waits for nothing.
 
-    Those for which something would have to be read or written first, or that would be refused, run with the
-    words that the drive has (M3).
+    Other targets would need a read or a write first, or would be refused. They run with the words that the
+    drive has (M3).
     """
     for command in request.commands:
         if not command.runs_alone:
@@ -82,7 +82,7 @@ def run_beside_stop(request: Request) -> None:
 
 
 def _reference_read(request: Request) -> AddedFrame | None:
-    """Return the read of the bit on which a reference hangs, where that is needed before positions pass."""
+    """Return the read of the reference bit, if it is needed before positions pass."""
     unit, access = request.frame.unit, request.frame.access
     written = [hit for own in request.frame.by_axis for hit in own.fields]
     read = unit.read(access.read_address, access.read_quantity).fields
@@ -131,7 +131,7 @@ def _command_read(request: Request) -> AddedFrame | None:
 def read_for_run(
     request: Request, axis: Axis, number: int, words: bytes, action: Action
 ) -> AddedFrame | None:
-    """Return what must be read before a whole target can be rendered."""
+    """Return what must be read before a complete target can be rendered."""
     prefetched, name = request.prefetched, axis.plan.name
     actual = axis.asked_actual
     superseded = axis.motion.superseded_as(number, words)
@@ -167,20 +167,20 @@ def read_for_run(
 def read_for_staged(
     request: Request, axis: Axis, number: int, words: bytes, action: Action
 ) -> AddedFrame | None:
-    """Return what must be read before a target that the drive holds can be rendered for its trigger."""
+    """Return what must be read before a staged target can be rendered for its trigger."""
     if axis.passes_unchanged and axis.motion.superseded_as(number, words) is None:
         return None
     return read_for_run(request, axis, number, words, action)
 
 
 def _go_unseen(request: Request, axis: Axis, action: Action) -> None:
-    """Its drive refuses to tell where the axis is: for a distance that counts as asked in vain (M5)."""
+    """Its drive refuses to report its position: for a distance this counts as an unsuccessful read (M5)."""
     if action.is_relative:
         request.prefetched.actual[axis.plan.name] = None
 
 
 def _prepare_run(request: Request, command: AxisCommand) -> AddedFrame | None:
-    """Correct a staged target for its trigger; return the next frame that this takes.
+    """Correct a staged target for its trigger; return the next frame that this needs.
 
     Raises:
         RefusedRequestError: the trigger must not reach the drive.
@@ -212,13 +212,13 @@ def _prepare_run(request: Request, command: AxisCommand) -> AddedFrame | None:
 def _read_back(request: Request, command: AxisCommand) -> AddedFrame | None:
     """Return the read of a target that the drive held before its connection was closed, for its trigger.
 
-    It runs only where its drive holds the very words that it was told (``Axis.read_back``).
+    It runs only if the drive still holds exactly the words that it received (``Axis.read_back``).
     """
     axis, number = command.axis, command.number
     superseded = axis.motion.superseded
     if number is None or superseded is None or superseded.number != number or not axis.may_read:
         return None
-    # After any other loss its drive may have been switched off, and hold what it had before.
+    # After any other loss the drive may have been switched off, and may hold an older target.
     if superseded.over is not KeptOver.ORDERLY_CLOSE:
         return None
     image, field = axis.fields[number], axis.plan.command[number]
@@ -230,10 +230,10 @@ def _read_back(request: Request, command: AxisCommand) -> AddedFrame | None:
 
 
 def rewrite_for_run(axis: Axis, rendering: Rendering) -> AddedFrame | None:
-    """Return the next write by which the drive comes to hold the words that its trigger runs, if any (M2).
+    """Return the next write that brings the drive to the words that its trigger runs, if any (M2).
 
     Raises:
-        RefusedRequestError: the target has to be written anew and must not be.
+        RefusedRequestError: the target must be rewritten and may not be.
     """
     is_as_written = rendering.corrected_words == rendering.nominal_words
     may_be_corrected = axis.fields[rendering.number].may_be_corrected
@@ -243,9 +243,9 @@ def rewrite_for_run(axis: Axis, rendering: Rendering) -> AddedFrame | None:
 
 
 def _fixed_run(command: AxisCommand) -> Rendering | None:
-    """Return what the first trigger of its group has made of the target that this one runs (M11).
+    """Return the words that the first trigger of its group fixed for the target that this one runs (M11).
 
-    Unless the axis was given another one since, or has been moved by something else.
+    None if the axis got another target since, or was moved by something else.
     """
     axis, fixed = command.axis, command.axis.fixed
     run = None if fixed is None or fixed.has_gone else fixed.run
@@ -264,10 +264,10 @@ def _fixed_run(command: AxisCommand) -> Rendering | None:
 
 
 def _prepare_unknown(command: AxisCommand) -> AddedFrame | None:
-    """Give the drive the words that the controller wrote before something runs that nobody knows (M2).
+    """Restore the words that the controller wrote before something unknown runs (M2).
 
-    What it keeps under a number that was not written through the gateway may be a target of the gateway
-    before this one, or of another master: a stored move, whatever kind of move it is (M9).
+    A number that was not written through the gateway may hold a target from an earlier gateway or another
+    master: a stored move of any kind (M9).
     """
     axis = command.axis
     check_may_act(command)
@@ -282,20 +282,20 @@ def _prepare_unknown(command: AxisCommand) -> AddedFrame | None:
     if not image.may_be_corrected:
         return None
     if image.nominal_words is None or image.is_incomplete:
-        if command.number is None:  # a value that nobody knows may be anything; this one runs the target
+        if command.number is None:  # an unknown value may mean anything; this one runs the target
             return None
         raise refused(refusals.NOT_OURS, axis.plan.name, exchange_events.STORED_MOVE)
     return _next_rewrite(axis, as_it_came(axis, number))
 
 
 def _next_rewrite(axis: Axis, rendering: Rendering) -> AddedFrame | None:
-    """Return the next write of a staged target for its trigger, if any; never of a word that starts (M2).
+    """Return the next rewrite of a staged target for its trigger, if any; never of a word that starts (M2).
 
-    Nor of any word while the drive goes to each position as it is written, or may. That would move the axis
-    before its trigger, with the speed of the move before, and also where the trigger is withdrawn (W5).
+    No word is rewritten while the drive goes to each position as it is written, or may do so. The axis would
+    move before its trigger, with the speed of the last move, and even if the trigger is withdrawn (W5).
 
     Raises:
-        RefusedRequestError: the target has to be written anew and must not be.
+        RefusedRequestError: the target must be rewritten and may not be.
     """
     added = next_rewrite(axis, rendering)
     if added is None:
@@ -309,24 +309,24 @@ def _next_rewrite(axis: Axis, rendering: Rendering) -> AddedFrame | None:
 
 
 def staged_words(command: AxisCommand) -> bytes | None:
-    """Return the nominal words of the target that a trigger runs; None where it may pass without.
+    """Return the nominal words of the target that a trigger runs; None: it may pass without them.
 
     Raises:
-        RefusedRequestError: nobody knows what the drive would run.
+        RefusedRequestError: it is unknown what the drive would run.
     """
     axis, number = command.axis, command.number
     image = None if number is None else axis.fields[number]
     if image is not None and image.nominal_words is not None and not image.is_incomplete:
         return image.nominal_words
     is_as_written = axis.passes_unchanged and not (image and image.may_be_corrected)
-    is_lost = image is not None and image.is_incomplete  # what the drive holds in its place nobody meant (M3)
+    is_lost = image is not None and image.is_incomplete  # the drive holds something unintended (M3)
     if is_as_written or (axis.plan.motion.passes_stored_moves and not is_lost):
         return None
     raise refused(refusals.NOT_OURS, axis.plan.name, exchange_events.STORED_MOVE)
 
 
 def render_run(request: Request, axis: Axis, number: int, words: bytes, action: Action) -> Rendering | None:
-    """Return what a staged target is for its trigger; None where it passes as it is.
+    """Return a staged target rendered for its trigger; None: it passes unchanged.
 
     Raises:
         RefusedRequestError: it must not run.
@@ -344,7 +344,7 @@ def render_run(request: Request, axis: Axis, number: int, words: bytes, action: 
 
 
 def _next_base_read(axis: Axis, action: Action, prefetched: Prefetched, now_ns: int) -> AddedFrame | None:
-    """Return what must be read next to know where a relative move starts; None when no reading helps."""
+    """Return the next read that finds the start of a relative move; None: no reading helps."""
     if (
         not axis.may_read
         or is_position_withheld(axis, prefetched)

@@ -1,4 +1,4 @@
-"""The transactions of a line that wait: stops first, then the gateway's own, then motion, then the others."""
+"""The waiting transactions of a line: stops first, then the gateway's own, then motion, then the others."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -9,13 +9,14 @@ from gateway.exchange.ports import ControllerPort
 from gateway.exchange.transaction import Transaction
 
 WAITING_BYTES: Final = 1 << 16
-"""Of the requests of one host that wait; what is more gets exception 6 (Messaging guide V1.0b, p. 29)."""
+"""Limit for the waiting requests of one host; above it they get exception 6 (Messaging guide V1.0b, p.
+29)."""
 REQUEST_BYTES: Final = 64
-"""What a request counts beside its PDU: 240 of the longest have room, 949 that read registers."""
+"""Size of a request besides its PDU: 240 of the longest fit, or 949 that read registers."""
 
 
 class WaitingQueue:
-    """See the module. Each controller's requests keep their order."""
+    """The queue of one line. See the module. Each controller's requests keep their order."""
 
     def __init__(self) -> None:
         self._stops: deque[Transaction] = deque()
@@ -24,15 +25,15 @@ class WaitingQueue:
         self._others: deque[Transaction] = deque()
         self._queues = (self._stops, self._own, self._motion, self._others)
         self._host_bytes: dict[str, int] = {}
-        """Bytes that wait, by host."""
+        """Waiting bytes, by host."""
         self._port_counts: dict[ControllerPort, int] = {}
-        """Requests that wait, by connection; none is 0."""
+        """Waiting requests, by connection; none is 0."""
         self.total = 0
-        """How many wait: a number of its own, for it is looked at with each request."""
+        """Number of waiting requests; kept, because each request checks it."""
 
     @property
     def only_others(self) -> bool:
-        """Whether nothing waits but what monitors and operators read."""
+        """Whether only reads of monitors and operators wait."""
         return self.total == len(self._others)
 
     def has(self, port: ControllerPort) -> bool:
@@ -47,7 +48,7 @@ class WaitingQueue:
         return list(first.values())
 
     def take(self, transaction: Transaction) -> None:
-        """Take out one that is known to wait."""
+        """Remove one that is known to wait."""
         for queue in self._queues:
             if transaction in queue:
                 queue.remove(transaction)
@@ -72,7 +73,7 @@ class WaitingQueue:
             self._others.append(transaction)
 
     def add_own(self, frame: AddedFrame | None, now_ns: int) -> None:
-        """Queue a frame of the gateway's own, if there is one."""
+        """Queue a frame of the gateway, if there is one."""
         if frame is not None:
             transaction = Transaction(None, 0, frame.axis.plan.unit_id, frame.pdu, now_ns)
             transaction.need(frame)
@@ -80,7 +81,7 @@ class WaitingQueue:
 
     @property
     def stops(self) -> Iterable[Transaction]:
-        """The stops among what waits."""
+        """The stops among the waiting transactions."""
         return self._stops
 
     @property
@@ -89,7 +90,7 @@ class WaitingQueue:
         return bool(self._stops)
 
     def add_stop(self, stop: Transaction) -> bool:
-        """Queue a stop in front of everything; return False when the same waits more often than enough."""
+        """Queue a stop before everything else; return False if enough equal ones wait already."""
         port = stop.port
         if port is not None and self.is_full(port) and any(each.is_same_stop(stop) for each in self):
             return False
@@ -97,18 +98,18 @@ class WaitingQueue:
         return True
 
     def add_again(self, stop: Transaction) -> None:
-        """Queue a stop in front of everything, behind those that wait."""
+        """Queue a stop before everything else, behind the waiting stops."""
         self._stops.append(stop)
         self._came(stop)
 
     def put_back(self, transaction: Transaction) -> None:
-        """Queue a transaction before those of its rank: it was its turn already."""
+        """Queue a transaction before those of its rank: its turn had come already."""
         is_motion = transaction.port is not None and transaction.port.is_motion
         self._came(transaction)
         (self._motion if is_motion else self._others).appendleft(transaction)
 
     def pop(self) -> Transaction:
-        """Take the next one."""
+        """Remove and return the next one."""
         for queue in self._queues:
             if queue:
                 transaction = queue.popleft()
@@ -117,7 +118,7 @@ class WaitingQueue:
         raise IndexError("nothing waits")
 
     def is_full(self, port: ControllerPort, times: int = 1) -> bool:
-        """Whether as much of the host of a connection waits as may, or so many times as much."""
+        """Whether a connection's host has reached its limit, or ``times`` as much."""
         return self._host_bytes.get(_host(port), 0) >= times * WAITING_BYTES
 
     def _came(self, transaction: Transaction) -> None:
@@ -141,7 +142,7 @@ class WaitingQueue:
                 self._port_counts[transaction.port] = count
 
     def give_up(self, port: ControllerPort) -> list[Transaction]:
-        """Take out and return what a controller does not wait for any more; its stops stay, without it."""
+        """Remove and return what a controller does not wait for any more; its stops stay, without it."""
         taken = self.withdraw(lambda each: each.port is port and not each.is_stop)
         for transaction in self:
             if transaction.port is port:
@@ -149,7 +150,7 @@ class WaitingQueue:
         return taken
 
     def withdraw(self, condition: Callable[[Transaction], bool]) -> list[Transaction]:
-        """Take out and return every transaction that meets a condition."""
+        """Remove and return every transaction that meets a condition."""
         taken: list[Transaction] = []
         for queue in self._queues:
             if not queue:
@@ -165,5 +166,5 @@ class WaitingQueue:
 
 
 def _host(port: ControllerPort) -> str:
-    """Return what the requests of a connection are counted by: serial ports have no host."""
+    """Return the key by which a connection's requests are counted: serial ports have no host."""
     return port.peer or port.name

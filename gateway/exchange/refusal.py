@@ -1,11 +1,11 @@
-"""What the gateway refuses by itself."""
+"""What the gateway itself refuses."""
 
 from gateway.catalogue import exchange_events
 from gateway.catalogue.entry import EventEntry, RefusalEntry
 
 
 class RefusedRequestError(Exception):
-    """A request that the gateway answers itself: with ``code``, and nothing was sent."""
+    """A request that the gateway answers itself, with ``code``; nothing was sent."""
 
     def __init__(
         self,
@@ -22,7 +22,7 @@ class RefusedRequestError(Exception):
         self.reason = reason
         self.kind = kind
         self.is_too_early = is_too_early
-        """It writes a part of a position whose other parts have to come again: the parts count together."""
+        """It writes a part of a position whose other parts must come again: the parts count together."""
 
 
 def refused(
@@ -33,5 +33,5 @@ def refused(
     is_too_early: bool = False,
     **fields: object,
 ) -> RefusedRequestError:
-    """Return what to raise for a refusal of the catalogue; ``fields`` are what its sentence names."""
+    """Return a refusal of the catalogue to raise; ``fields`` are the values in its sentence."""
     return RefusedRequestError(entry.code, axis, entry.sentence(**fields), kind, is_too_early=is_too_early)

@@ -1,11 +1,11 @@
-"""From a commanded position to the words that the drive is told (M2 to M6, M8).
+"""From a commanded position to the words that the drive receives (M2 to M6, M8).
 
-Where a relative move starts (M5): at the last accepted target, where nothing else has moved the axis since
-and the drive counts from it. Else where the drive says, of an axis that stands: its own commanded position,
-or the actual one. Never a moving axis.
+A relative move starts at the last accepted target, if nothing else has moved the axis since and the drive
+counts from there (M5). Otherwise it starts where the drive says, if the axis is at standstill: at the drive's
+own commanded position, or at the actual one. It never starts at a position of a moving axis.
 
-Nothing of an axis is changed here but what a stream begins with (``Axis.begin_stream``) and what its terms
-ask for (``Axis.follow_terms``).
+Only two things of an axis change here: what a stream begins with (``Axis.begin_stream``), and what its terms
+request (``Axis.follow_terms``).
 """
 
 from math import isfinite
@@ -33,12 +33,12 @@ class RefusedPositionError(Exception):
 
 
 class RenderContext(NamedTuple):
-    """What a target is rendered with: monotonic time, and an actual position that was read for it."""
+    """What is needed to render a target: monotonic time, and an actual position that was read for it."""
 
     now_ns: int
     fresh: Actual | None
     is_refused: bool = False
-    """It was asked for, and the drive did not say."""
+    """The position was requested, and the drive did not report it."""
 
 
 class Base(NamedTuple):
@@ -47,9 +47,9 @@ class Base(NamedTuple):
     nominal_counts: Counts
     corrected_counts: Counts
     is_at_rest: bool
-    """The axis is known to stand there."""
+    """The axis is known to be at standstill there."""
     is_assumed: bool = False
-    """Nobody knows on which branch it stands there."""
+    """The branch on which the axis is there is unknown."""
 
 
 def render_repeat(axis: Axis, number: int) -> Rendering:
@@ -62,7 +62,7 @@ def render_repeat(axis: Axis, number: int) -> Rendering:
 
 
 def as_it_came(axis: Axis, number: int) -> Rendering:
-    """Return a staged target with the words of the controller itself; where it leads is not known."""
+    """Return a staged target with the controller's own words; its end is unknown."""
     nominal_words = axis.fields[number].nominal_words
     assert nominal_words is not None
     return Rendering(number, nominal_words, nominal_words, 0.0, None, is_distance=True)
@@ -74,15 +74,15 @@ def render(
     nominal_words: bytes,
     seen: RenderContext,
 ) -> Rendering:
-    """Render a whole target with the correction in force.
+    """Render a complete target with the correction in force.
 
-    Where the axis passes 1:1 its words go out as they came, and what they would have become is worked out.
+    If the axis passes 1:1, the words are sent unchanged, and the correction is only computed.
 
     Args:
         axis: whose target.
         number: which of the axis's command fields.
-        nominal_words: the target as commanded, in the field's own form.
-        seen: when, and where the axis was read to be.
+        nominal_words: the target as commanded, in the field's format.
+        seen: the time, and the position that was read for it.
 
     Raises:
         RefusedPositionError: the corrected position must not reach the drive (M8).
@@ -96,7 +96,7 @@ def render(
     if unacknowledged is not None and not _is_unacknowledged(unacknowledged, number, nominal_words):
         unacknowledged = None
     if unacknowledged is not None and axis.compensation.is_stream and not is_passing:
-        return unacknowledged  # the drive may hold it: the same setpoint is the same words (M4)
+        return unacknowledged  # the drive may hold it: the same setpoint keeps its words (M4)
     if needs_offset(axis):
         axis.begin_stream(number, nominal_words, seen.fresh, seen.now_ns)
         is_passing = axis.passes_unchanged
@@ -112,7 +112,7 @@ def render(
     try:
         move = _plan_move(axis, counts_of(field_, raw), seen, is_kept=is_kept)
         if move.state.is_unsure and unacknowledged is not None:
-            return _flagged(unacknowledged)  # nothing tells better: the same target is the same words (M4)
+            return _flagged(unacknowledged)  # no better knowledge: the same target keeps its words (M4)
         corrected_words = nominal_words
         if move.correction_counts:
             corrected_words = field_.pack(raw + steps_of(field_, move.correction_counts))
@@ -132,10 +132,10 @@ def render_distance(
     *,
     is_passing: bool,
 ) -> Rendering:
-    """Render a relative move: through the absolute nominal position, so that no error adds up (M5).
+    """Render a relative move through the absolute nominal position, so that errors do not add up (M5).
 
     Raises:
-        RefusedPositionError: where it would end must not be gone to (M8).
+        RefusedPositionError: the axis must not go to its end (M8).
     """
     field_ = axis.plan.command[number]
     raw = field_.unpack(distance_words)
@@ -164,7 +164,7 @@ def render_distance(
 def needs_offset(axis: Axis) -> bool:
     """Whether the next streamed setpoint is the first, and an offset may be in force before it.
 
-    It may where the axis has a table, referenced or not: the run before may have had one.
+    That is possible if the axis has a table, referenced or not: the last run may have used one.
     """
     compensation = axis.compensation
     is_first = compensation.is_stream and compensation.state.position is None
@@ -172,9 +172,9 @@ def needs_offset(axis: Axis) -> bool:
 
 
 def needs_actual(axis: Axis, nominal_counts: Counts, now_ns: int) -> bool:
-    """Whether an actual position has to be read before this target can be rendered (M6).
+    """Whether an actual position must be read before this target can be rendered (M6).
 
-    That holds too where its drive refuses to tell it.
+    Also true if its drive refuses to report it.
     """
     if axis.asked_actual is None and not axis.is_unreadable:
         return False
@@ -194,16 +194,16 @@ def needs_actual(axis: Axis, nominal_counts: Counts, now_ns: int) -> bool:
 
 
 def needs_poll(axis: Axis, now_ns: int, action: Action) -> bool:
-    """Whether to look first if the axis still stands at its target: nobody has seen it for a while (M5, M6).
+    """Whether to read the position of an axis that was unseen for a while before its next move (M5, M6).
 
-    Never in a stream, and not where it makes no difference: a correction of one branch, an absolute target.
+    Never in a stream, and not if it makes no difference: one branch only, an absolute target.
     """
     is_asked = axis.asked_actual is not None or axis.is_unreadable
     return is_asked and _is_doubtful(axis, now_ns, action)
 
 
 def lacks_poll(axis: Axis, seen: RenderContext) -> bool:
-    """Whether a target goes out once more unseen, because the drive does not say where the axis is (M6)."""
+    """Whether a target is sent again without a reading that the drive refuses (M6)."""
     if axis.compensation.is_stream:
         return False
     if not axis.is_unreadable:
@@ -219,9 +219,9 @@ def _is_doubtful(axis: Axis, now_ns: int, action: Action) -> bool:
 
 
 def render_limit(axis: Axis, number: int, nominal_words: bytes) -> bytes:
-    """Return what a limit becomes: half-way between the branches, whatever moves at the moment.
+    """Return the corrected words of a limit: half-way between the branches, independent of any motion.
 
-    A limit of 0 passes as it is, because for many drives it means that there is none.
+    A limit of 0 passes unchanged, because for many drives it means that there is none.
 
     Raises:
         RefusedPositionError: it does not fit its register.
@@ -240,7 +240,7 @@ def render_limit(axis: Axis, number: int, nominal_words: bytes) -> bytes:
 
 
 def nominal_limit(axis: Axis, number: int, words: bytes) -> bytes:
-    """Turn the words of a limit that is read back into what the controller wrote."""
+    """Convert the words of a limit that is read back to what the controller wrote."""
     image = axis.limit_fields[number]
     if image.nominal_words is not None and image.corrected_words == words:
         return image.nominal_words
@@ -255,10 +255,10 @@ def nominal_limit(axis: Axis, number: int, words: bytes) -> bytes:
 
 
 def _again(axis: Axis) -> Rendering:
-    """Return the same words as before a loss: they move nothing of an axis that stands there.
+    """Return the same words as before a loss: an axis that is there does not move.
 
-    One whose reference went and came is referenced anew, so that nobody knows from which side it stands
-    there; nor of one that nobody has seen since. Without a reference its words mean nothing.
+    The branch is unknown if the reference was lost and found again, or if the axis was not seen since.
+    Without a reference the words have no meaning.
     """
     assert axis.motion.superseded is not None
     number, nominal_words, corrected_words, corrected_counts, move, *_ = axis.motion.superseded
@@ -275,7 +275,7 @@ def _is_unacknowledged(unacknowledged: Rendering, number: int, nominal_words: by
 
 
 def _flagged(unacknowledged: Rendering) -> Rendering:
-    """Return the same words as before, whose branch is no more than assumed by now."""
+    """Return the same words as before, with a branch that is only assumed now."""
     move = unacknowledged.move
     assert move is not None
     return unacknowledged._replace(move=move._replace(state=move.state._replace(is_unsure=True)))
@@ -302,7 +302,7 @@ def _plan_move(
     is_doubtful = fresh is None and _is_doubtful(axis, now_ns, Action.ABSOLUTE)
     is_doubtful |= accepted is None and axis.plan.queues_targets  # other targets may wait before this one
     if accepted is not None and accepted.nominal_counts == nominal_counts:
-        # Made anew, of a group: by how much its words change is all that it goes (M11).
+        # Rendered again for a group: the axis moves only by the change of its words (M11).
         estimate = (
             PositionEstimate(accepted.corrected_counts, EstimateKind.ON_DRIVE)
             if axis.motion.has_arrived
@@ -314,10 +314,10 @@ def _plan_move(
         estimate = _measured(axis, fresh)
         is_doubtful |= _may_have_passed(axis, nominal_counts, fresh, now_ns)
     if estimate is None and accepted is not None and not axis.plan.actual and "done" not in axis.plan.bits:
-        # Nothing tells where this axis is; the order of its targets is the best there is, and flagged.
+        # The position is unknown. The order of targets is the best estimate, and the result is flagged.
         estimate = PositionEstimate(accepted.nominal_counts, EstimateKind.ASSUMED)
     if estimate is None and axis.motion.superseded is not None:
-        # Where nobody could look, its target of before the loss is the best there is, and flagged.
+        # No reading is possible. Its target from before the loss is the best estimate, and flagged.
         estimate, is_doubtful = (
             PositionEstimate(axis.motion.superseded.corrected_counts, EstimateKind.ON_DRIVE),
             True,
@@ -327,12 +327,12 @@ def _plan_move(
 
 
 def _estimated_position(axis: Axis, nominal_counts: Counts, now_ns: int) -> PositionEstimate | None:
-    """Where the axis is, as far as passing traffic told it (M6)."""
+    """Where the axis is, from passing traffic (M6)."""
     accepted = axis.compensation.accepted
     if accepted is not None and (axis.motion.has_arrived or axis.plan.queues_targets):
         return PositionEstimate(
             accepted.nominal_counts, EstimateKind.REACHED
-        )  # there, or there before it goes on
+        )  # there, or there before it moves on
     if accepted is not None and axis.motion.state is MotionState.DONE_REPORTED and axis.asked_actual is None:
         return PositionEstimate(accepted.nominal_counts, EstimateKind.ASSUMED)
     actual = axis.motion.actual
@@ -347,24 +347,24 @@ def _estimated_position(axis: Axis, nominal_counts: Counts, now_ns: int) -> Posi
 
 
 def _reach_counts(axis: Axis, age_ns: int) -> float:
-    """How far the axis may have gone since it was seen; 0 where nothing says how fast it is."""
+    """How far the axis may have moved since it was seen; 0 if its speed is unknown."""
     settings = axis.plan.settings
     return settings.max_speed * age_ns / NS_PER_S * abs(settings.counts_per_unit)
 
 
 def _may_run(axis: Axis, actual: Actual) -> bool:
-    """Whether an axis may have been moving when it was seen, by something else than a target (M6)."""
+    """Whether something other than a target may have moved the axis when it was seen (M6)."""
     return axis.motion.state is MotionState.UNKNOWN and not axis.motion.may_stand(actual.seen_ns)
 
 
 def _may_have_passed(axis: Axis, nominal_counts: Counts, fresh: Actual, now_ns: int) -> bool:
-    """Whether such an axis may have come past its target since it was read."""
+    """Whether such an axis may have passed its target since it was read."""
     away_counts = abs(nominal_counts - fresh.counts)
     return _may_run(axis, fresh) and away_counts <= _reach_counts(axis, now_ns - fresh.seen_ns)
 
 
 def _measured(axis: Axis, actual: Actual) -> PositionEstimate:
-    """Turn a measured position back where its branch is known; else leave it on the drive's scale."""
+    """Convert a measured position back if its branch is known; else leave it on the drive's scale."""
     if axis.is_dry_run:
         return PositionEstimate(actual.counts, EstimateKind.MEASURED)
     if axis.motion.state not in ON_BRANCH:
@@ -373,7 +373,7 @@ def _measured(axis: Axis, actual: Actual) -> PositionEstimate:
         )
     if not axis.motion.knows_branch:
         return PositionEstimate(actual.counts, EstimateKind.ON_WAY)
-    # Nobody knows where it set out: a reading that still fades from there is no position, nor at its target.
+    # With an unknown start, a reading that still fades from there is no position, also not at its target.
     fades = axis.compensation.readback.fade is not None
     is_start_unknown = axis.motion.state is MotionState.MOVING and not axis.motion.is_start_known
     if is_start_unknown and (fades or not axis.motion.is_at_target(actual.counts)):
@@ -385,7 +385,7 @@ def _measured(axis: Axis, actual: Actual) -> PositionEstimate:
 
 
 def base_of(axis: Axis, action: Action, prefetched: Prefetched) -> Base | None:
-    """Return where a relative move starts, as far as is known by now; None where it is not."""
+    """Return where a relative move starts, as far as it is known; None: unknown."""
     if axis.motion.is_distance_unconfirmed or is_position_withheld(axis, prefetched):
         return None
     accepted = axis.compensation.accepted
@@ -408,19 +408,19 @@ def base_of(axis: Axis, action: Action, prefetched: Prefetched) -> Base | None:
 
 
 def is_position_withheld(axis: Axis, prefetched: Prefetched) -> bool:
-    """Whether the drive was asked where it is, and did not say: it may have been jogged (M6)."""
+    """Whether the drive was asked for its position and did not report it: it may have been jogged (M6)."""
     return axis.plan.name in prefetched.actual and prefetched.actual[axis.plan.name] is None
 
 
 def counts_from_commanded(axis: Axis, action: Action) -> bool:
-    """Whether a distance counts from where the drive's own profile stands, and that can be read."""
+    """Whether a distance counts from the drive's own commanded position, and that can be read."""
     return axis.asked_commanded is not None and action is not Action.RELATIVE_TO_ACTUAL
 
 
 def _base_at(axis: Axis, counts: Counts, standstill: Standstill, *, tolerance: float) -> Base | None:
     """Return the base at a position that the drive reported.
 
-    A bit that may be that of the time before the last move counts only beside a position at the end of it.
+    A bit that may be older than the last move counts only together with a position at its end.
     """
     accepted = axis.compensation.accepted
     if accepted is not None and abs(counts - accepted.corrected_counts) <= tolerance:

@@ -1,12 +1,12 @@
-"""When the connection to the drives is made anew because nothing answers on it any more, and what it carries.
+"""When the connection to the drives is renewed because nothing answers on it, and what a new one carries.
 
-A server may have forgotten a connection that its system still acknowledges: nothing comes on it any more, and
-another one would be served. It is broken off when not one byte has come for three time-outs and for three
-times ``response_timeout_ms``, and each unit id that may be read was asked in that time.
+A server may have lost a connection that its operating system still acknowledges. Nothing comes on it any
+more, but a new one would be served. The old one is closed when no byte has come for three time-outs and for
+three times ``response_timeout_ms``. Each unit id that may be read was polled in that time.
 
-What was unanswered on the old connection may be executed yet. If it may have written, the new one carries
-named reads alone until one was answered, and no write for ``lost_ms`` after that. Whose turn that is,
-:class:`Held` says; it goes from one to the next only in this file.
+Unanswered requests of the old connection may still be executed. If one of them may have written, the new
+connection carries only named reads until one is answered, and no write for ``lost_ms`` after that.
+:class:`Held` says how far this has come; only this file changes it.
 """
 
 from collections.abc import Iterable
@@ -18,10 +18,10 @@ from gateway.times import NS_PER_MS, NS_PER_S
 
 FEWEST_TIMEOUTS: Final = 3
 FEWEST_TIMES: Final = 3
-"""So many ``response_timeout_ms``."""
+"""Minimum time without a byte, in units of ``response_timeout_ms``."""
 FIRST_PAUSE_S: Final = 1.0
 LONGEST_PAUSE_S: Final = 60.0
-"""From one renewal to the next, twice as long each time until a byte comes."""
+"""Longest time from one renewal to the next; it doubles each time until a byte comes."""
 
 
 class Held(Enum):
@@ -32,32 +32,32 @@ class Held(Enum):
     NOTHING = "nothing"
     """Everything: nothing is held back."""
     ALL = "all"
-    """Named reads and stops: a write that was never answered may be executed yet."""
+    """Named reads and stops: an unanswered write may still be executed."""
     WRITES = "writes"
     """All but writes: a named read was answered, and ``lost_ms`` have not passed since."""
 
 
 class Renewal:
-    """See the module. ``lost_ns``: the longest ``lost_ms`` of the axes of the line."""
+    """The renewal of one line. See the module. ``lost_ns``: the longest ``lost_ms`` of its axes."""
 
     def __init__(self, response_timeout_ns: int, lost_ns: int) -> None:
         self._shortest_ns = FEWEST_TIMES * response_timeout_ns
         self._hold_ns = lost_ns
         self.timeouts = 0
-        """In a row, without a byte of anybody."""
+        """Number in a row, without a byte from any unit."""
         self._mute_since_ns = 0
         """When the first of these requests was sent."""
         self._silent: set[int] = set()
-        """Unit ids of them."""
+        """Their unit ids."""
         self._asked: set[int] = set()
-        """Unit ids that were asked to find out, once each."""
+        """Unit ids that were polled to find out, once each."""
         self._open_writes: set[int] = set()
-        """Unit ids that left more than a read unanswered, and have answered nothing that was asked later."""
+        """Unit ids that left a write unanswered, and answered nothing that was sent later."""
         self._backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
         self._not_before_ns = 0
         self.held = Held.NOTHING
         self.holds = False
-        """Whether it is another one: asked with each request."""
+        """Whether anything is held: checked for each request."""
         self.held_until_ns = 0
         """While writes are held: until then."""
 
@@ -71,19 +71,19 @@ class Renewal:
             self._open_writes.add(unit_id)
 
     def mark_alive(self) -> None:
-        """Bytes came, whatever they are: the connection lives."""
+        """Any bytes came: the connection is alive."""
         self.timeouts = 0
         self._silent.clear()
         self._asked.clear()
         self._backoff.reset()
 
     def mark_answered(self, unit_id: int) -> None:
-        """A unit id answers what it was asked: whatever it was sent before is done, or never will be."""
+        """A unit id answered: whatever it was sent before is done, or will never be."""
         self._open_writes.discard(unit_id)
 
     @property
     def may_have_written(self) -> bool:
-        """Whether anything is unanswered that was more than a read: it may be executed yet."""
+        """Whether an unanswered request may have written: it may still be executed."""
         return bool(self._open_writes)
 
     @property
@@ -97,14 +97,14 @@ class Renewal:
             self.held, self.held_until_ns = Held.WRITES, now_ns + self._hold_ns
 
     def settle(self, now_ns: int) -> bool:
-        """Hold writes back no longer than they have to be; return whether that has ended now."""
+        """Release held writes as early as possible; return whether that happened now."""
         is_over = self.held is Held.WRITES and now_ns >= self.held_until_ns
         if is_over:
             self.held, self.holds = Held.NOTHING, False
         return is_over
 
     def is_mute(self, now_ns: int) -> bool:
-        """Whether nothing has come for as long as it takes; whether everybody was asked is not looked at."""
+        """Whether nothing has come for long enough; it does not check that all units were polled."""
         return (
             self.timeouts >= FEWEST_TIMEOUTS
             and now_ns - self._mute_since_ns >= self._shortest_ns
@@ -116,21 +116,21 @@ class Renewal:
         return [unit_id for unit_id in unit_ids if unit_id not in self._silent]
 
     def ask(self, unit_id: int) -> bool:
-        """Whether a unit id is to be asked now; then it is not asked again until a byte comes."""
+        """Return whether to poll a unit id now; it is then not polled again until a byte comes."""
         if unit_id in self._asked:
             return False
         self._asked.add(unit_id)
         return True
 
     def renew(self, now_ns: int) -> None:
-        """The connection is broken off."""
+        """The connection is closed to be made again."""
         if self.may_have_written:
             self.held, self.holds = Held.ALL, True
         self._not_before_ns = now_ns + int(self._backoff.next_s() * NS_PER_S)
         self.begin()
 
     def begin(self) -> None:
-        """Another connection is there: nothing was asked on it."""
+        """There is another connection: nothing was sent on it yet."""
         self.timeouts = 0
         self._silent.clear()
         self._asked.clear()

@@ -1,6 +1,6 @@
 """What a controller gets for its drive's reply, and what the gateway learns from it (W4, M7, M10).
 
-:func:`nominal_reply` puts every position of a reply back on the controller's scale.
+:func:`nominal_reply` converts every position in a reply back to the controller's scale.
 """
 
 from collections.abc import Iterable
@@ -21,7 +21,7 @@ READS_BITS: Final = frozenset({FunctionCode.READ_COILS, FunctionCode.READ_DISCRE
 
 
 def outcome_of(request: Request, reply: bytes) -> tuple[Outcome, int]:
-    """Return how a request ended that was replied to, and the exception code that stands for it (M7)."""
+    """Return the outcome of a request with this reply, and its exception code (M7)."""
     if _acknowledges(request, reply):
         return Outcome.ACKNOWLEDGED, 0
     if len(reply) == 2 and reply[0] == request.sent_pdu[0] | EXCEPTION_BIT:
@@ -30,10 +30,10 @@ def outcome_of(request: Request, reply: bytes) -> tuple[Outcome, int]:
 
 
 def reply_without_positions(request: Request, reply: bytes, *, is_acknowledged: bool) -> bytes:
-    """Return what the controller gets for a reply that carries no positions (W4).
+    """Return what the controller gets for a reply without positions (W4).
 
-    An acknowledgement becomes the echo that belongs to its own request. What is none passes untouched; of a
-    request that was sent in another form, as an exception in the form that was asked.
+    An acknowledgement becomes the echo of the controller's own request. Other replies pass unchanged; for a
+    request that was sent in another form, as an exception in the original form.
     """
     pdu = request.frame.pdu
     asked, sent = pdu[0], request.sent_pdu[0]
@@ -49,7 +49,7 @@ def reply_without_positions(request: Request, reply: bytes, *, is_acknowledged: 
 
 
 def _acknowledges(request: Request, reply: bytes) -> bool:
-    """Whether a reply is the full native success of what was sent (M7)."""
+    """Whether a reply is the complete normal reply to what was sent (M7)."""
     sent, access = request.sent_pdu, request.frame.access
     if access.is_mei:
         is_same = reply[:8] == sent[:8]
@@ -109,7 +109,7 @@ def sent_somewhere(request: Request) -> set[str]:
 
 
 def observe_discrete(unit: UnitMap | None, request: bytes, reply: bytes, asked_ns: int) -> None:
-    """Take note of status bits among coils or discrete inputs that were read (6.1, 6.2)."""
+    """Record status bits among coils or discrete inputs that were read (6.1, 6.2)."""
     if unit is None or request[0] not in READS_BITS or len(request) != 5:
         return
     if len(reply) < 3 or reply[0] != request[0] or len(reply) != 2 + reply[1]:
@@ -125,9 +125,9 @@ def observe_discrete(unit: UnitMap | None, request: bytes, reply: bytes, asked_n
 def observe_bits(
     hits: Iterable[BitHit], data: bytes | bytearray, written: AbstractSet[str], asked_ns: int
 ) -> None:
-    """Take note of status bits, a word for each in ``data``: as old as their request.
+    """Record status bits, one word for each in ``data``, as old as their request.
 
-    The done bit of a frame that wrote a target is still that of the one before.
+    In a frame that wrote a target the done bit still belongs to the target before.
     """
     for axis, name, bit, word in hits:
         is_set = bit.is_set(data[2 * word] << 8 | data[2 * word + 1])

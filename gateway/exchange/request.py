@@ -1,11 +1,10 @@
-"""One request to one unit, at its turn: what it means and writes, what was read for it, what is sent for it.
+"""One request to one unit, at its turn: its meaning, what it writes, what was read and is sent for it.
 
-:func:`understand` works out what it means and writes once for each turn, for all that follows: what is
-needed first (``prerequisites``) and what is sent (``prepare``). Words that it writes alone are completed
-here from the register image, and from what was read for it (M1).
+:func:`understand` computes meaning and written words once for each turn, for all later steps: the
+prerequisites (``prerequisites``) and what is sent (``prepare``). Partial writes are completed here from the
+register image and from what was read for the request (M1).
 
-``prepare`` adds what is sent, and the readback maps that are in force as it leaves, with which its reply is
-turned back.
+``prepare`` adds what is sent, and the readback maps in force at that moment, which convert its reply back.
 """
 
 from collections.abc import Sequence
@@ -28,25 +27,25 @@ from gateway.modbus.registers import PositionField, WordOrder
 
 
 class Standstill(Enum):
-    """What a drive's status bit says of an axis that is to go a distance."""
+    """What a drive's status bit says about an axis before a distance."""
 
     UNKNOWN = "untold"
     MOVES = "moves"
     SAYS_SO = "says-so"
-    """It stands, but the bit may still be that of the time before its last move."""
+    """At standstill, but the bit may be older than its last move."""
     CONFIRMED = "stands"
 
 
 @dataclass(slots=True)
 class Prefetched:
-    """What was read for one request before it could be rendered. None: asked for, and not to be had."""
+    """What was read for one request before it could be rendered. None: requested without success."""
 
     actual: dict[str, Actual | None] = field(default_factory=dict)
     """By axis."""
     polls: dict[str, int] = field(default_factory=dict)
-    """How often that was told, or not to be had, by axis."""
+    """How often the position was read, with or without success, by axis."""
     refused: set[str] = field(default_factory=set)
-    """Axes of which that was refused."""
+    """Axes that refused this read."""
     commanded: dict[str, float | None] = field(default_factory=dict)
     """The drive's own commanded position in counts, by axis."""
     standstill: dict[str, Standstill] = field(default_factory=dict)
@@ -56,18 +55,18 @@ class Prefetched:
     rule_words: dict[str, dict[int, int | None]] = field(default_factory=dict)
     """Contents of mode and trigger registers, by axis and address."""
     references: set[str] = field(default_factory=set)
-    """Axes whose reference was asked for."""
+    """Axes whose reference was read."""
     runs: dict[str, Rendering] = field(default_factory=dict)
     """What a trigger runs, by axis: decided once for each request (M2)."""
     peer_runs: dict[str, Rendering] = field(default_factory=dict)
-    """What the other axes of its group hold and have to run, by axis (M11)."""
+    """Targets that the other axes of its group hold and must run, by axis (M11)."""
     decided_by: dict[str, tuple[bool, CorrectionSpec, bool]] = field(default_factory=dict)
-    """What those were decided by: whether each axis goes as one that is referenced, its correction, and
-    whether it keeps words of another one."""
+    """What those targets depend on: whether each axis is handled as referenced, its correction, and whether
+    it keeps words of another one."""
 
 
 NOTHING_PREFETCHED: Final = Prefetched()
-"""For requests that need nothing read; it stays empty."""
+"""For requests that need no reads; it stays empty."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,18 +114,18 @@ class Request:
     ) -> None:
         self.frame = frame
         self.commands = commands
-        """What it does to each axis that it does something to, in the order of the axes."""
+        """What it does to each axis that it affects, in the order of the axes."""
         self.prefetched = prefetched
         self.now_ns = now_ns
         self.arrived_ns = arrived_ns
-        """When it came from its controller; no two requests of a line came at the same instant."""
+        """When it came from its controller; no two requests of a line have the same time."""
         self.follows_ns = follows_ns
-        """When the request before it came on the same connection."""
+        """When the request before it arrived on the same connection."""
         self.sent_pdu = frame.pdu
         self.read_hits = NO_HITS
         self.read_span = NO_SPAN
         self.readbacks: dict[str, Readback] = {}
-        """By axis, as they were when it left; of one that passed 1:1 there is none."""
+        """By axis, as they were when it was sent; an axis that passed 1:1 has none."""
 
     def of(self, axis: Axis) -> AxisCommand:
         """Return what it does to one axis."""
@@ -140,21 +139,21 @@ class Request:
         return command
 
     def ask(self, hits: Hits, span: Span) -> None:
-        """Note what is read of the drive: what was asked for, or more, where that cuts a position."""
+        """Set what is read from the drive: the requested span, widened where it cuts a position."""
         self.read_hits, self.read_span = hits, span
 
     def send_instead(self, pdu: bytes) -> None:
-        """Note what is sent in place of the request as it came."""
+        """Set what is sent instead of the request as it came."""
         self.sent_pdu = pdu
 
     @property
     def reads_too(self) -> bool:
-        """Whether it reads: an exception to a write in the same frame (FC23) may be one of the reading."""
+        """Whether it reads: an exception to a write in the same frame (FC23) may be from the read."""
         return self.frame.access.read_quantity > 0
 
     @property
     def reads_unmapped(self) -> bool:
-        """Whether it reads a position that is not mapped, and so passes as it is (M10)."""
+        """Whether it reads a position that is not mapped, and so passes unchanged (M10)."""
         return any(hit.mapped.role is FieldRole.GUARDED for hit in self.read_hits.fields)
 
 
@@ -166,10 +165,10 @@ def has_a_stop(requests: Sequence[Request]) -> bool:
 def understand(
     frame: DecodedRequest, prefetched: Prefetched, now_ns: int, arrived_ns: int, follows_ns: int = 0
 ) -> Request:
-    """Work out what a request means now that it is its turn, with what was read for it.
+    """Compute what a request means at its turn, with what was read for it.
 
-    This is done anew each time that it is its turn: while it waited, or waited for a frame that it needs
-    first, the drive may have acknowledged another mode, a stop or another part of a position.
+    This is repeated at each turn. While the request waited, the drive may have acknowledged another mode, a
+    stop or another part of a position.
     """
     commands = decode(frame, prefetched.rule_words)
     request = Request(frame, commands, prefetched, now_ns, arrived_ns=arrived_ns, follows_ns=follows_ns)
@@ -180,12 +179,12 @@ def understand(
 
 
 def _complete(request: Request, command: AxisCommand) -> None:
-    """Work out all words of the command fields that a request writes of one axis."""
+    """Compute all words of the command fields that a request writes of one axis."""
     axis, access = command.axis, request.frame.access
     running = command.running
     is_object = axis.plan.addressing is Addressing.OBJECTS
-    # A cyclic image with several fields is a repeat as a whole; one field rewritten alone is a target.
-    # The words of a distance say nothing of a place.
+    # A cyclic image with several fields is a repeat as a whole; one field written again alone is a target.
+    # The words of a distance say nothing about a position.
     is_distance = command.action.is_relative or axis.last_run.is_relative
     is_again = not (axis.plan.motion.waits_for_trigger or is_distance)
     has_last = False
@@ -209,7 +208,7 @@ def _complete(request: Request, command: AxisCommand) -> None:
 
 
 def key_of(hit: FieldHit) -> tuple[str, int]:
-    """Return by which name ``Prefetched`` has a command field."""
+    """Return the key of a command field in ``Prefetched``."""
     return hit.mapped.axis.plan.name, hit.mapped.number
 
 
@@ -222,7 +221,7 @@ def written_part(hit: FieldHit, pdu: bytes, access: Access) -> tuple[int, bytes]
 
 
 def nominal_words(request: Request, hit: FieldHit) -> bytes | None:
-    """Return all words of a command field once a request is applied, or None when some are not known."""
+    """Return all words of a command field after a request; None: some are unknown."""
     image, pdu, access = hit.mapped.image, request.frame.pdu, request.frame.access
     assert image is not None
     if access.is_mask:
@@ -244,7 +243,7 @@ def _masked(hit: FieldHit, pdu: bytes, access: Access, arrived_ns: int) -> bytes
     image = hit.mapped.image
     base = None if image is None else image.base(arrived_ns)
     if base is None:
-        return None  # a mask needs the exact word that it is laid over
+        return None  # a mask needs the exact word below it
     merged = bytearray(base)
     at = -2 * hit.word
     data = pdu[access.data_offset :]
@@ -255,10 +254,10 @@ def _masked(hit: FieldHit, pdu: bytes, access: Access, arrived_ns: int) -> bytes
 
 
 def kept_words_are_certain(mapped: MappedField, words: bytes, first: int, count: int) -> bool:
-    """Whether the words that a partial write keeps are the same for every position that they may stand for.
+    """Whether the words that a partial write keeps are the same for every position that they may mean.
 
-    The drive's register holds a corrected position, and which correction it was given may not be known any
-    more: the nominal one lies within ``max_correction`` of it, perhaps across a word's border.
+    The drive's register holds a corrected position, and its correction may be unknown. The nominal position
+    is within ``max_correction`` of it, perhaps across the border of a word.
     """
     settings = mapped.axis.plan.settings
     margin = settings.max_correction * abs(settings.counts_per_unit) / mapped.field.scale

@@ -1,4 +1,4 @@
-"""The pauses of a whole line (W6): the turnaround after a broadcast, the silence after what nobody asked for.
+"""The pauses of a whole line (W6): the turnaround after a broadcast, the silence after an unexpected frame.
 
 The silence after a time-out belongs to the unit id that did not answer: ``exchange.silent_units``.
 """
@@ -11,28 +11,29 @@ from gateway.exchange.plan import LineTiming
 from gateway.times import NS_PER_MS
 
 LONGEST_DRAIN: Final = 3
-"""So many times the silence asked for: a line that never falls silent is used all the same, for its stops."""
+"""Maximum silence, in units of the required one: a line that never falls silent is still used, for its
+stops."""
 
 
 class Resting(Enum):
-    """Why a line sends nothing, beside that a transaction is on it."""
+    """Why a line sends nothing, apart from a transaction on it."""
 
     __hash__ = object.__hash__
 
     NOT = "not"
     """It does not rest."""
     TURNAROUND = "turnaround"
-    """The drives get the time to obey a broadcast."""
+    """The drives get time to execute a broadcast."""
     SILENCE = "silence"
-    """A reply may come that answers nothing any more: the line waits until it is silent."""
+    """A late reply may come: the line waits until it is silent."""
     SILENCE_PENDING = "owed"
-    """The same, and there is no link yet: the silence begins with it."""
+    """The same, but there is no link yet: the silence begins with the link."""
     CLOSING = "closing"
-    """The server may close the connection behind its answer: what is sent then would be lost."""
+    """The server may close the connection after its answer: a request sent then would be lost."""
     OPENED = "opened"
-    """A connection was made, and the drives get the time to serve it."""
+    """A connection was made, and the drives get time to serve it."""
     ABORTED = "spoilt"
-    """A frame left that is none (``cut_through``): the drives have to see that it has ended."""
+    """An aborted frame was sent (``cut_through``): the drives must see its end."""
 
 
 KEEPS_STOPS: Final = frozenset({Resting.TURNAROUND, Resting.CLOSING, Resting.OPENED})
@@ -48,11 +49,11 @@ class Rest:
         self._drained_at_last_ns = 0
         self._resting = Resting.NOT
         self.until_ns: int | None = None
-        """There exactly in TURNAROUND, SILENCE, CLOSING, OPENED and SPOILT: the line rests until then."""
+        """The line rests until then; set exactly in TURNAROUND, SILENCE, CLOSING, OPENED and ABORTED."""
         self.opened_until_ns = 0
-        """Nothing is sent before, not even a stop: the drives would not serve it."""
+        """Nothing is sent before, also no stop: the drives would not serve it."""
         self.aborted_until_ns = 0
-        """Not even a stop is sent before: it would be taken for the rest of a spoilt frame."""
+        """No stop is sent before either: it would be taken for the rest of an aborted frame."""
 
     @property
     def is_draining(self) -> bool:
@@ -61,44 +62,44 @@ class Rest:
 
     @property
     def keeps_stops(self) -> bool:
-        """Whether stops wait as well: nobody would hear them."""
+        """Whether stops wait too, because no drive would receive them."""
         return self._resting in KEEPS_STOPS
 
     @property
     def is_closing(self) -> bool:
-        """Whether the server may close the connection behind its answer."""
+        """Whether the server may close the connection after its answer."""
         return self._resting is Resting.CLOSING
 
     @property
     def is_opening(self) -> bool:
-        """Whether the drives get the time to serve a connection that was made."""
+        """Whether the drives get time to serve a new connection."""
         return self._resting is Resting.OPENED
 
     @property
     def needs_silence(self) -> bool:
-        """Whether a reply may still come that is not for whoever uses the line next."""
+        """Whether a reply may still come that is not for the next user of the line."""
         return self._resting is Resting.SILENCE or self._resting is Resting.SILENCE_PENDING
 
     def begin_turnaround(self, now_ns: int) -> None:
-        """Give the drives time to obey a broadcast; a silence that lasts longer goes on."""
+        """Give the drives time to execute a broadcast; a longer silence stays in force."""
         until_ns = now_ns + self._turnaround_ns
         if self.until_ns is None or until_ns > self.until_ns:
             self._resting = Resting.TURNAROUND
             self.until_ns = until_ns
 
     def hold_after_abort(self, until_ns: int) -> None:
-        """Let the drives see that a spoilt frame has ended; nothing else kept the line when it began."""
+        """Let the drives see the end of an aborted frame; the line did not rest when it began."""
         self._resting = Resting.ABORTED
         self.until_ns = self.aborted_until_ns = until_ns
 
     def await_close(self, now_ns: int) -> None:
-        """See whether the server closes the connection behind its answer."""
+        """Wait to see whether the server closes the connection after its answer."""
         if self.until_ns is None:
             self._resting = Resting.CLOSING
             self.until_ns = now_ns + CLOSES_SOON_NS
 
     def open(self, until_ns: int) -> None:
-        """Give the drives time to serve a connection that was made; a silence that lasts longer goes on."""
+        """Give the drives time to serve a new connection; a longer silence stays in force."""
         self.opened_until_ns = until_ns
         if self.until_ns is None or until_ns > self.until_ns:
             self._resting = Resting.OPENED
@@ -112,23 +113,23 @@ class Rest:
         self._drained_at_last_ns = max(now_ns + LONGEST_DRAIN * self._drain_ns, least_ns)
 
     def disturb(self, now_ns: int) -> None:
-        """Bytes came in the middle of the silence: it begins anew, but not for ever."""
+        """Bytes came during the silence: it begins again, but not without limit."""
         until_ns = max(now_ns + self._drain_ns, self.aborted_until_ns, self.opened_until_ns)
         self.until_ns = min(until_ns, self._drained_at_last_ns)
 
     def settle(self, now_ns: int) -> None:
-        """The line has rested, if it was to until now; called once what came of the drives has been read."""
+        """End the rest if it is over; called after the input from the drives was read."""
         if self.until_ns is not None and now_ns >= self.until_ns:
             self._resting = Resting.NOT
             self.until_ns = None
             self.aborted_until_ns = self.opened_until_ns = 0
 
     def expect_late_reply(self) -> None:
-        """A reply may come that nobody here has asked for: the line rests first when its link comes up."""
+        """A late reply may come: the line rests first when its link comes up."""
         self._resting = Resting.SILENCE_PENDING
 
     def break_off(self, *, needs_silence: bool) -> None:
-        """The link went down; a reply may be on its way still."""
+        """The link went down; a reply may still be on its way."""
         self._resting = Resting.SILENCE_PENDING if needs_silence else Resting.NOT
         self.until_ns = None
         self.aborted_until_ns = self.opened_until_ns = 0

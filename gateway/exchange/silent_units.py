@@ -1,17 +1,16 @@
-"""Which unit ids of a line are silent or dead, what that costs the others, and who is answered for (W6, W11).
+"""Silent and dead unit ids of a line: what they delay, and which requests the gateway answers (W6, W11).
 
-A unit id is silent from the first request that it left unanswered to the next frame of it. After three in a
-row it is *dead*: nothing is sent to it any more but a trial from time to time, and its controllers are
-answered for. How far it has come is one
-:class:`Reach`, and goes from one to the next only as :data:`REACH_AFTER` says; nothing but its
-:class:`Silence` writes it.
+A unit id is silent from the first request that it left unanswered until its next frame. After three in a row
+it is *dead*: it gets only a trial from time to time, and the gateway answers its controllers. :class:`Reach`
+says how far a unit id is from answering. It changes only as :data:`REACH_AFTER` says, and only in its
+:class:`Silence`.
 
-On a serial line a reply that comes late would answer whatever was asked next. Until ``drain_ms`` have passed
-without a frame of it, the silent unit itself is asked nothing; whoever else may be asked meanwhile is said by
-:meth:`SilentUnits.free_ns`. They have passed when :meth:`SilentUnits.settle` says so, and not before: what
-came while the process stood still has been read then.
+On a serial line a late reply would answer the next request. So the silent unit gets no request until
+``drain_ms`` have passed without a frame from it. :meth:`SilentUnits.free_ns` says which other units may get
+one in that time. The time is over only when :meth:`SilentUnits.settle` says so: bytes that came while the
+process was suspended have been read by then.
 
-A drive that answers costs one store, and a look at whether anything is silent on its line.
+A drive that answers costs one store, and one check whether anything on its line is silent.
 """
 
 from collections.abc import Callable
@@ -38,13 +37,13 @@ from gateway.times import NS_PER_MS, NS_PER_S
 
 UNIT_IDS: Final = 0x100
 LONGEST_RETRY_NS: Final = 10 * NS_PER_S
-"""Between two trials; a drive that was switched on again is waited for no longer."""
+"""Longest time between two trials: a drive that was switched on again waits no longer."""
 LATE_FOR_NS: Final = 600 * NS_PER_S
-"""So long the whole line waits after each time-out of a unit that was late once."""
+"""Memory for a late unit: so long the complete line waits after each of its time-outs."""
 UNASKED_AT_MOST: Final = 2
-"""So many requests in one silence are answered unasked; the next read waits for its end, and goes late."""
+"""Number of requests in one silence that are answered unsent; the next read waits and is sent late."""
 MOST_STOPS: Final = 16
-"""Different stops of one silent unit that are told apart; all others count as new."""
+"""Different stops of one silent unit that are distinguished; all others count as new."""
 
 
 class Reach(Enum):
@@ -53,9 +52,9 @@ class Reach(Enum):
     __hash__ = object.__hash__
 
     ANSWERS = "answers"
-    """It left nothing unanswered since its last frame; or nobody has asked it."""
+    """It left nothing unanswered since its last frame, or was not polled yet."""
     UNHEARD = "unheard"
-    """It was silent when the link was lost or came up, and was not asked since."""
+    """It was silent when the link was lost or came up, and was not polled since."""
     MISSED_ONE = "missed-one"
     """It left one request unanswered since its last frame."""
     MISSED_TWO = "missed-two"
@@ -65,14 +64,14 @@ class Reach(Enum):
 
 
 class Sign(Enum):
-    """What is seen of a unit id."""
+    """What is observed of a unit id."""
 
     __hash__ = object.__hash__
 
     TIME_OUT = "time-out"
     """A request was not answered."""
     FRAME = "frame"
-    """A whole frame of it came: an answer, an exception, or what comes too late."""
+    """A complete frame of it came: an answer, an exception, or a late frame."""
     LINK_UP = "link-up"
     """The link to the drives came up."""
 
@@ -94,38 +93,38 @@ REACH_AFTER: Final[dict[tuple[Reach, Sign], Reach]] = {
     (Reach.MISSED_TWO, Sign.LINK_UP): Reach.UNHEARD,
     (Reach.DEAD, Sign.LINK_UP): Reach.UNHEARD,
 }
-"""Where each sign leads."""
+"""The reach after each sign."""
 
 
 @dataclass(slots=True)
 class Silence:
-    """What a unit id has left unanswered since its last frame, and until when that counts."""
+    """What a unit id has left unanswered since its last frame, and how long that counts."""
 
     unit_id: int
     reach: Reach = Reach.ANSWERS
     since_ns: int = 0
-    """When the first request was sent that it did not answer."""
+    """When the first unanswered request was sent."""
     timeouts: int = 0
-    """How many there were, all in a row."""
+    """Number of time-outs in a row."""
     quiet_ns: int = 0
-    """Until then a frame of it may come that answers nothing any more; 0: none may."""
+    """Until then a late frame of it may come; 0: none may."""
     quiet_at_last_ns: int = 0
-    """No such frame puts that off for longer."""
+    """No late frame extends the wait beyond this time."""
     late_reply_until_ns: int = 0
-    """Until then a stop may be answered that was given up early: stops go before that, nothing else."""
+    """Until then an early stop may still be answered: only stops are sent before that."""
     unasked: int = 0
-    """Requests that were answered in its place in this silence, for they could only have left too late;
-    counted to ``UNASKED_AT_MOST``."""
+    """Requests answered in its place in this silence, because they could only have been sent too late;
+    counted up to ``UNASKED_AT_MOST``."""
     due_ns: int = 0
-    """While it is dead: it is tried again from then on."""
+    """While it is dead: time of the next trial."""
     retry_ns: int = 0
-    """So long after the trial before."""
+    """Pause before the next trial, counted from the last one."""
     first_retry_ns: int = 0
-    """So long after the first one, however long it is dead by now."""
+    """The pause before the first trial, however long it has been dead."""
     odd_due_ns: int = 0
-    """While it is dead: an odd frame goes there from then on."""
+    """While it is dead: an odd frame may be sent from then on."""
     stops: dict[bytes, int] = field(default_factory=dict)
-    """Stops that it did not answer, each with when the same may be sent again."""
+    """Stops that it did not answer, each with the time from which the same may be sent again."""
     unserved_ports: set[int] = field(default_factory=set)
     """Controllers that get an exchange before the next of these stops; see ``Scheduler``."""
 
@@ -145,7 +144,7 @@ class Silence:
         self.odd_due_ns = max(now_ns + first_retry_ns, self.quiet_ns)
 
     def mark_alive(self) -> Reach:
-        """A whole frame of it came; return how far away it was before."""
+        """A complete frame of it came; return its reach before."""
         before, self.reach = self.reach, REACH_AFTER[self.reach, Sign.FRAME]
         self.timeouts = 0
         self.stops.clear()
@@ -153,18 +152,18 @@ class Silence:
         return before
 
     def be_late(self, now_ns: int, drain_ns: int) -> None:
-        """What came of it answers nothing any more: the silence that it owes begins anew."""
+        """A late frame of it came: the required silence begins again."""
         self.quiet_ns = min(now_ns + drain_ns, self.quiet_at_last_ns)
         self.due_ns = max(self.due_ns, self.quiet_ns)
         self.odd_due_ns = max(self.odd_due_ns, self.quiet_ns)
 
     @property
     def ends_ns(self) -> int:
-        """Until then nothing but stops goes to it; 0: it owes nothing."""
+        """Until then it gets nothing but stops; 0: no frame of it is pending."""
         return max(self.late_reply_until_ns, self.quiet_ns)
 
     def link_up(self) -> None:
-        """The link came up: it is asked again, and owes nothing."""
+        """The link came up: it is polled again, and no late frame is pending."""
         self.reach = REACH_AFTER[self.reach, Sign.LINK_UP]
         self.quiet_ns = self.late_reply_until_ns = 0
         self.stops.clear()
@@ -180,19 +179,20 @@ class Silence:
             self.unasked = 0
 
     def try_again(self, now_ns: int) -> None:
-        """It is tried now: until it has answered nothing else goes there."""
+        """A trial is sent now: until it answers, nothing else is sent to it."""
         self.due_ns = now_ns + self.retry_ns
         self.odd_due_ns = now_ns + self.first_retry_ns
 
     def due_for(self, *, is_odd: bool) -> int:
-        """Return from when on it is tried with a request.
+        """Return the time of its next trial with a request.
 
-        Nobody knows what an odd frame does: it may stop a spindle, and waits no longer than the first trial.
+        The effect of an odd frame is unknown: it may stop a spindle. So it waits no longer than the first
+        trial.
         """
         return self.odd_due_ns if is_odd else self.due_ns
 
     def miss_stop(self, pdu: bytes, until_ns: int, unserved_ports: set[int]) -> None:
-        """It did not answer a stop, which may be sent again then, after those who wait for a turn."""
+        """It did not answer a stop, which may be sent again then, after the controllers that wait."""
         if len(self.stops) >= MOST_STOPS:
             self.stops.clear()
         self.stops[pdu] = until_ns
@@ -200,15 +200,15 @@ class Silence:
 
 
 class SilentUnits:
-    """The unit ids of one line that are silent.
+    """The silent unit ids of one line.
 
     Args:
         timing: of the line.
         units: the register maps of the line.
-        waiting: what waits for the line.
-        transactions: of the line; what is answered here ends there.
-        on_event: hears what is worth a word.
-        report: tells what is new about some axes.
+        waiting: the queue of the line.
+        transactions: of the line; a request that is answered here ends there.
+        on_event: called with each event.
+        report: reports what is new about some axes.
         is_serial: replies carry no number (W6).
     """
 
@@ -231,20 +231,21 @@ class SilentUnits:
         self._drain_ns = int((timing.drain_ms or timing.response_timeout_ms) * NS_PER_MS) * is_serial
         self._retry_ns = int(timing.retry_ms * NS_PER_MS)
         self.backs_off = timing.backs_off
-        """Whether dead units are not asked any more, but for trials."""
+        """Whether dead units get no requests except trials."""
         self.answered_ns = vec[i64]([0] * UNIT_IDS)
         """When each unit id answered last; 0: never. For the status."""
         self.askers: set[tuple[str, int]] = set()
-        """Controllers, each with a unit id that did not answer it or that nobody knows. For the status."""
+        """Controllers, each with a unit id that did not answer it or is unknown. For the status."""
         self.silences: dict[int, Silence] = {}
-        """Unit ids that are silent, or of which a late frame may come: nothing on the line is as usual."""
+        """Unit ids that are silent, or of which a late frame may come; while there are any, the slow path is
+        used."""
         self._late_ns: dict[int, int] = {}
-        """Unit ids that were ever late, with when they were the last time."""
+        """Unit ids that were ever late, with the last time."""
 
-    # --- what is seen ----------------------------------------------------------------------------------
+    # --- observations ----------------------------------------------------------------------------------
 
     def miss(self, unit_id: int, sent_ns: int, now_ns: int) -> tuple[Silence, bool]:
-        """Note a request without an answer; return its unit id's silence, and whether that is dead now."""
+        """Record an unanswered request; return its unit id's silence, and whether the unit is dead now."""
         silence = self.silences.get(unit_id)
         if silence is None:
             silence = self.silences[unit_id] = Silence(unit_id)
@@ -253,7 +254,7 @@ class SilentUnits:
         return silence, silence.reach is Reach.DEAD and not was_dead
 
     def mark_alive(self, unit_id: int, now_ns: int) -> None:
-        """Note a whole frame of a unit id, while something on the line is silent."""
+        """Record a complete frame of a unit id, while something on the line is silent."""
         silence = self.silences.get(unit_id)
         if silence is None:
             return
@@ -262,17 +263,18 @@ class SilentUnits:
         if before is Reach.ANSWERS:
             return
         self._on_event(Event(exchange_events.DRIVE_ANSWERS, None, f"unit id {unit_id}"))
-        if before is Reach.DEAD:  # it was not asked, so nobody knows since when it is there again
+        if before is Reach.DEAD:  # it was not polled, so it is unknown since when it is back
             axes = self._units.axes_of(unit_id)
             for axis in axes:
                 axis.end_silence(is_answer=True, until_ns=now_ns)
             self._report(axes)
 
     def disturb(self, unit_id: int, now_ns: int) -> bool:
-        """Note bytes that answer nothing; return whether a silence that something waits for begins anew.
+        """Record bytes that answer nothing; return whether a silence that something waits for begins again.
 
-        ``unit_id``: of the whole frame that they are; less than 0: they are none, and may be of any unit
-        that owes an answer. It was late, or was understood too late: that is remembered of it.
+        ``unit_id``: of the complete frame in them; below 0: there is none, and they may be of any unit with a
+            pending
+        answer. The frame was late, or was recognised too late; this is remembered for its unit.
         """
         if unit_id >= 0:
             self._late_ns[unit_id] = now_ns
@@ -285,7 +287,7 @@ class SilentUnits:
         return is_awaited
 
     def expect_late_reply(self, unit_id: int, until_ns: int) -> None:
-        """A stop was given up before its drive had the time to answer: that may come until then (W6)."""
+        """A stop was given up before its drive had time to answer: the answer may come until then (W6)."""
         if not self._drain_ns:
             return
         silence = self.silences.get(unit_id)
@@ -294,13 +296,13 @@ class SilentUnits:
         silence.late_reply_until_ns = max(silence.late_reply_until_ns, until_ns + self._drain_ns)
 
     def link_up(self) -> None:
-        """The link has come up: silent units are asked again, and late replies expected anew (``Rest``)."""
+        """The link is up: silent units are polled again, and ``Rest`` waits for late replies."""
         for silence in self.silences.values():
             silence.link_up()
         self.settle(0)
 
     def settle(self, now_ns: int) -> None:
-        """What was owed until now has not come; called once what has come was read."""
+        """What was pending until now has not come; called after the input was read."""
         for silence in tuple(self.silences.values()):
             silence.settle(now_ns)
             self._forget(silence)
@@ -309,12 +311,12 @@ class SilentUnits:
         if silence.reach is Reach.ANSWERS and not silence.ends_ns:
             del self.silences[silence.unit_id]
 
-    # --- whom it costs what ----------------------------------------------------------------------------
+    # --- effect on other requests ----------------------------------------------------------------------
 
     def dead(self, unit_id: int) -> Silence | None:
-        """Return the silence because of which a unit id is not asked; None: it is.
+        """Return the silence because of which a unit id gets no requests; None: it gets them.
 
-        It is its own, or that of one of its group: the one that is tried again last.
+        It is its own silence, or that of a unit of its group: the one with the latest trial.
         """
         found: Silence | None = None
         if self.backs_off and self.silences:
@@ -325,12 +327,12 @@ class SilentUnits:
         return found
 
     def free_ns(self, unit_id: int, now_ns: int, *, is_read: bool, is_stop: bool = False) -> int:
-        """Return until when a request to a unit id waits for late frames, later than now; 0: it need not.
+        """Return until when a request to a unit id waits for late frames, later than now; 0: no wait.
 
-        A late frame of another unit answers nothing of this one, but may meet its answer on the wire. Only a
-        read takes that chance, with a unit that was never late in the last ten minutes; with one that is
-        dead and was never late there is none. ``is_stop``: it does not wait for the late answer
-        of a stop that was given up early; that stop goes once more behind it.
+        A late frame of another unit does not answer this one, but may collide with its answer on the wire.
+        Only a read takes this risk, and only with a unit that was never late in the last ten minutes. A dead
+        unit that was never late is no risk. ``is_stop``: a stop does not wait for the late answer of an early
+        stop; that one is sent once more behind it.
         """
         until_ns = 0
         for silence in self.silences.values():
@@ -348,7 +350,7 @@ class SilentUnits:
 
     @property
     def quiet_ns(self) -> int | None:
-        """When the first of them has been quiet for long enough; None: nobody owes anything."""
+        """When the first pending silence ends; None: no late frame is pending."""
         ends = [
             ns for each in self.silences.values() for ns in (each.quiet_ns, each.late_reply_until_ns) if ns
         ]
@@ -356,12 +358,12 @@ class SilentUnits:
 
     @property
     def awaits_late_reply(self) -> bool:
-        """Whether a late frame may come from anybody."""
+        """Whether a late frame may come from any unit."""
         return self.quiet_ns is not None
 
     @property
     def last_answered_ns(self) -> int:
-        """When any unit id answered last; 0: none ever did."""
+        """When any unit id answered last; 0: never."""
         return max(self.answered_ns)
 
     def awaits_late_reply_of(self, unit_id: int) -> bool:
@@ -372,14 +374,14 @@ class SilentUnits:
     # --- too late to send ------------------------------------------------------------------------------
 
     def is_too_late(self, transaction: Transaction, now_ns: int) -> bool:
-        """Whether a request is answered here because it could only leave too late (W6).
+        """Whether a request is answered here because it could only be sent too late (W6).
 
-        That is what waits for the late frames of its own unit id: not of another one, nor for the rest of
-        the line. No stop, no read of the gateway's own, and nothing that may be a trial of a dead unit.
+        This concerns requests that wait for the late frames of their own unit id, not of another one, and not
+        for the rest of the line. Never a stop, a read of the gateway, or a possible trial of a dead unit.
 
-        What counts is when the silence ends. A write is held against the clock too: a process that stood
-        still comes late to the end. A read that is the next one behind :data:`UNASKED_AT_MOST` such answers
-        is never too late: it asks the unit, and no controller fails for long without anybody having looked.
+        The end of the silence counts. For a write the present time counts too: a process that was suspended
+        comes late to that end. The next read after :data:`UNASKED_AT_MOST` such answers is never too late. It
+        polls the unit, so no controller fails for long without a poll.
         """
         silence = self.silences.get(transaction.unit_id)
         if silence is None or not silence.ends_ns or transaction.port is None or transaction.is_stop:
@@ -392,18 +394,18 @@ class SilentUnits:
         return is_too_late and self.dead(transaction.unit_id) is None
 
     def answer_unasked(self, transaction: Transaction, now_ns: int) -> None:
-        """Answer in the place of a drive that was not asked: nothing is learned of it from that."""
+        """Answer in the place of a drive that got no request: this says nothing about the drive."""
         silence = self.silences[transaction.unit_id]
         silence.unasked = min(silence.unasked + 1, UNASKED_AT_MOST)
         answer = Answer.TOO_LATE
         self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns, code=NO_RESPONSE, answer=answer)
 
     def patience_ns(self, transaction: Transaction, unit_id: int, now_ns: int, least_ns: int) -> int:
-        """Return how long the reply to a request is waited for while something is silent (W7).
+        """Return how long the reply to a request is awaited while something is silent (W7).
 
-        A read that tries a dead drive (W11) keeps the others waiting no longer than a drive may take. One
-        that left late behind a silence has what is left of its controller's time. ``least_ns``: so long a
-        drive may take.
+        A read that tries a dead drive (W11) must not delay the others longer than a drive may take. A request
+        that was sent late behind a silence has the rest of its controller's time-out. ``least_ns``: the time
+        that a drive may take.
         """
         port = transaction.port
         if port is None or transaction.added is not None or port.patience_ns <= least_ns:
@@ -420,20 +422,20 @@ class SilentUnits:
     # --- dead units ------------------------------------------------------------------------------------
 
     def is_answered_for(self, transaction: Transaction, now_ns: int) -> bool:
-        """Whether a request is answered by the gateway because its drive, or one of its group, is dead."""
+        """Whether the gateway answers a request because its drive, or one of its group, is dead."""
         dead = self.dead(transaction.unit_id)
         if dead is None:
             return False
         due_ns = dead.due_for(is_odd=transaction.is_odd)
         if now_ns >= due_ns:
             return False
-        # One that came over a serial port waits, for nothing of its controller waits behind it.
+        # A request from a serial port waits: nothing of its controller waits behind it.
         port = transaction.port
         waits = transaction.is_odd and port is not None and port.ends_by_silence
         return not waits or due_ns > transaction.leave_by_ns
 
     def answer_for(self, transaction: Transaction, now_ns: int) -> None:
-        """Answer in the place of a drive that is not asked: that counts as unanswered (W11)."""
+        """Answer in the place of a dead drive: this counts as unanswered (W11)."""
         answer = Answer.BACK_OFF
         self._transactions.finish(transaction, Outcome.NEVER_SENT, now_ns, code=NO_RESPONSE, answer=answer)
         if transaction.unit_id == BROADCAST_UNIT_ID:
@@ -444,9 +446,9 @@ class SilentUnits:
         self._report(axes)
 
     def answer_waiting(self, now_ns: int) -> None:
-        """Answer what waits for a unit that is dead now, or only to leave too late.
+        """Answer what waits for a unit that is dead now, or could only be sent too late.
 
-        In the order of each controller.
+        The order of each controller is kept.
         """
         behind: set[int] = set()
         for transaction in tuple(self._waiting):
@@ -466,10 +468,10 @@ class SilentUnits:
                 behind.add(id(port))
 
     def tries(self, transaction: Transaction, dead: Silence, now_ns: int) -> bool:
-        """Take a request for the trial of a dead unit; return False where it was answered for instead.
+        """Use a request as the trial of a dead unit; return False if it was answered instead.
 
-        Where it might move something it needs a read first, if one is allowed: nobody knows what the drive
-        was through. For a drive of which nothing may be read the request itself is the trial.
+        A request that might move something needs a read first, if one is allowed: the state of the drive is
+        unknown. If nothing may be read, the request itself is the trial.
         """
         if now_ns < dead.due_for(is_odd=transaction.is_odd):
             self.answer_for(transaction, now_ns)
@@ -492,11 +494,11 @@ class SilentUnits:
     # --- stops -----------------------------------------------------------------------------------------
 
     def miss_stop(self, unit_id: int, pdu: bytes, unserved_ports: set[int], now_ns: int) -> None:
-        """Note a stop that was not answered, after :meth:`miss`, and who waits while it may not be sent."""
+        """Record an unanswered stop, after :meth:`miss`, and the controllers that wait meanwhile."""
         self.silences[unit_id].miss_stop(pdu, now_ns + self._retry_ns, unserved_ports)
 
     def thin_out(self, stop: Transaction, now_ns: int) -> None:
-        """Of a stop that its drive does not answer the newest of each controller waits, for all before it."""
+        """Keep only each controller's newest of a stop that its drive does not answer; answer the others."""
         if not self.backs_off:
             return
         newest: dict[int, Transaction] = {}
@@ -520,7 +522,7 @@ class SilentUnits:
     # --- status ----------------------------------------------------------------------------------------
 
     def status(self, unit_id: int, now_ns: int) -> UnitStatus:
-        """Return what is known of one unit id: ages in s, null where there is nothing to measure."""
+        """Return what is known of one unit id: ages in s, null if there is nothing to measure."""
         answered_ns, silence = self.answered_ns[unit_id], self.silences.get(unit_id)
         if silence is not None and silence.reach is Reach.ANSWERS:
             silence = None

@@ -1,6 +1,6 @@
-"""The part of the status model that the exchange knows. Positions are in units, on their own scale.
+"""The exchange's part of the status model. Positions are in units, each in its own frame.
 
-The states that it shows are listed in ``exchange.status_words``.
+``exchange.status_words`` lists the states that it shows.
 """
 
 from collections.abc import Callable
@@ -19,11 +19,11 @@ from gateway.status.line import LINE_COUNTERS, LineStatus
 from gateway.times import NS_PER_S
 
 SHOWN_NS: Final = 2 * NS_PER_S
-"""Age up to which a reading is shown as where the axis is: it may have moved since, also by other hands."""
+"""Maximum age of a reading that is shown as the position: the axis may have moved since, also by hand."""
 
 
 def line_status(line: LineExchange, now_ns: int) -> LineStatus:
-    """Return what the exchange knows of one line's part of the status model."""
+    """Return the exchange's part of one line's status."""
     counters = line.counters
     status = LineStatus(
         state="up" if line.is_up else "down",
@@ -80,7 +80,7 @@ def axis_status(axis: Axis, now_ns: int) -> AxisStatus:
 
 
 def _last_actual(axis: Axis, units: Callable[[Counts | None], float | None], now_ns: int) -> Reading | None:
-    """Return the newest reading, however old; None: there was none, or it counts no more."""
+    """Return the newest reading, however old; None: there was none, or it is void."""
     actual = axis.motion.actual
     if actual is None:
         return None
@@ -92,7 +92,7 @@ def _last_actual(axis: Axis, units: Callable[[Counts | None], float | None], now
 
 
 def _shown(actual: Actual | None, now_ns: int) -> Actual | None:
-    """Return a reading that still says where the axis is."""
+    """Return a reading that still says where the axis is; else None."""
     return None if actual is None or now_ns - actual.seen_ns > SHOWN_NS else actual
 
 
@@ -121,7 +121,7 @@ def compensation_state(axis: Axis) -> str:
 
 
 def _group_status(axis: Axis, now_ns: int) -> GroupStatus | None:
-    """Return what its group goes by (M11); None: it is in none."""
+    """Return the decision that its group follows (M11); None: it is in no group."""
     gantry = axis.gantry
     if gantry is None:
         return None

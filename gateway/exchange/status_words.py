@@ -1,4 +1,4 @@
-"""The states that the status of an axis can show; who shows them needs none of what comes to them."""
+"""The states that the status of an axis can show; importing them needs nothing of the exchange."""
 
 from typing import Final
 

@@ -23,15 +23,15 @@ class FieldRole(Enum):
     ALIAS = "alias"
     """A further address at which a position is read."""
     LIMIT = "limit"
-    """A position that the drive compares its own with."""
+    """A position with which the drive compares its own."""
     GUARDED = "guarded"
     """Holds a position that is not mapped."""
     REMAPPING = "remapping"
-    """Moves other registers about."""
+    """Remaps other registers."""
 
     @property
     def is_position(self) -> bool:
-        """Whether the gateway knows what position the register holds."""
+        """Whether the gateway knows which position the register holds."""
         return self in _POSITIONS
 
 
@@ -41,7 +41,7 @@ _POSITIONS: Final = frozenset(
 
 
 class MappedField(NamedTuple):
-    """A position field where it stands in one unit id; ``number`` counts within its role."""
+    """A position field of one unit id; ``number`` counts within its role."""
 
     axis: Axis
     role: FieldRole
@@ -53,7 +53,7 @@ class MappedField(NamedTuple):
 class FieldHit(NamedTuple):
     """A field that a span of registers touches.
 
-    ``word`` is its first word's index in the span; negative when the span begins inside the field.
+    ``word`` is its first word's index in the span; negative if the span begins inside the field.
     """
 
     mapped: MappedField
@@ -71,7 +71,7 @@ class BitHit(NamedTuple):
 
 
 class RuleHit(NamedTuple):
-    """A register inside a span whose content decides what positions mean, or makes the drive act."""
+    """A register inside a span that decides what positions mean, or makes the drive act."""
 
     axis: Axis
     address: int
@@ -84,10 +84,10 @@ class AxisHits(NamedTuple):
     axis: Axis
     fields: tuple[FieldHit, ...] = ()
     commands: tuple[FieldHit, ...] = ()
-    """Of these its command fields."""
+    """Its command fields."""
     rules: tuple[RuleHit, ...] = ()
     sets_position: bool = False
-    """It holds an actual position whose writing tells the drive that it stands somewhere else."""
+    """It holds an actual position that can be written to set the drive's position."""
 
 
 class Hits(NamedTuple):
@@ -111,7 +111,8 @@ class UnitMap:
     def __init__(self, axes: Iterable[Axis]) -> None:
         self.axes = tuple(axes)
         self.has_rules = any(axis.plan.has_rules or axis.peers for axis in self.axes)
-        """Whether a frame may mean something else than positions to be gone to at once, or for its group."""
+        """Whether a frame may mean something other than a position to go to immediately, or something for a
+        group."""
         self.asks_for_bits = any(axis.reference.hangs_on_a_bit for axis in self.axes)
         """Whether a status bit may have to be read before positions pass."""
         self._mapped_fields = tuple(mapped for axis in self.axes for mapped in _mapped_fields(axis))
@@ -119,10 +120,10 @@ class UnitMap:
         self._rules = tuple((axis, address) for axis in self.axes for address in axis.rules.addresses)
         self._widths = _object_widths(self.axes)
         self.has_objects = self._widths is not None
-        """Whether addresses are objects, each as wide as it is."""
+        """Whether addresses are objects, each with a width of its own."""
         self._writes: dict[int, Hits] = {}
         self._reads: dict[int, Hits] = {}
-        """What spans touch that were asked for: by address and quantity in one number."""
+        """What requested spans touch: by address and quantity in one number."""
 
     def written(self, address: int, quantity: int) -> Hits:
         """Return what a write of ``address`` to ``address + quantity - 1`` touches."""
@@ -188,7 +189,7 @@ class UnitMap:
         bits: list[tuple[Axis, str, BitField]],
         rules: tuple[tuple[Axis, int], ...],
     ) -> Hits:
-        """Walk through the objects of a span: each takes as many registers as it is wide."""
+        """Find the objects in a span: each takes as many registers as its width."""
         assert self._widths is not None
         layout: dict[int, int] = {}
         index, word = address, 0
@@ -232,7 +233,7 @@ class UnitMap:
 
 
 def _object_widths(axes: tuple[Axis, ...]) -> dict[int, int] | None:
-    """Return the registers of each known object; None where addresses are registers."""
+    """Return the registers of each known object; None: addresses are registers."""
     if not any(axis.plan.addressing is Addressing.OBJECTS for axis in axes):
         return None
     widths: dict[int, int] = {}

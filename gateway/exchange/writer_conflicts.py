@@ -1,4 +1,4 @@
-"""Whether somebody else moves an axis too, or tries to: figures for the status, nothing goes by them."""
+"""Whether another writer moves an axis too, or tries to: figures for the status, which decide nothing."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -7,24 +7,24 @@ from gateway.status.axis import WriterConflictStatus
 from gateway.times import NS_PER_S
 
 CALM_NS: Final = 60 * NS_PER_S
-"""After so long without another try two of them are no rivals any more."""
+"""A conflict ends after so long without another attempt."""
 
 
 @dataclass(slots=True)
 class WriterConflict:
-    """Two writers of one axis, as long as they go on."""
+    """Two writers of one axis, as long as their conflict lasts."""
 
     writers: tuple[str, str]
-    """Who moved it, and who wanted to or did, in the newest try."""
+    """The holder, and the writer that tried to move the axis or did so, in the newest attempt."""
     since_ns: int
     last_ns: int
     refused: int = 0
-    """Requests of the one that were refused because the other moves the axis."""
+    """Requests of one of them that were refused because the other moves the axis."""
     changes: int = 0
     """Times that one took the axis over from the other."""
 
     def count_refused(self) -> None:
-        """One of them was refused."""
+        """A request of one of them was refused."""
         self.refused += 1
 
     def count_changed(self) -> None:
@@ -37,21 +37,21 @@ class WriterConflict:
 
 
 class WriterConflicts:
-    """The rivalries of one line, by axis."""
+    """The writer conflicts of one line, by axis."""
 
     def __init__(self) -> None:
         self._found: dict[str, WriterConflict] = {}
 
     def refused(self, axis: str, holder: str, writer: str, now_ns: int) -> None:
-        """Note that a writer was refused because another one moves the axis."""
+        """Record that a writer was refused because another one moves the axis."""
         self._met(axis, holder, writer, now_ns).count_refused()
 
     def changed(self, axis: str, former: str, writer: str, now_ns: int) -> None:
-        """Note that a writer took an axis over from another one."""
+        """Record that a writer took an axis over from another one."""
         self._met(axis, former, writer, now_ns).count_changed()
 
     def status(self, axis: str, now_ns: int) -> WriterConflictStatus | None:
-        """Return the rivalry about an axis; None: there is none any more."""
+        """Return the conflict about an axis; None: there is none any more."""
         found = self._found.get(axis)
         if found is None or now_ns - found.last_ns > CALM_NS:
             return None
