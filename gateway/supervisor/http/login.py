@@ -265,7 +265,10 @@ class Authenticator:
         return None if visitor.session is None else visitor.session.ends_s - self._clock_s()
 
     def may_acknowledge(self, visitor: Visitor) -> bool:
-        """Whether a visitor may acknowledge alarms: by a token that has the right, never by a certificate."""
+        """Whether a visitor may acknowledge alarms.
+
+        It needs a token with that right; a certificate has none.
+        """
         return visitor.how != "certificate" and self._tokens.may_acknowledge(visitor.name)
 
     def is_still_in(self, visitor: Visitor) -> bool:
