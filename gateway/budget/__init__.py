@@ -1,1 +1,1 @@
-"""What a line can hold, by arithmetic: frames, wires, silences. Pure; no I/O, no clock."""
+"""The time budget of a line, calculated from frames, wires and silences. Pure; no I/O, no clock."""

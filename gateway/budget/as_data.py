@@ -12,7 +12,7 @@ def _ms(span_ns: int) -> float:
 
 
 def line_data(line: LineBudget) -> JsonObject:
-    """Return everything that was worked out for a line."""
+    """Return the whole budget of a line."""
     return {
         "drives": {
             **_wire_data(line.drives),
@@ -108,7 +108,7 @@ def _forwarding_data(forwarding: ForwardingBudget) -> JsonObject:
 
 
 def remedy_data(remedy: Remedy) -> JsonObject:
-    """Return one change and what it brings."""
+    """Return one change and its effect."""
     return {
         "what": remedy.what,
         "waited_before_ms": _ms(remedy.waited_before_ns),

@@ -1,4 +1,4 @@
-"""The budget of one line: each exchange of each controller, a round of them, and both without the gateway.
+"""The budget of one line: each exchange of each controller, a round of them, and both without a gateway.
 
 Spans are integers of nanoseconds.
 """
@@ -16,10 +16,10 @@ from gateway.times import NS_PER_MS, US_PER_MS
 
 # --- one exchange, leg by leg, and a round of them ---------------------------------------------------------
 #
-# The route is the relay's: a request goes on as soon as its last byte is in (its length is predicted, silence
-# is waited for only where it cannot be), each side keeps its silence from the last byte on that side, and the
-# controller sends its next request as soon as the standard lets it. Drives and controllers are taken to
-# answer at once where nobody knows better.
+# The route is the relay's. A request is sent on when its last byte has arrived: its length is predicted, and
+# only where that is impossible the gateway waits for silence. Each side keeps its silence from the last byte
+# on that side. The controller sends its next request as soon as the standard permits. Drives and controllers
+# count as answering immediately unless their delay is known.
 
 NS_PER_US = NS_PER_MS // US_PER_MS
 FOR_EVER_NS: Final = 1 << 62
@@ -33,7 +33,7 @@ class Route:
     controller: Wire
     drives: Wire
     drive_gap_ns: int
-    """Silence that the drives want before a request, beyond what their wire wants."""
+    """Silence that the drives require before a request, beyond that of their wire."""
 
     @property
     def gap_ns(self) -> int:
@@ -42,9 +42,9 @@ class Route:
 
     @property
     def direct(self) -> Wire | None:
-        """The one wire that there would be without the gateway; None where no time on it is known.
+        """The only wire without the gateway; None if its times are unknown.
 
-        It is the controller's own; a controller on TCP would have some converter before the drives' wire.
+        It is the controller's own. A controller on TCP would have a converter before the drives' wire.
         """
         return next((wire for wire in (self.controller, self.drives) if wire.is_serial), None)
 
@@ -58,53 +58,53 @@ class Legs:
     request_tail_ns: int
     """Silence that ends a request of unknown length."""
     gateway_ns: int
-    """The gateway's share, both ways together: its budget."""
+    """The gateway's budget, for both directions together."""
     gap_ns: int
-    """What is left of the silence on the drives' side since the exchange before; 0 on a quiet line."""
+    """Rest of the silence on the drives' side since the exchange before; 0 on a quiet line."""
     request_out_ns: int
     """Gateway to drive."""
     drive_ns: int
-    """The drive's own time; 0 where it is not known."""
+    """The drive's own time; 0 if unknown."""
     reply_in_ns: int
     """Drive to gateway."""
     reply_tail_ns: int
     """Silence that ends a reply of unknown length."""
     silence_ns: int
-    """What is left of the silence that the controller's wire wants between request and reply."""
+    """Rest of the silence that the controller's wire requires between request and reply."""
     reply_out_ns: int
     """Gateway to controller."""
     request_overlap_ns: int = 0
-    """0, or less: so much of the request has left before all of it came."""
+    """0 or less: the part of the request that is sent on before all of it has arrived."""
     reply_overlap_ns: int = 0
-    """The same of the reply."""
+    """The same for the reply."""
 
     @property
     def total_ns(self) -> int:
-        """From the first byte that the controller sends to the last that it gets."""
+        """From the first byte that the controller sends to the last that it receives."""
         return sum(getattr(self, leg.name) for leg in fields(self))
 
     @property
     def waited_ns(self) -> int:
-        """From the last byte that the controller sends to the last that it gets: what its time-out sees."""
+        """From the last byte that the controller sends to the last that it receives, as for its time-out."""
         return self.total_ns - self.request_in_ns
 
     @property
     def arriving_ns(self) -> int:
-        """What passes before the request begins to leave, without the gateway's share and silences."""
+        """Time until the request starts to be sent on, without the gateway's share and silences."""
         return self.request_in_ns + self.request_tail_ns + self.request_overlap_ns
 
 
 class Delay(NamedTuple):
-    """A frame that leaves while it arrives."""
+    """Cut-through forwarding of one frame."""
 
     delay_ns: int
-    """From its first bit on the one wire to its first bit on the other, with the margin."""
+    """From its first bit on one wire to its first bit on the other, with the margin."""
     saves_ns: int
-    """So much sooner than stored; 0: it is not worth it, and is stored."""
+    """Gain against storing the frame; 0: no gain, and the frame is stored."""
 
 
 def delay_of(shape: FrameShape, in_ns: int, out_ns: int) -> Delay:
-    """Return how a frame leaves between two wires with so long characters, as ``MeasuredDelay`` has it.
+    """Return the forwarding of a frame between wires with these character times, as in ``MeasuredDelay``.
 
     >>> from gateway.exchange.cut_through.delay import write_shape
     >>> delay_of(write_shape(2, 0, 2), 1_145_833, 1_145_833)  # both at 9 600 baud, 8E1
@@ -116,7 +116,7 @@ def delay_of(shape: FrameShape, in_ns: int, out_ns: int) -> Delay:
 
 
 def delays_of(route: Route, shapes: Shapes | None) -> tuple[Delay, Delay] | None:
-    """Return how a request and its reply may be cut through; None: they are stored."""
+    """Return the forwarding of a request and of its reply; None: they are stored."""
     in_ns, out_ns = route.controller.character_ns, route.drives.character_ns
     if shapes is None or not in_ns or not out_ns:
         return None
@@ -146,7 +146,7 @@ def legs_of(route: Route, frame: PduSizes, gateway_ns: int, drive_ns: int = 0) -
 
 
 def cut_through(route: Route, quiet: Legs, request: Delay, reply: Delay) -> Legs:
-    """Return the legs of an exchange on a line that was quiet whose frames leave while they arrive."""
+    """Return the legs of an exchange with cut-through forwarding, on a line that was quiet."""
     passed_ns = quiet.total_ns - quiet.request_in_ns - quiet.silence_ns - quiet.reply_out_ns
     passed_ns -= request.saves_ns + reply.saves_ns
     return replace(
@@ -158,7 +158,7 @@ def cut_through(route: Route, quiet: Legs, request: Delay, reply: Delay) -> Legs
 
 
 def drive_side_ns(route: Route, frames: Iterable[PduSizes], drive_ns: int = 0) -> int:
-    """Return how long frames of the gateway's own hold up what follows: each with a silence after it."""
+    """Return how long the gateway's own frames delay what follows: each with the silence after it."""
     return sum(
         route.drives.frame_ns(frame.request_bytes)
         + drive_ns
@@ -172,11 +172,11 @@ def drive_side_ns(route: Route, frames: Iterable[PduSizes], drive_ns: int = 0) -
 def in_round(route: Route, quiet: Sequence[Legs]) -> tuple[Legs, ...]:
     """Return the legs of exchanges that follow one another without end, from their legs on a quiet line.
 
-    A silence on the drive side costs only what is not hidden behind the controller's own wire. What one round
-    leaves to the next is how long the drives' wire has been quiet when the controller may send again. That
-    never falls when it was longer before, by no more than it was longer, and it has a least and a highest
-    value. So rounds that begin with the last exchange just over either repeat themselves from the second on,
-    or come to those that begin on a quiet line.
+    A silence on the drive side costs only what is not hidden behind the controller's own wire. A round passes
+    one value on to the next: how long the drives' wire has been quiet when the controller may send again. A
+    longer quiet time before a round never gives a shorter one after it, and the difference never grows. The
+    value also has a lower and an upper limit. So rounds that begin just after the last exchange either repeat
+    from the second on, or become those that begin on a quiet line.
     """
     _, idle_ns = _one_round(route, quiet, 0)
     legs, left_ns = _one_round(route, quiet, idle_ns)
@@ -187,12 +187,12 @@ def in_round(route: Route, quiet: Sequence[Legs]) -> tuple[Legs, ...]:
 
 
 def round_ns(route: Route, legs: Sequence[Legs]) -> int:
-    """Return how long one round takes: its exchanges, each with the silence that the controller keeps."""
+    """Return the duration of one round: its exchanges, each with the silence that the controller keeps."""
     return sum(each.total_ns + route.controller.silence_ns for each in legs)
 
 
 def _one_round(route: Route, quiet: Sequence[Legs], idle_ns: int) -> tuple[tuple[Legs, ...], int]:
-    """Return the legs, and for how long the drives' wire is quiet at the end; ``idle_ns``: at the start."""
+    """Return the legs, and the quiet time of the drives' wire at the end; ``idle_ns``: at the start."""
     found = []
     for each in quiet:
         legs = _after(route, each, idle_ns)
@@ -206,7 +206,7 @@ def _one_round(route: Route, quiet: Sequence[Legs], idle_ns: int) -> tuple[tuple
 def _after(route: Route, quiet: Legs, idle_ns: int) -> Legs:
     """Return the legs of an exchange that begins when the drives' wire has been quiet for so long.
 
-    A request that would have to wait for that silence before it begins to leave is stored.
+    A request that would have to wait for that silence before it can be sent on is stored.
     """
     if quiet.request_overlap_ns and idle_ns + quiet.arriving_ns < route.gap_ns:
         silence_ns = max(quiet.silence_ns + quiet.request_overlap_ns, 0)
@@ -219,7 +219,7 @@ def _after(route: Route, quiet: Legs, idle_ns: int) -> Legs:
 
 
 def _there_ns(legs: Legs) -> int:
-    """Return the gateway's share before the request goes out: half; how much it really is is not known."""
+    """Return the gateway's share before the request goes out: assumed half; the real part is not known."""
     return legs.gateway_ns // 2
 
 
@@ -232,14 +232,14 @@ class Direct:
 
 
 def direct_of(route: Route, frame: PduSizes, drive_ns: int = 0) -> Direct:
-    """Return what an exchange would take without the gateway."""
+    """Return the times of an exchange without the gateway."""
     wire = route.direct or Wire()
     waited_ns = drive_ns + wire.frame_ns(frame.reply_bytes)
     return Direct(wire.frame_ns(frame.request_bytes) + waited_ns, waited_ns)
 
 
 def direct_round_ns(route: Route, exchanges: Sequence[Direct]) -> int:
-    """Return what a round would take without the gateway: every frame waits for the drive's silence."""
+    """Return the duration of a round without the gateway: every frame waits for the drive's silence."""
     wire = route.direct or Wire()
     return sum(each.total_ns + max(wire.silence_ns, route.drive_gap_ns) for each in exchanges)
 
@@ -252,9 +252,9 @@ BROADCAST = PduSizes(5, 0)
 
 @dataclass(frozen=True, slots=True)
 class ForwardingBudget:
-    """One exchange of a round whose frames leave while they arrive.
+    """One exchange of a round with cut-through forwarding.
 
-    No limit is held against it: whatever is not as usual is stored, and takes the time of that.
+    No limit is checked against it: an unusual frame is stored, and takes the time of storing.
     """
 
     delays: tuple[Delay, Delay]
@@ -263,31 +263,31 @@ class ForwardingBudget:
 
     @property
     def saves_ns(self) -> int:
-        """How much sooner it is over than stored; 0: it is not worth it."""
+        """Gain against storing; 0: no gain."""
         return sum(delay.saves_ns for delay in self.delays)
 
 
 @dataclass(frozen=True, slots=True)
 class ExchangeBudget:
-    """One exchange of a round, through the gateway and without it."""
+    """One exchange of a round, with and without the gateway."""
 
     step: RoundStep
     request_bytes: int
     """On the controller's side."""
     reply_bytes: int
     legs: Legs
-    """Behind the exchange before it in a round."""
+    """After the exchange before it in a round."""
     least_ns: int
-    """What it waits on a quiet line with a gateway that takes no time: what nothing saves but the wires."""
+    """Its time on a quiet line with a gateway that takes no time: only faster wires can reduce it."""
     direct: Direct
     forwarding: "ForwardingBudget | None"
-    """The same cut through, whether the line does that or not; None: it is always stored."""
+    """The same with cut-through forwarding, whether or not the line uses it; None: it is always stored."""
     added_ns: int
-    """What frames of the gateway's own can hold it up by (W8); not in ``legs``."""
+    """Longest delay by the gateway's own frames (W8); not in ``legs``."""
 
     @property
     def with_added_ns(self) -> int:
-        """What the controller waits when frames of the gateway's own go first."""
+        """The controller's waiting time when the gateway's own frames go first."""
         return self.legs.waited_ns + self.added_ns
 
 
@@ -299,12 +299,12 @@ class RoundBudget:
     direct_ns: int
     added_ns: int
     forwarded_ns: int
-    """With everything cut through that may be; ``total_ns`` where nothing may."""
+    """With all possible cut-through forwarding; equal to ``total_ns`` if there is none."""
 
 
 @dataclass(frozen=True, slots=True)
 class ControllerBudget:
-    """What one controller has to reckon with while it is alone on the line."""
+    """Times of one controller while it is alone on the line."""
 
     index: int
     name: str
@@ -316,17 +316,17 @@ class ControllerBudget:
 
     @property
     def slowest(self) -> ExchangeBudget | None:
-        """The exchange that the controller waits for longest; None where none is known."""
+        """The exchange that the controller waits for longest; None if none is known."""
         return max(self.exchanges, key=lambda each: each.legs.waited_ns, default=None)
 
     def longest_ns(self, counted: Callable[[ExchangeBudget], int]) -> int:
-        """Return the most of what is counted of an exchange; 0 where none is known."""
+        """Return the maximum of ``counted`` over the exchanges; 0 if none is known."""
         return max(map(counted, self.exchanges), default=0)
 
 
 @dataclass(frozen=True, slots=True)
 class AddedBudget:
-    """Frames of the gateway's own, and how long they hold up what they go before."""
+    """The gateway's own frames, and how long they delay what follows."""
 
     added: Added
     hold_ns: int
@@ -334,23 +334,24 @@ class AddedBudget:
 
 @dataclass(frozen=True, slots=True)
 class LineBudget:
-    """What a line can hold."""
+    """The budget of a line."""
 
     name: str
     drives: Wire
     gap_ns: int
     """Silence before each request to the drives."""
     drive_gap_ns: int
-    """That of it which the drives want."""
+    """The part of it that the drives require."""
     response_ns: Mapping[str, int]
-    """Time that a drive itself takes, by axis. Where it is not known it is missing, and reckoned with 0."""
+    """The drive's own time, by axis. An axis with an unknown time is missing and counts as 0."""
     broadcast_ns: int
-    """How long a broadcast of one register keeps the drives' wire, with its turnaround; 0 on Modbus TCP."""
+    """How long a broadcast of one register occupies the drives' wire, with its turnaround; 0 on Modbus
+    TCP."""
     controllers: tuple[ControllerBudget, ...]
     added: tuple[AddedBudget, ...]
 
     def longest_other_ns(self, index: int) -> int:
-        """Return the longest that one exchange of another controller, with its silence, can hold one up."""
+        """Return the longest delay by one exchange of another controller, with its silence."""
         others = (each for each in self.controllers if each.index != index)
         return max(
             (
@@ -364,7 +365,7 @@ class LineBudget:
 
 
 def line_budget(plan: LinePlan, blocks: Blocks = AS_MAPPED) -> LineBudget:
-    """Work out what a line can hold. Pure arithmetic; the plan is not changed."""
+    """Return the budget of a line. Pure arithmetic; the plan is not changed."""
     drives = wire_of(plan.drives)
     drive_gap_ns = round(plan.timing.gap_ms * NS_PER_MS)
     alone = Route(Wire(), drives, drive_gap_ns)
@@ -384,7 +385,7 @@ def line_budget(plan: LinePlan, blocks: Blocks = AS_MAPPED) -> LineBudget:
         gap_ns=alone.gap_ns,
         drive_gap_ns=drive_gap_ns,
         response_ns=response_ns,
-        # The relay counts the turnaround from the moment at which it sends.
+        # The relay counts the turnaround from the moment of sending.
         broadcast_ns=0
         if is_tcp
         else max(drives.frame_ns(BROADCAST.request_bytes) + alone.gap_ns, turnaround_ns),
@@ -455,7 +456,7 @@ def _exchange_budgets(
 def _forwardings(
     route: Route, steps: Sequence[RoundStep], quiet: Sequence[Legs]
 ) -> list[ForwardingBudget | None]:
-    """Return the exchanges of a round in which all is cut through that may be."""
+    """Return the exchanges of a round with all possible cut-through forwarding."""
     delays = [delays_of(route, step.shapes) for step in steps]
     early = [
         legs if delay is None else cut_through(route, legs, *delay)
@@ -468,7 +469,7 @@ def _forwardings(
 
 
 def gateway_ns(axis: AxisPlan | None) -> int:
-    """Return what the gateway may take for one exchange of an axis, or of no axis."""
+    """Return the gateway's budget for one exchange of an axis, or of no axis."""
     budget_us = DEFAULT_BUDGET_US if axis is None else axis.budget_us
     return round(budget_us * NS_PER_MS / US_PER_MS)
 
@@ -478,7 +479,10 @@ def _drive_ns(axis: AxisPlan | None) -> int:
 
 
 def _held_up_ns(added: Sequence[AddedBudget]) -> int:
-    """Return the worst: a move is absolute or a distance, so of the reads only one is ever needed."""
+    """Return the longest delay.
+
+    A move is either absolute or relative, so only one of the reads is ever needed.
+    """
     writes = [each.hold_ns for each in added if each.added.why is Why.REWRITE]
     reads = [each.hold_ns for each in added if each.added.why is not Why.REWRITE]
     return sum(writes) + max(reads, default=0)

@@ -1,8 +1,8 @@
-"""What a controller sends in one round, told from the register map of each axis.
+"""What a controller sends in one round, derived from the register map of each axis.
 
-A round of an axis is: its target, its trigger where the drive waits for one, its position, and with
-``setpoints = "targets"`` its state. Each is the smallest frame that does it; controllers that send larger
-blocks are told so with :class:`Blocks`.
+A round of an axis is: its target, its trigger if the drive waits for one, its position, and with ``setpoints
+= "targets"`` its state. Each is the smallest possible frame. :class:`Blocks` describes controllers that send
+larger blocks.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -27,7 +27,7 @@ REGISTER_READS: Final = frozenset({Form.FC03, Form.FC04})
 
 
 class What(Enum):
-    """One exchange of a round, in the words that people read."""
+    """One exchange of a round, as displayed."""
 
     TARGET = "write target"
     TRIGGER = "trigger"
@@ -37,7 +37,7 @@ class What(Enum):
 
 
 class Why(Enum):
-    """A frame that the gateway adds by itself, in the words that people read."""
+    """A frame that the gateway adds, as displayed."""
 
     DIRECTION = "position, for the direction (M6)"
     BASE = "where a distance starts (M5)"
@@ -46,7 +46,7 @@ class Why(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Blocks:
-    """Sizes that a controller uses and a register map cannot know, in registers; 0: as the map says."""
+    """Block sizes of a controller that the register map does not show, in registers; 0: as in the map."""
 
     read_registers: int = 0
     """A block that the controller also reads from each drive in each round."""
@@ -58,7 +58,7 @@ AS_MAPPED = Blocks()
 
 
 class Shapes(NamedTuple):
-    """A request and its reply, and which of their bytes wait for which."""
+    """Shapes of a request and its reply: which of their bytes depend on which."""
 
     request: FrameShape
     reply: FrameShape
@@ -73,12 +73,12 @@ class RoundStep:
     what: What
     frame: PduSizes
     shapes: Shapes | None = None
-    """Of frames that may be cut through; None: they are stored on every line."""
+    """Of frames that may be forwarded by cut-through; None: every line stores them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Added:
-    """Frames that may have to go to the drive before an exchange of the controller can."""
+    """Frames that the gateway may have to send before an exchange of the controller."""
 
     axis: str
     why: Why
@@ -128,7 +128,7 @@ def _steps(
 
 
 def least_target_registers(axis: AxisPlan) -> int:
-    """Return how many registers the frame of a target holds at least: with its block and its mode."""
+    """Return the least number of registers in a target's frame: with its block and its mode."""
     field = axis.command[0]
     first, end = field.address if field.block is None else field.block, field.end
     mode = axis.motion.modes[0] if axis.motion.modes else None
@@ -147,7 +147,7 @@ def _target_frames(axis: AxisPlan, registers: int) -> tuple[PduSizes, ...]:
 def _target_shapes(
     axis: AxisPlan, blocks: Blocks, with_rules: Collection[int], of_unit: Iterable[AxisPlan]
 ) -> Shapes | None:
-    """Return the shapes of a target. In a block of more registers its position is taken to stand first."""
+    """Return the shapes of a target. In a larger block, its position is assumed to be first."""
     least = least_target_registers(axis)
     if blocks.target_registers <= least and axis.writes_with is not Form.FC16:
         return None
@@ -155,7 +155,7 @@ def _target_shapes(
 
 
 def _trigger(axis: AxisPlan) -> TriggerPlan | None:
-    """Return what starts a written target by a frame of its own; None where writing it does."""
+    """Return the trigger with which a frame of its own starts a target; None if writing the target does."""
     if not axis.motion.is_staged:
         return None
     triggers = axis.motion.triggers
@@ -164,7 +164,7 @@ def _trigger(axis: AxisPlan) -> TriggerPlan | None:
         for t in triggers
         for operation in t.deeds.values()
     ):
-        return None  # set once, each setpoint then moves as it is written
+        return None  # set once; then each setpoint moves when written
     return next((trigger for trigger in triggers if _runs(trigger)), None)
 
 
@@ -196,7 +196,7 @@ def _position_frame(axis: AxisPlan) -> PduSizes:
 
 
 def _status_frame(axis: AxisPlan) -> PduSizes | None:
-    """Return the read of what says that a move has ended."""
+    """Return the read of the state that shows the end of a move."""
     bit = axis.bits.get(DONE_BIT) or axis.bits.get(MOVING_BIT)
     if bit is None:
         return None
@@ -206,7 +206,7 @@ def _status_frame(axis: AxisPlan) -> PduSizes | None:
 
 
 def added_of(axis: AxisPlan) -> tuple[Added, ...]:
-    """Return what the gateway may add for an axis (W8): nothing without a table or where it may not."""
+    """Return what the gateway may add for an axis (W8): nothing without a table or without permission."""
     if not axis.added_frames or axis.table is None or axis.compensation is not CompensationMode.ON:
         return ()
     return tuple(_added(axis))
@@ -230,7 +230,7 @@ def _added(axis: AxisPlan) -> Iterator[Added]:
 
 
 def _has_branches(axis: AxisPlan) -> bool:
-    """Whether the correction goes by the direction of travel."""
+    """Whether the correction depends on the direction of travel."""
     if axis.settings.backlash is not None:
         return True
     return axis.table is not None and axis.table.max_reversal() > 0.0
@@ -243,7 +243,7 @@ def _has_distances(axis: AxisPlan) -> bool:
 
 
 def misfits(axis: AxisPlan, blocks: Blocks) -> Iterator[str]:
-    """Yield why a drive would not take these blocks."""
+    """Yield why a drive would refuse these blocks."""
     least = least_target_registers(axis)
     if blocks.target_registers and blocks.target_registers < least:
         yield f"a target of axis {axis.name} has {least} registers, not {blocks.target_registers}"
@@ -255,11 +255,11 @@ def misfits(axis: AxisPlan, blocks: Blocks) -> Iterator[str]:
             )
 
 
-# --- what may be cut through -------------------------------------------------------------------------------
+# --- what cut-through may forward --------------------------------------------------------------------------
 #
-# Which requests have a fast path the exchange decides frame by frame (``exchange.fast_path``,
-# ``exchange.cut_through``). Here stands what follows of that from the plan of an axis, for the frames of a
-# round; tests/budget holds one against the other.
+# The exchange decides for each frame whether it has a fast path (``exchange.fast_path``,
+# ``exchange.cut_through``). This part derives from the plan of an axis what that means for the frames of a
+# round. tests/budget compares the two.
 
 
 def target_shapes(
@@ -267,8 +267,8 @@ def target_shapes(
 ) -> Shapes | None:
     """Return the shapes of a target in a block of so many registers; None: it is stored.
 
-    ``with_rules``: unit ids whose frames may mean something else than positions to be gone to at once.
-    ``of_unit``: all axes of its unit id.
+    ``with_rules``: unit ids whose frames can have another meaning than positions that are executed
+    immediately. ``of_unit``: all axes of its unit id.
     """
     field = axis.command[0]
     is_plain = axis.compensation is not CompensationMode.SHADOW and not field.type.is_float
@@ -280,7 +280,7 @@ def target_shapes(
 
 
 def position_shapes(axis: AxisPlan, field: PositionField) -> Shapes | None:
-    """Return the shapes of a read of one position, with the block that it stands in; None: it is stored."""
+    """Return the shapes of a read of one position, with its block; None: it is stored."""
     if not _is_read_as_registers(axis):
         return None
     word = _word(field)
@@ -289,7 +289,7 @@ def position_shapes(axis: AxisPlan, field: PositionField) -> Shapes | None:
 
 
 def registers_shapes(axis: AxisPlan, registers: int) -> Shapes | None:
-    """Return the shapes of a read of registers that are no positions; None: it is stored."""
+    """Return the shapes of a read of registers without positions; None: it is stored."""
     return Shapes(read_shape(), reply_shape(registers)) if _is_read_as_registers(axis) else None
 
 
@@ -298,5 +298,5 @@ def _is_read_as_registers(axis: AxisPlan) -> bool:
 
 
 def _word(field: PositionField) -> int:
-    """Return at which word of its block a position begins."""
+    """Return the word of its block at which a position begins."""
     return 0 if field.block is None else field.address - field.block

@@ -1,4 +1,4 @@
-"""What the arithmetic says about a configuration: what cannot be met, what is close, what makes it faster."""
+"""The verdict of the time budget on a configuration: what is impossible, what is close, what is faster."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -14,11 +14,11 @@ from gateway.state.plan import LinePlan
 from gateway.times import NS_PER_MS
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
-# --- spans in the words that people read -------------------------------------------------------------------
+# --- spans as displayed ------------------------------------------------------------------------------------
 
 
 def ms(span_ns: int) -> str:
-    """Write a span in milliseconds, with three figures but never more than µs.
+    """Write a span in milliseconds, with three digits but nothing below a microsecond.
 
     >>> ms(65_312_500), ms(1_750_000), ms(0), ms(112_458_333)
     ('65.3', '1.75', '0', '112')
@@ -31,7 +31,7 @@ def ms(span_ns: int) -> str:
 
 
 def sum_text(terms: Iterable[tuple[int, str]]) -> str:
-    """Write the terms of a sum that are not 0.
+    """Write the terms of a sum, without those that are 0.
 
     >>> sum_text([(46_979_167, "to the drive"), (0, "drive"), (9_166_667, "back")])
     '47.0 to the drive + 9.17 back'
@@ -41,17 +41,17 @@ def sum_text(terms: Iterable[tuple[int, str]]) -> str:
 
 # --- what makes a line faster ------------------------------------------------------------------------------
 #
-# By the same arithmetic with one thing changed. Drive side first.
+# The same arithmetic with one change. Drive side first.
 
 FAST_BAUD: Final = 115_200
-"""What nearly every drive with RS-485 can do."""
+"""Nearly every drive with RS-485 supports it."""
 LEAST_GAIN: Final = 0.05
-"""Share of the time below which a change is not worth the words."""
+"""Gain, as a share of the time, below which a change is not proposed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Remedy:
-    """One change, and what it does to the slowest exchange and to a round."""
+    """One change, and its effect on the slowest exchange and on a round."""
 
     what: str
     now: ControllerBudget
@@ -59,29 +59,29 @@ class Remedy:
 
     @property
     def waited_before_ns(self) -> int:
-        """What the controller waits for the slowest exchange as it is."""
+        """The controller's waiting time for the slowest exchange, without the change."""
         return self.now.longest_ns(waited)
 
     @property
     def waited_ns(self) -> int:
-        """What it waits for it with the change."""
+        """The same with the change."""
         return self.then.longest_ns(waited)
 
     @property
     def round_before_ns(self) -> int:
-        """A round as it is."""
+        """Duration of a round without the change."""
         return self.now.round.total_ns
 
     @property
     def round_ns(self) -> int:
-        """A round with the change."""
+        """Duration of a round with the change."""
         return self.then.round.total_ns
 
     def is_worth_it(self, counted: Callable[[ExchangeBudget], int]) -> bool:
-        """Whether it is enough for the words, by what is counted of an exchange or by a round.
+        """Whether the gain is worth proposing, for ``counted`` of an exchange or for a round.
 
-        A faster controller may have to wait longer: its next request is there before the drives' wire has
-        been silent. What makes anything slower is no remedy.
+        A faster controller may have to wait longer: its next request comes before the drives' wire has been
+        silent. A change that makes anything slower is not proposed.
         """
         if self.waited_ns > self.waited_before_ns or self.round_ns > self.round_before_ns:
             return False
@@ -93,7 +93,7 @@ class Remedy:
 
 
 def waited(exchange: ExchangeBudget) -> int:
-    """Count what the controller waits for an exchange, in ns."""
+    """Return the controller's waiting time for an exchange, in ns."""
     return exchange.legs.waited_ns
 
 
@@ -103,7 +103,7 @@ def remedies(
     blocks: Blocks = AS_MAPPED,
     counted: Callable[[ExchangeBudget], int] = waited,
 ) -> tuple[Remedy, ...]:
-    """Return what would help controller ``index`` of a line, each change by itself and then all together."""
+    """Return what would help controller ``index`` of a line: each change alone, then all together."""
     now = line_budget(plan, blocks).controllers[index]
     found = [
         Remedy(what, now, line_budget(changed, changed_blocks).controllers[index])
@@ -130,31 +130,31 @@ def _changes(plan: LinePlan, index: int, blocks: Blocks) -> Iterator[tuple[str, 
         yield "only the registers of the map", plan, AS_MAPPED
 
 
-# --- what cannot be met, and what is close -----------------------------------------------------------------
+# --- what is impossible, and what is close -----------------------------------------------------------------
 
 MASTER_TIMEOUTS: Final = (
     (50.0, "minimalmodbus and the W1P controllers of Leadshine EL7 drives, as they come"),
 )
-"""Time-outs in ms of masters that are met on machines, and whose they are."""
+"""Usual time-outs of masters in ms, and their owners."""
 
 EACH: Final = 0.3
-"""Share of a time-out that is proposed for the wait for a drive, and for the silence after it."""
+"""Proposed share of a time-out for the wait for a drive, and for the silence after it."""
 
 
 class Grade(Enum):
-    """How bad it is."""
+    """Severity of a judgement."""
 
     IMPOSSIBLE = "impossible"
-    """Whatever software does: an error of ``check``."""
+    """With any software: an error of ``check``."""
     CLOSE = "close"
     """A warning of ``check``."""
     NOTE = "note"
-    """Worth knowing before anything is wired: only ``budget`` says it."""
+    """Useful before the wiring: only ``budget`` reports it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """One thing that the arithmetic says about a key."""
+    """One judgement on a key."""
 
     grade: Grade
     key: tuple[str | int, ...]
@@ -163,7 +163,7 @@ class Judgement:
 
 
 def judge(plan: LinePlan, blocks: Blocks = AS_MAPPED) -> tuple[Judgement, ...]:
-    """Return what the arithmetic says about a line."""
+    """Return all judgements on a line."""
     line = line_budget(plan, blocks)
     found = [each for controller in line.controllers for each in _timeouts(plan, controller, blocks)]
     found += (each for axis in plan.axes for each in _deadlines(line, axis))
@@ -176,7 +176,7 @@ def judge(plan: LinePlan, blocks: Blocks = AS_MAPPED) -> tuple[Judgement, ...]:
 
 
 def _timeouts(plan: LinePlan, controller: ControllerBudget, blocks: Blocks) -> Iterator[Judgement]:
-    """Yield the worst that can be said about a controller's time-out, for its worst exchange."""
+    """Yield the most severe judgement on a controller's time-out, for its worst exchange."""
     if not controller.exchanges:
         return
     key = ("line", plan.name, "controllers", controller.index, "timeout_ms")
@@ -205,7 +205,7 @@ def _timeouts(plan: LinePlan, controller: ControllerBudget, blocks: Blocks) -> I
 
 
 def _master_timeouts(plan: LinePlan, controller: ControllerBudget, blocks: Blocks) -> Iterator[Judgement]:
-    """Yield which masters would give up through the gateway that do not without it."""
+    """Yield the masters whose time-out is exceeded only with the gateway."""
     slowest = controller.slowest
     if slowest is None or not controller.wire.is_serial:
         return
@@ -238,7 +238,7 @@ def _reply_to(exchange: ExchangeBudget) -> str:
 
 
 def _waited(exchange: ExchangeBudget) -> str:
-    """Say when a reply is there, with the terms of the sum."""
+    """Return the arrival time of a reply in words, with the terms of the sum."""
     legs = exchange.legs
     terms = (
         (legs.request_tail_ns, "silence after the request"),
@@ -260,7 +260,7 @@ def _faster(
     blocks: Blocks,
     counted: Callable[[ExchangeBudget], int] = waited,
 ) -> str:
-    """Say what to change, with what it brings to what is ``counted``, and what it takes as it is."""
+    """Return what to change, its effect on ``counted``, and the present value."""
     ways = []
     for each in remedies(plan, controller.index, blocks, counted):
         before_ns, after_ns = each.now.longest_ns(counted), each.then.longest_ns(counted)
@@ -279,7 +279,7 @@ def _faster(
 
 
 def _deadlines(line: LineBudget, axis: AxisPlan) -> Iterator[Judgement]:
-    """Yield whether a target or trigger can go out before it is late, and be there before it is stale."""
+    """Yield whether a target or trigger can be sent before it is late, and arrive before it is stale."""
     if not axis.deadline_ms:
         return
     key, limit = ("axis", axis.name, "deadline_ms"), axis.deadline_ms * NS_PER_MS
@@ -325,11 +325,12 @@ def _there(line: LineBudget, axis: AxisPlan, own_ns: int) -> tuple[int, str]:
 
 
 def _starving(plan: LinePlan) -> Iterator[Judgement]:
-    """Yield the motion controllers that a silent drive keeps from all others (W6, W7, W11).
+    """Yield the motion controllers for which a silent drive delays all others (W6, W7, W11).
 
-    The gateway waits for a drive as long as the controller that asked, at least ``response_timeout_ms``, and
-    what moves another one waits for ``drain_ms`` of silence after that. Modbus TCP needs no such silence. The
-    third time the drive is dead, and costs the others a trial from time to time, without the silence.
+    The gateway waits for a drive as long as the requesting controller does, at least ``response_timeout_ms``.
+    Then motion frames of another controller wait for ``drain_ms`` of silence. Modbus TCP needs no such
+    silence. After the third time-out the drive counts as dead. From then on it costs the others an occasional
+    trial, without the silence.
     """
     is_rtu = not isinstance(plan.drives, TcpEndpoint) or plan.drives.rtu
     if not is_rtu or len({axis.unit_id for axis in plan.axes}) < 2:
@@ -363,7 +364,7 @@ def _starving(plan: LinePlan) -> Iterator[Judgement]:
 
 
 def _forwarding_judgements(plan: LinePlan, line: LineBudget) -> Iterator[Judgement]:
-    """Yield why a line that is to be cut through must not be, or would gain nothing by it (W12)."""
+    """Yield why a line with cut-through must not use it, or gains nothing (W12)."""
     if not plan.cut_through:
         return
     key = ("line", plan.name, "cut_through")
@@ -389,5 +390,5 @@ def _forwarding_judgements(plan: LinePlan, line: LineBudget) -> Iterator[Judgeme
 
 
 def of_grade(judgements: Sequence[Judgement], *grades: Grade) -> tuple[Judgement, ...]:
-    """Return those of some grades."""
+    """Return the judgements of these grades."""
     return tuple(each for each in judgements if each.grade in grades)

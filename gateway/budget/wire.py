@@ -1,6 +1,6 @@
-"""Frames and the wires that they travel on: how many bytes, what a byte takes, what silence frames need.
+"""Frames and the wires that carry them: number of bytes, character time, required silence.
 
-The numbers of a wire are those that the relay itself goes by: ``gateway.transport.framing``.
+The numbers of a wire are the relay's own: ``gateway.transport.framing``.
 """
 
 from collections.abc import Callable, Mapping
@@ -15,7 +15,7 @@ from gateway.transport.framing import TCP_SILENCE_NS, frame_silence_ns
 
 # --- bytes of frames ---------------------------------------------------------------------------------------
 #
-# Of the PDUs with which positions, triggers and states travel (Modbus application protocol V1.1b3).
+# Of the PDUs that carry positions, triggers and states (Modbus application protocol V1.1b3).
 
 MEI_PDU: Final = 12
 """CANopen general reference: function, MEI type, option, two reserved, index, sub-index, start, count."""
@@ -24,12 +24,12 @@ MOST_WRITTEN: Final = 123
 
 
 class PduSizes(NamedTuple):
-    """A request and its reply: bytes of their PDUs."""
+    """Sizes of the PDUs of a request and its reply, in bytes."""
 
     request_bytes: int
     reply_bytes: int
     ends_by_silence: bool = False
-    """Their own bytes do not say how long they are, so each ends where its wire falls silent."""
+    """Their length does not follow from their own bytes; each ends with a silence on its wire."""
 
 
 READS: Final[Mapping[Form, Callable[[int], PduSizes]]] = {
@@ -58,7 +58,7 @@ def read_frame(form: Form, words: int) -> PduSizes:
 
 
 def write_frames(form: Form, words: int) -> tuple[PduSizes, ...]:
-    """Return what writes so many registers: one frame, or one for each word.
+    """Return the frames that write so many registers: one, or one for each word.
 
     >>> len(write_frames(Form.FC06, 2)), write_frames(Form.FC16, 2)[0].request_bytes
     (2, 10)
@@ -77,17 +77,17 @@ class Wire:
     """One side of the gateway."""
 
     bits_per_byte: int = 0
-    """Start, data, parity and stop bits; 0 where no time on a wire is known."""
+    """Start, data, parity and stop bits; 0 if the times are unknown."""
     baudrate: int = 0
-    """0 where there is no serial port."""
+    """0 if it is not a serial port."""
     silence_ns: int = 0
-    """Least silence between two frames; 0 on TCP."""
+    """Minimum silence between two frames; 0 on TCP."""
     tail_ns: int = 0
-    """Silence that ends a frame whose own bytes do not say how long it is; 0 on Modbus TCP."""
+    """Silence that ends a frame whose length does not follow from its own bytes; 0 on Modbus TCP."""
     overhead_bytes: int = ADU_OVERHEAD
-    """What a frame has besides its PDU."""
+    """Bytes of a frame besides its PDU."""
     is_hidden: bool = False
-    """There is a serial line behind a serial device server, of which nothing is known."""
+    """There is a serial line behind a serial device server, and its times are unknown."""
 
     @property
     def is_serial(self) -> bool:
@@ -96,7 +96,7 @@ class Wire:
 
     @property
     def character_ns(self) -> int:
-        """What a byte takes; 0 where no wire is known."""
+        """Character time; 0 if unknown."""
         return round(self.bits_per_byte * NS_PER_S / self.baudrate) if self.baudrate else 0
 
     def frame_bytes(self, pdu_bytes: int) -> int:
@@ -104,7 +104,7 @@ class Wire:
         return pdu_bytes + self.overhead_bytes
 
     def frame_ns(self, pdu_bytes: int) -> int:
-        """Return how long a frame takes from its first bit to its last; 0 where no wire is known.
+        """Return the duration of a frame from its first bit to its last; 0 if unknown.
 
         >>> Wire(bits_per_byte=11, baudrate=9600).frame_ns(10)  # FC16 of two registers: 13 bytes
         14895833

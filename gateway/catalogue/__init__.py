@@ -1,5 +1,5 @@
-"""Everything that the gateway may say about itself: what it means, what usually causes it, what to do.
+"""Everything that the gateway may report: what it means, its usual cause, what to do.
 
-Pure data, below every other layer: whoever says something takes the entry from here, so that no name is
-misspelt and none is without an explanation. The command ``explain`` and docs/messages.md show it.
+Pure data, below every other layer. Code that reports something takes the entry from here, so every name is
+spelt correctly and explained. The command ``explain`` and docs/messages.md show the catalogue.
 """

@@ -1,4 +1,4 @@
-"""What can be wrong right now: kinds of trouble, as ``supervisor.trouble`` finds them in the status."""
+"""Kinds of alarms: what can be wrong now, as ``supervisor.active_alarms`` finds it in the status."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -6,12 +6,12 @@ from typing import Final
 from gateway.catalogue.entry import AlarmEntry, Severity
 
 SILENT_S: Final = 2.0
-"""A drive whose requests have been left unanswered for so long is silent; one lost answer is not."""
+"""A drive counts as silent after so long without a response; one lost reply is not enough."""
 FEWEST_ASKED: Final = 3
-"""A unit id without an axis that left fewer requests unanswered was only looked for."""
+"""Fewer unanswered requests to a unit id without an axis are a scan."""
 CONTROLLER_SILENT_S: Final = 5.0
-"""A line that no motion controller has asked for so long has none. Motion controllers poll several times a
-second, and one that connects again is back sooner; ``writer_hold_s`` is as long for the same reason."""
+"""A line without a request of a motion controller for so long has none. Motion controllers poll several times
+a second, and one that reconnects is back sooner. ``writer_hold_s`` is as long for the same reason."""
 RELAY_DOWN: Final = AlarmEntry(
     "relay-down",
     Severity.ERROR,
@@ -349,11 +349,11 @@ MQTT: Final = AlarmEntry(
 ALARMS: Final[Mapping[str, AlarmEntry]] = {
     entry.kind: entry for entry in tuple(globals().values()) if isinstance(entry, AlarmEntry)
 }
-"""Every kind of trouble, worst first within a severity: gateway, line, drive, axis, supervisor."""
+"""Every kind of alarm, worst first within a severity: gateway, line, drive, axis, supervisor."""
 OF_COMPENSATION: Final = (BLOCKED, UNREFERENCED, OFF, SHADOW, NO_TABLE, OUTSIDE)
-"""Those that are called as a state of the compensation, and say nothing but what that means."""
+"""Alarms named after a state of the compensation; they only explain that state."""
 OF_SUPERVISOR: Final = (CONFIGURATION, TABLES_FOLDER, STATE_FOLDER, HTTP, MQTT)
-"""Those that are called as the key of ``supervisor`` in the status that has their ``problem``."""
+"""Alarms named after the key of ``supervisor`` in the status that has their ``problem``."""
 
 _OF_TABLE: Final = (TABLE_REJECTED, TABLE_REMOVED)
 _OF_RELAY: Final = tuple(
@@ -361,7 +361,7 @@ _OF_RELAY: Final = tuple(
     for entry in ALARMS.values()
     if entry not in (RELAY_DOWN, RELAY_SILENT, *_OF_TABLE, SUPERVISOR_DOWN, *OF_SUPERVISOR)
 )
-"""Those that are told from what the relay says: of one that says nothing nobody knows whether they last."""
+"""Alarms from the relay's report. While the relay is silent, it is unknown whether they last."""
 HIDES: Final[Mapping[AlarmEntry, tuple[AlarmEntry, ...]]] = {
     RELAY_DOWN: _OF_RELAY,
     RELAY_SILENT: _OF_RELAY,
@@ -378,4 +378,4 @@ HIDES: Final[Mapping[AlarmEntry, tuple[AlarmEntry, ...]]] = {
     TABLE_REJECTED: (NO_TABLE,),
     TABLE_REMOVED: OF_COMPENSATION,
 }
-"""What follows from a trouble in the same place, or within it, and is not told as long as that lasts."""
+"""What follows from an alarm at the same path, or inside it; hidden as long as that alarm lasts."""

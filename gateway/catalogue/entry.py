@@ -1,4 +1,4 @@
-"""What an entry of the catalogue is made of."""
+"""The types of catalogue entries."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -11,7 +11,7 @@ NOTHING_TO_DO: Final = "nothing to do"
 
 
 class Severity(Enum):
-    """How loud a note is; the values are the levels of structlog."""
+    """Severity of a log entry; the values are the levels of structlog."""
 
     INFO = "info"
     WARNING = "warning"
@@ -20,18 +20,18 @@ class Severity(Enum):
 
 @dataclass(frozen=True, slots=True)
 class EventEntry:
-    """An event: something that happened, as it stands in the log and in everything that is told of it."""
+    """An event: something that happened, as in the log and in all other reports."""
 
     name: str
     severity: Severity
     description: str
-    """What it says, as the end of a sentence; with the keys that it carries where they need a word."""
+    """What it reports, as the end of a sentence, with the keys that it carries if they need a word."""
     cause: str
-    """What usually brings it about."""
+    """Usual cause."""
     remedy: str = NOTHING_TO_DO
     """What to do about it; begins with a verb."""
     also: Severity | None = None
-    """What else it may be: whoever tells of it knows."""
+    """The other possible severity; the code that reports the event decides."""
 
 
 def _with_gaps(text: str) -> str:
@@ -48,19 +48,21 @@ def entries_of(module: ModuleType) -> Iterator[EventEntry]:
 
 @dataclass(frozen=True, slots=True)
 class AlarmEntry:
-    """Something that is wrong now, as banner, terminal and alerts show it until it is right."""
+    """Something that is wrong now. Banner, terminal and alerts show it until it is right."""
 
     kind: str
     severity: Severity
-    """``error``: positions do not pass, or not corrected; ``warning``: they do, and somebody should look."""
+    """``error``: positions do not pass, or pass uncorrected; ``warning``: they pass, but an operator should
+    check."""
     description: str
     cause: str
     remedy: str
-    """Begins with a verb: the page begins its sentence with it, and no key or command stands a capital."""
+    """Begins with a verb, because the page begins its sentence with it; keys and commands have no capital
+    letter."""
     title: str = ""
-    """In two or three words, where an axis shows it in the place of its compensation."""
+    """Two or three words, shown at an axis in place of its compensation."""
     cuts_off: bool = False
-    """No command reaches some drive as long as it lasts."""
+    """Commands do not reach some drive as long as it lasts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,15 +71,15 @@ class RefusalEntry:
 
     code: int
     begins: str
-    """How the detail of its event begins, with the names of what is filled in; empty: no event has one."""
+    """Beginning of its event's detail, with the names of its fields; empty: no event has it."""
     ends: str
-    """How it goes on."""
+    """Rest of the detail."""
     cause: str
     remedy: str
 
     @property
     def says(self) -> str:
-        """How the detail begins, … for what is filled in."""
+        """Beginning of the detail, with … for each field."""
         return _with_gaps(self.begins)
 
     def sentence(self, **fields: object) -> str:
@@ -87,11 +89,11 @@ class RefusalEntry:
 
 @dataclass(frozen=True, slots=True)
 class ExceptionEntry:
-    """An exception of Modbus, as a drive answers it."""
+    """A Modbus exception that a drive answers."""
 
     code: int
     title: str
-    """As the standard names it."""
+    """Its name in the standard."""
     description: str
     cause: str
     remedy: str
@@ -104,18 +106,18 @@ class StartEntry:
     """Why a process does not start."""
 
     begins: str
-    """How the sentence on standard error begins, with the names of what is filled in."""
+    """Beginning of the sentence on standard error, with the names of its fields."""
     cause: str
     remedy: str
     description: str = "the gateway does not start"
 
     @property
     def says(self) -> str:
-        """How the sentence begins, … for what is filled in."""
+        """Beginning of the sentence, with … for each field."""
         return _with_gaps(self.begins)
 
     def begin(self, **fields: object) -> str:
-        """Return how the sentence begins."""
+        """Return the beginning of the sentence."""
         return self.begins.format(**fields)
 
 
@@ -125,7 +127,7 @@ class RemarkEntry:
 
     code: str
     severity: str
-    """In words: an error keeps the table from being loaded, and what is refused is no table."""
+    """In words: an error means that the table is not loaded; a refused file is not a table."""
     description: str
     remedy: str
 

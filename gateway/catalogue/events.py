@@ -1,4 +1,4 @@
-"""Every event, by name and by group. Adding one: a constant in the file of its group, and nothing else."""
+"""Every event, by name and by group. To add one, add a constant to the file of its group."""
 
 from collections.abc import Mapping
 from types import ModuleType
@@ -24,7 +24,7 @@ GROUPS: Final[tuple[ModuleType, ...]] = (
     publishing_events,
     sensor_events,
 )
-"""In the order in which documents list them; the first line of each says what it holds."""
+"""In the order of the documents; the first line of each is its title."""
 
 EVENTS: Final[Mapping[str, EventEntry]] = {
     entry.name: entry for group in GROUPS for entry in entries_of(group)

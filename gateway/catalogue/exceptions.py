@@ -1,4 +1,4 @@
-"""Exceptions of Modbus, as a drive answers them: what they mean, and how people and programs write them."""
+"""Modbus exceptions from drives: what they mean, and how people and programs write them."""
 
 import re
 from collections.abc import Mapping
@@ -88,18 +88,18 @@ EXCEPTIONS: Final = (
 TITLES: Final[Mapping[int, str]] = {entry.code: entry.title for entry in EXCEPTIONS}
 """By code."""
 LIBMODBUS: Final = 112_345_678
-"""libmodbus has its error numbers begin here: an exception is this and its code (``MODBUS_ENOBASE``)."""
+"""libmodbus adds the exception code to this number (``MODBUS_ENOBASE``)."""
 _BEFORE: Final = r"(?:modbus )?(?:exception|error|exc|ex)?(?: ?code)? ?[:=#]? ?"
 _HEX: Final = re.compile(rf"{_BEFORE}(?:0x|\\x|x|\$|&h|16#)([0-9a-f]{{1,4}})|{_BEFORE}([0-9a-f]{{1,4}})h")
 _PLAIN: Final = re.compile(rf"{_BEFORE}([0-9a-f]{{1,2}}|1123456[0-9]{{2}})")
 _PAIR: Final = re.compile(
     rf"{_BEFORE}(?:0x|\\x|\$)?([89a-f][0-9a-f])h?[ ,:/-]*(?:0x|\\x|\$)?([0-9a-f]{{2}})h?"
 )
-"""Function code with bit 7 set, and the code: as they stand in a frame."""
+"""Function code with bit 7 set, and the exception code, as in a frame."""
 
 
 def code_in(asked: str) -> int | None:
-    """Return the code of the exception that somebody means, whichever way it is written; None: nobody does.
+    """Return the exception code in any of the usual spellings; None: the text is not an exception.
 
     >>> [code_in(asked) for asked in ("0x0B", "0b", "11", "$0B", "0Bh", "16#0B", "exception 11", "83 0B")]
     [11, 11, 11, 11, 11, 11, 11, 11]

@@ -1,4 +1,4 @@
-"""Traffic: what happens between controllers, axes and drives. The exchange tells of it with a detail."""
+"""Traffic: what happens between controllers, axes and drives. The exchange reports it with a detail."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""Lines and controllers: ports, connections, and who was let in."""
+"""Lines and controllers: ports, connections, and which clients were admitted."""
 
 from typing import Final
 

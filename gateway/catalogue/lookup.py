@@ -1,4 +1,4 @@
-"""Finding what a word or a sentence of the gateway means, whichever part of the catalogue has it."""
+"""Finds the meaning of a word or a sentence of the gateway in all parts of the catalogue."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -18,7 +18,7 @@ from gateway.status.line import LINE_COUNTERS
 from gateway.status.model import COUNTERS
 
 FEWEST_LETTERS: Final = 8
-"""Of a piece of a sentence: with fewer it would be found in many."""
+"""Minimum length of a part of a sentence; a shorter one would occur in many."""
 OF_METRIC: Final[Mapping[str, str]] = {
     "controller_frames": "whole",
     "controller_damaged_frames": "damaged",
@@ -30,15 +30,15 @@ OF_METRIC: Final[Mapping[str, str]] = {
 }
 """The key of a counter by its name in the metrics, without ``pitch_gateway_`` and ``_total``."""
 ON_PAGE: Final[Mapping[str, str]] = {"exchanges/s": "exchanges", "over": "budget_overruns"}
-"""Counters for which the page shows another text than their words or key: the key, by that text."""
+"""Counters for which the page has another text than their words or key: the key, by that text."""
 
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """One entry, whatever it is about; what an entry of its kind has not is empty."""
+    """One entry of any kind; fields that its kind does not have are empty."""
 
     kind: str
-    """``event``, ``alarm``, ``state``, ``remark``, ``counter``, ``exception``, ``start``; the command adds
+    """``event``, ``trouble``, ``state``, ``remark``, ``counter``, ``exception``, ``start``; the command adds
     ``key``."""
     name: str
     severity: str
@@ -52,7 +52,7 @@ class Explanation:
 
 
 def look_up(asked: str) -> list[Explanation]:
-    """Return everything that is called so; an exception by its code, a sentence by how it begins.
+    """Return all entries with this name; an exception by its code, a sentence by its beginning.
 
     >>> [(found.kind, found.severity) for found in look_up("table-rejected")]
     [('event', 'error'), ('trouble', 'error')]
@@ -72,7 +72,7 @@ def look_up(asked: str) -> list[Explanation]:
 
 
 def counter(asked: str) -> str | None:
-    """Return the key of the counter that is called so: its key, its words or its metric; None: none is.
+    """Return the key of a counter, from its key, its words or its metric; None: there is no such counter.
 
     >>> [counter(asked) for asked in ("Time-outs", "pitch_gateway_line_timeouts_total", "timeouts")]
     ['timeouts', 'timeouts', 'timeouts']
@@ -86,12 +86,12 @@ def counter(asked: str) -> str | None:
 
 
 def names() -> list[str]:
-    """Return every word that can be asked for, each once."""
+    """Return every name in the catalogue, each once."""
     return list(dict.fromkeys((*(entry.name for entry in _named()), *COUNTERS)))
 
 
 def near(asked: str) -> list[str]:
-    """Return words that were probably meant, the nearest first."""
+    """Return the likely intended words, the nearest first."""
     return get_close_matches(asked.strip().lower(), names(), n=3, cutoff=0.6)
 
 
@@ -112,7 +112,7 @@ def everything() -> dict[str, list[Explanation]]:
 
 
 def plain(text: str) -> str:
-    """Return a text of the catalogue for a terminal: a link is its words.
+    """Return a text of the catalogue for a terminal: a link becomes its words.
 
     >>> plain("see [what a restart knows](operations.md#what-a-restart-knows)")
     'see what a restart knows'
@@ -121,7 +121,7 @@ def plain(text: str) -> str:
 
 
 def severities(entry: EventEntry) -> str:
-    """Return how loud an event is, in words.
+    """Return the severity of an event, in words.
 
     >>> severities(EVENTS["mqtt-command"])
     'info or warning'
@@ -130,7 +130,7 @@ def severities(entry: EventEntry) -> str:
 
 
 def code_of(entry: RefusalEntry) -> str:
-    """Return an exception code as documents write it.
+    """Return an exception code as in the documents.
 
     >>> code_of(REFUSALS[0])
     '0x01'
@@ -183,12 +183,12 @@ def _made(kind: str, name: str, *texts: str) -> Explanation:
 
 
 def _with_page(text: str) -> str:
-    """Name the page of a heading that a text links to."""
+    """Add the page of a heading to a link in a text."""
     return re.sub(r"(\]\(([a-z-]+\.md)#[^)]+\))", r"\1 in docs/\2", text)
 
 
 def _fits(text: str, says: str) -> bool:
-    """Whether a sentence that somebody saw holds what an entry says, or a piece of it is a piece of that."""
+    """Whether a sentence contains the text of an entry, or a part of it is a part of that text."""
     parts: Mapping[str, str] = {part: re.escape(part) for part in says.split("…")}
     if re.search(".+".join(parts.values()), text):
         return True

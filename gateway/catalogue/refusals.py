@@ -1,6 +1,6 @@
-"""Exceptions that the gateway itself answers. What a drive answers passes as it is, also with these codes.
+"""Exceptions from the gateway itself. Exceptions from a drive pass unchanged, also with these codes.
 
-Each sentence stands here, and the place that refuses fills it in. They come in the order of their codes.
+Each sentence is here; the code that refuses fills in its fields. They are in the order of their codes.
 """
 
 from typing import Final

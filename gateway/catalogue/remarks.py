@@ -1,4 +1,4 @@
-"""What a remark about a table means: signs of a mistake (L), and what a reader had to take on trust (R)."""
+"""Meaning of the remarks about a table: signs of a mistake (L), and a reader's assumptions (R)."""
 
 from typing import Final
 

@@ -1,6 +1,6 @@
 """Why a process does not start, and the exit codes of the command line.
 
-How each sentence begins stands here; the place that finds the reason fills it in and goes on from there.
+The beginning of each sentence is here; the code that finds the reason fills it in and continues it.
 """
 
 from collections.abc import Mapping
@@ -170,4 +170,4 @@ RECORDING_NOT_WRITTEN: Final = StartEntry(
 )
 
 STARTS: Final = tuple(each for each in tuple(globals().values()) if isinstance(each, StartEntry))
-"""What stands on standard error, and in the events that tell of ports which are waited for."""
+"""Texts on standard error, and in the events about ports that the gateway waits for."""

@@ -1,4 +1,4 @@
-"""States that the status shows, each with what it means and what to do."""
+"""States in the status, each with what it means and what to do."""
 
 from collections.abc import Mapping
 from typing import Final

@@ -1,4 +1,4 @@
-"""A sentence with what differs in it: in English a text like any other, and for others its two parts."""
+"""A sentence with variable parts: text in English, and its parts for translation."""
 
 from typing import Any, Self
 
@@ -6,7 +6,7 @@ from gateway.plain import JsonObject
 
 
 class Text(str):
-    """An English sentence that knows the words it was made of, so that it can be said in another language.
+    """An English sentence that keeps its template and values, so that it can be translated.
 
     >>> text = Text("the drives at {address} cannot be reached{failure}", address="COM3", failure="")
     >>> text, text.as_data()["values"]
@@ -33,7 +33,7 @@ class Text(str):
 
 
 def text_data(text: object) -> Any:
-    """Return a sentence as plain data: a text that knows nothing more stays what it is."""
+    """Return a sentence as plain data; ordinary text stays text."""
     if isinstance(text, Text):
         return text.as_data()
     return str(text)

@@ -1,1 +1,4 @@
-"""``gateway.toml`` to frozen, checked objects; every error names file, key, value and what is allowed."""
+"""Reads ``gateway.toml`` into frozen, checked objects.
+
+Each error names file, key, value and what is allowed.
+"""

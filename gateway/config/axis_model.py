@@ -1,4 +1,4 @@
-"""``[axis.NAME]``: one axis, its place on the bus, its scale, its table and what is done with it."""
+"""``[axis.NAME]``: one axis, its unit id, its scale, its table and how the table is used."""
 
 from enum import Enum
 from typing import Annotated
@@ -45,7 +45,7 @@ class HomeApproach(Enum):
 
     @property
     def sign(self) -> int:
-        """+1 forward, -1 backward, 0 not known."""
+        """+1 forward, -1 backward, 0 unknown."""
         return {HomeApproach.NONE: 0, HomeApproach.FORWARD: 1, HomeApproach.BACKWARD: -1}[self]
 
 
@@ -57,14 +57,14 @@ class AddedFrames(Enum):
 
 
 class Unmapped(Enum):
-    """What happens to a write to a position that is not mapped; also to a relative move without a base."""
+    """How a write to a position that is not mapped is handled, and a relative move without a known base."""
 
     REFUSE = "refuse"
     PASS = "pass"  # noqa: S105 (no password)
 
 
 class StoredMoves(Enum):
-    """What happens to the start of a move whose target the drive keeps."""
+    """How the start of a move with a target stored in the drive is handled."""
 
     REFUSE = "refuse"
     UNCORRECTED = "uncorrected"
@@ -78,13 +78,13 @@ class Writers(Enum):
 
 
 class ReloadSpec(StrictModel):
-    """How one table gives way to another while setpoints stream."""
+    """How a new table replaces the old one while setpoints stream."""
 
     distance: PositiveLength = Field(description="setpoint travel of the blend, in units")
 
 
 class BacklashSpec(StrictModel):
-    """Constant lost motion beside a table that knows one direction only."""
+    """Constant lost motion, beside a table with one direction only."""
 
     width: PositiveLength = Field(description="the lost motion, in units")
     kind: ByName[BacklashKind] = Field(description="where it is put")
@@ -448,12 +448,12 @@ class AxisSection(StrictModel):
 
     @property
     def is_corrected(self) -> bool:
-        """Whether anything of it may be corrected: it has a table, or a backlash of its own."""
+        """Whether the axis can be corrected: it has a table, or a backlash of its own."""
         return self.table is not None or self.backlash is not None
 
 
 class GroupSection(StrictModel):
-    """Axes that carry one beam together."""
+    """The axes of one gantry."""
 
     axes: Annotated[ListOf[Name], Field(min_length=2)] = Field(
         description="the axes of the group", json_schema_extra=documented(more="At least two")

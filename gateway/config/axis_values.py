@@ -1,4 +1,4 @@
-"""Settings of an axis that are written as a word, a number or a small table."""
+"""Settings of an axis that are a word, a number or a small table."""
 
 from collections.abc import Mapping
 from math import isfinite
@@ -41,7 +41,7 @@ def read_gain(raw: object) -> Gain:
 
 
 def read_outside(raw: object) -> Outside:
-    """Read what holds outside the table.
+    """Read the policy for positions outside the table.
 
     Raises:
         ValueError: what is allowed.
@@ -56,7 +56,7 @@ def read_outside(raw: object) -> Outside:
 
 
 def read_reversal(raw: object) -> Reversal:
-    """Read what a blend between the branches advances with.
+    """Read what advances a blend between the branches.
 
     Raises:
         ValueError: what is allowed.

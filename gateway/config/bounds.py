@@ -1,4 +1,4 @@
-"""The numbers that a field of the schema accepts, in words."""
+"""The bounds of a model's numeric field, in words."""
 
 from collections.abc import Iterator
 from typing import Annotated, Any, Final, get_args, get_origin
@@ -9,7 +9,7 @@ _WORDS: Final = {"ge": "at least", "gt": "greater than", "le": "at most", "lt": 
 
 
 def bounds_text(field: FieldInfo) -> str:
-    """Say between which numbers the values of a field lie, "" where nothing bounds them.
+    """Return the bounds of a field's values in words, "" if it has none.
 
     >>> from gateway.config.line_model import ControllerSection
     >>> bounds_text(ControllerSection.model_fields["timeout_ms"])
@@ -25,7 +25,7 @@ def bounds_text(field: FieldInfo) -> str:
 
 
 def _constraints(part: Any) -> Iterator[Any]:
-    """Yield the constraints of a field and of everything its type is made of."""
+    """Yield the constraints of a field and of all parts of its type."""
     if isinstance(part, FieldInfo):
         yield from part.metadata
         yield from _constraints(part.annotation)

@@ -1,4 +1,4 @@
-"""Checked models to the plain plan that the relay runs from."""
+"""Builds the plan that the relay runs from checked models."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -35,7 +35,7 @@ def build_plan(
     drives: Mapping[str, NamedProfile],
     crosses: Crosses,
 ) -> GatewayPlan:
-    """Build the plan of a configuration in which nothing is wrong."""
+    """Build the plan of a configuration without errors."""
     lines = (line_plan(name, sections, tables, drives) for name in sections.lines)
     return GatewayPlan(
         sections.gateway.name,
@@ -55,7 +55,7 @@ def _with_crosses(line: LinePlan, crosses: Crosses) -> LinePlan:
 def line_plan(
     name: str, sections: Sections, tables: Mapping[str, AxisTable], drives: Mapping[str, NamedProfile]
 ) -> LinePlan:
-    """Build the plan of one line, in which nothing is wrong."""
+    """Build the plan of one line without errors."""
     line = sections.lines[name]
     axes = {axis_name: axis for axis_name, axis in sections.axes.items() if axis.line == name}
     return LinePlan(
@@ -71,7 +71,7 @@ def line_plan(
             **planned(LineTiming, line),
             drain_ms=line.response_timeout_ms if line.drain_ms is None else line.drain_ms,
             connects_on_demand=line.connect is Connect.ON_DEMAND,
-            # Drives share the wire: the one that needs the longest silence sets the pace.
+            # Drives share the bus: the one that needs the longest silence determines it.
             gap_ms=max([line.gap_ms, *(_registers(axis).gap_ms for axis in axes.values())]),
         ),
         other_units=_other_units(line, {axis.unit_id for axis in axes.values()}),
@@ -81,9 +81,9 @@ def line_plan(
 
 
 def _other_units(line: LineSection, axis_ids: set[int]) -> OtherUnits:
-    """Return what is known of unit ids without an axis; stops matter where one stands alone on Modbus/TCP.
+    """Return the settings of unit ids without an axis. Stop commands matter for a single unit on Modbus/TCP.
 
-    Where a frame ends that has another length than its function code says only a serial port can tell.
+    Only a serial port can find the end of a frame whose length does not follow from its function code.
     """
     is_alone = line.drives.tcp is not None and len(axis_ids) == 1
     unit_ids = frozenset(line.other_units)
@@ -93,7 +93,7 @@ def _other_units(line: LineSection, axis_ids: set[int]) -> OtherUnits:
 
 @cache
 def shipped_stops() -> frozenset[StopWord]:
-    """Return what stops the drives of all shipped profiles."""
+    """Return the stop commands of all shipped drive profiles."""
     triggers = (
         trigger for name in library.names() for trigger in library.shipped(name).registers.motion().triggers
     )

@@ -1,4 +1,4 @@
-"""A configuration into the state folder, in the form that the relay starts from."""
+"""Compiles a configuration into the state folder, in the form from which the relay starts."""
 
 import hashlib
 import json
@@ -19,15 +19,15 @@ def compile_into_state(
     tables_folder: TablesFolder | None = None,
     over: CompiledPlan | None = None,
 ) -> dict[str, bytes]:
-    """Write a plan and its tables, and what they were made from; returns the compiled tables by axis.
+    """Write a plan, its tables and its sources; return the compiled tables by axis.
 
-    ``plan`` is what the configuration amounts to (``last_good.settle``); without it, what it says.
-    ``tables_folder`` is the folder in which its tables were, where that is not the one they were read from.
-    ``over`` is what is replaced, where that may be nothing else.
+    ``plan`` is the resulting plan (``last_good.settle``); without it, that of the configuration.
+    ``tables_folder`` is the folder that its tables were in, if that is not the one they were read from.
+    ``over`` is the plan to replace, if only that one may be replaced.
 
     Raises:
-        StateError: the state folder cannot be written, or not by root, or a profile was removed, or another
-            configuration compiled meanwhile; with the remedy.
+        StateError: the state folder cannot be written, or not by root; or a profile was removed, or another
+            configuration was compiled meanwhile; with the remedy.
     """
     sources = sources_of(loaded)
     if problem := why_not_for_root(loaded.state_folder):
@@ -48,7 +48,7 @@ def compile_into_state(
 def sources_of(loaded: Loaded) -> dict[str, str]:
     """Return the files that a plan is made from, by absolute path, with the SHA-256 of each.
 
-    The tables of axes are not among them; those of ``cross`` are.
+    Tables of axes are not included; those of ``cross`` are.
 
     Raises:
         StateError: a profile was removed meanwhile.
@@ -67,7 +67,7 @@ def sources_of(loaded: Loaded) -> dict[str, str]:
 
 
 def keys_of(tables: Any) -> dict[str, str]:
-    """Return what a document says, each value as JSON by its key, so that two of them can be compared.
+    """Return the values of a document as JSON, by key, so that two documents can be compared.
 
     >>> keys_of({"axis": {"x": {"gain": 0.5, "travel": [0, 10]}}})
     {'axis.x.gain': '0.5', 'axis.x.travel[1]': '0', 'axis.x.travel[2]': '10'}

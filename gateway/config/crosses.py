@@ -1,4 +1,4 @@
-"""The tables of ``cross``: read once, with the configuration, of which they are a part."""
+"""The tables of ``cross``: read once, together with the configuration, as a part of it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ from gateway.exchange.plan import CrossPlan
 from gateway.tabfile import FileContext, TableState
 
 MOST_POINTS = 2000
-"""They travel in the plan, which is no place for more."""
+"""Limit of the points, because they are stored in the plan."""
 
 
 @dataclass(frozen=True, slots=True)
 class CrossTable:
-    """One of them, and its file."""
+    """One table of ``cross``, and its file."""
 
     plan: CrossPlan
     path: Path
@@ -33,7 +33,7 @@ Crosses = Mapping[str, tuple[CrossTable, ...]]
 
 
 def read_crosses(findings: Findings, sections: Sections, folder: Path) -> Crosses:
-    """Read the tables of ``cross`` of every axis; what is wrong goes to ``findings``."""
+    """Read the tables of ``cross`` of every axis; problems go to ``findings``."""
     found: dict[str, tuple[CrossTable, ...]] = {}
     for name, axis in sections.axes.items():
         tables = [

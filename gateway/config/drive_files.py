@@ -1,4 +1,4 @@
-"""From the ``drive`` of an axis to its registers: a shipped profile by name, or a file of the user's."""
+"""From the ``drive`` of an axis to its registers: a shipped profile by name, or the user's own file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,21 +17,21 @@ from gateway.drives.profile import Profile, faults
 
 @dataclass(frozen=True, slots=True)
 class NamedProfile:
-    """A profile, and how the configuration names it."""
+    """A profile, with its name in the configuration."""
 
     name: str
     profile: Profile
 
     @property
     def is_shipped(self) -> bool:
-        """Whether it came with the gateway."""
+        """Whether the gateway includes it."""
         return library.is_name(self.name)
 
 
 def fit_drives(findings: Findings, sections: Sections, folder: Path) -> Mapping[str, NamedProfile]:
-    """Give every axis that names a drive the registers of its profile; what is wrong goes to ``findings``.
+    """Set the registers of every axis that names a drive; problems go to ``findings``.
 
-    From here on ``axis.registers`` are the registers in force, wherever they came from.
+    From here on ``axis.registers`` are the registers in force, whatever their source.
     """
     named: dict[str, NamedProfile] = {}
     for axes in (sections.axes, sections.partial_axes):
@@ -65,7 +65,7 @@ def _profile_of(findings: Findings, name: str, axis: AxisSection, drive: str, fo
 
 
 def near_names(drive: str) -> str:
-    """Say which name was probably meant; a maker's name alone is enough."""
+    """Return the likely intended names; a maker's name alone is enough."""
     names = library.names()
     near = [name for name in names if drive.lower() in name] or get_close_matches(
         drive.lower(), names, n=3, cutoff=0.5
@@ -88,7 +88,7 @@ def _read_file(findings: Findings, name: str, path: Path) -> Profile | None:
 
 
 def read_profile(path: Path) -> Profile:
-    """Read and check a profile of the user's own.
+    """Read and check the user's own profile.
 
     Raises:
         ConfigErrors: everything that is wrong with it, with file, line and key.

@@ -45,9 +45,9 @@ class NamedFileError(Exception):
 
 
 def is_out_of_reach(name: str) -> bool:
-    """Whether a file is a credential that this process was not given: only a service that was can look.
+    """Whether a file is a credential that this process did not get: only the service can read it.
 
-    A name that no credential can have is not: it is refused everywhere.
+    A name that no credential can have returns False: it is refused everywhere.
     """
     if not name.startswith(CREDENTIAL) or not is_credential_name(name):
         return False
@@ -59,12 +59,12 @@ def is_out_of_reach(name: str) -> bool:
     except FileNotFoundError:
         return True
     except OSError:
-        pass  # handed over, and what is wrong with it is said when it is read
+        pass  # passed to this process; reading it reports what is wrong
     return False
 
 
 def warn_out_of_reach(findings: Findings, key: KeyPath, name: str) -> None:
-    """Say that a credential was not looked at."""
+    """Warn that a credential was not checked."""
     findings.warn(
         key,
         f"{name} was not looked at: only the service that is given it can",
@@ -73,10 +73,10 @@ def warn_out_of_reach(findings: Findings, key: KeyPath, name: str) -> None:
 
 
 def path_of(key: KeyPath, name: str, folder: Path) -> Path:
-    """Return the path of a file that the key at ``key`` names, relative to ``folder`` or a credential.
+    """Return the path of the file that ``key`` names, relative to ``folder`` or as a credential.
 
     Raises:
-        NamedFileError: a credential that was not handed over.
+        NamedFileError: a credential that this process did not get.
     """
     try:
         return secret_path(name, folder)
@@ -85,7 +85,7 @@ def path_of(key: KeyPath, name: str, folder: Path) -> Path:
 
 
 def read_secret_line(key: KeyPath, name: str, folder: Path, what: str) -> str:
-    """Return the one line that a secret's file holds; the end of the line does not count.
+    """Return the one line in a secret's file, without its line end.
 
     Raises:
         NamedFileError: it cannot be read, every user may read it, or it holds anything else.
@@ -108,10 +108,10 @@ def read_secret_line(key: KeyPath, name: str, folder: Path, what: str) -> str:
 
 
 def pem_path(key: KeyPath, name: str, folder: Path) -> Path:
-    """Return the path of a file in PEM that can be read; a private key not by every user.
+    """Return the path of a readable PEM file; a private key must not be readable by every user.
 
     Raises:
-        NamedFileError: it is missing, no regular file, or every user may read the key.
+        NamedFileError: it is missing, not a regular file, or every user may read the key.
     """
     path = path_of(key, name, folder)
     try:
@@ -122,16 +122,15 @@ def pem_path(key: KeyPath, name: str, folder: Path) -> Path:
 
 
 def load_pair(context: ssl.SSLContext, key: KeyPath, names: tuple[str, str], folder: Path) -> None:
-    """Have a context show a certificate; ``names`` are those of it and of its key, ``key`` names the first.
+    """Load a certificate and its key into a context; ``names`` are the two files, ``key`` names the first.
 
     Raises:
-        NamedFileError: one of them cannot be read, every user may read the key, or they do not belong
-            together.
+        NamedFileError: a file cannot be read, every user may read the key, or the two do not match.
     """
     certificate = pem_path(key, names[0], folder)
     private_key = pem_path((*key[:-1], "key"), names[1], folder)
     try:
-        # OpenSSL would ask a terminal for the password of an encrypted key.
+        # OpenSSL would ask on the terminal for the password of an encrypted key.
         context.load_cert_chain(certificate, private_key, password=lambda: "")
     except (ssl.SSLError, OSError) as error:
         raise NamedFileError(
@@ -142,26 +141,26 @@ def load_pair(context: ssl.SSLContext, key: KeyPath, names: tuple[str, str], fol
 
 
 def no_certificates(key: KeyPath, name: str, error: OSError) -> NamedFileError:
-    """Return what is said of a file of authorities that OpenSSL does not take."""
+    """Return the error for a file of authorities that OpenSSL refuses."""
     found = f"{name}: no certificates ({reason_of(error)})"
     return NamedFileError(key, found, "give a file with certificates in PEM")
 
 
-# --- The files that ``[http]`` names: tokens, a certificate with its key, authorities of clients
+# --- The files that ``[http]`` names: tokens, a certificate with its key, client authorities
 
 SHORTEST_TOKEN: Final = 32
 FEWEST_CHARACTERS: Final = 8
-"""Different ones. Of 32 random hexadecimal digits there are 14 as a rule, and hardly ever fewer than 9; a
-letter that was held down has one."""
+"""Different ones. 32 random hexadecimal digits usually have 14 and hardly ever fewer than 9. A letter that
+was held down has one."""
 _TOKEN: Final = re.compile(rf"[A-Za-z0-9._~+/=-]{{{SHORTEST_TOKEN},512}}")
 TLS_KEY: Final = ("http", "tls")
 
 
 def read_token(key: KeyPath, name: str, folder: Path) -> str:
-    """Return the token that is all a file holds.
+    """Return the token that is the whole content of a file.
 
     Raises:
-        NamedFileError: it cannot be read, every user may read it, or nobody would call that random.
+        NamedFileError: it cannot be read, every user may read it, or the token is not random enough.
     """
     token = read_secret_line(key, name, folder, "token")
     if not _TOKEN.fullmatch(token) or len(set(token)) < FEWEST_CHARACTERS:
@@ -174,13 +173,13 @@ def read_token(key: KeyPath, name: str, folder: Path) -> str:
 
 
 def server_context(tls: HttpTlsSection, folder: Path, *, needs_client: bool) -> ssl.SSLContext:
-    """Return what the page needs to speak TLS. Reads files: it may block.
+    """Return the TLS context of the page. Reads files: it may block.
 
-    ``needs_client``: whoever has no certificate is not even answered.
+    ``needs_client``: a client without a certificate is refused in the handshake.
 
     Raises:
-        NamedFileError: a file is missing, is something else, every user may read the key, or it is not that
-            of the certificate.
+        NamedFileError: a file is missing or of another kind, every user may read the key, or it does not
+            match the certificate.
     """
     context = bare_server_context()
     load_pair(context, (*TLS_KEY, "certificate"), (tls.certificate, tls.key), folder)
@@ -212,7 +211,7 @@ PASSWORD_KEY = ("mqtt", "password_file")
 
 
 def read_password(name: str, folder: Path) -> str:
-    """Return the password that is all a file holds; the end of its line does not count.
+    """Return the password that is the whole content of a file, without its line end.
 
     Raises:
         NamedFileError: it cannot be read, every user may read it, or it holds anything else.
@@ -221,14 +220,14 @@ def read_password(name: str, folder: Path) -> str:
 
 
 def tls_context(tls: TlsSection, folder: Path) -> ssl.SSLContext:
-    """Return what a client needs to trust a broker, and to be trusted. Reads files: it may block.
+    """Return the TLS context of an MQTT client. Reads files: it may block.
 
     Raises:
-        NamedFileError: a file is missing, is something else, every user may read the key, or it is not that
-            of the certificate.
+        NamedFileError: a file is missing or of another kind, every user may read the key, or it does not
+            match the certificate.
     """
     key = ("mqtt", "tls")
-    # Without a name of our own the system's authorities hold; a file that is named replaces them.
+    # If no file is named, the system's authorities apply; a named file replaces them.
     authorities = None if tls.ca is None else pem_path((*key, "ca"), tls.ca, folder)
     try:
         context = ssl.create_default_context(cafile=None if authorities is None else os.fspath(authorities))
@@ -239,13 +238,13 @@ def tls_context(tls: TlsSection, folder: Path) -> ssl.SSLContext:
     return context
 
 
-# --- What a check says of files of certificates that are not good, or not for long
+# --- Warnings for certificates that are not valid, or not for long
 
 
 def warn_of_times(findings: Findings, key: KeyPath, path: Path, now: datetime) -> None:
-    """Warn of every certificate of a file that OpenSSL has taken and that is not, or not for long, good.
+    """Warn of every certificate of a loadable file that is not valid, or not for long.
 
-    No more than that: whoever looks is turned away by such a page or broker, but axes go on to be corrected.
+    It is only a warning: clients or the broker refuse such a certificate, but axes are still corrected.
     """
     try:
         certificates = read_facts(path)
@@ -259,7 +258,7 @@ def warn_of_times(findings: Findings, key: KeyPath, path: Path, now: datetime) -
 
 
 def warn_of_list(findings: Findings, key: KeyPath, path: Path, now: datetime) -> None:
-    """Warn of a list of revoked certificates that has run out, or soon will: nobody comes in then."""
+    """Warn of a revocation list that has expired or expires soon: then every client is refused."""
     try:
         _, ends = list_ends(path)
     except FileRefusedError as error:

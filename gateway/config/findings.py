@@ -1,4 +1,4 @@
-"""A configuration file as it was read, and what is wrong with it: errors of the models in words."""
+"""A configuration file as read, and what is wrong with it: model errors in plain words."""
 
 import hashlib
 import re
@@ -20,26 +20,27 @@ from gateway.drives.strict import Mark, marks_of
 from gateway.files import FileRefusedError, read_regular_file
 from gateway.state.folder import LARGEST_CONFIGURATION
 
-# --- One configuration file as text: its tables, and the lines its keys stand on
+# --- One configuration file as text: its tables, and the lines of its keys
 
 _SYNTAX_ERROR: Final = re.compile(
     r"(?P<what>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)"
 )
 DEEPEST: Final = 50
-"""No key lies so deep, and what copies or compares such a document would run out of stack."""
+"""No key is nested so deep. Copying or comparing a deeper document would exhaust the stack."""
 TOO_DEEP: Final = ("tables or arrays nested beyond reason", "write the keys that the reference lists")
 _PART: Final = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
 _DOTTED: Final = re.compile(
     rf"(?:^|[{{,])[ \t\[]*{_PART}(?:[ \t]*\.[ \t]*{_PART}){{{DEEPEST}}}", re.MULTILINE
 )
-"""A key of more parts than any has: the standard reader takes the square of their number over it."""
+"""A key of more parts than any valid key has: the standard reader's time grows with the square of the
+parts."""
 _TWICE: Final = re.compile("overwrite|declare|duplicate|namespace", re.IGNORECASE)
-"""How the standard reader speaks of keys and tables that are given twice."""
+"""The standard reader's words for keys and tables that are given twice."""
 
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A configuration that is TOML; what it means is not known yet."""
+    """A configuration that is valid TOML and not interpreted yet."""
 
     path: Path
     tables: Mapping[str, Any]
@@ -50,16 +51,16 @@ class Document:
 
 
 def read_document(path: Path, what: str = "a configuration file") -> Document:
-    """Read a TOML file; ``what`` is named where another file is needed.
+    """Read a TOML file; ``what`` names the expected kind of file in errors.
 
     Raises:
-        ConfigErrors: the file cannot be read, is no text, or is not TOML; with line and column.
+        ConfigErrors: the file cannot be read, is not text, or is not TOML; with line and column.
     """
     return parse_document(path, *_read_text(path, what))
 
 
 def parse_document(path: Path, text: str, sha256: str = "") -> Document:
-    """Read the text of a TOML file that stands, or stood, at ``path``.
+    """Parse the text of the TOML file at ``path``; the file itself is not read.
 
     Raises:
         ConfigErrors: it is not TOML; with line and column.
@@ -78,7 +79,7 @@ def parse_document(path: Path, text: str, sha256: str = "") -> Document:
 
 
 def _too_deep_at(tables: Mapping[str, Any], text: str) -> int | None:
-    """Return the first line with tables or arrays deeper than any key; None where there are none."""
+    """Return the first line with tables or arrays deeper than any key; None if there is none."""
     waiting: list[tuple[object, int]] = [(tables, 0)]
     while waiting:
         here, depth = waiting.pop()
@@ -99,7 +100,7 @@ def _read_text(path: Path, what: str) -> tuple[str, str]:
     except FileRefusedError as error:
         raise _refuse(path, error.found, error.remedy) from None
     try:
-        # Editors on Windows put a byte order mark in front; CR LF is TOML's own.
+        # Editors on Windows write a byte order mark; TOML itself permits CR LF.
         text = content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
@@ -137,63 +138,63 @@ def _refuse(
     return ConfigErrors([Problem(str(path), "", found, remedy, line, column)])
 
 
-# --- The problems of one configuration, as they are collected
+# --- The problems of one configuration
 
 
 @dataclass(slots=True)
 class Findings:
-    """Collects everything that is wrong with one document, or worth a warning."""
+    """Collects all errors and warnings of one document."""
 
     document: Document
     problems: list[Problem] = field(default_factory=list)
     warnings: list[Problem] = field(default_factory=list)
     refused: set[KeyPath] = field(default_factory=set)
-    """Keys that something was wrong with."""
+    """Keys with an error."""
     _lines_of: dict[KeyPath, KeyPath] = field(default_factory=dict)
 
     def refuse(self, path: KeyPath, found: str, remedy: str) -> None:
-        """Note a problem of the key at ``path``."""
+        """Add an error of the key at ``path``."""
         self.refused.add(path)
         self.problems.append(self._problem(path, found, remedy))
 
     def refuse_elsewhere(self, path: KeyPath, problem: Problem) -> None:
-        """Note a problem in another file, which the key at ``path`` names."""
+        """Add an error in another file, which the key at ``path`` names."""
         self.refused.add(path)
         self.problems.append(problem)
 
     def warn(self, path: KeyPath, found: str, remedy: str) -> None:
-        """Note a warning of the key at ``path``."""
+        """Add a warning of the key at ``path``."""
         self.warnings.append(self._problem(path, found, remedy))
 
     def is_refused(self, path: KeyPath) -> bool:
-        """Whether this key, something in it or a table around it was refused already."""
+        """Whether this key, a key in it or a table around it already has an error."""
         return any(path[: len(other)] == other or other[: len(path)] == path for other in self.refused)
 
     def part(self) -> "Findings":
-        """Return findings of the same document for a part of it, to be looked at by themselves.
+        """Return findings for a part of the same document that is checked separately.
 
-        What has been refused so far counts there too; :meth:`include` brings the part's own back.
+        Keys refused so far count there too. :meth:`include` takes over the part's own findings.
         """
         return Findings(self.document, refused=set(self.refused), _lines_of=self._lines_of)
 
     def include(self, part: "Findings") -> None:
-        """Take over what was found in a part."""
+        """Take over the findings of a part."""
         self.problems += part.problems
         self.warnings += part.warnings
         self.refused |= part.refused
 
     def raise_if_any(self) -> None:
-        """Raise everything at once, in the order of the file.
+        """Raise all errors together, in the order of the file.
 
         Raises:
-            ConfigErrors: there are problems.
+            ConfigErrors: there are errors.
         """
         if self.problems:
             file = str(self.document.path)
             raise ConfigErrors(in_file_order(self.problems, file), in_file_order(self.warnings, file))
 
     def stand_on_line_of(self, path: KeyPath, other: KeyPath) -> None:
-        """Show problems of keys below ``path``, which is not in the file, on the line of ``other``."""
+        """Show problems of keys below ``path``, which is not in the file, at the line of ``other``."""
         self._lines_of[path] = other
 
     def _problem(self, path: KeyPath, found: str, remedy: str) -> Problem:
@@ -202,7 +203,7 @@ class Findings:
         return Problem(str(self.document.path), key_text(path), found, remedy, line)
 
 
-# --- What a schema error means to the person who wrote the file
+# --- Schema errors in words for the author of the file
 
 UNKNOWN_KEY: Final = "unknown key"
 _ALLOWED: Final[Mapping[str, str]] = {
@@ -243,7 +244,7 @@ def explain(
 
 
 def existing(raw: object, detail: ErrorDetails) -> KeyPath:
-    """Return the place of an error as far as it exists in the file; a missing key still counts."""
+    """Return the path of an error as far as it exists in the file; a missing key still counts."""
     key_path = detail["loc"]
     here = raw
     for depth, part in enumerate(key_path):
@@ -258,7 +259,7 @@ def existing(raw: object, detail: ErrorDetails) -> KeyPath:
 
 
 def _is_aftermath(detail: ErrorDetails) -> bool:
-    """A list whose elements were refused counts as too short; that says nothing new."""
+    """A list whose elements were refused counts as too short; that error adds nothing."""
     found = detail["input"]
     return (
         detail["type"] == "too_short"
@@ -288,7 +289,7 @@ def _words(root: type[BaseModel], detail: ErrorDetails) -> tuple[str, str]:
 
 
 def suggest(unknown: str, allowed: Sequence[str]) -> str:
-    """Say what an unknown key was probably meant to be, or what may stand there.
+    """Return the likely intended key, or the allowed keys.
 
     >>> suggest("counts_per_units", ["counts_per_unit", "units"])
     'did you mean counts_per_unit?'
@@ -298,7 +299,7 @@ def suggest(unknown: str, allowed: Sequence[str]) -> str:
 
 
 def keys_at(root: type[BaseModel], key_path: KeyPath) -> list[str]:
-    """Return the keys that may stand in the table at ``key_path`` of a section."""
+    """Return the allowed keys of the table at ``key_path`` of a section."""
     model = _model_at(root, key_path)
     return list(model.model_fields) if model is not None else []
 
@@ -309,14 +310,14 @@ def _description(root: type[BaseModel], key_path: KeyPath) -> str:
 
 
 def field_at(root: type[BaseModel], key_path: KeyPath) -> FieldInfo | None:
-    """Return the field of the key at ``key_path`` of a section; None where it knows none."""
+    """Return the field of the key at ``key_path`` of a section; None for an unknown key."""
     names = [part for part in key_path if isinstance(part, str)]
     model = _model_at(root, tuple(names[:-1]))
     return model.model_fields.get(names[-1]) if model is not None and names else None
 
 
 def marks_at(root: type[BaseModel], key_path: KeyPath) -> frozenset[Mark]:
-    """Return what the key at ``key_path`` of a section declares in its type; nothing where it knows none."""
+    """Return the marks in the type of the key at ``key_path`` of a section; empty for an unknown key."""
     names = [part for part in key_path if isinstance(part, str)]
     model = _model_at(root, tuple(names[:-1]))
     return marks_of(model).get(names[-1], frozenset()) if model is not None and names else frozenset()
@@ -328,7 +329,7 @@ def _model_at(root: type[BaseModel], key_path: KeyPath) -> type[BaseModel] | Non
     for part in key_path:
         if isinstance(part, int):
             continue
-        if names_follow:  # a name that the file chose; the keys of its table come next
+        if names_follow:  # the file chose this name; the keys of its table come next
             names_follow = False
             continue
         if part not in model.model_fields:
@@ -342,7 +343,7 @@ def _model_at(root: type[BaseModel], key_path: KeyPath) -> type[BaseModel] | Non
 
 
 def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
-    """Yield the models that a field's type is made of."""
+    """Yield the models in a field's type."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for part in get_args(annotation):

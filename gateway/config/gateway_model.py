@@ -12,7 +12,7 @@ from gateway.state.folder import DEFAULT_STATE
 
 
 def _check_event(name: str) -> str:
-    """Check that there is an event of this name. Raises ValueError otherwise."""
+    """Check that an event of this name exists. Raises ValueError otherwise."""
     if name not in EVENTS:
         raise ValueError(f"allowed: a name of an event; {suggest(name, list(EVENTS))}")
     return name
@@ -23,7 +23,7 @@ Folder = Annotated[str, Field(min_length=1, pattern=r"^[^\x00]*$")]
 
 
 class GatewaySection(StrictModel):
-    """What concerns the gateway as a whole."""
+    """Settings of the whole gateway."""
 
     name: Name = Field(default="gateway", description="name of this gateway in status and messages")
     tables: Live[Folder] = Field(
@@ -47,7 +47,7 @@ class GatewaySection(StrictModel):
 
 
 class StatusUnitSection(StrictModel):
-    """The unit id at which the gateway answers for itself."""
+    """The gateway's own unit id."""
 
     id: Annotated[int, Field(ge=1, le=254)] = Field(
         description="unit id at which controllers read the state of the gateway; of no drive",
@@ -62,7 +62,7 @@ class StatusUnitSection(StrictModel):
 
 
 class CaptureSection(StrictModel):
-    """What is kept of the frames of the last minutes."""
+    """How much of the recent frames is kept."""
 
     size_mb: Annotated[float, Field(ge=0, le=256)] = Field(
         default=4,

@@ -27,7 +27,7 @@ def check_listen(text: str) -> str:
 
 
 class TokenSection(StrictModel):
-    """A token with which somebody may look, and acknowledge alarms where that is said."""
+    """A token that permits viewing, and acknowledging alarms if its key says so."""
 
     name: Name = Field(description="who or what has it, for the log")
     file: FileName = Field(
@@ -40,7 +40,7 @@ class TokenSection(StrictModel):
 
 
 class HttpTlsSection(StrictModel):
-    """How the gateway shows who it is, and who may look with a certificate."""
+    """The gateway's certificate, and which client certificates permit viewing."""
 
     certificate: FileName = Field(
         description="file with the certificate of the page, and those between it and its authority"
@@ -100,5 +100,5 @@ class HttpSection(StrictModel):
 
     @property
     def endpoint(self) -> TcpEndpoint | None:
-        """Where the page is; None where it is off."""
+        """Address of the page; None if it is off."""
         return TcpEndpoint(*parse_address(self.listen)) if self.listen else None

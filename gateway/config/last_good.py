@@ -1,7 +1,7 @@
-"""Which table each axis is to have where some files are good, some bad and some gone.
+"""Decides the table of each axis when some files are valid, some invalid and some removed.
 
-A bad file changes nothing: what was in force stays. A file that was taken away takes the correction with it.
-Axes of a group have their tables together or not at all.
+An invalid file changes nothing: the table in force stays. Removing a file removes its correction. Axes of a
+group get their tables together or not at all.
 """
 
 from collections.abc import Collection, Mapping
@@ -17,21 +17,21 @@ from gateway.tabfile import TableState
 
 
 class TableSource(Enum):
-    """Where the table of an axis comes from."""
+    """Source of an axis's table."""
 
     FILE = "file"
-    """Its file, which is good."""
+    """Its valid file."""
     KEPT = "kept"
-    """Its file is bad: whatever was in force stays, be it no table."""
+    """Its file is invalid: what was in force stays, even if that is no table."""
     ABSENT = "absent"
-    """Its file was taken away, or switched off by its name: nothing is corrected."""
+    """Its file was removed, or switched off by its name: no correction."""
     REFUSED = "refused"
-    """Its file is bad or missing, and nothing was in force that could stay."""
+    """Its file is invalid or missing, and nothing in force can stay."""
 
 
 @dataclass(frozen=True, slots=True)
 class Settled:
-    """A plan with the table that each axis is to have, and where that comes from."""
+    """A plan with the table that each axis gets, and its source."""
 
     plan: GatewayPlan
     sources: Mapping[str, TableSource]
@@ -39,7 +39,7 @@ class Settled:
 
     @property
     def refused(self) -> tuple[str, ...]:
-        """Axes without which nothing may be changed, or started."""
+        """Axes that prevent every change, or the start."""
         return tuple(name for name, source in self.sources.items() if source is TableSource.REFUSED)
 
 
@@ -50,11 +50,11 @@ def settle(
     is_start: bool = False,
     waiting: Collection[str] = (),
 ) -> Settled:
-    """Return what a configuration amounts to, given what was in force before.
+    """Return the result of a configuration, given what was in force before.
 
-    ``loaded`` was read with ``forgives_tables``; ``waiting`` are axes whose file is being written, or has
-    been gone for a moment only, and counts for nothing yet: what was in force stays if it may. At a start
-    only a file that was known before may be bad or missing: one that never was is a slip in the
+    ``loaded`` was read with ``forgives_tables``. ``waiting`` are axes whose file is being written, or has
+    been gone for a moment only. It does not count yet: what was in force stays if allowed. At a start, only a
+    file that was known before may be invalid or missing. A file that never existed is an error in the
     configuration.
     """
     old = {} if before is None else {axis.name: axis for line in before.lines for axis in line.axes}
@@ -87,14 +87,14 @@ def _source(reading: TableReading, old: AxisPlan | None, new: AxisPlan, *, is_st
 def _source_of_moving(
     reading: TableReading, old: AxisPlan | None, new: AxisPlan, *, is_start: bool
 ) -> TableSource:
-    """Return where the table comes from as long as its file counts for nothing."""
+    """Return the source of the table while its file does not count."""
     if old is not None:
         return TableSource.KEPT if _still_fits(old, new) else TableSource.REFUSED
     return _source(reading, old, new, is_start=is_start) if reading.is_absent else TableSource.REFUSED
 
 
 def _still_fits(old: AxisPlan, new: AxisPlan) -> bool:
-    """Whether the table in force may stay with the settings that are to be."""
+    """Whether the table in force fits the new settings."""
     table, settings = old.table, new.settings
     if table is None:
         return True
@@ -107,7 +107,7 @@ def _still_fits(old: AxisPlan, new: AxisPlan) -> bool:
 def _together(
     sources: Mapping[str, TableSource], old: Mapping[str, AxisPlan], new: Mapping[str, AxisPlan]
 ) -> dict[str, TableSource]:
-    """Return what the axes of one group get."""
+    """Return the sources with those of each group made equal."""
     for decides in (TableSource.REFUSED, TableSource.ABSENT, TableSource.KEPT):
         if decides in sources.values():
             break

@@ -38,12 +38,12 @@ class Parity(Enum):
 
     @property
     def letter(self) -> str:
-        """The letter that serial ports know it by."""
+        """The letter that serial ports use for it."""
         return self.value[0].upper()
 
 
 class _SerialSettings(StrictModel):
-    """The character format of a serial port, and the rule that it belongs to one."""
+    """The character format of a serial port, and the rule that only a serial port has one."""
 
     rtu: Device | None = Field(default=None, description="path of a serial port that carries Modbus RTU")
     tcp: Tcp | None = Field(default=None, description="HOST:PORT of Modbus TCP")
@@ -111,7 +111,7 @@ WAYS = ("rtu", "tcp", "rtu_over_tcp")
 
 
 def broken_rule(model: type[_SerialSettings], keys: Collection[str]) -> str:
-    """Say which rule about its keys a table breaks, "" for none; values are not looked at.
+    """Return the rule about its keys that a table breaks, "" for none; values are not checked.
 
     >>> broken_rule(ControllerSection, {"name", "rtu", "tcp"})
     'allowed: exactly one of rtu, tcp, rtu_over_tcp'
@@ -130,7 +130,7 @@ def broken_rule(model: type[_SerialSettings], keys: Collection[str]) -> str:
 
 
 class DrivesEndpoint(_SerialSettings):
-    """Where the drives are."""
+    """The endpoint of the drives."""
 
     rtu: Device | None = Field(
         default=None,
@@ -155,7 +155,7 @@ class DrivesEndpoint(_SerialSettings):
 
     @property
     def endpoint(self) -> TcpEndpoint | SerialEndpoint:
-        """The place in plain data."""
+        """The endpoint in plain data."""
         tcp_endpoint = self.tcp or self.rtu_over_tcp
         if tcp_endpoint is not None:
             return tcp_endpoint
@@ -259,28 +259,28 @@ class ControllerSection(RightsKeys, _SerialSettings):
 
     @property
     def roles_in_use(self) -> tuple[Role, ...]:
-        """What its connections may be, the one that may do most first."""
+        """Possible roles of its connections, the one with most rights first."""
         found = {each.role for each in self.roles.values()} if self.tls is not None else {self.role}
         return tuple(role for role in Role if role in found) or (self.role,)
 
     @property
     def listens(self) -> TcpEndpoint | None:
-        """Where it is listened for, unless it is wired to a serial port."""
+        """Address of its listener; None for a serial port."""
         return self.tcp or self.rtu_over_tcp
 
     @property
     def way(self) -> str:
-        """The key that says where it is."""
+        """The key that names its endpoint."""
         return next(way for way in WAYS if getattr(self, way) is not None)
 
     @property
     def endpoint(self) -> TcpEndpoint | SerialEndpoint:
-        """The place in plain data."""
+        """The endpoint in plain data."""
         return self.listens or self.serial_endpoint(self.rtu or "")
 
 
 class Connect(Enum):
-    """When there is a connection to the drives."""
+    """When the gateway is connected to the drives."""
 
     ALWAYS = "always"
     ON_DEMAND = "on-demand"

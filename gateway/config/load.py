@@ -1,4 +1,4 @@
-"""A configuration file to everything that runs from it, or to everything that is wrong with it."""
+"""Loads a configuration file: the result is everything that runs from it, or all errors."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -39,23 +39,23 @@ from gateway.transport.certificates import now_utc
 
 @dataclass(frozen=True, slots=True)
 class Loaded:
-    """A configuration in which nothing is wrong; but see :func:`load` for its tables."""
+    """A configuration without errors; see :func:`load` for its tables."""
 
     path: Path
     plan: GatewayPlan
     tables_folder: Path
     read_from: TablesFolder | None
-    """The folder that was at this path just before the tables were read; None: there was none."""
+    """The folder at this path just before the tables were read; None: there was none."""
     state_folder: Path
     tables: Mapping[str, AxisTable]
-    """The table of each axis that has one, with the file it came from."""
+    """The table of each axis that has one, with its file."""
     readings: Mapping[str, TableReading]
-    """What became of the table of each axis that names one."""
+    """The result of reading the table of each axis that names one."""
     warnings: tuple[Problem, ...]
     drives: Mapping[str, NamedProfile]
     """The profile of each axis that names one."""
     document: Document
-    """What it says, as TOML has it."""
+    """Its content as TOML."""
     sections: Sections
     crosses: Crosses
     """The tables of ``cross``."""
@@ -69,10 +69,10 @@ def load(
     is_start: bool = False,
     is_elsewhere: bool = False,
 ) -> Loaded:
-    """Do what :func:`load_document` does with a file.
+    """Apply :func:`load_document` to a file.
 
     Raises:
-        ConfigErrors: everything that is wrong with it, at once.
+        ConfigErrors: all errors together.
     """
     return load_document(
         read_document(path),
@@ -93,13 +93,13 @@ def load_document(
 ) -> Loaded:
     """Read, check and build a configuration with all its tables.
 
-    Without ``checks_times`` nothing is said about limits that the arithmetic of time proves wrong. With
-    ``forgives_tables`` what is wrong with tables only stays in their readings, and their axes have none.
-    With ``is_start`` this user is about to run it, and what he may not open is refused. With
-    ``is_elsewhere`` it is another machine's: what that one has besides, as its secrets, is not asked for.
+    Without ``checks_times``, limits are not checked against the time budget. With ``forgives_tables``, errors
+    in tables stay in their readings only, and their axes have no table. With ``is_start``, this user is about
+    to run it, and what the user may not open is an error. With ``is_elsewhere``, it is for another machine:
+    files of that machine, such as secrets, are not checked.
 
     Raises:
-        ConfigErrors: everything that is wrong with it, at once.
+        ConfigErrors: all errors together.
     """
     findings = Findings(document)
     try:
@@ -118,12 +118,12 @@ def load_document(
 
 
 def reread_tables(loaded: Loaded) -> Loaded:
-    """Return a configuration with its tables as their files are now; what is wrong stays in their readings.
+    """Return a configuration with its tables read again; errors stay in their readings.
 
-    The configuration file itself is not looked at, nor are the tables of ``cross``, which belong to it.
+    The configuration file is not read again, nor are the tables of ``cross``, which belong to it.
 
     Raises:
-        ConfigErrors: the state folder cannot be used any more.
+        ConfigErrors: the state folder can no longer be used.
     """
     findings = Findings(loaded.document)
     parts = (loaded.sections, loaded.drives, loaded.crosses)
@@ -167,9 +167,9 @@ def _with_tables(
 
 
 def problems_of_draft(path: Path, tables: Mapping[str, Any]) -> tuple[Problem, ...]:
-    """Return what is wrong with a configuration that is still being made and will stand at ``path``.
+    """Return the problems of an unfinished configuration that will be saved at ``path``.
 
-    Its table files are not looked at. What is missing so far is a problem whose ``found`` is "missing".
+    Its table files are not checked. A missing key is a problem whose ``found`` is "missing".
     """
     findings = Findings(Document(path, tables, KeyLines("")))
     _check_but_tables(findings)

@@ -10,7 +10,7 @@ from gateway.config.values import FileName
 from gateway.drives.strict import ByName, StrictModel, documented
 
 LONGEST_TOPIC: Final = 200
-"""Characters of ``base_topic``: with names behind it, it stays far from the 65535 bytes of MQTT."""
+"""Characters of ``base_topic``: with names appended, a topic stays far below MQTT's 65535 bytes."""
 
 TOPIC_RULE: Final = (
     'allowed: levels between slashes, as in "plant/hall-2"; no + # or control characters, no empty level, '
@@ -21,10 +21,10 @@ _CLIENT_ID: Final = re.compile(r"[^\x00-\x1f\x7f-\x9f]{1,128}")
 
 
 def read_topic(raw: object) -> str:
-    """Read what topics begin with.
+    """Read the prefix of topics.
 
     Raises:
-        ValueError: it could not stand in a topic that is published to (MQTT 5.0, 4.7); what is allowed.
+        ValueError: it is not valid in a topic name (MQTT 5.0, 4.7); the text says what is allowed.
     """
     if not isinstance(raw, str) or len(raw) > LONGEST_TOPIC or not _TOPIC.fullmatch(raw):
         raise ValueError(TOPIC_RULE)
@@ -36,12 +36,12 @@ def read_topic(raw: object) -> str:
 
 
 def read_prefix(raw: object) -> str:
-    """Read the prefix of discovery, ``""`` for none. Raises ValueError as :func:`read_topic` does."""
+    """Read the prefix of discovery, ``""`` for none. Raises ValueError like :func:`read_topic`."""
     return "" if raw == "" else read_topic(raw)
 
 
 def read_client_id(raw: object) -> str:
-    """Read what a client calls itself, ``""`` for the default. Raises ValueError with what is allowed."""
+    """Read a client id, ``""`` for the default. Raises ValueError with what is allowed."""
     if raw == "":
         return ""
     if not isinstance(raw, str) or not _CLIENT_ID.fullmatch(raw):
@@ -50,14 +50,14 @@ def read_client_id(raw: object) -> str:
 
 
 class MqttVersion(Enum):
-    """What is spoken with the broker."""
+    """MQTT version."""
 
     V311 = "3.1.1"
     V5 = "5"
 
 
 class TlsSection(StrictModel):
-    """How the broker shows who it is, and the gateway who it is."""
+    """Certificates of the broker and of the gateway."""
 
     ca: FileName | None = Field(
         default=None,
@@ -69,7 +69,7 @@ class TlsSection(StrictModel):
 
 
 class MqttSection(StrictModel):
-    """The broker that status is published to."""
+    """The broker for the status."""
 
     host: Annotated[str, Field(min_length=1, pattern=r"^[^\x00\s]*$")] = Field(
         default="127.0.0.1", description="the broker"

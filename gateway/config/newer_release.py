@@ -1,4 +1,4 @@
-"""Keys that only a newer release knows, after a way back to an older one."""
+"""Keys that only a newer release has, after a return to an older one."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from gateway.state.plan import newer_release
 
 
 def with_newer_release(errors: ConfigErrors, document: Document) -> ConfigErrors:
-    """Return the same errors; unknown keys say so where a newer release compiled this configuration."""
+    """Return the same errors. If a newer release compiled this configuration, unknown keys say so."""
     if not any(problem.found == UNKNOWN_KEY for problem in errors.problems):
         return errors
     section = document.tables.get("gateway", {})

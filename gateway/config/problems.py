@@ -9,10 +9,10 @@ from gateway.config.toml import KeyPath
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that is wrong, or worth a warning.
+    """One error or warning.
 
-    ``found`` says what stands there, ``remedy`` what is allowed or what to do. ``line`` and ``column`` count
-    from 1 and are None where the file as a whole is meant.
+    ``found`` is what was found, ``remedy`` what is allowed or what to do. ``line`` and ``column`` count from
+    1; they are None if the whole file is meant.
     """
 
     file: str
@@ -24,7 +24,7 @@ class Problem:
 
     @property
     def is_of_whole_file(self) -> bool:
-        """Whether the file as a whole is meant: it is missing, a folder, or may not be read."""
+        """Whether the whole file is meant: it is missing, a folder, or not readable."""
         return self.line is None and not self.key
 
     def __str__(self) -> str:
@@ -33,7 +33,7 @@ class Problem:
         return ": ".join(part for part in (location, self.key, what) if part)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return it for ``--json``."""
+        """Return plain data for ``--json``."""
         return {
             "file": self.file,
             "line": self.line,
@@ -45,7 +45,7 @@ class Problem:
 
 
 class ConfigErrors(Exception):  # noqa: N818 (several errors in one)
-    """Everything that is wrong with one configuration. Its text is one line for each problem."""
+    """All errors of one configuration. The text has one line for each."""
 
     def __init__(self, problems: Sequence[Problem], warnings: Sequence[Problem] = ()) -> None:
         super().__init__("\n".join(map(str, problems)))
@@ -54,13 +54,13 @@ class ConfigErrors(Exception):  # noqa: N818 (several errors in one)
 
 
 def in_file_order(problems: Iterable[Problem], first_file: str) -> tuple[Problem, ...]:
-    """Sort problems as a reader of the files meets them, each once."""
+    """Sort problems in the order of the files, without duplicates."""
     unique = dict.fromkeys(problems)
     return tuple(sorted(unique, key=lambda p: (p.file != first_file, p.file, p.line or 0, p.column or 0)))
 
 
 def key_text(path: KeyPath) -> str:
-    """Write a key path as a person names it; elements of a list count from 1.
+    """Write a key path for display; elements of a list count from 1.
 
     >>> key_text(("line", "xyz", "controllers", 1, "tcp"))
     'line.xyz.controllers[2].tcp'
@@ -79,7 +79,7 @@ LONGEST_SHOWN = 80
 
 
 def shown(found: object) -> str:
-    """Write a value as it could stand in the file, cut where it is long.
+    """Write a value as in a TOML file, shortened if it is long.
 
     >>> shown({"tcp": "127.0.0.1:502", "rtu": True})
     '{ tcp = "127.0.0.1:502", rtu = true }'
@@ -109,7 +109,7 @@ def _toml(found: object, depth: int) -> str:
 
 
 def _escaped(character: str) -> str:
-    """A line of output stays a line: what does not print is shown escaped."""
+    """Escape what does not print, so that a line of output stays one line."""
     if character in '"\\':
         return f"\\{character}"
     return character if character.isprintable() else repr(character)[1:-1]

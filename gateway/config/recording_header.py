@@ -1,4 +1,4 @@
-"""What a recording has to hold of a configuration."""
+"""The part of a configuration that a recording contains."""
 
 from datetime import UTC, datetime
 from typing import Final
@@ -8,14 +8,14 @@ from gateway.config.load import Loaded
 from gateway.recording.traffic import FORMAT, Header
 
 ANY_BYTES: Final = "iso-8859-1"
-"""Each byte is a character, so that a file comes back as it was, whatever its encoding."""
+"""Each byte is one character, so that a file is restored exactly, whatever its encoding."""
 
 
 def header_of(loaded: Loaded, form: int = FORMAT) -> Header:
-    """Return the header of a recording that runs a configuration: with all files that it was read from.
+    """Return the header of a recording, with all files that the configuration was read from.
 
     Raises:
-        OSError: a file cannot be read any more.
+        OSError: a file can no longer be read.
     """
     text = loaded.path.read_bytes().decode("utf-8")
     paths = {table.path for table in loaded.tables.values()}

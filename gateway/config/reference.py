@@ -1,4 +1,4 @@
-"""The reference of all keys: what each one is called, what may stand there, what holds without it.
+"""The reference of all keys: name, allowed values, default.
 
 All of it is declared with the fields of the models. The documents, ``explain`` and completion show it.
 """
@@ -34,13 +34,13 @@ from gateway.drives.words import Address, Word
 
 @dataclass(frozen=True, slots=True)
 class KeyTable:
-    """One table: the keys of ``models``, each once, without those that stand elsewhere."""
+    """One table of the reference: the keys of ``models``, each once, without ``elsewhere``."""
 
     models: tuple[type[BaseModel], ...]
     elsewhere: frozenset[str] = frozenset()
-    """Keys of the same meaning in another table, which the text around this one points to."""
+    """Keys with the same meaning in another table; the document's text points to it."""
     is_brief: bool = False
-    """What a base of the model declares stands in another table too, which has the long texts."""
+    """Keys of the model's base class are also in another table, which has their long texts."""
 
     def fields(self) -> Iterator[tuple[type[BaseModel], str]]:
         """Yield every key with the model that has it."""
@@ -54,7 +54,7 @@ class KeyTable:
 
 @dataclass(frozen=True, slots=True)
 class KeyRow:
-    """A key, as the reference shows it."""
+    """A key as the reference shows it."""
 
     key: str
     kind: str
@@ -94,7 +94,7 @@ TABLES: Final[Mapping[str, KeyTable]] = {
 
 
 def rows(table: KeyTable) -> list[KeyRow]:
-    """Return what a table lists."""
+    """Return the rows of a table."""
     found = []
     for model, key in table.fields():
         field = model.model_fields[key]
@@ -114,7 +114,7 @@ def rows(table: KeyTable) -> list[KeyRow]:
 
 
 def find_keys(asked: str) -> list[tuple[str, KeyRow]]:
-    """Return the keys that are called so, each with the name of its table; a path names the section first.
+    """Return the keys with this name, each with the name of its table; a path starts with the section.
 
     >>> [name for name, _ in find_keys("axis.x.gain")], [name for name, _ in find_keys("gap_ms")]
     (['axis'], ['line', 'axis.registers'])
@@ -134,7 +134,7 @@ def all_keys() -> list[str]:
     return list(dict.fromkeys(row.key for table in TABLES.values() for row in rows(table)))
 
 
-# --- what may stand beside a key
+# --- The allowed values of a key
 
 LAST_WORD: Final = 0xFFFF
 _SIGNS: Final = {"at least ": "≥ ", "greater than ": "> ", "at most ": "≤ ", "less than ": "< "}
@@ -162,11 +162,11 @@ _ALIASES: Final[tuple[tuple[Any, str], ...]] = (
     (Address, "0 to 65535"),
     (Word, "0 to 0xFFFF"),
 )
-"""Types that have a name of their own in the reference; the first that is equal counts."""
+"""Types with a name of their own in the reference; the first equal one counts."""
 
 
 def kind_text(model: type[BaseModel], key: str) -> str:
-    """Say what may stand beside a key.
+    """Return the allowed values of a key, in words.
 
     >>> from gateway.config.line_model import ControllerSection
     >>> kind_text(ControllerSection, "timeout_ms"), kind_text(ControllerSection, "allow")
@@ -177,14 +177,14 @@ def kind_text(model: type[BaseModel], key: str) -> str:
 
 
 def _without_marks(hint: Any) -> Any:
-    """Return a type as if the key were not marked."""
+    """Return a type without the marks of the key."""
     inside, *annotations = get_args(hint) if get_origin(hint) is Annotated else (hint,)
     rest = tuple(each for each in annotations if not isinstance(each, Mark))
     return Annotated[(inside, *rest)] if rest else inside
 
 
 def default_text(field: FieldInfo) -> str:
-    """Say what holds without a key; empty where the model knows nothing.
+    """Return the default of a key; empty if the model has none.
 
     >>> from gateway.config.line_model import LineSection
     >>> default_text(LineSection.model_fields["drives"]), default_text(LineSection.model_fields["gap_ms"])
@@ -250,7 +250,7 @@ def _plain_kind(hint: Any, field: FieldInfo, key: str) -> str:
 
 
 def _number(field: FieldInfo, key: str) -> str:
-    """Say between which numbers a value lies, with the unit that the key ends in."""
+    """Return the bounds of a value, with the unit in the key's suffix."""
     limits_text = bounds_text(field)
     bounds: Mapping[str, str] = {
         sign: part.removeprefix(words)
@@ -269,7 +269,7 @@ def _number(field: FieldInfo, key: str) -> str:
 
 
 def _plural(words: str) -> str:
-    """Return the words for several of a kind.
+    """Return the plural of a word.
 
     >>> _plural("network"), _plural("address"), _plural("0 to 8191")
     ('networks', 'addresses', '0 to 8191')

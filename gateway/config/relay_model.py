@@ -1,4 +1,4 @@
-"""``[relay]``: how the process that carries the traffic is scheduled."""
+"""``[relay]``: scheduling of the process that carries the traffic."""
 
 from typing import Annotated
 
@@ -28,7 +28,7 @@ Cpus = Annotated[
 
 
 class RelaySection(StrictModel):
-    """Scheduling of the relay; what the system refuses it goes without, and says so."""
+    """Scheduling of the relay. It runs without what the system refuses, and reports it."""
 
     fifo: Planned[Annotated[int, Field(ge=0, le=HIGHEST_PRIORITY)]] = Field(
         default=_DEFAULT.fifo,

@@ -1,4 +1,4 @@
-"""The keys that say what a controller may do: of a controller, and of a role of TLS certificates."""
+"""Keys for the rights of a controller, and of a role in TLS certificates."""
 
 import re
 from typing import Annotated, Final
@@ -16,7 +16,7 @@ SPAN_RULE: Final = 'allowed: addresses from 0 to 0xFFFF, as in 0x0606, "0x0606-0
 
 
 def read_span(raw: object) -> RegisterSpan:
-    """Read an address, or the first and the last of several.
+    """Read an address, or the first and the last of a range.
 
     Raises:
         ValueError: anything else, also a first after its last.
@@ -42,7 +42,7 @@ FunctionCode = Annotated[int, Field(ge=1, le=127)]
 
 
 class RightsKeys(StrictModel):
-    """What somebody may do with the drives of a line."""
+    """What a client may do with the drives of a line."""
 
     role: ByName[Role] = Field(
         default=Role.MOTION,
@@ -121,7 +121,7 @@ class RightsKeys(StrictModel):
 
 
 class RoleKeys(RightsKeys):
-    """What a role in a certificate gives; nothing where it does not say what."""
+    """The rights of a role in a certificate; none if the keys are missing."""
 
     role: ByName[Role] = Field(
         description="what a controller with this role may do",

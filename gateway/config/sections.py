@@ -1,4 +1,4 @@
-"""The sections of a document as models: as many as can be had, so that all problems are seen at once."""
+"""The sections of a document as models: as many as possible, so that all problems are found together."""
 
 import re
 from collections.abc import Mapping
@@ -37,7 +37,7 @@ NAMED: Final[Mapping[str, type[StrictModel]]] = {
     "group": GroupSection,
 }
 LIVE: Final = frozenset({"http", "mqtt"})
-"""Sections of which a gateway that runs can be given every key."""
+"""Sections of which a running gateway can take every key."""
 AXIS_STAND_INS: Final[Mapping[str, Any]] = {
     "line": "",
     "unit_id": 1,
@@ -49,10 +49,10 @@ AXIS_STAND_INS: Final[Mapping[str, Any]] = {
 
 @dataclass(slots=True)
 class Sections:
-    """What could be read. A section that is too broken to be looked at is left out; its problem is noted."""
+    """The sections that could be read. A section that is too broken is left out; its problem is recorded."""
 
     folder: Path = Path()
-    """Of the configuration file: what is named in it is relative to this."""
+    """Folder of the configuration file; paths in it are relative to this."""
 
     gateway: GatewaySection = field(default_factory=GatewaySection)
     relay: RelaySection = field(default_factory=RelaySection)
@@ -60,17 +60,17 @@ class Sections:
     mqtt: MqttSection | None = None
     """None: nothing is published."""
     status_unit: StatusUnitSection | None = None
-    """None: the gateway answers at no unit id of its own."""
+    """None: the gateway has no unit id of its own."""
     capture: CaptureSection = field(default_factory=CaptureSection)
     lines: dict[str, LineSection] = field(default_factory=dict)
     axes: dict[str, AxisSection] = field(default_factory=dict)
     partial_axes: dict[str, AxisSection] = field(default_factory=dict)
-    """Axes that lack a key they need: made whole with stand-ins, to be looked at for what else is wrong."""
+    """Axes with missing keys, completed with stand-ins so that other errors in them are found."""
     groups: dict[str, GroupSection] = field(default_factory=dict)
 
     @property
     def silent_after_s(self) -> dict[tuple[str, str], float]:
-        """The key of that name of the controllers that have it, by line and controller."""
+        """``silent_after_s`` of the controllers that have it, by line and controller."""
         return {
             (line, controller.name): controller.silent_after_s
             for line, section in self.lines.items()
@@ -80,7 +80,7 @@ class Sections:
 
 
 def read_sections(findings: Findings) -> Sections:
-    """Read every section of the document; what is wrong goes to ``findings``."""
+    """Read every section of the document; problems go to ``findings``."""
     tables = findings.document.tables
     sections = Sections(folder=findings.document.path.parent)
     for name in tables:
@@ -111,7 +111,7 @@ def read_sections(findings: Findings) -> Sections:
 
 
 def read_named(findings: Findings, kind: str, model: type[Model]) -> dict[str, Model]:
-    """Read all ``[kind.NAME]`` that can be read."""
+    """Read every valid ``[kind.NAME]``."""
     tables = findings.document.tables.get(kind, {})
     if not isinstance(tables, dict):
         findings.refuse((kind,), f"found {shown(tables)}", f"allowed: tables [{kind}.NAME]")
@@ -143,7 +143,7 @@ def _partial_axes(findings: Findings, whole: Mapping[str, AxisSection]) -> dict[
 
 
 def is_live(key: str) -> bool:
-    """Whether a gateway that runs can be given another value of a key, named as by ``compile.keys_of``.
+    """Whether a running gateway can take another value of a key, named as in ``compile.keys_of``.
 
     >>> is_live("axis.x.gain.forward"), is_live("line.a.controllers[2].silent_after_s"), is_live("mqtt.host")
     (True, True, True)
@@ -159,10 +159,10 @@ def is_live(key: str) -> bool:
 
 
 def read_section(findings: Findings, model: type[Model], raw: object, path: KeyPath) -> Model | None:
-    """Read one section. Where keys are wrong they are reported, and the rest is read without them.
+    """Read one section. Wrong keys are reported, and the rest is read without them.
 
     Returns:
-        The section as far as it is good, or None when a key that it needs is missing or wrong.
+        The valid part of the section, or None if a required key is missing or wrong.
     """
     if not isinstance(raw, dict):
         findings.refuse(path, f"found {shown(raw)}", f"allowed: a table [{'.'.join(map(str, path))}]")
@@ -175,7 +175,7 @@ def read_section(findings: Findings, model: type[Model], raw: object, path: KeyP
 
 
 def _as_far_as_good(model: type[Model], raw: dict[str, Any], stand_ins: Mapping[str, Any]) -> Model | None:
-    """Read a section without what is wrong in it: first without the values, then without their keys."""
+    """Read a section without its errors: first without the wrong values, then without their keys."""
     try:
         return model.model_validate(raw)
     except ValidationError as error:
@@ -194,7 +194,7 @@ def _to_drop(raw: object, detail: Any) -> KeyPath:
 
 
 def _without(raw: dict[str, Any], key_paths: list[KeyPath]) -> dict[str, Any]:
-    """Return a copy without these places; the last of a list goes first, so that indexes hold."""
+    """Return a copy without these paths; in a list the last goes first, so that indexes stay valid."""
     copy = deepcopy(raw)
     for key_path in sorted(
         set(key_paths), key=lambda p: [(isinstance(part, int), part) for part in p], reverse=True
@@ -205,5 +205,5 @@ def _without(raw: dict[str, Any], key_paths: list[KeyPath]) -> dict[str, Any]:
                 here = here[part]
             del here[key_path[-1]]
         except (KeyError, IndexError, TypeError):
-            continue  # something around it has gone already
+            continue  # a table around it is already removed
     return copy

@@ -1,6 +1,6 @@
-"""What the units of systemd may be narrowed to, or have to be given, for one configuration.
+"""The restrictions and permissions of the systemd units for one configuration.
 
-Each unit gets one drop-in (systemd.unit(5)). What cannot be narrowed is left open, with its reason.
+Each unit gets one drop-in (systemd.unit(5)). What cannot be restricted stays open, with its reason.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -19,15 +19,15 @@ SUPERVISOR_UNIT: Final = "pitch-gateway-supervisor.service"
 CONFIGURATION: Final = "/etc/pitch-gateway"
 SECRETS: Final = f"{CONFIGURATION}/secrets"
 STATE: Final = "/var/lib/pitch-gateway"
-"""The only folder that the units let the service write to (StateDirectory=)."""
+"""The only folder that the units permit the service to write to (StateDirectory=)."""
 FIRST_FREE_PORT: Final = 1024
 """Ports below need a capability (ip(7))."""
 LOOPBACK: Final = "localhost"
-"""systemd's word for 127.0.0.0/8 and ::1 (systemd.resource-control(5)), and everybody's for a host."""
+"""systemd's word for 127.0.0.0/8 and ::1 (systemd.resource-control(5)), and the usual host name."""
 KINDS: Final = ("ttyUSB", "ttyACM", "ttyAMA", "ttymxc", "ttyS")
-"""Names that drivers of serial ports give, as the units have them; none begins another."""
+"""Device names of serial port drivers, as in the units; none is a prefix of another."""
 ADAPTERS: Final = ("ttyUSB", "ttyACM")
-"""What a name under /dev/serial may lead to."""
+"""Devices that a name under /dev/serial may link to."""
 OWN_NAMESPACE: Final = (
     "# In a user namespace of its own neither a capability nor a limit that is raised would count.",
     "PrivateUsers=no",
@@ -36,13 +36,13 @@ OWN_NAMESPACE: Final = (
 
 @dataclass(slots=True)
 class Addresses:
-    """With whom a process speaks; ``open_because`` says why that is not all that can be known."""
+    """The network peers of a process; ``open_because`` says why the list cannot be complete."""
 
     allowed: list[str] = field(default_factory=lambda: [LOOPBACK])
     open_because: list[str] = field(default_factory=list)
 
     def peer(self, host: str, who: str) -> None:
-        """Note an address that is connected to, as packets have it: no interface, IPv4 as IPv4."""
+        """Add a remote address, as packets have it: no interface, IPv4 as IPv4."""
         if host == LOOPBACK:
             return
         try:
@@ -56,7 +56,7 @@ class Addresses:
             self.allowed.append(str(address))
 
     def listener(self, host: str, networks: Sequence[str], who: str) -> None:
-        """Note an address that is listened on, for some networks or for all."""
+        """Add a listening address, for some networks or for all."""
         self.allowed += networks
         if not networks and not _is_loopback(host):
             self.open_because.append(f"{who} may come from anywhere")
@@ -81,7 +81,7 @@ def drop_ins(loaded: Loaded) -> dict[str, str]:
 
 
 def why_no_state(loaded: Loaded) -> str | None:
-    """Return what keeps the service from keeping its state, None where nothing does."""
+    """Return why the service cannot keep its state; None if it can."""
     if loaded.state_folder.resolve().is_relative_to(STATE):
         return None
     return (
@@ -137,7 +137,7 @@ def _supervisor_lines(loaded: Loaded) -> Iterator[str]:
 
 
 def _device_lines(devices: Iterable[str]) -> Iterator[str]:
-    """Allow the kinds of the ports that are named, not the ports: an adapter may be plugged in later."""
+    """Allow the kinds of the named ports, not the ports: an adapter may be plugged in later."""
     kinds: dict[str, None] = {}
     for device in devices:
         found = _kinds_of(device)
@@ -155,7 +155,7 @@ def _kinds_of(device: str) -> tuple[str, ...]:
     path = Path(device)
     if path.is_relative_to("/dev/serial"):
         return ADAPTERS
-    name = path.resolve().name  # a link of udev's, where it is there
+    name = path.resolve().name  # a udev link, if it exists
     return tuple(kind for kind in KINDS if name.startswith(kind) and name[len(kind) :].isdecimal())
 
 
@@ -184,12 +184,12 @@ def _realtime_lines(options: RelayOptions) -> Iterator[str]:
 
 
 def _secret_lines(names: Iterable[str]) -> Iterator[str]:
-    """Hand secrets over to both: the relay's ExecStartPre checks the whole configuration."""
+    """Pass secrets to both services: the relay's ExecStartPre checks the whole configuration."""
     yield from (f"LoadCredential={name}:{SECRETS}/{name}" for name in names)
 
 
 def _credentials(value: Any) -> Iterator[str]:
-    """Yield the names of the credentials in a document, each once; no other text becomes a line of a unit."""
+    """Yield the names of the credentials in a document, each once; no other text gets into a unit."""
     found: dict[str, None] = {}
     waiting = [value]
     while waiting:

@@ -1,4 +1,4 @@
-"""The numbers of an axis, with the defaults that depend on its units and scale filled in."""
+"""The numbers of an axis, with the defaults that depend on its units and scale."""
 
 from dataclasses import replace
 from typing import Final
@@ -17,11 +17,11 @@ from gateway.config.terms_model import ThermalSpec
 from gateway.drives.strict import planned
 
 SOME_COUNTS: Final = 1e4
-"""Where an axis without travel ends as far as the steps of a ``float32`` are concerned: 10 m in mm."""
+"""Assumed end of an axis without travel, for the steps of a ``float32``: 10 m in mm."""
 
 
 def settings_of(axis: AxisSection) -> AxisSettings:
-    """Return what the compensation of an axis works with."""
+    """Return the settings of an axis's compensation."""
     units = axis.units
     max_correction = axis.max_correction
     if max_correction is None:
@@ -47,9 +47,9 @@ def settings_of(axis: AxisSection) -> AxisSettings:
 
 
 def _step_counts(axis: AxisSection, settings: AxisSettings) -> float:
-    """Return the counts in one step of the registers that tell positions: 1, or a part of one.
+    """Return the counts in one step of the position registers: 1 or less.
 
-    Where a count is a whole millimetre, as with ``float32``, one of them is no precision.
+    If a count is a whole millimetre, as possible with ``float32``, steps are finer than a count.
     """
     if axis.registers is None:
         return 1.0
@@ -59,5 +59,5 @@ def _step_counts(axis: AxisSection, settings: AxisSettings) -> float:
 
 
 def thermal_of(thermal: ThermalSpec) -> ThermalSettings:
-    """Return what the relay has to know of ``thermal``: not where the temperature comes from."""
+    """Return the relay's part of ``thermal``: without the source of the temperature."""
     return ThermalSettings(**planned(ThermalSettings, thermal))

@@ -1,4 +1,4 @@
-"""What a good configuration amounts to: structs for ``--json``, and a few lines for a person."""
+"""The summary of a valid configuration: structs for ``--json``, and lines for a person."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
@@ -55,7 +55,7 @@ class BacklashSummary(Struct, frozen=True):
 
 
 class ThermalSummary(Struct, frozen=True):
-    """How an axis follows its temperature, and how far that goes."""
+    """How an axis follows its temperature, and how far."""
 
     alpha: float
     reference: float
@@ -68,7 +68,7 @@ class ThermalSummary(Struct, frozen=True):
 
 
 class CrossSummary(Struct, frozen=True):
-    """What an axis is given for where another one is."""
+    """The correction of an axis that depends on another axis."""
 
     axis: str
     file: str
@@ -76,7 +76,7 @@ class CrossSummary(Struct, frozen=True):
 
 
 class AxisSummary(Struct, frozen=True):
-    """An axis; lengths in its units. What it has beside its table is UNSET where it has none."""
+    """An axis; lengths in its units. Parts that it does not have are UNSET."""
 
     line: str
     unit_id: int
@@ -102,7 +102,7 @@ class Summary(Struct, frozen=True):
 
 
 def summary(plan: GatewayPlan, drives: Mapping[str, NamedProfile]) -> Summary:
-    """Return what a configuration amounts to."""
+    """Return the summary of a plan."""
     return Summary(
         plan.name,
         {line.name: _line_summary(line) for line in plan.lines},

@@ -18,7 +18,7 @@ class _Section(StrictModel):
     """What a table file cannot prove about itself."""
 
     def options(self) -> TableOptions:
-        """Return it as it is told to a reader."""
+        """Return the options for a table reader."""
         return TableOptions(**{name: getattr(self, name) for name in DECLARED})
 
 
@@ -27,7 +27,7 @@ _NUMBERS: Final[Mapping[Quantity, Any]] = {
     options.LENGTH: Length,
     options.DISTANCE: PositiveLength,
 }
-"""Quantities of which the whole configuration has a type, with bounds and words of its own."""
+"""Quantities for which the configuration has its own type, with bounds and words."""
 
 
 def _type(declared: Declared) -> Any:

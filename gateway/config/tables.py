@@ -1,4 +1,4 @@
-"""From the name of a table in the configuration to the table: the only place that reads table files."""
+"""From the name of a table in the configuration to the table: the only reader of table files."""
 
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
@@ -25,20 +25,20 @@ from gateway.tabfile import (
 )
 
 COVERAGE_LINT: Final = "L8"
-"""Reported here instead: only the configuration knows which policy holds outside the table."""
+"""Reported here instead: only the configuration has the policy for positions outside the table."""
 
 
 OLD_NAME_LINT: Final = "R14"
-"""A warning here, though a table is read as well under an old name: a configuration is kept."""
+"""A warning here, although a table is also read under an old name: a configuration is kept for years."""
 
 
 LOST_MOTION_LINT: Final = "R8"
-"""Settled as soon as the axis has a backlash of its own."""
+"""No longer reported when the axis has a backlash of its own."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisTable:
-    """The table of one axis, in the units of the axis, and the file it came from."""
+    """The table of one axis, in the units of the axis, with its file."""
 
     table: CorrectionTable
     source: LoadedTable
@@ -46,9 +46,9 @@ class AxisTable:
 
 
 def find_file(findings: Findings, key: KeyPath, folder: Path, name: str) -> FoundTable | None:
-    """Return where a table file is, or that it is not; None where that cannot be told.
+    """Return the path of a table file, or that it is missing; None if unknown.
 
-    Whatever keeps it from being read goes to ``findings``; that it was switched off is a warning.
+    What prevents reading goes to ``findings``; a file that was switched off is a warning.
     """
     if not name or "\0" in name or Path(name).name != name:
         findings.refuse(
@@ -80,7 +80,7 @@ def _near(folder: Path, name: str) -> str:
 
 
 def read_file(findings: Findings, key: KeyPath, path: Path, axis: AxisSection, name: str) -> AxisTable | None:
-    """Return the table of an axis; what is wrong with the file goes to ``findings``."""
+    """Return the table of an axis; problems of the file go to ``findings``."""
     is_taken_up = axis.backlash is not None
     loaded = table_in(findings, key, path, context_of(axis, name), lost_motion_is_taken_up=is_taken_up)
     return None if loaded is None else AxisTable(loaded.table.in_units(axis.units), loaded, path)
@@ -89,7 +89,7 @@ def read_file(findings: Findings, key: KeyPath, path: Path, axis: AxisSection, n
 def table_in(
     findings: Findings, key: KeyPath, path: Path, context: FileContext, *, lost_motion_is_taken_up: bool
 ) -> LoadedTable | None:
-    """Return what a file holds; what is wrong with it goes to ``findings``. None where it cannot be read."""
+    """Return the content of a file; problems go to ``findings``. None if it cannot be read."""
     try:
         loaded = inspect_table(path, context)
     except TabFileError as error:
@@ -125,7 +125,7 @@ def _numbered(readings: tuple[str, ...]) -> list[str]:
 
 
 def write_options_of(axis: AxisSection, name: str, format_name: str) -> WriteOptions:
-    """Return what a table of the axis must be written with so that its configuration reads the same."""
+    """Return the options for writing a table of the axis, so that its configuration reads the same table."""
     options = axis.table_options.options().under_new_names(format_name)
     return WriteOptions(
         axis=_letter(name),
@@ -142,14 +142,14 @@ def _letter(name: str) -> str | None:
 
 
 def context_of(axis: AxisSection, name: str) -> FileContext:
-    """Return what the configuration knows about a table file that the file does not say itself."""
+    """Return what the configuration knows about a table file and the file itself does not state."""
     settings = settings_of(axis)
     return FileContext(
         **axis.table_options.options().given(),
         axis=_letter(name),
         units=axis.units,
         travel=None if axis.modulo else axis.travel,
-        counts_per_unit=axis.counts_per_unit / settings.step_counts,  # what the drive can tell
+        counts_per_unit=axis.counts_per_unit / settings.step_counts,  # what the drive can report
         max_correction=settings.max_correction,
         max_slope=axis.max_slope,
     )

@@ -1,8 +1,8 @@
-"""The folder in which the tables were: whether an empty one in its place is still that folder.
+"""Whether an empty tables folder is still the folder that held the tables.
 
-A share that is not mounted leaves the folder that it is mounted on, empty. That is no sign that somebody took
-the tables away. The compiled plan remembers the folder: a supervisor that is started while the share is away
-has to know it too.
+If a share is not mounted, its mount point is an empty folder. That does not mean that the tables were
+removed. The compiled plan stores the folder's identity, so that a supervisor that starts without the share
+knows it too.
 """
 
 from gateway.config.load import Loaded
@@ -11,9 +11,9 @@ from gateway.tabfile import TableState
 
 
 def what_is_strange(loaded: Loaded, before: TablesFolder | None) -> str:
-    """Return what is wrong with a folder whose tables were just looked for; "" when nothing is.
+    """Return what is wrong with a folder that was just searched for tables; "" if nothing is.
 
-    It is strange that every table is missing and the folder at this path is another one than before.
+    It is wrong if every table is missing and the folder at this path is not the previous one.
     """
     now = TablesFolder.at(loaded.tables_folder)
     if now is None or before is None or now == before or now.path != before.path:

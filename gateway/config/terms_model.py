@@ -1,4 +1,4 @@
-"""``thermal`` and ``cross`` of an axis: what is added to its table."""
+"""``thermal`` and ``cross`` of an axis: terms that are added to its table."""
 
 from typing import Annotated, Final, Literal
 
@@ -19,7 +19,7 @@ Seconds = Annotated[float, Field(ge=1.0, le=LONGEST_S)]
 
 
 class TemperatureSource(StrictModel):
-    """Where the temperature of a screw is heard."""
+    """Source of a screw's temperature."""
 
     mqtt: Annotated[str, BeforeValidator(read_topic)] | None = Field(
         default=None,
@@ -130,7 +130,7 @@ class ThermalSpec(StrictModel):
 
 
 class CrossSpec(StrictModel):
-    """What the position of another axis does to this one."""
+    """How the position of another axis affects this one."""
 
     axis: Name = Field(description="the other axis, of this configuration")
     table: str = Field(

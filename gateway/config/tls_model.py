@@ -13,10 +13,10 @@ from gateway.transport.certificates import LONGEST_ROLE, TlsFiles
 
 
 def read_role_name(raw: object) -> str:
-    """Check the name of a role, as it stands in certificates.
+    """Check the name of a role, as in certificates.
 
     Raises:
-        ValueError: empty, too long, or with characters that nobody sees.
+        ValueError: empty, too long, or with invisible characters.
     """
     if not isinstance(raw, str) or not raw.isprintable() or not 0 < len(raw) <= LONGEST_ROLE:
         raise ValueError(f"allowed: 1 to {LONGEST_ROLE} characters, as they stand in certificates")
@@ -27,7 +27,7 @@ RoleName = Annotated[str, BeforeValidator(read_role_name)]
 
 
 class ControllerTls(StrictModel):
-    """The files that prove who the gateway is, and who may connect."""
+    """The gateway's certificate, and which clients may connect."""
 
     certificate: FileName = Field(
         description="file with the gateway's certificate in PEM, those of authorities between behind it; "
@@ -58,7 +58,7 @@ class ControllerTls(StrictModel):
     )
 
     def files(self, folder: Path) -> TlsFiles:
-        """Return the files by paths from the root; ``folder`` is that of the configuration file."""
+        """Return the files with absolute paths; ``folder`` is that of the configuration file."""
 
         def resolved(name: str) -> str:
             return os.fspath((folder / name).absolute())

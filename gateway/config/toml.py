@@ -1,11 +1,11 @@
-"""TOML as a person wrote it: where each key stands, and what its errors mean in words."""
+"""TOML as written by a person: the line of each key, and its errors in plain words."""
 
 import contextlib
 import re
 from functools import cached_property
 from typing import Final, NamedTuple
 
-# --- Where the keys of a TOML text stand
+# --- The lines of keys in a TOML text
 
 KeyPath = tuple[str | int, ...]
 
@@ -27,7 +27,7 @@ _ESCAPED: Final = {"b": "\b", "t": "\t", "n": "\n", "f": "\f", "r": "\r", '"': '
 
 
 class Duplicate(NamedTuple):
-    """A key or table that is given twice, and where."""
+    """A key or table that is given twice, with its line."""
 
     path: KeyPath
     first_line: int
@@ -48,17 +48,17 @@ class KeyLines:
     def _scanner(self) -> "_Scanner":
         scanner = _Scanner(self._text)
         with contextlib.suppress(IndexError, AttributeError, RecursionError):
-            # Else not TOML after all, or nested beyond reason: the lines found so far still help.
+            # Otherwise invalid TOML, or nested too deep: the lines found so far still help.
             scanner.document()
         return scanner
 
     @property
     def duplicate(self) -> Duplicate | None:
-        """The first key that is given twice; such a text is no TOML."""
+        """The first key that is given twice, which TOML forbids."""
         return self._scanner.duplicate
 
     def of(self, path: KeyPath) -> int | None:
-        """Line of a key; of the nearest table around it when the key itself is not in the text."""
+        """Line of a key, or of the nearest table around it if the key is not in the text."""
         lines = self._scanner.lines
         for length in range(len(path), 0, -1):
             if path[:length] in lines:
@@ -108,7 +108,7 @@ class _Scanner:
         return path
 
     def _in_last_element(self, keys: list[str]) -> KeyPath:
-        """A name that stands for an array of tables means its last element."""
+        """The name of an array of tables means its last element."""
         path: KeyPath = ()
         for key in keys:
             path = (*path, key)
@@ -117,7 +117,7 @@ class _Scanner:
         return path
 
     def _give(self, path: KeyPath, line: int, given: dict[KeyPath, int]) -> None:
-        """Note that a key gets its value or a table its header: neither may happen twice."""
+        """Note that a key gets its value or a table its header. Neither may happen twice."""
         first = self._values.get(path) or self._headers.get(path)
         if first is not None and self.duplicate is None:
             self.duplicate = Duplicate(path, first, line)
@@ -214,7 +214,7 @@ def _unescape(escape: re.Match[str]) -> str:
     return _ESCAPED.get(code, code)
 
 
-# --- What is wrong with a line that is not TOML, in the words of somebody who does not know TOML
+# --- What is wrong with a line that is not TOML, in words for readers who do not know TOML
 
 GRAMMAR: Final = "see https://toml.io for the grammar"
 _ASSIGNED: Final = re.compile(r"""(?P<key>[\w.\-"']+)[ \t]*=[ \t]*(?P<begun>[^=\[{,"']*)$""")
@@ -223,11 +223,11 @@ _NAKED: Final = re.compile(r"[ \t]*[\w.\-]+[ \t]+(?P<value>[^=\s].*)")
 _NUMBER: Final = r"[+-]?\d[\d_]*"
 _BOOLEANS: Final = {"yes": "true", "no": "false", "true": "true", "false": "false"}
 _TYPED: Final = "“”„‟«»‘’"
-"""Quotes that word processors make of straight ones."""
+"""Typographic quotes, which word processors put in place of straight ones."""
 
 
 def in_words(line: str, column: int | None) -> str:
-    """Return what to do about a line that is not TOML; ``column``, from 1, is where reading stopped.
+    """Return what to do about a line that is not TOML; ``column``, from 1, is where parsing stopped.
 
     >>> in_words("counts_per_unit = 1000,5", 23)
     'decimal point, not comma: counts_per_unit = 1000.5'

@@ -1,7 +1,7 @@
-"""Numbers, names and addresses as the configuration writes them.
+"""Numbers, names and addresses as written in the configuration.
 
-A function that reads a value answers a wrong one with a ValueError whose text says what is allowed; the value
-itself and its place are added where the error is reported.
+A read function raises ValueError for a wrong value, and its text says what is allowed. The caller adds the
+value and its key.
 """
 
 import re
@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator
 from gateway.times import US_PER_MS
 from gateway.transport.endpoints import TcpEndpoint
 
-# Bounds that no machine reaches. They keep every later computation finite.
+# Bounds beyond any machine. They keep every later computation finite.
 LARGEST_LENGTH: Final = 1e9
 LARGEST_COUNTS: Final = 2.0**63
 LARGEST_COUNTS_PER_UNIT: Final = 1e12
@@ -40,7 +40,7 @@ ADDRESS_RULE: Final = 'allowed: "HOST:PORT", as in "127.0.0.1:502", "cnc.local:5
 
 
 def check_counts_per_unit(scale: float) -> float:
-    """Check a scale: signed, and of a size that keeps every product finite.
+    """Check a scale: signed, and in a range that keeps every product finite.
 
     Raises:
         ValueError: 0, or out of bounds.
@@ -74,7 +74,7 @@ def read_name(raw: object) -> str:
 
 
 def parse_address(raw: object) -> tuple[str, int]:
-    """Read ``HOST:PORT``; an IPv6 address stands in brackets.
+    """Read ``HOST:PORT``; an IPv6 address has brackets.
 
     Raises:
         ValueError: anything else, also a port outside 1 to 65535.
@@ -115,13 +115,13 @@ def _check_ip_v4(text: str) -> None:
 
 
 def read_tcp(raw: object) -> TcpEndpoint:
-    """Read the address of a Modbus TCP endpoint. Raises ValueError as :func:`parse_address` does."""
+    """Read the address of a Modbus TCP endpoint. Raises ValueError like :func:`parse_address`."""
     host, port = parse_address(raw)
     return TcpEndpoint(host, port)
 
 
 def read_rtu_over_tcp(raw: object) -> TcpEndpoint:
-    """Read the address of a serial device server. Raises ValueError as :func:`parse_address` does."""
+    """Read the address of a serial device server. Raises ValueError like :func:`parse_address`."""
     host, port = parse_address(raw)
     return TcpEndpoint(host, port, rtu=True)
 
@@ -130,7 +130,7 @@ def read_device(raw: object) -> str:
     """Read the path of a serial port.
 
     Raises:
-        ValueError: not a path from the root: a service has no working directory of its own.
+        ValueError: not an absolute path; a service has no working directory of its own.
     """
     if not isinstance(raw, str) or not raw.startswith("/") or "\0" in raw:
         raise ValueError('allowed: the full path of a serial port, as in "/dev/serial/by-id/usb-…"')
@@ -141,7 +141,7 @@ def read_network(raw: object) -> IPv4Network | IPv6Network:
     """Read a network from which a controller may connect.
 
     Raises:
-        ValueError: not a network, or one with bits beyond its prefix; says the network meant.
+        ValueError: not a network, or one with bits beyond its prefix; the text says the likely network.
     """
     rule = 'allowed: a network or address, as in "192.168.0.0/24", "192.168.0.7" or "fd00::/8"'
     text = raw if isinstance(raw, str) else ""

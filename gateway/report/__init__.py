@@ -1,1 +1,1 @@
-"""Pictures and reports of what was measured, what a table does about it and what is left: matplotlib."""
+"""Pictures and reports of measurements, of a table's effect and of the remaining errors: matplotlib."""

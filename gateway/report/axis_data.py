@@ -1,4 +1,4 @@
-"""What a report tells: of each axis the readings before, the table, and the readings after."""
+"""The data of a report: for each axis the readings before, the table, and the readings after."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,10 +11,10 @@ from gateway.metrology.residue import LeftOut
 
 @dataclass(frozen=True, slots=True)
 class AxisData:
-    """One axis. At least one of the three is there; all are in ``units``.
+    """One axis. At least one of the three is present; all are in ``units``.
 
-    ``is_predicted``: nobody measured ``after``; it is ``before`` with the table taken into account.
-    ``facts`` are shown as they are, by their names: machine, serial numbers, date, file, SHA-256.
+    ``is_predicted``: ``after`` was not measured; it is ``before`` with the table applied. ``facts`` are shown
+    unchanged, by their names: machine, serial numbers, date, file, SHA-256.
     """
 
     axis: str
@@ -25,14 +25,14 @@ class AxisData:
     is_predicted: bool = False
     facts: Mapping[str, str] = field(default_factory=dict)
     left_out: LeftOut | None = None
-    """E that ``after``, where it is predicted, is predicted to have between the targets; None: not known."""
+    """Predicted E between the targets of a predicted ``after``; None: not known."""
     notes: tuple[str, ...] = ()
-    """What a reader has to know: outliers that were named, points that were estimated, losses."""
+    """What a reader has to know: named outliers, estimated points, losses."""
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """A whole report; ``made_at`` is shown as it is, for nothing here reads a clock."""
+    """A whole report; ``made_at`` is shown unchanged, because nothing here reads a clock."""
 
     title: str
     axes: tuple[AxisData, ...]

@@ -1,8 +1,8 @@
-"""How a report draws: colours and settings, one panel, its curves, and the bytes of a picture (matplotlib).
+"""How a report is drawn: colours and settings, one panel, its curves, the bytes of a picture (matplotlib).
 
-The colours and settings are the same on every computer. Blue and vermilion of the Okabe-Ito palette stay
-apart for every kind of colour blindness. Because a report is printed too, forward and backward also differ by
-the mark (it points where the axis goes) and by the line. matplotlib is imported only when something is drawn.
+The colours and settings are the same on every computer. Blue and vermilion of the Okabe-Ito palette differ
+for every kind of colour blindness. For black-and-white prints, forward and backward also differ by the mark,
+which points in the direction of travel, and by the line. matplotlib is imported only for drawing.
 """
 
 import io
@@ -38,16 +38,16 @@ VARIABLES: Final = {
     BOTH: "--both",
     PAPER: "--card",
 }
-"""What a page calls the colours: there they follow its light or dark scheme."""
+"""The page's names for the colours; on a page they follow its light or dark scheme."""
 
 FORWARD_STYLE: Final[dict[str, Any]] = {"color": FORWARD, "marker": ">", "linestyle": "-"}
 BACKWARD_STYLE: Final[dict[str, Any]] = {"color": BACKWARD, "marker": "<", "linestyle": (0, (4, 1.6))}
 BOTH_STYLE: Final[dict[str, Any]] = {"color": BOTH, "marker": "o", "linestyle": "-"}
 
 _SETTINGS: Final[Any] = {
-    "font.family": ["DejaVu Sans"],  # matplotlib brings it along
+    "font.family": ["DejaVu Sans"],  # part of matplotlib
     "font.size": 8.5,
-    "text.parse_math": False,  # a dollar sign in the name of a machine is no formula
+    "text.parse_math": False,  # a dollar sign in the name of a machine is not a formula
     "text.color": FOREGROUND,
     "axes.labelcolor": FOREGROUND,
     "axes.edgecolor": ZERO,
@@ -76,29 +76,29 @@ _SETTINGS: Final[Any] = {
     "figure.facecolor": PAPER,
     "axes.facecolor": PAPER,
     "savefig.facecolor": PAPER,
-    "svg.fonttype": "path",  # the reader's computer need not have the font
+    "svg.fonttype": "path",  # the reader's computer may not have the font
 }
 MOST_POINTS: Final = 2000
 """A picture is at most some thousand pixels wide: more points make it slower, not better."""
 MOST_MARKS: Final = 90
-"""With more points than this a curve is a line without marks: they would cover it."""
+"""A curve with more points has no marks, because they would cover it."""
 PNG_DPI: Final = 150
 FULL_SIZE: Final = (8.0, 3.0)
 HALF_SIZE: Final = (3.9, 2.7)
-"""Inches. Half of the width of a page each, less the gap: letters of one size in all of them."""
+"""Inches. Half of the page width each, less the gap, so that all have the same letter size."""
 _METADATA: Final[dict[str, dict[str, None]]] = {
     "svg": {"Date": None, "Creator": None, "Format": None, "Type": None},
     "png": {"Software": None},
 }
-"""Nothing that differs from one release or one day to the next."""
+"""No metadata that changes with the release or the day."""
 _TAG: Final = re.compile(r"<svg\b[^>]*>")
 _NOT_DRAWN: Final = re.compile(r"\s*<metadata>.*?</metadata>|\s*<!--.*?-->", re.DOTALL)
-"""Who made it, and every text once more as a comment."""
+"""The creator, and each text repeated as a comment."""
 
 
 @contextmanager
 def settings(salt: str) -> Iterator[None]:
-    """Draw with these settings and no one else's; ``salt`` makes names inside an SVG the same every time."""
+    """Draw with exactly these settings; ``salt`` makes the names inside an SVG reproducible."""
     import matplotlib as mpl
 
     with mpl.rc_context():
@@ -113,9 +113,9 @@ def settings(salt: str) -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One picture. ``about`` is its caption, and what is read to whoever cannot see it.
+    """One picture. ``about`` is its caption and its text for screen readers.
 
-    ``is_half``: it is as good at half the width, beside its neighbour.
+    ``is_half``: it is readable at half the width, beside its neighbour.
     """
 
     name: str
@@ -125,7 +125,7 @@ class Panel:
     is_half: bool = False
 
     def draw_on(self, axes: "Axes", prefix: str) -> None:
-        """Draw it; what holds data is named ``prefix``-``name``-... in an SVG."""
+        """Draw it; in an SVG, data elements have ids ``prefix``-``name``-..."""
         self.draw(axes)
         for artist in axes.get_children():
             if gid := artist.get_gid():
@@ -133,7 +133,7 @@ class Panel:
 
 
 def dress(axes: "Axes", found: AxisResults, quantity: str, unit: str | None = None) -> None:
-    """Label both axes with their units and draw the line of no deviation."""
+    """Label both axes with their units and draw the line of zero deviation."""
     axes.set_xlabel(f"position of {found.named} / {found.scale.position}")
     axes.set_ylabel(f"{quantity} / {unit or found.scale.deviation}")
     axes.axhline(0.0, color=ZERO, linewidth=0.9, zorder=1.5, gid="zero")
@@ -147,7 +147,7 @@ def curve(
     gid: str,
     **style: Any,
 ) -> None:
-    """Draw a curve; one of very many points without marks, and thinned to what a picture can show."""
+    """Draw a curve; with very many points, without marks and thinned to the picture's resolution."""
     shown_x, shown_y = thinned(positions, values)
     if len(positions) > MOST_MARKS:
         style["marker"] = ""
@@ -157,7 +157,7 @@ def curve(
 
 
 def draw_thinning(axes: "Axes", count: int) -> None:
-    """Say in the picture itself that it does not show every point."""
+    """Say in the picture that it does not show every point."""
     label = axes.get_xlabel().partition(";")[0]
     axes.set_xlabel(f"{label}; extremes of each {stretch_of(count)} points")
 
@@ -168,7 +168,7 @@ def legend(axes: "Axes") -> None:
 
 
 def legend_to_the_right(axes: "Axes") -> None:
-    """Make room for a title on the left."""
+    """Put the legend to the right, so that a title fits on the left."""
     drawn = axes.get_legend()
     if drawn is not None:
         drawn.set_loc("lower right")
@@ -176,10 +176,10 @@ def legend_to_the_right(axes: "Axes") -> None:
 
 
 def thinned(positions: Sequence[float], values: Sequence[float]) -> tuple[list[float], list[float]]:
-    """Return a curve of at most :data:`MOST_POINTS` points that covers the same ink.
+    """Return a curve of at most :data:`MOST_POINTS` points that looks the same.
 
-    Of each stretch of neighbouring points the smallest and the largest stay, in their order, and with them
-    both ends: no peak is lost. A shorter curve is returned as it is.
+    Of each group of neighbouring points the smallest and the largest stay, in their order, and also both
+    ends: no peak is lost. A shorter curve is returned unchanged.
 
     >>> x, y = thinned(range(10_000), [0.0] * 7_000 + [9.0] + [0.0] * 2_999)
     >>> len(x) <= MOST_POINTS, max(y), x[y.index(9.0)], x[0], x[-1]
@@ -198,12 +198,12 @@ def thinned(positions: Sequence[float], values: Sequence[float]) -> tuple[list[f
 
 
 def stretch_of(count: int) -> int:
-    """Return how many neighbouring points of ``count`` make one stretch: two points of the picture."""
+    """Return how many neighbouring points of ``count`` form one group: two points of the picture."""
     return -(-count // ((MOST_POINTS - 2) // 2))
 
 
 def thinning_text(count: int) -> str:
-    """Say that a curve of ``count`` points was thinned; empty where it was not."""
+    """Return a note that a curve of ``count`` points was thinned; empty if it was not."""
     if count <= MOST_POINTS:
         return ""
     return f" Of each {stretch_of(count)} of the {count} points the smallest and the largest are drawn."
@@ -213,7 +213,7 @@ def thinning_text(count: int) -> str:
 
 
 def panel_svg(panel: Panel, prefix: str) -> str:
-    """Draw one panel as SVG of its own; every name in it begins with ``prefix``."""
+    """Draw one panel as an SVG of its own; every id in it begins with ``prefix``."""
     from matplotlib.figure import Figure
 
     with settings(f"{prefix}-{panel.name}"):
@@ -223,7 +223,7 @@ def panel_svg(panel: Panel, prefix: str) -> str:
 
 
 def svg_of(figure: "Figure", prefix: str) -> str:
-    """Return a figure as SVG text from its first tag on; every name in it begins with ``prefix``."""
+    """Return a figure as SVG text from its first tag on; every id in it begins with ``prefix``."""
     text = saved(figure, "svg").decode()
     text = _NOT_DRAWN.sub("", text[text.index("<svg") :])
     text = re.sub(rf'\bid="(?!{prefix})', f'id="{prefix}', text)
@@ -235,7 +235,7 @@ def saved(figure: "Figure", form: str) -> bytes:
     """Render a figure as ``svg`` or ``png``."""
     stream = io.BytesIO()
     with warnings.catch_warnings():
-        # A sign that the font does not have is drawn as a box: the name of a machine may hold any.
+        # A character that the font does not have is drawn as a box: a machine's name may contain any.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         _settle(figure)
         figure.savefig(stream, format=form, dpi=PNG_DPI, metadata=_METADATA[form])
@@ -243,7 +243,7 @@ def saved(figure: "Figure", form: str) -> bytes:
 
 
 def _settle(figure: "Figure") -> None:
-    """Fix the layout at whole millionths: its solver leaves other last digits each time."""
+    """Round the layout to millionths: its solver leaves different last digits each time."""
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     parts = list(figure.subfigs)

@@ -2,4 +2,4 @@
 
 
 class ReportError(ValueError):
-    """A report that cannot be made or written; the message says what to do."""
+    """A report cannot be made or written; the message says what to do."""

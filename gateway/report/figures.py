@@ -1,4 +1,4 @@
-"""The pictures of one axis, one idea each: a function makes a :class:`Panel`, or none without its data."""
+"""The pictures of one axis, one subject each: a function returns a :class:`Panel`, or None without data."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -34,7 +34,7 @@ _WAYS: Final[tuple[tuple[str, str, dict[str, Any]], ...]] = (
     ("backward", BACKWARD, BACKWARD_STYLE),
 )
 _ROOM: Final = 0.05
-"""Of the height, above and below what is shown: of both readings, and of what is left."""
+"""Margin above and below, as a share of the height: for readings and for the residue."""
 _RESIDUE_ROOM: Final = 0.08
 _BEFORE: Final[dict[str, Any]] = {
     "color": QUIET,
@@ -43,7 +43,7 @@ _BEFORE: Final[dict[str, Any]] = {
     "markerfacecolor": "none",
     "linestyle": (0, (1, 1.5)),
 }
-"""Hollow: the points of the table often lie in the same places."""
+"""Hollow, because points of the table are often at the same positions."""
 _AFTER: Final[dict[str, Any]] = {
     "color": FOREGROUND,
     "marker": "D",
@@ -53,7 +53,7 @@ _AFTER: Final[dict[str, Any]] = {
 
 
 def panels(found: AxisResults) -> list[Panel]:
-    """Return the pictures for which there are data, in the order in which one reads them."""
+    """Return the pictures with data, in reading order."""
     made = (
         *readings_panels(found),
         residue_panel(found),
@@ -70,7 +70,7 @@ def panels(found: AxisResults) -> list[Panel]:
 def readings_panels(found: AxisResults) -> list[Panel]:
     """Return the readings before and those after, on the same scale."""
     measured = [each for each in (found.before, found.after) if each is not None]
-    # The line of no deviation is always in it.
+    # The line of zero deviation is always included.
     limits = _limits([0.0, *(edge for each in measured for edge in _edges(each, found))], _ROOM)
     made = []
     if found.before is not None:
@@ -145,7 +145,7 @@ def _approaches(evaluation: Evaluation, way: str) -> list[tuple[float, Approach]
 
 
 def _outline(targets: list[float], low: list[float], high: list[float]) -> tuple[list[float], list[float]]:
-    """Return the corners of a band; its edges are thinned, so each has points of its own."""
+    """Return the corners of a band; its edges are thinned, so each has its own points."""
     (x_low, low), (x_high, high) = thinned(targets, low), thinned(targets, high)
     return [*x_low, *reversed(x_high)], [*low, *reversed(high)]
 
@@ -164,14 +164,14 @@ def _has_bands(evaluation: Evaluation) -> bool:
 
 
 def _limits(values: Sequence[float], share: float) -> tuple[float, float] | None:
-    """Return the scale that holds everything, with room above and below; None where nothing differs."""
+    """Return the scale for all values, with a margin above and below; None if all values are equal."""
     low, high = min(values), max(values)
     room = (high - low) * share
     return (low - room, high + room) if room else None
 
 
 def _edges(evaluation: Evaluation, found: AxisResults) -> list[float]:
-    """Return everything that a picture of readings must have room for, as it is shown."""
+    """Return all values that a picture of readings must include, as displayed."""
     lengths: list[float] = []
     for target in evaluation.targets:
         for approach in (target.forward, target.backward):
@@ -181,7 +181,7 @@ def _edges(evaluation: Evaluation, found: AxisResults) -> list[float]:
     return [found.scale.of(length) for length in lengths]
 
 
-# --- What is left, magnified
+# --- The residue, magnified
 
 
 def residue_panel(found: AxisResults) -> Panel | None:
@@ -267,11 +267,11 @@ def correction_panel(found: AxisResults) -> Panel | None:
 
 
 def backlash_panel(found: AxisResults) -> Panel | None:
-    """Return lost motion over position, if a table or readings of both directions tell it."""
+    """Return lost motion over position, if a table or readings of both directions contain it."""
     table = found.axis_data.table
     measured, left = _lost(found.before), _lost(found.after)
     if table is not None and table.is_unidirectional:
-        table = None  # it knows nothing of lost motion, and a line at 0 would say that there is none
+        table = None  # it has no data on lost motion, and a line at 0 would show none
     if table is None and not measured and not left:
         return None
     show = found.scale.of
@@ -310,7 +310,7 @@ def _points_shown(
     return [x for x, _ in points], [found.scale.of(lost) for _, lost in points]
 
 
-# --- How steep the table is
+# --- The slope of the table
 
 
 def slope_panel(found: AxisResults) -> Panel | None:
@@ -343,7 +343,7 @@ def slope_panel(found: AxisResults) -> Panel | None:
 
 
 def _steps(table: CorrectionTable, values: Sequence[float], factor: float) -> tuple[list[float], list[float]]:
-    """Return a line of steps: constant between two points, a jump at each."""
+    """Return a step line: constant between two points, a jump at each."""
     edges: list[float] = []
     slopes: list[float] = []
     for (low, high), (before, after) in zip(pairwise(table.positions), pairwise(values), strict=True):

@@ -1,4 +1,4 @@
-"""What the numbers of one axis say: ISO 230-2 before and after, and one sentence about it."""
+"""Results of one axis: ISO 230-2 before and after, and one sentence about them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ from gateway.report.errors import ReportError
 from gateway.report.words import NONE, Scale, clean, scale_of, shortest, truncated
 
 SAME_STRETCH: Final = 0.8
-"""Share of a measured length that must be measured again before two results may be compared."""
+"""Share of a measured length that has to be measured again before two results are comparable."""
 LEAST_LEFT: Final = 0.005
-"""What is shown as 0.00 is no number to divide by."""
+"""A value that is displayed as 0.00 is not used as a divisor."""
 _NAME_CHARACTERS: Final = 24
 
 
 @dataclass(frozen=True, slots=True)
 class AxisResults:
-    """One axis, evaluated. All lengths in the units of the axis; ``scale`` says how to show them."""
+    """One axis, evaluated. All lengths in the units of the axis; ``scale`` says how to display them."""
 
     axis_data: AxisData
     scale: Scale
@@ -29,12 +29,12 @@ class AxisResults:
 
     @property
     def axis(self) -> str:
-        """Name of the axis, fit for a page."""
+        """Name of the axis, cleaned and shortened for a page."""
         return truncated(clean(self.axis_data.axis), _NAME_CHARACTERS)
 
     @property
     def named(self) -> str:
-        """The axis as the subject of a sentence; not every file of readings says which it is."""
+        """The axis inside a sentence; some files of readings do not name it."""
         return f"axis {self.axis}" if self.axis else "the axis"
 
     @property
@@ -44,17 +44,17 @@ class AxisResults:
 
     @property
     def other_stretch(self) -> str:
-        """Why the readings after say nothing about those before; empty where they do."""
+        """Why the readings after do not compare with those before; empty if they do."""
         return other_stretch(self.before, self.after) if self.before and self.after else ""
 
     @property
     def before_word(self) -> str:
-        """What the first readings are: before something only where there are others after it."""
+        """Word for the first readings: "before" only if there are others after them."""
         return "measured" if self.after is None else "before"
 
     @property
     def after_word(self) -> str:
-        """What the readings after are: nobody may take a prediction for a measurement."""
+        """Word for the readings after, so that a prediction is not taken for a measurement."""
         return "predicted" if self.axis_data.is_predicted else "measured"
 
 
@@ -90,14 +90,14 @@ _HEADLINES: Final = (
     (FIGURES[7], "in forward direction on average within a band of"),
     (FIGURES[8], "in backward direction on average within a band of"),
 )
-"""What the sentence is about: the first that all readings carry."""
+"""Subjects of the sentence: the first that all readings have is used."""
 
 
 def find(axis_data: AxisData) -> AxisResults:
     """Evaluate the readings of one axis.
 
     Raises:
-        ReportError: there is nothing to tell, units are mixed, or readings cannot be evaluated.
+        ReportError: there are no data, units are mixed, or readings cannot be evaluated.
     """
     if axis_data.table is None and axis_data.before is None and axis_data.after is None:
         raise ReportError(
@@ -128,7 +128,7 @@ def _evaluated(axis: str, survey: Survey | None) -> Evaluation | None:
 
 
 def sentence(found: AxisResults) -> str:
-    """Say in one sentence what a customer wants to know."""
+    """Return the result in one sentence for a customer."""
     before, after, show = found.before, found.after, found.scale.rounded
     stages = [each for each in (before, after) if each is not None]
     for figure, words in _HEADLINES:
@@ -148,7 +148,7 @@ def sentence(found: AxisResults) -> str:
 
 
 def _left_between(found: AxisResults) -> str:
-    """Say what a table will leave where nobody measured; empty where nothing tells it."""
+    """Return what a table will leave between the measured targets; empty if unknown."""
     left_out = found.axis_data.left_out
     if left_out is None or not found.axis_data.is_predicted:
         return ""
@@ -167,7 +167,10 @@ def _left_between(found: AxisResults) -> str:
 
 
 def _predicted(found: AxisResults, words: str, left: str, before: float, after: float) -> str:
-    """Say first what is left between the targets: at them a table that was made of them leaves hardly any."""
+    """Return the sentence for a prediction.
+
+    First what remains between the targets: at them, a table made from them leaves almost nothing.
+    """
     show = found.scale.rounded
     return (
         f"{found.subject} was {words} {show(before)}. With the table {left}. At the targets "
@@ -180,7 +183,7 @@ def _is(found: AxisResults) -> str:
 
 
 def _change(found: AxisResults, words: str, before: float, after: float) -> str:
-    """Say what it was and what it is; how many times better only of two measurements of the same stretch."""
+    """Return the value before and after; the ratio only of two measurements over the same range."""
     show = found.scale.rounded
     now = "is predicted to be" if found.axis_data.is_predicted else "is now"
     first = f"{found.subject} was {words} {show(before)} and {now} {words} {show(after)}"
@@ -197,10 +200,10 @@ def _change(found: AxisResults, words: str, before: float, after: float) -> str:
 
 
 def other_stretch(before: Evaluation, after: Evaluation) -> str:
-    """Say that two sets of readings were not taken over the same stretch; empty where they were.
+    """Return a remark that two sets of readings cover different ranges; empty if they do not.
 
-    What was measured over a part of the axis looks better than the axis is. Targets that lie a little
-    elsewhere, as random ones do, are no other stretch.
+    A measurement over a part of the axis looks better than the axis is. Targets at slightly other positions,
+    such as random ones, do not make another range.
     """
     (low, high), (low_now, high_now) = (
         (each.targets[0].target, each.targets[-1].target) for each in (before, after)
@@ -234,13 +237,13 @@ def runs_of(evaluation: Evaluation) -> tuple[int, int]:
 
 
 def about_readings(evaluation: Evaluation) -> str:
-    """Say how many readings there are, and whether that is what the standard asks for."""
+    """Return the number of readings, and whether it meets the standard."""
     missing = missing_line(evaluation)
     return f"{count_of_readings(evaluation)}; {missing}" if missing else count_of_readings(evaluation)
 
 
 def count_of_readings(evaluation: Evaluation) -> str:
-    """Say how many readings there are."""
+    """Return the number of readings in words."""
     fewest, most = runs_of(evaluation)
     runs = f"{fewest}" if fewest == most else f"{fewest} to {most}"
     targets = evaluation.targets

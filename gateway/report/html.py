@@ -1,4 +1,4 @@
-"""A report as one HTML file that needs nothing else: no script, no network, no font of its own."""
+"""A report as one self-contained HTML file: no script, no network, no font of its own."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -60,14 +60,14 @@ _PREDICTED: Final = (
     "are taken with the table; only a new measurement at other targets shows it."
 )
 MOST_ROWS: Final = 1000
-"""Points that are listed. Longer tables are for programs, and in their file."""
+"""Maximum of listed points. Programs read longer tables from their file."""
 ISO_DECIMALS: Final = 2
 POINT_DECIMALS: Final = 2
 _COLOURS: Final = re.compile("|".join(VARIABLES))
 
 
 def html_page(report: Report, found: Sequence[AxisResults]) -> str:
-    """Return the whole page. All text of the report is escaped: it comes from files of strangers."""
+    """Return the whole page. All text of the report is escaped: it comes from untrusted files."""
     predicted = any(each.axis_data.is_predicted and each.after is not None for each in found)
     measured = any(each.before is not None or each.after is not None for each in found)
     return _PAGE.format(
@@ -84,7 +84,7 @@ def html_page(report: Report, found: Sequence[AxisResults]) -> str:
 
 
 def text(words: str) -> str:
-    """Return text for a page: nothing in it is markup."""
+    """Return text for a page, with all markup escaped."""
     return escape(clean(words))
 
 
@@ -94,7 +94,7 @@ def _facts(facts: Iterable[tuple[str, str]]) -> str:
 
 
 def _axis(found: AxisResults, index: int) -> str:
-    """One section: sentence, facts, results, pictures, points."""
+    """Return one section: sentence, facts, results, pictures, points."""
     prefix = f"axis{index}"
     notes = "".join(f"<li>{text(note)}</li>\n" for note in found.axis_data.notes)
     parts = (
@@ -115,7 +115,7 @@ def _axis(found: AxisResults, index: int) -> str:
 
 
 def _picture(panel: Panel, prefix: str) -> str:
-    """Put a picture into the page; whoever cannot see it is told what it shows."""
+    """Return a picture for the page, with its text for screen readers."""
     name = f"{prefix}-{panel.name}"
     svg = panel_svg(panel, prefix)
     tag = opening_tag(svg)
@@ -135,15 +135,15 @@ def _picture(panel: Panel, prefix: str) -> str:
 
 
 def _without_styles(svg: str) -> str:
-    """Drop the style sheet of an SVG: inside a page it would be one of the whole page."""
+    """Remove the style sheet of an SVG: inside a page it would apply to the whole page."""
     return re.sub(r"\s*<defs>\s*<style.*?</style>\s*</defs>", "", svg, flags=re.DOTALL)
 
 
-# --- Its tables: results of ISO 230-2, how they were measured, the points of the table
+# --- Tables: results of ISO 230-2, how they were measured, the points of the table
 
 
 def results_table(found: AxisResults) -> str:
-    """Return the results before and after, empty where nothing was measured."""
+    """Return the results before and after, empty if nothing was measured."""
     columns = _result_columns(found)
     if not columns:
         return ""
@@ -164,7 +164,7 @@ def results_table(found: AxisResults) -> str:
 
 
 def _results_title(found: AxisResults) -> str:
-    """Return what the figures may be called: the standard's own name only where nothing is missing."""
+    """Return the title of the results: the standard's own name only if nothing is missing."""
     missing = any(missing_of(each) for each in (found.before, found.after) if each is not None)
     return "by the formulas of ISO 230-2" if missing else "after ISO 230-2"
 
@@ -192,7 +192,7 @@ def _row(found: AxisResults, figure: Figure, evaluations: list[Evaluation]) -> s
 
 
 def _between_row(found: AxisResults, columns: int) -> str:
-    """Return the line of what a table will leave between the targets."""
+    """Return the row of what a table will leave between the targets."""
     left_out = found.axis_data.left_out
     if left_out is None or not found.axis_data.is_predicted or columns < 2:
         return ""
@@ -215,14 +215,14 @@ def _shown(found: AxisResults, length: float) -> str:
 
 
 def _share(before: float | None, after: float | None) -> str:
-    """Say how much is left of a number, in percent."""
+    """Return how much of a number remains, in percent."""
     if before is None or after is None or not before:
         return NONE
     return f"{number(abs(after / before) * 100, 1)}{GAP}%"
 
 
 def readings_lines(found: AxisResults) -> str:
-    """Say how the results were measured, a line for each set of readings."""
+    """Return how the results were measured, a line for each set of readings."""
     lines = [
         f"<b>{word.capitalize()}</b>: {escape(about_readings(each))}."
         for word, each in ((found.before_word, found.before), (f"after ({found.after_word})", found.after))
@@ -232,7 +232,7 @@ def readings_lines(found: AxisResults) -> str:
 
 
 def points_table(found: AxisResults) -> str:
-    """Return the points of the table, folded away; empty where there is no table."""
+    """Return the points of the table, folded away; empty without a table."""
     table = found.axis_data.table
     if table is None:
         return ""

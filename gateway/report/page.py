@@ -1,4 +1,4 @@
-"""A report as one picture: of each axis a sheet with its result, and under it all panels."""
+"""A report as one picture: for each axis a sheet with its result, and all panels below it."""
 
 from collections.abc import Sequence
 from textwrap import wrap
@@ -75,7 +75,7 @@ def _standalone(figure: "Canvas", report: Report) -> str:
 
 
 def _rows(its: list[Panel]) -> list[list[Panel]]:
-    """Put panels that are as good at half the width beside each other."""
+    """Put panels that are readable at half the width beside each other."""
     rows: list[list[Panel]] = []
     for panel in its:
         if panel.is_half and rows and len(rows[-1]) == 1 and rows[-1][0].is_half:
@@ -96,7 +96,7 @@ def _head_height(found: AxisResults) -> float:
 
 
 def sentence_lines(found: AxisResults) -> list[str]:
-    """Return the sentence on as many lines as it needs: its end says whether it became better."""
+    """Return the sentence on as many lines as it needs: its end has the main result."""
     return wrap(sentence(found), _SENTENCE_CHARACTERS, break_on_hyphens=False)
 
 
@@ -119,7 +119,7 @@ def _axis_part(part: "SubFigure", found: AxisResults, rows: list[list[Panel]], p
 
 
 def _head(head: "SubFigure", found: AxisResults, height: float) -> None:
-    """Write the sentence, the facts and the results in their lines from the top."""
+    """Write the sentence, the facts and the results on their lines from the top."""
     rule = 1 - 0.03 / height
     head.add_artist(_line((LEFT, RIGHT), (rule, rule)))
     at = 0.23
@@ -138,7 +138,7 @@ def _head(head: "SubFigure", found: AxisResults, height: float) -> None:
 
 
 def _facts_line(found: AxisResults) -> str:
-    """Return as many whole facts as a line has room for; an ellipsis stands for the others."""
+    """Return as many whole facts as fit on a line; an ellipsis replaces the others."""
     line = ""
     for name, text in found.axis_data.facts.items():
         fact = f"{truncated(clean(name), _FACT_CHARACTERS)}: {truncated(clean(text), _FACT_CHARACTERS)}"
@@ -156,7 +156,7 @@ def _line(x: tuple[float, float], y: tuple[float, float]) -> "Line2D":
 
 
 def shown_figures(results: Sequence[Evaluation]) -> list[Figure]:
-    """Return what there is room for: results of both directions, those of each where none is of both."""
+    """Return the figures that fit: those of both directions; if there are none, those of each."""
     both = [figure for figure in FIGURES if figure.direction == "both"]
     if any(figure.of(each) is not None for each in results for figure in both):
         return both

@@ -1,4 +1,4 @@
-"""Numbers and names as a reader of a report sees them."""
+"""Numbers and names as displayed in a report."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -10,13 +10,13 @@ MINUS: Final = "\N{MINUS SIGN}"
 GAP: Final = "\N{NO-BREAK SPACE}"
 """Between a number and its unit."""
 NONE: Final = "\N{EN DASH}"
-"""Stands where the readings carry no number."""
+"""Shown if the readings have no number."""
 _POSITIONS: Final = {Units.MM: "mm", Units.INCH: "in", Units.DEGREE: "°"}
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """How lengths of one axis are shown: positions as they are, deviations ``factor`` times as large."""
+    """How lengths of one axis are displayed: positions unchanged, deviations multiplied by ``factor``."""
 
     position: str
     deviation: str
@@ -27,7 +27,7 @@ class Scale:
         return deviation * self.factor
 
     def deviation_text(self, deviation: float | None, decimals: int) -> str:
-        r"""Render a deviation, given in the units of the axis, with its unit.
+        r"""Return a deviation as text with its unit; it is given in the units of the axis.
 
         >>> scale_of(Units.MM).deviation_text(-0.0125, 1)
         '−12.5\xa0µm'
@@ -35,7 +35,7 @@ class Scale:
         return NONE if deviation is None else f"{number(self.of(deviation), decimals)}{GAP}{self.deviation}"
 
     def rounded(self, deviation: float) -> str:
-        r"""Render a deviation for a sentence: three digits at most, none that nobody can feel.
+        r"""Return a deviation for a sentence: three digits and two decimals at most.
 
         >>> [scale_of(Units.MM).rounded(length) for length in (0.12034, 0.00912, 0.0000404)]
         ['120\xa0µm', '9.1\xa0µm', '0.04\xa0µm']
@@ -45,13 +45,13 @@ class Scale:
 
 
 def scale_of(units: Units) -> Scale:
-    """Return how an axis of these units is shown."""
+    """Return how an axis with these units is displayed."""
     small = small_unit(units)
     return Scale(_POSITIONS[units], small.name, small.factor)
 
 
 def number(value: float, decimals: int) -> str:
-    """Render a number with a real minus sign; what rounds to zero has none.
+    """Return a number with a real minus sign; a value that rounds to zero has none.
 
     >>> number(-1.25, 2), number(-0.001, 2), number(12345.0, 0)
     ('−1.25', '0.00', '12345')
@@ -63,7 +63,7 @@ def number(value: float, decimals: int) -> str:
 
 
 def shortest(value: float) -> str:
-    """Render a position with the digits that it has, at most nine.
+    """Return a position with its significant digits, at most nine.
 
     >>> shortest(-12.5), shortest(0.1 + 0.2), shortest(-0.0)
     ('−12.5', '0.3', '0')
@@ -72,10 +72,10 @@ def shortest(value: float) -> str:
 
 
 def clean(text: str) -> str:
-    r"""Make any text fit for a page: what cannot be shown stands as a replacement character.
+    r"""Return any text in a form fit for a page: what cannot be displayed becomes a replacement character.
 
-    Facts come from files of strangers: control characters would end a line of a picture or make a page that
-    is no XML, and bytes that were no text cannot be encoded again.
+    Facts come from untrusted files. Control characters would end a line of a picture or make invalid XML, and
+    bytes that were not text cannot be encoded again.
 
     >>> clean("Haas\x00 VF-2\udcff")
     'Haas\ufffd VF-2\ufffd'
@@ -84,7 +84,7 @@ def clean(text: str) -> str:
 
 
 def truncated(text: str, longest: int) -> str:
-    """Return a text of at most ``longest`` characters, the end as an ellipsis where it is longer.
+    """Return a text of at most ``longest`` characters; an ellipsis replaces the end of a longer one.
 
     >>> truncated("a long name", 7)
     'a long…'

@@ -1,4 +1,4 @@
-"""A report as a file: HTML, PNG or SVG by its suffix, written whole or not at all."""
+"""A report as a file: HTML, PNG or SVG by its suffix, written completely or not at all."""
 
 import stat
 from pathlib import Path
@@ -11,16 +11,17 @@ from gateway.report.findings import find
 
 SUFFIXES: Final = (".html", ".png", ".svg")
 MOST_SHEETS: Final = 24
-"""Axes of one PNG or SVG: more make a picture longer than programs can show."""
+"""Maximum of axes in one PNG or SVG: many programs cannot show a longer picture."""
 
 
 def write_report(report: Report, path: Path, *, force: bool = False) -> None:
     """Write a report; an existing file is replaced only with ``force``.
 
-    Call :func:`check_path` first where the work that leads to the report is long.
+    Call :func:`check_path` first if the work for the report takes long.
 
     Raises:
-        ReportError: another suffix, a report without content, a file of this name, or no place to write to.
+        ReportError: another suffix, a report without content, an existing file, or a path that is not
+            writable.
     """
     check_path(path, force=force)
     put_file(path, render(report, path.suffix.lower()), force=force)
@@ -29,10 +30,10 @@ def write_report(report: Report, path: Path, *, force: bool = False) -> None:
 def render(report: Report, suffix: str) -> bytes:
     """Return the content of a report file with this suffix, one of :data:`SUFFIXES`.
 
-    The same report makes the same bytes.
+    The same report gives the same bytes.
 
     Raises:
-        ReportError: there is nothing to show, or readings that cannot be evaluated.
+        ReportError: there is nothing to show, or readings cannot be evaluated.
     """
     if not report.axes:
         raise ReportError("a report of no axis: there is nothing to show")
@@ -49,10 +50,10 @@ def render(report: Report, suffix: str) -> bytes:
 
 
 def check_path(path: Path, *, force: bool) -> None:
-    """Check what can be known of the place before the work.
+    """Check the path before the work, as far as possible.
 
     Raises:
-        ReportError: another suffix, a file of this name, no such folder.
+        ReportError: another suffix, an existing file, no such folder.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise ReportError(f"{path}: a report is written as {', '.join(SUFFIXES)}: choose by the suffix")
@@ -71,10 +72,10 @@ def check_path(path: Path, *, force: bool) -> None:
 
 
 def put_file(path: Path, content: bytes, *, force: bool) -> None:
-    """Put a file into its place in one step, as :func:`gateway.files.write_file` does.
+    """Put a file into its path in one step, like :func:`gateway.files.write_file`.
 
     Raises:
-        ReportError: a file of this name and no ``force``, or the place cannot be written to.
+        ReportError: the file exists and there is no ``force``, or the path is not writable.
     """
     try:
         write_file(path, content, force=force)

@@ -11,9 +11,9 @@ BROADCAST: Final = 0
 
 
 class DriveBus:
-    """Hands each request to the drive that it names; all drives share one ledger.
+    """Passes each request to the drive with its unit id; all drives share one ledger.
 
-    Unit id 0 is a broadcast, obeyed by all and answered by none, unless a drive has that very id.
+    Unit id 0 is a broadcast: all drives execute it, none answers, unless a drive has unit id 0.
     """
 
     def __init__(self, drives: Iterable[RegisterServer]) -> None:
@@ -27,11 +27,11 @@ class DriveBus:
 
     @property
     def drives(self) -> tuple[RegisterServer, ...]:
-        """The drives in the order in which they were given."""
+        """The drives in their given order."""
         return tuple(self._drives.values())
 
     def axis(self, name: str) -> ServedMotion:
-        """An axis by its name.
+        """Return an axis by its name.
 
         Raises:
             KeyError: no drive has it.
@@ -39,24 +39,24 @@ class DriveBus:
         return {axis.name: axis for drive in self.drives for axis in drive.axes}[name]
 
     def has(self, unit_id: int) -> bool:
-        """Whether a request to this unit id is anybody's business."""
+        """Whether any drive takes a request to this unit id."""
         return unit_id in self._drives or unit_id == BROADCAST
 
     def response_delay_s(self, unit_id: int, baudrate: int) -> float:
-        """Return how long the drive with this unit id thinks about a reply; ``baudrate`` is 0 on TCP."""
+        """Return the response delay of the drive with this unit id; ``baudrate`` is 0 on TCP."""
         drive = self._drives.get(unit_id)
         return 0.0 if drive is None else drive.response_delay_s(baudrate)
 
     def bad_crc_reply(self, unit_id: int, function: int) -> bytes | None:
-        """Return what a drive answers to an RTU frame with a wrong check sum; None: nothing, as is right."""
+        """Return a drive's answer to a frame with a wrong CRC; None: no answer, as the standard requires."""
         drive = self._drives.get(unit_id)
         return None if drive is None else drive.bad_crc_reply(function)
 
     def answer(self, unit_id: int, pdu: bytes, now_s: float) -> bytes | None:
-        """Obey a request.
+        """Execute a request.
 
-        Returns None where nobody answers: a broadcast, an unknown unit id, a request without a function, a
-        drive that refuses in silence.
+        Returns None if no drive answers: for a broadcast, an unknown unit id, a request without a function
+        code, or a drive that refuses without an exception.
         """
         if not pdu:
             return None

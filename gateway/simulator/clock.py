@@ -1,4 +1,4 @@
-"""The one place where the simulator looks at a clock: everything else is told the time."""
+"""The only place where the simulator reads a clock: everything else gets the time as an argument."""
 
 import asyncio
 from collections.abc import Callable
@@ -11,7 +11,10 @@ SimulationClock = Callable[[], float]
 
 
 def scaled_clock(speed_up: float = 1.0) -> SimulationClock:
-    """Clock of a world that runs ``speed_up`` times as fast as ours; it starts at 0. Needs a running loop."""
+    """Return the clock of a world that runs at ``speed_up`` times real time; it starts at 0.
+
+    Needs a running loop.
+    """
     if speed_up <= 0:
         raise SimulatorError(f"speed-up {speed_up}: it must be above 0")
     loop = asyncio.get_running_loop()
@@ -25,7 +28,7 @@ def loop_now_ns() -> int:
 
 
 class DeadlineTimer:
-    """One timer that follows a deadline wherever it moves."""
+    """One timer that follows a moving deadline."""
 
     def __init__(self, ring: Callable[[], None]) -> None:
         self._ring = ring
@@ -33,7 +36,7 @@ class DeadlineTimer:
         self._due_ns: int | None = None
 
     def set(self, due_ns: int | None) -> None:
-        """Ring at ``due_ns`` of the loop's time, or not at all."""
+        """Fire at ``due_ns`` of the loop's time; None: not at all."""
         if due_ns == self._due_ns:
             return
         if self._handle is not None:

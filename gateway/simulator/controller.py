@@ -1,6 +1,6 @@
 """A simulated motion controller: moves an axis over Modbus, reads it back, runs measuring cycles.
 
-It knows nothing of corrections: every position here is nominal.
+It has no corrections: every position here is nominal.
 """
 
 import asyncio
@@ -20,7 +20,7 @@ EXCEPTION_FLAG: Final = 0x80
 
 @dataclass(frozen=True, slots=True)
 class AxisWiring:
-    """Where the controller finds one axis: unit id, registers and the scale of its counts."""
+    """Access to one axis: unit id, registers and the scale of its counts."""
 
     unit_id: int
     command: PositionField
@@ -30,17 +30,17 @@ class AxisWiring:
     zero_counts: float = 0.0
 
     def counts(self, nominal: float) -> int:
-        """Whole counts of a nominal position."""
+        """Return the whole counts of a nominal position."""
         return round(self.zero_counts + self.counts_per_unit * nominal)
 
     def nominal(self, counts: float) -> float:
-        """Nominal position of counts."""
+        """Return the nominal position of counts."""
         return (counts - self.zero_counts) / self.counts_per_unit
 
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """What the controller saw at a stop: the integer that it commanded and the one that it read back."""
+    """A stop as the controller saw it: the commanded counts and the counts read back."""
 
     stop: Stop
     commanded_counts: int
@@ -49,12 +49,12 @@ class Arrival:
 
     @property
     def is_exact(self) -> bool:
-        """Whether the axis reads back what was commanded, to the count."""
+        """Whether the axis reads back exactly the commanded counts."""
         return self.readback_counts == self.commanded_counts
 
 
 class AxisController:
-    """Moves one axis through a master."""
+    """Moves one axis through a Modbus master."""
 
     def __init__(
         self,
@@ -72,17 +72,17 @@ class AxisController:
         self._move_timeout_s = move_timeout_s
 
     async def write_registers(self, address: int, data: bytes) -> None:
-        """FC16.
+        """Write registers with FC16.
 
         Raises:
             DriveRefusedError: the drive or the gateway refused.
-            MissedError: nobody answered.
+            MissedError: no reply came.
         """
         head = bytes((WRITE_REGISTERS,)) + address.to_bytes(2) + (len(data) // 2).to_bytes(2)
         await self._exchange(head + bytes((len(data),)) + data)
 
     async def read_registers(self, address: int, count: int) -> bytes:
-        """FC03; errors as for :meth:`write_registers`."""
+        """Read registers with FC03; errors as for :meth:`write_registers`."""
         reply = await self._exchange(bytes((READ_HOLDING,)) + address.to_bytes(2) + count.to_bytes(2))
         return reply[2:]
 
@@ -104,7 +104,7 @@ class AxisController:
         return done.is_set(int.from_bytes(await self.read_registers(done.address, 1)))
 
     async def wait_until_done(self) -> int:
-        """Poll the done bit; return how often it took.
+        """Poll the done bit; return the number of polls.
 
         Raises:
             MissedError: the axis did not arrive within the move time-out.
@@ -120,7 +120,7 @@ class AxisController:
         return polls
 
     async def move(self, stop: Stop) -> Arrival:
-        """Command a stop, wait until the axis is there, dwell, and read the position back."""
+        """Command a stop, wait until the axis has arrived, dwell, and read the position back."""
         counts = self.wiring.counts(stop.nominal)
         await self.command(counts)
         polls = await self.wait_until_done()
@@ -129,7 +129,7 @@ class AxisController:
         return Arrival(stop, counts, await self.actual(), polls)
 
     async def run(self, stops: Iterator[Stop]) -> AsyncIterator[Arrival]:
-        """Move from stop to stop; the axis stands still while the caller looks at an arrival."""
+        """Move from stop to stop; the axis is at standstill while the caller handles an arrival."""
         for stop in stops:
             yield await self.move(stop)
 

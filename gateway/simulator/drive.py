@@ -1,6 +1,6 @@
-"""A drive of no particular make: its axes have the registers that a configuration gives them.
+"""A generic drive: its axes have the registers of a configuration.
 
-It moves as soon as a position is written. Vendor codes 0x41, 0x64 and 0x65 are echoed.
+It moves as soon as a position is written. It echoes the vendor codes 0x41, 0x64 and 0x65.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,7 +19,7 @@ VENDOR_FUNCTIONS: Final = (0x41, 0x64, 0x65)
 
 
 class StatusBit(Enum):
-    """Bits that a drive shows, by the names that a configuration gives them."""
+    """Bits of a drive's state, by their names in a configuration."""
 
     HOMED = "homed"
     DONE = "done"
@@ -29,7 +29,7 @@ class StatusBit(Enum):
 
 @dataclass(frozen=True, slots=True)
 class AxisRegisters:
-    """Where an axis is commanded and where it shows itself."""
+    """Registers for the commands and the state of an axis."""
 
     command: tuple[PositionField, ...]
     actual: tuple[PositionField, ...] = ()
@@ -48,11 +48,11 @@ DEFAULT_REGISTERS = AxisRegisters(
         "alarm": BitField(0x0204, 3),
     },
 )
-"""The map of a plain made-up drive, for trials without a configuration."""
+"""The map of a generic drive, for trials without a configuration."""
 
 
 class SimulatedAxis:
-    """Joins mechanics and registers: a written command field starts a move, readings are made live."""
+    """Joins mechanics and registers: a written command starts a move; readings are computed when read."""
 
     def __init__(self, name: str, registers: AxisRegisters, mechanics: Mechanics) -> None:
         self.name = name
@@ -61,18 +61,18 @@ class SimulatedAxis:
 
     @classmethod
     def from_plan(cls, plan: AxisPlan, mechanics: Mechanics) -> "SimulatedAxis":
-        """An axis with the registers of a configuration's axis."""
+        """Return an axis with the registers of a configuration's axis."""
         registers = AxisRegisters(plan.command, plan.actual, plan.commanded, plan.bits)
         return cls(plan.name, registers, mechanics)
 
     def initialise(self, image: RegisterImage) -> None:
-        """Show the start position in every field, the command fields too."""
+        """Write the start position into every field, also into the command fields."""
         for command_field in self.registers.command:
             _show(image, command_field, self.mechanics.target_counts)
         self.refresh(image, 0.0)
 
     def refresh(self, image: RegisterImage, now_s: float) -> None:
-        """Bring positions and status bits up to date."""
+        """Update positions and status bits."""
         mechanics = self.mechanics
         mechanics.advance(now_s)
         for actual_field in self.registers.actual:
@@ -84,9 +84,9 @@ class SimulatedAxis:
             image.set_bit(bit_field, self._bit(StatusBit(name)))
 
     def written(self, image: RegisterImage, address: int, count: int, now_s: float) -> None:
-        """Registers were written: start a move if one of them belongs to a command field.
+        """Handle written registers: start a move if one of them belongs to a command field.
 
-        A word of a command written alone moves the axis to what the field then holds, as on a drive whose
+        If only one word of a command is written, the axis moves to the field's new value, like a drive whose
         register is live.
         """
         for command_field in self.registers.command:
@@ -107,7 +107,7 @@ class SimulatedAxis:
 
 
 def _show(image: RegisterImage, position_field: PositionField, counts: float) -> None:
-    """Write a position as the drive shows it: whole counts, or a float as it is; a full one wraps round."""
+    """Write a position as the drive shows it: whole counts that wrap round, or a float unchanged."""
     raw = counts / position_field.scale
     if position_field.type.is_float:
         image.store_words(position_field.address, position_field.pack(raw))
@@ -118,10 +118,10 @@ def _show(image: RegisterImage, position_field: PositionField, counts: float) ->
 
 
 class SimulatedDrive(RegisterServer):
-    """One unit on a bus, with the axes that it drives.
+    """One unit on a bus, with its axes.
 
-    ``max_registers`` is the most that it takes in one frame; ``without`` lists function codes that it does
-    not know although others do.
+    ``max_registers`` is the most in one frame; ``without`` lists function codes that this drive does not
+    support.
     """
 
     def __init__(
@@ -145,18 +145,18 @@ class SimulatedDrive(RegisterServer):
             axis.initialise(self.image)
 
     def answer(self, pdu: bytes, now_s: float) -> bytes:
-        """See :class:`RegisterServer`: it never stays silent."""
+        """Execute a request; always returns a reply."""
         reply = super().answer(pdu, now_s)
         assert reply is not None
         return reply
 
     def refresh(self, now_s: float) -> None:
-        """See :class:`RegisterServer`."""
+        """Update all registers."""
         for axis in self.axes:
             axis.refresh(self.image, now_s)
 
     def write_words(self, address: int, data: bytes, now_s: float) -> None:
-        """See :class:`RegisterServer`."""
+        """Store registers and start the moves that they command."""
         self.image.store_words(address, data)
         for axis in self.axes:
             axis.written(self.image, address, len(data) // 2, now_s)

@@ -1,7 +1,7 @@
-"""How drives make frames of what they hear: what the standard says, and what else there is. Sans-IO.
+"""How drives find frames in received bytes: as the standard says, and in other known ways. Sans-IO.
 
-A gateway that sends frames which are no frames has to know what drives make of them. An :class:`Uart` knows
-when each byte came; by :class:`Hearing` it finds frames as one kind of drive does.
+A gateway that sends aborted frames depends on what drives make of them. A :class:`Uart` records when each
+byte came. Its :class:`Hearing` is the rule by which one kind of drive finds frames.
 """
 
 from enum import Enum
@@ -19,28 +19,30 @@ class TimedByte(NamedTuple):
     """A byte at the end of a wire."""
 
     came_ns: int
-    """When its last bit was there."""
+    """When its last bit arrived."""
     byte: int
 
 
 class Hearing(Enum):
-    """What a kind of drive takes for a frame."""
+    """The rule by which a kind of drive finds frames."""
 
     __hash__ = object.__hash__
 
     STANDARD = "standard"
-    """What stands between two silences of t3.5 without a pause of t1.5, is as long as it says, and intact."""
+    """A frame is between two silences of t3.5, has no pause of t1.5, the length in its header, and a valid
+    CRC."""
     ANY_LENGTH = "any-length"
-    """What is intact between two silences, however long: what its head counts and did not come is what the
-    drive's buffer held before, what came behind it is left alone."""
+    """A frame with a valid CRC between two silences, of any length. If bytes are missing, the drive takes the
+    old content of its buffer; extra bytes are ignored."""
     MERGING = "merging"
-    """As ANY_LENGTH, but only 10 ms of silence end a frame: what is nearer together is one."""
+    """Like ANY_LENGTH, but only 10 ms of silence end a frame: frames with less silence between them count as
+    one."""
     NO_CHECK = "no-check"
-    """What is as long as it says, whatever its check sum is."""
+    """A frame of the length in its header, with any CRC."""
 
 
 def ends_ns(hearing: Hearing, baudrate: int, bits_per_character: int = 11) -> int:
-    """Return after how much silence a kind of drive has a frame, in ns.
+    """Return the silence after which a kind of drive has a frame, in ns.
 
     >>> ends_ns(Hearing.STANDARD, 38400), ends_ns(Hearing.MERGING, 38400)
     (1750000, 10000000)
@@ -67,7 +69,7 @@ class Uart:
         self.frames_odd = 0
         """With a wrong check sum or length."""
         self.damaged = b""
-        """The last one that was wrong, as it came."""
+        """The last wrong frame, as received."""
         self._hearing = hearing
         self._ends_ns = ends_ns(hearing, baudrate, bits_per_character)
         self._breaks_ns = pause_ns(silence_ns(baudrate, bits_per_character))
@@ -79,14 +81,14 @@ class Uart:
 
     @property
     def deadline_ns(self) -> int | None:
-        """When what was heard has ended, if nothing more comes; None: nothing was heard.
+        """When the present frame ends if no more bytes come; None: no bytes were received.
 
-        A character that began just before the silence was long enough takes its time to come.
+        A character that began just before the silence was long enough still has to arrive.
         """
         return self._last_ns + self._ends_ns + self._character_ns if self._heard else None
 
     def receive(self, arrival: TimedByte) -> bytes:
-        """Take a byte; return the frame that had ended before it came, empty where there is none."""
+        """Take a byte; return the frame that ended before it, or empty."""
         ended = self.take(arrival.came_ns)
         if self._heard:
             pause = arrival.came_ns - self._character_ns - self._last_ns
@@ -100,7 +102,7 @@ class Uart:
         return ended
 
     def take(self, now_ns: int) -> bytes:
-        """Return the frame that has ended by ``now_ns``, as the drive obeys it; empty: there is none."""
+        """Return the frame that has ended by ``now_ns`` and that the drive executes; empty: there is none."""
         if self.deadline_ns is None or now_ns < self.deadline_ns:
             return b""
         heard, is_broken = bytes(self._buffer[: self._heard]), self._is_broken

@@ -21,11 +21,11 @@ from gateway.transport.listener import ProtocolListener, bound
 from gateway.transport.tcp import is_no_address_here
 
 GATEWAY_TARGET_FAILED: Final = 0x0B
-"""What a TCP device answers for a unit id that nobody has (Modbus application protocol V1.1b3, section 7)."""
+"""A TCP device's exception for an unknown unit id (Modbus application protocol V1.1b3, section 7)."""
 
 
 Delay = Callable[[int], float]
-"""Unit id -> seconds that its drive thinks about a reply."""
+"""Unit id -> response delay of its drive in seconds."""
 
 
 def _same_delay(delay_s: float | Delay) -> Delay:
@@ -60,7 +60,7 @@ class _DelayedSender:
 
 
 class _Obeying:
-    """Whole requests in, replies out as RTU frames."""
+    """Executes whole requests and sends the replies as RTU frames."""
 
     def __init__(
         self, bus: DriveBus, clock: SimulationClock, send: Callable[[bytes], None], delay: Delay
@@ -74,7 +74,7 @@ class _Obeying:
         self._reply(unit_id, self._bus.answer(unit_id, pdu, self._clock()))
 
     def refuse_damaged(self, data: bytes) -> bool:
-        """Some drives answer what has a wrong check sum, to them; return whether one did."""
+        """Let a drive answer a frame with a wrong CRC, which some drives do. Return whether one did."""
         return self._reply(data[0], self._bus.bad_crc_reply(data[0], data[1]))
 
     def close(self) -> None:
@@ -88,14 +88,14 @@ class _Obeying:
 
 
 class _RtuUnit:
-    """RTU bytes in, RTU bytes out: what serial ports and RTU over TCP share."""
+    """RTU bytes in, RTU bytes out: common to serial ports and RTU over TCP."""
 
     def __init__(self, obeying: _Obeying) -> None:
         self._obeying = obeying
         self._decoder = RtuRequestDecoder()
         self._silence = DeadlineTimer(self._on_silence)
         self._unread = b""
-        """What has come since the last whole frame."""
+        """Bytes since the last whole frame."""
 
     def feed(self, data: bytes) -> None:
         self._unread += data
@@ -122,7 +122,7 @@ class _RtuUnit:
 
 
 class _HearingUnit:
-    """Drives that hear each byte when it comes off the wire, and make frames of them as ``hearing`` says."""
+    """Drives that receive each byte at its time on the wire, and find frames by the rule ``hearing``."""
 
     def __init__(self, obeying: _Obeying, hearing: Hearing, line: SerialEndpoint, cable: Cable) -> None:
         self._obeying = obeying
@@ -131,7 +131,7 @@ class _HearingUnit:
         self._alarm = DeadlineTimer(self._listen)
 
     def feed(self, data: bytes) -> None:
-        """Put bytes on the wire to the drives."""
+        """Send bytes to the drives."""
         self._wire.send(data, loop_now_ns())
         self._listen()
 
@@ -163,8 +163,8 @@ class SerialDriveServer:
     """Drives on a serial port, given by a raw, non-blocking descriptor: a pty's master or an opened device.
 
     With ``wire`` the bytes take the time that they need at that port's baud rate, in both directions.
-    ``response_delay_s`` is that of all drives, or a function that takes a unit id. ``cable`` says what the
-    line is like besides its baud rate; it wants ``wire``.
+    ``response_delay_s`` is that of all drives, or a function of the unit id. ``cable`` describes the line
+    beyond its baud rate; it requires ``wire``.
     """
 
     def __init__(
@@ -179,7 +179,7 @@ class SerialDriveServer:
     ) -> None:
         self.bus = bus
         self.uart: Uart | None = None
-        """How its drives hear, where the cable says that."""
+        """The rule by which its drives find frames, if the cable has one."""
         channel = FdChannel(fd)
         to_gateway = Lane(channel.send, wire, cable.faults, cable.adapter)
         obeying = _Obeying(bus, clock, to_gateway.send, _same_delay(response_delay_s))
@@ -201,7 +201,7 @@ class SerialDriveServer:
 
 
 class TcpDriveServer:
-    """Drives on a TCP port: Modbus TCP, or raw RTU frames (``rtu``) as serial device servers carry them."""
+    """Drives on a TCP port: Modbus TCP, or raw RTU frames (``rtu``) like serial device servers."""
 
     def __init__(
         self,
@@ -223,10 +223,10 @@ class TcpDriveServer:
         self._connections: set[_Connection] = set()
 
     async def start(self) -> None:
-        """Listen; a port of 0 is replaced by the one that was found.
+        """Listen; a port of 0 is replaced by the port that the system chose.
 
         Raises:
-            SimulatorError: the address is in use or not ours.
+            SimulatorError: the address is in use or not an address of this machine.
         """
         try:
             self._listener.open(await bound(self.host, self.port))
@@ -240,7 +240,7 @@ class TcpDriveServer:
         self.drop_connections()
 
     def drop_connections(self) -> None:
-        """Cut every connection, as a drive that is switched off; the listener stays."""
+        """Close every connection, like a drive that is switched off; the listener stays."""
         for connection in tuple(self._connections):
             connection.abort()
 
@@ -251,7 +251,7 @@ class TcpDriveServer:
 
 
 class _Connection(asyncio.Protocol):
-    """What both kinds of connection share."""
+    """Common part of both kinds of connection."""
 
     def __init__(
         self, bus: DriveBus, clock: SimulationClock, delay: Delay, connections: "set[_Connection]"
@@ -306,7 +306,7 @@ class _MbapConnection(_Connection):
     def data_received(self, data: bytes) -> None:
         requests = self._decoder.feed(data)
         if self._decoder.counters.bad_headers:
-            self.abort()  # Not Modbus TCP, or out of step for good.
+            self.abort()  # Not Modbus TCP, or permanently out of step.
             return
         for transaction_id, unit_id, pdu in requests:
             reply = self.bus.answer(unit_id, pdu, self.clock())
@@ -317,7 +317,7 @@ class _MbapConnection(_Connection):
 
 
 def _why(error: OSError) -> str:
-    """Why an address cannot be listened on, and what to do about it."""
+    """Return why an address cannot be opened, and what to do about it."""
     if is_no_address_here(error):
         return "not an address of this machine; give the drives one that is, such as 127.0.0.1"
     match error.errno:

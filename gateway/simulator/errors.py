@@ -2,7 +2,7 @@
 
 
 class SimulatorError(Exception):
-    """What cannot be simulated, or an endpoint that cannot be opened; the message says what to do."""
+    """The configuration cannot be simulated, or an endpoint cannot be opened; the message says what to do."""
 
 
 class DriveRefusedError(SimulatorError):
@@ -15,4 +15,4 @@ class DriveRefusedError(SimulatorError):
 
 
 class MissedError(SimulatorError):
-    """The simulated controller has waited in vain: for a reply, or for its axis to arrive."""
+    """No reply came to the simulated controller in time, or its axis did not arrive in time."""

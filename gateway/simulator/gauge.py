@@ -1,4 +1,4 @@
-"""What measures a simulated axis: a laser that sees the nut, its serial port, and a display to read from."""
+"""Instruments that measure a simulated axis: a laser on the nut, its serial port, and a display."""
 
 import random
 from collections.abc import Callable
@@ -17,11 +17,11 @@ DECIMALS: Final = 5
 DISPLAY_EVERY_S: Final = 0.1
 _REQUEST: Final = DEFAULTS[GaugeKind.SYLVAC].request.encode()
 _LONGEST: Final = 64
-"""Bytes that are kept of what is no request."""
+"""Maximum of stored bytes that are not a request."""
 
 
 class Laser:
-    """Reads the true displacement of a nut from the place where the laser was zeroed, with seeded noise.
+    """Reads the true displacement of a nut from the laser's zero, with seeded noise.
 
     Lengths in millimetres; ``noise_um`` is the standard deviation of one reading.
     """
@@ -33,24 +33,24 @@ class Laser:
         self._zero_mm = mechanics.nut_mm
 
     def zero(self, now_s: float) -> None:
-        """Take the nut's place at ``now_s`` as 0."""
+        """Set the nut's position at ``now_s`` as 0."""
         self._mechanics.advance(now_s)
         self._zero_mm = self._mechanics.nut_mm
 
     def true_mm(self, now_s: float) -> float:
-        """Displacement of the nut without noise: what no instrument can know."""
+        """Displacement of the nut without noise, which no instrument can measure."""
         self._mechanics.advance(now_s)
         return self._mechanics.nut_mm - self._zero_mm
 
     def read_mm(self, now_s: float) -> float:
-        """One reading."""
+        """Take one reading."""
         return self.true_mm(now_s) + (self._rng.gauss(0.0, self._noise_mm) if self._noise_mm else 0.0)
 
 
 class VirtualGauge:
-    """Shows where the nut of an axis really is, in machine positions and units of the axis.
+    """Shows the true position of an axis's nut, in machine positions and units of the axis.
 
-    Its port speaks as a Sylvac gauge does, the usual kind of ``measure``. Needs a running loop.
+    Its port has the protocol of a Sylvac gauge, the usual kind of ``measure``. Needs a running loop.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class VirtualGauge:
         self._unit_mm = unit_mm(plan.settings.units)
         mechanics.advance(clock())
         self._zero_mm = mechanics.motor_mm
-        """Where the instrument was set, to what the encoder says there."""
+        """Where the instrument was set to the encoder's position."""
         self._laser = Laser(mechanics, noise_um=NOISE_UM, seed=seed)
         self._channel = FdChannel(port)
         self._heard = b""
@@ -79,7 +79,7 @@ class VirtualGauge:
 
     @property
     def rest_position(self) -> float | None:
-        """What tells one place of rest from another; None while the axis moves."""
+        """Identity of the present rest position; None while the axis moves."""
         self._mechanics.advance(self._clock())
         return None if self._mechanics.is_moving else self._mechanics.nut_mm
 
@@ -91,7 +91,7 @@ class VirtualGauge:
 
 
 class Display:
-    """Tells what a gauge shows, each time that its axis has come to rest at another place."""
+    """Shows a gauge's reading each time its axis has come to rest at another position."""
 
     def __init__(self, gauge: VirtualGauge, show: Callable[[VirtualGauge, float], None]) -> None:
         self._gauge = gauge
@@ -99,7 +99,7 @@ class Display:
         self._shown = gauge.rest_position
 
     def update(self) -> None:
-        """Look once."""
+        """Check once."""
         rest_position = self._gauge.rest_position
         if rest_position is not None and rest_position != self._shown:
             self._shown = rest_position

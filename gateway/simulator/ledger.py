@@ -1,4 +1,4 @@
-"""What a simulated bus received and what its drives did, for tests and for looking at."""
+"""Record of what a simulated bus received and what its drives did, for tests and inspection."""
 
 from collections import Counter, deque
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ LEDGER_LENGTH: Final = 10_000
 
 @dataclass(frozen=True, slots=True)
 class WriteRecord:
-    """Registers that were written. ``unit_id`` is the drive's own, also for a broadcast."""
+    """Written registers. ``unit_id`` is the drive's own, also for a broadcast."""
 
     unit_id: int
     function: int
@@ -20,7 +20,7 @@ class WriteRecord:
 
 
 class MoveKind(Enum):
-    """What a drive was made to do."""
+    """What a drive did."""
 
     ABSOLUTE = "absolute"
     RELATIVE = "relative"
@@ -28,15 +28,15 @@ class MoveKind(Enum):
     STOP = "stop"
     SET_POSITION = "set_position"
     OTHER = "other"
-    """Velocity, jog, or a mode that is not simulated: the axis stays where it is."""
+    """Velocity, jog, or a mode that is not simulated: the axis does not move."""
 
 
 @dataclass(frozen=True, slots=True)
 class MoveRecord:
-    """Something that a drive started, in its own counts.
+    """A motion that a drive started, in its own counts.
 
-    ``target_counts`` is where the axis ends: of a stop where it comes to rest, of a set position what the
-    place is called from then on. None where there is no target.
+    ``target_counts`` is where the axis ends: for a stop, where it comes to rest; for a set position, the new
+    value of the present position. None if there is no target.
     """
 
     unit_id: int
@@ -50,19 +50,19 @@ class MoveRecord:
 
 @dataclass(slots=True)
 class Ledger:
-    """The latest writes and moves, and how many requests of each function came in since the start."""
+    """The latest writes and moves, and the number of requests by function code since the start."""
 
     writes: "deque[WriteRecord]" = field(default_factory=lambda: deque(maxlen=LEDGER_LENGTH))
     moves: "deque[MoveRecord]" = field(default_factory=lambda: deque(maxlen=LEDGER_LENGTH))
-    """Kept by the drives that are simulated by name, not by the plain one."""
+    """Recorded by the drives of known makes, not by the generic one."""
     requests: "Counter[int]" = field(default_factory=Counter)
     unheard_of: "deque[str]" = field(default_factory=lambda: deque(maxlen=LEDGER_LENGTH))
-    """Values that a drive simulated by name was told and does not know, each as a sentence."""
+    """Values that a drive of a known make received and does not know, each as a sentence."""
 
     def writes_to(self, unit_id: int, address: int) -> list[WriteRecord]:
-        """Writes that began at an address of a drive."""
+        """Return the writes that began at an address of a drive."""
         return [w for w in self.writes if w.unit_id == unit_id and w.address == address]
 
     def moves_of(self, unit_id: int) -> list[tuple[MoveKind, int | None]]:
-        """What a drive was made to do, in order: the kind and the target in counts."""
+        """Return what a drive did, in order: the kind and the target in counts."""
         return [(move.kind, move.target_counts) for move in self.moves if move.unit_id == unit_id]

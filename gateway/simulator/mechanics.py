@@ -1,7 +1,7 @@
 """One simulated axis: motor, screw, backlash, nut and encoder. Nothing here reads a clock.
 
-Positions are machine millimetres (a degree of a rotary axis stands for a millimetre). Each axis runs through
-time once, forwards: call :meth:`Mechanics.advance` with times that never go back.
+Positions are machine millimetres (a degree of a rotary axis counts as a millimetre). Time only goes forward:
+call :meth:`Mechanics.advance` with times that never decrease.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ DEFAULT_DYNAMICS: Final = Dynamics()
 
 
 class Flank(Enum):
-    """Which side of the thread carries the nut: ``FORWARD`` after motion towards greater positions."""
+    """Flank of the thread that carries the nut: ``FORWARD`` after motion towards greater positions."""
 
     FORWARD = "forward"
     BACKWARD = "backward"
@@ -27,8 +27,8 @@ class Flank(Enum):
 class Play:
     """A nut with lost motion: it follows the screw only after the play has been taken up.
 
-    The nut stands at the flank's own position while the forward flank carries it, and ``width_mm`` above it
-    while the backward flank does; in between it stays where it is.
+    The nut is at the flank's own position while the forward flank carries it, and ``width_mm`` above it while
+    the backward flank does. In between it does not move.
 
     >>> play = Play(0.030, at_mm=10.0, flank=Flank.FORWARD)
     >>> play.follow(10.5), play.follow(10.48), play.follow(10.0)
@@ -42,27 +42,27 @@ class Play:
         self.nut_mm = at_mm if flank is Flank.FORWARD else at_mm + width_mm
 
     def follow(self, driven_mm: float) -> float:
-        """Move the flank to ``driven_mm`` without turning round on the way; return the nut's position."""
+        """Move the flank to ``driven_mm`` without a reversal on the way; return the nut's position."""
         self.nut_mm = min(max(self.nut_mm, driven_mm), driven_mm + self.width_mm)
         return self.nut_mm
 
 
 @dataclass(frozen=True, slots=True)
 class Encoder:
-    """Turns motor positions into counts: ``counts = zero_counts + counts_per_mm * motor_mm``.
+    """Converts motor positions to counts: ``counts = zero_counts + counts_per_mm * motor_mm``.
 
-    ``counts_per_mm`` is negative where the drive counts the other way.
+    ``counts_per_mm`` is negative if the drive counts in the other direction.
     """
 
     counts_per_mm: float
     zero_counts: float = 0.0
 
     def counts(self, motor_mm: float) -> float:
-        """Counts at a motor position, not yet rounded."""
+        """Return the counts at a motor position, not rounded."""
         return self.zero_counts + self.counts_per_mm * motor_mm
 
     def motor_mm(self, counts: float) -> float:
-        """Motor position of a number of counts."""
+        """Return the motor position of a number of counts."""
         return (counts - self.zero_counts) / self.counts_per_mm
 
 
@@ -96,17 +96,17 @@ class Mechanics:
 
     @property
     def motor_mm(self) -> float:
-        """Where the motor's turns say that the nut should be."""
+        """Ideal position of the nut from the motor's turns."""
         return self._motion.position_mm(self._now_s)
 
     @property
     def nut_mm(self) -> float:
-        """Where the nut truly is."""
+        """True position of the nut."""
         return self._play.nut_mm
 
     @property
     def actual_counts(self) -> float:
-        """Encoder position, not yet rounded; exactly the target once the move is done."""
+        """Encoder position, not rounded; exactly the target after the move."""
         return self.encoder.counts(self.motor_mm) if self.is_moving else self._target_counts
 
     @property
@@ -116,16 +116,16 @@ class Mechanics:
 
     @property
     def is_moving(self) -> bool:
-        """Whether a move is under way."""
+        """Whether a move is running."""
         return self._now_s < self._motion.end_s
 
     @property
     def is_done(self) -> bool:
-        """Whether the axis stands where it was last told to go."""
+        """Whether the axis is at standstill at its last target."""
         return not self.is_moving and not self.alarm
 
     def advance(self, now_s: float) -> None:
-        """Let time pass until ``now_s``; the nut follows through every turning point on the way."""
+        """Advance to ``now_s``; the nut follows through every turning point on the way."""
         if now_s <= self._now_s:
             return
         for turning_mm in self._motion.turning_points_mm(self._now_s, now_s):
@@ -134,7 +134,7 @@ class Mechanics:
         self._play.follow(self.screw.driven_mm(self.motor_mm))
 
     def command(self, target_counts: float, now_s: float) -> None:
-        """Start an absolute move. The target of the move under way, given again, changes nothing."""
+        """Start an absolute move. Repeating the target of the running move changes nothing."""
         self.advance(now_s)
         if self.alarm or (target_counts == self._target_counts and self.is_moving):
             return
@@ -142,7 +142,7 @@ class Mechanics:
         self._target_counts = target_counts
 
     def stop(self, now_s: float) -> None:
-        """Brake to a standstill; the place where it ends becomes the target."""
+        """Brake to a standstill; the final position becomes the target."""
         self.advance(now_s)
         speed = self._motion.speed_mm_s(now_s)
         at_mm = self.motor_mm + speed * abs(speed) / (2 * self.dynamics.acceleration_mm_s2)
@@ -151,7 +151,7 @@ class Mechanics:
             self._target_counts = self.encoder.counts(at_mm)
 
     def redefine(self, counts: float) -> None:
-        """Call the place where the axis is ``counts`` from now on; nothing moves."""
+        """Set the present position to ``counts``; nothing moves."""
         shift = counts - self.actual_counts
         encoder = self.encoder
         self.encoder = Encoder(encoder.counts_per_mm, encoder.zero_counts + shift)
@@ -163,14 +163,14 @@ class Mechanics:
 
 
 def encoder_of(settings: AxisSettings) -> Encoder:
-    """Encoder that fits an axis of a configuration.
+    """Return the encoder of an axis of a configuration.
 
     ``counts = zero_counts + counts_per_unit * (nominal + machine_offset)``, and the machine position is
-    ``nominal + machine_offset``, so the offset is no business of the encoder.
+    ``nominal + machine_offset``. So the encoder does not depend on the offset.
     """
     return Encoder(settings.counts_per_unit / unit_mm(settings.units), settings.zero_counts)
 
 
 def unit_mm(units: Units) -> float:
-    """Millimetres of one machine unit; a degree stands for a millimetre."""
+    """Millimetres of one machine unit; a degree counts as a millimetre."""
     return 1.0 if units is Units.DEGREE else units.convert_factor(Units.MM)

@@ -1,4 +1,4 @@
-"""The drive's own motion profile: a trapezoid of speed, from any state of motion to a standstill."""
+"""The drive's own motion profile: trapezoidal speed, from any state of motion to standstill."""
 
 from dataclasses import dataclass
 from math import copysign, sqrt
@@ -14,7 +14,7 @@ class Dynamics:
     acceleration_mm_s2: float = 2000.0
 
     def __post_init__(self) -> None:
-        """Refuse a motor that never moves."""
+        """Refuse limits with which the motor never moves."""
         if self.speed_mm_s <= 0 or self.acceleration_mm_s2 <= 0:
             raise SimulatorError(
                 f"speed {self.speed_mm_s} mm/s, acceleration {self.acceleration_mm_s2} mm/s²: "
@@ -24,7 +24,7 @@ class Dynamics:
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """A stretch of constant acceleration in which the speed keeps its sign."""
+    """A stretch of time with constant acceleration, in which the speed keeps its sign."""
 
     start_s: float
     start_mm: float
@@ -39,7 +39,7 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True)
 class MotionProfile:
-    """One move. Before its first stretch and after its end the axis stands."""
+    """One move. Before its first stretch and after its end the axis is at standstill."""
 
     stretches: tuple[Stretch, ...]
     end_s: float
@@ -59,7 +59,7 @@ class MotionProfile:
         return stretch.speed_mm_s + stretch.acceleration_mm_s2 * (now_s - stretch.start_s)
 
     def turning_points_mm(self, after_s: float, until_s: float) -> list[float]:
-        """Positions, in order, where the axis stops between two times to turn round: play must see them."""
+        """Positions of the reversals between two times, in order: the play has to follow through them."""
         return [
             stretch.start_mm
             for stretch in self.stretches[1:]
@@ -83,7 +83,7 @@ def plan_motion(
 ) -> MotionProfile:
     """Plan the quickest move within the limits of the drive.
 
-    An axis that moves away from the target, or too fast to stop in front of it, brakes to a standstill first.
+    An axis that moves away from the target, or too fast to stop before it, first brakes to standstill.
 
     Half a second to 50 mm/s, 1.5 s at that speed, half a second to brake:
 
@@ -105,7 +105,7 @@ def plan_motion(
 def _trapezoid(
     from_mm: float, speed_mm_s: float, target_mm: float, now_s: float, dynamics: Dynamics
 ) -> MotionProfile:
-    """Speed up, cruise, brake; the axis stands or already moves towards the target."""
+    """Accelerate, cruise, brake; the axis is at standstill or already moves towards the target."""
     acceleration = dynamics.acceleration_mm_s2
     distance_mm = abs(target_mm - from_mm)
     sign = copysign(1.0, target_mm - from_mm)

@@ -1,4 +1,4 @@
-"""Serial ports made of pseudo terminals, under the paths of a configuration, and their bytes on the loop."""
+"""Serial ports made of pseudo terminals, at the paths of a configuration, and their bytes on the loop."""
 
 import asyncio
 import os
@@ -13,13 +13,13 @@ from gateway.simulator.errors import SimulatorError
 
 READ_BYTES: Final = 4096
 MAX_UNREAD_BYTES: Final = 1024
-"""Bytes kept for a port that nobody reads; a serial wire would have lost them long before."""
+"""Bytes kept for a port that no program reads; a serial wire would have lost them long before."""
 
 
 class Pty:
-    """A pair of file descriptors: we hold the master, whoever opens ``path`` gets the other end.
+    """A pair of descriptors: this process holds the master; the program that opens ``path`` gets the slave.
 
-    The slave is kept open too: without it the master fails each time the other side closes its port.
+    The slave stays open here too: otherwise the master fails each time the other program closes its port.
     """
 
     def __init__(self) -> None:
@@ -31,7 +31,7 @@ class Pty:
         self._links: list[Path] = []
 
     def link(self, path: Path) -> None:
-        """Make ``path`` a symbolic link to the slave; it goes with the pty.
+        """Make ``path`` a symbolic link to the slave; :meth:`close` removes it.
 
         Raises:
             OSError: the link cannot be made.
@@ -40,7 +40,7 @@ class Pty:
         self._links.append(path)
 
     def close(self) -> None:
-        """Close both ends and take the links away."""
+        """Close both ends and remove the links."""
         for path in self._links:
             if path.is_symlink() and str(path.readlink()) == self.path:
                 path.unlink()
@@ -51,20 +51,20 @@ class Pty:
 
 
 class PortLinks:
-    """Makes ports where there are none, and takes them away again, with the folders that they needed."""
+    """Creates missing ports, and removes them again, with the folders made for them."""
 
     def __init__(self) -> None:
         self._ptys: list[Pty] = []
         self._folders: list[Path] = []
 
     def make(self, path: Path) -> Pty:
-        """Make a port at ``path``.
+        """Create a port at ``path``.
 
         Raises:
-            SimulatorError: something is there already, or the place may not be written.
+            SimulatorError: the path exists already, or is not writable.
         """
         if path.is_symlink() and not path.exists():
-            _attempt(path, path.unlink)  # Left over from a simulation that was killed: it leads nowhere.
+            _attempt(path, path.unlink)  # Left by a killed simulation: a dangling link.
         if path.exists():
             raise SimulatorError(
                 f"{path} exists: the simulator makes a port only where there is none. Stop what made it, or "
@@ -77,12 +77,12 @@ class PortLinks:
         return pty
 
     def close(self) -> None:
-        """Take every port and folder away."""
+        """Remove every port and folder."""
         for pty in self._ptys:
             pty.close()
         self._ptys.clear()
         for folder in reversed(self._folders):
-            with suppress(OSError):  # Somebody else put something into it.
+            with suppress(OSError):  # Another program has put something into it.
                 folder.rmdir()
         self._folders.clear()
 
@@ -104,7 +104,7 @@ def _attempt(path: Path, action: Callable[[], object]) -> None:
 
 
 def open_serial(path: str) -> int:
-    """Open the slave of a pty raw and non-blocking, with nothing old in it.
+    """Open the slave of a pty raw and non-blocking, without old input.
 
     Raises:
         OSError: there is no such port, or no permission.
@@ -116,9 +116,9 @@ def open_serial(path: str) -> int:
 
 
 class FdChannel:
-    """A file descriptor on the running loop: bytes in by call, bytes out without ever blocking.
+    """A descriptor on the running loop: bytes in by callback, bytes out without blocking.
 
-    Does not own the descriptor: whoever opened it closes it, after :meth:`close`.
+    It does not own the descriptor: the opener closes it, after :meth:`close`.
     """
 
     def __init__(self, fd: int) -> None:
@@ -127,11 +127,11 @@ class FdChannel:
         self._loop = asyncio.get_running_loop()
 
     def listen(self, on_bytes: Callable[[bytes], None], on_lost: Callable[[], None] | None = None) -> None:
-        """Hand over what arrives from now on; ``on_lost`` is told when the port is gone."""
+        """Pass on received bytes from now on; ``on_lost`` is called when the port is gone."""
         self._loop.add_reader(self._fd, self._read, on_bytes, on_lost)
 
     def send(self, data: bytes) -> None:
-        """Write now what goes, the rest as soon as there is room."""
+        """Write what the port takes now, and the rest when there is room."""
         if self._unsent:
             self._unsent += data[: MAX_UNREAD_BYTES - len(self._unsent)]
             return
@@ -165,7 +165,7 @@ class FdChannel:
         except BlockingIOError:
             return 0
         except OSError:
-            return len(data)  # The other end is gone, and the bytes with it, as on a pulled plug.
+            return len(data)  # The other end is gone; the bytes are lost, as on a pulled plug.
 
     def _write_rest(self) -> None:
         del self._unsent[: self._try_write(self._unsent)]

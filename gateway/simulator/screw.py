@@ -1,8 +1,8 @@
-"""A screw with errors: how far the nut is from where the motor's turns say it should be.
+"""A screw with errors: the deviation of the nut from its ideal position.
 
 All positions and errors are in machine millimetres, except where a name says µm. On a rotary axis a degree
-stands for a millimetre. The deviation has the sign of a measurement: true position minus ideal position, so
-a positive progressive error is a screw whose pitch is too long.
+counts as a millimetre. The deviation has the sign of a measurement: true position minus ideal position. So a
+positive progressive error is a screw whose pitch is too long.
 """
 
 import math
@@ -15,7 +15,7 @@ from gateway.simulator.errors import SimulatorError
 
 UM_PER_MM: Final = 1000.0
 STEEPEST_SLOPE: Final = 0.5
-"""A screw whose error changes faster than this is no screw; the play operator needs less than 1."""
+"""No real screw's error changes faster than this; the play operator needs less than 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class PeriodicError:
 
 @dataclass(frozen=True, slots=True)
 class Wear:
-    """A worn stretch, where the machine has done most of its work: a raised cosine, smooth at both ends.
+    """A worn interval, where the machine has done most of its work: a raised cosine, smooth at both ends.
 
     >>> Wear(centre_mm=100.0, width_mm=40.0, depth_um=-20.0).deviation_um(110.0)
     -10.0
@@ -48,7 +48,7 @@ class Wear:
     depth_um: float
 
     def deviation_um(self, motor_mm: float) -> float:
-        """Deviation at a motor position; 0 outside the stretch."""
+        """Deviation at a motor position; 0 outside the interval."""
         distance = motor_mm - self.centre_mm
         if abs(distance) >= self.width_mm / 2:
             return 0.0
@@ -72,7 +72,7 @@ class Screw:
     wear: tuple[Wear, ...] = ()
 
     def __post_init__(self) -> None:
-        """Refuse what is no screw."""
+        """Refuse impossible values."""
         if self.length_mm <= 0 or any(p.period_mm <= 0 for p in self.periodic):
             raise SimulatorError("a screw needs a length and periods greater than 0 mm")
         if self._steepest() > STEEPEST_SLOPE:
@@ -82,7 +82,7 @@ class Screw:
             )
 
     def deviation_mm(self, motor_mm: float) -> float:
-        """True minus ideal nut position, without backlash, when the motor stands at ``motor_mm``."""
+        """True minus ideal nut position, without backlash, at the motor position ``motor_mm``."""
         share = (motor_mm - self.start_mm) / self.length_mm
         total_um = self.progressive_um_per_m * motor_mm / 1000.0 + self.bow_um * 4 * share * (1 - share)
         total_um += sum(wave.deviation_um(motor_mm) for wave in self.periodic)
@@ -90,7 +90,7 @@ class Screw:
         return total_um / UM_PER_MM
 
     def driven_mm(self, motor_mm: float) -> float:
-        """Where the thread's flank is: the nut's position while the forward flank carries it."""
+        """Position of the thread's flank: the nut's position while the forward flank carries it."""
         return motor_mm + self.deviation_mm(motor_mm)
 
     def _steepest(self) -> float:
@@ -119,11 +119,11 @@ def worn_screw(
     *,
     most_um_per_m: float = math.inf,
 ) -> Screw:
-    """Screw of an old machine: 80 to 120 µm of pitch error over its length, and worn by 20 to 30 µm.
+    """Return an old machine's screw: 80 to 120 µm of pitch error over its length, 20 to 30 µm of wear.
 
-    The errors scale with nothing: a short screw is worn as much as a long one, but for ``most_um_per_m``, the
-    most of pitch error. Periodic error stays small,
-    as on real ground screws; a correction table with points farther apart than half a lead cannot remove it.
+    The errors do not scale with the length, except that ``most_um_per_m`` limits the pitch error. The
+    periodic error stays small, as on real ground screws. A correction table with points farther apart than
+    half a lead cannot remove it.
     """
     long_or_short = rng.choice((-1.0, 1.0))
     return Screw(

@@ -1,7 +1,7 @@
-"""A unit on a bus: its memory, and a PDU in, a PDU out. What every simulated drive shares.
+"""A Modbus unit: its memory, and a PDU in, a PDU out. Every simulated drive is based on it.
 
-Checks are made in the order of the flow charts of the Modbus Application Protocol V1.1b3: function code
-(exception 1), quantities (exception 3), addresses (exception 2), then the deed itself (exception 4). A drive
+Checks follow the order of the flow charts of the Modbus Application Protocol V1.1b3: function code (exception
+1), quantities (exception 3), addresses (exception 2), then the execution itself (exception 4). A drive
 overrides the hooks at the end of :class:`RegisterServer`.
 """
 
@@ -33,7 +33,7 @@ COIL_OFF: Final = b"\x00\x00"
 
 
 class RegisterImage:
-    """Registers (holding and input registers are one and the same) and coils (also read as discrete inputs).
+    """Registers (holding and input registers are the same) and coils (also read as discrete inputs).
 
     ``size`` registers and as many coils exist, from address 0.
     """
@@ -43,17 +43,17 @@ class RegisterImage:
         self._coils = bytearray(size)
 
     def has(self, address: int, count: int) -> bool:
-        """Whether all of a range exists."""
+        """Whether a whole range exists."""
         return address + count <= len(self._words)
 
     def words(self, address: int, count: int) -> bytes:
-        """Registers as they travel: two bytes each, high byte first."""
+        """Return registers as in a frame: two bytes each, high byte first."""
         chunk = self._words[address : address + count]
         _swap(chunk)
         return chunk.tobytes()
 
     def store_words(self, address: int, data: bytes) -> None:
-        """Write registers from the bytes of a frame."""
+        """Store registers from the bytes of a frame."""
         chunk = array("H", data)
         _swap(chunk)
         self._words[address : address + len(chunk)] = chunk
@@ -63,11 +63,11 @@ class RegisterImage:
         return self._words[address]
 
     def set_word(self, address: int, word: int) -> None:
-        """Change one register; more than 16 bits are cut off."""
+        """Change one register; only the low 16 bits count."""
         self._words[address] = word & 0xFFFF
 
     def set_bit(self, bit_field: BitField, on: bool) -> None:
-        """Set or clear one bit and leave the rest of its register alone."""
+        """Set or clear one bit; the rest of its register stays."""
         mask = 1 << bit_field.bit
         word = self._words[bit_field.address]
         self._words[bit_field.address] = word | mask if on else word & ~mask
@@ -81,7 +81,7 @@ class RegisterImage:
         self._coils[address] = on
 
     def coils(self, address: int, count: int) -> bytes:
-        """Coils as they travel: eight to a byte, the lowest address in the lowest bit."""
+        """Return coils as in a frame: eight to a byte, the lowest address in the lowest bit."""
         packed = bytearray((count + 7) // 8)
         for index in range(count):
             packed[index >> 3] |= self._coils[address + index] << (index & 7)
@@ -94,7 +94,7 @@ def _swap(chunk: "array[int]") -> None:
 
 
 class ModbusExceptionError(Exception):
-    """Carries an exception code out of a function's checks, or out of the deed itself."""
+    """Carries an exception code from a function's checks, or from its execution."""
 
     def __init__(self, code: int) -> None:
         super().__init__(code)
@@ -102,11 +102,11 @@ class ModbusExceptionError(Exception):
 
 
 class ServedMotion(Protocol):
-    """What an axis is to those who only serve it or look at it."""
+    """An axis, for code that only serves or reads it."""
 
     @property
     def name(self) -> str:
-        """As the configuration calls it."""
+        """Its name in the configuration."""
         ...
 
     @property
@@ -116,7 +116,7 @@ class ServedMotion(Protocol):
 
 
 class RegisterServer:
-    """One unit: function codes, quantities, registers and coils. Only ``functions`` are known to it."""
+    """One unit: function codes, quantities, registers and coils. It knows only ``functions``."""
 
     functions: frozenset[int]
     max_read = MAX_READ_REGISTERS
@@ -145,7 +145,7 @@ class RegisterServer:
         }
 
     def answer(self, pdu: bytes, now_s: float) -> bytes | None:
-        """Obey one request and return the reply, normal or exception; None where the drive stays silent."""
+        """Execute one request and return the reply, normal or exception; None: the drive does not answer."""
         function = pdu[0]
         self.ledger.requests[function] += 1
         try:
@@ -186,7 +186,7 @@ class RegisterServer:
         return b"\x07\x00"
 
     def _diagnostics(self, pdu: bytes, _now_s: float) -> bytes:
-        """Return query data (subfunction 0); the rest is not known, as on most drives."""
+        """Return query data (subfunction 0). Other subfunctions are refused, as on most drives."""
         check(pdu[1:3] == b"\x00\x00", ILLEGAL_FUNCTION)
         return pdu
 
@@ -247,54 +247,54 @@ class RegisterServer:
             self.image.set_coil(address + index, on)
             self.coil_written(address + index, before=before, on=on, now_s=now_s)
 
-    # What a drive makes its own.
+    # Hooks for drives.
 
     def refusal(self, request: bytes, code: int) -> bytes | None:
-        """Return the exception reply; None: the drive refuses in silence."""
+        """Return the exception reply; None: the drive refuses without a reply."""
         return bytes((request[0] | 0x80, code))
 
     def has(self, address: int, count: int) -> bool:
-        """Whether all of a range of registers exists."""
+        """Whether a whole range of registers exists."""
         return self.image.has(address, count)
 
     def has_bits(self, function: int, address: int, count: int) -> bool:
-        """Whether all of a range of coils or inputs exists for a function code."""
+        """Whether a whole range of coils or inputs exists for a function code."""
         return self.image.has(address, count)
 
     def refresh(self, now_s: float) -> None:
-        """Bring everything that can be read up to date."""
+        """Update everything that can be read."""
 
     def before_write(self, address: int, count: int, now_s: float) -> None:
-        """Raise RefusedError where registers may not be written now."""
+        """Raise RefusedError if registers may not be written now."""
 
     def read_words(self, address: int, count: int) -> bytes:
-        """Return registers that exist, as they travel; everything is up to date."""
+        """Return existing, updated registers as in a frame."""
         return self.image.words(address, count)
 
     def write_words(self, address: int, data: bytes, now_s: float) -> None:
-        """Take registers that exist, and act on them."""
+        """Store existing registers, and execute what they command."""
         self.image.store_words(address, data)
 
     def coil_written(self, address: int, *, before: bool, on: bool, now_s: float) -> None:
-        """Act on a coil that was written."""
+        """Handle a written coil."""
 
     def response_delay_s(self, baudrate: int) -> float:
-        """Return the time that the drive thinks about a reply; ``baudrate`` is 0 on TCP."""
+        """Return the drive's response delay; ``baudrate`` is 0 on TCP."""
         return 0.0
 
     def bad_crc_reply(self, function: int) -> bytes | None:
-        """Return what the drive answers to an RTU frame with a wrong check sum; None: nothing."""
+        """Return the drive's answer to an RTU frame with a wrong CRC; None: no answer."""
         return None
 
 
 def check(good: bool, exception_code: int) -> None:
-    """Refuse with ``exception_code`` unless something is as it has to be."""
+    """Refuse with ``exception_code`` unless ``good``."""
     if not good:
         raise ModbusExceptionError(exception_code)
 
 
 def _two_words(pdu: bytes, length: int | None) -> tuple[int, int]:
-    """The two words after the function code; ``length`` is the whole request's, where it is fixed."""
+    """Return the two words after the function code; ``length`` is the whole request's, if it is fixed."""
     check(len(pdu) == length if length else len(pdu) > 5, ILLEGAL_VALUE)
     first, second = unpack_from(">HH", pdu, 1)
     return first, second

@@ -1,8 +1,8 @@
 """How bytes travel on a serial wire: pacing, with time as an argument, and lanes on the running loop.
 
 One :class:`PacedWire` is one direction. Every byte takes its character time (Modbus over serial line V1.02,
-2.5.1: start bit, data bits, parity, stop bits), one after the other; a byte is there when its last bit is.
-What the computer behind it gets when is up to its :class:`Adapter`.
+2.5.1: start bit, data bits, parity, stop bits), one after the other. A byte has arrived when its last bit
+has. The :class:`Adapter` decides when the receiving computer gets it.
 """
 
 import random
@@ -21,32 +21,32 @@ from gateway.transport.endpoints import SerialEndpoint
 
 @dataclass(frozen=True, slots=True)
 class WireFaults:
-    """What goes wrong on a wire. Probabilities are per byte, from a seeded generator."""
+    """Faults of a wire. Probabilities are per byte, from a seeded generator."""
 
     garble: float = 0.0
-    """A bit of the byte is turned."""
+    """One bit of the byte is inverted."""
     drop: float = 0.0
-    """It is lost; its time passes."""
+    """The byte is lost; its time passes."""
     noise: float = 0.0
-    """Another byte, which nobody sent, comes behind it."""
+    """An extra byte follows that was not sent."""
     seed: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Adapter:
-    """How a receiver hands over what came: each byte when it is there, where nothing else is said.
+    """How a receiver passes on received bytes: each byte as it arrives, unless set otherwise.
 
-    Lumps leave by whichever comes first. Their order is kept.
+    A burst leaves at whichever condition comes first. Bursts keep their order.
     """
 
     latency_timer_ms: float = 0.0
-    """So long after its first byte came (FTDI: 16 ms as it comes, 1 ms where somebody has set it)."""
+    """So long after its first byte came (FTDI: 16 ms by default, often set to 1 ms)."""
     quiet_characters: float = 0.0
-    """When nothing more came for so many characters (four in a UART of the kind 16550)."""
+    """After a silence of so many characters (four in a UART of the kind 16550)."""
     burst_bytes: int = 62
-    """When it has so many bytes (62 in a packet of FTDI; 8 or 14 are levels of a UART's FIFO)."""
+    """At so many bytes (62 in a packet of FTDI; 8 or 14 are levels of a UART's FIFO)."""
     jitter_ms: float = 0.0
-    """And then up to so much later: what a driver and a busy machine add."""
+    """Random extra delay up to this: driver and machine load."""
     seed: int = 0
 
     @property
@@ -93,18 +93,18 @@ class PacedWire:
         self._burst_due_ns = 0
         self._quiet_ns = round(adapter.quiet_characters * bits_per_character * NS_PER_S / baudrate)
         self._handed_over: deque[tuple[int, bytes]] = deque()
-        """Lumps that have left the adapter, and when the computer has them."""
+        """Bursts that have left the adapter, with the time at which the computer gets them."""
 
     @property
     def deadline_ns(self) -> int | None:
-        """When :meth:`receive` has something to do next; None while nothing travels."""
+        """When :meth:`receive` is next due; None while nothing travels."""
         due = [self._burst_due_ns] if self._burst else []
         due += [self._on_wire[0].came_ns] if self._on_wire else []
         due += [self._handed_over[0][0]] if self._handed_over else []
         return min(due, default=None)
 
     def send(self, data: bytes, now_ns: int) -> None:
-        """Put bytes on the wire, behind those that are still travelling."""
+        """Put bytes on the wire, after those that still travel."""
         if now_ns >= self._free_at_ns(self._busy_bytes):
             self._busy_from_ns, self._busy_bytes = now_ns, 0
         for byte in data:
@@ -115,16 +115,16 @@ class PacedWire:
                 self._travels(self._rng.randrange(0x100))
 
     def arrivals(self, now_ns: int) -> list[TimedByte]:
-        """Bytes at the far end of the wire by ``now_ns``, before its adapter: what a drive hears."""
+        """Return the bytes at the far end by ``now_ns``, before its adapter: what a drive receives."""
         arrived = []
         while self._on_wire and self._on_wire[0].came_ns <= now_ns:
             arrived.append(self._on_wire.popleft())
         return arrived
 
     def receive(self, now_ns: int) -> bytes:
-        """Bytes that the computer at the far end can read at ``now_ns``."""
+        """Return the bytes that the computer at the far end can read at ``now_ns``."""
         for came_ns, byte in self.arrivals(now_ns):
-            if self._burst and came_ns >= self._burst_due_ns:  # a lump that was due before leaves first
+            if self._burst and came_ns >= self._burst_due_ns:  # a burst that was due before leaves first
                 self._hand_over(self._burst_due_ns)
             self._gather(byte, came_ns)
         if self._burst and now_ns >= self._burst_due_ns:
@@ -135,11 +135,11 @@ class PacedWire:
         return bytes(there)
 
     def _free_at_ns(self, count: int) -> int:
-        """When the wire is free, ``count`` characters after the start of this burst: rounded up, once."""
+        """When the wire is free, ``count`` characters after the start of this burst; rounded up once."""
         return self._busy_from_ns - (-count * self._bits * NS_PER_S // self._baudrate)
 
     def _travels(self, byte: int | None) -> None:
-        """A character's time passes; None: with nothing in it."""
+        """Let a character's time pass; None: without a character."""
         self._busy_bytes += 1
         if byte is not None:
             self._on_wire.append(TimedByte(self._free_at_ns(self._busy_bytes), byte))
@@ -155,7 +155,7 @@ class PacedWire:
         return byte
 
     def _gather(self, byte: int, came_ns: int) -> None:
-        """Byte reaches the adapter."""
+        """Pass a byte to the adapter."""
         adapter = self._adapter
         if not self._burst:
             self._burst_begun_ns = came_ns
@@ -183,23 +183,24 @@ class PacedWire:
 
 @dataclass(frozen=True, slots=True)
 class Cable:
-    """What a serial line is like, besides its baud rate."""
+    """Properties of a serial line besides its baud rate."""
 
     adapter: Adapter = AT_ONCE
     """Of the port that the gateway opens."""
     faults: WireFaults | None = None
     """On the wire, in both directions."""
     hearing: Hearing | None = None
-    """What its drives take for frames; None: whole good frames, wherever they stand, at once."""
+    """Rule by which its drives find frames. None: each whole, valid frame is accepted immediately, with or
+    without silences."""
 
 
 PLAIN: Final = Cable()
 
 
 class Lane:
-    """One direction of a wire: what is sent comes out of ``deliver`` when its time has come.
+    """One direction of a wire: sent bytes come out of ``deliver`` at their time.
 
-    Without ``line`` that is at once; with it, after the time that its baud rate and character format take.
+    Without ``line`` that is immediately; with it, after the time of its baud rate and character format.
     """
 
     def __init__(
@@ -222,7 +223,7 @@ class Lane:
         self._alarm.set(self.wire.deadline_ns)
 
     def close(self) -> None:
-        """What still travels is lost."""
+        """Stop; bytes that still travel are lost."""
         self._alarm.set(None)
 
     def _arrive(self) -> None:
@@ -250,6 +251,6 @@ class SerialWire:
         right.listen(self.to_left.send)
 
     def close(self) -> None:
-        """Cut the wire; the descriptors stay open."""
+        """Disconnect; the descriptors stay open."""
         for part in self._parts:
             part.close()

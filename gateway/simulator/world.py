@@ -1,4 +1,4 @@
-"""A simulated machine around a gateway: every drive that its configuration names, behind its own address."""
+"""A simulated machine around a gateway: every drive of its configuration, at its own address."""
 
 import random
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 CONTROLLER_SUFFIX: Final = ".controller"
 LEAD_MM: Final = 5.0
 MOST_UM_PER_M: Final = 200.0
-"""Less than `table build` takes for a wrong scale, so that measuring can be learnt at a desk."""
+"""Below the limit at which `table build` suspects a wrong scale, so that measuring can be practised."""
 DEFAULT_TRAVEL_MM: Final = (0.0, 500.0)
 DEFAULT_SPEED_MM_S: Final = 100.0
 ACCELERATION_S: Final = 0.05
@@ -38,13 +38,13 @@ ACCELERATION_S: Final = 0.05
 
 @dataclass(frozen=True, slots=True)
 class ServedAxis:
-    """One simulated axis, as it is printed."""
+    """One simulated axis, as printed."""
 
     name: str
     unit_id: int
     backlash_um: float
     drive: str = ""
-    """The make whose endpoint it is; empty for the plain drive that moves when a position is written."""
+    """Make of its drive; empty for the generic drive, which moves when a position is written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class ControllerPath:
 
 @dataclass(frozen=True, slots=True)
 class ServedLine:
-    """One line's drives and controllers, as they are printed."""
+    """One line's drives and controllers, as printed."""
 
     name: str
     kind: str
@@ -68,14 +68,14 @@ class ServedLine:
 
 
 def simulated_axis(plan: AxisPlan, seed: int) -> SimulatedAxis:
-    """An axis of the plain drive, with the registers of its plan."""
+    """Return an axis of the generic drive, with the registers of its plan."""
     return SimulatedAxis.from_plan(plan, simulated_mechanics(plan, seed))
 
 
 def simulated_mechanics(plan: AxisPlan, seed: int) -> Mechanics:
-    """A worn screw with 20 to 45 µm of backlash, the same for the same seed and name.
+    """Return a worn screw with 20 to 45 µm of backlash, the same for the same seed and name.
 
-    The axis stands at machine position 0, or at the end of travel that is nearest to it.
+    The axis is at machine position 0, or at the end of travel nearest to it.
     """
     rng = random.Random(f"{seed}/{plan.name}")
     settings = plan.settings
@@ -92,10 +92,10 @@ def simulated_mechanics(plan: AxisPlan, seed: int) -> Mechanics:
 
 
 def simulated_bus(axes: Sequence[AxisPlan], seed: int) -> DriveBus:
-    """The drives of one line: axes with the same unit id share a drive.
+    """Return the drives of one line: axes with the same unit id share a drive.
 
     Raises:
-        SimulatorError: more axes with one unit id than the drive that they name can have.
+        SimulatorError: more axes with one unit id than their drive can have.
     """
     units = dict.fromkeys(axis.unit_id for axis in axes)
     return DriveBus(_drive([axis for axis in axes if axis.unit_id == unit], seed) for unit in units)
@@ -115,11 +115,10 @@ def _drive(axes: Sequence[AxisPlan], seed: int) -> RegisterServer:
 
 
 class World:
-    """Everything outside the gateway: enter it to serve, leave it to take every port and link away.
+    """Everything outside the gateway. Entering it opens every endpoint; leaving it removes ports and links.
 
     With ``paced`` serial bytes take the time that they need at the baud rate of their port, and drives of a
-    known make think about their replies as long as the make does; ``cable`` is what its serial lines are like
-    besides.
+    known make have that make's response delay. ``cable`` describes its serial lines beyond their baud rate.
     """
 
     def __init__(
@@ -150,7 +149,7 @@ class World:
         try:
             self._exits.callback(self._ports.close)
             self.served = tuple([await self._serve(line) for line in self._plan.lines])
-        except BaseException:  # also where it is cancelled: no endpoint may stay open
+        except BaseException:  # also when cancelled: no endpoint may stay open
             await self._exits.aclose()
             raise
         return self
@@ -170,7 +169,7 @@ class World:
         for axis in (axis for bus in self.buses.values() for drive in bus.drives for axis in drive.axes):
             plan = plans[axis.name]
             if plan.settings.units is Units.DEGREE:
-                continue  # measure knows lengths only
+                continue  # measure takes lengths only
             path = f"gauge-{axis.name}"
             port = self._ports.make(Path(path)).master_fd
             gauges[path] = VirtualGauge(plan, axis.mechanics, port, self._clock, seed=self._seed)

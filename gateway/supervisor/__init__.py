@@ -1,1 +1,1 @@
-"""Process 2: it keeps the tables of the relay up to date. The relay needs it for nothing else."""
+"""Process 2: keeps the relay's tables up to date. The relay runs without it."""

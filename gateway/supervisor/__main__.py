@@ -1,4 +1,4 @@
-"""The supervisor as a program: ``python -m gateway.supervisor CONFIG``, what ``supervise`` becomes."""
+"""The supervisor as a program: ``python -m gateway.supervisor CONFIG``. ``supervise`` executes it."""
 
 import gc
 import os
@@ -14,10 +14,10 @@ from gateway.state.folder import StateError, state_folder
 
 
 def main() -> int:
-    """Run until a signal ends it; returns the exit code."""
+    """Run until a signal ends the process; return the exit code."""
     options = options_of(sys.argv[1:])
     take_standard_error(options.log_format)
-    # What is loaded stays: to search all of it for garbage again and again is a tenth of the start.
+    # The loaded modules stay in memory. Scanning them for garbage repeatedly takes a tenth of the start.
     gc.disable()
     from gateway.ipc.structured_log import StructuredLog
     from gateway.supervisor.process import run_supervisor

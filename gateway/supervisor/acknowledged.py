@@ -1,8 +1,8 @@
-"""Alarms that somebody has acknowledged: he has seen them. Nothing changes at the machine.
+"""Acknowledged alarms: a person has seen them. An acknowledgement changes nothing at the machine.
 
-An acknowledgement belongs to one occurrence of a trouble and ends with it: the next one is new. A trouble
-that is hidden by a worse one has not ended, and neither have those of the time before a restart until the
-supervisor has had time to look.
+An acknowledgement belongs to one occurrence of an alarm and ends with it. The next occurrence is new. An
+alarm that a worse one hides has not ended. After a restart, acknowledged alarms do not end until the
+supervisor has had time to find them again.
 """
 
 from collections.abc import Sequence
@@ -15,27 +15,27 @@ import msgspec
 from gateway.supervisor.active_alarms import Alarm, SourcePath, is_hidden
 
 FOUND_AGAIN_S: Final = 30.0
-"""After a restart an alarm that was acknowledged may take so long to be found again: the relay has to be
-reached, and files and connections have to be looked at."""
+"""Time after a restart in which an acknowledged alarm may be found again. The supervisor first has to reach
+the relay and check files and connections."""
 MOST: Final = 256
-"""For one more the oldest is forgotten."""
+"""Maximum number of acknowledgements. One more removes the oldest."""
 Key = tuple[str, SourcePath]
 
 
 @dataclass(frozen=True, slots=True)
 class AlarmAcknowledgement:
-    """Who has seen an alarm."""
+    """Who has seen an alarm, and when."""
 
     kind: str
     place: SourcePath
     since: str
-    """When the alarm began, as the status says it."""
+    """Start of the alarm, as in the status."""
     by: str
     """Name of a token."""
     at: str
 
     def as_data(self) -> dict[str, str]:
-        """Return what the status says beside the trouble."""
+        """Return what the status adds to the alarm."""
         return {"by": self.by, "at": self.at}
 
 
@@ -52,7 +52,7 @@ class Acknowledged:
         return self._kept.get(key)
 
     def add(self, alarm: Alarm, since: str, by: str, now: datetime) -> AlarmAcknowledgement:
-        """Acknowledge an alarm; where somebody has done so already, his stays."""
+        """Acknowledge an alarm. An earlier acknowledgement of the same alarm stays."""
         key = alarm.source_key
         if key not in self._kept:
             at = now.isoformat(timespec="seconds")
@@ -63,7 +63,7 @@ class Acknowledged:
         return self._kept[key]
 
     def follow(self, found: Sequence[Alarm], now_s: float) -> None:
-        """End the acknowledgements of troubles that are over; ``now_s`` is monotonic."""
+        """End the acknowledgements of alarms that are over; ``now_s`` is monotonic."""
         there = {alarm.source_key for alarm in found}
         for key in [key for key in self._kept if key not in there]:
             if now_s >= self._stays_until_s and not is_hidden(*key, found):
@@ -71,14 +71,14 @@ class Acknowledged:
                 self.version += 1
 
     def encoded(self) -> bytes:
-        """Return all of them, for :meth:`restore`."""
+        """Return all acknowledgements, for :meth:`restore`."""
         return msgspec.json.encode([asdict(one) for one in self._kept.values()])
 
     def restore(self, content: bytes, now_s: float) -> None:
         """Take over what :meth:`encoded` returned before a restart.
 
         Raises:
-            ValueError: it is something else.
+            ValueError: the content is something else.
         """
         try:
             kept = msgspec.json.decode(content, type=list[AlarmAcknowledgement])

@@ -1,8 +1,8 @@
-"""What is wrong right now, worked out of the status model, worst first: what, where, since when, what to do.
+"""The active alarms, from the status model, worst first: what, where, since when, what to do.
 
-The page's banner, the terminal, ``/healthz``, MQTT, metrics and alerts all show this list, and
-``supervisor.verdict`` makes one word of it. What only follows from something worse is left out as long as
-that lasts (``catalogue.troubles.HIDES``).
+The page's banner, the terminal, ``/healthz``, MQTT, metrics and alerts all show this list.
+``supervisor.verdict`` summarises it in one word. An alarm that only follows from a worse one is left out as
+long as the worse one lasts (``catalogue.alarms.HIDES``).
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -21,20 +21,22 @@ from gateway.status.model import AcknowledgedBy, AlarmStatus, Model, SupervisorS
 from gateway.times import span
 
 STALE_S: Final = 2.0
-"""Snapshots come five times a second: after this the relay is there but says nothing."""
+"""Snapshots come five times a second. After this time the relay is connected but reports nothing."""
 INSTEAD_SHARE: Final = 0.5
-"""To so many of the unanswered requests something came that is no reply: the drive is there, and speaks
-another way."""
+"""Share of the unanswered requests to which other bytes came than a reply. From this share on, the drive is
+there but uses another protocol or other settings."""
 FEWEST_DAMAGED: Final = 3
-"""Less in a minute, or ever, is chance."""
+"""Fewer damaged frames than this, in a minute or ever, are chance."""
 DAMAGED_SHARE: Final = 0.01
-"""Of the frames of a minute; on a good wire there is none in days."""
+"""Share of the frames of a minute. A good line damages none in days."""
 FEWEST_TRIES: Final = 3
-"""Times that another one wanted an axis within a minute: once is a mistake, more are two programs."""
+"""Attempts of another controller to write to an axis within a minute. One is a mistake, more are two
+programs."""
 _ORDER: Final = {kind: number for number, kind in enumerate(kinds.ALARMS)}
 
 SourcePath = tuple[str, ...]
-"""From outside to inside: nothing for the gateway; a line; on it a unit id, or a controller; an axis."""
+"""From outside to inside. Empty: the gateway. Else a line; then a unit id or a controller on it; then an
+axis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,27 +49,27 @@ class Alarm:
     """In words: ``gateway``, ``line NAME``, ``line NAME, controller NAME``, ``axis NAME``, ``mqtt``, …"""
     what: str
     axes: tuple[str, ...] = ()
-    """Axes whose state it says."""
+    """Axes whose state the alarm describes."""
     age_s: float | None = None
-    """For how long, where what it is told from says so; else from when it is seen first."""
+    """Age of the alarm, if its source reports one. None: it counts from when the alarm is first seen."""
 
     @property
     def key(self) -> tuple[str, str]:
-        """What makes it the same trouble as a moment ago."""
+        """Identity of the alarm: equal keys are the same alarm."""
         return self.entry.kind, self.where
 
     @property
     def source_key(self) -> tuple[str, SourcePath]:
-        """The same without words: what stays when the words change."""
+        """The same identity without words. It stays when the words change."""
         return self.entry.kind, self.source_path
 
     def hides(self, entry: AlarmEntry, source_path: SourcePath) -> bool:
-        """Whether a trouble of a kind at a place only follows from this one."""
+        """Whether an alarm of a kind at a path only follows from this one."""
         is_within = source_path[: len(self.source_path)] == self.source_path
         return is_within and entry in kinds.HIDES.get(self.entry, ())
 
     def of_axis(self) -> AxisAlarm:
-        """Return what an axis shows of it."""
+        """Return the alarm as an axis shows it."""
         return AxisAlarm(
             kind=self.entry.kind,
             severity=self.entry.severity.value,
@@ -76,7 +78,7 @@ class Alarm:
         )
 
     def status(self, since: str, acknowledged: AcknowledgedBy | None) -> AlarmStatus:
-        """Return what the status says of it; ``since`` as ISO 8601."""
+        """Return the alarm as the status shows it; ``since`` as ISO 8601."""
         return AlarmStatus(
             kind=self.entry.kind,
             severity=self.entry.severity.value,
@@ -91,7 +93,7 @@ class Alarm:
 
 
 def troubles(model: Model) -> list[Alarm]:
-    """Return everything that is wrong, errors first, without what only follows from it."""
+    """Return everything that is wrong, errors first, without what only follows from another alarm."""
     axis_paths = {axis: (line, unit_id, axis) for line, unit_id, axis in _axes(model)}
     found = [
         *_of_relay(model),
@@ -112,20 +114,20 @@ def troubles(model: Model) -> list[Alarm]:
 
 
 def is_hidden(kind: str, source_path: SourcePath, found: Sequence[Alarm]) -> bool:
-    """Whether nobody would be told of a kind of trouble at a place, because of what is found."""
+    """Whether the alarms that were found hide a kind of alarm at a path."""
     entry = kinds.ALARMS.get(kind)
     return entry is not None and any(other.hides(entry, source_path) for other in found)
 
 
 def is_fresh(model: Model) -> bool:
-    """Whether what the relay told is of now: nobody may take an old position for the place of a machine."""
+    """Whether the relay's snapshot is current: an old position must not be shown as the present one."""
     gateway = model.gateway
     age_s = gateway.snapshot_age_s
     return gateway.relay == "up" and age_s is not None and age_s <= STALE_S
 
 
 def of_axis(found: Sequence[Alarm], axis: str) -> Alarm | None:
-    """Return the worst that says something of an axis; None: nothing is wrong with it."""
+    """Return the worst alarm that names an axis; None: the axis has no alarm."""
     return next((alarm for alarm in found if axis in alarm.axes), None)
 
 
@@ -134,7 +136,7 @@ def _axes_named(axes: Sequence[str]) -> str:
 
 
 def _axes(model: Model) -> Iterator[tuple[str, str, str]]:
-    """Yield each axis with its line and its unit id; none of a relay of an older release."""
+    """Yield each axis with its line and its unit id; none from a relay of an older release."""
     for name, line in model.lines.items():
         for axis, unit_id in line.unit_ids.axes.items():
             yield name, str(unit_id), axis
@@ -181,7 +183,7 @@ def _of_line(name: str, line: LineStatus) -> Iterator[Alarm]:
 
 
 def _of_drives(line: str, unit_ids: UnitIds) -> Iterator[Alarm]:
-    """Say which unit ids do not answer, and which of them cannot be understood."""
+    """Yield an alarm for unit ids that do not answer, and for those whose replies cannot be decoded."""
     for unit_id, drive in unit_ids.drives.items():
         silent_s, asked = drive.silent_s, drive.timeouts_in_a_row
         if silent_s is None or silent_s < SILENT_S:
@@ -236,11 +238,11 @@ def _of_drives(line: str, unit_ids: UnitIds) -> Iterator[Alarm]:
 
 
 NEWEST: Final = 32
-"""So many of the unanswered requests in a row the relay knows the damage of."""
+"""The relay knows what was damaged for this many of the unanswered requests in a row."""
 
 
 def _of_damage(line: str, status: LineStatus) -> Iterator[Alarm]:
-    """Say of which unit ids many answers are damaged."""
+    """Yield an alarm for each unit id with many damaged replies."""
     frames = status.minute.exchanges + status.minute.damaged
     for unit_id, drive in status.unit_ids.drives.items():
         damaged = drive.damaged_minute
@@ -299,10 +301,10 @@ def _of_controller(line: str, controller: ControllerStatus, unit_ids: UnitIds) -
 
 
 def _of_silence(name: str, line: LineStatus, axes: tuple[str, ...]) -> Iterator[Alarm]:
-    """Say which controllers ought to be there and ask for nothing.
+    """Yield an alarm for controllers that should poll and send no requests.
 
-    A controller with a ``silent_after_s`` of its own is held to that. The other motion controllers of a line
-    count together: the line has one as long as any motion controller asks.
+    A controller with a ``silent_after_s`` of its own is judged by that. The other motion controllers of a
+    line count together: one of them that sends requests is enough.
     """
     controllers = line.controllers
     for controller in controllers:
@@ -356,7 +358,7 @@ def _silent(
 
 
 def _of_unit_ids(name: str, line: LineStatus) -> Iterator[Alarm]:
-    """Say whom controllers talk to that is no axis, and which axis they do not talk to."""
+    """Yield an alarm for addressed unit ids that no axis has, and for axes that no controller addresses."""
     source_path, where = (name,), f"line {name}"
     unit_ids = line.unit_ids
     strangers = ", ".join(map(str, unit_ids.strangers))
@@ -456,7 +458,7 @@ _OF_OTHERS: Final = {
     "fading": Text("its correction returns to 0"),
     "faded": Text("its correction is 0"),
 }
-"""Held it is no trouble yet: any stop of an axis that is not read does that, until its next target."""
+""""held" is not an alarm yet: any stop of an axis that is not polled causes it, until the next target."""
 
 
 def _of_terms(terms: TermsStatus) -> Iterable[tuple[AlarmEntry, str]]:
@@ -478,7 +480,7 @@ def _of_terms(terms: TermsStatus) -> Iterable[tuple[AlarmEntry, str]]:
 
 
 def _named(axes: Sequence[str]) -> Text:
-    """Return whose place is not known; of several only the sum is.
+    """Return the axes whose position is not known. With several of them, only the sum is unknown.
 
     >>> _named(["y"]), _named(["y", "z"])
     ('axis y', 'one of the axes y, z')
@@ -489,7 +491,7 @@ def _named(axes: Sequence[str]) -> Text:
 
 
 _OF_AXES: Final = (kinds.CONFIGURATION, kinds.TABLES_FOLDER, kinds.STATE_FOLDER)
-"""What of the supervisor's an axis hangs on: which table it has, and what of it survives a start."""
+"""Alarms of the supervisor that concern an axis: which table it has, and which data survive a start."""
 
 
 def _of_supervisor(supervisor: SupervisorStatus | None, axes: tuple[str, ...]) -> Iterator[Alarm]:

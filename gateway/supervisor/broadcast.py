@@ -1,7 +1,7 @@
-"""Whoever shows what the gateway does: each gets the newest model and the newest events, and nothing more.
+"""Distributes the newest status model and the newest events to all readers.
 
-A reader that is slow, stopped or hung costs what stands here: one note that there is a newer model, and the
-newest events.
+A slow, stopped or hung reader costs a fixed amount of memory: one mark for a newer model, and the newest
+events.
 """
 
 import asyncio
@@ -18,12 +18,12 @@ from gateway.ipc.messages import DEFAULT_INTERVAL_S, SELDOM_S
 from gateway.status.model import Model
 
 EVENTS_KEPT: Final = 256
-"""For each reader that is behind, and for whoever comes later."""
+"""Kept for each reader that is behind, and for readers that come later."""
 
 
 @dataclass(frozen=True, slots=True)
 class NumberedEvent:
-    """An event as it is passed on; numbers ascend while this process lives."""
+    """An event with its number; numbers ascend while this process lives."""
 
     number: int
     entry: LogEntry
@@ -41,7 +41,7 @@ class NumberedEvent:
 
 @dataclass(frozen=True, slots=True)
 class News:
-    """What has come since a reader looked last."""
+    """What has come since the reader's last call."""
 
     events: tuple[NumberedEvent, ...]
     model: Model | None
@@ -61,7 +61,7 @@ class Feed:
             self._is_there.set()
 
     async def next(self) -> News:
-        """Wait until there is something, and return all of it."""
+        """Wait until there is news, and return all of it."""
         await self._is_there.wait()
         self._is_there.clear()
         news = News(self._events.take_all(), self._model, self._events.take_dropped())
@@ -69,12 +69,12 @@ class Feed:
         return news
 
     def take_event(self, event: NumberedEvent) -> None:
-        """Note an event; for :class:`Broadcast`."""
+        """Queue an event; called by :class:`Broadcast`."""
         self._events.put(event)
         self._is_there.set()
 
     def take_model(self, model: Model) -> None:
-        """Note a newer model; for :class:`Broadcast`."""
+        """Mark that there is a newer model; called by :class:`Broadcast`."""
         self._model = model
         self._is_there.set()
 
@@ -84,9 +84,9 @@ def _ignore_pace(_interval_s: float) -> None:
 
 
 class Broadcast:
-    """All readers; of one event loop.
+    """All readers of one event loop.
 
-    ``pace`` is told how often somebody wants a model, in seconds, whenever that changes.
+    ``pace`` is called when the requested interval between models changes, with the interval in seconds.
     """
 
     def __init__(self, pace: Callable[[float], None] = _ignore_pace) -> None:
@@ -104,7 +104,7 @@ class Broadcast:
         return tuple(self._recent)
 
     def publish_event(self, entry: LogEntry) -> None:
-        """Pass an event on."""
+        """Pass an event on to all readers."""
         self._number += 1
         event = NumberedEvent(self._number, entry)
         self._recent.append(event)
@@ -112,14 +112,14 @@ class Broadcast:
             feed.take_event(event)
 
     def publish(self, model: Model) -> None:
-        """Pass a new model on; it must not be changed afterwards."""
+        """Pass a new model on to all readers. The caller must not change it afterwards."""
         self.model = model
         for feed in self._subscribers:
             feed.take_model(model)
 
     @contextmanager
     def wanting(self, interval_s: float) -> Iterator[None]:
-        """Have models come so often meanwhile: five times a second at most, and once a second in any case."""
+        """Request models at this interval inside the ``with`` block. The limits are 0.2 s and 1 s."""
         self._intervals_s.append(interval_s)
         self._set_pace()
         try:
@@ -133,7 +133,7 @@ class Broadcast:
 
     @contextmanager
     def open(self) -> Iterator[Feed]:
-        """Yield a feed; what there is already comes first, but for events (:attr:`recent`)."""
+        """Yield a feed. It starts with the current model; earlier events are in :attr:`recent`."""
         feed = Feed(self.model)
         self._subscribers.add(feed)
         try:

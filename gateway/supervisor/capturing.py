@@ -1,6 +1,6 @@
-"""Frames into a file by themselves, when an event happens that ``[capture] on`` names.
+"""Writes frames to a file when an event happens that ``[capture] on`` names.
 
-The relay does nothing for it: its tapes are looked into (``recording.capture``).
+The relay does nothing for this: the supervisor reads its trace buffers (``recording.capture``).
 """
 
 import asyncio
@@ -23,16 +23,16 @@ from gateway.state.folder import problem_of
 from gateway.supervisor.in_thread import in_thread
 
 AFTER_S: Final = 2.0
-"""What follows an event tells as much as what led to it."""
+"""Waiting time after an event: the frames after it matter as much as those before it."""
 PAUSE_S: Final = 60.0
 PREFIX: Final = "capture-"
 SUFFIX: Final = ".jsonl"
 OWN: Final = frozenset({CAPTURED.name, CAPTURE_FAILED.name})
-"""Not heard, whatever is asked for: each would bring about the next one."""
+"""Always ignored: each of these events would cause the next capture."""
 
 
 class Capturing:
-    """Waits for events; ``log`` tells what came of it."""
+    """Waits for events; ``log`` gets the result of each capture."""
 
     def __init__(self, state: Path, log: Callable[..., None]) -> None:
         self._state = state
@@ -43,11 +43,11 @@ class Capturing:
         self._next_s = 0.0
 
     def follow(self, loaded: Loaded) -> None:
-        """Go by a configuration."""
+        """Use the settings of a configuration."""
         self._loaded = loaded
 
     def happened(self, event: str) -> None:
-        """Take note of an event; of several at once the first one counts."""
+        """Request a capture for an event. Of several at once the first one counts."""
         loaded = self._loaded
         if loaded is None or event in OWN or event not in loaded.sections.capture.on:
             return
@@ -57,7 +57,7 @@ class Capturing:
             self._is_requested.set()
 
     async def run(self) -> None:
-        """Write what is wanted, until cancelled."""
+        """Write the requested captures until cancelled."""
         while True:
             await self._is_requested.wait()
             await asyncio.sleep(AFTER_S)
@@ -75,10 +75,12 @@ class Capturing:
 
 
 def write_capture(state: Path, loaded: Loaded, event: str, now: datetime) -> tuple[Path, int]:
-    """Write what the tapes hold, and remove the oldest files; return the file and how much is in it.
+    """Write what the trace buffers hold and remove the oldest files.
+
+    Return the file and its number of entries.
 
     Raises:
-        NoGatewayError, NoCaptureError: there is nothing to look into.
+        NoGatewayError, NoCaptureError: there are no trace buffers to read.
         OSError: the file cannot be written.
     """
     capture = Capture(socket_path(state))
@@ -93,6 +95,6 @@ def write_capture(state: Path, loaded: Loaded, event: str, now: datetime) -> tup
 
 
 def _make_room(state: Path, section: CaptureSection) -> None:
-    """Keep the newest files: their names begin with the time."""
+    """Remove the oldest files: their names begin with the time."""
     for old in sorted(state.glob(f"{PREFIX}*{SUFFIX}"))[: -section.keep]:
         old.unlink(missing_ok=True)

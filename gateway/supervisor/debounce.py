@@ -1,7 +1,7 @@
-"""When a table file that somebody is saving may be read: once it stands still, and once it is really gone.
+"""Decides when to read a table file that is being saved: when it is stable, or really gone.
 
-Editors write in place, write beside and rename, move the old file away first; a slow link takes its time.
-What is read in the middle of that is another table than anybody wrote.
+Some editors write in place, some write a second file and rename it, some first move the old file away. A slow
+link takes time. A file that is read in the middle of this has content that was never intended.
 """
 
 from dataclasses import dataclass
@@ -9,36 +9,36 @@ from enum import Enum
 from typing import Final
 
 STILL_S: Final = 0.5
-"""Nothing may have changed for so long: longer than an editor's pauses, and than a clock's tick."""
+"""A file is stable after so long without a change: longer than an editor's pauses and a clock's tick."""
 GONE_S: Final = 5.0
-"""A file has to be missing for so long; editors move it away and back within a fraction of that."""
+"""A file is gone after so long. Editors move it away and back within a fraction of this."""
 
 
 @dataclass(frozen=True, slots=True)
 class FileStamp:
-    """What can be seen of a file without reading it; two sights of the same content are equal."""
+    """What the file system shows of a file without reading it. Equal content gives equal stamps."""
 
     is_there: bool
-    """Whether there is a file to be read, or one that cannot be."""
+    """Whether a file is there, readable or not."""
     mark: tuple[object, ...] = ()
     """Device, inode, size and times, or the error."""
     is_being_written: bool = False
-    """Whether a program has it open for writing, as far as the system tells."""
+    """Whether a program has it open for writing, as far as the system reports that."""
 
 
 class FileStability(Enum):
-    """What a look says about the file."""
+    """What a poll shows about the file."""
 
     SAME = "same"
-    """As it was read last."""
+    """The same file that was last read."""
     MOVING = "moving"
     """It changes, or has been gone for a short time only."""
     READY = "ready"
-    """It is another than was read last, and stands still; or it is really gone."""
+    """It differs from the file that was last read and is stable, or it is really gone."""
 
 
 class FileDebounce:
-    """Follows one file; time comes with each look, in seconds of any clock that never goes back."""
+    """Follows one file. Each poll passes the time, in seconds of any monotonic clock."""
 
     def __init__(self) -> None:
         self._taken: tuple[bool, tuple[object, ...]] | None = None
@@ -47,7 +47,7 @@ class FileDebounce:
         self._since_s = 0.0
 
     def observe(self, stamp: FileStamp, now_s: float) -> FileStability:
-        """Take what is seen now."""
+        """Take the stamp of a poll."""
         if stamp != self._seen:
             self._seen, self._since_s = stamp, now_s
         is_still = now_s - self._since_s >= (STILL_S if stamp.is_there else GONE_S)
@@ -59,10 +59,10 @@ class FileDebounce:
         return FileStability.READY if is_still else FileStability.MOVING
 
     def take(self, stamp: FileStamp, now_s: float) -> None:
-        """Note that the file has been read as it was seen.
+        """Note that the file was read with this stamp.
 
-        One that had not stood still is read once more as soon as it has: within a tick of the file system's
-        clock it may have been changed, and look the same.
+        A file that was read before it was stable is read once more when it is stable. Within a tick of the
+        file system's clock it can change and keep its stamp.
         """
         if stamp != self._seen:
             self._seen, self._since_s = stamp, now_s
@@ -70,5 +70,5 @@ class FileDebounce:
         self._is_taken_early = stamp.is_there and now_s - self._since_s < STILL_S
 
     def forget(self) -> None:
-        """Read it again as soon as it stands still, whatever it looks like."""
+        """Read the file again as soon as it is stable, even if its stamp is the same."""
         self._taken = None

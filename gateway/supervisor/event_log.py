@@ -1,4 +1,4 @@
-"""How what serves the status tells of what happens to itself."""
+"""How the services that show the status log their own events."""
 
 from typing import Protocol
 
@@ -6,8 +6,8 @@ from gateway.catalogue.entry import EventEntry, Severity
 
 
 class LogEvent(Protocol):
-    """Tells of an event: to the log, and to everyone who reads the feeds."""
+    """Sends an event to the log and to all readers of the broadcast."""
 
     def __call__(self, event: EventEntry, severity: Severity | None = None, **fields: object) -> None:
-        """Tell of it; does not block. ``severity`` only where the catalogue leaves it open."""
+        """Send the event without blocking; ``severity`` only where the catalogue leaves it open."""
         ...

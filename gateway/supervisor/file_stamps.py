@@ -1,4 +1,4 @@
-"""What the tables folder looks like from outside: cheap, and good on network file systems too."""
+"""Stamps of the files in the tables folder: cheap, and reliable on network file systems too."""
 
 import contextlib
 import errno
@@ -15,14 +15,14 @@ from gateway.tabfile import TabFileError, TableState, find_table
 
 
 def ignore_broken_leases() -> None:
-    """Let SIGIO pass, which would end the process; on its main thread, before the first look."""
+    """Ignore SIGIO, which would end the process. Call it on the main thread before the first :func:`scan`."""
     signal.signal(signal.SIGIO, signal.SIG_IGN)
 
 
 def scan(folder: Path, names: Iterable[str]) -> Mapping[str, FileStamp]:
-    """Return the sight of each file, by name; symlinks are followed. Blocks as long as the file system does.
+    """Return the stamp of each file, by name; symlinks are followed. Blocks as long as the file system does.
 
-    A folder that cannot be read is seen as files that cannot be: nothing in it is gone.
+    If the folder cannot be read, its files count as unreadable, not as gone.
     """
     return {name: _stamp(folder, name) for name in set(names)}
 
@@ -37,20 +37,21 @@ def _stamp(folder: Path, name: str) -> FileStamp:
     try:
         status = found.path.stat()
     except FileNotFoundError:
-        # The name is there and what it points to is not: a symlink that is being swapped, or dangles.
+        # The name exists but its target does not: a symlink that is being swapped, or dangles.
         return FileStamp(is_there=True, mark=(found.path.name, errno.ENOENT))
     except OSError as error:
         return FileStamp(is_there=True, mark=(found.path.name, error.errno))
     mark = (found.path.name, *mark_of(status), status.st_mode, status.st_ctime_ns)
-    is_file = stat.S_ISREG(status.st_mode)  # opening anything else may do something
+    is_file = stat.S_ISREG(status.st_mode)  # opening anything else may have an effect
     return FileStamp(is_there=True, mark=mark, is_being_written=is_file and _is_being_written(found.path))
 
 
 def _is_being_written(path: Path) -> bool:
-    """Whether a program of this machine has a file open for writing; False where that cannot be known.
+    """Whether a program on this machine has a file open for writing; False if the system cannot tell.
 
-    A read lease is refused exactly then (fcntl(2), F_SETLEASE); it is given back at once. Whoever opens the
-    file in between has it broken, which is told by SIGIO: :func:`ignore_broken_leases` first.
+    The system refuses a read lease exactly then (fcntl(2), F_SETLEASE). The lease is returned immediately. A
+    program that opens the file in between breaks the lease, which causes SIGIO: call
+    :func:`ignore_broken_leases` first.
     """
     with contextlib.suppress(OSError):
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)

@@ -1,7 +1,7 @@
-"""Work that blocks, in a thread of its own which nobody has to wait for.
+"""Runs blocking work in a thread that nothing has to wait for.
 
-A call into a file system whose server has gone may never return. Threads of asyncio's own are waited for when
-the loop is closed and again when the process ends, so that one such call would keep a supervisor from ending.
+A call into a file system whose server has gone may never return. asyncio waits for its own threads when it
+closes the loop, and again when the process ends. One such call would keep the supervisor from ending.
 """
 
 import asyncio
@@ -12,19 +12,19 @@ from collections.abc import Callable
 from typing import Final, TypeVar
 
 FINISH_S: Final = 1.0
-"""What is being done when the supervisor is stopped may finish for so long."""
+"""Running work may take so long to finish when the supervisor is stopped."""
 
 Result = TypeVar("Result")
 
 
 async def in_thread(work: Callable[[], Result]) -> Result:
-    """Return what comes of ``work``, or raise what it raises. Who is cancelled waits a second at most."""
+    """Return the result of ``work``, or raise its exception. A cancelled caller waits at most a second."""
     done: concurrent.futures.Future[Result] = concurrent.futures.Future()
 
     def run() -> None:
         try:
             result = work()
-        except BaseException as error:  # noqa: BLE001 - it is raised where it is waited for
+        except BaseException as error:  # noqa: BLE001 - it is raised in the waiting task
             _end(done.set_exception, error)
         else:
             _end(done.set_result, result)
@@ -42,6 +42,6 @@ Value = TypeVar("Value")
 
 
 def _end(finish: Callable[[Value], None], value: Value) -> None:
-    # Nobody waits any more: it was cancelled, or the loop is closed.
+    # No task waits any more: it was cancelled, or the loop is closed.
     with contextlib.suppress(concurrent.futures.InvalidStateError, RuntimeError):
         finish(value)

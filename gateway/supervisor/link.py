@@ -1,4 +1,4 @@
-"""The supervisor's ear: subscribes to the relay, keeps the newest snapshot, comes back when it is lost."""
+"""The supervisor's connection to the relay: subscribes, keeps the newest snapshot, reconnects."""
 
 import asyncio
 import socket
@@ -26,15 +26,15 @@ from gateway.status.model import RelayModel
 FIRST_WAIT_S: Final = 0.1
 LONGEST_WAIT_S: Final = 5.0
 QUIET_TRIES: Final = 4
-"""A relay that is being started needs a moment, of which nobody needs to know: 1.5 s."""
+"""Attempts without a message, 1.5 s: a starting relay needs a moment."""
 
 
 class RelayLink:
     """Keeps a connection to the relay.
 
-    ``on_up`` is called when the relay has been reached, ``on_lost`` with a sentence when it is there no more
-    or does not understand us, ``on_event`` with everything that happens there, and ``on_snapshot`` when there
-    is a newer :attr:`snapshot`.
+    ``on_up`` is called when the relay is connected. ``on_lost`` is called with a sentence when the connection
+    is lost or the relay cannot be understood. ``on_event`` is called with every event of the relay, and
+    ``on_snapshot`` when there is a newer :attr:`snapshot`.
     """
 
     def __init__(
@@ -46,9 +46,9 @@ class RelayLink:
         on_snapshot: Callable[[], None],
     ) -> None:
         self.snapshot: RelayModel | None = None
-        """The newest status model; it stays when the relay is lost."""
+        """The newest status model. It stays when the relay is lost."""
         self.dropped = 0
-        """Snapshots and events that did not come through, because this process was too slow."""
+        """Number of snapshots and events that were lost because this process was too slow."""
         self._path = path
         self._on_up = on_up
         self._on_lost = on_lost
@@ -62,7 +62,7 @@ class RelayLink:
 
     @property
     def snapshot_age_s(self) -> float | None:
-        """How old the snapshot is."""
+        """Age of the snapshot."""
         return None if self._snapshot_s is None else time.monotonic() - self._snapshot_s
 
     @property
@@ -71,13 +71,13 @@ class RelayLink:
         return self._is_up
 
     def want(self, interval_s: float) -> None:
-        """Have a snapshot so often from now on."""
+        """Request snapshots at this interval."""
         if interval_s != self._interval_s:
             self._interval_s = interval_s
             self._subscribe()
 
     async def run(self) -> None:
-        """Connect again and again; never returns."""
+        """Connect repeatedly; never returns."""
         backoff = Backoff(FIRST_WAIT_S, LONGEST_WAIT_S)
         while True:
             try:
@@ -106,7 +106,7 @@ class RelayLink:
             connection.setblocking(False)
             await asyncio.get_running_loop().sock_connect(connection, str(self._path))
             check_owner(self._path, connection)
-        except BaseException:  # also where it is cancelled: the socket may not stay open
+        except BaseException:  # also when cancelled: the socket must not stay open
             connection.close()
             raise
         return await asyncio.open_unix_connection(sock=connection, limit=MAX_REPLY_BYTES)
@@ -116,7 +116,7 @@ class RelayLink:
             self._writer.write(encode(Subscribe(interval_s=self._interval_s)))
 
     async def _listen(self, reader: asyncio.StreamReader) -> str:
-        """Listen until the connection ends; returns why it did."""
+        """Listen until the connection ends; return why it ended."""
         self._subscribe()
         try:
             while line := await reader.readline():
@@ -130,7 +130,7 @@ class RelayLink:
                     case Refused():
                         return f"the relay refused: {message.reason}"
                     case Subscribed() if self._is_up:
-                        pass  # to another interval
+                        pass  # answer to a change of the interval
                     case _:
                         self._is_up, self._reported = True, ""
                         self._on_up()
@@ -147,7 +147,7 @@ class RelayLink:
         self._on_snapshot()
 
     def _lose(self, why: str) -> None:
-        """Say it once, not with every attempt."""
+        """Report the loss once, not with every attempt."""
         if why != self._reported:
             self._reported = why
             self._on_lost(why)

@@ -1,4 +1,4 @@
-"""The whole status model: what the relay says, with what only the supervisor knows.
+"""The whole status model: the relay's report and the supervisor's own data.
 
 It is made anew for each snapshot and never changed afterwards.
 """
@@ -21,7 +21,7 @@ from gateway.supervisor.table_files import TableFileEntry
 from gateway.supervisor.verdict import of_axes, of_gateway, position_of
 
 Limits = Mapping[tuple[str, str], float]
-"""``silent_after_s`` of controllers that have one, by line and controller."""
+"""``silent_after_s`` of the controllers that have one, by line and controller."""
 NO_LIMITS: Final[Limits] = {}
 
 
@@ -40,13 +40,13 @@ def whole_model(
 
     Args:
         name: of the gateway.
-        snapshot: the relay's model; None when it has not been reached yet.
+        snapshot: the relay's model; None if the relay has not been reached yet.
         is_relay_up: whether the relay is connected.
-        snapshot_age_s: how old the snapshot is.
-        tables: what is known of the table files, by axis.
-        supervisor: what the supervisor says of itself; None: there is none.
-        recent: what is remembered of the time before; None: nothing is.
-        silent_after_s: after how long each controller counts as silent that has a limit of its own.
+        snapshot_age_s: age of the snapshot.
+        tables: the state of the table files, by axis.
+        supervisor: the supervisor's own status; None: there is none.
+        recent: the recent history; None: there is none.
+        silent_after_s: limits of the controllers that have one of their own.
     """
     now_s = time.monotonic()
     recent = recent or RecentHistory()
@@ -84,9 +84,10 @@ def whole_model(
 def _with_silences(
     line: LineStatus, age_s: float, uptime_s: float, name: str, limits_s: Limits
 ) -> LineStatus:
-    """Return a line whose controllers say how long they have been silent, and after how long that counts.
+    """Return a line whose controllers have their silence in seconds, and the limit for it.
 
-    One that has never asked has been silent since the relay's start. An older relay says nothing of it.
+    A controller that never sent a request has been silent since the relay's start. An older relay does not
+    report this.
     """
 
     def with_silence(each: ControllerStatus) -> ControllerStatus:

@@ -1,4 +1,4 @@
-"""What came of bringing tables up to date."""
+"""The result of bringing tables up to date."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,31 +13,32 @@ class ReloadOutcome:
     """What has changed, what stays as it was, and why."""
 
     comes: Mapping[str, str] = field(default_factory=dict)
-    """How the new correction of an axis comes into force, or the old one goes; the others are not there."""
+    """How the new correction of an axis comes into force, or how the old one goes; only axes with a
+    change."""
     gone: tuple[str, ...] = ()
-    """Axes whose table was taken away: its file is gone, or the configuration names none."""
+    """Axes whose table was removed: its file is gone, or the configuration names none."""
     changed: tuple[str, ...] = ()
     """Keys of the configuration whose new values are in force."""
     problems: tuple[str, ...] = ()
-    """Why nothing was changed, or not all; each with what to do."""
+    """Why nothing, or not everything, was changed; each with what to do."""
     rejected: Mapping[str, tuple[Problem, ...]] = field(default_factory=dict)
-    """What is wrong with the table files of axes; what was in force stays."""
+    """What is wrong with the table files of axes. The tables in force stay."""
     held: Mapping[str, tuple[Problem, ...]] = field(default_factory=dict)
-    """Axes whose file is good and not in force, because of another axis of their group; with the reason."""
+    """Axes whose valid file is not in force because of another axis of their group; with the reason."""
     absent: frozenset[str] = frozenset()
-    """Axes that are not corrected: their table file is not there, or that of another axis of their group."""
+    """Axes without correction: their table file, or that of another axis of their group, is missing."""
     waiting: frozenset[str] = frozenset()
-    """Axes whose table file is being written, and counts for nothing yet."""
+    """Axes whose table file is being written and does not count yet."""
     stamps: Mapping[str, FileStamp] = field(default_factory=dict)
-    """Of each file that was read, by its name: as it was seen before and after."""
+    """Stamp of each file that was read, by its name: the same before and after reading."""
     has_read: bool = True
-    """Whether the table files were looked at, so that what is said of them here holds."""
+    """Whether the table files were examined, so that the results here are valid."""
     is_owed: bool = False
-    """Whether the configuration could not be taken for a reason that may pass, as a full disk."""
+    """Whether the configuration could not be applied for a temporary reason, such as a full disk."""
     is_refused: bool = False
-    """Whether the configuration in its file was not taken: the one before stays."""
+    """Whether the configuration in its file was refused: the previous one stays."""
     is_running: bool = True
-    """Whether a relay was there; without one what is new waits in the state folder for its start."""
+    """Whether a relay was running. If not, its next start takes the new tables from the state folder."""
 
     @property
     def all_problems(self) -> tuple[str, ...]:
@@ -48,7 +49,7 @@ class ReloadOutcome:
         return (*self.problems, *dict.fromkeys(of_tables))
 
     def as_data(self) -> dict[str, Any]:
-        """Return it as plain data, with :attr:`all_problems`."""
+        """Return plain data, with :attr:`all_problems`."""
         return {
             "comes": dict(self.comes),
             "gone": list(self.gone),

@@ -1,8 +1,8 @@
-"""What the next supervisor still knows: a day of each axis, and which alarms were acknowledged.
+"""Data for the next supervisor: a day of each axis, and the acknowledged alarms.
 
-The day is lines of text in files of ``history`` in the state folder, appended every ten seconds. Both age and
-size are bounded: whole files go, the oldest first. Nothing of it is needed to run: where it cannot be written
-the status says so, it is tried again, and everything else goes on.
+The day is lines of text in files under ``history`` in the state folder, appended every ten seconds. Age and
+size are bounded: whole files are removed, the oldest first. The gateway runs without these files. If they
+cannot be written, the status reports it, the supervisor retries, and everything else continues.
 """
 
 import asyncio
@@ -29,23 +29,23 @@ FOLDER_NAME: Final = "history"
 ACKNOWLEDGED_NAME: Final = "acknowledged.json"
 DAY_S: Final = 86_400
 EVERY_S: Final = 10.0
-"""Between two places of an axis that are kept for a day."""
+"""Between two positions of an axis that are kept for a day."""
 SOON_S: Final = 1.0
-"""Between two looks whether something is due."""
+"""Between two checks whether something is due."""
 FILE_S: Final = 3600.0
-"""A file holds so much at most, so that what is older than a day can go in small parts."""
+"""Longest time in one file, so that data older than a day is removed in small parts."""
 FILE_BYTES: Final = 1_000_000
 MOST_BYTES: Final = 16_000_000
-"""Of all files. 32 axes need 14 MB for a day; with more of them it is less than a day."""
+"""Of all files. 32 axes need 14 MB for a day; more axes get less than a day."""
 FREE_BYTES: Final = 1_000_000
-"""So much is left free on the disk: for tables and for what the axes remember."""
+"""Space left free on the disk, for tables and for the retained data of the axes."""
 HEAD: Final = "time,axis,nominal,correction,compensation"
 SUFFIX: Final = ".csv"
 
 
 @dataclass(frozen=True, slots=True)
 class Noted:
-    """Where an axis was at a time of day; lengths in its unit."""
+    """The position of an axis at a time of day; lengths in its unit."""
 
     wall_s: float
     nominal: float | None
@@ -54,7 +54,7 @@ class Noted:
 
 
 class Past:
-    """Keeps the past in a state folder; one for each supervisor."""
+    """Keeps the history in a state folder; one for each supervisor."""
 
     def __init__(self, state: Path, recent: RecentHistory, log: LogEvent) -> None:
         self._state = state
@@ -62,32 +62,32 @@ class Past:
         self._log = log
         self._folder = state / FOLDER_NAME
         self._file: Path | None = None
-        """What is written now; None: nothing was written yet."""
+        """The file that is being written; None: nothing was written yet."""
         self._kept_version = 0
         self._kept_s = -math.inf
         self._woken = asyncio.Event()
         self.problem: FolderProblem | None = None
-        """Why it cannot be kept at present."""
+        """Why the history cannot be kept at present."""
 
     async def recall(self) -> None:
-        """Take over the alarms that were acknowledged before a restart; before anything else happens."""
+        """Restore the alarms that were acknowledged before a restart; call it first."""
         try:
             content = await in_thread(
                 partial(read_regular_file, self._state / ACKNOWLEDGED_NAME, FILE_BYTES, "acknowledged alarms")
             )
         except FileRefusedError:
-            return  # most often there is none
+            return  # usually there is none
         try:
             self._recent.acknowledged.restore(content, time.monotonic())
         except ValueError as error:
             self._log(ACKNOWLEDGEMENTS_LOST, file=str(self._state / ACKNOWLEDGED_NAME), detail=str(error))
 
     def wake(self) -> None:
-        """Write what was acknowledged now, and not only when places are due."""
+        """Write acknowledgements immediately, not only when positions are due."""
         self._woken.set()
 
     async def run(self) -> None:
-        """Keep what there is, until cancelled."""
+        """Keep history and acknowledgements until cancelled."""
         while True:
             await self.write_new(time.monotonic(), time.time())
             with contextlib.suppress(TimeoutError):
@@ -96,7 +96,7 @@ class Past:
             self._woken.clear()
 
     async def write_new(self, now_s: float, wall_s: float) -> None:
-        """Write what is new: who has acknowledged what, and the places where they are due.
+        """Write new acknowledgements, and the positions if they are due.
 
         ``now_s`` is monotonic, ``wall_s`` is the time of day.
         """
@@ -120,14 +120,14 @@ class Past:
 
     def _lines(self, now_s: float, wall_s: float) -> Iterator[str]:
         for axis, seen in self._recent.newest().items():
-            if now_s - seen.at_s < EVERY_S:  # else the relay says nothing, and there is a gap
+            if now_s - seen.at_s < EVERY_S:  # otherwise the relay is silent, and there is a gap
                 noted = _noted(seen, now_s, wall_s)
                 yield f"{time_text(noted.wall_s)},{axis},{values_text(noted)}\n"
 
     def _append(self, text: str, wall_s: float) -> None:
-        """Write lines at the end of the newest file; blocks. Raises OSError: then none of it is there."""
+        """Append lines to the newest file; blocks. Raises OSError: then none of them is written."""
         with contextlib.suppress(FileExistsError):
-            self._folder.mkdir(mode=0o700)  # never the state folder itself: one that is gone is gone
+            self._folder.mkdir(mode=0o700)  # never the state folder itself: it must not reappear
         files = self._make_room(wall_s, len(HEAD) + 1 + len(text))
         disk = os.statvfs(self._folder)
         if disk.f_bavail * disk.f_frsize < FREE_BYTES:
@@ -143,7 +143,7 @@ class Past:
             file = self._folder / f"{datetime.fromtimestamp(wall_s, UTC):%Y%m%dT%H%M%SZ}{SUFFIX}"
             text = f"{HEAD}\n{text}"
         elif file != self._file:
-            text = f"\n{text}"  # a process that was killed may have left half a line
+            text = f"\n{text}"  # a killed process may have left half a line
         flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW
         descriptor = os.open(file, flags, 0o600)
         try:
@@ -157,7 +157,7 @@ class Past:
         self._file = file
 
     def _make_room(self, wall_s: float, length: int) -> list[Path]:
-        """Remove what is too old or too much; returns the files that stay, oldest first."""
+        """Remove what is too old or too much; return the remaining files, oldest first."""
         files = _files(self._folder)
         total = sum(file.stat().st_size for file in files) + length
         while files:
@@ -169,10 +169,10 @@ class Past:
         return files
 
     async def of(self, axis: str, span_s: float, now_s: float, wall_s: float) -> Sequence[Noted] | None:
-        """Return where an axis was in a span until now, oldest first; None: there is no such axis.
+        """Return the positions of an axis in a span until now, oldest first; None: there is no such axis.
 
-        Of the newest ten minutes, since the start of this process, it is each second, before that each ten
-        seconds.
+        The newest ten minutes, as far as this process has run, have one position a second; earlier, one every
+        ten seconds.
         """
         kept = self._recent.history(axis)
         if kept is None:
@@ -185,7 +185,7 @@ class Past:
 
 
 def read_positions(folder: Path, axis: str, since_s: float, until_s: float) -> list[Noted]:
-    """Return what the files of a folder hold of an axis between two times, oldest first; blocks."""
+    """Return the positions of an axis between two times from a folder's files, oldest first; blocks."""
     since, until = time_text(since_s), time_text(until_s)
     found: list[Noted] = []
     for file in _files(folder):
@@ -194,7 +194,7 @@ def read_positions(folder: Path, axis: str, since_s: float, until_s: float) -> l
                 continue
             content = read_regular_file(file, 2 * FILE_BYTES, "a day of the axes")
         except (FileRefusedError, OSError):
-            continue  # it has just gone, or is none of ours
+            continue  # just removed, or not ours
         for line in content.decode("ascii", "replace").splitlines():
             parts = line.split(",")
             if len(parts) == HEAD.count(",") + 1 and parts[1] == axis and since <= parts[0] < until:
@@ -205,7 +205,7 @@ def read_positions(folder: Path, axis: str, since_s: float, until_s: float) -> l
 
 
 def time_text(wall_s: float) -> str:
-    """Return a time of day in UTC; two of them are in the order of their letters.
+    """Return a time of day in UTC; the texts sort in the order of time.
 
     >>> time_text(0.25)
     '1970-01-01T00:00:00Z'
@@ -214,7 +214,7 @@ def time_text(wall_s: float) -> str:
 
 
 def values_text(noted: Noted) -> str:
-    """Return the values of a place as they stand in a line; empty where nobody knew.
+    """Return the values of a position as in a line of the file; unknown ones are empty.
 
     >>> values_text(Noted(0.0, -120.0, 0.0221, "active")), values_text(Noted(0.0, None, None, "off"))
     ('-120.000000,0.0221000,active', ',,off')
@@ -237,7 +237,7 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _begun_s(file: Path) -> float | None:
-    """Return when a file was begun, by its name; None: it is none of ours."""
+    """Return when a file was begun, from its name; None: the file is not ours."""
     with contextlib.suppress(ValueError):
         return datetime.strptime(file.stem, "%Y%m%dT%H%M%SZ").replace(tzinfo=UTC).timestamp()
     return None

@@ -24,9 +24,9 @@ from gateway.times import NS_PER_S
 
 LOCK_NAME: Final = "supervisor.lock"
 BEATS: Final = 4
-"""In the time after which the service manager loses patience; a model comes every second."""
+"""Watchdog pulses within the service manager's timeout; a model comes every second."""
 LONGEST_PAUSE_S: Final = 2.0
-"""The sentence that the service manager shows is not older."""
+"""The status text that the service manager shows is at most this old."""
 
 
 def run_supervisor(
@@ -37,18 +37,18 @@ def run_supervisor(
     tells_events: bool = False,
     manager: ServiceManager | None = None,
 ) -> None:
-    """Run until SIGTERM or SIGINT; SIGHUP reads configuration and tables anew.
+    """Run until SIGTERM or SIGINT; SIGHUP reads configuration and tables again.
 
-    ``tells_events``: what the relay tells of goes into the log too.
-    ``log`` is written to in a thread. It learns the gateway's name from the last plan, then from the
-    configuration.
-    ``manager`` is the service manager that started this process.
+    ``tells_events``: also log the relay's events. ``log`` is written in a thread. It gets the gateway's name
+    from the last plan, then from the configuration. ``manager`` is the service manager that started this
+    process.
 
     Raises:
         SocketError: the path of the relay's socket is too long.
-        StateError: another supervisor has the state folder, a newer release wrote it, or it cannot be had.
+        StateError: another supervisor uses the state folder, a newer release wrote it, or it is not
+            accessible.
     """
-    socket_path(state)  # too long a one is said before anything is locked
+    socket_path(state)  # reports a path that is too long before anything is locked
     refuse_newer(state, writer_of(state))
     ignore_broken_leases()
     lock_fd = _lock(state)
@@ -66,10 +66,10 @@ def run_supervisor(
 
 
 def _lock(state: Path) -> int:
-    """Be the only supervisor of a state folder; returns the descriptor of its lock.
+    """Become the only supervisor of a state folder; return the descriptor of its lock.
 
     Raises:
-        StateError: there is one already, or the folder cannot be had.
+        StateError: there is one already, or the folder is not accessible.
     """
     path = state / LOCK_NAME
     try:
@@ -103,16 +103,16 @@ async def _until_signalled(supervisor: Supervisor, manager: ServiceManager) -> N
     for task in (stopped, beating):
         task.cancel()
     if running.done():
-        running.result()  # a bug: let it be seen, and let whoever started us start us again
+        running.result()  # a bug: let it end the process, so that the service manager restarts it
     running.cancel()
     with contextlib.suppress(asyncio.CancelledError):
         await running
 
 
 async def _beat(broadcast: Broadcast, manager: ServiceManager) -> None:
-    """Say when the first model is there; then feed the watchdog as long as newer ones come.
+    """Report readiness with the first model; then feed the watchdog while newer models come.
 
-    A loop that turns while nobody hears anything new from it is no good to anybody.
+    A loop that runs but makes no new models must not feed the watchdog.
     """
     with broadcast.open() as feed:
         await feed.next()

@@ -1,6 +1,6 @@
-"""What the supervisor remembers of the time before: since when something is wrong, and where axes were.
+"""The supervisor's memory: since when something is wrong, and where the axes were.
 
-All of it is bounded, and ends with the process; ``supervisor.past`` keeps some of it for the next one.
+All of it is bounded and ends with the process; ``supervisor.past`` keeps some of it for the next one.
 """
 
 from collections import deque
@@ -17,40 +17,40 @@ from gateway.supervisor.active_alarms import Alarm, SourcePath
 HISTORY_S: Final = 600
 """Ten minutes of each axis are kept."""
 EVERY_S: Final = 1.0
-"""So often a place is kept."""
+"""Interval between the positions that are kept."""
 EARLY_S: Final = 0.1
-"""Snapshots that come every second come a little earlier now and then."""
+"""Tolerance: snapshots that come every second are sometimes a little early."""
 
 
 @dataclass(frozen=True, slots=True)
 class PositionSample:
-    """Where an axis was seen; positions in its unit."""
+    """Where an axis was; positions in its unit."""
 
     at_s: float
     nominal: float | None
     corrected: float | None
     correction: float | None
     compensation: str
-    """Its state, as the status says it."""
+    """State of the compensation, as in the status."""
 
 
 @dataclass(frozen=True, slots=True)
 class TargetSample:
-    """Where an axis was sent last, on the controller's scale; None: it has no target."""
+    """The last target of an axis, on the controller's scale; None: it has no target."""
 
     nominal: float | None
     at_s: float
-    """When it was seen first."""
+    """When it was first seen."""
     is_older: bool
-    """It was there before anybody looked."""
+    """It is older: the first snapshot already had it."""
 
 
 class LastTarget(NamedTuple):
-    """How old the target of an axis is."""
+    """Age of the target of an axis."""
 
     age_s: float
     is_at_least: bool
-    """It was there before anybody looked."""
+    """The real age is more: the first snapshot already had the target."""
 
 
 def _now() -> datetime:
@@ -58,7 +58,7 @@ def _now() -> datetime:
 
 
 class RecentHistory:
-    """The recent past; times in seconds are those of ``time.monotonic``, ``now`` tells the time of day."""
+    """The recent past. Times in seconds are those of ``time.monotonic``; ``now`` returns the time of day."""
 
     def __init__(self, now: Callable[[], datetime] = _now) -> None:
         self._now = now
@@ -66,14 +66,14 @@ class RecentHistory:
         self._since: dict[tuple[str, SourcePath], str] = {}
         self._found: Sequence[Alarm] = ()
         self._words: dict[tuple[str, ...], tuple[str, str]] = {}
-        """By what it is about: what is said of it, and since when."""
+        """By subject: what is reported of it, and since when."""
         self._last: dict[str, PositionSample] = {}
         self._targets: dict[str, TargetSample] = {}
         self._history: dict[str, deque[PositionSample]] = {}
         self._snapshot: RelayModel | None = None
 
     def stamp(self, found: Sequence[Alarm], now: datetime) -> list[AlarmStatus]:
-        """Return troubles as the status shows them: since when each is there, and who has seen it."""
+        """Return alarms as the status shows them: since when each is active, and who has acknowledged it."""
         self._found = found
         self._since = {each.source_key: self._since_of(each, now) for each in found}
         return [self._status(each) for each in found]
@@ -94,25 +94,25 @@ class RecentHistory:
     def acknowledge(
         self, kind: str, where: str, since: str, by: str, now: datetime
     ) -> AlarmAcknowledgement | None:
-        """Note who has seen an alarm; None: there is none like that, or not any more."""
+        """Record who has acknowledged an alarm; None: there is no such alarm, or it has ended."""
         for each in self._found:
             if (*each.key, self._since[each.source_key]) == (kind, where, since):
                 return self.acknowledged.add(each, since, by, now)
         return None
 
     def since_of(self, alarm: Alarm) -> str:
-        """Return since when a trouble is there that was stamped, as ISO 8601."""
+        """Return since when a stamped alarm is active, as ISO 8601."""
         return self._since[alarm.entry.kind, alarm.source_path]
 
     def since(self, about: tuple[str, ...], word: str) -> str:
-        """Return since when the same is said of something, as ISO 8601; not from before this process."""
+        """Return since when the same word is reported on a subject, as ISO 8601; not before this process."""
         before = self._words.get(about)
         if before is None or before[0] != word:
             before = self._words[about] = word, self._now().isoformat(timespec="seconds")
         return before[1]
 
     def take(self, snapshot: RelayModel | None, now_s: float) -> None:
-        """Keep where the axes are, of a snapshot that has not been taken yet."""
+        """Keep the positions of a new snapshot."""
         if snapshot is None or snapshot is self._snapshot:
             return
         self._snapshot = snapshot
@@ -126,7 +126,7 @@ class RecentHistory:
             if seen.nominal is not None:
                 self._last[name] = seen
             elif name not in self._last and (actual := axis.last_actual) is not None:
-                at_s = now_s - actual.age_s  # read before anybody looked
+                at_s = now_s - actual.age_s  # read before the first snapshot
                 self._last[name] = PositionSample(
                     at_s, actual.nominal, actual.corrected, None, axis.compensation
                 )
@@ -138,7 +138,7 @@ class RecentHistory:
                 kept.append(seen)
 
     def last(self, axis: str, now_s: float) -> Reading | None:
-        """Return where an axis was seen last, with its age; None where it never was."""
+        """Return the last reading of an axis, with its age; None if there is none."""
         seen = self._last.get(axis)
         if seen is None:
             return None
@@ -146,19 +146,19 @@ class RecentHistory:
         return Reading(nominal=seen.nominal, corrected=seen.corrected, age_s=age_s)
 
     def target(self, axis: str, now_s: float) -> LastTarget | None:
-        """Return how old the target of an axis is; None where it has none."""
+        """Return the age of the target of an axis; None if it has none."""
         target = self._targets.get(axis)
         if target is None or target.nominal is None:
             return None
         return LastTarget(round(now_s - target.at_s, 1), target.is_older)
 
     def history(self, axis: str) -> Sequence[PositionSample] | None:
-        """Return the last ten minutes of an axis, oldest first; None: nothing is known of it."""
+        """Return the last ten minutes of an axis, oldest first; None: no such axis."""
         kept = self._history.get(axis)
         return None if kept is None else tuple(kept)
 
     def newest(self) -> dict[str, PositionSample]:
-        """Return where each axis was seen last, or that nobody knew."""
+        """Return the newest sample of each axis; its position may be unknown."""
         return {axis: kept[-1] for axis, kept in self._history.items() if kept}
 
 

@@ -1,4 +1,4 @@
-"""What the supervisor does: it follows relay and table files, and keeps one model for all who show it."""
+"""The supervisor: follows the relay and the table files, and keeps one model for all who show it."""
 
 import asyncio
 import contextlib
@@ -54,12 +54,13 @@ from gateway.supervisor.temperatures import Temperatures
 from gateway.supervisor.watching import SLOW_S, Watch, wake_on_change
 
 TICK_S: Final = 1.2
-"""A model comes at least so often, also when the relay says nothing: otherwise it does so before that."""
+"""A model comes at least at this interval, also if the relay is silent; otherwise the relay causes it
+earlier."""
 RETRY_S: Final = 5.0
-"""After this is tried again what could not be done, as with a full disk; no file has to change for it."""
+"""Delay before a failed operation, as with a full disk, is retried; no file has to change for it."""
 
 STATE_EVERY_S: Final = 5.0
-"""So often is looked whether anything can be kept in the state folder."""
+"""Interval between checks that the state folder is writable."""
 
 
 def _name_nobody(_gateway: str) -> None:
@@ -69,7 +70,7 @@ def _name_nobody(_gateway: str) -> None:
 class Supervisor:
     """Follows the relay of a state folder and the tables of a configuration.
 
-    ``write`` takes a note for the log and does not block. ``name_gateway`` tells the log whose they are.
+    ``write`` takes a log entry and does not block. ``name_gateway`` gives the log the gateway's name.
     """
 
     def __init__(
@@ -83,7 +84,7 @@ class Supervisor:
     ) -> None:
         self._link = RelayLink(socket_path(state), self._reached, self._lost, self._happened, self._publish)
         self.broadcast = Broadcast(self._link.want)
-        """The status model and the events, for whoever shows them."""
+        """The status model and the events, for all readers."""
         self._recent = RecentHistory()
         self._past = Past(state, self._recent, self._log)
         self._config = config
@@ -100,9 +101,9 @@ class Supervisor:
         self._is_asked = False
         self._is_relay_new = False
         self._refused: tuple[str, ...] = ()
-        """Why the configuration in its file is not the one that was taken."""
+        """Why the configuration in its file is not the one in force."""
         self._is_owed = False
-        """Whether it is to be tried again by itself."""
+        """Whether the supervisor retries it automatically."""
         self._problems: tuple[str, ...] = ()
         """Why not all tables are where they belong."""
         self._state_problem: FolderProblem | None = None
@@ -146,19 +147,19 @@ class Supervisor:
         )
 
     async def reload(self) -> ReloadOutcome:
-        """Read configuration and tables anew; returns what came of it."""
+        """Read configuration and tables again; return the result."""
         done: asyncio.Future[ReloadOutcome] = asyncio.get_running_loop().create_future()
         self._reloads.append(done)
         self._work_due.set()
         return await done
 
     def reload_soon(self) -> None:
-        """Read configuration and tables anew; what comes of it is told as events."""
+        """Read configuration and tables again; events report the result."""
         self._is_reload_requested = self._is_asked = True
         self._work_due.set()
 
     async def _all(self, *works: Awaitable[None]) -> None:
-        """Run all of them until one ends, which none should; then the others end too."""
+        """Run all of them until one ends, which is a bug; then end the others too."""
         tasks = [asyncio.ensure_future(work) for work in works]
         try:
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
@@ -188,7 +189,7 @@ class Supervisor:
             await asyncio.sleep(rest_s)
 
     async def _monitor_state_folder(self) -> None:
-        """Tell when nothing can be kept in the state folder: else a start would be the first to notice."""
+        """Report when the state folder is not writable. Otherwise only the next start would show it."""
         identity = await in_thread(partial(identity_of, self._state))
         while True:
             found = await in_thread(partial(why_not_usable, self._state, identity)) or self._past.problem
@@ -216,7 +217,7 @@ class Supervisor:
                     done.set_result(outcome)
 
     async def _bring_up_to_date(self, *, is_reload: bool, is_asked: bool, is_retry: bool) -> ReloadOutcome:
-        """Read what is to be read, and tell what came of it."""
+        """Read what is due, and report the result."""
         still = self._watch.still
         is_new, self._is_relay_new = self._is_relay_new, False
         if is_reload:
@@ -242,17 +243,17 @@ class Supervisor:
             and self._refused
             and await in_thread(self._reloader.is_file_unchanged)
         ):
-            self._refused, self._is_owed = (), False  # who was told to restart the relay has done so
+            self._refused, self._is_owed = (), False  # the request to restart the relay was followed
         if not outcome.is_refused:
             self._problems = outcome.problems
         self._publish()
         return outcome
 
     async def _done(self, work: Callable[[], ReloadOutcome]) -> ReloadOutcome:
-        """Do it in a thread; a mistake of ours there changes nothing, and is told like any other problem."""
+        """Do it in a thread. A bug in it changes nothing and is reported like any other problem."""
         try:
             return await in_thread(work)
-        except Exception as error:  # noqa: BLE001 - a table may not take the status away from everybody
+        except Exception as error:  # noqa: BLE001 - a table must not stop the status
             frame = traceback.extract_tb(error.__traceback__)[-1]
             where = f"{Path(frame.filename).name}:{frame.lineno}"
             what = f"the supervisor made a mistake: {type(error).__name__}: {error} ({where})"
@@ -261,7 +262,7 @@ class Supervisor:
             )
 
     def _configure(self, loaded: Loaded) -> None:
-        """Follow what a configuration says: the same as before changes nothing."""
+        """Apply a configuration; unchanged parts change nothing."""
         self._name_gateway(loaded.plan.name)
         self._follow(loaded.tables_folder)
         self._http.configure(loaded.sections.http, loaded.plan.name, loaded.path.parent)
@@ -300,7 +301,7 @@ class Supervisor:
             self._report_files(outcome)
 
     def _report_files(self, outcome: ReloadOutcome) -> None:
-        """Tell of each bad file once, and when it is good again."""
+        """Report each bad file once, and again when it is good."""
         for axis, problems in outcome.rejected.items():
             text = "\n".join(map(str, problems))
             if self._rejected.get(axis) != text:
@@ -391,4 +392,4 @@ class Supervisor:
         self.broadcast.publish_event(entry)
         self._write(entry)
         self._capturing.happened(entry.event)
-        self._publish()  # whoever hears of it finds it in the status
+        self._publish()  # when the event arrives, the status already has it

@@ -1,4 +1,4 @@
-"""What is known of the table of each axis beside what the relay says: the state of its file."""
+"""The state of each axis's table file, beside what the relay reports of the table."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ class FileState(Enum):
     """The state of a table file; the value is what the status shows."""
 
     GOOD = "active"
-    """It is what the axis has."""
+    """It is the table in force."""
     WAITING = "waiting"
     """It changes, or has been gone for a few seconds: nothing has been done yet."""
     REJECTED = "rejected"
-    """It is bad, or may not be used because of its group; the axis keeps what it had."""
+    """It is invalid, or its group prevents its use; the axis keeps its table."""
     REMOVED = "removed"
     """It is gone or was renamed to ``.bak``; the axis is not corrected."""
 
@@ -33,7 +33,7 @@ class TableFileEntry:
     problems: tuple[Problem, ...] = ()
 
     def over(self, table: TableStatus) -> TableStatus:
-        """Return what the relay says of a table, with the state of its file."""
+        """Return the relay's status of a table, with the state of its file."""
         return replace(
             table,
             file=self.file,
@@ -44,13 +44,13 @@ class TableFileEntry:
 
 
 class TableFiles:
-    """The table files of all axes, as they were found last."""
+    """The table files of all axes, as last read."""
 
     def __init__(self) -> None:
         self._entries: dict[str, TableFileEntry] = {}
 
     def enter(self, names: Mapping[str, str], outcome: ReloadOutcome) -> None:
-        """Take over what came of reading the files; ``names`` are those of the tables, by axis."""
+        """Take over the result of reading the files; ``names`` are those of the tables, by axis."""
         self._entries = {axis: self._entry(axis, name, outcome) for axis, name in names.items()}
 
     def _entry(self, axis: str, name: str, outcome: ReloadOutcome) -> TableFileEntry:

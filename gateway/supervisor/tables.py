@@ -1,4 +1,4 @@
-"""The tables of a configuration: read, checked, compiled, kept as the last good ones, handed to the relay."""
+"""The tables of a configuration: read, checked, compiled, kept as last good, given to the relay."""
 
 import contextlib
 import json
@@ -33,36 +33,37 @@ from gateway.supervisor.file_stamps import scan
 from gateway.supervisor.outcome import ReloadOutcome
 
 Still = Mapping[str, FileStamp | None]
-"""The sight as which a table file stands still, by name; None: it moves."""
+"""The stamp of each stable table file, by name; None: the file is changing."""
 
 
 class NeedsRestartError(StateError):
-    """A gateway that runs cannot be given this; with the keys that have changed."""
+    """A running gateway cannot take this change; the message has the changed keys."""
 
 
 class Reloader:
-    """Keeps the tables, gains and limits of a relay as its configuration has them.
+    """Keeps the tables, gains and limits of a relay equal to its configuration.
 
-    Everything here blocks for as long as it takes; one thread calls at a time.
+    All methods block while they work; one thread calls at a time.
     """
 
     def __init__(self, config: Path) -> None:
         self._config = config
         self._owed: Loaded | None = None
-        """The configuration that was asked for and could not be taken for a reason that may pass."""
+        """The requested configuration that could not be applied for a temporary reason."""
         self.loaded: Loaded | None = None
-        """The configuration that was taken last; None as long as none could be."""
+        """The configuration in force; None before the first."""
 
     @property
     def names(self) -> dict[str, str]:
-        """Name of the table file of each axis that has one, as the configuration has it."""
+        """Name of the table file of each axis that has one, from the configuration."""
         return {} if self.loaded is None else _names(self.loaded)
 
     def reload(self, still: Still | None = None) -> ReloadOutcome:
-        """Read the configuration and its tables anew, and take over what has changed.
+        """Read the configuration and its tables again, and apply what has changed.
 
-        A table file that is being written counts for nothing yet. With ``still``, as nobody asked for it,
-        neither does one that is another than that, or that is missing and was not known to be.
+        A table file that is being written does not count yet. ``still`` is given when no user asked for the
+        reload. Then a file also does not count if its stamp differs from ``still``, or if it is missing and
+        that was not known.
         """
         self._owed = None
         try:
@@ -72,23 +73,23 @@ class Reloader:
         return self._take_configured(configured, still)
 
     def retry(self, still: Still) -> ReloadOutcome:
-        """Take the configuration that :meth:`reload` could not take, as it was read then."""
+        """Apply the configuration that :meth:`reload` could not apply, as it was read then."""
         configured = self._owed
         return self.reload(still) if configured is None else self._take_configured(configured, still)
 
     def is_file_unchanged(self) -> bool:
-        """Whether the configuration that was taken is the one that stands in its file."""
+        """Whether the configuration in force is the one in its file."""
         try:
             return self.loaded is not None and read_document(self._config).text == self.loaded.document.text
         except ConfigErrors:
             return False
 
     def refresh(self, still: Still) -> ReloadOutcome:
-        """Read the tables of the configuration that was taken; as :meth:`reload`.
+        """Read the tables of the configuration in force; otherwise like :meth:`reload`.
 
-        It gives way to one that somebody else has compiled since, which is what the next start runs. A relay
-        that still runs the one before is given its tables, and what was compiled stays. What the file of the
-        configuration says by now counts only when somebody asks for it.
+        A configuration that another program has compiled since then takes precedence: the next start runs it.
+        If the relay still runs the previous one, it gets that one's tables, and the compiled plan stays. A
+        changed configuration file counts only when a user requests a reload.
         """
         if self.loaded is None:
             return self.reload(still)
@@ -127,7 +128,7 @@ class Reloader:
         )
 
     def _as_compiled(self, plan: CompiledPlan | None) -> Loaded | None:
-        """Return the configuration that was compiled last, where the one in the file does not count."""
+        """Return the configuration that was compiled last, if the one in the file does not count."""
         if plan is None:
             return None
         try:
@@ -144,7 +145,7 @@ class Reloader:
         *,
         keeps_plan: bool = False,
     ) -> ReloadOutcome:
-        """Read the tables and bring everything up to date; ``before`` is what was compiled last."""
+        """Read the tables and bring everything up to date; ``before`` is the last compiled plan."""
         names = _names(configured)
         seen = scan(configured.tables_folder, names.values())
         loaded = reread_tables(configured)
@@ -157,7 +158,7 @@ class Reloader:
         unread = {axis for axis, name in names.items() if name not in read}
         folder_before = None if before is None else before.tables_folder
         strange = what_is_strange(loaded, folder_before)
-        # Another folder came to the path while they were read, as a share that is mounted or unmounted does.
+        # During reading, another folder appeared at the path: a share was mounted or unmounted.
         has_moved = TablesFolder.at(loaded.tables_folder) != loaded.read_from
         if strange or has_moved:
             unread = set(names)
@@ -208,7 +209,7 @@ class Reloader:
         except (StateError, NoGatewayError, OSError) as error:
             problem = str(error)
             outcome = replace(outcome, is_owed=not isinstance(error, NeedsRestartError))
-        # Nothing has changed, but what was found in the files holds.
+        # Nothing has changed, but what was found in the files is still valid.
         return replace(outcome, problems=(*outcome.problems, f"{self._config}: {problem}"), changed=())
 
 
@@ -217,7 +218,7 @@ def _of_configuration(errors: ConfigErrors) -> ReloadOutcome:
 
 
 def _may_count(name: str, stamp: FileStamp, still: Still | None) -> bool:
-    """Whether a file that looks like this counts; one that nobody has watched so far does if it is there."""
+    """Whether a file with this stamp counts; one that was not watched so far counts if it exists."""
     if still is None:
         return True
     return still[name] == stamp if name in still else stamp.is_there
@@ -232,10 +233,10 @@ def _names(loaded: Loaded) -> dict[str, str]:
 
 
 def _check_same(path: Path, loaded: Loaded, before: CompiledPlan | None) -> bool:
-    """Whether a relay runs; it has to run the same plan, but for what it can be given.
+    """Whether a relay runs; it has to run the same plan, except for values that it can take.
 
     Raises:
-        NeedsRestartError: it runs another one.
+        NeedsRestartError: it runs another plan.
         NoGatewayError: it cannot be understood.
     """
     try:
@@ -257,7 +258,7 @@ def _check_same(path: Path, loaded: Loaded, before: CompiledPlan | None) -> bool
 
 
 def _into_shadow(path: Path, loaded: Loaded) -> list[str]:
-    """Return the keys of axes that are to go into shadow, and are not in it in the gateway that runs."""
+    """Return the keys of axes that the configuration puts into shadow and the running gateway does not."""
     in_force = _axes(ask(path, GetStatus()))
     return [
         f"axis.{axis.name}.compensation"
@@ -273,7 +274,7 @@ def _axes(reply: Reply) -> Mapping[str, AxisStatus]:
 
 
 def _need_restart(loaded: Loaded, before: CompiledPlan) -> list[str]:
-    """Return what has changed that a gateway that runs cannot be given: keys, and profiles of drives."""
+    """Return the changes that a running gateway cannot take: keys, and drive profiles."""
     profiles = [
         name for name, digest in sources_of(loaded).items() if before.sources.get(name, digest) != digest
     ]
@@ -283,7 +284,7 @@ def _need_restart(loaded: Loaded, before: CompiledPlan) -> list[str]:
 
 
 def _can_be_given(key: str, loaded: Loaded, before: CompiledPlan) -> bool:
-    """Whether a gateway that runs can be given the new value; of modes: the end of a dry run."""
+    """Whether a running gateway can take the new value; of modes only the end of a dry run."""
     now, then = keys_of(loaded.document.tables), keys_of(tomllib.loads(before.configuration))
     off = json.dumps(CompensationMode.OFF.value)
     is_off = key.endswith(".compensation") and off in (now.get(key), then.get(key))
@@ -329,7 +330,7 @@ def _found(loaded: Loaded, settled: Settled, waiting: Collection[str], *, is_run
 def _held(
     settled: Settled, loaded: Loaded, before: CompiledPlan | None, outcome: ReloadOutcome
 ) -> dict[str, tuple[Problem, ...]]:
-    """Return why good files are not in force: an axis of the same group has none that is good, or none."""
+    """Return why valid files are not in force: an axis of the same group has no valid file."""
     old = {} if before is None else {axis.name: axis for line in before.plan.lines for axis in line.axes}
     held: dict[str, tuple[Problem, ...]] = {}
     for line in loaded.plan.lines:
@@ -359,7 +360,7 @@ def _hand_over(
     tables: Mapping[str, bytes],
     outcome: ReloadOutcome,
 ) -> ReloadOutcome:
-    """Give the relay what it has not got; what it refuses is a problem."""
+    """Send the relay what it does not have; each refusal is a problem in the outcome."""
     in_force = _axes(ask(path, GetStatus()))
     done: list[Done] = []
     for line in settled.plan.lines:
@@ -390,15 +391,15 @@ def _hand_over(
 
 
 def _goes_live(in_force: Mapping[str, AxisStatus], axis: AxisPlan) -> bool:
-    """Whether what an axis only shows is to be applied from now on."""
+    """Whether an axis changes from shadow to applying its correction."""
     is_shown_only = in_force[axis.name].configured["compensation"] == CompensationMode.SHADOW.value
     return is_shown_only and axis.compensation is CompensationMode.ON
 
 
 def _values(has: Mapping[str, Any], new: AxisPlan) -> Iterator[Request]:
-    """Yield what gives an axis the values of its configuration that it has not got; no table.
+    """Yield the requests that give an axis the configured values that it does not have; no table.
 
-    The relay says what it was given: the plan in the state may be newer than what has reached it.
+    The relay reports what it has. The plan in the state folder may be newer than that.
     """
     limits = limits_of(new)
     if any(has[key] != value for key, value in values_of(limits).items()):
@@ -409,7 +410,7 @@ def _values(has: Mapping[str, Any], new: AxisPlan) -> Iterator[Request]:
 
 
 def _together(lines: Sequence[LinePlan]) -> Iterator[list[AxisPlan]]:
-    """Yield the axes that change together or not at all: each group, and every axis that is in none."""
+    """Yield the axes that change together or not at all: each group, and each axis without a group."""
     for line in lines:
         by_name = {axis.name: axis for axis in line.axes}
         for group in line.groups:

@@ -12,15 +12,15 @@ from gateway.transport.master import ModbusMaster, NoReplyError
 
 PATIENCE_MS: Final = 2000.0
 EXCEPTION_SIZE: Final = 2
-"""Bytes of a PDU that refuses; a device may send less, or more."""
+"""Bytes of an exception PDU. A device may send fewer or more."""
 
 
 async def read_on(
     source: TemperatureSource, take: Callable[[float], None], complain: Callable[[str], None]
 ) -> None:
-    """Read a register again and again; a connection that is lost is opened again.
+    """Poll a register for ever; reconnect after a lost connection.
 
-    ``take`` gets each value, ``complain`` why there is none.
+    ``take`` gets each value; ``complain`` gets the reason if there is none.
     """
     while True:
         try:

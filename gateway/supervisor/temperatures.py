@@ -1,4 +1,4 @@
-"""Temperatures of screws: heard over MQTT or read over Modbus, and told to the relay."""
+"""Temperatures of screws: received over MQTT or polled over Modbus, and sent to the relay."""
 
 import asyncio
 from collections.abc import Callable, Mapping
@@ -21,22 +21,22 @@ from gateway.supervisor.in_thread import in_thread
 LONGEST_PAYLOAD: Final = 4096
 LONGEST_SHOWN: Final = 80
 LARGEST: Final = 1e6
-"""No sensor has more, whatever its unit; a longer number may not fit a double."""
+"""No sensor reports more, whatever its unit; a longer number may not fit a double."""
 KEYS: Final = ("temperature", "celsius", "value")
 SEND_EVERY_S: Final = 1.0
-"""The relay is told no more often, however often a sensor speaks."""
+"""The relay gets a temperature no more often, however often a sensor sends."""
 NOT_A_NUMBER: Final = "allowed: a number in °C, or JSON with a number under temperature, celsius or value"
 
 
 class WrongTemperatureError(Exception):
-    """What came is no number; the text says what it was."""
+    """The payload is not a number; the message contains the payload."""
 
 
 def read_payload(payload: bytes) -> float:
     """Return the number in a message.
 
     Raises:
-        WrongTemperatureError: there is none, or more than one thing that could be it.
+        WrongTemperatureError: the message has no number, or more than one candidate.
 
     >>> read_payload(b"21.5"), read_payload(b'{"temperature": 21.5, "battery": 90}')
     (21.5, 21.5)
@@ -55,7 +55,10 @@ def read_payload(payload: bytes) -> float:
 
 
 class Temperatures:
-    """Follows the sources of a configuration. ``ask`` asks the relay; it blocks and raises NoGatewayError."""
+    """Follows the sources of a configuration.
+
+    ``ask`` sends to the relay; it blocks and raises NoGatewayError.
+    """
 
     def __init__(self, ask: Callable[[Request], Reply], log: LogEvent) -> None:
         self._ask = ask
@@ -68,11 +71,11 @@ class Temperatures:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """Topics that have to be listened to."""
+        """Topics to subscribe to."""
         return tuple(dict.fromkeys(each.mqtt for each in self._sources.values() if each.mqtt is not None))
 
     def follow(self, sections: Sections) -> None:
-        """Follow what a configuration says; the same as before changes nothing."""
+        """Use the sources of a configuration; unchanged sources change nothing."""
         sources = {name: axis.thermal.source for name, axis in sections.axes.items() if axis.thermal}
         for name in [each for each, source in self._sources.items() if sources.get(each) != source]:
             self._new.pop(name, None)
@@ -82,14 +85,14 @@ class Temperatures:
         self._sources = sources
         for name, source in sources.items():
             if source.modbus is not None and name not in self._readers:
-                # Loads serial ports and a master, which hardly any supervisor needs.
+                # This loads serial ports and a Modbus master, which few supervisors need.
                 from gateway.supervisor.temperature_registers import read_on
 
                 reading = read_on(source, partial(self._take, name), partial(self._not_read, name))
                 self._readers[name] = asyncio.create_task(reading)
 
     def on_message(self, topic: str, payload: bytes, *, is_retained: bool) -> None:
-        """Take a message. A retained one may be of any day, and is no news."""
+        """Take a message. A retained one is ignored: its age is unknown."""
         if is_retained:
             return
         for name, source in self._sources.items():
@@ -100,7 +103,7 @@ class Temperatures:
                     self._complain(name, f"{topic}: found {error}")
 
     async def run(self) -> None:
-        """Tell the relay what is new, until cancelled."""
+        """Send new values to the relay until cancelled."""
         try:
             while True:
                 await self._is_new.wait()
@@ -119,13 +122,13 @@ class Temperatures:
         self._is_new.set()
 
     async def _send(self, name: str, celsius: float) -> None:
-        if not isfinite(celsius):  # a float register may hold anything, and JSON could not carry it
+        if not isfinite(celsius):  # a float register can hold any value, and JSON has no NaN or infinity
             self._complain(name, f"found {celsius}")
             return
         try:
             reply = await in_thread(partial(self._ask, SetTemperature(axis=name, celsius=celsius)))
         except NoGatewayError:
-            return  # it is told of elsewhere, and a newer value follows
+            return  # the loss is reported elsewhere, and a newer value follows
         if isinstance(reply, Done) and not reply.problems:
             self._reported.pop(name, None)
         else:
@@ -135,7 +138,7 @@ class Temperatures:
         self._complain(name, detail, TEMPERATURE_NOT_READ)
 
     def _complain(self, name: str, detail: str, kind: EventEntry = TEMPERATURE_WRONG) -> None:
-        """Say it once for each kind of fault, whatever the value."""
+        """Report each kind of fault once, whatever the value."""
         if self._reported.get(name) != kind.name:
             self._reported[name] = kind.name
             self._log(kind, axis=name, detail=detail)

@@ -1,8 +1,8 @@
-"""How the gateway and each axis are: one word over controller, line, drive, relay and supervisor.
+"""The verdict on the gateway and on each axis: one word for controller, line, drive, relay, supervisor.
 
-Page, title, terminal, ``/healthz``, MQTT and metrics show this word, and none of them judges by itself. It
-follows from the list of troubles (``supervisor.trouble``): the worst one decides. The worst trouble that
-names an axis decides how that axis is; what concerns a whole line or the relay names all of their axes.
+Page, title, terminal, ``/healthz``, MQTT and metrics show this word; none of them has a rule of its own. It
+follows from the active alarms (``supervisor.active_alarms``): the worst one decides. For an axis the worst
+alarm that names it decides. An alarm of a whole line or of the relay names all of their axes.
 """
 
 from collections.abc import Sequence
@@ -20,16 +20,17 @@ from gateway.supervisor.recent_history import LastTarget, RecentHistory
 
 
 class Health(Enum):
-    """The word."""
+    """The verdict in one word."""
 
     HEALTHY = "healthy"
-    """Controllers ask, drives answer, axes are corrected."""
+    """Controllers poll, drives answer, axes are corrected."""
     WAITING = "waiting"
-    """Nothing is wrong yet: no controller has asked since the start, or the relay was not heard yet."""
+    """Nothing is wrong yet: no controller has sent a request since the start, or the relay has not reported
+    yet."""
     WARNING = "warning"
-    """Positions pass; somebody should look."""
+    """Positions pass; an operator should check."""
     ERROR = "error"
-    """Positions do not pass, or not corrected as they should be."""
+    """Positions do not pass, or pass without the required correction."""
 
 
 AWAITED: Final = "Waiting for the controller"
@@ -55,8 +56,9 @@ def of_gateway(model: Model, found: Sequence[Alarm], recent: RecentHistory) -> V
 def of_axes(model: Model, found: Sequence[Alarm], recent: RecentHistory) -> dict[str, AxisVerdict]:
     """Return the verdict on each axis.
 
-    ``kind`` is that of its worst trouble, and ``title`` that trouble's two or three words, empty where the
-    state of the compensation says it; without a trouble ``kind`` is the state of the compensation.
+    ``kind`` is that of its worst alarm, and ``title`` that alarm's two or three words. ``title`` is empty
+    where the state of the compensation is enough. Without an alarm, ``kind`` is the state of the
+    compensation.
     """
     waiting = {axis for line in model.lines.values() if _is_waiting(line) for axis in line.unit_ids.axes}
     verdicts = {}
@@ -69,14 +71,14 @@ def of_axes(model: Model, found: Sequence[Alarm], recent: RecentHistory) -> dict
         else:
             state, kind, title = Health.HEALTHY, axis.compensation, ""
         since = recent.since((name,), state.value)
-        if worst is not None:  # it may have begun before anybody looked
+        if worst is not None:  # it may have begun before this process
             since = recent.since_of(worst)
         verdicts[name] = AxisVerdict(state=state.value, kind=kind, title=title, since=since)
     return verdicts
 
 
 def _is_waiting(line: LineStatus) -> bool:
-    """Whether controllers ought to ask, and none has since the relay was started."""
+    """Whether controllers should send requests, and none has since the relay's start."""
     bound = [
         each
         for each in line.controllers
@@ -90,13 +92,13 @@ def _is_waiting(line: LineStatus) -> bool:
 def position_of(
     axis: AxisStatus, seen: Reading | None, target: LastTarget | None, *, is_now: bool
 ) -> Position:
-    """Return what is known best of where an axis is.
+    """Return the best known position of an axis.
 
     Args:
         axis: its part of the model.
         seen: the last reading; None: there was none.
-        target: how old its last target is; None: there was none.
-        is_now: whether the reading says where the axis is now.
+        target: the age of its last target; None: there was none.
+        is_now: whether the reading shows where the axis is now.
     """
     is_newer = target is None or target.is_at_least or (seen is not None and seen.age_s <= target.age_s)
     if seen is not None and (is_now or is_newer):

@@ -1,4 +1,4 @@
-"""Watches the tables folder: looks often, at once where the system tells, and says when to read."""
+"""Watches the tables folder: polls it, reacts to system notifications, and decides when to read."""
 
 import asyncio
 import contextlib
@@ -13,17 +13,17 @@ from gateway.supervisor.file_stamps import scan
 from gateway.supervisor.in_thread import in_thread
 
 EVERY_S: Final = 1.0
-"""Between two looks when nothing tells; what a network file system or a dead watcher needs."""
+"""Poll interval without a notification: needed for network file systems and for a dead watcher."""
 SOON_S: Final = 0.1
-"""Between two looks while something changes."""
+"""Poll interval while something changes."""
 STEP_MS: Final = 250
-"""Between two looks of the watcher at what the system has told; each wakes a thread, whether anything has."""
+"""Interval at which the watcher checks for system notifications; each check wakes a thread."""
 SLOW_S: Final = 10.0
-"""A look that takes longer is worth a word: a file system that does not answer."""
+"""A slower poll is reported: the file system does not respond."""
 
 
 class Watch:
-    """Follows the table files of the axes of one configuration; one loop, looks in a thread."""
+    """Follows the table files of one configuration; on one loop, polls in a thread."""
 
     def __init__(self) -> None:
         self._files: dict[str, FileDebounce] = {}
@@ -34,9 +34,9 @@ class Watch:
         self._woken = asyncio.Event()
 
     def follow(self, folder: Path, names: Mapping[str, str]) -> None:
-        """Follow these files from now on: the name of the table of each axis, and the folder of all."""
+        """Follow these files from now on: the name of each axis's table, and the common folder."""
         if folder == self._folder and names == self._names:
-            return  # not woken: who follows after each reading would look and read without a rest
+            return  # not woken: a caller that follows after each reading would poll without a pause
         if folder != self._folder:
             self._files, self._stamps = {}, {}
         self._folder, self._names = folder, dict(names)
@@ -51,12 +51,12 @@ class Watch:
 
     @property
     def moving(self) -> frozenset[str]:
-        """Axes whose file has changed or gone, and is not still yet."""
+        """Axes whose file has changed or gone, and is not stable yet."""
         return self._axes_in(FileStability.MOVING)
 
     @property
     def still(self) -> Mapping[str, FileStamp | None]:
-        """The sight as which each file that was seen may be read, by name; None as long as it moves."""
+        """The stamp with which each file may be read, by name; None while the file changes."""
         seen = {name: stamp for name, stamp in self._stamps.items() if name in self._files}
         return {
             name: None if self._state(name) is FileStability.MOVING else stamp for name, stamp in seen.items()
@@ -64,29 +64,29 @@ class Watch:
 
     @property
     def silent_s(self) -> float:
-        """How long the folder has not been seen."""
+        """How long no poll of the folder has succeeded."""
         return time.monotonic() - self._looked_s
 
     def wake(self) -> None:
-        """Look again at once."""
+        """Poll immediately."""
         self._woken.set()
 
     async def scan(self) -> bool:
-        """Look at all files; returns whether any is ready to be read."""
+        """Poll all files; return whether any is ready to be read."""
         folder, names = self._folder, list(self._files)
         stamps = await in_thread(partial(scan, folder, names))
         if folder != self._folder or set(names) != self._files.keys():
-            return False  # others are followed by now
+            return False  # other files are followed by now
         self._stamps, self._looked_s = stamps, time.monotonic()
         return any(self._state(name) is FileStability.READY for name in names)
 
     def take(self, before: Mapping[str, FileStamp], waiting: Collection[str] = (), *, began_s: float) -> None:
-        """Note that files were read; ``before`` are the sights that were seen just before.
+        """Note that files were read; ``before`` are their stamps just before reading.
 
-        ``began_s``: when the reading began (``time.monotonic``). What a look saw before is older than these
-        sights: beside it a file that stands still would seem to move.
+        ``began_s``: when the reading began (``time.monotonic``). Earlier polls are older than these stamps:
+        with them, a stable file would seem to change.
 
-        The files of axes in ``waiting`` could not be, and are to be read as soon as they stand still.
+        The files of axes in ``waiting`` could not be read; they are to be read when they are stable.
         """
         taken = {name: stamp for name, stamp in before.items() if name in self._files}
         for name, stamp in taken.items():
@@ -99,11 +99,11 @@ class Watch:
 
     @property
     def stamps(self) -> Mapping[str, FileStamp]:
-        """What was seen last, by name of the file."""
+        """The newest stamps, by name of the file."""
         return self._stamps
 
     async def rest(self) -> None:
-        """Wait until it is time for the next look."""
+        """Wait until the next poll is due."""
         wait_s = SOON_S if self.moving else EVERY_S
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(wait_s):  # wait_for of Python 3.11 would lose a cancellation here
@@ -119,10 +119,9 @@ class Watch:
 
 
 async def wake_on_change(folder: Path, wake: Callable[[], None], complain: Callable[[str], None]) -> None:
-    """Call ``wake`` whenever the system tells of a change in a folder; never returns.
+    """Call ``wake`` at each system notification of a change in a folder; never returns.
 
-    Where it cannot tell, as of a folder that is not there, the looks that a watch takes by itself have to do;
-    why it cannot is said once.
+    If the system cannot notify, as for a missing folder, the watch only polls. The reason is reported once.
     """
     from watchfiles import awatch
 
@@ -131,7 +130,7 @@ async def wake_on_change(folder: Path, wake: Callable[[], None], complain: Calla
         try:
             await in_thread(
                 folder.stat
-            )  # awatch looks on the loop: a folder that does not answer would stop all
+            )  # awatch reads the folder on the loop: a folder that does not respond would block it
             async for _ in awatch(folder, watch_filter=None, debounce=STEP_MS, step=STEP_MS, recursive=False):
                 reported = ""
                 wake()

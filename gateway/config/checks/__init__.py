@@ -1,1 +1,1 @@
-"""What is wrong with a configuration beyond its words: six files, by what they look at."""
+"""Checks of a configuration beyond types and bounds: six files, by subject."""

@@ -1,4 +1,4 @@
-"""Axes: scale, travel, corrections, groups and what others add."""
+"""Axes: scale, travel, corrections, groups and terms."""
 
 from collections.abc import Mapping
 from itertools import combinations
@@ -29,19 +29,20 @@ from gateway.exchange.plan import CompensationMode
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 
-# --- What the keys of an axis mean to each other and to the other axes; tables are looked at elsewhere
+# --- Keys of an axis against each other and against the other axes; tables are checked in files.py
 
 COUNTED_FROM: Final = (30_001, 40_001)
-"""Where manuals begin to count input and holding registers, whose addresses in the frame begin at 0."""
+"""First register numbers in manuals, of input and holding registers. Their addresses in the frame start at
+0."""
 COUNTED: Final = 9999
-"""So many registers have such a number of five digits."""
+"""Number of registers with such five-digit numbers."""
 ADDRESSES: Final = ("address", "block")
 LARGEST_EXACT_COUNTS: Final = 2.0**53
-"""Beyond it a double does not hold every whole count."""
+"""Beyond it a double does not represent every whole count."""
 
 
 def check_axes(findings: Findings, sections: Sections) -> None:
-    """Check every axis for itself and against the others on its unit."""
+    """Check every axis alone and against the others with its unit id."""
     for name, axis in (sections.axes | sections.partial_axes).items():
         path = ("axis", name)
         _check_line(findings, path, axis)
@@ -69,7 +70,7 @@ def _check_line(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
 
 
 def _check_unit_id(findings: Findings, path: KeyPath, axis: AxisSection, line: LineSection | None) -> None:
-    """Unit id 0 is one drive on Modbus TCP, and all of them on a serial line."""
+    """Unit id 0 is one drive on Modbus TCP, but all drives on a serial line."""
     if axis.unit_id == BROADCAST_UNIT_ID and line is not None and line.drives.tcp is None:
         findings.refuse(
             (*path, "unit_id"),
@@ -99,9 +100,9 @@ def _check_registers(findings: Findings, path: KeyPath, axis: AxisSection) -> No
 
 
 def _warn_of_counted_registers(findings: Findings, path: KeyPath, raw: object) -> None:
-    """Ask about addresses that look like the register numbers of a manual, which count from 30001 or 40001.
+    """Warn of addresses that look like the register numbers of a manual, which start at 30001 or 40001.
 
-    Such an address may be meant as it stands; written in hexadecimal it is.
+    Such an address can be correct. Written in hexadecimal it counts as intended.
     """
     if isinstance(raw, dict | list):
         for key, inside in raw.items() if isinstance(raw, dict) else enumerate(raw):
@@ -132,7 +133,10 @@ def _refuse_shared(
 
 
 def _check_shared_registers(findings: Findings, axes: Mapping[str, AxisSection]) -> None:
-    """Two axes of one unit: a position of one may overlap nothing of the other. State bits may be shared."""
+    """Two axes of one unit: a position of one must not overlap any register of the other.
+
+    State bits may be shared.
+    """
     for (name, axis), (other_name, other) in combinations(axes.items(), 2):
         if (axis.line, axis.unit_id) != (other.line, other.unit_id):
             continue
@@ -212,7 +216,7 @@ def _check_without_table(findings: Findings, path: KeyPath, axis: AxisSection) -
 
 
 def _check_mode_is_given(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
-    """A file that ran keeps its meaning, so a missing key corrects; but nobody may be surprised by that."""
+    """Warn of a missing mode. A missing key corrects, so that older files keep their meaning."""
     what = "its table" if axis.table is not None else "its backlash"
     if (axis.table is None and axis.backlash is None) or "compensation" in axis.model_fields_set:
         return
@@ -242,7 +246,7 @@ def _check_modulo(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
 
 
 def _check_steps(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
-    """A field that counts in steps longer than any correction cannot carry one."""
+    """A field whose step is larger than any correction cannot carry one."""
     if axis.registers is None:
         return
     limit = settings_of(axis).max_correction
@@ -307,11 +311,11 @@ def _check_travel_fits(
                 break
 
 
-# --- Whether the axes of a group can be corrected together, or not at all
+# --- The axes of a group: whether they can be corrected together
 
 
 def check_groups(findings: Findings, sections: Sections) -> None:
-    """Check every group: its axes for themselves, against each other and against other groups."""
+    """Check every group: its axes alone, against each other and against other groups."""
     tables = findings.document.tables.get("axis", {})
     names: Mapping[str, Any] = tables if isinstance(tables, dict) else {}
     group_of: dict[str, str] = {}
@@ -342,7 +346,7 @@ def _check_once(findings: Findings, path: KeyPath, group: GroupSection, group_of
 
 
 def _check_alike(findings: Findings, path: KeyPath, members: Mapping[str, AxisSection]) -> None:
-    """What holds for one axis of a group holds for all of them."""
+    """Settings that all axes of a group must share."""
     lines = {name: f'line = "{axis.line}"' for name, axis in members.items()}
     _check_same(findings, path, lines, "put the axes of a group on one line")
     modes = {name: f'compensation = "{axis.compensation.value}"' for name, axis in members.items()}
@@ -363,7 +367,7 @@ def _check_same(findings: Findings, path: KeyPath, values: Mapping[str, str], re
         findings.refuse(path, found, f"{remedy}: they are corrected together or not at all")
 
 
-# --- Whether ``thermal`` and ``cross`` of an axis go with its other keys, and with the other axes
+# --- ``thermal`` and ``cross`` of an axis against its other keys and the other axes
 
 
 def check_terms(findings: Findings, sections: Sections) -> None:

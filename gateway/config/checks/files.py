@@ -1,4 +1,4 @@
-"""Files: tables, the state folder, and who may write them."""
+"""Files: tables, the state folder, and who may write to them."""
 
 import os
 import stat
@@ -32,17 +32,17 @@ from gateway.transport.permissions import why_no_device, why_no_port
 
 @dataclass(frozen=True, slots=True)
 class TableReading:
-    """The table of one axis, as far as it could be had, with everything that was found on the way."""
+    """The table of one axis, as far as it could be read, and all problems found."""
 
     axis: str
     name: str
-    """Of the file, as the configuration has it."""
+    """File name from the configuration."""
     path: Path
     """Where the file is, or would be."""
     state: TableState | None
-    """Whether it is there; None where that cannot be told, as in a folder that cannot be read."""
+    """Whether the file exists; None if unknown, as in a folder that cannot be read."""
     table: AxisTable | None
-    """None where it is not there, or anything is wrong with it."""
+    """None if the file is missing or anything is wrong with it."""
     findings: Findings
 
     @property
@@ -52,14 +52,14 @@ class TableReading:
 
     @property
     def is_absent(self) -> bool:
-        """Whether there is certainly no such file: taken away, or switched off by its name."""
+        """Whether the file certainly does not exist: removed, or switched off by its name."""
         return self.state in {TableState.MISSING, TableState.OFF}
 
 
-# --- Whether the table of an axis goes with the other keys of the axis
+# --- The table of an axis against its other keys
 
 ROUNDING = 1e-9
-"""Share of a limit by which decimal fractions and conversions may exceed it."""
+"""Tolerance for decimal fractions and conversions, as a share of the limit."""
 
 
 def check_table(findings: Findings, name: str, axis: AxisSection, found: AxisTable) -> None:
@@ -94,7 +94,7 @@ def check_backlash_alone(findings: Findings, path: KeyPath, axis: AxisSection) -
 def _check_backlash(
     findings: Findings, path: KeyPath, settings: AxisSettings, table: CorrectionTable
 ) -> CorrectionTable:
-    """Return the table that will be in force, with its backlash."""
+    """Return the table with its backlash, as it will be in force."""
     if settings.backlash is None:
         return table
     if not table.is_unidirectional:
@@ -136,7 +136,7 @@ def _check_revolution(
 def _check_that_it_repeats(
     findings: Findings, path: KeyPath, settings: AxisSettings, found: AxisTable
 ) -> None:
-    """Whether a table that begins again after a turn does so here, where the axis can leave the first one."""
+    """Check that a table of one turn is used as one, if the axis can leave the first turn."""
     source = found.source
     if source.source.modulo is None or settings.modulo:
         return
@@ -256,7 +256,10 @@ def _check_coverage(
 def _check_the_rest(
     findings: Findings, path: KeyPath, settings: AxisSettings, table: CorrectionTable
 ) -> None:
-    """Whatever else the compensation will not take; a known problem of the axis explains it already."""
+    """Report everything else that the compensation refuses.
+
+    A known problem of the axis already explains it.
+    """
     if findings.is_refused(path):
         return
     try:
@@ -265,7 +268,7 @@ def _check_the_rest(
         findings.refuse((*path, "table"), str(error), "change the table or the settings of the axis")
 
 
-# --- Whether somebody else may change what decides where axes go: the configuration, its tables and profiles
+# --- Write access of others to the files that decide positions: configuration, tables and profiles
 
 
 def check_open_files(
@@ -275,7 +278,7 @@ def check_open_files(
     drives: Mapping[str, NamedProfile],
     crosses: Crosses,
 ) -> None:
-    """Warn of each file that every user may write to, and of each folder in which he may replace one."""
+    """Warn of each file that every user may write to, and of each folder where every user may replace one."""
     config = findings.document.path
     found: dict[Path, KeyPath] = {config.parent: (), config: (), tables_folder: ("gateway", "tables")}
     for path, key in _named(config, readings, drives, crosses):
@@ -303,7 +306,7 @@ def _named(
 
 
 def _is_sticky_folder(path: Path) -> bool:
-    """Whether it is a folder as /tmp, in which nobody may replace or remove what belongs to another user."""
+    """Whether it is a folder like /tmp, in which a user may not replace or remove files of another user."""
     try:
         mode = path.stat().st_mode
     except OSError:
@@ -311,13 +314,13 @@ def _is_sticky_folder(path: Path) -> bool:
     return stat.S_ISDIR(mode) and bool(mode & stat.S_ISVTX)
 
 
-# --- What the user may not open: ports below 1024, serial ports of a group that he is not in
+# --- What the user may not open: ports below 1024, and serial ports of a group without the user
 
 
 def check_permissions(findings: Findings, sections: Sections, *, is_start: bool) -> None:
-    """Refuse what this user may not open where he is about to; where he only checks he is warned.
+    """Refuse what this user may not open at a start; only warn at a check.
 
-    Root often checks what another user will run, and is told nothing of that.
+    Root often checks what another user will run, so root gets no warning.
     """
     if not is_start and os.geteuid() == ROOT_UID:
         return
@@ -339,20 +342,20 @@ def _opened(findings: Findings, sections: Sections) -> Iterator[tuple[KeyPath, T
         yield ("http", "listen"), sections.http.endpoint
 
 
-# --- Whether the gateway can have its state folder, and its socket in it
+# --- The state folder and the socket in it
 
 KEY: Final = ("gateway", "state")
 
 
 def check_state(findings: Findings, folder: Path) -> None:
-    """Refuse a folder that no gateway can start with; warn of one that others may write to."""
+    """Refuse a folder with which no gateway can start; warn of one that others may write to."""
     if findings.is_refused(KEY):
         return
     problem = why_too_long(folder) or why_no_folder(folder)
     if problem is not None:
         findings.refuse(KEY, problem.found, problem.remedy)
         return
-    # Root often checks what another user will run, whose folder it is then.
+    # Root often checks what another user will run, and that user owns the folder.
     uid = os.geteuid()
     warning = why_open_to_others(folder, None if uid == ROOT_UID else frozenset((uid, ROOT_UID)))
     if warning is not None:
@@ -362,8 +365,8 @@ def check_state(findings: Findings, folder: Path) -> None:
 def read_tables(findings: Findings, sections: Sections, folder: Path) -> dict[str, TableReading]:
     """Read and check the table of every axis that names one.
 
-    What is found stays with each reading (``Findings.include`` takes it over), so that a bad file of one axis
-    need not keep the others from theirs.
+    Problems stay with each reading; ``Findings.include`` takes them over. So a bad file of one axis does not
+    keep the others from their tables.
     """
     return {
         name: _reading(findings.part(), sections, folder, name, axis)
@@ -378,7 +381,7 @@ def _reading(part: Findings, sections: Sections, folder: Path, name: str, axis: 
     found = find_file(part, key, folder, axis.table)
     path = folder / axis.table if found is None else found.path
     table: AxisTable | None = None
-    # Without its scale and units an axis cannot say what a table means; that it is there can be said.
+    # Without scale and units the table cannot be interpreted, but its presence is known.
     if found is not None and found.state is TableState.PRESENT and name not in sections.partial_axes:
         table = read_file(part, key, path, axis, name)
     if table is not None:

@@ -1,4 +1,4 @@
-"""Lines: who is on them, their ports, ways and times."""
+"""Lines: their members, ports, endpoints and times."""
 
 import os
 from collections.abc import Collection, Iterator, Mapping
@@ -21,7 +21,7 @@ from gateway.drives.profile import Transport
 from gateway.exchange.plan import Role
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
-# --- What the lines of a configuration may not do to each other: share a port, a device, an address, a name
+# --- Conflicts between lines: a shared port, device, address or name
 
 MAY: Final = {Role.MOTION: "move", Role.OPERATOR: "read and stop", Role.MONITOR: "read"}
 WILDCARDS: Final = frozenset({"0.0.0.0", "::"})  # noqa: S104 (to be recognised, not to be bound)
@@ -29,7 +29,7 @@ WILDCARDS: Final = frozenset({"0.0.0.0", "::"})  # noqa: S104 (to be recognised,
 
 @dataclass(frozen=True, slots=True)
 class EndpointUse:
-    """A place in the world, and the key that names it."""
+    """An endpoint and the key that names it."""
 
     key: KeyPath
     endpoint: TcpEndpoint | SerialEndpoint
@@ -38,7 +38,7 @@ class EndpointUse:
 def check_lines(
     findings: Findings, lines: Mapping[str, LineSection], unit_ids: Mapping[str, Collection[int]]
 ) -> None:
-    """Check all lines, each for itself and against the others; ``unit_ids``: of the axes of each line."""
+    """Check all lines, alone and against each other; ``unit_ids``: of the axes of each line."""
     drives = [EndpointUse(drives_key(name, line), line.drives.endpoint) for name, line in lines.items()]
     listeners = [
         EndpointUse(
@@ -67,7 +67,7 @@ def check_status_unit(
     lines: Mapping[str, LineSection],
     axes: Mapping[str, AxisSection],
 ) -> None:
-    """Check that no drive and no other device has the unit id at which the gateway itself answers."""
+    """Check that no drive and no other device has the gateway's own unit id."""
     if own is None:
         return
     drives = [(("axis", name, "unit_id"), axis.unit_id) for name, axis in axes.items()]
@@ -86,13 +86,13 @@ def check_status_unit(
 
 
 def drives_key(name: str, line: LineSection) -> KeyPath:
-    """Return the key that says where the drives of a line are."""
+    """Return the key with the endpoint of a line's drives."""
     way = next(way for way in ("rtu", "tcp", "rtu_over_tcp") if getattr(line.drives, way) is not None)
     return ("line", name, "drives", way)
 
 
 def controller_key(findings: Findings, line: str, controller: str, index: int) -> KeyPath:
-    """Return the place of a controller in the file, where refused ones before it still count."""
+    """Return the key path of a controller in the file, where refused controllers count too."""
     raw = findings.document.tables["line"][line].get("controllers", [])
     same = [
         i for i, c in enumerate(raw) if isinstance(c, dict) and c.get("name") == controller and i >= index
@@ -120,7 +120,7 @@ def _check_drain(findings: Findings, name: str, line: LineSection) -> None:
 
 
 def _check_connection(findings: Findings, name: str, line: LineSection) -> None:
-    """A serial port is no connection."""
+    """Keys about the TCP connection do not apply to a serial port."""
     given = {
         "connect": line.connect is not Connect.ALWAYS,
         "connect_delay_ms": line.connect_delay_ms > 0.0,
@@ -142,7 +142,7 @@ def _check_cut_through(findings: Findings, name: str, line: LineSection) -> None
 
 
 def _check_units(findings: Findings, name: str, line: LineSection, axis_ids: set[int]) -> None:
-    """Unit ids without an axis are others than those of axes; on a wire each drive answers with its own."""
+    """Unit ids without an axis are not those of axes; on a serial line each drive answers with its own."""
     for i, unit_id in enumerate(line.other_units):
         if unit_id in axis_ids:
             findings.refuse(
@@ -162,7 +162,7 @@ def _check_open_listeners(findings: Findings, name: str, line: LineSection) -> N
     for controller in line.controllers:
         if controller.listens is None or controller.allow or is_loopback(controller.listens.host):
             continue
-        if controller.tls is not None:  # not whoever reaches it: who has a certificate
+        if controller.tls is not None:  # the client address does not matter: a certificate is required
             continue
         index = line.controllers.index(controller)
         findings.warn(
@@ -173,7 +173,7 @@ def _check_open_listeners(findings: Findings, name: str, line: LineSection) -> N
 
 
 def _check_ipv6_alone(findings: Findings, listeners: list[EndpointUse]) -> None:
-    """Elsewhere ``[::]`` often takes IPv4 connections too; here nobody is let in who was not asked for."""
+    """Elsewhere ``[::]`` often accepts IPv4 connections too; here it accepts IPv6 only."""
     endpoints = [use.endpoint for use in listeners if isinstance(use.endpoint, TcpEndpoint)]
     for use in listeners:
         if not is_ipv6_alone(use.endpoint):
@@ -191,7 +191,7 @@ def _check_ipv6_alone(findings: Findings, listeners: list[EndpointUse]) -> None:
 
 
 def is_ipv6_alone(endpoint: TcpEndpoint | SerialEndpoint) -> TypeGuard[TcpEndpoint]:
-    """Whether whoever means all addresses of this machine may not know that it is those of IPv6 alone."""
+    """Whether an endpoint looks like all addresses of this machine but accepts IPv6 only."""
     return isinstance(endpoint, TcpEndpoint) and _canonical(endpoint.host) == "::"
 
 
@@ -248,7 +248,7 @@ def is_same(
     if hosts[0] == hosts[1]:
         return True
     for host, against in (hosts, hosts[::-1]):
-        # A listener on every address of this machine takes its loopback address too.
+        # A listener on every address of this machine covers its loopback address too.
         if host in wildcard_hosts and (":" in host) == (":" in against):
             return against in WILDCARDS or is_loopback(against)
     return False
@@ -281,11 +281,11 @@ USUAL_RATES: Final = frozenset(
         *(4_000_000, 5_000_000, 6_000_000, 8_000_000, 10_000_000, 12_000_000),
     }
 )
-"""Of terminals and modems, of RS-485 buses, and what the clocks of adapters and drives divide down to."""
+"""Rates of terminals, modems and RS-485 buses, and divided clocks of adapters and drives."""
 
 
 def check_ports(findings: Findings, sections: Sections) -> None:
-    """Warn of rates that are none."""
+    """Warn of unusual rates."""
     for key, rate in _rates(findings, sections):
         if rate not in USUAL_RATES:
             nearest = min(USUAL_RATES, key=lambda usual: abs(usual - rate))
@@ -306,11 +306,14 @@ def _rates(findings: Findings, sections: Sections) -> Iterator[tuple[KeyPath, in
                 yield (*key, "baudrate"), controller.baudrate
 
 
-# --- Tables that must say exactly one way, looked at as they stand in the file
+# --- Tables that must name exactly one endpoint, checked as written in the file
 
 
 def check_ways(findings: Findings) -> None:
-    """Check the drives and the controllers of every line. What the schema reported too is one problem."""
+    """Check the drives and the controllers of every line.
+
+    A problem that the schema reported too is one problem.
+    """
     lines = findings.document.tables.get("line")
     for name, line in lines.items() if isinstance(lines, dict) else ():
         if not isinstance(line, dict):
@@ -329,11 +332,11 @@ def _check(
         findings.refuse(path, f"found {shown(raw)}", rule)
 
 
-# --- Whether the drives that the profiles describe can be what the lines lead to
+# --- The drive profiles against the lines
 
 
 def check_drives(findings: Findings, sections: Sections, drives: Mapping[str, NamedProfile]) -> None:
-    """Warn where a line is of a kind that its drive does not have, and of unit ids that it cannot have."""
+    """Warn of a line type that the drive does not have, and of unit ids that it cannot have."""
     for name, drive in drives.items():
         axis = (sections.axes | sections.partial_axes)[name]
         taken = drive.profile.unit_id_range
@@ -363,7 +366,7 @@ def _spoken(transports: tuple[Transport, ...]) -> str:
     return " and ".join(f"Modbus {transport.value.upper()}" for transport in transports)
 
 
-# --- What the arithmetic of time says about a configuration: a limit that no line can meet is wrong
+# --- The time budget: a limit that no line can meet is an error
 
 
 def check_budget(
@@ -372,7 +375,7 @@ def check_budget(
     tables: Mapping[str, AxisTable],
     drives: Mapping[str, NamedProfile],
 ) -> None:
-    """Check the times of every line of which everything else is good; a wrong one has no times yet."""
+    """Check the times of every line without other errors; a line with errors has no times yet."""
     for name in sections.lines:
         axes = {axis_name: axis for axis_name, axis in sections.axes.items() if axis.line == name}
         keys: list[KeyPath] = [("line", name), *(("axis", axis_name) for axis_name in axes)]

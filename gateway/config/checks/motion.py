@@ -1,4 +1,4 @@
-"""Motion: what frames mean, how an axis is referenced, what is late."""
+"""Motion: what registers mean, how an axis is referenced, which deadlines apply."""
 
 from typing import Final
 
@@ -15,7 +15,7 @@ from gateway.drives.registers import DoneMeans, RegisterMap
 from gateway.drives.rule_keys import rule_key
 from gateway.exchange.plan import Reference, Role
 
-# --- Whether an axis can be moved the way its registers and its other keys say; profiles are looked at too
+# --- Whether an axis can be moved as its registers and other keys say, profiles included
 
 RELATIVE: Final = (Action.RELATIVE, Action.RELATIVE_TO_COMMANDED, Action.RELATIVE_TO_ACTUAL)
 
@@ -23,7 +23,7 @@ RELATIVE: Final = (Action.RELATIVE, Action.RELATIVE_TO_COMMANDED, Action.RELATIV
 def check_motion(findings: Findings, sections: Sections) -> None:
     """Check every axis whose registers are known.
 
-    An axis without a table and a backlash passes 1:1: of what concerns corrections it is not warned.
+    An axis without a table and without a backlash passes 1:1. It gets no warnings about corrections.
     """
     for name, axis in (sections.axes | sections.partial_axes).items():
         registers = axis.registers
@@ -41,7 +41,7 @@ def check_motion(findings: Findings, sections: Sections) -> None:
 
 
 def _check_arrival(findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap) -> None:
-    """Warn where nothing ever tells that an axis has arrived."""
+    """Warn if nothing reports the arrival of an axis."""
     is_near_only = registers.done_means is DoneMeans.IN_POSITION and registers.bits.done is not None
     if axis.setpoints is Setpoints.TARGETS and is_near_only and not registers.actual:
         findings.warn(
@@ -61,7 +61,7 @@ def _check_stops(findings: Findings, path: KeyPath, registers: RegisterMap) -> N
 
 
 def _check_relative(findings: Findings, path: KeyPath, axis: AxisSection, registers: RegisterMap) -> None:
-    """Warn where nothing tells where a relative move starts after something else than a target."""
+    """Warn if the start of a relative move is unknown after anything but a target."""
     key = rule_key(registers, *RELATIVE)
     if key is None or axis.relative_unknown is Unmapped.PASS:
         return
@@ -75,7 +75,7 @@ def _check_relative(findings: Findings, path: KeyPath, axis: AxisSection, regist
 
 
 def _lack_of_base(axis: AxisSection, registers: RegisterMap) -> tuple[str, str]:
-    """Return what is missing to read where an axis stands, and what to do; empty when nothing is."""
+    """Return what is missing to read the position of an axis, and what to do; empty if nothing is missing."""
     if axis.added_frames is AddedFrames.NEVER:
         return 'added_frames = "never" forbids to read where the axis stands', 'allowed for it: "auto"'
     if not registers.safe_read:
@@ -117,7 +117,7 @@ def _check_stream(findings: Findings, path: KeyPath, axis: AxisSection, register
         )
 
 
-# --- Whether the registers of an axis can show what ``referenced`` says they show
+# --- Whether the registers of an axis can show what ``referenced`` claims
 
 _WORDS: Final = {
     Reference.ABSOLUTE: '"absolute" (an absolute encoder)',
@@ -128,7 +128,7 @@ _WORDS: Final = {
 
 
 def check_references(findings: Findings, sections: Sections) -> None:
-    """Check of every axis how it is known that it knows where it is."""
+    """Check how each axis reports that it is referenced."""
     for name, axis in (sections.axes | sections.partial_axes).items():
         if axis.registers is None:
             continue
@@ -142,7 +142,7 @@ def check_references(findings: Findings, sections: Sections) -> None:
 
 
 def _check_connection(findings: Findings, sections: Sections, name: str, axis: AxisSection) -> None:
-    """What only the gateway has seen counts no more where it does not look."""
+    """A reference that only the gateway observed is lost while the gateway is disconnected."""
     line = sections.lines.get(axis.line)
     is_on_demand = line is not None and line.connect is Connect.ON_DEMAND
     if is_on_demand and axis.referenced in (Reference.HOMING, Reference.SET_POSITION):
@@ -158,7 +158,7 @@ def _check_connection(findings: Findings, sections: Sections, name: str, axis: A
 
 
 def _lacks(way: Reference, registers: RegisterMap) -> list[tuple[str, str]]:
-    """Return what a way needs and these registers do not say, each with what to do."""
+    """Return what a method needs and these registers do not have, each with what to do."""
     bits = registers.bits
     lacks = []
     if way is Reference.DRIVE_BIT and bits.homed is None:
@@ -197,11 +197,11 @@ def _check_reading(findings: Findings, path: KeyPath, axis: AxisSection, registe
         )
 
 
-# --- What is late, and who may wait how long: keys that mean something only beside others
+# --- Deadlines and waiting times: keys that only have a meaning together with others
 
 
 def check_late(findings: Findings, sections: Sections) -> None:
-    """Check the deadlines of all axes and the waiting of all monitors."""
+    """Check the deadlines of all axes and the waiting times of all monitors."""
     for name, axis in (sections.axes | sections.partial_axes).items():
         path = ("axis", name)
         if axis.late is None or axis.deadline_ms is not None or findings.is_refused((*path, "deadline_ms")):
@@ -216,9 +216,9 @@ def check_late(findings: Findings, sections: Sections) -> None:
 
 
 def _check_monitors(findings: Findings, name: str, line: LineSection) -> None:
-    """Warn where a request of a monitor can wait until the monitor has given up on it."""
+    """Warn if a request of a monitor can wait longer than the monitor's timeout."""
     if all(Role.MOTION not in controller.roles_in_use for controller in line.controllers):
-        return  # nobody to wait for
+        return  # no motion controller to wait for
     for index, controller in enumerate(line.controllers):
         least = controller.roles_in_use[-1]
         if least is Role.MOTION or line.monitor_max_wait_ms < controller.timeout_ms:

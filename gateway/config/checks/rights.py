@@ -1,4 +1,4 @@
-"""Rights: what controllers and roles of certificates may do."""
+"""Rights: what controllers and certificate roles may do."""
 
 from collections.abc import Iterator
 from datetime import datetime
@@ -30,7 +30,7 @@ from gateway.transport.certificates import (
     time_problem,
 )
 
-# --- Whether the rights of a controller say something, and leave no half of a position to be written
+# --- Whether the rights of a controller are useful, and permit only whole positions
 
 LISTS: Final = ("unit_ids", "function_codes", "readable", "writable")
 WRITING: Final = frozenset({0x05, 0x06, 0x0F, 0x10, 0x16, 0x17, 0x2B})
@@ -41,7 +41,7 @@ Axes = dict[str, AxisSection]
 
 
 def check_rights(findings: Findings, sections: Sections) -> None:
-    """Check the rights of every controller against its role, and against the axes of its line."""
+    """Check the rights of every controller against its role and against the axes of its line."""
     for name, line in sections.lines.items():
         axes = {axis: section for axis, section in sections.axes.items() if section.line == name}
         for index, controller in enumerate(line.controllers):
@@ -58,7 +58,7 @@ def check_rights(findings: Findings, sections: Sections) -> None:
 
 
 def _rights_of(controller: ControllerSection, key: KeyPath) -> list[tuple[KeyPath, RightsKeys]]:
-    """Return the rights of a controller, or those of each role that its certificates may have."""
+    """Return the rights of a controller, or of each role that its certificates may have."""
     if controller.tls is None:
         return [(key, controller)]
     return [((*key, "roles", name), rights) for name, rights in controller.roles.items()]
@@ -67,7 +67,7 @@ def _rights_of(controller: ControllerSection, key: KeyPath) -> list[tuple[KeyPat
 def _check_lists(findings: Findings, rights: RightsKeys, key: KeyPath) -> None:
     for name in LISTS:
         is_empty = name in rights.model_fields_set and not getattr(rights, name)
-        if is_empty and not findings.is_refused((*key, name)):  # else what stood in it was refused
+        if is_empty and not findings.is_refused((*key, name)):  # otherwise its content was refused
             findings.refuse(
                 (*key, name),
                 "an empty list, which would allow everything",
@@ -115,7 +115,7 @@ def _check_unit_ids(
 
 
 def _check_positions(findings: Findings, rights: RightsKeys, key: KeyPath, axes: Axes) -> None:
-    """Refuse what lets a part of a position be written: nobody could tell what comes of it."""
+    """Refuse rights to write a part of a position: the result would be undefined."""
     for name, axis in axes.items():
         if axis.registers is None or (rights.unit_ids and axis.unit_id not in rights.unit_ids):
             continue
@@ -183,11 +183,11 @@ def _may_move(rights: RightsKeys, axis: AxisSection) -> bool:
     )
 
 
-# --- Whether the controllers of a line can do what their role lets them do
+# --- Whether the controllers of a line can do what their roles permit
 
 
 def check_roles(findings: Findings, sections: Sections) -> None:
-    """Warn of an operator on a line where nothing tells a stop from another write."""
+    """Warn of an operator on a line where a stop cannot be distinguished from another write."""
     with_stops = {
         axis.line
         for axis in (sections.axes | sections.partial_axes).values()
@@ -208,13 +208,13 @@ def check_roles(findings: Findings, sections: Sections) -> None:
                 )
 
 
-# --- Whether Modbus/TCP Security can work: keys that belong together, and the files that they name
+# --- Whether Modbus/TCP Security can work: keys that belong together, and their files
 
 SERVER_REMEDY: Final = "have it made for a server; pitch-gateway certificate server makes one"
 
 
 def check_tls_keys(findings: Findings) -> None:
-    """Refuse keys that have no meaning together, as they stand in the file."""
+    """Refuse keys that have no meaning together, as written in the file."""
     for path, raw in _raw_controllers(findings):
         has_tls = "tls" in raw
         if has_tls and "rtu" in raw:
@@ -245,7 +245,7 @@ def check_tls_keys(findings: Findings) -> None:
 
 
 def check_tls_files(findings: Findings, sections: Sections, now: datetime) -> None:
-    """Refuse files that no connection could be had with; warn of what will end soon."""
+    """Refuse files that permit no connection; warn of what expires soon."""
     for name, line in sections.lines.items():
         for index, controller in enumerate(line.controllers):
             path = (*controller_key(findings, name, controller.name, index), "tls")
@@ -272,7 +272,7 @@ class _Check:
         self._now = now
 
     def all(self) -> None:
-        """Look at every file for itself, then at all together."""
+        """Check every file alone, then all together."""
         self._own()
         self._clients()
         if self._files.revoked:

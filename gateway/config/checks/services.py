@@ -28,14 +28,14 @@ from gateway.config.mqtt_model import MqttSection, TlsSection
 from gateway.config.problems import key_text
 from gateway.transport.endpoints import TcpEndpoint
 
-# --- Whether the status page can be where it should be, and who can see it there
+# --- Whether the status page can be served at its address, and who can see it there
 
 KEY: Final = ("http", "listen")
 TOKENS_KEY: Final = ("http", "tokens")
 
 
 def check_http(findings: Findings, http: HttpSection, lines: Mapping[str, LineSection]) -> None:
-    """Refuse an address that a controller connects to, and one beyond this machine where anybody may look."""
+    """Refuse an address that a controller connects to, and one beyond this machine without authentication."""
     _check_names(findings, http)
     endpoint = http.endpoint
     if endpoint is None or findings.is_refused(KEY):
@@ -54,9 +54,9 @@ def check_http(findings: Findings, http: HttpSection, lines: Mapping[str, LineSe
 
 
 def check_http_files(findings: Findings, http: HttpSection, folder: Path, now: datetime) -> None:
-    """Refuse files of tokens and of TLS that are missing, something else, or readable by every user.
+    """Refuse token and TLS files that are missing, of another kind, or readable by every user.
 
-    Of certificates that have expired, or soon will, it is warned.
+    Warn of certificates that have expired or expire soon.
     """
     first: dict[str, str] = {}
     for index, token in enumerate(http.tokens):
@@ -120,9 +120,9 @@ def _check_names(findings: Findings, http: HttpSection) -> None:
 
 
 def _check_open(findings: Findings, http: HttpSection, endpoint: TcpEndpoint) -> None:
-    """Beyond this machine nobody looks without showing who he is, and nothing secret goes as plain text."""
+    """Beyond this machine the page requires authentication, and secrets are never sent as plain text."""
     if findings.is_refused(TOKENS_KEY) or findings.is_refused(TLS_KEY):
-        return  # as it is meant it may well be closed
+        return  # the intended setting may be safe
     local = "or listen on 127.0.0.1, where a proxy of yours can ask who it is"
     if http.tls is None and http.tokens:
         findings.refuse(
@@ -156,13 +156,13 @@ def _check_controllers(findings: Findings, endpoint: TcpEndpoint, lines: Mapping
                 )
 
 
-# --- Whether ``[mqtt]`` can work: the files that it names, and who could listen to its password
+# --- Whether ``[mqtt]`` can work: its files, and who could intercept its password
 
 
 def check_mqtt(findings: Findings, mqtt: MqttSection | None, folder: Path, now: datetime) -> None:
-    """Refuse files that are missing, something else, or secret and readable by every user.
+    """Refuse files that are missing, of another kind, or secret and readable by every user.
 
-    Of a certificate that has expired, or soon will, it is warned.
+    Warn of a certificate that has expired or expires soon.
     """
     if mqtt is None:
         return

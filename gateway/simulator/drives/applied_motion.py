@@ -1,12 +1,12 @@
 """Applied Motion and MOONS' drives, with the 16-bit map (TSM, STM, SSM, STAC, ST-Q, M2DC) and the 32-bit one.
 
 Source: Applied Motion Products, Host Command Reference, appendix on Modbus (register map, opcodes of 40125),
-which numbers registers from 40001; MDX+ series Modbus register map. The 32-bit map (MDX+, MDXT, MBDV) is as
+which numbers registers from 40001; MDX+ series Modbus register map. The 32-bit map (MDX+, MDXT, MBDV) is like
 the other, but nearly every register is a pair.
 
-The opcode decides what the number in DI means. Not simulated: jog, feeds to a sensor, stored programs (all
-are noted), word order by parameter, a second axis at +1000, writes that start motion in control modes 10 and
-21.
+The opcode decides the meaning of the number in DI. Not simulated: jog, feeds to a sensor, stored programs
+(all are recorded), word order by parameter, a second axis at +1000, writes that start motion in control modes
+10 and 21.
 """
 
 from typing import Final
@@ -22,7 +22,7 @@ DISTANCE: Final = 30
 OPCODE: Final = 124
 PARAMETERS: Final = 125
 WIDE_STATUS: Final = 2
-"""In the 32-bit map, as the next four; the alarm lies in both at 0."""
+"""In the 32-bit map, as the next four; the alarm is at 0 in both maps."""
 WIDE_COMMANDED: Final = 6
 WIDE_ENCODER: Final = 10
 WIDE_JOG_SPEED: Final = 342
@@ -76,7 +76,7 @@ class AppliedMotion16(MotorDrive):
         )
 
     def show_status(self, status: int) -> None:
-        """Put the status where this map has it."""
+        """Write the status to this map's registers."""
         self.image.set_word(ALARM, int(self.motor.has_alarm))
         self.image.set_word(STATUS, status)
 
@@ -119,7 +119,7 @@ class AppliedMotion32(AppliedMotion16):
     register_ranges = ((0, 511),)
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """The speed acts while it jogs, and 0 lets it stand."""
+        """The speed takes effect during a jog; 0 stops it."""
         if WIDE_JOG_SPEED + 1 in before and self.get32(WIDE_JOG_SPEED) == 0:
             self.motor.stop(now_s)
         super().written(before, now_s)

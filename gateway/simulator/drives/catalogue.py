@@ -1,4 +1,4 @@
-"""All drives that are simulated by name. A new one is a class and one entry in :data:`DRIVES`."""
+"""All simulated drives by name. A new one is a class and one entry in :data:`DRIVES`."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final

@@ -1,6 +1,6 @@
-"""CiA 402 (IEC 61800-7-201), as several drives have it: control word, status word, and what a start starts.
+"""CiA 402 (IEC 61800-7-201) as several drives implement it: control word, status word, effect of a start.
 
-Bits of the control word: 0 to 3 switch on, 4 new set-point (or start of homing), 5 change at once, 6
+Bits of the control word: 0 to 3 switch on, 4 new set-point (or start of homing), 5 change immediately, 6
 relative, 7 fault reset, 8 halt.
 """
 
@@ -35,7 +35,7 @@ HALT: Final = 0x0100
 
 
 class DeviceState(Enum):
-    """States of the device; the value is what the lowest seven bits of the status word show."""
+    """States of the device; the value is the lowest seven bits of the status word."""
 
     SWITCH_ON_DISABLED = 0x40
     READY = 0x21
@@ -55,22 +55,22 @@ class Order402(Enum):
 
 
 class DeviceControl:
-    """The state machine. With ``steps`` it is only enabled from the state before (06, then 07 or 0F)."""
+    """The state machine. With ``steps`` only the previous state permits enabling (06, then 07 or 0F)."""
 
     def __init__(self, *, steps: bool) -> None:
         self.word = 0
         self.state = DeviceState.SWITCH_ON_DISABLED
         self.has_acknowledged = False
-        """A new set-point was taken, and its bit is still set."""
+        """A new set-point was acknowledged, and its bit is still set."""
         self._steps = steps
 
     @property
     def is_enabled(self) -> bool:
-        """Whether the motor is under current."""
+        """Whether the motor is energised."""
         return self.state is DeviceState.ENABLED
 
     def write(self, word: int) -> Order402:
-        """Take a control word. A start is only one where the bit rises while the drive is enabled."""
+        """Take a control word. It starts something only if the bit rises while the drive is enabled."""
         before, self.word = self.word, word
         if word & FAULT_RESET & ~before:
             self.state = DeviceState.SWITCH_ON_DISABLED
@@ -99,10 +99,10 @@ class DeviceControl:
 
 
 class Drive402(MotorDrive, ABC):
-    """A drive that is told by such a control word.
+    """A drive with such a control word.
 
-    It starts what its mode says: a homing, or a move to its target. A drive says where it keeps its numbers,
-    and what its other modes do.
+    A start does what the mode says: homing, or a move to the target. A subclass says which registers hold its
+    numbers, and what its other modes do.
     """
 
     steps = True
@@ -111,7 +111,7 @@ class Drive402(MotorDrive, ABC):
     run_modes: frozenset[int] = frozenset({SPEED_MODE})
     """Modes that turn the motor without a start."""
     run_objects: frozenset[int] = frozenset()
-    """What runs it in one of these, once it is written."""
+    """Objects that start the motor in one of these modes when written."""
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
         super().__init__(unit_id, motors)
@@ -119,18 +119,18 @@ class Drive402(MotorDrive, ABC):
 
     @abstractmethod
     def number(self, index: int) -> int:
-        """Return the number that an object holds, with its sign."""
+        """Return the signed number in an object."""
 
     def go_home(self, now_s: float) -> None:
-        """Act on a start in homing mode."""
+        """Handle a start in homing mode."""
         self.motor.home(now_s)
 
     def start_in(self, mode: int, now_s: float) -> None:
-        """Act on a start in a mode that is neither homing nor position."""
+        """Handle a start in a mode that is neither homing nor position."""
         self.motor.other()
 
     def command(self, word: int, now_s: float) -> bool:
-        """Obey a control word. Returns whether it was a start."""
+        """Execute a control word. Return whether it was a start."""
         match self.control.write(word):
             case Order402.FAULT_RESET:
                 self.motor.mechanics.alarm = False
@@ -153,7 +153,7 @@ class Drive402(MotorDrive, ABC):
             self.motor.absolute(self.number(self.target_at), now_s)
 
     def objects_written(self, indexes: Sequence[int], now_s: float) -> None:
-        """Act on objects when all that came in one frame are there."""
+        """Handle written objects after all of one frame are stored."""
         if CONTROL in indexes:
             self.command(self.number(CONTROL) & 0xFFFF, now_s)
         runs = self.control.is_enabled and self.number(self.mode_at) in self.run_modes
@@ -162,7 +162,7 @@ class Drive402(MotorDrive, ABC):
         self.show()
 
     def status(self) -> int:
-        """Return the status word as the profile has it."""
+        """Return the status word of the profile."""
         motor = self.motor
         is_home = self.number(self.mode_at) == HOME_MODE
         return self.control.state.value | bits_of(
@@ -174,14 +174,14 @@ class Drive402(MotorDrive, ABC):
 
 
 class ObjectRegisters(Drive402):
-    """Such a drive whose registers are its objects: an address is an index.
+    """A drive whose register addresses are object indexes.
 
     An object takes as many registers as it is long, all at its one address. A frame over several objects
-    holds them one behind the other, and may not end inside one.
+    holds them one after the other, and may not end inside one.
     """
 
     object_words: Mapping[int, int]
-    """How long each object is."""
+    """Number of words of each object."""
     read_only: frozenset[int]
     write_only: frozenset[int] = frozenset()
 
@@ -190,7 +190,7 @@ class ObjectRegisters(Drive402):
         self.objects = {index: bytes(2 * words) for index, words in self.object_words.items()}
 
     def following(self, index: int) -> int | None:
-        """Return the object with which a frame goes on; None where it cannot."""
+        """Return the object at which a frame continues; None if it cannot."""
         return index + 1
 
     def has(self, address: int, count: int) -> bool:
@@ -207,7 +207,7 @@ class ObjectRegisters(Drive402):
             raise ModbusExceptionError(ILLEGAL_ADDRESS)
 
     def write_words(self, address: int, data: bytes, now_s: float) -> None:
-        """Put the frame into its objects, and act when all of them are there."""
+        """Store the frame in its objects, then handle all of them."""
         indexes = self._indexes(address, len(data) // 2)
         for index in indexes:
             size = 2 * self.object_words[index]
@@ -215,7 +215,7 @@ class ObjectRegisters(Drive402):
         self.objects_written(indexes, now_s)
 
     def _indexes(self, address: int, count: int) -> list[int]:
-        """Return the objects that a frame goes through.
+        """Return the objects that a frame covers.
 
         Raises:
             RefusedError: there is none, or the frame ends inside one.

@@ -4,8 +4,8 @@ Source: ASDA-A2 user manual (parameters, chapter on communication: function code
 manual (exception codes 27h to 29h).
 
 Each parameter Pg.n takes the two registers g × 0x100 + 2n, the low word first. The drive is commissioned:
-servo on, all paths absolute single moves (type 2). The option bits of a definition are those that a published
-SureServo2 program names. Not simulated: paths that run another one or count from a captured place, the pause
+servo on, all paths absolute single moves (type 2). The option bits of a definition are those of a published
+SureServo2 program. Not simulated: paths that run another one or count from a captured position, the pause
 that a drive needs between target and trigger, EEPROM wear, paths above 49.
 """
 
@@ -34,7 +34,7 @@ DONE: Final = 20_000
 TYPE: Final = 0x000F
 SPEED: Final = 1
 POINTS: Final = frozenset({2, 3})
-"""A move to a place, and one that then goes on to the next path: no next one is simulated."""
+"""A move to a position, and one that then continues with the next path; the next path is not simulated."""
 COMMAND: Final = 0x00C0
 ABSOLUTE: Final = 0x0000
 FROM_ACTUAL: Final = 0x0040
@@ -44,7 +44,8 @@ DEFINE_ORIGIN: Final = 8
 LOCK: Final = 0x0210
 UNLOCKED: Final = 271
 BUILD_ORIGIN: Final = 0x028E
-"""Of the absolute encoder, where it stands; obeyed after 271 was written to P2-08."""
+"""Sets the origin of the absolute encoder at the present position; executed after 271 was written to
+P2-08."""
 
 LAST_GROUP: Final = 7
 LAST_REGISTER: Final = 2 * 99 + 1
@@ -64,7 +65,7 @@ SILENCE_S: Final = 0.010
 
 
 class DeltaAsda(MotorDrive):
-    """See the module."""
+    """A simulated ASDA drive."""
 
     functions = frozenset({3, 6, 16})
     max_read = 10
@@ -78,7 +79,7 @@ class DeltaAsda(MotorDrive):
             self.image.set_word(DEFINITIONS + PATH_STRIDE * path, 2)
 
     def response_delay_s(self, baudrate: int) -> float:
-        """Return the silence that stands before every frame; 0 on TCP, which only device servers speak."""
+        """Return the silence before every frame; 0 on TCP, which only device servers use."""
         return SILENCE_S
 
     def refusal(self, request: bytes, code: int) -> bytes | None:

@@ -1,12 +1,12 @@
 """Festo CMMO-ST with FHPP over Modbus TCP.
 
-Source: Festo, CMMO-ST description GDCP-CMMO-ST-LK-C-HP-EN (2017-05b, page 23: FC23 on address 0) and the
-FHPP description for CCON, CPOS, CDIR, SCON, SPOS.
+Source: Festo, CMMO-ST description GDCP-CMMO-ST-LK-C-HP-EN (2017-05b, page 23: FC23 on address 0) and the FHPP
+description for CCON, CPOS, CDIR, SCON, SPOS.
 
-Reading address 0 gives the state, not what was written there. A controller writes the image again and again:
-only rising start bits act. Taking "no halt" back stops the axis; whether it goes on afterwards is known of
-sister drives only, and here it does not. Not simulated: what stands in the records (a start in record
-selection and jogging are noted), teaching, FPC parameters, velocity and force mode.
+Reading address 0 returns the state, not what was written there. A controller writes the image cyclically:
+only rising start bits take effect. Clearing "no halt" stops the axis. Only for sister drives is it known
+whether the axis then continues; here it does not. Not simulated: the contents of records (a start in record
+selection and jogging are recorded), teaching, FPC parameters, velocity and force mode.
 """
 
 from collections.abc import Sequence
@@ -32,11 +32,11 @@ DIRECT: Final = 1 << 14
 RUNNING: Final = ENABLE | NO_STOP | NO_HALT
 RELATIVE: Final = 1 << 8
 OTHER_KINDS: Final = 0x1E00
-"""Force and speed, and what sister drives call a continuous set-point."""
+"""Force and speed, and the continuous set-point of sister drives."""
 
 
 class FestoCmmoFhpp(MotorDrive):
-    """See the module."""
+    """A simulated CMMO-ST."""
 
     functions = frozenset({3, 7, 16, 23})
     register_ranges = ((0, WORDS - 1),)
@@ -46,7 +46,7 @@ class FestoCmmoFhpp(MotorDrive):
         self._state = RegisterImage(WORDS)
 
     def read_words(self, address: int, count: int) -> bytes:
-        """The state, which lies at the same addresses."""
+        """Return the state, which has the same addresses."""
         return self._state.words(address, count)
 
     def show(self) -> None:

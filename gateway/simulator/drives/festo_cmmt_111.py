@@ -4,10 +4,11 @@ Source: Festo's own library festo-edcon 1.0.3 (PyPI) for the layout of telegram 
 PROFIBUS & PROFINET International, positioning mode, for the bits of STW1 and ZSW1.
 
 A controller writes the whole output image every few milliseconds and reads the input image: only edges and
-changes act. Simulated: traversing tasks (absolute, relative, continuous with POS_STW1 bit 12), rejected and
-interrupted tasks (an intermediate stop is a pause: the rest of the way follows when its bit is back),
-reference run, reference point, device identification. Jog, records and speed runs, which MDI and set-up of
-POS_STW1 tell from positions, are noted. Not simulated: the watchdog of register 400, the parameter mailbox.
+changes take effect. Simulated: traversing tasks (absolute, relative, continuous with POS_STW1 bit 12),
+rejected and interrupted tasks (an intermediate stop is a pause: the axis completes the move when the bit
+returns), reference run, reference point, device identification. Jog, records and speed runs, which MDI and
+set-up of POS_STW1 distinguish from positions, are recorded. Not simulated: the watchdog of register 400, the
+parameter mailbox.
 """
 
 from collections.abc import Sequence
@@ -46,7 +47,7 @@ IDENTIFICATION: Final = (b"Festo", b"CMMT", b"1")
 
 
 class FestoCmmt111(MotorDrive):
-    """See the module."""
+    """A simulated CMMT."""
 
     functions = frozenset({3, 6, 16, 43})
     register_ranges = REGISTER_RANGES
@@ -57,7 +58,7 @@ class FestoCmmt111(MotorDrive):
         self._handlers[43] = self._identify
         self._has_acknowledged = False
         self._interrupted_target: int | None = None
-        """Where the axis was on its way to when it was told to pause."""
+        """Target of the move that an intermediate stop has interrupted."""
 
     def _identify(self, pdu: bytes, _now_s: float) -> bytes:
         """Read device identification, basic objects (Modbus application protocol V1.1b3, 6.21)."""
@@ -109,7 +110,7 @@ class FestoCmmt111(MotorDrive):
         self.motor.stop(now_s)
 
     def _jog(self, was: int, bits: int, now_s: float) -> None:
-        """Forward or reverse; both at once are neither."""
+        """Jog forward or reverse; both bits together do nothing."""
         was_jogging, is_jogging = was not in (0, JOG), bits not in (0, JOG)
         if is_jogging and bits != was:
             self.motor.other()

@@ -2,11 +2,11 @@
 
 Source: IAI, ROBO Cylinder series, serial communication manual for Modbus, pages 60 to 183 and 286.
 
-Positions are in 0.01 mm. Writing the low word of PCMD, VCMD, ACMD or PPOW starts a move; CTLF holds for one
-move. Simulated besides: servo on, homing, pause (taken back, the axis goes the rest of its way, unless the
-alarm was reset meanwhile), deceleration stop, stored positions by number, by coil and by CSTR. A jog is
-noted. Both words of commands set their coils. Not simulated: push mode's force, INP band, teaching, level
-operation of the start coils.
+Positions are in 0.01 mm. Writing the low word of PCMD, VCMD, ACMD or PPOW starts a move; CTLF applies to one
+move. Also simulated: servo on, homing, pause (when it ends, the axis completes the move, unless the alarm was
+reset meanwhile), deceleration stop, stored positions by number, by coil and by CSTR. A jog is recorded. Both
+words of commands set their coils. Not simulated: push mode's force, INP band, teaching, level operation of
+the start coils.
 """
 
 from typing import Final
@@ -58,12 +58,12 @@ COIL_RANGES: Final = ((0x0100, 0x013F), (0x0400, 0x043F))
 
 
 class IaiRoboCylinder(MotorDrive):
-    """See the module."""
+    """A simulated ROBO Cylinder controller."""
 
     functions = frozenset({1, 3, 5, 6, 16})
     register_ranges = REGISTER_RANGES
     _rest: int | None = None
-    """Where a move goes that is paused."""
+    """Target of a paused move."""
 
     def has_bits(self, function: int, address: int, count: int) -> bool:
         """The coils at 0x0100 can only be read."""
@@ -147,7 +147,7 @@ class IaiRoboCylinder(MotorDrive):
             self._start(now_s)
 
     def _device_control(self, coils: int, word: int, now_s: float) -> None:
-        """Set sixteen coils as a register does: the first coil is the highest bit."""
+        """Set sixteen coils like a register: the first coil is the highest bit."""
         for bit in range(16):
             address, on = coils + 15 - bit, bool(word >> bit & 1)
             before = self.image.coil(address)

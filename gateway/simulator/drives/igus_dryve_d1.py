@@ -4,10 +4,10 @@ Source: igus, dryve D1 operating manual, chapter on Modbus TCP gateway, and igus
 402 for the meaning of the objects; CiA 309-2 for the frame.
 
 A request is 2B 0D, read or write (0, 1), two zero bytes, index, subindex, three zero bytes, the number of
-data bytes, the data with its lowest byte first. What the drive answers to an object that it does not have is
-not in the sources: here exception 02, and 03 for a wrong length. Not simulated: a set-point that waits for
-the one under way (every one is taken at once), velocity mode (a target speed is noted), short numbers of the
-target, which published programs write and of which no source says what they mean.
+data bytes, the data with its lowest byte first. The sources do not say how the drive answers for an object
+that it does not have: here exception 02, and 03 for a wrong length. Not simulated: a set-point that waits for
+the present one (each takes effect immediately), velocity mode (a target speed is recorded), short numbers of
+the target, which published programs write and no source explains.
 """
 
 from collections.abc import Sequence
@@ -46,7 +46,7 @@ WRITABLE: Final = SIZES.keys() - {(STATUS, 0), (MODE_SHOWN, 0), (ACTUAL, 0)}
 
 
 class IgusDryveD1(Drive402):
-    """See the module. Writes are recorded with the object's index as their address."""
+    """A simulated dryve D1. Writes are recorded with the object's index as their address."""
 
     functions = frozenset({43})
     run_objects = frozenset({SPEED})

@@ -3,10 +3,10 @@
 Source: JMC iHSV-RC manual V1.2 and JMC Modbus manual V2.2, as published programs cite them: objects, their
 widths, control and status word, homing methods.
 
-An address is the index of a CiA 402 object. A frame that goes on after an object goes on with the next of a
-table (:data:`TABLE`), whatever its index. Which rise of bit 4 moves is told in two ways: here each one. What
-a distance counts from is not public: here the commanded place. Not simulated: speed and torque (a run at a
-speed is noted), the watchdog, acceleration codes.
+An address is the index of a CiA 402 object. After an object, a frame continues with the next one of a table
+(:data:`TABLE`), whatever its index. The sources disagree on which rising edge of bit 4 starts a move: here
+each one. The base of a relative move is not public: here the commanded position. Not simulated: speed and
+torque (a run at a speed is recorded), the watchdog, acceleration codes.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ QUICK_STOP: Final = 0x605A
 HOME_POSITION: Final = 0x607C
 SPEED: Final = 0x6081
 RUNS: Final = frozenset({3, 4})
-"""Modes that run without a rise of bit 4: speed and torque."""
+"""Modes that run without a rising edge of bit 4: speed and torque."""
 HERE: Final = 0
 """The homing method that moves nothing."""
 OBJECT_WORDS: Final = {
@@ -44,7 +44,7 @@ TABLE: Final = (CONTROL, MODE, SPEED, 0x6083, 0x6084, 0x6085, TARGET)
 
 
 class JmcRc(ObjectRegisters):
-    """See the module."""
+    """A simulated RC series motor."""
 
     functions = frozenset({3, 6, 16})
     steps = False

@@ -3,7 +3,7 @@
 Source: Kinco FD3 & CD3 manual, pages 122 to 123 (example frames, error replies), FD5P manual, pages 136 to
 140 (control word, homing, object list).
 
-Objects have fixed addresses with holes between them; 32-bit numbers have the low word first. Simulated:
+Objects have fixed addresses with gaps between them; 32-bit numbers have the low word first. Simulated:
 position mode with absolute and relative starts and with following (0x103F), homing, quick stop, zero by
 writing the actual position, error replies with 0x81, 0x86 and 0x90. Not simulated: velocity and torque mode,
 stored positions, limits.
@@ -22,7 +22,7 @@ ACTUAL: Final = 0x3700
 TARGET: Final = 0x4000
 FOLLOW: Final = 0x1000
 OTHER_MODES: Final = frozenset({3, 4, 7, 0xFFFC, 0xFFFD})
-"""Speed, torque, interpolated; pulses, speed at once."""
+"""Speed, torque, interpolated; pulses, immediate speed."""
 OBJECTS: Final = (
     *(0x0C10, 0x0C20, 0x0C30, 0x0C40, 0x0CF0, 0x0D00, 0x0D10, 0x0D20, 0x0D30),
     *(CONTROL, STATUS, MODE, ACTUAL, TARGET),
@@ -33,7 +33,7 @@ ERROR_FUNCTIONS: Final = {3: 0x81, 6: 0x86, 16: 0x90}
 
 
 class KincoFd(Drive402):
-    """See the module."""
+    """A simulated Kinco servo."""
 
     functions = frozenset({3, 6, 16})
     register_ranges = REGISTER_RANGES

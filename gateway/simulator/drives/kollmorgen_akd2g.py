@@ -3,12 +3,12 @@
 Source: Kollmorgen 907-200010 rev. A (AKD2G Modbus communications manual): default map, MODBUS.ERRORMODE,
 action commands; its online manual, AXIS#.MT.CNTL and AXIS#.MOTIONSTAT.
 
-Every parameter takes two registers, the high word first, in thousandths of the axis's units; axis 2 lies 50
+Every parameter takes two registers, the high word first, in thousandths of the axis's units; axis 2 is 50
 registers further on. MT.MOVE is an action: it starts motion task 0 when it changes from 0. Errors are not
-reported (``error_mode`` 1): a block runs to its end, and what cannot be written is left out. Which of the
-codes 33, 34 and 35 stands for what is not published in the sources: here a part of a parameter, a parameter
-that can only be read, and no parameter. Not simulated: MODBUS.MAP, MOTIONCONTROL (whose bits are not public),
-other motion tasks and what starts them, throttling.
+reported (``error_mode`` 1): a block is executed to its end, without what cannot be written. The sources do
+not say what the codes 33, 34 and 35 mean: here a part of a parameter, a read-only parameter, and no
+parameter. Not simulated: MODBUS.MAP, MOTIONCONTROL (whose bits are not public), other motion tasks and their
+starts, throttling.
 """
 
 from collections.abc import Sequence
@@ -48,7 +48,7 @@ NOT_MAPPED: Final = 35
 
 
 class KollmorgenAkd2g(MotorDrive):
-    """See the module."""
+    """A simulated AKD2G."""
 
     functions = frozenset({3, 6, 16})
     register_ranges = ((0, LAST_REGISTER),)
@@ -74,7 +74,7 @@ class KollmorgenAkd2g(MotorDrive):
             self.put32(base + FAULTED, int(motor.has_alarm))
 
     def write_words(self, address: int, data: bytes, now_s: float) -> None:
-        """Write the parameters that are whole and can be written; the rest is left out."""
+        """Write the parameters that are whole and writable; ignore the rest."""
         error = 0
         end = address + len(data) // 2
         for parameter in range(address & ~1, end, 2):

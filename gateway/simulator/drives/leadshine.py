@@ -4,8 +4,8 @@ Source: user manuals of the iCL-RS and CS2RS series (registers of Pr8 and Pr9, c
 the servos EL7-RS user manual V2.0.1, and those of L7, T6 and ELD2, as published programs cite them.
 
 Simulated: 16 paths, one-frame moves, homing, zero, quick stop, proxies 0x0F00 to 0x0F09, the save status that
-clears when it is read, the answer to a wrong check sum. Not simulated: jumps from path to path, interruption
-rules of paths (a new one always interrupts), speeds, jog, enforcement of the software limits.
+clears when read, the answer to a wrong CRC. Not simulated: jumps from path to path, interruption rules of
+paths (a new one always interrupts), speeds, jog, enforcement of the software limits.
 """
 
 from collections.abc import Sequence
@@ -49,17 +49,17 @@ VELOCITY: Final = 2
 HOMING: Final = 3
 IS_RELATIVE: Final = 0x0040
 UNSAID: Final = 0x0080
-"""The manuals of the steppers say nothing of this bit of the mode."""
+"""The steppers' manuals do not describe this bit of the mode."""
 NOTHING: Final = 0
 MOTOR_ON: Final = 0x000F
-"""Of the closed-loop models: 0 takes the current away where the enabling input is off."""
+"""Of the closed-loop models: 0 de-energises the motor while the enabling input is off."""
 
 REGISTER_RANGES: Final = ((0x0000, 0x0FFF), (0x1000, 0x2FFF), (0x6000, 0x6FFF))
 SERVO_ALARM: Final = 0x0B03
 SERVO_STATE: Final = 0x0B05
 SERVO_CONTROL: Final = 0x0033
 SERVO_MONITORED: Final = (0x0B14, 0x0B16)
-"""Commanded and measured position once more."""
+"""Commanded and measured position, a second time."""
 REFERENCES: Final = 0x00C0
 TO_COMMANDED: Final = 0x0040
 TO_MOTOR: Final = 0x0080
@@ -79,9 +79,9 @@ class LeadshinePr(MotorDrive):
     auxiliaries: tuple[int, ...] = (AUXILIARY,)
     """Registers of the control word."""
     harmless = frozenset({NOTHING, 0x2244})
-    """Its values that do nothing to the motor, beside those that are simulated."""
+    """Values of the control word without effect on the motor, besides those that are simulated."""
     is_switched_by_bus = True
-    """Whether 0x000F switches the motor."""
+    """Whether 0x000F switches the motor on and off."""
     max_read = 97
     """Messages have at most 200 bytes: 5 of them are not data in the reply to a read …"""
     max_write = 95
@@ -92,11 +92,11 @@ class LeadshinePr(MotorDrive):
         self._path: int | None = None
 
     def bad_crc_reply(self, function: int) -> bytes | None:
-        """Answer it, which no other drive does."""
+        """Answer the frame; no other drive does."""
         return bytes((function | 0x80, WRONG_CRC))
 
     def response_delay_s(self, baudrate: int) -> float:
-        """Return what the manual's total leaves when the characters themselves are taken off."""
+        """Return the manual's total time without the characters themselves."""
         if baudrate not in TURNAROUND_MS:
             return 0.0
         wire_ns = READ_CHARACTERS * BITS_PER_CHARACTER * NS_PER_S / baudrate
@@ -115,7 +115,7 @@ class LeadshinePr(MotorDrive):
             self._show_trigger(0)
 
     def show_status(self) -> None:
-        """Put the state where this series has it."""
+        """Write the state to this series' registers."""
         motor = self.motor
         self.image.set_word(
             STATUS,
@@ -198,7 +198,7 @@ class LeadshinePr(MotorDrive):
         self._show_trigger(RUNNING_PATH | path)
 
     def go(self, mode: int, target: int, now_s: float) -> None:
-        """Start a move to a place or over a distance, as the mode of its path says."""
+        """Start an absolute or relative move, as the mode of its path says."""
         if mode & UNSAID:
             self.unheard_of(PATHS, mode)
         elif mode & IS_RELATIVE:
@@ -214,10 +214,10 @@ class LeadshinePr(MotorDrive):
 class LeadshineEl7(LeadshinePr):
     """Servos: EL7-RS, and the ELD2-RS, L7-RS, iSV2-RS and T6 families.
 
-    The block of paths is that of the steppers; bits 6 and 7 of a mode are one field, the state stands
-    elsewhere, and a wrong check sum is not known to be answered. The drive is commissioned: PR mode chosen
-    (Pr0.01 = 6) and the servo switched on by an input, because programs do not agree on the register that
-    would do it (0x0401, 0x0405, 0x0409).
+    The block of paths is that of the steppers. Bits 6 and 7 of a mode are one field, the state has other
+    registers, and an answer to a wrong CRC is not known. The drive is commissioned: PR mode chosen (Pr0.01 =
+    6) and the servo switched on by an input, because programs do not agree on the register for it (0x0401,
+    0x0405, 0x0409).
     """
 
     auxiliaries = (AUXILIARY, SERVO_CONTROL)
@@ -236,7 +236,7 @@ class LeadshineEl7(LeadshinePr):
                 self.unheard_of(PATHS, mode)
 
     def bad_crc_reply(self, function: int) -> bytes | None:
-        """Stay silent."""
+        """Do not answer."""
         return None
 
     def response_delay_s(self, baudrate: int) -> float:

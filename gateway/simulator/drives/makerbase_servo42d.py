@@ -4,10 +4,10 @@ Source: Makerbase, MKS SERVO42&57D_Modbus RTU User Manual V1.0.9, pages 9 to 64,
 part 8.
 
 An address is an opcode: a block of four registers at 0x00F4, 0x00F5 or 0x00FE is one command, and 0x00F5 is
-not the second register of 0x00F4. In each of them, and in 0x00FD and 0x00F6, speed 0 is a stop. The drive
-knows no exceptions: it refuses FC06 with an echo of FFFF, FC16 with a count of 0, everything else in silence.
+not the second register of 0x00F4. In each of them, and in 0x00FD and 0x00F6, speed 0 is a stop. The drive has
+no exceptions: it refuses FC06 with an echo of FFFF, FC16 with a count of 0, everything else without a reply.
 Counts are 1/16384 of a turn, pulses 1/3200. Not simulated: relative moves in pulses (0x00FD), whose sign the
-sources leave open, and speed mode turn nothing; settings.
+sources do not give, and speed mode, which both turn nothing; settings.
 """
 
 from struct import pack, unpack
@@ -17,12 +17,12 @@ from gateway.simulator.drives.motor_drive import Basis, MotorDrive
 from gateway.simulator.server import ILLEGAL_ADDRESS, ILLEGAL_VALUE, ModbusExceptionError
 
 CARRY: Final = 0x0030
-"""Turns, and behind them the place in the turn."""
+"""Turns, followed by the position in the turn."""
 ACTUAL: Final = 0x0031
 PULSES: Final = 0x0033
 STATE: Final = 0x00F1
 READINGS: Final = {CARRY: 3, ACTUAL: 3, PULSES: 2, STATE: 1}
-"""How many registers each reading has; they are no neighbours."""
+"""Number of registers of each reading; their addresses are not contiguous."""
 STOPPED: Final = 1
 AT_SPEED: Final = 4
 HOMING: Final = 5
@@ -49,12 +49,12 @@ FAILED: Final = b"\xff\xff"
 
 
 class MakerbaseServo42d(MotorDrive):
-    """See the module."""
+    """A simulated MKS SERVO42D or 57D."""
 
     functions = frozenset({4, 6, 16})
 
     def refusal(self, request: bytes, code: int) -> bytes | None:
-        """Return what stands for an exception."""
+        """Return the reply in place of an exception."""
         if request[0] == 6 and len(request) == 5:
             return request[:3] + FAILED
         if request[0] == 16 and len(request) > 5:
@@ -65,14 +65,14 @@ class MakerbaseServo42d(MotorDrive):
         return READINGS.get(address) == count or address in LENGTHS
 
     def before_write(self, address: int, count: int, now_s: float) -> None:
-        """An opcode comes with all of its data and nothing else."""
+        """Require an opcode with all of its data and nothing else."""
         if address not in LENGTHS:
             raise ModbusExceptionError(ILLEGAL_ADDRESS)
         if count != LENGTHS[address]:
             raise ModbusExceptionError(ILLEGAL_VALUE)
 
     def read_words(self, address: int, count: int) -> bytes:
-        """Opcodes cannot be read, and each reading stands for itself."""
+        """Return one reading. Opcodes cannot be read, and a read covers one reading only."""
         if address not in READINGS:
             raise ModbusExceptionError(ILLEGAL_ADDRESS)
         counts = self.motor.actual_counts
@@ -93,7 +93,7 @@ class MakerbaseServo42d(MotorDrive):
         return AT_SPEED if self.motor.is_moving else STOPPED
 
     def write_words(self, address: int, data: bytes, now_s: float) -> None:
-        """Obey an opcode: nothing is stored."""
+        """Execute an opcode; nothing is stored."""
         if address in MOVES:
             _, speed, position = unpack(">HHi", data)
             self._move(address, speed, position, now_s)

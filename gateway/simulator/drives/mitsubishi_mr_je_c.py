@@ -3,9 +3,9 @@
 Source: MR-JE-_C servo amplifier instruction manual, Modbus TCP / RTU communication (function codes, word
 order, rules for 32-bit objects).
 
-A frame that goes on after an object goes on with the next index. Simulated: profile position, homing, point
-table, halt and quick stop. Not simulated: a set-point that waits for the one under way (bit 5
-= 0): every one is taken at once; velocity, torque, jog and indexer modes (a target speed is noted).
+After an object, a frame continues with the next index. Simulated: profile position, homing, point table, halt
+and quick stop. Not simulated: a set-point that waits for the present one (bit 5 = 0): each takes effect
+immediately; velocity, torque, jog and indexer modes (a target speed is recorded).
 """
 
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ ACTUAL_POINT: Final = 0x2D69
 SPEED: Final = 0x60FF
 POINT_MODE: Final = -101
 HERE: Final = frozenset({35, 37})
-"""Homing methods that call the place where the axis stands home."""
+"""Homing methods that make the present position home."""
 OBJECT_WORDS: Final = {
     **dict.fromkeys((CONTROL, STATUS, MODE, MODE_SHOWN, METHOD, CHOSEN_POINT, ACTUAL_POINT), 1),
     **dict.fromkeys((ACTUAL, TARGET, 0x607C, 0x6081, 0x6083, 0x6084, 0x60F4, SPEED), 2),
@@ -43,7 +43,7 @@ READ_ONLY: Final = frozenset({STATUS, MODE_SHOWN, ACTUAL, ACTUAL_POINT, 0x60F4})
 
 
 class MitsubishiMrJeC(ObjectRegisters):
-    """See the module."""
+    """A simulated MR-JE-C."""
 
     functions = frozenset({3, 8, 16})
     run_objects = frozenset({SPEED})
@@ -79,7 +79,7 @@ class MitsubishiMrJeC(ObjectRegisters):
             self.motor.home(now_s)
 
     def start_in(self, mode: int, now_s: float) -> None:
-        """A point of the table is a count, the position, and six more numbers."""
+        """Start a point of the table: a count, the position, and six more numbers."""
         if mode != POINT_MODE:
             self.motor.other()
             return

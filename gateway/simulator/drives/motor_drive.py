@@ -1,4 +1,4 @@
-"""What the drives of known makes share: a motor, a record of what it did, numbers of two registers.
+"""What drives of known makes share: a motor, a record of its moves, and 32-bit register pairs.
 
 A motor moves, stops, homes and takes a zero, in the drive's own counts.
 """
@@ -17,7 +17,7 @@ WORD: Final = 0x10000
 LOG: Final = getLogger(__name__)
 """Without a handler it goes to stderr."""
 HOMING_S: Final = 0.5
-"""The shortest homing: off the switch and onto it again."""
+"""The shortest homing: off the switch and back onto it."""
 
 Log = Callable[[str, MoveKind, int | None, int | None], None]
 """Takes the axis, the kind, the target and the distance."""
@@ -31,7 +31,7 @@ class Order(Enum):
 
 
 def signed(value: int, bits: int) -> int:
-    """Two's complement of the lowest ``bits`` of a number.
+    """Return the lowest ``bits`` of a number as two's complement.
 
     >>> signed(0xFFFB, 16)
     -5
@@ -50,7 +50,7 @@ def bits_of(**flags: bool) -> int:
 
 
 class Basis(Enum):
-    """What a relative move is counted from."""
+    """The base of a relative move."""
 
     TARGET = "target"
     COMMANDED = "commanded"
@@ -60,8 +60,8 @@ class Basis(Enum):
 class Motor:
     """One motor under its drive's control.
 
-    It stands on its reference switch when it is made. Homing takes it back there, and gives the place the
-    counts that it had. Speeds and ramps are the machine's, not those in the drive's registers.
+    It starts on its reference switch. Homing returns it there, and restores the counts of that position.
+    Speeds and ramps are the machine's, not those in the drive's registers.
     """
 
     def __init__(self, name: str, mechanics: Mechanics) -> None:
@@ -74,41 +74,41 @@ class Motor:
 
     @property
     def actual_counts(self) -> int:
-        """Measured position. The motor follows its profile without lag: it is the commanded one too."""
+        """Measured position. The motor follows its profile without lag, so it is also the commanded one."""
         return round(self.mechanics.actual_counts)
 
     @property
     def target_counts(self) -> int:
-        """Where the last move ends."""
+        """Target of the last move."""
         return round(self.mechanics.target_counts)
 
     @property
     def is_homing(self) -> bool:
-        """Whether the axis looks for its reference."""
+        """Whether a homing is running."""
         return self._homing_until_s is not None
 
     @property
     def is_moving(self) -> bool:
-        """Whether a move or a homing is under way."""
+        """Whether a move or a homing is running."""
         return self.mechanics.is_moving or self.is_homing
 
     @property
     def is_done(self) -> bool:
-        """Whether the axis stands where it was last told to go."""
+        """Whether the axis is at standstill at its last target."""
         return not self.is_moving and not self.has_alarm
 
     @property
     def is_homed(self) -> bool:
-        """Whether the counts mean something."""
+        """Whether the counts are referenced."""
         return self.mechanics.homed
 
     @property
     def has_alarm(self) -> bool:
-        """Whether the drive has given up."""
+        """Whether the drive has an alarm."""
         return self.mechanics.alarm
 
     def advance(self, now_s: float) -> None:
-        """Let time pass."""
+        """Advance to ``now_s``."""
         self.mechanics.advance(now_s)
         if self._homing_until_s is None or self.mechanics.is_moving or now_s < self._homing_until_s:
             return
@@ -117,24 +117,24 @@ class Motor:
         self.mechanics.homed = True
 
     def absolute(self, target_counts: int, now_s: float) -> bool:
-        """Start a move to a place. Returns whether it was started: not with an alarm."""
+        """Start an absolute move. Return whether it started; with an alarm it does not."""
         return self._move(MoveKind.ABSOLUTE, target_counts, None, now_s)
 
     def relative(self, distance_counts: int, basis: Basis, now_s: float) -> bool:
-        """Start a move over a distance. Returns whether it was started."""
+        """Start a relative move. Return whether it started."""
         self.advance(now_s)
         start = self.target_counts if basis is Basis.TARGET else self.actual_counts
         return self._move(MoveKind.RELATIVE, start + distance_counts, distance_counts, now_s)
 
     def stop(self, now_s: float) -> None:
-        """Brake; a homing is given up and the axis stays without a reference."""
+        """Brake; a homing is aborted and leaves the axis unreferenced."""
         self.advance(now_s)
         self._homing_until_s = None
         self.mechanics.stop(now_s)
         self.log(self.name, MoveKind.STOP, self.target_counts, None)
 
     def home(self, now_s: float) -> bool:
-        """Start a homing. Returns whether it was started."""
+        """Start a homing. Return whether it started."""
         self.advance(now_s)
         if self.has_alarm:
             return False
@@ -145,13 +145,13 @@ class Motor:
         return True
 
     def set_position(self, counts: int, now_s: float) -> None:
-        """Call the place where the axis is ``counts``."""
+        """Set the present position to ``counts``."""
         self.advance(now_s)
         self.mechanics.redefine(counts)
         self.log(self.name, MoveKind.SET_POSITION, counts, None)
 
     def other(self) -> None:
-        """Note something that would turn the motor and is not simulated."""
+        """Record a command that would turn the motor and is not simulated."""
         self.log(self.name, MoveKind.OTHER, None, None)
 
     def _move(self, kind: MoveKind, target_counts: int, distance_counts: int | None, now_s: float) -> bool:
@@ -173,10 +173,10 @@ class MotorDrive(RegisterServer):
     order = Order.HIGH_FIRST
     most_motors = 1
     register_ranges: Sequence[tuple[int, int]] = ((0, 0xFFFF),)
-    """The first and the last register of each range that it has."""
+    """The first and the last register of each range of the drive."""
 
     def __init__(self, unit_id: int, motors: Sequence[Motor]) -> None:
-        """Raise SimulatorError where there are more motors than the drive has outputs for."""
+        """Raise SimulatorError if there are more motors than the drive has outputs for."""
         super().__init__(unit_id)
         if not 1 <= len(motors) <= self.most_motors:
             raise SimulatorError(
@@ -193,20 +193,20 @@ class MotorDrive(RegisterServer):
         self.ledger.moves.append(MoveRecord(self.unit_id, axis, kind, target, self._now_s, distance))
 
     def unheard_of(self, address: int, value: int) -> None:
-        """Say that a command came that this drive, as it is simulated, does not know: it does nothing."""
+        """Record and log a command that this simulated drive does not know; it has no effect."""
         text = f"unit {self.unit_id}: {value:#06x} in {address:#06x} means nothing to this simulated drive"
         self.ledger.unheard_of.append(text)
         LOG.warning(text)
 
     def get32(self, address: int) -> int:
-        """Return a signed number of two registers."""
+        """Return a signed number from two registers."""
         first, second = self.image.word(address), self.image.word(address + 1)
         if self.order is Order.LOW_FIRST:
             first, second = second, first
         return signed(first << 16 | second, 32)
 
     def put32(self, address: int, value: int) -> None:
-        """Show a signed number in two registers; a larger one wraps round as counters do."""
+        """Write a signed number to two registers; a larger one wraps round like a counter."""
         high, low = value >> 16, value
         if self.order is Order.LOW_FIRST:
             high, low = low, high
@@ -223,19 +223,19 @@ class MotorDrive(RegisterServer):
         self.show()
 
     def write_words(self, address: int, data: bytes, now_s: float) -> None:
-        """Take the registers, then act on all that were in the frame; what they changed shows at once."""
+        """Store the registers, then handle the whole frame; the results are visible immediately."""
         before = {address + i: self.image.word(address + i) for i in range(len(data) // 2)}
         self.image.store_words(address, data)
         self.written(before, now_s)
         self.show()
 
     def show(self) -> None:
-        """Put positions and states into the registers; every motor is up to date."""
+        """Write positions and states to the registers; every motor is up to date."""
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """Act on a frame: ``before`` has its registers with what they held; the image has what they hold."""
+        """Handle a frame: ``before`` has its registers' old values, the image has the new ones."""
 
 
 def within(address: int, count: int, ranges: Sequence[tuple[int, int]]) -> bool:
-    """Whether registers all lie in one of some ranges, each given by its first and last."""
+    """Whether all registers are in one of the ranges, each given by its first and last register."""
     return any(first <= address and address + count - 1 <= last for first, last in ranges)

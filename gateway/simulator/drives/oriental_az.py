@@ -4,10 +4,10 @@ Source: Oriental Motor HM-60262 (AZ series function manual): direct data operati
 operation types of page 59; the preset of the sister series.
 
 Simulated: direct data operation with every trigger, absolute and relative moves (pushes among them), stored
-data, all inputs at their default places, preset, the transmission wait of 3 ms, slave errors. Continuous
-operation (7, 16 to 18) and wrap operation (8 to 15) are noted and do not turn the motor; what no type is
-listed for is refused with 04. Not simulated: indirect references, the data destination of 0x0068, other
-orders of words and bytes, SSTART's place in a chain of data (it runs No. 0).
+data, all inputs at their default addresses, preset, the transmission wait of 3 ms, slave errors. Continuous
+operation (7, 16 to 18) and wrap operation (8 to 15) are recorded and do not turn the motor; values that are
+no listed type are refused with 04. Not simulated: indirect references, the data destination of 0x0068, other
+orders of words and bytes, SSTART's position in a chain of data (it runs No. 0).
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,18 +37,18 @@ STORED_TYPE: Final = 0x1800
 DATA_STRIDE: Final = 64
 
 NUMBER: Final = 0x0007
-"""M0 to M2: which stored data START runs."""
+"""M0 to M2: the number of the stored data that START runs."""
 START: Final = 1 << 3
 ZHOME: Final = 1 << 4
 STOP: Final = 1 << 5
 FREE: Final = 1 << 6
 ALARM_RESET: Final = 1 << 7
 D_SEL: Final = 0x0700
-"""Each runs stored data by itself: No. 0 to 2."""
+"""Each input runs one stored data number: No. 0 to 2."""
 SSTART: Final = 1 << 11
 JOGS: Final = 0x3000
 TURNS: Final = 0xC000
-"""FW-POS and RV-POS: as long as they are on."""
+"""FW-POS and RV-POS: for as long as they are on."""
 
 RELATIVE: Final[Mapping[int, Basis]] = {
     2: Basis.COMMANDED,
@@ -63,9 +63,9 @@ WAIT_S: Final = 0.003
 
 
 class OrientalAz(MotorDrive):
-    """See the module.
+    """A simulated AZ series driver.
 
-    With ``is_busy`` every write is a slave error, as while the drive saves its memory; with
+    With ``is_busy`` every write is a slave error, as while the drive saves its memory. With
     ``suppresses_slave_errors`` such a refusal looks like a success.
     """
 
@@ -101,7 +101,7 @@ class OrientalAz(MotorDrive):
         self.show_outputs()
 
     def show_outputs(self) -> None:
-        """Put the state where this series has it."""
+        """Write the state to this series' registers."""
         motor = self.motor
         state = bits_of(
             b5=motor.is_done and self.is_excited,
@@ -115,11 +115,14 @@ class OrientalAz(MotorDrive):
 
     @property
     def is_excited(self) -> bool:
-        """Whether the motor is under current."""
+        """Whether the motor is energised."""
         return not self.image.word(INPUT) & FREE
 
     def written(self, before: dict[int, int], now_s: float) -> None:
-        """Act. Data are stored before the drive refuses to run them: an exception proves nothing."""
+        """Handle written registers.
+
+        Data are stored before the drive refuses to run them: an exception proves nothing.
+        """
         if PRESET + 1 in before and self.image.word(PRESET + 1):
             self.motor.set_position(self.get32(PRESET_POSITION), now_s)
         if INPUT in before:
@@ -139,11 +142,11 @@ class OrientalAz(MotorDrive):
         return self.get32(TRIGGER)
 
     def consume_trigger(self, before: dict[int, int]) -> None:
-        """Clear a trigger that has been obeyed."""
+        """Clear a trigger that was executed."""
         self.put32(TRIGGER, 0)
 
     def inputs(self, word: int, before: int, now_s: float) -> None:
-        """Act on the driver's inputs that were switched."""
+        """Handle changed inputs of the driver."""
         risen = word & ~before
         if risen & ALARM_RESET:
             self.motor.mechanics.alarm = False
@@ -165,12 +168,12 @@ class OrientalAz(MotorDrive):
             self.motor.stop(now_s)
 
     def run_stored(self, number: int, now_s: float) -> None:
-        """Start the operation that the drive keeps under a number."""
+        """Start the stored operation of this number."""
         address = STORED_TYPE + DATA_STRIDE * number
         self.run(self.get32(address), self.get32(address + 2), now_s)
 
     def check_ready(self) -> None:
-        """Refuse to move without current, with an alarm, or while STOP is on."""
+        """Refuse to move without motor current, with an alarm, or while STOP is on."""
         if not self.is_excited or self.motor.has_alarm or self.image.word(INPUT) & STOP:
             raise ModbusExceptionError(EXECUTION_FAILED)
 
@@ -189,7 +192,7 @@ class OrientalAz(MotorDrive):
 
 
 def trigger_of_low_word(word: int) -> int:
-    """Return a trigger that is only the lower half of its register pair.
+    """Return the trigger from the lower half of its register pair.
 
     >>> trigger_of_low_word(0xFFFB)
     -5

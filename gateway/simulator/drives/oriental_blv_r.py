@@ -3,11 +3,11 @@
 Source: Oriental Motor HP-5142 (BLV-R function manual): direct data operation, Modbus RTU; HP-5143 (inputs,
 preset), operation types as quoted from HP-5141.
 
-As the AZ series, and: S-ON must be set, function code 23, the trigger is the lower half of its pair (the
-upper half is a lifetime in ms, which is not simulated), 1 to 19 start, the trigger clears itself unless
-0x0228 is 0. The inputs are those of the factory, in two words: HOME, START and jog stand in the first. They
-can be written at two more places: 0x0074 counts as well as 0x007C, what is written to 0x0078 goes off again
-by itself. Not simulated: group addresses with ID share.
+Differences from the AZ series: S-ON must be set; function code 23; the trigger is the lower half of its pair
+(the upper half is a lifetime in ms, which is not simulated); 1 to 19 start; the trigger clears itself unless
+0x0228 is 0. The inputs are the factory settings, in two words: HOME, START and jog are in the first. They can
+be written at two more addresses: 0x0074 is equivalent to 0x007C; what is written to 0x0078 switches off
+automatically. Not simulated: group addresses with ID share.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,14 +32,15 @@ STOPS: Final = 0x0078
 """CLR, QSTOP, STOP, FREE."""
 D_SEL: Final = 0xFF00
 INPUT_PAIRS: Final = (0x007C, 0x0074, 0x0078)
-"""The inputs, the same once more, and those that go off by themselves; the second word is that of S-ON."""
+"""The inputs, their second address, and those that switch off automatically; the second word is that of
+S-ON."""
 SECOND_INPUT: Final = 0x0075
 GOES_OFF: Final = 0x0078
 TURNS: Final = 0x000F
 """Inching and speed, forward and reverse."""
 HOME: Final = 1 << 4
 STARTS: Final = 0x00C0
-"""START and SSTART, with the number of the data in the upper byte."""
+"""START and SSTART, with the data number in the upper byte."""
 LAST_START: Final = 19
 STOP_TYPES: Final = frozenset({0, 31, 32})
 TRIGGER_CLEARS: Final = 0x0228
@@ -55,7 +56,7 @@ RELATIVE_TYPES: Final[Mapping[int, Basis]] = {
 
 
 class OrientalBlvR(OrientalAz):
-    """See the module."""
+    """A simulated BLV-R driver."""
 
     functions = frozenset({3, 6, 8, 16, 23})
     absolute = frozenset({1, 20})

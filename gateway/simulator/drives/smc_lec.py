@@ -4,9 +4,10 @@ Source: SMC, LEC series serial communication manual, as cpppo_positioner 3.2.0 (
 it.
 
 Positions are in 0.01 mm. Nothing moves without the coils SVON and "serial drive mode", nor before the axis
-has been homed. SETUP (homing) must be taken back as soon as SETON is up: a start while it is still set is an
-alarm. RESET stops the axis, and so does HOLD; taken back it does not let it go on: no source says so. A jog
-is noted. DRIVE runs the step of the controller's own data that IN0 to IN5 name. Not simulated: pushing.
+has been homed. SETUP (homing) must be cleared as soon as SETON is on: a start while it is still set is an
+alarm. RESET and HOLD stop the axis. After HOLD ends, the axis does not continue: no source says that it does.
+A jog is recorded. DRIVE runs the step of the controller's own data that IN0 to IN5 name. Not simulated:
+pushing.
 """
 
 from typing import Final
@@ -45,13 +46,13 @@ BIT_RANGES: Final = ((0x00, 0x7F),)
 
 
 class SmcLec(MotorDrive):
-    """See the module."""
+    """A simulated LEC controller."""
 
     functions = frozenset({1, 2, 3, 5, 8, 15, 16})
     register_ranges = REGISTER_RANGES
 
     def has_bits(self, function: int, address: int, count: int) -> bool:
-        """Coils end where the inputs begin."""
+        """The coils end where the inputs begin."""
         return within(address, count, BIT_RANGES)
 
     def show(self) -> None:

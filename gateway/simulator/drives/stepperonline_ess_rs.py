@@ -3,7 +3,7 @@
 Source: StepperOnline, Modbus Series Bus Product Function Manual V1.0, pages 13 to 30 and 68 to 79, and a
 published bench test of firmware 0x0029 (github.com/janhavelka/ESS23-RS).
 
-Each bit of the trigger is a command, as often as it is written; without bit 3 a start while the axis moves is
+Each bit of the trigger is a command each time it is written. Without bit 3, a start while the axis moves is
 ignored. Not simulated: segments started by inputs, speeds, limits.
 """
 
@@ -36,14 +36,14 @@ REGISTER_RANGES: Final = ((0x0000, 0x00BF),)
 
 
 class StepperonlineEssRs(MotorDrive):
-    """See the module."""
+    """A simulated ESS-RS stepper."""
 
     functions = frozenset({3, 6, 16})
     register_ranges = REGISTER_RANGES
     max_read = 16
 
     def show(self) -> None:
-        """Commands can only be written."""
+        """Command registers are write-only."""
         motor = self.motor
         self.order = Order.LOW_FIRST if self.image.word(WORD_ORDER) else Order.HIGH_FIRST
         self.put32(POSITION, motor.actual_counts)

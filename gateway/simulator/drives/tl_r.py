@@ -3,9 +3,9 @@
 Source: TL-R_RS485EN manual, list of registers, and published notes of a driver that was tried on the
 hardware.
 
-The firmware takes no more than four registers out of a longer FC16 and says nothing about it. Bit 4 of the
-state is documented as "enabled" and was measured to be 0 then. A start while the axis moves is refused with
-04 unless the interrupt bit is set. A bit of the control register acts as often as it is written (3.1.3); the
+The firmware stores only the first four registers of a longer FC16 and reports no error. Bit 4 of the state is
+documented as "enabled" but was measured to be 0 then. A start while the axis moves is refused with 04 unless
+the interrupt bit is set. A bit of the control register takes effect each time it is written (3.1.3); the
 auxiliary register takes one command at a time. Not simulated: jog, speeds, stored paths.
 """
 
@@ -36,7 +36,7 @@ REGISTER_RANGES: Final = ((0, 199),)
 
 
 class TlR(MotorDrive):
-    """See the module."""
+    """A simulated TL-R stepper."""
 
     functions = frozenset({3, 6, 16})
     register_ranges = REGISTER_RANGES
@@ -48,7 +48,7 @@ class TlR(MotorDrive):
         self.image.set_word(STATUS, state)
 
     def write_words(self, address: int, data: bytes, now_s: float) -> None:
-        """What is too long is cut off."""
+        """Ignore registers beyond the limit."""
         super().write_words(address, data[: 2 * TAKEN_REGISTERS], now_s)
 
     def written(self, before: dict[int, int], now_s: float) -> None:

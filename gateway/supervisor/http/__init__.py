@@ -1,1 +1,1 @@
-"""The status over HTTP: for browsers, Prometheus, probes of health, and the commands of this machine."""
+"""The status over HTTP: for browsers, Prometheus and health probes, and for commands on this machine."""

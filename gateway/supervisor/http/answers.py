@@ -1,4 +1,4 @@
-"""What every answer of the page has in common, and the limits of what is served."""
+"""What all HTTP responses share, and the limits of the server."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any, Final
 import msgspec
 from starlette.responses import Response
 
-# --- Answers: JSON, and what is said to whoever asks for something that is not there
+# --- Responses: JSON, and the answer to an unknown path
 
 CONTENT_SECURITY_POLICY: Final = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
@@ -18,32 +18,32 @@ NO_STORE: Final = {"Cache-Control": "no-store"}
 
 
 def json_bytes(data: Any) -> bytes:
-    """Return plain data as JSON; a number that is none, as of a division by zero, is null."""
+    """Return plain data as JSON. NaN and infinity, as of a division by zero, become null."""
     return msgspec.json.encode(data)
 
 
 def json_answer(data: Any, status: int = 200, headers: Mapping[str, str] | None = None) -> Response:
-    """Return an answer of plain data that is never kept by whoever gets it."""
+    """Return a response with plain data, marked as not cacheable."""
     return raw_json(json_bytes(data), status, headers)
 
 
 def raw_json(body: bytes, status: int = 200, headers: Mapping[str, str] | None = None) -> Response:
-    """Return an answer of JSON that was encoded before."""
+    """Return a response with JSON that is already encoded."""
     return Response(body, status, {**NO_STORE, **(headers or {})}, JSON)
 
 
 def problem(status: int, what: str, headers: Mapping[str, str] | None = None, **more: Any) -> Response:
-    """Return an answer that says what is wrong: ``{"problem": …}``."""
+    """Return a response with an error message: ``{"problem": …}``."""
     return json_answer({"problem": what, **more}, status, headers)
 
 
 def not_there(path: str, there_is: Sequence[str]) -> Response:
-    """Answer a path that does not exist with those that do."""
+    """Answer an unknown path with the list of paths."""
     return problem(404, f"there is no {shortened(path)}", there_is=list(there_is))
 
 
 def shortened(text: str, longest: int = 80) -> str:
-    """Return a text that somebody sent in one line of bounded length.
+    """Return a received text on one line of limited length.
 
     >>> shortened("/tables/" + "b" * 100, 12)
     '/tables/bbb…'
@@ -52,43 +52,45 @@ def shortened(text: str, longest: int = 80) -> str:
     return line if len(text) <= longest and len(line) <= longest else line[: longest - 1] + "…"
 
 
-# --- What whoever connects may cost; beyond it he is told so, or dropped
+# --- Limits for a client; beyond them it is refused or disconnected
 
 HEAD_BYTES: Final = 16_384
-"""Of a request: its line and its header fields."""
+"""Of a request line with its header fields."""
 TARGET_BYTES: Final = 4096
-"""Of that the path with its query."""
+"""Of the path with its query, within the head."""
 BODY_BYTES: Final = 4096
-"""Nothing that is asked here needs a body at all."""
+"""No request here needs a body."""
 WRITE_HIGH_BYTES: Final = 65_536
-"""So much of an answer waits in this process for whoever does not take it; then its maker waits."""
+"""Of a response that the client does not take: so much waits in this process, then its producer waits."""
 SEND_BUFFER_BYTES: Final = 131_072
-"""And so much in the system: without a limit it grows to megabytes."""
+"""The same in the system's send buffer, which otherwise grows to megabytes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Numbers and times, of one listener."""
+    """Numbers and times of one listener."""
 
     connections: int = 256
-    """At once. The one that has asked nothing for longest makes room, else one that takes nothing of its
-    answer; where all are being answered the next is refused."""
+    """Maximum at once. A new connection replaces the one that has been idle for longest, else the one that
+    has taken nothing of its response for longest. If the server is answering all of them, it refuses the new
+    one."""
     event_readers: int = 32
-    """Of ``/events``: they stay, and are never idle."""
+    """Readers of ``/events``: they stay connected and are never idle."""
     whole_request_s: float = 10.0
-    """From the start of a connection, or the first byte of a later request, to the last one of it."""
+    """From the start of a connection, or from the first byte of a later request, to the last byte of the
+    request."""
     keep_alive_s: int = 15
-    """A connection on which nothing more is asked."""
+    """How long a connection without a new request stays open."""
     stalled_s: float = 30.0
-    """Somebody who takes nothing of his answer."""
+    """How long a client may take nothing of its response."""
     heartbeat_s: float = 15.0
-    """Between two words to a reader of ``/events`` when nothing happens, so that a dead one is noticed."""
+    """Between two messages to a reader of ``/events`` when nothing happens, so that a dead one is noticed."""
     status_every_s: float = 0.2
     """Between two models to one reader of ``/events``."""
     sweep_s: float = 1.0
-    """How often the times above are looked at."""
+    """Interval between checks of these times."""
 
 
 TCP: Final = Limits()
 LOCAL: Final = Limits(connections=32, event_readers=8)
-"""The Unix socket: nobody there can be kept out by those who come over the network."""
+"""For the Unix socket: network clients cannot use up its connections."""

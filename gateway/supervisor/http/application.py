@@ -1,4 +1,4 @@
-"""What is served: which path leads where."""
+"""The HTTP routes."""
 
 import contextlib
 import time
@@ -39,7 +39,7 @@ PATHS: Final = (
 )
 LOCAL_PATHS: Final = (*PATHS, "/reload")
 ASKING_PATHS: Final = (*PATHS, "/login", "/logout", "/acknowledge")
-"""Where it is asked who looks."""
+"""Paths on which a client has to authenticate."""
 POSTS: Final = frozenset(("/reload", "/login", "/logout", "/acknowledge"))
 NOTHING_YET: Final = "nothing is known yet: the supervisor has just been started"
 Answer = Callable[[Request], Awaitable[Response]]
@@ -59,7 +59,7 @@ class Served:
         self._page: Mapping[str, PageFile] = read_page()
 
     def close(self) -> None:
-        """Begin nothing that takes long any more."""
+        """Start no more long work."""
         self._tables.close()
 
     def application(
@@ -67,7 +67,7 @@ class Served:
     ) -> Starlette:
         """Return the application of one listener.
 
-        ``http_server`` counts those who stay, ``access`` knows them.
+        ``http_server`` counts the readers that stay connected; ``access`` authenticates them.
         """
         login_routes = LoginRoutes(access, self._window)
         answers: dict[str, Answer] = {
@@ -127,7 +127,7 @@ class Served:
         return problem(503, NOTHING_YET) if model is None else raw_json(self._models.encoded(model))
 
     async def _healthz(self, request: Request) -> Response:
-        """Answer 200 as long as commands reach the drives; the text is the verdict, with what is wrong."""
+        """Answer 200 as long as commands reach the drives. The text is the verdict and what is wrong."""
         model = self._window.broadcast.model
         reasons = why_unhealthy(model)
         if reasons and is_stranger(request):
@@ -148,7 +148,7 @@ class Served:
         return json_answer((await self._window.reload()).as_data())
 
     async def _failed(self, request: Request, error: Exception) -> Response:
-        """Answer where we made a mistake, and put it into the log."""
+        """Answer a request that failed because of a bug, and log the bug."""
         what = f"{shortened(request.scope['path'])}: {type(error).__name__}: {error}"
         if sentence := self._mistakes.sentence("failed", what, time.monotonic_ns()):
             self._window.log(HTTP_FAILED, detail=sentence)
@@ -183,7 +183,7 @@ class _Events:
 
     async def _read(self, options: StreamOptions) -> AsyncGenerator[bytes, None]:
         with self._http_server.event_reader() as has_room:
-            if not has_room:  # another one came first
+            if not has_room:  # another reader took the last slot
                 return
             async with contextlib.aclosing(self._stream.read(options)) as parts:
                 async for part in parts:
@@ -191,12 +191,12 @@ class _Events:
 
 
 def is_stranger(request: Request) -> bool:
-    """Whether it is asked who looks, and this one has not said it."""
+    """Whether the listener requires authentication and this request has none."""
     return getattr(request.state, "visitor", ...) is None
 
 
 def why_unhealthy(model: Model | None) -> list[str]:
-    """Return why commands do not reach some drive, a sentence each; nothing where they do."""
+    """Return why commands do not reach a drive, one sentence each; empty if they reach all drives."""
     if model is None or (model.gateway.relay == "up" and model.gateway.snapshot_age_s is None):
         return [NOTHING_YET]
     return [f"{each.where}: {each.what}" for each in model.troubles if ALARMS[each.kind].cuts_off]

@@ -1,4 +1,4 @@
-"""Tables and their curves, as numbers and as a picture."""
+"""Tables and their curves, as numbers and as a drawing."""
 
 import asyncio
 import math
@@ -24,43 +24,47 @@ from gateway.status.axis import AxisStatus, Shares
 from gateway.supervisor.http.answers import JSON, json_bytes, not_there, problem, shortened
 from gateway.supervisor.http.documents import Window
 
-# --- The curve of an axis as it is corrected: the table in force with its gain, on the controller's scale
+# --- The curve of an axis in force: the table with its gain, on the controller's scale
 
 FEWEST: Final = 10
 MOST: Final = 10_000
 DECIMALS: Final = 9
-"""Of a length: below what a double holds of a metre in mm, above what subtracting an offset leaves behind."""
+"""Of a length: finer than a double resolves a metre in mm, and coarser than the rest after an offset is
+subtracted."""
 
 
 class NoCurveError(Exception):
-    """There is no curve; why, in a sentence."""
+    """There is no curve. The message says why."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlottedCurve:
-    """Points of a table, none of them computed, with what is added there. Lengths in the axis's units."""
+    """Points of a table with the correction at each. No point is interpolated.
+
+    Lengths in the axis's units.
+    """
 
     positions: tuple[float, ...]
-    """Nominal: on the controller's scale, as the positions of the status are."""
+    """Nominal: on the controller's scale, as the positions of the status."""
     forward: tuple[float, ...]
     backward: tuple[float, ...]
     indexes: tuple[int, ...]
-    """Which points of the table they are, counted from 0."""
+    """Index of each point in the table, from 0."""
     table_points: int
 
     @property
     def is_whole(self) -> bool:
-        """Whether every point of the table is there."""
+        """Whether the curve has every point of the table."""
         return len(self.positions) == self.table_points
 
 
 def read_curve(state: Path, digest: str, axis: AxisStatus, settings: AxisSettings, most: int) -> PlottedCurve:
     """Return at most ``most`` points of the compiled table ``digest``; blocks.
 
-    ``axis`` is the part of the status model, which says what gain is in force.
+    ``axis`` is the axis's part of the status model, which contains the gain in force.
 
     Raises:
-        NoCurveError: the compiled table cannot be read, or is none.
+        NoCurveError: the compiled table cannot be read, or is not a table.
     """
     try:
         table = checked(read_state(table_path(state, digest)))
@@ -87,9 +91,9 @@ def _scaled(values: Sequence[float], indexes: Sequence[int], gain: float) -> tup
 
 
 def thinned(table: CorrectionTable, most: int) -> Iterator[int]:
-    """Yield ascending indexes of at most ``most`` points: the ends, and of each stretch its extremes.
+    """Yield ascending indexes of at most ``most`` points: the ends, and the extremes of each interval.
 
-    So the highest and the lowest correction of each branch are always there.
+    So the highest and the lowest correction of each branch are always included.
     """
     count = len(table.positions)
     if count <= most:
@@ -131,13 +135,13 @@ def curve_as_data(
     }
 
 
-# --- The curve of an axis as a small drawing that needs nothing else: for reports, tickets and dashboards
+# --- The curve of an axis as a small self-contained drawing, for reports, tickets and dashboards
 
 MEDIA_TYPE: Final = "image/svg+xml"
 POINTS: Final = 700
-"""More than one for each column of the drawing shows nothing more."""
+"""More than one point for each column of the drawing is not visible."""
 MOST_DOTS: Final = 60
-"""Beyond that single points cannot be told from the line."""
+"""With more than this, single points merge with the line."""
 WIDTH, HEIGHT = 760, 340
 LEFT, RIGHT, TOP, BOTTOM = 80, 20, 44, 56
 FORWARD_COLOUR: Final = "#0b5cad"
@@ -145,13 +149,13 @@ BACKWARD_COLOUR: Final = "#b34700"
 TEXT_COLOUR: Final = "#333"
 GRID_COLOUR: Final = "#ddd"
 FINE: Final = {"mm": ("µm", 1000.0), "inch": ("0.001 inch", 1000.0), "degree": ("0.001 degree", 1000.0)}
-"""What corrections are shown in, by the units of positions."""
+"""Display unit and factor of corrections, by the units of positions."""
 
 Scale = Callable[[float], float]
 
 
 def ticks(low: float, high: float, about: int) -> list[float]:
-    """Return round numbers from ``low`` to ``high``: 1, 2 or 5 of some power of ten apart.
+    """Return round numbers from ``low`` to ``high``: 1, 2 or 5 times a power of ten apart.
 
     >>> ticks(-0.3, 10.2, 6)
     [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]
@@ -185,7 +189,7 @@ def drawing(name: str, axis: AxisStatus, curve: PlottedCurve) -> str:
 
 
 def _wide(low: float, high: float) -> tuple[float, float]:
-    """Leave some room above and below; a table of zeros has some too."""
+    """Add a margin above and below, also for a table of zeros."""
     room = 0.08 * (high - low) or 1.0
     return low - room, high + room
 
@@ -244,21 +248,21 @@ def _label(x: float, y: float, words: str, *, is_rotated: bool = False) -> str:
 
 
 def _text(words: str) -> str:
-    """Return words for a document: escaped, and without what XML cannot hold."""
+    """Return text for the document: escaped, and without characters that XML forbids."""
     return escape("".join(c if c.isprintable() else "\ufffd" for c in words))
 
 
-# --- ``/tables/NAME`` and ``/tables/NAME.svg``: curves, worked out beside the loop and kept for a while
+# --- ``/tables/NAME`` and ``/tables/NAME.svg``: curves, computed in a thread and cached
 
 SVG: Final = ".svg"
 KEPT_BYTES: Final = 4_000_000
 AT_ONCE: Final = 1
-"""Tables of millions of points take seconds and a hundred megabytes each; and a thread of their own, so that
-nothing else has to wait for one."""
+"""Tables of millions of points take seconds and a hundred megabytes each. They have a thread of their own, so
+that nothing else waits for one."""
 
 
 class Tables:
-    """Answers with the curve of the table that an axis has."""
+    """Answers with the curve of an axis's table."""
 
     def __init__(self, window: Window) -> None:
         self._window = window
@@ -266,7 +270,7 @@ class Tables:
         self._threads = ThreadPoolExecutor(AT_ONCE, "curves")
 
     def close(self) -> None:
-        """Work no more curves out."""
+        """Compute no more curves."""
         self._threads.shutdown(wait=False, cancel_futures=True)
 
     async def answer(self, request: Request) -> Response:

@@ -1,4 +1,4 @@
-"""The files of the page, the newest frames of a line, and the past of an axis."""
+"""The files of the page, the newest frames of a line, and the history of an axis."""
 
 import asyncio
 import hashlib
@@ -39,31 +39,30 @@ async def _nothing(_axis: str, _span_s: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Everything that is served comes through here."""
+    """The HTTP service's only access to the supervisor."""
 
     broadcast: Broadcast
     state: Path
-    """The state folder: the compiled tables are there, and the socket ``supervisor.sock``."""
+    """The state folder, with the compiled tables and the socket ``supervisor.sock``."""
     settings_of: Callable[[str], AxisSettings | None]
-    """The settings of an axis in the configuration that was taken; None where there is none yet."""
+    """The settings of an axis in the configuration in force; None if there is none yet."""
     reload: Callable[[], Awaitable[ReloadOutcome]]
     log: LogEvent
     history: Callable[[str, float], Awaitable[Sequence[Noted] | None]] = _nothing
-    """Where an axis was in so many seconds until now; None: nothing is known of it."""
+    """The positions of an axis over the last so many seconds; None: no such axis."""
     plan: Callable[[], GatewayPlan | None] = lambda: None
-    """The plan of the configuration that was taken; None where there is none yet."""
+    """The plan of the configuration in force; None if there is none yet."""
     acknowledge: Callable[[str, str, str, str], AlarmAcknowledgement | None] = lambda *_what: None
-    """Note that somebody has seen an alarm: its kind, where, since when it is there, and who; None: there is
-    none like that."""
+    """Acknowledge an alarm, by its kind, where, since when, and by whom. None: there is no such alarm."""
 
 
 def settings_in(plan: GatewayPlan | None, axis: str) -> AxisSettings | None:
-    """Return the settings of an axis in the plan of a configuration, for :attr:`Window.settings_of`."""
+    """Return the settings of an axis in a plan, for :attr:`Window.settings_of`."""
     axes = () if plan is None else (one for line in plan.lines for one in line.axes)
     return next((one.settings for one in axes if one.name == axis), None)
 
 
-# --- The files of the page, read once: a fixed list of names, and nothing that a request says is ever a path
+# --- The files of the page, read once: a fixed list of names. No part of a request is used as a path
 
 TYPES: Final = {
     ".html": "text/html; charset=utf-8",
@@ -86,7 +85,10 @@ class PageFile:
     etag: str
 
     def answer(self, request: Request) -> Response:
-        """Return it, or that it has not changed. A browser asks each time: an upgrade shows at once."""
+        """Return the file, or 304 if it has not changed.
+
+        A browser asks each time, so an upgrade shows immediately.
+        """
         headers = {"ETag": self.etag, "Cache-Control": "no-cache"}
         etags = request.headers.get("if-none-match", "")
         if any(tag.strip().removeprefix("W/") in {self.etag, "*"} for tag in etags.split(",")):
@@ -104,23 +106,23 @@ def _read(path: Path) -> PageFile:
     return PageFile(content, TYPES[path.suffix], f'"{hashlib.sha256(content).hexdigest()[:32]}"')
 
 
-# --- ``/frames/LINE``: the newest frames of a line, in words; asked for again and again by whoever looks
+# --- ``/frames/LINE``: the newest frames of a line, in words; each open page polls it
 
 SHOWN: Final = 200
 SIDES: Final = {"request": "controller", "answered": "controller", "sent": "drive", "reply": "drive"}
 AT_ONCE: Final = 2
-"""So many are read at the same time; the next is asked to come again."""
+"""Maximum of simultaneous reads. Further requests are told to retry."""
 
 
 class Frames:
-    """Answers for all who look."""
+    """Answers all clients."""
 
     def __init__(self, window: Window) -> None:
         self._window = window
         self._reading = 0
 
     async def answer(self, request: Request) -> Response:
-        """Return the frames of a line; 404 for a line that there is not, 503 where none are kept."""
+        """Return the frames of a line; 404 for an unknown line, 503 if no frames are kept."""
         line: str = request.path_params["name"]
         plan = self._window.plan()
         names = [] if plan is None else [each.name for each in plan.lines]
@@ -139,10 +141,10 @@ class Frames:
 
 
 def read_frames(state: Path, plan: GatewayPlan, line: str) -> list[dict[str, Any]]:
-    """Return the newest frames of a line, oldest first, each with its time, its side and its words.
+    """Return the newest frames of a line, oldest first, each with its time, its side and its description.
 
     Raises:
-        NoGatewayError, NoCaptureError, SocketError: there is nothing to look into.
+        NoGatewayError, NoCaptureError, SocketError: there are no trace buffers to read.
     """
     capture = Capture(socket_path(state), line)
     try:
@@ -165,26 +167,26 @@ def read_frames(state: Path, plan: GatewayPlan, line: str) -> list[dict[str, Any
         capture.close()
 
 
-# --- ``/history/AXIS`` and ``/history/AXIS.csv``: where an axis was, read beside the loop
+# --- ``/history/AXIS`` and ``/history/AXIS.csv``: the positions of an axis, read in a thread
 
 MINUTES: Final = 10
-"""Where nothing else is asked for."""
+"""Default length of the history."""
 MOST_MINUTES: Final = DAY_S // 60
 CSV: Final = ".csv"
 MEDIA_TYPE: Final = "text/csv; charset=utf-8; header=present"
 FILES_AT_ONCE: Final = 2
-"""So many are read at the same time; the next one waits."""
+"""Maximum of simultaneous reads. Further requests wait."""
 
 
 class Histories:
-    """Answers for all who look."""
+    """Answers all clients."""
 
     def __init__(self, window: Window) -> None:
         self._window = window
         self._semaphore = asyncio.Semaphore(FILES_AT_ONCE)
 
     async def answer(self, request: Request) -> Response:
-        """Return the past of an axis; 404 for an axis that there is not."""
+        """Return the history of an axis; 404 for an unknown axis."""
         name: str = request.path_params["name"]
         axis, is_csv = name.removesuffix(CSV), name.endswith(CSV)
         asked = request.query_params.get("minutes", str(MINUTES))

@@ -1,4 +1,4 @@
-"""What every request has to pass before anybody looks at it, and what every answer carries."""
+"""The checks that every request passes first, and the headers of every response."""
 
 import re
 from collections.abc import Collection, Sequence
@@ -23,8 +23,8 @@ from gateway.supervisor.http.refusals import Refused, ignore_refused
 
 READS: Final = frozenset(("GET", "HEAD"))
 HOSTLESS: Final = frozenset(("/healthz", "/metrics"))
-"""What programs that speak HTTP/1.0 ask for without saying whom they mean: load balancers, simple monitors.
-No browser leaves ``Host`` out, so no page from elsewhere can; HTTP/1.1 has to have it (RFC 9112, 3.2)."""
+"""Paths that HTTP/1.0 programs may request without ``Host``: load balancers, simple monitors. Browsers always
+send ``Host``, so no foreign page can do this. HTTP/1.1 requires it (RFC 9112, 3.2)."""
 VERSIONS: Final = frozenset(("1.0", "1.1"))
 NOT_THERE: Final = 404
 _NEVER: Final = frozenset((400, 405, 411, 413, 414, 415, 421, 431, 505))
@@ -40,21 +40,21 @@ _ALWAYS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """What holds at one listener."""
+    """The rules of one listener."""
 
     methods: Collection[str] = READS
     loopback_host: str | None = None
-    """The host that is listened on where only this machine reaches it: requests have to name this machine.
+    """The address of a listener that only this machine reaches: requests have to name this machine.
 
-    A page from elsewhere can have its own name lead to 127.0.0.1 (DNS rebinding), and then the browser lets
-    it read what is answered; the ``Host`` of its requests is still that name.
+    A foreign page can point its own name to 127.0.0.1 (DNS rebinding). The browser then lets it read the
+    responses. But the ``Host`` of its requests is still the foreign name.
     """
     there_is: Sequence[str] = ()
-    """Paths, for whoever asks for something else."""
+    """The paths to list for a client that requests another one."""
 
 
 class Guard:
-    """Stands before an application."""
+    """Checks requests before the application gets them."""
 
     def __init__(
         self,
@@ -87,13 +87,13 @@ class Guard:
         await (answer or self._app)(scope, receive, send_with_headers)
 
     def _report(self, scope: Scope, status: int) -> None:
-        """Have the log know of a request that no page of ours and no program that knows us makes."""
+        """Log a request that neither our page nor a program that knows this server sends."""
         path = scope["path"]
         if status in _NEVER or (status == NOT_THERE and (not path.startswith("/tables/") or is_probe(path))):
             self._refused(peer_of(scope), f"{status} for {scope['method'][:8]} {shortened(path)}")
 
     def _refusal(self, scope: Scope) -> Response | None:
-        """Return why a request is not looked at; None where it may pass."""
+        """Return why a request is refused; None if it may pass."""
         if scope["http_version"] not in VERSIONS:
             return problem(505, f"HTTP/{scope['http_version']} is not spoken here, only HTTP/1.1", _CLOSE)
         headers: list[tuple[bytes, bytes]] = scope["headers"]
@@ -125,7 +125,7 @@ class Guard:
 
 
 def is_probe(path: str) -> bool:
-    """Whether a path, decoded once, tries to lead out of what is served.
+    """Whether a path, decoded once, tries to leave the served tree.
 
     >>> [is_probe(path) for path in ("/tables/x", "/tables/../x", "//x", "/%2e%2e/x")]
     [False, True, True, True]
@@ -137,7 +137,7 @@ def _body_refusal(headers: list[tuple[bytes, bytes]]) -> Response | None:
     for name, value in headers:
         if name == b"transfer-encoding":
             return problem(411, "say the length of the body, or leave it out", _CLOSE)
-        if name == b"content-length" and int(value) > BODY_BYTES:  # h11 takes digits only, 20 of them
+        if name == b"content-length" and int(value) > BODY_BYTES:  # h11 admits digits only, at most 20
             return problem(413, f"a body may have {BODY_BYTES} bytes", _CLOSE)
     return None
 
@@ -153,7 +153,7 @@ def host_of(text: str) -> str:
 
 
 def is_this_machine(host: str, listen_host: str) -> bool:
-    """Whether a name that a request carries can only mean this machine.
+    """Whether a host name in a request can only mean this machine.
 
     >>> [is_this_machine(host, "127.0.0.1") for host in ("LOCALHOST", "127.0.0.9", "::1", "evil.example")]
     [True, True, True, False]

@@ -1,4 +1,4 @@
-"""One listener of the page: its connections, handshakes, and who is let in."""
+"""One listener of the page: its connections, TLS handshakes and access rules."""
 
 import asyncio
 import contextlib
@@ -33,16 +33,16 @@ from gateway.transport.certificates import CertificateInForce, read_held
 from gateway.transport.connections import longest
 from gateway.transport.endpoints import TcpEndpoint
 
-# --- One connection: uvicorn's HTTP/1.1, with an end to everything that somebody could keep waiting
+# --- One connection: uvicorn's HTTP/1.1, with a time limit on everything that a client can delay
 
 LEAVING_S: Final = 2.0
-"""For somebody to notice that nobody listens any more."""
+"""Time for a client to notice that the server has closed."""
 _ASKING: Final = frozenset((h11.IDLE, h11.SEND_BODY))
-"""States of the other side in which a request is not whole yet."""
+"""States of the client in which its request is incomplete."""
 
 
 def last_words(status: str, what: str) -> bytes:
-    """Return a whole answer after which the connection is closed, for where no request can be answered."""
+    """Return a complete response for a connection that closes without serving a request."""
     body = json_bytes({"problem": what})
     head = (
         f"HTTP/1.1 {status}\r\nContent-Type: application/json\r\nContent-Length: {len(body)}\r\n"
@@ -52,10 +52,10 @@ def last_words(status: str, what: str) -> bytes:
 
 
 class HttpConnection(H11Protocol):
-    """A connection that may be told to go; :meth:`is_overdue` says when it has to.
+    """A connection with time limits; :meth:`is_overdue` says when it has exceeded one.
 
-    ``make_room`` says whether there is room for it, once it is made. ``refused`` is told where there is none,
-    and of what is no request.
+    ``make_room`` says whether a slot is free for the new connection. ``refused`` is called if not, and for
+    bytes that are not a request.
     """
 
     def __init__(
@@ -76,44 +76,44 @@ class HttpConnection(H11Protocol):
         self._stalled_since_s: float | None = None
         self._closing_since_s: float | None = None
         self._leaving_since_s: float | None = None
-        """It has had its last words, and what it still sends is not looked at."""
+        """The final response was sent. Further bytes from the client are ignored."""
         self._has_begun = False
 
     @property
     def is_idle(self) -> bool:
-        """Whether nothing is being answered."""
+        """Whether no request is being answered."""
         cycle: RequestResponseCycle | None = self.cycle
         return cycle is None or cycle.response_complete
 
     @property
     def idle_since_s(self) -> float | None:
-        """Since when nothing is being answered: its last answer was whole, or it was opened; None: it is."""
+        """When the last response was complete, or the connection opened; None while it answers a request."""
         return self._quiet_since_s if self.is_idle else None
 
     @property
     def stalled_since_s(self) -> float | None:
-        """Since when the other side has taken nothing of its answer; None: it takes it."""
+        """Since when the client has taken nothing of its response; None if it takes it."""
         return self._stalled_since_s
 
     @property
     def peer(self) -> str:
-        """The address of the other side."""
+        """The address of the client."""
         return self.client[0] if self.client else ""
 
     @property
     def is_slow(self) -> bool:
-        """Whether a request has begun that is not whole yet."""
+        """Whether a request has begun and is incomplete."""
         return self._has_begun and self._asking_since_s is not None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """See ``asyncio.BaseProtocol``."""
         transport = cast("asyncio.Transport", transport)
         connection: socket.socket = transport.get_extra_info("socket")
-        with contextlib.suppress(OSError):  # it has gone already
+        with contextlib.suppress(OSError):  # the client has already gone
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         transport.set_write_buffer_limits(high=WRITE_HIGH_BYTES)
         certificate = transport.get_extra_info("peercert")
-        if certificate:  # it was verified in the handshake
+        if certificate:  # the handshake has verified it
             self.app_state["certificate"] = name_in(certificate)
         has_room = self._make_room()
         super().connection_made(transport)
@@ -135,9 +135,9 @@ class HttpConnection(H11Protocol):
             self._asking_since_s = time.monotonic()
 
     def send_400_response(self, msg: str) -> None:
-        """Answer what is no request of HTTP, or one that is too large, and close."""
+        """Answer bytes that are not an HTTP request, or a request that is too large, and close."""
         if not self.is_idle:
-            self.transport.abort()  # nothing sensible can be said in the middle of an answer
+            self.transport.abort()  # inside a response there is nothing valid to send
             return
         waiting, _ = self.conn.trailing_data
         if len(waiting) > HEAD_BYTES:
@@ -148,10 +148,10 @@ class HttpConnection(H11Protocol):
             self.transport.write(last_words("400 Bad Request", what))
         self._refused(self.peer, what)
         self._leaving_since_s = time.monotonic()
-        # Not closed at once: bytes that nobody read would have the system throw the answer away.
+        # Not closed immediately: with unread input, the system would discard the response.
         if self.transport.can_write_eof():
             self.transport.write_eof()
-        elif len(waiting) <= HEAD_BYTES:  # TLS cannot close one way only, and hardly anything is unread here
+        elif len(waiting) <= HEAD_BYTES:  # TLS cannot close one direction only; here almost nothing is unread
             self.transport.close()
 
     def on_response_complete(self) -> None:
@@ -170,7 +170,7 @@ class HttpConnection(H11Protocol):
         super().resume_writing()
 
     def is_overdue(self, now_s: float) -> bool:
-        """Whether it has kept somebody waiting for longer than its limits allow."""
+        """Whether the client has exceeded a time limit."""
         limits = self._limits
         if self._closing_since_s is None and self.transport.is_closing():
             self._closing_since_s = now_s
@@ -182,26 +182,26 @@ class HttpConnection(H11Protocol):
         )
 
     def drop(self) -> None:
-        """Close it at once; what was not sent yet is lost."""
+        """Close immediately; unsent bytes are lost."""
         self.transport.abort()
 
     def leave(self) -> None:
-        """Close it; what waits for somebody who does not take it is lost."""
+        """Close; bytes that the client does not take are lost."""
         if (
             not self.transport.is_closing()
-        ):  # closed twice a transport of TLS is of no more use (CPython, sslproto)
+        ):  # a TLS transport that is closed twice is unusable (CPython, sslproto)
             self.transport.close()
         if self.transport.get_write_buffer_size():
             self.transport.abort()
 
     def give_way(self) -> None:
-        """Make room for another connection."""
+        """Close to make room for another connection."""
         self.connections.discard(self)
         self.transport.abort()
 
 
 def name_in(certificate: Mapping[str, Any]) -> str:
-    """Return whom a certificate is for, for the log.
+    """Return the subject of a certificate, for the log.
 
     >>> name_in({"subject": ((("organizationName", "Mills"),), (("commonName", "panel"),))})
     'panel'
@@ -215,7 +215,7 @@ def _is_past(since_s: float | None, longest_s: float, now_s: float) -> bool:
 
 
 def silent_config(app: Any, keep_alive_s: int) -> Config:
-    """Return settings of uvicorn with which it serves, and neither logs nor guesses who asks."""
+    """Return uvicorn settings without logging and without guessing client addresses from headers."""
     config = Config(
         app,
         http=H11Protocol,
@@ -234,11 +234,11 @@ def silent_config(app: Any, keep_alive_s: int) -> Config:
     return config
 
 
-# --- An open listener: the connections that came in by it, and who has to go
+# --- An open listener: its connections, and which of them have to close
 
 
 def silence_uvicorn() -> None:
-    """Keep uvicorn's own words out of the log: what is wrong with requests is their senders' to know."""
+    """Keep uvicorn's own messages out of the log: malformed requests concern only their senders."""
     for name in ("uvicorn", "uvicorn.error", "uvicorn.access"):
         logger = logging.getLogger(name)
         logger.handlers = [logging.NullHandler()]
@@ -246,9 +246,9 @@ def silence_uvicorn() -> None:
 
 
 class HttpServer:
-    """Makes connections for a listener, and holds them to their limits.
+    """Makes the connections of a listener and enforces their limits.
 
-    :meth:`watch` has to run while it is open, :meth:`close` ends it.
+    :meth:`watch` has to run while the listener is open; :meth:`close` ends it.
     """
 
     def __init__(self, limits: Limits, refused: Refused = ignore_refused) -> None:
@@ -258,7 +258,7 @@ class HttpServer:
         self._state = ServerState()
 
     def serve(self, app: ASGIApp) -> None:
-        """Answer with ``app`` from now on; before the first connection comes."""
+        """Set the application; call it before the first connection."""
         silence_uvicorn()
         self._config = silent_config(app, self.limits.keep_alive_s)
 
@@ -271,10 +271,11 @@ class HttpServer:
         return [one for one in self._state.connections if isinstance(one, HttpConnection)]
 
     def make_room(self) -> bool:
-        """Whether one more connection may come; where there are too many another one goes for it.
+        """Whether one more connection is admitted. At the limit, another connection is closed for it.
 
-        That is the one that has been idle for longest; where none is, the one that has taken nothing of its
-        answer for longest. Else whoever asks much and reads nothing would keep everybody out.
+        That is the connection that has been idle for longest. If none is idle, it is the one that has taken
+        nothing of its response for longest. Otherwise a client that sends many requests and reads nothing
+        would block all others.
         """
         connections = self._connections
         if len(connections) < self.limits.connections:
@@ -290,7 +291,7 @@ class HttpServer:
 
     @contextlib.contextmanager
     def event_reader(self) -> Iterator[bool]:
-        """Count one reader of ``/events`` while it reads; yields whether there is room for it."""
+        """Count one reader of ``/events`` while it reads; yields whether a slot is free."""
         has_room = self.event_readers < self.limits.event_readers
         self.event_readers += has_room
         try:
@@ -299,7 +300,7 @@ class HttpServer:
             self.event_readers -= has_room
 
     async def watch(self) -> None:
-        """Drop connections that are overdue, until cancelled."""
+        """Drop overdue connections until cancelled."""
         while True:
             await asyncio.sleep(self.limits.sweep_s)
             now_s = time.monotonic()
@@ -310,7 +311,7 @@ class HttpServer:
                     one.drop()
 
     async def close(self) -> None:
-        """Drop everybody; what was answered is on its way, what is being answered is not."""
+        """Drop all connections. Finished responses are already sent, unfinished ones are lost."""
         for one in self._connections:
             one.leave()
         tasks = list(self._state.tasks)
@@ -319,49 +320,50 @@ class HttpServer:
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-# --- Where the page is wanted, and for whom: what a configuration says, with the files that it names
+# --- Where the page is served and who may see it: the configuration with the files that it names
 
 
 @dataclass(frozen=True, slots=True)
 class HttpSettings:
-    """Two that are equal need nothing to be done."""
+    """Settings of the page. Equal settings need no change of the server."""
 
     endpoint: TcpEndpoint
     tokens: tuple[TokenSection, ...]
     tls: HttpTlsSection | None
     gateway: str
-    """Its name."""
+    """Name of the gateway."""
     folder: Path
-    """That the files are relative to."""
+    """Base of relative file paths."""
     seen: tuple[tuple[int, ...] | None, ...]
-    """How the files of TLS looked: renewed ones are others."""
+    """Stamps of the TLS files: renewed files have other stamps."""
 
     @property
     def asks_who(self) -> bool:
-        """Whether requests have to show who asks; where certificates say it, the handshake sees to that."""
+        """Whether each request has to authenticate. With client certificates the handshake does it."""
         return bool(self.tokens)
 
     @property
     def address(self) -> str:
-        """Where it is, for people."""
+        """The address, for display."""
         return f"{'http' if self.tls is None else 'https'}://{self.endpoint}"
 
     @property
     def cookie(self) -> str:
-        """Name of a session's cookie: a browser has one store for all gateways behind one host.
+        """Name of the session cookie.
 
-        On one machine they differ by port, behind one proxy by name.
+        A browser has one cookie store for all gateways behind one host. On one machine they differ by port,
+        behind one proxy by name.
         """
         return f"{'' if self.tls is None else '__Host-'}pitch-gateway-{self.gateway}-{self.endpoint.port}"
 
     def context(self) -> ssl.SSLContext | None:
-        """Return what TLS needs, None without; blocks. Raises NamedFileError."""
+        """Return the TLS context, None without TLS; blocks. Raises NamedFileError."""
         if self.tls is None:
             return None
         return server_context(self.tls, self.folder, needs_client=not self.tokens)
 
     def held(self) -> tuple[CertificateInForce, ...]:
-        """Return what is in the files of TLS, with its times; blocks. Raises NamedFileError."""
+        """Return the certificates in the TLS files, with their validity; blocks. Raises NamedFileError."""
         if self.tls is None:
             return ()
         named = {
@@ -379,9 +381,9 @@ class HttpSettings:
 
 
 def http_settings_of(section: HttpSection, gateway: str, folder: Path) -> HttpSettings | None:
-    """Return what a section wants for the gateway of that name; None: no page over TCP.
+    """Return the settings of the section for the gateway of that name; None: no page over TCP.
 
-    Its files are relative to ``folder``.
+    Relative file paths start at ``folder``.
     """
     endpoint, tls = section.endpoint, section.tls
     if endpoint is None:

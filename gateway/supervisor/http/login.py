@@ -1,4 +1,4 @@
-"""Who may look and what a token allows: tokens, sessions, and the way in."""
+"""Authentication and its rights: tokens, sessions, login."""
 
 import asyncio
 import hmac
@@ -26,27 +26,27 @@ from gateway.supervisor.http.documents import Window
 from gateway.supervisor.http.refusals import HttpRefusals, WrongTries
 from gateway.supervisor.page import LOGIN_FILES
 
-# --- The tokens that are in force: read from their files, again as soon as those change, and never shown
+# --- Tokens: read from their files, read again when a file changes, never shown
 
 SETTLED_NS: Final = 2_000_000_000
-"""A file that was written later than so long ago is read each time: two saves can have one time."""
+"""A file written less than so long ago is read each time: two saves can have the same time."""
 Seen = tuple[int, ...]
 
 
 @dataclass(slots=True)
 class _File:
-    """One token as its file had it when it was looked at last."""
+    """One token, as last read from its file."""
 
     key: tuple[str | int, ...]
     section: TokenSection
     seen: Seen | None = None
     digest: bytes = b""
-    """SHA-256 of the token; empty: there is none that could be used, and it is refused."""
+    """SHA-256 of the token; empty: the file has no usable token, and the token is refused."""
     problem: str | None = None
 
 
 class Tokens:
-    """Tells whose token one is. Files are small and local: they are looked at on the loop."""
+    """Identifies tokens. The files are small and local, so they are read on the event loop."""
 
     def __init__(
         self, sections: Iterable[TokenSection], folder: Path, complain: Callable[[str], None]
@@ -60,11 +60,11 @@ class Tokens:
 
     @property
     def problems(self) -> list[str]:
-        """Why tokens cannot be used, a sentence each."""
+        """Why tokens cannot be used, one sentence each."""
         return [file.problem for file in self._files if file.problem is not None]
 
     def refresh(self) -> None:
-        """Read the files that have changed; a token that is in its file no more is in force no more."""
+        """Read the files that have changed. A token that is no longer in its file is no longer valid."""
         for file in self._files:
             try:
                 seen = _file_mark(path_of(file.key, file.section.file, self._folder))
@@ -79,7 +79,7 @@ class Tokens:
                     self._complain(why)
 
     def name_of(self, token: str) -> str | None:
-        """Return whose token this is; takes as long for a wrong one as for a right one."""
+        """Return the name of a token. A wrong token takes as long as a valid one."""
         digest, found = _digest(token), None
         for file in self._files:
             if hmac.compare_digest(digest, file.digest):
@@ -87,11 +87,11 @@ class Tokens:
         return found
 
     def may_acknowledge(self, name: str) -> bool:
-        """Whether the token of a name has the right to acknowledge alarms."""
+        """Whether the token of this name may acknowledge alarms."""
         return any(file.section.name == name and file.section.acknowledge for file in self._files)
 
     def digest_of(self, name: str) -> bytes:
-        """Return what the token of a name is known by; empty where there is none."""
+        """Return the digest of the token of this name; empty if there is none."""
         return next((file.digest for file in self._files if file.section.name == name), b"")
 
 
@@ -100,40 +100,43 @@ def _digest(token: str) -> bytes:
 
 
 def _file_mark(path: Path) -> Seen | None:
-    """Return by what a change of a file is noticed; None: it has to be read to know."""
+    """Return the stamp that shows a change of the file; None: only reading shows it."""
     try:
         status = path.stat()
     except OSError:
         return None
     if time.time_ns() - max(status.st_mtime_ns, status.st_ctime_ns) < SETTLED_NS:
         return None
-    # The time of change counts too: with it comes another mode, by which others may read it.
+    # The change time counts too: a new mode changes it, and may let others read the file.
     return (*mark_of(status), status.st_ctime_ns)
 
 
-# --- Sessions of browsers: a person shows the token once, and the browser a random number from then on
+# --- Browser sessions: a person enters the token once; then the browser sends a random number
 
 LIFE_S: Final = 12 * 3600.0
 """A shift and the way home."""
 MOST: Final = 64
-"""At once; for one more the oldest ends."""
+"""Maximum at once. One more ends the oldest."""
 _BYTES: Final = 32
 
 
 @dataclass(frozen=True, slots=True)
 class LoginSession:
-    """One browser that is let in."""
+    """The session of one browser."""
 
     token: str
-    """Name of the token that was shown for it."""
+    """Name of the token that opened it."""
     digest: bytes
-    """What that token was known by: with another one in its file the session is over."""
+    """Digest of that token. The session ends when its file has another token."""
     ends_s: float
     """On the monotonic clock."""
 
 
 class Sessions:
-    """Kept here only: a restart ends all of them. Known by digests, so that a look-up tells nothing."""
+    """Sessions, in memory only: a restart ends them all.
+
+    Stored as digests, so that timing reveals nothing.
+    """
 
     def __init__(self) -> None:
         self._sessions: OrderedDict[bytes, LoginSession] = OrderedDict()
@@ -142,7 +145,7 @@ class Sessions:
         return len(self._sessions)
 
     def open(self, token: str, digest: bytes, now_s: float) -> str:
-        """Begin a session; returns what the browser has to show for it."""
+        """Begin a session; return the value of its cookie."""
         value = secrets.token_urlsafe(_BYTES)
         while len(self._sessions) >= MOST:
             self._sessions.popitem(last=False)
@@ -150,7 +153,7 @@ class Sessions:
         return value
 
     def find(self, value: str, now_s: float) -> LoginSession | None:
-        """Return the session of what a browser shows; None where there is none, or not any more."""
+        """Return the session of a cookie value; None if there is none or it has ended."""
         session = self._sessions.get(_key(value))
         if session is not None and session.ends_s <= now_s:
             self.close(value)
@@ -158,7 +161,7 @@ class Sessions:
         return session
 
     def has(self, session: LoginSession, now_s: float) -> bool:
-        """Whether a session goes on."""
+        """Whether a session is still valid."""
         return session.ends_s > now_s and any(session is one for one in self._sessions.values())
 
     def close(self, value: str) -> None:
@@ -170,31 +173,31 @@ def _key(value: str) -> bytes:
     return sha256(value.encode("utf-8", "surrogatepass")).digest()
 
 
-# --- Who may look, where that is not everybody: a token, a session that one was shown for, or a certificate
+# --- Access, where it is limited: by a token, by a session, or by a client certificate
 
 CHECK_EVERY_S: Final = 1.0
-"""How soon somebody who stays is out when his token, or his session, is no more."""
+"""How often a lasting connection is checked for a revoked token or an ended session."""
 OPEN_TO_ALL: Final = frozenset(("/", "/healthz", "/login", *(f"/page/{name}" for name in LOGIN_FILES)))
-"""What strangers see: the page that asks for the token, and whether the gateway is well, without why not."""
+"""Paths without authentication: the login page, and whether the gateway is healthy, without the reasons."""
 CHALLENGE: Final = {"WWW-Authenticate": 'Bearer realm="pitch-gateway"'}
 _CLOSE: Final = {"Connection": "close"}
 
 
 @dataclass(frozen=True, slots=True)
 class Visitor:
-    """Somebody who may look."""
+    """An authenticated client."""
 
     name: str
-    """Of his token, or in his certificate."""
+    """Name of the token, or subject of the certificate."""
     how: str
     """``token``, ``session`` or ``certificate``."""
     session: LoginSession | None = None
     digest: bytes = b""
-    """What his token is known by."""
+    """Digest of the token."""
 
 
 class Authenticator:
-    """Says of each request whose it is, before anybody looks at what it asks for."""
+    """Authenticates each request before anything else uses it."""
 
     def __init__(
         self,
@@ -205,7 +208,7 @@ class Authenticator:
         clock_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self.cookie = cookie
-        """The name of the cookie; one that begins with ``__Host-`` is for TLS."""
+        """Name of the cookie. A name that begins with ``__Host-`` is for TLS."""
         self._tokens = tokens
         self._sessions = sessions
         self._refusals = refusals
@@ -213,7 +216,7 @@ class Authenticator:
         self._clock_s = clock_s
 
     def refusal(self, scope: Scope) -> Response | None:
-        """Return why a request may not pass, else None: its ``state`` then has the ``visitor``."""
+        """Return why a request may not pass; None: it may, and its ``state`` has the ``visitor``."""
         if scope["method"] == "POST" and (why := _why_cross_site(scope)) is not None:
             self._refusals.add(HTTP_REFUSED, peer_of(scope), why, self._clock_s())
             return problem(403, why, _CLOSE)
@@ -232,7 +235,7 @@ class Authenticator:
         return None
 
     def try_token(self, token: str, peer: str) -> Visitor | Response:
-        """Return whose token it is, or the answer to a wrong one."""
+        """Return the visitor of a token, or the response to a wrong token."""
         now_s = self._clock_s()
         if (wait_s := self._tries.shut_s(peer, now_s)) > 0.0:
             self._refusals.add(TOKEN_REFUSED, peer, "too many wrong tokens: not looked at", now_s)
@@ -247,26 +250,29 @@ class Authenticator:
         return Visitor(name, "token", digest=self._tokens.digest_of(name))
 
     def log_in(self, visitor: Visitor) -> str:
-        """Begin a session; returns the ``Set-Cookie`` of it."""
+        """Begin a session; return its ``Set-Cookie``."""
         value = self._sessions.open(visitor.name, visitor.digest, self._clock_s())
         return self._set_cookie(value, int(LIFE_S))
 
     def log_out(self, scope: Scope) -> str:
-        """End the session of a request; returns the ``Set-Cookie`` that takes it away."""
+        """End the session of a request; return the ``Set-Cookie`` that deletes the cookie."""
         for value in self._shown(scope):
             self._sessions.close(value)
         return self._set_cookie("", 0)
 
     def ends_in_s(self, visitor: Visitor) -> float | None:
-        """Return how long a session will still be; None: it is none."""
+        """Return the rest of a session in seconds; None if the visitor has no session."""
         return None if visitor.session is None else visitor.session.ends_s - self._clock_s()
 
     def may_acknowledge(self, visitor: Visitor) -> bool:
-        """Whether a visitor may acknowledge alarms: by a token that has the right, never by a certificate."""
+        """Whether a visitor may acknowledge alarms.
+
+        It needs a token with that right; a certificate has none.
+        """
         return visitor.how != "certificate" and self._tokens.may_acknowledge(visitor.name)
 
     def is_still_in(self, visitor: Visitor) -> bool:
-        """Whether somebody who was let in would be let in again."""
+        """Whether the visitor would still be admitted."""
         if visitor.how == "certificate":
             return True
         session = visitor.session
@@ -276,8 +282,8 @@ class Authenticator:
         return self._tokens.digest_of(visitor.name) == visitor.digest
 
     async def until_out(self, visitor: Visitor) -> None:
-        """Wait until a visitor would not be let in any more."""
-        while self.is_still_in(visitor):  # noqa: ASYNC110 - a file tells nobody
+        """Wait until the visitor would no longer be admitted."""
+        while self.is_still_in(visitor):  # noqa: ASYNC110 - a file sends no notification
             await asyncio.sleep(CHECK_EVERY_S)
 
     def _by_certificate(self, scope: Scope) -> Visitor | None:
@@ -308,7 +314,7 @@ class Authenticator:
 
 
 def peer_of(scope: Scope) -> str:
-    """Return the address that a request came from."""
+    """Return the client address of a request."""
     return scope["client"][0] if scope.get("client") else ""
 
 
@@ -317,15 +323,21 @@ def _header(scope: Scope, header: bytes) -> list[str]:
 
 
 def _bearer(scope: Scope) -> str | None:
-    """Return the token that a request shows, None for none: what a proxy in front asks for is not ours."""
+    """Return the token in a request, None if there is none.
+
+    Credentials for a proxy in front are not tokens.
+    """
     tokens = [
         value[7:].strip() for value in _header(scope, b"authorization") if value[:7].lower() == "bearer "
     ]
-    return " ".join(tokens) if tokens else None  # several of them are no token
+    return " ".join(tokens) if tokens else None  # several tokens count as none
 
 
 def _why_cross_site(scope: Scope) -> str | None:
-    """Return why a POST is not of our own page: browsers say where theirs come from, others say nothing."""
+    """Return why a POST is not from our own page.
+
+    Browsers name the origin of a POST, other programs do not.
+    """
     sites = _header(scope, b"sec-fetch-site")
     if sites:
         return None if sites == ["same-origin"] else "a page from elsewhere may not ask for that"
@@ -336,20 +348,20 @@ def _why_cross_site(scope: Scope) -> str | None:
     return None
 
 
-# --- What a person with a browser asks for: ``/login``, ``/logout``, ``/session`` and ``/acknowledge``
+# --- Requests of a browser user: ``/login``, ``/logout``, ``/session`` and ``/acknowledge``
 
 NOBODY: dict[str, object] = {"by": None, "how": None, "ends_in_s": None, "may_acknowledge": False}
 
 
 class LoginRoutes:
-    """Answers of one listener; ``access`` is None where everybody may look."""
+    """Answers of one listener; ``access`` is None if authentication is not required."""
 
     def __init__(self, access: Authenticator | None, window: Window) -> None:
         self._access = access
         self._window = window
 
     async def session(self, request: Request) -> Response:
-        """Say who looks, where that had to be shown."""
+        """Return the visitor, if authentication is required."""
         visitor: Visitor | None = getattr(request.state, "visitor", None)
         if self._access is None or visitor is None:
             return json_answer(NOBODY)
@@ -360,7 +372,7 @@ class LoginRoutes:
         )
 
     async def log_in(self, request: Request) -> Response:
-        """Take a token, once, for a session."""
+        """Exchange a token for a session."""
         assert self._access is not None, "only where tokens are asked for"
         asked = await _asked(request, ("token",))
         if isinstance(asked, Response):
@@ -376,7 +388,7 @@ class LoginRoutes:
         return json_answer({}, headers={"Set-Cookie": self._access.log_out(request.scope)})
 
     async def acknowledge(self, request: Request) -> Response:
-        """Note that somebody has seen an alarm: the one thing that can be changed over TCP."""
+        """Acknowledge an alarm: the only change that is possible over TCP."""
         assert self._access is not None, "only where tokens are asked for"
         visitor: Visitor = request.state.visitor
         if not self._access.may_acknowledge(visitor):
@@ -393,7 +405,7 @@ class LoginRoutes:
 
 
 async def _asked(request: Request, keys: Sequence[str]) -> dict[str, str] | Response:
-    """Return the texts that a request brings as JSON, or what to answer where it brings something else."""
+    """Return the texts of the JSON in a request, or the response to malformed content."""
     example = ", ".join(f'"{key}": "…"' for key in keys)
     if request.headers.get("content-type", "").partition(";")[0].strip().lower() != JSON:
         return problem(415, f"send {JSON}: {{{example}}}")

@@ -1,4 +1,4 @@
-"""``/metrics``: the status model in the words of Prometheus; seconds, and totals since the relay's start."""
+"""``/metrics``: the status model as Prometheus metrics; seconds, and totals since the relay's start."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
@@ -31,13 +31,13 @@ COMPONENTS: Final = ("configuration", "tables_folder", "state_folder", "http", "
 
 
 class StatusCollector(Collector):
-    """Makes metrics of the newest model each time that somebody asks; keeps nothing."""
+    """Makes metrics from the newest model at each scrape; keeps nothing."""
 
     def __init__(self, broadcast: Broadcast) -> None:
         self._broadcast = broadcast
 
     def collect(self) -> Iterator[Metric]:
-        """Yield all metrics; none while there is no model."""
+        """Yield all metrics; none if there is no model."""
         model = self._broadcast.model
         if model is not None:
             bounds_us = model.gateway.latency_bounds_us or ()
@@ -48,14 +48,14 @@ class StatusCollector(Collector):
 
 
 class Metrics:
-    """The page of metrics."""
+    """The metrics page."""
 
     def __init__(self, broadcast: Broadcast) -> None:
         self._registry = CollectorRegistry()
         self._registry.register(StatusCollector(broadcast))
 
     def page(self, accept: str) -> tuple[bytes, str]:
-        """Return the page and its type, in the format that ``accept`` asks for."""
+        """Return the page and its content type, in the format that ``accept`` requests."""
         encode, media_type = choose_encoder(accept)
         return encode(self._registry), media_type
 
@@ -138,7 +138,7 @@ def _of_troubles(troubles: Sequence[AlarmStatus]) -> Iterator[Metric]:
 
 
 def _of_certificates(model: Model) -> Iterator[Metric]:
-    """Yield when certificates end; of several in one file the first to end."""
+    """Yield when certificates expire; of several in one file, the first to expire."""
     by_listener: dict[str, Sequence[CertificateStatus]] = {}
     if model.supervisor is not None:
         by_listener["http"] = model.supervisor.http.certificates
@@ -174,7 +174,7 @@ def _of_lines(lines: Mapping[str, LineStatus], bounds_us: Iterable[float]) -> It
             connections = controller.connections
             count = int(controller.state == "up") if connections is UNSET else len(connections)
             connected.add_metric((name, controller.name), count)
-            if controller.silent_s is not UNSET:  # a relay of an older release does not say
+            if controller.silent_s is not UNSET:  # a relay of an older release does not report it
                 silent.add_metric((name, controller.name), controller.silent_s)
     yield from (up, wire, added, connected, silent)
     yield from _of_drives(lines)
@@ -184,14 +184,14 @@ def _of_lines(lines: Mapping[str, LineStatus], bounds_us: Iterable[float]) -> It
         if declared.is_metric:
             counter = _counter(f"line_{key}", declared.sentence, ["line"])
             for name, line in lines.items():
-                if (count := getattr(line, key)) is not UNSET:  # a line over TCP has no check sums
+                if (count := getattr(line, key)) is not UNSET:  # a TCP line has no check sums
                     counter.add_metric((name,), count)
             yield counter
     yield from _latency("line", {name: line.gateway_us for name, line in lines.items()}, bounds_us)
 
 
 def _of_forwarding(lines: Mapping[str, LineStatus]) -> Iterator[Metric]:
-    """Yield what became of the frames of lines that cut through; other lines have none of it."""
+    """Yield the results of cut-through forwarding, for lines that use it."""
     whole = _counter("line_frames_cut_through", COUNTERS["cut_through"].sentence, ["line", "frames"])
     stored = _counter("line_frames_stored", COUNTERS["stored"].sentence, ["line", "frames", "why"])
     spoilt = _counter("line_frames_spoilt", COUNTERS["spoilt"].sentence, ["line", "frames", "why"])
@@ -211,7 +211,7 @@ def _of_forwarding(lines: Mapping[str, LineStatus]) -> Iterator[Metric]:
 
 
 def _of_drives(lines: Mapping[str, LineStatus]) -> Iterator[Metric]:
-    """Yield how the drives of unit ids answer, each with its axes; nothing of a relay of an older release."""
+    """Yield how the drives of unit ids answer, with their axes; nothing from a relay of an older release."""
     labels = ("line", "unit_id", "axes")
     answers = _gauge("drive_answers", "Whether a unit id answered its last request: 1 or 0.", labels)
     silent = _gauge("drive_silent_seconds", "For how long a unit id has not answered; 0: it does.", labels)
@@ -222,7 +222,7 @@ def _of_drives(lines: Mapping[str, LineStatus]) -> Iterator[Metric]:
             axes = ",".join(axis for axis, of in line.unit_ids.axes.items() if str(of) == unit_id)
             of = (name, unit_id, axes)
             silent_s = drive.silent_s
-            if drive.answered_s is not None or silent_s is not None:  # else nobody has asked it yet
+            if drive.answered_s is not None or silent_s is not None:  # else no request was sent yet
                 answers.add_metric(of, silent_s is None)
                 silent.add_metric(of, silent_s or 0.0)
                 missed.add_metric(of, drive.timeouts_in_a_row)
@@ -231,7 +231,7 @@ def _of_drives(lines: Mapping[str, LineStatus]) -> Iterator[Metric]:
 
 
 def _of_ports(lines: Mapping[str, LineStatus]) -> Iterator[Metric]:
-    """Yield what serial ports of controllers were sent: whole frames, and damaged ones."""
+    """Yield what the serial ports of controllers received: whole and damaged frames."""
     labels = ("line", "controller")
     whole = _counter("controller_frames", "Whole frames from the serial port of a controller.", labels)
     damaged = _counter("controller_damaged_frames", "Damaged frames from there.", labels)
@@ -244,7 +244,7 @@ def _of_ports(lines: Mapping[str, LineStatus]) -> Iterator[Metric]:
 
 
 def _latency(kind: str, took_us: Mapping[str, GatewayTimes], bounds_us: Iterable[float]) -> Iterator[Metric]:
-    """Yield the gateway's own time as a histogram with the relay's own buckets; it keeps no sum."""
+    """Yield the gateway's own time as a histogram with the relay's buckets; the relay keeps no sum."""
     bounds = [*(f"{bound / US_PER_S:g}" for bound in bounds_us), "+Inf"]
     times = HistogramMetricFamily(
         _name(f"{kind}_latency_seconds"),
@@ -313,7 +313,7 @@ def _table_state(axis: WholeAxis) -> str:
 
 
 def _positions(axes: Mapping[str, WholeAxis]) -> Iterator[Metric]:
-    """Yield positions in the axis's own unit, which the label says: it may be mm, inch or degree."""
+    """Yield positions in the axis's own unit, which is in the label: mm, inch or degree."""
     says = "Position in the unit of the axis: frame nominal (the controller's) or corrected (the drive's)."
     position = _gauge("axis_position", says, ["axis", "units", "frame", "of"])
     correction = _gauge("axis_correction", "What is added, in the unit of the axis.", ["axis", "units"])
@@ -347,7 +347,7 @@ def _of_tables(axes: Mapping[str, WholeAxis]) -> Iterator[Metric]:
 
 
 def _of_terms(axes: Mapping[str, WholeAxis]) -> Iterator[Metric]:
-    """Yield what ``thermal`` and ``cross`` add, and how well that is known; nothing where there are none."""
+    """Yield what ``thermal`` and ``cross`` add, and how reliable it is; nothing without these terms."""
     says = "What a term added to the last target, in the unit of the axis: thermal or cross."
     added = _gauge("axis_term_correction", says, ["axis", "units", "term"])
     state = _gauge("axis_term_state", "State of a term: 1 at the one it is in.", ["axis", "term", "state"])

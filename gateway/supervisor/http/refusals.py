@@ -1,4 +1,4 @@
-"""What was refused at the page: counted, told by host, and slowed down where somebody guesses."""
+"""Refused requests of the page: counted, reported by address, and limited for wrong tokens."""
 
 from collections import OrderedDict, deque
 from collections.abc import Callable
@@ -12,26 +12,26 @@ from gateway.supervisor.event_log import LogEvent
 from gateway.times import NS_PER_S
 from gateway.transport.endpoints import address_of
 
-# --- Who tries tokens: after ten wrong ones within a minute nothing from there is tried for a minute
+# --- Wrong tokens: after ten within a minute, tokens from that address are not checked for a minute
 
 MOST_WRONG: Final = 10
 WITHIN_S: Final = 60.0
 SHUT_S: Final = 60.0
 MOST_SITES: Final = 1024
-"""Of which something is kept; for one more the one that was heard of longest ago is forgotten."""
+"""Maximum number of addresses kept. One more removes the address that was quiet for longest."""
 ONE_SITE_BITS: Final = 64
-"""Of an IPv6 address: who has one has all that share them."""
+"""Prefix length of an IPv6 site: a client that has one address has all that share the prefix."""
 
 
 @dataclass(slots=True)
 class _Site:
     wrong: deque[tuple[int, float]] = field(default_factory=lambda: deque(maxlen=MOST_WRONG))
-    """The newest different ones, each by its hash, which only this process can work out, and when it came."""
+    """The newest different wrong tokens, each as a hash that only this process can compute, with its time."""
     shut_until_s: float = 0.0
 
 
 class WrongTries:
-    """Counts by address; times are seconds of the monotonic clock."""
+    """Counts wrong tokens by address; times are seconds of the monotonic clock."""
 
     def __init__(self) -> None:
         self._sites: OrderedDict[str, _Site] = OrderedDict()
@@ -40,7 +40,7 @@ class WrongTries:
         return len(self._sites)
 
     def shut_s(self, address: str, now_s: float) -> float:
-        """Return for how long nothing from an address is tried any more; 0 where it is."""
+        """Return for how long tokens from an address are not checked; 0 if they are."""
         site = self._sites.get(site_of(address))
         return 0.0 if site is None else max(0.0, site.shut_until_s - now_s)
 
@@ -59,7 +59,7 @@ class WrongTries:
 
 
 def site_of(address: str) -> str:
-    """Return what stands for everything that one visitor can call his address.
+    """Return the site of an address: all addresses that one client can have.
 
     >>> site_of("192.0.2.7"), site_of("2001:db8:1:2:3::4"), site_of("")
     ('192.0.2.7', '2001:db8:1:2::/64', '')
@@ -75,19 +75,19 @@ def site_of(address: str) -> str:
     return str(parsed)
 
 
-# --- Clients that were refused: the first refusal is reported at once, and then one a minute with how often
+# --- Refused clients: the first refusal is reported immediately, then a count once a minute
 
 MOST: Final = 1024
-"""So many addresses are reported by name, all others together: a flood must not fill the log."""
+"""Addresses reported by name; all others are reported together, so that a flood does not fill the log."""
 OTHERS: Final = "further addresses"
 
 
 Refused = Callable[[str, str], None]
-"""Is told of who was refused, by his address, and why."""
+"""Called with the address of a refused client, and why it was refused."""
 
 
 def ignore_refused(_peer: str, _why: str) -> None:
-    """Tell nobody: on the Unix socket whoever asks is this machine's own."""
+    """Report nothing: clients of the Unix socket are on this machine."""
 
 
 def _others(key: tuple[EventEntry, str]) -> tuple[EventEntry, str]:
@@ -95,16 +95,16 @@ def _others(key: tuple[EventEntry, str]) -> tuple[EventEntry, str]:
 
 
 class HttpRefusals:
-    """Reports refusals by event and address, never what was shown."""
+    """Reports refusals by event and address, never the credentials."""
 
     def __init__(self, log: LogEvent) -> None:
         self._log = log
         self._reports: Reports[tuple[EventEntry, str]] = Reports(most=MOST, others=_others)
         self._reasons: dict[tuple[EventEntry, str], str] = {}
-        """Of the newest refusal of each."""
+        """Reason of the newest refusal of each."""
 
     def add(self, event: EventEntry, address: str, reason: str, now_s: float) -> None:
-        """Count a refusal, and report it where none of that address was reported for a minute."""
+        """Count a refusal. Report it if none from that address was reported for a minute."""
         now_ns = int(now_s * NS_PER_S)
         key = self._reports.counted_as((event, site_of(address)))
         self._reasons[key] = reason
@@ -112,7 +112,7 @@ class HttpRefusals:
             self._report(key, count)
 
     def sweep(self, now_s: float) -> None:
-        """Report what was held back, and forget the addresses that have been quiet since."""
+        """Report the counts that are due, and remove addresses that have been quiet since."""
         for key, count in self._reports.held_back(int(now_s * NS_PER_S)):
             self._report(key, count)
         self._reasons = {key: reason for key, reason in self._reasons.items() if self._reports.knows(key)}

@@ -1,4 +1,4 @@
-"""The HTTP service: two listeners, opened again and again until they are open, and never fatal."""
+"""The HTTP service: two listeners. It retries until they are open; a failure is never fatal."""
 
 import asyncio
 import contextlib
@@ -35,8 +35,8 @@ LONGEST_WAIT_S: Final = 30.0
 class HttpService:
     """Serves the status on the configured address and on ``supervisor.sock`` in the state folder.
 
-    :meth:`run` runs until cancelled; :meth:`configure` may be called before and at any time. ``now`` is what
-    certificates are held against.
+    :meth:`run` runs until cancelled. :meth:`configure` may be called at any time, also before it. ``now`` is
+    the clock for certificates.
     """
 
     def __init__(
@@ -64,9 +64,9 @@ class HttpService:
         self._endings = Endings(lambda event, fields: window.log(event, None, **fields), "http.tls")
 
     def configure(self, section: HttpSection, gateway: str, folder: Path) -> None:
-        """Serve as the configuration of a gateway says from now on; the same as before changes nothing.
+        """Serve with the settings of a gateway's configuration. Unchanged settings change nothing.
 
-        A section that was read anew has the files that it names looked at anew.
+        Call it with a newly read section to have the files that it names read again.
         """
         if section is self._section:
             return
@@ -123,10 +123,10 @@ class HttpService:
                     backoff.reset()
 
     async def _serve_tcp(self, served: Served, http_settings: HttpSettings) -> None:
-        """Serve until something else is wanted.
+        """Serve until the settings change.
 
         Raises:
-            OSError: it cannot be listened there.
+            OSError: the address cannot be opened.
             NamedFileError: a certificate, or its key, cannot be used.
         """
         host = http_settings.endpoint.host
@@ -158,7 +158,7 @@ class HttpService:
             self._address = self._tokens = None
 
     def _access(self, http_settings: HttpSettings) -> Authenticator | None:
-        """Return who may look; None: everybody who gets here."""
+        """Return the authenticator; None: no authentication."""
         if not http_settings.asks_who:
             return None
         self._tokens = Tokens(http_settings.tokens, http_settings.folder, self._token_unusable)
@@ -168,7 +168,7 @@ class HttpService:
         self._refusals.add(HTTP_REFUSED, peer, why, time.monotonic())
 
     async def _watch(self) -> None:
-        """Notice tokens and certificates that cannot be used much longer; tell of refusals held back."""
+        """Report tokens and certificates that expire soon, and the counts of refusals."""
         while True:
             if self._endings.is_due(now := self._now()):
                 self._endings.report(now)
@@ -230,7 +230,7 @@ async def _close(
 
 
 def _reason(error: OSError) -> str:
-    """Return why it cannot be listened somewhere; asyncio wraps the system's words into its own.
+    """Return why an address cannot be opened: the system's message without asyncio's wrapper.
 
     >>> import errno
     >>> _reason(OSError(errno.EADDRINUSE, "error while attempting to bind on address ('::1', 1): in use"))

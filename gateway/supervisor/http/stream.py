@@ -1,4 +1,4 @@
-"""The stream of what happens, and answers that are sent in pieces."""
+"""The event stream, and responses that are sent in parts."""
 
 import asyncio
 import contextlib
@@ -15,14 +15,14 @@ from gateway.status.model import Model
 from gateway.supervisor.broadcast import Broadcast, NumberedEvent
 from gateway.supervisor.http.answers import Limits, json_bytes
 
-# --- An answer without an end
+# --- A response without an end
 
 
 class EndlessResponse(Response):
-    """Sends parts until whoever asked has gone, ``is_over`` returns, or the task that sends is cancelled.
+    """Sends parts until the client has gone, ``is_over`` returns, or the sending task is cancelled.
 
-    Starlette's own leaves cancelling to anyio, which lets a task be as long as there is something new for it
-    in every turn of the loop.
+    Starlette's own response cancels through anyio. That does not interrupt a task that has something to send
+    in every iteration of the loop.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class EndlessResponse(Response):
             ended, *_ = await asyncio.gather(*tasks, return_exceptions=True)
         if isinstance(ended, Exception):
             raise ended
-        if isinstance(ended, asyncio.CancelledError):  # not its own end
+        if isinstance(ended, asyncio.CancelledError):  # not its own cancellation
             await send({"type": "http.response.body"})
 
     async def _send(self, send: Send) -> None:
@@ -72,21 +72,21 @@ async def _until_gone(receive: Receive) -> None:
 MEDIA_TYPE: Final = "text/event-stream"
 HEARTBEAT: Final = b": nothing new\n\n"
 RETRY_MS: Final = 2000
-"""A browser that lost the connection comes back after so long."""
+"""A browser reconnects so long after it lost the connection."""
 
 
 @dataclass(frozen=True, slots=True)
 class StreamOptions:
-    """What a reader wants to be told."""
+    """What a reader requests."""
 
     wants_events: bool
     wants_status: bool
     last_id: str = ""
-    """Of the event that it saw last, as it comes back after it lost the connection."""
+    """Id of the event that the reader received last. It sends this id when it reconnects."""
 
 
 class Models:
-    """The newest model as JSON, encoded once for all who want it."""
+    """The newest model as JSON, encoded once for all readers."""
 
     def __init__(self) -> None:
         self._model: Model | None = None
@@ -102,7 +102,7 @@ class Models:
 class EventStream:
     """Makes the stream of each reader.
 
-    An event's id is that of this process and the event's number in it: numbers begin anew with each process.
+    An event's id consists of an id of this process and the event's number. Numbers restart with each process.
     """
 
     def __init__(self, broadcast: Broadcast, models: Models, limits: Limits) -> None:
@@ -112,7 +112,7 @@ class EventStream:
         self._process_id = f"{time.time_ns():x}"
 
     async def read(self, options: StreamOptions) -> AsyncGenerator[bytes, None]:
-        """Yield what one reader is told, from what happened lately on, until it is closed."""
+        """Yield the stream of one reader, starting with recent events, until closed."""
         status_due_s = time.monotonic()
         heartbeat_due_s = status_due_s + self._limits.heartbeat_s
         model: Model | None = None
@@ -138,7 +138,7 @@ class EventStream:
                     yield b"".join(parts)
 
     def _recent(self, options: StreamOptions) -> bytes:
-        """Return the events that came before a reader, or after the last one that it saw."""
+        """Return the events before the reader's arrival, or after the last one that it received."""
         recent = self._broadcast.recent
         process_id, _, number = options.last_id.partition("-")
         if process_id == self._process_id and number.isascii() and number.isdigit() and len(number) < 20:

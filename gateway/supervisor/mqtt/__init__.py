@@ -1,1 +1,1 @@
-"""What the gateway does, published over MQTT; and, where the configuration allows it, a few commands."""
+"""Publishes status and events over MQTT, and takes a few commands if the configuration allows them."""

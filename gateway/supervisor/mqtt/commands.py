@@ -1,8 +1,8 @@
-"""What may be asked over MQTT: to reload, to switch compensation on and off, to set gains. Nothing moves.
+"""Commands over MQTT: reload, switch compensation on and off, set gains. Nothing moves.
 
-Commands are carried out one after the other, in the order in which they came, and each is answered. Nothing
-is dropped in silence: commands that come too fast are counted, and the last of them is named. One that
-switches off is never one of those, unless ``MOST_WAITING`` commands wait for their turn.
+Commands are executed one after the other, in the order of arrival, and each is answered. Commands that come
+too fast are counted and reported, with the last of them by name. A command that switches off is never dropped
+for that, unless ``MOST_WAITING`` commands wait.
 """
 
 import asyncio
@@ -31,20 +31,20 @@ from gateway.times import NS_PER_S
 LONGEST_PAYLOAD: Final = 4096
 LONGEST_SHOWN: Final = 200
 LONGEST_TOPIC_SHOWN: Final = 256
-"""Of a topic that a stranger chose."""
+"""Of a received topic."""
 BURST: Final = 10
 PER_S: Final = 1.0
-"""So many commands may come at once, and then so many in a second."""
+"""Rate limit: so many commands in a burst, and then so many each second."""
 
 REPORT_AFTER_S: Final = 2.0
-"""So long after a command that came too soon is told what became of it and of those after it."""
+"""Time from the first command that came too fast to the report on it and those after it."""
 MANY_WAITING: Final = 64
-"""Where so many wait, a command to switch off is not kept twice."""
+"""From so many waiting commands on, a command to switch off is queued only once."""
 MOST_WAITING: Final = 1024
-"""More wait only where as many commands to switch off name different axes."""
+"""More commands wait only if as many commands to switch off name different axes."""
 
 Id = Annotated[str, msgspec.Meta(max_length=64)] | int | None
-"""What the asker knows its answer by."""
+"""The client's own identifier, repeated in the answer."""
 AxisName = Annotated[str, msgspec.Meta(max_length=32)]
 Axes = Literal["all"] | Annotated[tuple[AxisName, ...], msgspec.Meta(min_length=1, max_length=64)]
 
@@ -58,7 +58,7 @@ class _OnAxes(_Asked, frozen=True, kw_only=True):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """As the relay wants them: no names mean all axes."""
+        """Names of the axes, as the relay takes them; empty: all axes."""
         return () if self.axes == "all" else self.axes
 
 
@@ -89,7 +89,7 @@ _RULES: Final = {
 
 @dataclass(slots=True)
 class CommandResult:
-    """What came of a command."""
+    """The result of a command."""
 
     command: str
     asked: Any
@@ -121,7 +121,10 @@ class CommandResult:
 
 
 async def carry_out(command: str, payload: bytes, orders: Orders) -> CommandResult:
-    """Do what a message asks for; what is wrong with it, or with doing it, is in the answer."""
+    """Execute the command of a message.
+
+    The result contains what is wrong with the message or its execution.
+    """
     answer = CommandResult(command, shown_payload(payload))
     if command not in _FORMS:
         answer.problems = (f"there is no command {command[:LONGEST_SHOWN]}; there are {', '.join(COMMANDS)}",)
@@ -140,7 +143,7 @@ async def carry_out(command: str, payload: bytes, orders: Orders) -> CommandResu
         await _do(asked, command, orders, answer)
     except NoGatewayError as error:
         answer.problems = (str(error),)
-    except Exception as error:  # noqa: BLE001 - a mistake in one command must not cost those behind it
+    except Exception as error:  # noqa: BLE001 - a bug in one command must not cost those behind it
         answer.problems = (f"a mistake in the gateway: {type(error).__name__}: {error}",)
     return answer
 
@@ -166,7 +169,7 @@ async def _do(asked: _Asked, command: str, orders: Orders, answer: CommandResult
 
 
 def disabled_axes(command: str, payload: bytes) -> frozenset[str] | None:
-    """Return which axes a command switches off, none of them named: all; None where it is another command."""
+    """Return the axes that a command switches off; empty: all axes. None: another command."""
     if len(payload) > LONGEST_PAYLOAD:
         return None
     try:
@@ -181,13 +184,13 @@ def disabled_axes(command: str, payload: bytes) -> frozenset[str] | None:
 
 
 def shown_payload(payload: bytes) -> str:
-    """Return the beginning of what a stranger sent, as text."""
+    """Return the beginning of a received payload, as text."""
     return payload[:LONGEST_SHOWN].decode(errors="replace")
 
 
 @dataclass(slots=True)
 class _Waiting:
-    """A command that came and is not answered yet."""
+    """A command that was received and not answered yet."""
 
     connection: BrokerConnection
     message: MQTTMessage
@@ -196,11 +199,11 @@ class _Waiting:
     disables: frozenset[str] | None
     """The axes that it switches off; None for every other command."""
     missed: int = 0
-    """So many before it were not carried out, and no answer has said so."""
+    """Number of commands before it that were not executed and that no answer has reported."""
     repeated: int = 0
-    """So many others it stands for."""
+    """Number of equal commands that it stands for."""
     answer: CommandResult | None = None
-    """Where it is known before its turn."""
+    """The answer, if it is known before the command's turn."""
 
     @property
     def shown(self) -> str:
@@ -208,25 +211,25 @@ class _Waiting:
 
 
 class Commander:
-    """Listens for commands; outlives connections."""
+    """Queues and executes commands; outlives connections."""
 
     def __init__(self, topics: Topics, orders: Orders, log: LogEvent) -> None:
         self._waiting: deque[_Waiting | asyncio.Event] = deque()
-        """In the order in which they came; an event is set when all before it have been answered."""
+        """In the order of arrival. An event is set when all commands before it have been answered."""
         self._has_more = asyncio.Event()
         self._topics = topics
         self._orders = orders
         self._log = log
         self._rate = bucket_of(PER_S, BURST)
         self._missed = 0
-        """Commands that came too often, since the last one that was let through."""
+        """Commands that came too fast, since the last one that was admitted."""
         self._too_many = 0
-        """Commands that were not carried out, and are not told of yet."""
+        """Commands that were not executed and not reported yet."""
         self._last_of_them = ""
         self._retained_seen: set[str] = set()
 
     def take(self, connection: BrokerConnection, message: MQTTMessage) -> None:
-        """Have a command carried out in its turn, or say that it is not. Does not block."""
+        """Queue a command, or report that it is not executed. Does not block."""
         command = self._topics.command_in(message.topic)
         if message.retain:
             self._ignore_retained(command, message.topic)
@@ -249,7 +252,7 @@ class Commander:
                 self._wait(entry)
 
     async def run(self) -> None:
-        """Carry out what waits, until cancelled; what waits then is told of as not carried out."""
+        """Execute waiting commands until cancelled; then report those that still wait as not executed."""
         try:
             while True:
                 await self.carry_out_waiting()
@@ -262,7 +265,7 @@ class Commander:
             self._report_too_many()
 
     async def carry_out_waiting(self) -> None:
-        """Carry out and answer what waits, in the order in which it came."""
+        """Execute and answer the waiting commands in the order of arrival."""
         while self._waiting:
             each = self._waiting.popleft()
             if isinstance(each, asyncio.Event):
@@ -274,7 +277,7 @@ class Commander:
             await self._answer(each, answer)
 
     async def finish(self) -> None:
-        """Wait until what waits now has been answered."""
+        """Wait until the commands that wait now have been answered."""
         done = asyncio.Event()
         self._wait(done)
         await done.wait()
@@ -284,9 +287,9 @@ class Commander:
         self._has_more.set()
 
     def _same_waiting(self, axes: frozenset[str]) -> "_Waiting | None":
-        """Return the disable that stands for one more of the same axes, where many wait.
+        """Return the waiting disable of the same axes, if many commands wait.
 
-        None where something else waits behind it: that may switch on again what is to be off.
+        None if another command waits behind it, which may switch on again what is to be off.
         """
         if len(self._waiting) < MANY_WAITING:
             return None
@@ -299,7 +302,7 @@ class Commander:
         return None
 
     def _count_too_many(self, last: str) -> None:
-        """Tell of commands that nobody carries out, and which was the last: it is not what holds."""
+        """Count a command that is not executed, and report the count with the last command."""
         self._too_many += 1
         self._last_of_them = last
         if self._too_many == 1:
@@ -307,7 +310,7 @@ class Commander:
 
     def _report_too_many(self) -> None:
         count, self._too_many = self._too_many, 0
-        if count:  # else the end has told of them
+        if count:  # otherwise the end has reported them
             self._log(MQTT_COMMANDS_TOO_MANY, count=count, last=self._last_of_them)
 
     async def _answer(self, entry: "_Waiting", answer: CommandResult) -> None:
@@ -322,11 +325,14 @@ class Commander:
         if topic is None or not self._may_answer(topic):
             return
         correlation = getattr(entry.message.properties, "CorrelationData", None)
-        with contextlib.suppress(BrokerError):  # the connection has gone, and the event is told
+        with contextlib.suppress(BrokerError):  # the connection is lost, and the event is reported
             await entry.connection.publish(topic, encode(data), qos=1, correlation=correlation)
 
     def _may_answer(self, topic: str) -> bool:
-        """Not under our own topics: answers would be status, or commands that are answered again."""
+        """Whether an answer may go to a topic.
+
+        Not to our own: it would be taken for status or for a command.
+        """
         is_own = topic == self._topics.root or topic.startswith(f"{self._topics.root}/")
         return bool(topic) and not is_own and not any(sign in topic for sign in "+#\0")
 
@@ -343,7 +349,7 @@ class Commander:
 
 
 def _how_to_clear(topic: str) -> str:
-    """Return how to clear a retained topic, which a stranger may have chosen, in a shell."""
+    """Return a shell command that clears a retained topic. A topic is untrusted text."""
     if topic.isprintable() and len(topic) <= LONGEST_TOPIC_SHOWN:
         return f"with: mosquitto_pub -r -n -t {shlex.quote(topic)}"
     return f"with an empty retained message to its topic, which is no name to type ({topic[:64]!a})"

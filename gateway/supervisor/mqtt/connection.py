@@ -1,9 +1,9 @@
-"""One connection to the broker, from CONNECT to the last word.
+"""One connection to the broker, from CONNECT to DISCONNECT.
 
-paho knows the protocol; asyncio's loop reads and writes its socket. Only connecting blocks, in a thread of
-its own: until that has ended nothing else touches the client. paho's own reconnecting is not used: it does
-not say why an attempt failed, reads neither password nor certificates anew, and begins with what it had sent
-before, however old.
+paho implements the protocol; asyncio's loop reads and writes its socket. Only connecting blocks, in a thread
+of its own; until that ends, nothing else uses the client. paho's own reconnecting is not used: it does not
+report why an attempt failed, does not read password and certificates again, and first resends what it had
+sent before, however old.
 """
 
 import asyncio
@@ -32,15 +32,15 @@ ONLINE: Final = b"online"
 OFFLINE: Final = b"offline"
 
 ANSWER_S: Final = 10.0
-"""A broker that has not answered by then is as good as gone."""
+"""Without a response in this time the connection counts as lost."""
 GOODBYE_S: Final = 2.0
-"""Whoever stops the gateway waits no longer for the broker."""
+"""Stopping the gateway waits no longer for the broker."""
 TICK_S: Final = 1.0
-"""So often paho looks whether it has to ping the broker."""
+"""Interval at which paho checks whether to ping the broker."""
 LARGEST_PACKET: Final = 65536
-"""Bytes that a broker of version 5 may send at once; commands have a hundred."""
+"""Bytes that a version 5 broker may send in one packet; commands have a hundred."""
 
-# The library's log is for its developers: what matters is in the status and the events.
+# The library's log is for its developers. Status and events contain what matters.
 _SILENT: Final = logging.getLogger("gateway.mqtt")
 _SILENT.addHandler(logging.NullHandler())
 _SILENT.propagate = False
@@ -49,12 +49,12 @@ _encoder: Final = msgspec.json.Encoder(enc_hook=str)
 
 
 def encode(payload: object) -> bytes:
-    """Return a payload as JSON; numbers that JSON does not know are null."""
+    """Return a payload as JSON; numbers that JSON does not have become null."""
     return _encoder.encode(payload)
 
 
 class BrokerError(Exception):
-    """The connection was not made, or is over; ``reason`` is the broker's or paho's, where there is one."""
+    """The connection failed or has ended; ``reason`` comes from the broker or paho, if they give one."""
 
     def __init__(self, reason: ReasonCode | None = None) -> None:
         super().__init__(str(reason))
@@ -66,9 +66,9 @@ class NoAnswerError(BrokerError):
 
 
 class BrokerConnection:
-    """A connection, on the loop that it was made on.
+    """A connection, on the loop that made it.
 
-    ``take`` gets it and each message as it comes, and must not block.
+    ``take`` is called with the connection and each received message; it must not block.
     """
 
     def __init__(
@@ -83,16 +83,16 @@ class BrokerConnection:
         self._take = take
         self._accepted: asyncio.Future[None] = self._loop.create_future()
         self.lost: asyncio.Future[BrokerError] = self._loop.create_future()
-        """Why the connection is over, as soon as it is."""
+        """Why the connection has ended, as soon as it has."""
         self._answers: dict[int | None, asyncio.Future[Any]] = {}
-        """What the broker has still to take or to acknowledge, by packet identifier; None: the connection was
-        over before paho gave one."""
+        """Messages that the broker has not taken or acknowledged yet, by packet identifier; None: the
+        connection ended before paho gave one."""
         self._ticking: asyncio.TimerHandle | None = None
         is_v5 = settings.version is MqttVersion.V5
         self._client = Client(
             CallbackAPIVersion.VERSION2,
             client_id=settings.client_id,
-            # A session that outlives the connection would keep commands for later, when nobody expects them.
+            # A session that outlives the connection would deliver commands later, when they are unexpected.
             clean_session=None if is_v5 else True,
             protocol=MQTTv5 if is_v5 else MQTTv311,
             reconnect_on_failure=False,
@@ -117,7 +117,7 @@ class BrokerConnection:
         await self._within(self._accepted)
 
     async def subscribe(self, topics: Sequence[tuple[str, int]]) -> list[str]:
-        """Ask for topics, each with a QoS; returns those that are not granted. Raises BrokerError."""
+        """Subscribe to topics, each with a QoS; return those that are not granted. Raises BrokerError."""
         _, mid = self._client.subscribe(list(topics))
         codes: list[ReasonCode] = await self._answer(mid)
         return [topic for (topic, _), code in zip(topics, codes, strict=True) if code.is_failure]
@@ -131,7 +131,7 @@ class BrokerConnection:
         retain: bool = False,
         correlation: bytes | None = None,
     ) -> None:
-        """Publish, and wait until the message is written, with QoS 1 acknowledged. Raises BrokerError."""
+        """Publish; wait until the message is written, with QoS 1 acknowledged. Raises BrokerError."""
         properties = None
         if correlation is not None:
             properties = Properties(PacketTypes.PUBLISH)  # type: ignore[no-untyped-call]
@@ -139,7 +139,10 @@ class BrokerConnection:
         await self._answer(self._client.publish(topic, payload, qos, retain, properties).mid)
 
     async def disconnect(self) -> None:
-        """Publish what the will would say, which the broker does not where a client leaves; and leave."""
+        """Publish the content of the will, then disconnect.
+
+        The broker sends no will for a regular DISCONNECT.
+        """
         with contextlib.suppress(BrokerError, TimeoutError):
             async with asyncio.timeout(GOODBYE_S):
                 await self.publish(self._settings.topics.availability, OFFLINE, qos=1, retain=True)
@@ -147,14 +150,14 @@ class BrokerConnection:
         await asyncio.wait((self.lost,), timeout=GOODBYE_S)
 
     def close(self) -> None:
-        """Close the socket, if it still is open, whatever the broker has been told."""
+        """Close the socket if it is still open, without a DISCONNECT."""
         if (sock := self._client.socket()) is not None:
             self._stop_serving(sock)
             sock.close()
         self._end(NoAnswerError())
 
     def _serve(self) -> None:
-        """Have asyncio's loop read and write from now on."""
+        """Let asyncio's loop read and write from now on."""
         client, loop = self._client, self._loop
         sock = client.socket()
         if sock is None:
@@ -175,7 +178,7 @@ class BrokerConnection:
         self._loop.remove_writer(sock)
 
     def _stop_serving(self, sock: "SocketLike") -> None:
-        # paho's destructor would call them again, with a socket that is closed.
+        # paho's destructor would call them again, with a closed socket.
         self._client.on_socket_close = self._client.on_socket_unregister_write = None
         self._loop.remove_reader(sock)
         self._stop_writing(sock)
@@ -184,7 +187,7 @@ class BrokerConnection:
 
     def _read(self) -> None:
         self._step(self._client.loop_read)
-        # What TLS has decrypted already does not show on the socket.
+        # Data that TLS has already decrypted does not make the socket readable.
         sock = self._client.socket()
         while isinstance(sock, ssl.SSLSocket) and not self.lost.done() and sock.pending():
             self._step(self._client.loop_read)
@@ -197,7 +200,7 @@ class BrokerConnection:
     def _step(self, work: Callable[[], object]) -> None:
         try:
             work()
-        except Exception as error:  # noqa: BLE001 - whatever a broker sent that paho cannot read
+        except Exception as error:  # noqa: BLE001 - bytes from a broker that paho cannot read
             lost = BrokerError()
             lost.__cause__ = error
             self._end(lost)
@@ -232,7 +235,7 @@ class BrokerConnection:
             self._answers.pop(mid, None)
 
     async def _within(self, answer: "asyncio.Future[Any]") -> Any:
-        """Return an answer of the broker, raise why there is none."""
+        """Return a response of the broker, or raise why there is none."""
         await asyncio.wait((answer, self.lost), timeout=ANSWER_S, return_when=asyncio.FIRST_COMPLETED)
         if answer.done():
             return answer.result()
@@ -243,12 +246,12 @@ class BrokerConnection:
 async def connected(
     settings: Settings, take: Callable[[BrokerConnection, MQTTMessage], None]
 ) -> AsyncIterator[BrokerConnection]:
-    """Yield a connection; who is cancelled meanwhile says goodbye, as far as the broker listens.
+    """Yield a connection. When cancelled, it disconnects regularly if the broker still reads.
 
     Raises:
         NamedFileError: the password or a certificate cannot be used.
         OSError: the broker cannot be reached.
-        BrokerError: it does not accept, or the connection has been lost.
+        BrokerError: the broker does not accept, or the connection is lost.
     """
     password = await asyncio.to_thread(settings.password)
     context = await asyncio.to_thread(settings.tls_context)
@@ -265,10 +268,10 @@ async def connected(
 
 
 class _Socket(ssl.SSLSocket):
-    """Closes itself where the two sides do not agree: paho leaves that to the garbage collector."""
+    """Closes itself after a failed handshake; paho leaves that to the garbage collector."""
 
     def do_handshake(self, block: bool = False) -> None:
-        """Agree on a key. Raises OSError."""
+        """Negotiate TLS. Raises OSError."""
         try:
             super().do_handshake(block)
         except OSError:

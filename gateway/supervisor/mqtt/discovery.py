@@ -1,13 +1,13 @@
-"""What tells Home Assistant that there is a gateway with axes: device based discovery over MQTT.
+"""Home Assistant discovery: describes the gateway and its axes as devices over MQTT.
 
 One device for the gateway and one for each axis, each described by a retained message under the topic
-``PREFIX/device/ID/OBJECT/config``; an empty one takes a device away again. The keys are those of
-https://www.home-assistant.io/integrations/mqtt/#mqtt-discovery; the four that the format itself needs are in
-their short forms (``dev``, ``o``, ``cmps``, ``p``), as that page shows them.
+``PREFIX/device/ID/OBJECT/config``. An empty message removes the device. The keys are those of
+https://www.home-assistant.io/integrations/mqtt/#mqtt-discovery; the four that the format itself needs have
+their short forms (``dev``, ``o``, ``cmps``, ``p``), as on that page.
 
-What ``thermal`` and ``cross`` add to an axis is described by a message of its own, for the same device: an
-entity that a later message leaves out would stay there, one whose message is taken away goes. For the same
-reason buttons and switches, which are there only while commands are allowed, have messages of their own.
+The terms ``thermal`` and ``cross`` of an axis have a message of their own, for the same device. An entity
+that a later message leaves out would stay; an entity whose message is removed goes. For the same reason
+buttons and switches, which exist only while commands are allowed, have messages of their own.
 """
 
 import json
@@ -30,11 +30,11 @@ SHORTEST_EXPIRY_S: Final = 15
 TABLE: Final = ("active", "waiting", "rejected", "removed", "none")
 VERDICTS: Final = tuple(state.value for state in Health)
 UNITS: Final = {"mm": "mm", "inch": "in", "degree": "°"}
-"""As Home Assistant writes them; the first two are units of its class ``distance``."""
+"""Units in Home Assistant's spelling; the first two belong to its class ``distance``."""
 
 
 def _project_url() -> str:
-    """Return where the project can be found, as pyproject.toml says; empty where it is not installed."""
+    """Return the project's address from pyproject.toml; empty if the package is not installed."""
     try:
         named = metadata(MAKER).get_all("Project-URL") or []
     except PackageNotFoundError:
@@ -47,7 +47,7 @@ _RELAY_UP: Final = "value_json.relay == 'up'"
 
 
 def discovery_messages(settings: Settings, model: Model) -> dict[str, Payload]:
-    """Return the description of each device, by topic; none where discovery is off."""
+    """Return the description of each device, by topic; none if discovery is off."""
     if not settings.discovery:
         return {}
     found = {_topic(settings, "gateway"): _gateway(settings, model, _gateway_components(settings))}
@@ -138,7 +138,7 @@ def _gateway_commands(settings: Settings) -> JsonObject:
 
 
 def _axis_commands(settings: Settings, name: str) -> JsonObject:
-    """Return the switch of an axis. It shows what the axis does, not what was asked."""
+    """Return the switch of an axis. It shows the state of the axis, not the last command."""
 
     def order(*, is_on: bool) -> str:
         return json.dumps({"axes": [name], "on": is_on})
@@ -172,7 +172,7 @@ def _axis(settings: Settings, model: Model, name: str, components: Payload) -> P
             "model": "axis",
             "via_device": topics.id,
         },
-        # Without the relay there are no positions; the info says so at once.
+        # Without the relay there are no positions; the info topic shows this immediately.
         "availability": [
             {"topic": topics.availability},
             {
@@ -200,7 +200,7 @@ def _length(settings: Settings, units: str) -> JsonObject:
 
 
 def _axis_components(settings: Settings, name: str, units: str) -> JsonObject:
-    """Return what Home Assistant shows of an axis; positions are in ``units``, times in µs."""
+    """Return the entities of an axis; positions are in ``units``, times in µs."""
     topics, device = settings.topics, _device(settings, name)
     state, table = topics.axis(name), topics.table(name)
     expires, length = _expires(settings), _length(settings, units)
@@ -243,7 +243,7 @@ def _axis_components(settings: Settings, name: str, units: str) -> JsonObject:
 
 
 def _term_components(settings: Settings, name: str, units: str, terms: TermsStatus) -> JsonObject:
-    """Return what Home Assistant shows of what is added to a table; lengths are in ``units``."""
+    """Return the entities of the terms that are added to a table; lengths are in ``units``."""
     device, topic, expires = _device(settings, name), settings.topics.axis(name), _expires(settings)
     found: dict[str, Any] = {}
     if terms.thermal:
@@ -271,7 +271,7 @@ def _term_components(settings: Settings, name: str, units: str, terms: TermsStat
 
 
 def _at(value_path: str, entity: Mapping[str, Any]) -> JsonObject:
-    """Return an entity whose value stands somewhere in the terms."""
+    """Return an entity whose value is at a path inside the terms."""
     return {**entity, "value_template": f"{{{{ value_json.terms.{value_path} }}}}"}
 
 
@@ -285,7 +285,7 @@ def _entity(device: str, platform: str, key: str, name: str) -> JsonObject:
 
 
 def _sensor(device: str, key: str, name: str, topic: str, more: Payload) -> JsonObject:
-    """A sensor of one value; null, which a template shows as None, is "unknown" there."""
+    """Return a sensor of one value. A template shows null as None, which means "unknown" there."""
     return {
         **_entity(device, "sensor", key, name),
         "state_topic": topic,

@@ -1,4 +1,4 @@
-"""Publishing what the gateway does over MQTT; it outlives every broker and every network."""
+"""Publishes over MQTT; survives every loss of broker and network."""
 
 import asyncio
 import time
@@ -21,15 +21,15 @@ from gateway.supervisor.mqtt.settings import Settings
 FIRST_WAIT_S: Final = 1.0
 LONGEST_WAIT_S: Final = 60.0
 SPREAD: Final = (0.5, 1.0)
-"""So that the gateways of a plant do not come back to their broker all at once."""
+"""Random share of the waiting time, so that the gateways of a plant do not all reconnect at the same time."""
 STEADY_S: Final = 10.0
-"""A connection that held for as long was a good one: the next attempt comes soon again."""
+"""A connection that held for so long was good: the next attempt comes soon."""
 SHORT_ONES: Final = 3
-"""So many connections in a row that did not hold are those of a client id that two clients have."""
+"""So many short connections in a row mean that two clients use one client id."""
 
 
 class Publisher:
-    """Publishes what is in ``outbox``, as ``settings`` say; for :class:`MqttService`."""
+    """Publishes the content of ``outbox`` with these ``settings``; used by :class:`MqttService`."""
 
     def __init__(
         self,
@@ -66,7 +66,7 @@ class Publisher:
         )
 
     async def run(self) -> None:
-        """Publish until cancelled; the broker is told that this is the end, if it listens."""
+        """Publish until cancelled; then disconnect regularly, if the broker still reads."""
         ledger = await asyncio.to_thread(PublishedTopics, self._state / RETAINED_NAME)
         working = asyncio.create_task(self._commander.run())
         try:
@@ -76,7 +76,7 @@ class Publisher:
             await asyncio.wait((working,))
 
     async def finish_commands(self) -> None:
-        """Wait until the commands that have come so far have been answered."""
+        """Wait until the commands received so far have been answered."""
         await self._commander.finish()
 
     async def _run_connections(self, ledger: PublishedTopics) -> None:
@@ -86,7 +86,7 @@ class Publisher:
             steady = asyncio.get_running_loop().call_later(STEADY_S, self._hold)
             try:
                 await self._connection(ledger)
-            except Exception as error:  # noqa: BLE001 - tables and page go on, whatever a library comes up with
+            except Exception as error:  # noqa: BLE001 - tables and page continue, whatever a library raises
                 reason = why(error, self._settings)
                 self._short += self._is_connected and may_be_taken_over(reason, self._settings)
                 self._lose(taken_over(self._settings) if self._is_taken_over else reason)
@@ -98,7 +98,7 @@ class Publisher:
 
     @property
     def _is_taken_over(self) -> bool:
-        """Whether another client seems to connect under the same name; until a connection has held."""
+        """Whether another client seems to use the same client id; until a connection has held."""
         return self._short >= SHORT_ONES
 
     def _hold(self) -> None:
@@ -106,7 +106,7 @@ class Publisher:
             self._short = 0
 
     async def _connection(self, ledger: PublishedTopics) -> None:
-        """Connect and publish; it ends with an exception, because connections do."""
+        """Connect and publish. Ends with an exception when the connection ends."""
         async with connected(self._settings, self._take) as connection:
             self._reach(await self._subscribe(connection))
             await Sender(
@@ -119,7 +119,7 @@ class Publisher:
             ).run()
 
     async def _subscribe(self, connection: BrokerConnection) -> str | None:
-        """Ask for commands and temperatures; returns what the broker does not grant."""
+        """Subscribe to commands and temperatures; return what the broker does not grant."""
         problem = None
         commands = [(self._settings.topics.commands, 1)] if self._settings.allows_commands else []
         for topics in commands, [(topic, 0) for topic in self._settings.sensors]:
@@ -128,7 +128,7 @@ class Publisher:
         return problem
 
     def _take(self, connection: BrokerConnection, message: MQTTMessage) -> None:
-        """Take a command or a temperature, as it comes."""
+        """Take a command or a temperature as it arrives."""
         if message.topic in self._settings.sensors:
             self._on_message(message.topic, bytes(message.payload), is_retained=message.retain)
         else:
@@ -143,8 +143,8 @@ class Publisher:
             self._log(MQTT_COMMANDS_NOT_HEARD, detail=problem)
 
     def _lose(self, reason: str) -> None:
-        """Say it once for each reason, not with every attempt."""
+        """Report the loss once for each reason, not with every attempt."""
         was_connected, self._is_connected = self._is_connected, False
         is_news, self._problem = was_connected or reason != self._problem, reason
-        if is_news:  # and the status says it already
+        if is_news:  # the status already shows it
             self._log(MQTT_LOST, broker=self._settings.broker, detail=reason)

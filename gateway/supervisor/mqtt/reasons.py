@@ -1,4 +1,4 @@
-"""Why there is no connection to the broker, and what to do: for people who have never seen an MQTT code."""
+"""Why there is no connection to the broker and what to do, for readers who do not know MQTT codes."""
 
 import socket
 import ssl
@@ -33,7 +33,7 @@ _REFUSED: Final[Mapping[str, str]] = {
 
 
 def taken_over(settings: Settings) -> str:
-    """Return what it means that the broker ends one connection after the other."""
+    """Return the explanation for a broker that ends one connection after the other."""
     return (
         f"{settings.broker} ends each connection soon after it was made: as a rule another client connects "
         f"as {settings.client_id} too, and each takes the other's place; give each gateway a name of its "
@@ -42,13 +42,13 @@ def taken_over(settings: Settings) -> str:
 
 
 def may_be_taken_over(reason: str, settings: Settings) -> bool:
-    """Whether a reason is one that a broker gives, or leaves open, where another client takes our place."""
+    """Whether a reason is one that a broker gives, or omits, when another client takes over the client id."""
     taken = _REFUSED["Session taken over"].format(client_id=settings.client_id)
     return reason in (taken, _LOST.format(broker=settings.broker, client_id=settings.client_id))
 
 
 def why(error: BaseException, settings: Settings) -> str:
-    """Return a sentence on what ended a connection, or kept it from being made."""
+    """Return a sentence on why a connection ended or was not made."""
     if isinstance(error, NamedFileError):
         return str(error)
     if isinstance(error, NoAnswerError):

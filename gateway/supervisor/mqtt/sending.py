@@ -1,7 +1,7 @@
-"""What is published, and when: parts of the status model, each under its topic, as JSON.
+"""What is published and when: parts of the status model, each under its topic, as JSON.
 
-An axis that is gone, or discovery that was switched off, would stay at the broker for ever: what was
-published retained is noted in the state folder, because it is a restart that takes an axis away.
+Retained topics of a removed axis, or of discovery that was switched off, would stay at the broker for ever.
+So the retained topics are recorded in the state folder: an axis is removed by a restart.
 """
 
 import asyncio
@@ -26,21 +26,21 @@ from gateway.supervisor.mqtt.interfaces import Payload, PublishQueue
 from gateway.supervisor.mqtt.settings import Settings, Topics
 
 WORDS_EVERY_S: Final = 10.0
-"""So often at most a trouble is told anew of which only the words have changed."""
+"""Minimum interval between messages about an alarm of which only the words have changed."""
 NOTHING: Final = b""
-"""A retained message without content takes the one that the broker keeps away (MQTT 5.0, 3.3.1.3)."""
+"""A retained message without content deletes the one at the broker (MQTT 5.0, 3.3.1.3)."""
 RETAINED_NAME: Final = "mqtt-retained.json"
 LARGEST: Final = 1_000_000
 """Bytes. 64 axes have some 20 000."""
 
 
 def is_known(model: Model) -> bool:
-    """Whether the relay has ever said what it has: without that nothing is known of its axes."""
+    """Whether the relay has ever reported: before that its axes are unknown."""
     return model.gateway.snapshot_age_s is not None
 
 
 def retained_messages(settings: Settings, model: Model) -> dict[str, Payload]:
-    """Return what whoever comes late has to know, by topic; it changes seldom."""
+    """Return the messages that a later subscriber needs, by topic; they change seldom."""
     topics, gateway = settings.topics, model.gateway
     info = {
         "name": topics.name,
@@ -58,7 +58,7 @@ def retained_messages(settings: Settings, model: Model) -> dict[str, Payload]:
 
 
 def without_words(payload: Payload) -> Payload:
-    """Return a payload without what changes of a trouble from moment to moment: how long, and how often."""
+    """Return a payload without the durations and counts of alarms, which change constantly."""
     if "troubles" not in payload:
         return payload
     lasting = [{key: it for key, it in each.items() if key != "what"} for each in payload["troubles"]]
@@ -66,13 +66,13 @@ def without_words(payload: Payload) -> Payload:
 
 
 def moving_topics(topics: Topics, model: Model) -> dict[str, tuple[str, str]]:
-    """Return the topics of what is published in every interval, each with its place in the model."""
+    """Return the topics that are published in every interval, each with its path in the model."""
     lines = {topics.line(name): ("lines", name) for name in model.lines}
     return lines | {topics.axis(name): ("axes", name) for name in model.axes}
 
 
 def moving_message(model: Model, part: tuple[str, str]) -> Payload | None:
-    """Return a line or an axis, None where there is nothing to say about it now."""
+    """Return the message of a line or an axis; None if there is no data now."""
     section, name = part
     parts = model.lines if section == "lines" else model.axes
     if not is_fresh(model) or name not in parts:
@@ -81,18 +81,18 @@ def moving_message(model: Model, part: tuple[str, str]) -> Payload | None:
 
 
 class PublishedTopics:
-    """The topics that were published retained, on disk. It blocks; one thread at a time."""
+    """The topics that were published retained, on disk. Its methods block; one thread at a time."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self.topics = self._read()
-        """What the broker may hold, as far as it was noted."""
+        """Topics that the broker may hold, as far as recorded."""
 
     def save(self, topics: Iterable[str]) -> None:
-        """Note exactly these.
+        """Record exactly these.
 
         Raises:
-            OSError: it cannot be written; what was noted before is still there.
+            OSError: the file cannot be written; the previous record stays.
         """
         new_topics = frozenset(topics)
         if new_topics != self.topics:
@@ -107,14 +107,17 @@ class PublishedTopics:
 
 
 class PublishCounter:
-    """What has been published since the start."""
+    """Counts of published messages since the start."""
 
     def __init__(self) -> None:
         self.published = 0
 
 
 class Sender:
-    """Publishes over one connection, one message after the other: what the broker cannot take is not made."""
+    """Publishes over one connection, one message after the other.
+
+    A message is made only when the broker can take it.
+    """
 
     def __init__(
         self,
@@ -136,7 +139,7 @@ class Sender:
         self._sent_s: dict[str, float] = {}
 
     async def run(self) -> None:
-        """Publish until the connection is lost, which raises BrokerError."""
+        """Publish until the connection is lost; then raise BrokerError."""
         lost = self._connection.lost
         lost.add_done_callback(lambda _: self._outbox.wake())
         await self._publish(self._settings.topics.availability, ONLINE, qos=1, retain=True)
@@ -160,7 +163,7 @@ class Sender:
     async def _send_retained(self, model: Model) -> None:
         messages = {**retained_messages(self._settings, model), **discovery_messages(self._settings, model)}
         kept = {self._settings.topics.availability, *messages}
-        # As long as the relay has not said which axes there are, none of them is gone.
+        # Until the relay has reported its axes, none of them counts as removed.
         gone = self._ledger.topics.union(self._sent) - kept if is_known(model) else frozenset()
         await self._save(self._ledger.topics.union(kept))
         for topic, payload in messages.items():
@@ -172,7 +175,7 @@ class Sender:
             await self._take_away(gone)
 
     def _is_news(self, topic: str, payload: Payload) -> bool:
-        """Whether a retained message is worth another: words that tell how long something lasts can wait."""
+        """Whether a retained message is due: a change of durations only can wait."""
         sent = self._sent.get(topic)
         if sent is None or sent == payload:
             return sent is None
@@ -180,7 +183,8 @@ class Sender:
         return not is_only_words or time.monotonic() - self._sent_s[topic] >= WORDS_EVERY_S
 
     async def _take_away(self, gone: frozenset[str]) -> None:
-        # Noted first: a broker that ends the connection over a topic that is not ours is asked once only.
+        # Recorded first: if the broker closes the connection over a topic that is not ours, it happens only
+        # once.
         await self._save(self._ledger.topics - gone)
         for topic in sorted(gone):
             self._sent.pop(topic, None)
@@ -197,7 +201,7 @@ class Sender:
 
     async def _send_moving(self, model: Model) -> None:
         for topic, part in moving_topics(self._settings.topics, model).items():
-            # Looked up here, not before the loop: a slow broker gets what is so when it is its turn.
+            # Read here, not before the loop: a slow broker gets the values of the moment of sending.
             newest = self._outbox.model
             if newest is not None and (payload := moving_message(newest, part)) is not None:
                 await self._publish(topic, encode(payload))

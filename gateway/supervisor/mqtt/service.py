@@ -1,4 +1,4 @@
-"""MQTT for as long as the supervisor lives: it follows the configuration, which may change or have none."""
+"""MQTT for the supervisor's lifetime: follows the configuration, which may change or have no broker."""
 
 import asyncio
 from pathlib import Path
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 
 class MqttService:
-    """Publishes what ``broadcast`` has.
+    """Publishes the content of ``broadcast``.
 
-    ``orders`` carry out what is commanded, where that is allowed; ``state`` is the folder to note topics in;
-    ``on_message`` gets what comes from sensors.
+    ``orders`` execute commands, where these are allowed. ``state`` is the folder for the recorded topics.
+    ``on_message`` gets the messages of sensors.
     """
 
     def __init__(
@@ -31,7 +31,7 @@ class MqttService:
         on_message: OnMessage = ignore_message,
     ) -> None:
         self.publisher: Publisher | None = None
-        """Who publishes now, if anybody does."""
+        """The present publisher, if there is one."""
         self._broadcast = broadcast
         self._log = log
         self._orders = orders
@@ -41,7 +41,7 @@ class MqttService:
         self._is_changed = asyncio.Event()
 
     def follow(self, settings: Settings | None) -> None:
-        """Publish as these say from now on; None: not at all. What has not changed changes nothing."""
+        """Use these settings from now on; None: publish nothing. Unchanged settings change nothing."""
         if settings != self._settings:
             self._settings = settings
             self._is_changed.set()
@@ -51,7 +51,7 @@ class MqttService:
         return MqttStatus() if self.publisher is None else self.publisher.status()
 
     async def run(self) -> None:
-        """Run until cancelled; a broker that listens is told of the end."""
+        """Run until cancelled; then disconnect regularly, if the broker still reads."""
         while True:
             if self._settings is None:
                 await self._is_changed.wait()
@@ -60,7 +60,7 @@ class MqttService:
             self._is_changed.clear()
 
     async def _publish_until_none(self) -> None:
-        # It outlives a change of settings: the answer to the reload that made it waits in there.
+        # It outlives a change of settings: it holds the answer to the reload that made the change.
         outbox = PublishQueue()
         with self._broadcast.open() as feed:
             collecting = asyncio.create_task(outbox.collect(feed))
@@ -73,9 +73,9 @@ class MqttService:
                 collecting.cancel()
 
     async def _publish(self, settings: Settings, outbox: PublishQueue) -> None:
-        """Publish until there are other settings."""
-        # It loads the library, which a gateway without a broker does without. Where that cannot be loaded the
-        # supervisor ends here, as soon as a configuration asks for it.
+        """Publish until the settings change."""
+        # This loads the MQTT library, which a gateway without a broker does not need. If the library cannot
+        # be loaded, the supervisor ends here, as soon as a configuration names a broker.
         from gateway.supervisor.mqtt.publisher import Publisher
 
         self.publisher = Publisher(
@@ -87,7 +87,7 @@ class MqttService:
             with self._broadcast.wanting(settings.interval_s):
                 await asyncio.wait((publishing, changing), return_when=asyncio.FIRST_COMPLETED)
             if publishing.done():
-                publishing.result()  # a bug: it ends only when it is told to
+                publishing.result()  # a bug: it ends only when cancelled
             await self.publisher.finish_commands()
         finally:
             changing.cancel()

@@ -1,4 +1,4 @@
-"""What the configuration tells a publisher: which broker, and the topics of one gateway, ``BASE/NAME/…``."""
+"""A publisher's settings from the configuration: the broker, and one gateway's topics, ``BASE/NAME/…``."""
 
 import re
 import ssl
@@ -24,7 +24,7 @@ class Topics:
 
     @property
     def root(self) -> str:
-        """What all of them begin with; no slash at its end."""
+        """Prefix of all topics, without a slash at its end."""
         return f"{self.base}/{self.name}"
 
     @property
@@ -39,7 +39,7 @@ class Topics:
 
     @property
     def event(self) -> str:
-        """What happens, as it happens."""
+        """Events, when they happen."""
         return f"{self.root}/event"
 
     def line(self, line: str) -> str:
@@ -56,7 +56,7 @@ class Topics:
 
     @property
     def commands(self) -> str:
-        """Filter of everything that may be commanded."""
+        """Filter of all command topics."""
         return f"{self.root}/command/+"
 
     def command(self, command: str) -> str:
@@ -64,7 +64,7 @@ class Topics:
         return f"{self.root}/command/{command}"
 
     def command_in(self, topic: str) -> str:
-        """Return which command a topic that :attr:`commands` matches is."""
+        """Return the command of a topic that :attr:`commands` matches."""
         return topic.rpartition("/")[2]
 
     @property
@@ -75,7 +75,7 @@ class Topics:
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """Where to publish, as whom, and what. The password is not in here: it is read for each connection."""
+    """Where, with which credentials and what to publish. The password is read for each connection."""
 
     topics: Topics
     host: str
@@ -88,30 +88,30 @@ class Settings:
     password_file: str | None
     tls: TlsSection | None
     folder: Path
-    """That the files of :attr:`tls` and :attr:`password_file` are relative to."""
+    """Base of the relative paths of :attr:`tls` and :attr:`password_file`."""
     discovery: str
     """Prefix of Home Assistant's discovery, ``""`` for none."""
     allows_commands: bool
     sensors: tuple[str, ...] = ()
-    """Topics that others publish temperatures to."""
+    """Topics with temperatures from other clients."""
 
     @property
     def broker(self) -> str:
-        """The broker's address, for people."""
+        """The broker's address, for display."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"{host}:{self.port}"
 
     def password(self) -> str | None:
-        """Return the password as its file has it now; blocks. Raises NamedFileError."""
+        """Return the password in its file; blocks. Raises NamedFileError."""
         return None if self.password_file is None else read_password(self.password_file, self.folder)
 
     def tls_context(self) -> ssl.SSLContext | None:
-        """Return what TLS needs, None without; blocks. Raises NamedFileError."""
+        """Return the TLS context, None without TLS; blocks. Raises NamedFileError."""
         return None if self.tls is None else tls_context(self.tls, self.folder)
 
 
 def settings_of(section: MqttSection, name: str, folder: Path, sensors: tuple[str, ...] = ()) -> Settings:
-    """Return the settings of the gateway ``name``; the files of the section are relative to ``folder``."""
+    """Return the settings of the gateway ``name``; relative file paths start at ``folder``."""
     return Settings(
         topics=Topics(section.base_topic, name),
         host=section.host,

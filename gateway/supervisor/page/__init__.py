@@ -1,8 +1,8 @@
-"""The page that a person leaves open beside the machine: files that are served as they are.
+"""The page to leave open beside the machine: files that are served as they are.
 
-Nothing is built, and nothing is fetched but from the gateway itself: ``index.html`` at ``/``, the others at
-``page/NAME``, and of the gateway's own answers ``events``, ``status``, ``tables/AXIS``, ``history/AXIS``,
-``frames/LINE``. The one thing that it sends is ``acknowledge``.
+There is no build step, and the page fetches only from the gateway: ``index.html`` at ``/``, its other files
+at ``page/NAME``, and the data ``events``, ``status``, ``tables/AXIS``, ``history/AXIS``, ``frames/LINE``. It
+sends only ``acknowledge``.
 """
 
 from typing import Final
@@ -46,7 +46,7 @@ FILES: Final = (
     "words.js",
     "de.json",
 )
-"""Every file of the page, by its name in this folder; nothing else is served."""
+"""Every file of the page, by its name in this folder; no other file is served."""
 LOGIN_FILES: Final = (
     "page.css",
     "login.css",
@@ -57,4 +57,4 @@ LOGIN_FILES: Final = (
     "de.json",
     "icon.svg",
 )
-"""What the page that asks for a token needs: strangers may have these, and nothing else of the page."""
+"""Files of the login page: the only ones served without authentication."""

@@ -22,12 +22,12 @@ import { t } from "./language.js";
  * @typedef {{ file: string | null, format: string | null, compiled: string | null, points: number,
  *             status: string, error: string | null, loaded_at: string | null, problems?: Problem[] }} TableState
  *
- * @typedef {{ state: string, kind: string, title: string, since: string }} AxisVerdict the same of an axis; `title` is
- *             empty where the state of the compensation says it
+ * @typedef {{ state: string, kind: string, title: string, since: string }} AxisVerdict the verdict on an axis; `title` is
+ *             empty where the state of the compensation is enough
  *
  * @typedef {{ of: string | null, nominal: number | null, corrected: number | null, age_s: number | null,
- *             is_at_least: boolean }} Position what is known best of where an axis is: a reading, the last reading or
- *             the target; null: nothing
+ *             is_at_least: boolean }} Position the best known position: a reading, the last reading or
+ *             the target; null: unknown
  *
  * @typedef {{ compensation: string, units: string, direction: string, correction: number | null,
  *             gain: { forward: number, backward: number }, travel: [number, number] | null,
@@ -171,7 +171,7 @@ export class AxisCard {
   }
 
   /**
-   * Where the machine is on its table: a turning axis comes round.
+   * Show the machine's position on its table; a rotary axis repeats after a turn.
    * @param {number | null} nominal
    * @param {number | null} correction
    */
@@ -211,7 +211,7 @@ export class AxisCard {
     }
   }
 
-  /** @param {Table | null} table as it came; null: there is none */
+  /** @param {Table | null} table as received; null: there is none */
   take(table) {
     this.table = table;
     this.shownCurve = "";
@@ -286,7 +286,7 @@ export class AxisCard {
 }
 
 /**
- * The verdict on an axis, in words. Where it has no title the state of the compensation says it.
+ * The verdict on an axis, in words. Without a title it is the state of the compensation.
  * @param {Axis} axis
  * @returns {import("./words.js").State}
  */
@@ -298,7 +298,7 @@ function stateOf({ verdict: found, compensation: state }) {
 }
 
 /**
- * What the large number is.
+ * The label of the large number.
  * @param {Position} position
  */
 function nameOf({ of, age_s: age, is_at_least: isAtLeast }) {
@@ -313,8 +313,8 @@ function nameOf({ of, age_s: age, is_at_least: isAtLeast }) {
 }
 
 /**
- * What is added at the position that is shown; of the last target where the position is not read, and in shadow
- * mode, where the drive shows nothing of it.
+ * The correction at the displayed position. It is that of the last target if the position is not read, and in shadow
+ * mode, where the drive does not have it.
  * @param {Axis} axis
  */
 function correctionOf({ position, compensation: state, correction }) {

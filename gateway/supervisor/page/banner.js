@@ -1,5 +1,5 @@
 // @ts-check
-// How the gateway is, in one word; what is wrong and what to do; and that the page itself hears nothing.
+// The gateway's verdict in one word, what is wrong and what to do, and whether the page has lost the gateway.
 
 import { byId, keepChildren, make, setAttribute, setSentence, setSign, setText, show, sign } from "./dom.js";
 import { span, timeOfDay } from "./figures.js";
@@ -7,7 +7,7 @@ import { acknowledged } from "./session.js";
 import { capital, counted, verdict as inWords } from "./words.js";
 import { place, said, t } from "./language.js";
 
-const AT_FIRST = matchMedia("(max-width: 40rem)").matches ? 2 : 4; // the axes should stay in sight
+const AT_FIRST = matchMedia("(max-width: 40rem)").matches ? 2 : 4; // the axes should stay visible
 
 /**
  * @typedef {import("./model.js").Trouble} Trouble
@@ -47,7 +47,7 @@ export class Banner {
   /**
    * @param {Verdict} verdict
    * @param {Trouble[]} troubles worst first
-   * @param {string} about what there is, as `2 lines, 3 axes`
+   * @param {string} about what the gateway has, as `2 lines, 3 axes`
    */
   show(verdict, troubles, about) {
     this.troubles = troubles;
@@ -61,8 +61,8 @@ export class Banner {
   }
 
   /**
-   * @param {number | null} silentMs for how long nothing has come; null: it does
-   * @param {boolean} hasModel whether anything ever came
+   * @param {number | null} silentMs for how long nothing has been received; null: data come
+   * @param {boolean} hasModel whether anything was ever received
    */
   showSilence(silentMs, hasModel) {
     const isLost = silentMs !== null;
@@ -102,15 +102,15 @@ export class Banner {
     setAttribute(this.more, "aria-expanded", String(this.isOpen));
   }
 
-  /** Offer to acknowledge alarms: whoever looks has the right to. */
+  /** Offer to acknowledge alarms: the user has the right to. */
   allow() {
     this.mayAcknowledge = true;
     this.draw();
   }
 
   /**
-   * Have a screen reader say what is new; not again what only changed its words.
-   * @param {string} noTrouble what to say when the last trouble is over
+   * Announce new alarms to screen readers, but not changes of their words only.
+   * @param {string} noTrouble announced when the last alarm is over
    */
   say(noTrouble) {
     const now = new Set(this.troubles.map(keyOf));
@@ -152,13 +152,13 @@ class TroubleItem {
     );
   }
 
-  /** Tell the gateway that the alarm was seen; what comes of it stands in the next status. */
+  /** Acknowledge the alarm at the gateway; the next status shows the result. */
   async acknowledge() {
     if (this.trouble === null || this.isAsking) {
       return;
     }
     const { kind, where, since } = this.trouble;
-    this.isAsking = true; // a button that is switched off would lose the focus
+    this.isAsking = true; // a disabled button would lose the focus
     const why = await acknowledged({ kind, where, since });
     this.isAsking = false;
     setText(this.problem, why);
@@ -179,7 +179,7 @@ class TroubleItem {
     if (seen !== null) {
       setText(this.problem, "");
       if (hadFocus) {
-        byId("banner").focus(); // the button that had it is gone
+        byId("banner").focus(); // the focused button is gone
       }
     }
     setAttribute(this.button, "aria-label", `${t("Acknowledge")}: ${place(trouble.where)}, ${said(trouble.says, trouble.what)}`);
@@ -195,7 +195,7 @@ class TroubleItem {
 }
 
 /**
- * How many things are wrong, as `1 error, 2 warnings`; empty where nothing is.
+ * The number of alarms, as `1 error, 2 warnings`; empty if there are none.
  * @param {Verdict} verdict
  */
 function wrongs({ errors, warnings }) {

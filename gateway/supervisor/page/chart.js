@@ -1,5 +1,5 @@
 // @ts-check
-// What the drawings share: a name for screen readers, their size, their letters, scales, and the lines behind them.
+// What the drawings share: a name for screen readers, size, letters, scales, grid lines.
 
 import { draw, newId, setAttribute } from "./dom.js";
 
@@ -7,7 +7,7 @@ import { draw, newId, setAttribute } from "./dom.js";
 export class Chart {
   /**
    * @param {string} name its class
-   * @param {...SVGElement} above what is moved over the drawing rather than drawn anew
+   * @param {...SVGElement} above elements that move over the drawing without redrawing it
    */
   constructor(name, ...above) {
     const id = newId(name);
@@ -24,10 +24,10 @@ export class Chart {
     );
     this.width = 0;
     this.height = 0;
-    this.font = 12; // size of its letters in pixels: asked once for each drawing, for that costs a layout
+    this.font = 12; // letter size in pixels: read once for each drawing, because it costs a layout
   }
 
-  /** Be drawn anew, pixel for pixel, as often as its element changes its size. */
+  /** Redraw, pixel for pixel, whenever the element's size changes. */
   follow() {
     new ResizeObserver(([{ contentRect: { width, height } }]) => {
       if (Math.abs(width - this.width) >= 1 || Math.abs(height - this.height) >= 1) {
@@ -47,10 +47,10 @@ export class Chart {
     setAttribute(this.element, "viewBox", `0 0 ${round(width)} ${round(height)}`);
   }
 
-  /** Draw what it shows in the size that it has now. */
+  /** Draw the content in the present size. */
   redraw() {}
 
-  /** Begin anew; returns whether there is room to draw in. */
+  /** Clear the drawing; returns whether there is room to draw. */
   clear() {
     this.back.replaceChildren();
     this.font = Number.parseFloat(getComputedStyle(this.element).fontSize) || 12;
@@ -82,7 +82,7 @@ export class Chart {
   }
 
   /**
-   * The lines across, each with its value.
+   * The horizontal grid lines, each with its value.
    * @param {number[]} ys in pixels
    * @param {string[]} words of each
    * @param {number} left
@@ -99,7 +99,7 @@ export class Chart {
 }
 
 /**
- * About how wide a text is drawn: asking the browser would cost a layout for each.
+ * The approximate width of a text: measuring it would cost a layout each time.
  * @param {string} text
  * @param {number} font
  */
@@ -108,7 +108,7 @@ export function textWidth(text, font) {
 }
 
 /**
- * A function from a stretch of values to a stretch of pixels; to its middle where all values are one.
+ * A function from a range of values to a range of pixels; to its middle if the range has one value only.
  * @param {number} low
  * @param {number} high
  * @param {number} from
@@ -121,7 +121,7 @@ export function linear(low, high, from, to) {
 }
 
 /**
- * The least and the greatest of some values; null where none is known.
+ * The minimum and the maximum of some values; null if none is known.
  * @param {(number | null)[]} values
  * @returns {[number, number] | null}
  */
@@ -138,12 +138,12 @@ export function extent(values) {
 }
 
 /**
- * The path of a line through points, with a gap where nothing is known.
+ * The path of a line through points, with a gap at unknown values.
  * @param {number[]} xs ascending
  * @param {(number | null)[]} ys
  * @param {(x: number) => number} across
  * @param {(y: number) => number} up
- * @param {number} [gap] the line does not reach over so much of x
+ * @param {number} [gap] the line is interrupted over so much of x
  */
 export function path(xs, ys, across, up, gap = Infinity) {
   let text = "";

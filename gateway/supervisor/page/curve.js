@@ -58,7 +58,7 @@ export class Curve extends Chart {
   }
 
   /**
-   * Put the machine somewhere: with the number that says where, never behind it.
+   * Move the machine's mark, in step with the displayed position.
    * @param {Place | null} place
    */
   move(place) {
@@ -76,13 +76,13 @@ export class Curve extends Chart {
     putMark(this.mark, x, y, y);
   }
 
-  /** How many points can be read. */
+  /** The number of points that can be read. */
   stops() {
     return this.across === null || this.shown === null ? 0 : this.shown.table.positions.length;
   }
 
   /**
-   * Which point is nearest to a place of the drawing.
+   * The point nearest to a position in the drawing.
    * @param {number} share of its width, from the left
    */
   nearest(share) {
@@ -91,7 +91,7 @@ export class Curve extends Chart {
   }
 
   /**
-   * Mark a point, and say its values.
+   * Mark a point; returns its values in words.
    * @param {number | null} index null: none
    */
   markAt(index) {
@@ -161,7 +161,7 @@ export class Curve extends Chart {
   }
 
   /**
-   * The lines of the travel; as many as have room for their numbers.
+   * The grid lines over the travel; as many as their numbers have room.
    * @param {number} low
    * @param {number} high
    * @param {(value: number) => number} across
@@ -172,7 +172,7 @@ export class Curve extends Chart {
     const y = bottom + font * 1.35;
     const longest = Math.max(fixed(low, 0).length, fixed(high, 0).length) + 3;
     const columns = ticks(low, high, (right - left) / textWidth("0".repeat(longest), font));
-    let free = this.width; // the last number carries the unit, and the others keep clear of it
+    let free = this.width; // the last number has the unit, and the others do not overlap it
     for (const value of columns.values.reverse()) {
       const x = across(value);
       const text = fixed(value, columns.decimals);
@@ -206,7 +206,7 @@ function putMark(mark, x, first, second) {
 }
 
 /**
- * Lowest and highest of some values and of zero, with some air.
+ * Minimum and maximum of some values and zero, with a margin.
  * @param {number[]} values
  * @returns {[number, number]}
  */

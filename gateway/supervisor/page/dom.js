@@ -1,11 +1,11 @@
 // @ts-check
-// Making elements, and changing only what is different. Text from the gateway is only ever set as text.
+// Creates elements, and changes only what differs. Text from the gateway is never set as markup.
 
 const SVG = "http://www.w3.org/2000/svg";
 let ids = 0;
 
 /**
- * A name for an element that nothing else on the page has.
+ * A unique name for an element of the page.
  * @param {string} kind
  */
 export function newId(kind) {
@@ -55,7 +55,7 @@ function fill(element, attributes, children) {
 }
 
 /**
- * Make one of the signs that stand in index.html; words beside it say the same.
+ * Make one of the signs of index.html; words beside it have the same meaning.
  * @param {string} name
  * @returns {SVGElement}
  */
@@ -67,7 +67,7 @@ export function sign(name) {
  * Show another sign.
  * @param {Element} of what {@link sign} made
  * @param {string} name
- * @param {string} [tone] its colour, where it has one of its own
+ * @param {string} [tone] its own colour, if it has one
  */
 export function setSign(of, name, tone) {
   setAttribute(/** @type {Element} */ (of.firstElementChild), "href", `#i-${name}`);
@@ -76,7 +76,7 @@ export function setSign(of, name, tone) {
   }
 }
 
-/** A sign, words beside it that say the same, and the colour of both. */
+/** A sign, words with the same meaning, and the colour of both. */
 export class SignedWords {
   /**
    * @param {string} tag
@@ -98,7 +98,7 @@ export class SignedWords {
   }
 }
 
-/** A figure with what it is, for a list of them. */
+/** A figure with its label, for a list of figures. */
 export class Figure {
   /** @param {string} [name] */
   constructor(name = "") {
@@ -107,7 +107,7 @@ export class Figure {
     this.element = make("div", {}, this.name, this.value);
   }
 
-  /** @param {string | null} text null: there is nothing to say */
+  /** @param {string | null} text null: there is no text */
   show(text) {
     show(this.element, text !== null);
     setText(this.value, text ?? "");
@@ -115,7 +115,7 @@ export class Figure {
 }
 
 /**
- * The heading of a card: a screen reader hears the kind as well.
+ * The heading of a card; for screen readers with its kind.
  * @param {string} kind
  * @param {string} name
  * @param {Record<string, string>} [attributes]
@@ -135,14 +135,14 @@ export function setText(element, text) {
 }
 
 /**
- * Show a sentence in which keys and values stand between backticks.
+ * Show a sentence with keys and values between backticks.
  * @param {Element} element
  * @param {string} text
  */
 export function setSentence(element, text) {
   const parts = text.split("`");
   if (parts.length % 2 === 0) {
-    setText(element, text); // one that is left open is none
+    setText(element, text); // an unmatched backtick is plain text
   } else if (element.textContent !== parts.join("")) {
     element.replaceChildren(...parts.map((part, number) => (number % 2 ? make("code", { text: part }) : part)));
   }
@@ -171,7 +171,7 @@ export function show(element, isShown) {
 }
 
 /**
- * Find an element that index.html has.
+ * Find an element of index.html.
  * @param {string} id
  * @returns {HTMLElement}
  */
@@ -180,11 +180,11 @@ export function byId(id) {
 }
 
 /**
- * Bring the children of an element in line with a list: one for each key, in this order, made and removed as
+ * Make the children of an element match a list: one for each key, in this order, created and removed as
  * keys come and go.
  * @template T
  * @param {Element} parent
- * @param {Map<string, T>} known what was made so far, by key; brought up to date
+ * @param {Map<string, T>} known the present children, by key; updated
  * @param {string[]} keys
  * @param {(key: string) => T} create
  * @param {(it: T) => Element} elementOf

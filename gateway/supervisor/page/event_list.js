@@ -1,5 +1,5 @@
 // @ts-check
-// What happened, newest first; whoever reads further down stays where he is.
+// The events, newest first. New ones do not move a list that is scrolled down.
 
 import { byId, make, setText, show, sign } from "./dom.js";
 import { timeOfDay } from "./figures.js";
@@ -27,7 +27,7 @@ export class EventList {
     this.items = [];
     /** @type {Set<string>} */
     this.keys = new Set();
-    /** @type {HTMLElement[]} came while nobody looked; newest first */
+    /** @type {HTMLElement[]} came while the list was not visible; newest first */
     this.coming = [];
     byId("filter").addEventListener("change", (changed) => {
       const value = /** @type {HTMLInputElement} */ (changed.target).value;
@@ -44,13 +44,13 @@ export class EventList {
   add(happening) {
     const key = `${happening.time} ${happening.number}`;
     if (this.keys.has(key)) {
-      return; // told again after the connection was lost
+      return; // repeated after a reconnect
     }
     this.keys.add(key);
     this.put(key, SEVERITIES[happening.severity]?.level ?? 0, itemOf(happening));
   }
 
-  /** @param {number} count how many the gateway had to leave out */
+  /** @param {number} count how many the gateway dropped */
   addMissed(count) {
     const element = make("li", { class: "event info", text: t("{count} events were left out: they came too fast.", { count }) });
     this.put(`missed ${performance.now()}`, 2, element);
@@ -71,7 +71,7 @@ export class EventList {
     }
   }
 
-  /** Draw what has come; in one go. */
+  /** Draw all new events together. */
   draw() {
     if (this.coming.length === 0) {
       return;

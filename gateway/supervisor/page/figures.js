@@ -1,8 +1,8 @@
 // @ts-check
-// Numbers as people read them: decimals that the unit deserves, a true minus, steps of 1, 2 and 5.
+// Numbers for display: decimals that suit the unit, a real minus sign, steps of 1, 2 and 5.
 
 /**
- * How lengths of an axis are shown. `small` is the unit of corrections, `perUnit` how many make one unit.
+ * How lengths of an axis are displayed. `small` is the unit of corrections, `perUnit` how many make one unit.
  * @typedef {{ units: string, decimals: number, small: string, perUnit: number, smallDecimals: number }} Scale
  */
 
@@ -16,7 +16,7 @@ const SCALES = {
 export const NOT_KNOWN = "–";
 
 /**
- * @param {string} units as the status says them
+ * @param {string} units as in the status
  * @returns {Scale}
  */
 export function scaleOf(units) {
@@ -26,7 +26,7 @@ export function scaleOf(units) {
 /**
  * @param {number | null | undefined} value
  * @param {number} decimals
- * @param {boolean} [hasSign] with a plus, too
+ * @param {boolean} [hasSign] also with a plus sign
  */
 export function fixed(value, decimals, hasSign = false) {
   if (value === null || value === undefined || !Number.isFinite(value)) {
@@ -39,7 +39,7 @@ export function fixed(value, decimals, hasSign = false) {
 }
 
 /**
- * A number that is not negative: one decimal below a bound, whole from there on.
+ * A number that is not negative: one decimal below `whole`, none from there on.
  * @param {number} value
  * @param {number} whole
  */
@@ -82,7 +82,7 @@ export function count(value) {
 }
 
 /**
- * A count in few characters.
+ * A count in a few characters.
  * @param {number} value
  */
 export function shortCount(value) {
@@ -112,7 +112,7 @@ export function time(value) {
 }
 
 /**
- * A span of seconds as a person says it.
+ * A span of seconds in words.
  * @param {number} seconds
  */
 export function span(seconds) {

@@ -1,5 +1,5 @@
 // @ts-check
-// The newest frames of a line, in words, newest first. Only asked for while somebody looks at them.
+// The newest frames of a line, in words, newest first. Fetched only while they are visible.
 
 import { byId, keepChildren, make, setAttribute, setText, show } from "./dom.js";
 import { exactTimeOfDay } from "./figures.js";

@@ -1,5 +1,5 @@
 // @ts-check
-// How long the gateway took: how many exchanges fell into each stretch, both axes by powers, and the budget.
+// The gateway's own time: the number of exchanges in each interval, with logarithmic axes, and the budget.
 
 import { Chart, linear, round, textWidth } from "./chart.js";
 import { draw } from "./dom.js";
@@ -70,7 +70,7 @@ export class Histogram extends Chart {
   }
 
   /**
-   * The bounds between the bars; as many as have room.
+   * The bounds between the bars; as many as there is room for.
    * @param {number[]} bounds
    * @param {(index: number) => number} across
    * @param {number} bottom
@@ -93,10 +93,10 @@ export class Histogram extends Chart {
   }
 }
 
-const HALF = 0.35; // a single one is seen, too
+const HALF = 0.35; // a single one is visible, too
 
 /**
- * Where on the bars a time lies.
+ * The position of a time on the bars.
  * @param {number} value
  * @param {number[]} bounds
  */

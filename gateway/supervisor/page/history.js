@@ -1,5 +1,5 @@
 // @ts-check
-// The past of one axis, from ten minutes to a day: where it was, and what was added there.
+// The history of one axis, from ten minutes to a day: its positions and corrections.
 
 import { Chart, extent, linear, path } from "./chart.js";
 import { draw, make, setAttribute } from "./dom.js";
@@ -11,10 +11,10 @@ import { t } from "./language.js";
 /** @typedef {{ ages_s: number[], nominal: (number | null)[], correction: (number | null)[] }} Told */
 
 const MS_PER_MINUTE = 60_000;
-const EVERY_MS = 1000; // as the gateway keeps the last ten minutes
-const SELDOM_MS = 10_000; // and what is before them
-const DRAWN_EVERY_MS = 10_000; // where nothing has changed it only moves to the left
-const GAP_MS = 35_000; // without a word for longer the line is broken
+const EVERY_MS = 1000; // the gateway's interval in the last ten minutes
+const SELDOM_MS = 10_000; // and before that
+const DRAWN_EVERY_MS = 10_000; // an unchanged strip only moves to the left
+const GAP_MS = 35_000; // a longer silence interrupts the line
 const WIDTH = 600;
 const HEIGHT = 60;
 const AIR = 5;
@@ -29,7 +29,7 @@ export class History extends Chart {
     const reading = draw("line", { class: "history-reading", y1: 0, y2: HEIGHT, visibility: "hidden" });
     super("history", position, correction, reading);
     this.resize(WIDTH, HEIGHT);
-    setAttribute(this.element, "preserveAspectRatio", "none"); // the browser stretches it
+    setAttribute(this.element, "preserveAspectRatio", "none"); // the browser scales it
     this.axis = axis;
     this.position = position;
     this.correction = correction;
@@ -47,7 +47,7 @@ export class History extends Chart {
     void this.fetch();
   }
 
-  /** The strip, with the choice of its span and the same as a file. */
+  /** The strip, with the choice of its span and a download. */
   laidOut() {
     const label = t("Span of the past of axis {axis}", { axis: this.axis });
     const choice = /** @type {HTMLSelectElement} */ (make("select", { class: "past-span", "aria-label": label }));
@@ -96,7 +96,7 @@ export class History extends Chart {
     void this.fetch();
   }
 
-  /** What was before this page was opened. */
+  /** The history before this page was opened. */
   async fetch() {
     const { minutes } = this;
     try {
@@ -117,12 +117,12 @@ export class History extends Chart {
         }
       }
     } catch {
-      // It begins with what comes from now on.
+      // It begins with the next values.
     }
   }
 
   /**
-   * Note where the axis is; null where nobody knows.
+   * Add the position of the axis; null: unknown.
    * @param {number | null} nominal
    * @param {number | null} correction
    * @param {number} now in ms, as `performance.now`
@@ -182,7 +182,7 @@ export class History extends Chart {
     return WIDTH - ((now - at) / this.keptMs) * WIDTH;
   }
 
-  /** How many places can be read. */
+  /** The number of points that can be read. */
   stops() {
     return this.scale === null ? 0 : this.seen.length;
   }
@@ -194,7 +194,7 @@ export class History extends Chart {
   }
 
   /**
-   * Mark a place, and say when the axis was where.
+   * Mark a point; returns time and position in words.
    * @param {number | null} index null: none
    */
   markAt(index) {

@@ -1,11 +1,11 @@
 // @ts-check
-// What this browser remembers of its user's choices. One that keeps nothing has them until the page is left.
+// The user's choices, stored in the browser. Without storage they last until the page is left.
 
 const PREFIX = "pitch-gateway-";
 
 /**
  * @param {string} name of the choice
- * @returns {string | null} null: none was made
+ * @returns {string | null} null: there is none
  */
 export function kept(name) {
   try {
@@ -23,6 +23,6 @@ export function keep(name, choice) {
   try {
     localStorage.setItem(PREFIX + name, choice);
   } catch {
-    // It holds until the page is left.
+    // Without storage it lasts until the page is left.
   }
 }

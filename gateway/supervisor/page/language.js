@@ -1,14 +1,14 @@
 // @ts-check
-// The language of the page. English stands in the program; every other language is a file that says each English
-// text once more. What a file does not know is shown in English.
+// The language of the page. English is in the program; every other language is a file with a translation of each
+// English text. A text without translation is shown in English.
 
 import { keep, kept } from "./kept.js";
 
-/** The languages there are, each called as its readers call it. */
+/** The available languages, each by its own name. */
 export const LANGUAGES = { en: "English", de: "Deutsch" };
 
 /**
- * A sentence of the gateway: a text, or a text with what differs in it.
+ * A sentence of the gateway: a text, or a template with values.
  * @typedef {string | { text: string, values: Record<string, Said> }} Said
  */
 
@@ -20,14 +20,14 @@ function chosenLanguage() {
 
 export const language = chosenLanguage();
 
-/** @type {Record<string, string>} what each English text is */
+/** @type {Record<string, string>} translation by English text */
 let texts = {};
 if (language !== "en") {
   try {
     const answer = await fetch(`page/${language}.json`);
     texts = answer.ok ? await answer.json() : {};
   } catch {
-    // Nobody is there: in English it says so, too.
+    // The gateway does not respond: the page shows that in English, too.
   }
 }
 if (Object.keys(texts).length) {
@@ -36,7 +36,7 @@ if (Object.keys(texts).length) {
 }
 
 /**
- * Say a text of the page in the language of whoever reads it.
+ * Return a text of the page in the user's language.
  * @param {string} text in English; `{name}` stands for a value
  * @param {Record<string, string | number>} [values]
  */
@@ -46,9 +46,9 @@ export function t(text, values = {}) {
 }
 
 /**
- * Say a sentence of the gateway.
+ * Return a sentence of the gateway in the user's language.
  * @param {Said | undefined} sentence
- * @param {string} english the same in English, of a gateway that says no more
+ * @param {string} english the same in English, from a gateway without templates
  * @returns {string}
  */
 export function said(sentence, english) {
@@ -60,7 +60,7 @@ export function said(sentence, english) {
 }
 
 /**
- * Say where something is, as `line xyz, controller cnc`: names stay.
+ * Return where something is, as `line xyz, controller cnc`; names are not translated.
  * @param {string} where
  */
 export function place(where) {
@@ -73,7 +73,7 @@ export function place(where) {
     .join(", ");
 }
 
-/** Say what stands in index.html. @param {Element} root */
+/** Translate the texts of index.html. @param {Element} root */
 function translate(root) {
   const walker = document.createTreeWalker(root, NodeFilter.SHOW_TEXT);
   while (walker.nextNode()) {
@@ -88,7 +88,7 @@ function translate(root) {
   }
 }
 
-/** A choice of the language, which this browser remembers. @param {HTMLSelectElement} choice */
+/** The choice of the language, stored in the browser. @param {HTMLSelectElement} choice */
 export function offerLanguages(choice) {
   choice.append(...Object.entries(LANGUAGES).map(([value, name]) => new Option(name, value, false, value === language)));
   choice.addEventListener("change", () => {

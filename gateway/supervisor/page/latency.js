@@ -1,5 +1,5 @@
 // @ts-check
-// What the gateway itself takes: one axis or line as a histogram, all of them as figures beside their budget.
+// The gateway's own time: one axis or line as a histogram, all of them as figures beside their budget.
 
 import { byId, keepChildren, make, setAttribute, setText, show, sign } from "./dom.js";
 import { NOT_KNOWN, count, rounded, time } from "./figures.js";

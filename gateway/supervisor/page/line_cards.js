@@ -1,5 +1,5 @@
 // @ts-check
-// Each line: whether its drives are reached, how much passes, and what went wrong on it.
+// Each line: the state of its drives, its traffic, and its errors.
 
 import { Figure, SignedWords, heading, keepChildren, make, setAttribute, setSign, setText, show, sign } from "./dom.js";
 import { NOT_KNOWN, count, rounded, span, time } from "./figures.js";
@@ -70,7 +70,7 @@ export class LineCard {
   /**
    * @param {Line} line
    * @param {number} now in ms
-   * @param {boolean} isKnown whether the gateway says what it is like now
+   * @param {boolean} isKnown whether the gateway's data are current
    * @param {import("./model.js").Trouble[]} troubles
    */
   show(line, now, isKnown, troubles) {
@@ -97,7 +97,7 @@ export class LineCard {
   }
 
   /**
-   * What is wrong on this line, its controllers and unit ids included.
+   * The alarms of this line, with those of its controllers and unit ids.
    * @param {import("./model.js").Trouble[]} troubles
    */
   troublesOf(troubles) {
@@ -106,14 +106,14 @@ export class LineCard {
   }
 
   /**
-   * Exchanges in each second, over the last few.
+   * Exchanges per second, over the last few seconds.
    * @param {number} exchanges
    * @param {number} now
    */
   rateOf(exchanges, now) {
     const newest = this.seen[this.seen.length - 1];
     if (newest && exchanges < newest.exchanges) {
-      this.seen = []; // the relay was started anew
+      this.seen = []; // the relay was restarted
     }
     this.seen.push({ at: now, exchanges });
     while (this.seen.length > 2 && now - this.seen[1].at > RATE_MS) {
@@ -199,7 +199,7 @@ function stateOfLine(line, troubles) {
 }
 
 /**
- * How long ago a controller that is quiet asked last.
+ * The time since the last request of a quiet controller.
  * @param {Controller} controller
  */
 function quietOf({ asked_s: asked, silent_s: silent }) {

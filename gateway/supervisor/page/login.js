@@ -1,5 +1,5 @@
 // @ts-check
-// Shows the token to the gateway, once. It goes in the body of a request, never into an address.
+// Sends the token to the gateway, once. It is in the body of a request, never in an address.
 
 import { t } from "./language.js";
 
@@ -15,7 +15,7 @@ function say(what) {
   token.setAttribute("aria-invalid", what ? "true" : "false");
 }
 
-/** @returns {Promise<string>} why not, "" when it was taken */
+/** @returns {Promise<string>} why it was refused, "" if it was accepted */
 async function logIn() {
   const body = JSON.stringify({ token: token.value.trim() });
   try {

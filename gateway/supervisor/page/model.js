@@ -1,6 +1,6 @@
 // @ts-check
-// What the gateway says, as types. The names are those of the status model; the type of a part that one script
-// shows stands there.
+// The gateway's data, as types. The names are those of the status model. The type of a part that only one
+// script shows is in that script.
 
 /**
  * @typedef {import("./axis_card.js").Axis} Axis
@@ -9,7 +9,7 @@
  * @typedef {{ p50: number | null, p99: number | null, p999: number | null, max: number, max_minute: number,
  *             below?: number[] }} Times microseconds; `below` counts up to each bound, and all
  *
- * @typedef {{ state: string, since: string, errors: number, warnings: number }} Verdict how the gateway is: healthy,
+ * @typedef {{ state: string, since: string, errors: number, warnings: number }} Verdict the state of the gateway: healthy,
  *             waiting, warning or error
  *
  * @typedef {{ kind: string, severity: string, where: string, what: string, remedy: string, since?: string,
@@ -23,18 +23,18 @@
  *             detail?: string } & Record<string, unknown>} Happening
  *
  * @typedef {{ units: string, digest: string, positions: number[], forward: number[], backward: number[],
- *             travel?: [number, number] | null, modulo?: number | null }} Table with the gain in it, on the
- *             controller's scale as all positions here; `modulo` is one turn of a rotary axis
+ *             travel?: [number, number] | null, modulo?: number | null }} Table with the gain applied, on the
+ *             controller's scale like all positions here; `modulo` is one turn of a rotary axis
  */
 
-/** After so long without word the gateway counts as lost: it says something each second at least. */
+/** After so long without data the gateway counts as lost: it sends at least once a second. */
 export const SILENT_MS = 3500;
 
-/** After so long the relay counts as silent, as in the gateway's own list of troubles. */
+/** After so long the relay counts as silent, as in the gateway's own list of alarms. */
 export const STALE_S = 2;
 
 /**
- * Whether the numbers of a model can be taken for what the machine does now.
+ * Whether the numbers of a model are current.
  * @param {Model} model
  */
 export function isFresh(model) {

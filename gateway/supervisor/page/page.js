@@ -1,5 +1,5 @@
 // @ts-check
-// Brings together what the gateway says and the parts of the page that show it.
+// Connects the gateway's data and the parts of the page that show them.
 
 import { AxisCard } from "./axis_card.js";
 import { Banner } from "./banner.js";
@@ -59,7 +59,7 @@ class Page {
     });
   }
 
-  /** Draw with the browser's next frame; never in a tab that nobody sees. */
+  /** Draw with the browser's next frame; never in a hidden tab. */
   drawSoon() {
     if (this.isDrawn && !document.hidden) {
       this.isDrawn = false;
@@ -139,7 +139,7 @@ class Page {
     setText(this.linkWords, isLost ? t("No connection") : relay ? ofRelay : this.model ? t("Live") : t("Connecting"));
   }
 
-  /** The tab's name and icon; also while nobody sees the page. */
+  /** The tab's name and icon; also while the page is hidden. */
   showMark() {
     const isLost = document.body.dataset.link === "lost";
     const verdict = this.model?.verdict.state;
@@ -164,7 +164,7 @@ function contentsOf(model) {
   return [counted(lines, t("line"), t("lines")), axes ? counted(axes, t("axis"), t("axes")) : ""].filter(Boolean).join(", ");
 }
 
-/** The switch for light and dark, which this browser remembers. */
+/** The switch for light and dark, stored in the browser. */
 function offerColours() {
   const button = byId("theme");
   const order = ["auto", "light", "dark"];

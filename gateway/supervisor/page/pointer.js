@@ -8,8 +8,8 @@ import { make, setAttribute, setText, show } from "./dom.js";
  * A drawing that can be read.
  * @typedef {{ element: Element, stops: () => number, nearest: (share: number) => number,
  *             markAt: (index: number | null) => string }} Readable
- * `stops`: how many places have values; `nearest`: which of them is where so much of the width is to the left;
- * `markAt`: show one, or none, and return its values in words
+ * `stops`: how many points have values; `nearest`: the point at this share of the width, from the left;
+ * `markAt`: mark one, or none, and return its values in words
  */
 
 export class Pointer {
@@ -19,7 +19,7 @@ export class Pointer {
    */
   constructor(drawing, name) {
     this.drawing = drawing;
-    /** @type {number | null} which place is marked */
+    /** @type {number | null} the marked point */
     this.at = null;
     this.words = make("p", { class: "pointer-words", "aria-hidden": "true", hidden: "" });
     this.slider = /** @type {HTMLInputElement} */ (
@@ -61,7 +61,7 @@ export class Pointer {
     }
   }
 
-  /** Draw the mark anew, where the drawing under it is another one. */
+  /** Redraw the mark after a change of the drawing under it. */
   redraw() {
     if (this.at !== null) {
       this.set(this.at);
@@ -70,7 +70,7 @@ export class Pointer {
 }
 
 /**
- * Which of ascending values is nearest to one; there has to be one.
+ * The index of the nearest of ascending values; there has to be at least one.
  * @param {number[]} values
  * @param {number} wanted
  */

@@ -1,12 +1,12 @@
 // @ts-check
-// Who looks, where the gateway asks that, and what he may: log out, and acknowledge alarms.
+// The user's session, if the gateway requires one, and its actions: log out, and acknowledge alarms.
 
 import { byId, make, show } from "./dom.js";
 import { t } from "./language.js";
 
 /**
- * Show the button to whoever has a session, and see to it that it ends one.
- * @param {() => void} mayAcknowledge called where whoever looks may acknowledge alarms
+ * Show the button that ends a session, if there is one.
+ * @param {() => void} mayAcknowledge called if the user may acknowledge alarms
  */
 export async function showSession(mayAcknowledge) {
   try {
@@ -23,12 +23,12 @@ export async function showSession(mayAcknowledge) {
       show(button, true);
     }
   } catch {
-    // Nobody is there; what shows the status says so.
+    // The gateway does not respond; the parts with the status show that.
   }
 }
 
 /**
- * Acknowledge an alarm; returns why not, "" where it is done.
+ * Acknowledge an alarm; returns why it failed, "" if it succeeded.
  * @param {{ kind: string, where: string, since?: string }} alarm
  */
 export async function acknowledged(alarm) {
@@ -54,7 +54,7 @@ async function logOut(button) {
   }
 }
 
-/** Load the page anew: the gateway answers with the one that asks for the token. */
+/** Reload the page: the gateway answers with the login page. */
 export function askAgain() {
   location.reload();
 }

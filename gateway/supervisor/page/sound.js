@@ -1,6 +1,6 @@
 // @ts-check
-// A sound for an alarm that is new and that nobody has acknowledged. Off until somebody asks for it: a browser
-// lets a page make a sound only after a click or a key.
+// A sound for a new alarm that is not acknowledged. It is off until the user switches it on: a browser
+// permits sound only after a click or a key.
 
 import { byId, setAttribute, setText } from "./dom.js";
 import { keep, kept } from "./kept.js";
@@ -17,7 +17,7 @@ export class Sound {
     this.button = byId("sound");
     /** @type {AudioContext | null} */
     this.context = null;
-    /** @type {Set<string> | null} alarms that were there before; null: nothing has come yet */
+    /** @type {Set<string> | null} alarms that were there before; null: nothing was received yet */
     this.heard = null;
     this.isLost = false;
     this.isOn = kept("sound") === "on";
@@ -39,7 +39,7 @@ export class Sound {
     this.show();
   }
 
-  /** With a click or a key the browser lets the page make a sound from now on. */
+  /** After a click or a key the browser permits sound. */
   allow() {
     if (this.isOn) {
       this.context ??= new AudioContext();
@@ -54,7 +54,7 @@ export class Sound {
   }
 
   /**
-   * Sound where an alarm is new and not acknowledged; what there was when the page was opened is not new.
+   * Play the sound if an alarm is new and not acknowledged. Alarms from before the page was opened are not new.
    * @param {Trouble[]} troubles
    */
   hear(troubles) {

@@ -1,25 +1,25 @@
 // @ts-check
-// The gateway's stream of status and events; it says when nothing comes, and never stops trying.
+// The gateway's stream of status and events. It reports silence, and retries for ever.
 
 import { SILENT_MS } from "./model.js";
 import { askAgain } from "./session.js";
 
 const RETRY_MS = [500, 1000, 2000];
 const LOOK_MS = 500;
-const DEAD_MS = 12_000; // a connection that says nothing for so long is given up
+const DEAD_MS = 12_000; // a connection that is silent for so long is closed
 
 /**
  * @typedef {{ status: (model: import("./model.js").Model) => void,
  *             event: (happening: import("./model.js").Happening) => void,
  *             missed: (count: number) => void,
  *             silent: (silentMs: number | null) => void }} Listener
- * `silent`: for how long nothing has come, twice a second while that is too long; null when something came again
+ * `silent`: for how long nothing has been received, twice a second while that is too long; null: data come again
  */
 
 export class Stream {
   /**
    * @param {string} address
-   * @param {string} fallback where the status alone can be had
+   * @param {string} fallback address of the status alone
    * @param {Listener} listener
    */
   constructor(address, fallback, listener) {
@@ -67,8 +67,8 @@ export class Stream {
   }
 
   /**
-   * Ask for the status where the stream cannot be had: all its places may be taken, or something between does
-   * not let it through. What does not answer at all is known at once, and nobody waits for the silence.
+   * Fetch the status if the stream is not available: it may have no free slot, or a proxy does not let it through.
+   * A gateway that does not answer at all is reported immediately, without waiting for the silence.
    */
   async ask() {
     try {
@@ -84,14 +84,14 @@ export class Stream {
         return;
       }
     } catch {
-      // Nobody is there.
+      // The gateway does not respond.
     }
     this.isSilent = true;
     this.look();
   }
 
   /**
-   * A browser tries again by itself after most failures, but not after an answer such as 503, and some only
+   * A browser reconnects after most failures, but not after a response such as 503, and some browsers only
    * after a long while.
    * @param {EventSource} failed
    */
@@ -111,7 +111,7 @@ export class Stream {
     this.open();
   }
 
-  /** @param {boolean} isStream whether it was the stream that said something */
+  /** @param {boolean} isStream whether the data came from the stream */
   hear(isStream) {
     this.heard = performance.now();
     this.failures = isStream ? 0 : this.failures;
@@ -138,7 +138,7 @@ export class Stream {
 
 /**
  * @param {Event} message
- * @returns {any} null for what is no JSON: a proxy's page, half a line
+ * @returns {any} null if it is not JSON: a proxy's page, half a line
  */
 function parsed(message) {
   try {

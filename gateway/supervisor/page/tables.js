@@ -1,5 +1,5 @@
 // @ts-check
-// The curves of the axes: fetched once for each table, a few at a time, and again where that failed.
+// The curves of the axes: fetched once for each table, a few at a time, and again after a failure.
 
 const AT_ONCE = 3;
 const POINTS = 800; // more than a screen shows
@@ -8,10 +8,10 @@ const RETRY_MS = 3000;
 /** @typedef {import("./model.js").Table} Table */
 
 export class Tables {
-  /** @param {(axis: string, table: Table | null) => void} take called with each curve as it comes */
+  /** @param {(axis: string, table: Table | null) => void} take called with each received curve */
   constructor(take) {
     this.take = take;
-    /** @type {Map<string, string | null>} name of what is shown or on its way, by axis */
+    /** @type {Map<string, string | null>} digest of what is shown or requested, by axis */
     this.wanted = new Map();
     /** @type {string[]} */
     this.queue = [];
@@ -19,7 +19,7 @@ export class Tables {
   }
 
   /**
-   * Have the curve of an axis; nothing is done where it is the same as last time.
+   * Request the curve of an axis, unless it is unchanged.
    * @param {string} axis
    * @param {string | null} digest any text that changes with the curve; null: there is none
    */

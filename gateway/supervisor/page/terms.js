@@ -1,5 +1,5 @@
 // @ts-check
-// What temperature and other axes add to the table of an axis: a line for each, and how well it is known.
+// What temperature and other axes add to the table of an axis: a line for each, with its state.
 
 import { Figure, SignedWords, setAttribute, setText, show } from "./dom.js";
 import { NOT_KNOWN, correctionText, fixed, scaleOf, span } from "./figures.js";
@@ -18,7 +18,7 @@ import { t } from "./language.js";
  *             cross?: CrossTerm }} TermsOf what is added to the table; corrections in the unit of the axis
  */
 
-/** One line: a name, what is added, and below it a word where that is not what it should be. */
+/** One line: a name, what is added, and below it a word if something is wrong. */
 class Row extends Figure {
   constructor() {
     super();
@@ -30,7 +30,7 @@ class Row extends Figure {
   /**
    * @param {string} name
    * @param {string | null} added null: the line is not shown
-   * @param {import("./words.js").State | null} state null: there is nothing to say
+   * @param {import("./words.js").State | null} state null: there is no text
    */
   say(name, added, state) {
     setText(this.name, name);
@@ -42,9 +42,9 @@ class Row extends Figure {
   }
 }
 
-/** The lines of one axis; made for the axes that have any. */
+/** The lines of one axis; made only for axes with terms. */
 export class Terms {
-  /** @param {Element} above the lines stand below it */
+  /** @param {Element} above the lines are below it */
   constructor(above) {
     this.thermal = new Row();
     this.cross = new Row();

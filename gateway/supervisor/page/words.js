@@ -1,5 +1,5 @@
 // @ts-check
-// The gateway's own names in words, and the sign and colour that go with each.
+// The gateway's own names in words, with the sign and colour of each.
 
 import { t } from "./language.js";
 
@@ -105,7 +105,7 @@ const EVENTS = {
 };
 
 /**
- * From a state to its words; one that has none is shown as it is called.
+ * From a state to its words; a state without words is shown by its name.
  * @param {Record<string, State>} states
  */
 function among(states) {
@@ -125,12 +125,12 @@ export function direction(direction) {
 const GOING = t("going with the next target");
 
 /**
- * How the sensor of an axis's temperature is; null where it is heard.
+ * The state of the temperature sensor of an axis; null if it sends.
  * @param {string} state
- * @param {boolean} isSilent for longer than it may be
+ * @param {boolean} isSilent for longer than its limit
  * @param {boolean} isHeard since the start
  * @param {string} silence how long, as ` for 5 min 1 s`, or nothing
- * @param {boolean} isAdded whether something is added for it as yet
+ * @param {boolean} isAdded whether a correction for it is still added
  * @returns {State | null}
  */
 export function sensor(state, isSilent, isHeard, silence, isAdded) {
@@ -147,9 +147,9 @@ export function sensor(state, isSilent, isHeard, silence, isAdded) {
 }
 
 /**
- * How well it is known where the other axes are that act on one; null where it is.
+ * Whether the positions of the other axes that affect one are known; null if they are.
  * @param {string} state
- * @param {boolean} isAdded whether something is added for them as yet
+ * @param {boolean} isAdded whether a correction for them is still added
  * @returns {State | null}
  */
 export function otherAxes(state, isAdded) {
@@ -183,7 +183,7 @@ export function capital(text) {
 const TOLD = new Set(["number", "time", "event", "severity", "axis", "axes", "line", "detail", "process", "problems"]);
 
 /**
- * Everything that an event says beside its name, as one sentence.
+ * All data of an event beside its name, as one sentence.
  * @param {import("./model.js").Happening} happening
  */
 export function about(happening) {
@@ -205,7 +205,7 @@ export function about(happening) {
 }
 
 /**
- * Where something happened: `axis x`, `line xyz`, or nothing.
+ * Where an event happened: `axis x`, `line xyz`, or nothing.
  * @param {import("./model.js").Happening} happening
  */
 export function whereOf(happening) {
