@@ -1,1 +1,1 @@
-"""The commands a person types, one file each."""
+"""The commands for users, one file each."""

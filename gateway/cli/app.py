@@ -40,12 +40,12 @@ COMMANDS: Final = (
     "drives",
     "certificate",
 )
-"""In the order of ``--help``. Each has its module in ``gateway.cli``, and there a function of its name; or an
-``app``, where it has commands of its own."""
+"""In the order of ``--help``. Each has its module in ``gateway.cli``, with a function of its name, or with an
+``app`` if it has subcommands."""
 
 
 class _Loaded(UserDict[str, Any]):
-    """The commands by name, each loaded when it is first asked for: none waits for what the others import."""
+    """The commands by name, each loaded on first use, so that none waits for the imports of others."""
 
     def __init__(self) -> None:
         super().__init__(dict.fromkeys(COMMANDS))
@@ -70,7 +70,7 @@ def _load(name: str) -> Any:
 
 
 def _flowing(text: str) -> str:
-    """Return a help with each paragraph as one line, which ends where the terminal does; examples stay."""
+    """Return a help with each paragraph as one line, wrapped by the terminal; examples do not change."""
     paragraphs = cleandoc(text).split("\n\n")
     return "\n\n".join(
         each if "\n " in each or each.startswith(" ") else " ".join(each.split("\n")) for each in paragraphs

@@ -1,7 +1,7 @@
 """Arguments that several commands take.
 
-``readable=False`` everywhere: a file that may not be read is bad input and ends with exit code 1 and a
-remedy; typer's own check would call it wrong usage.
+All have ``readable=False``: an unreadable file is bad input and ends with exit code 1 and a remedy. Typer's
+own check would report wrong usage.
 """
 
 from pathlib import Path

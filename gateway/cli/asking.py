@@ -1,4 +1,4 @@
-"""Questions on a terminal, for what the options of a command leave open."""
+"""Questions on a terminal about what the options of a command leave open."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -9,10 +9,10 @@ Answer = TypeVar("Answer")
 
 
 class Prompter:
-    """Has every answer accepted: takes what the options gave and asks for the rest, until it is good.
+    """Gets valid answers: from the options, then from the user, until each is accepted.
 
-    Where nobody can be asked a wrong option is wrong usage, and the options that are missing are noted, so
-    that all are named at once.
+    Without a terminal a wrong option is wrong usage, and missing options are collected to be reported
+    together.
     """
 
     def __init__(self, *, is_on: bool) -> None:
@@ -22,10 +22,10 @@ class Prompter:
     def settle(
         self, given: Answer | None, option: str, ask: Callable[[], Answer], accept: Callable[[Answer], None]
     ) -> None:
-        """Hand the answer to ``accept``; it and ``ask`` refuse one with a ValueError that says why.
+        """Pass the answer to ``accept``; it and ``ask`` reject one with a ValueError that gives the reason.
 
         Raises:
-            typer.BadParameter: what was given is refused, and nobody can be asked for another.
+            typer.BadParameter: the given answer is rejected, and there is no terminal for another.
         """
         if given is None and not self.is_on:
             self._missing.append(option)
@@ -44,27 +44,27 @@ class Prompter:
                 typer.echo(f"  {error}", err=True)
 
     def optional(self, given: str | None, question: str) -> str | None:
-        """Return what was given, or ask for something that may stay empty."""
+        """Return the given answer, or ask for one that may be empty."""
         if given is not None or not self.is_on:
             return given
         return str(typer.prompt(question, default="", show_default=False, err=True)) or None
 
     def is_yes(self, question: str) -> bool:
-        """Ask a question that has no default. Where nobody can be asked the answer is no."""
+        """Ask a question that has no default. Without a terminal the answer is no."""
         return self.is_on and typer.confirm(question, err=True)
 
     def refuse_if_incomplete(self) -> None:
-        """Say every option that is missing, at once.
+        """Report all missing options together.
 
         Raises:
-            typer.BadParameter: there is one.
+            typer.BadParameter: an option is missing.
         """
         if self._missing:
             raise typer.BadParameter(f"missing: {', '.join(self._missing)} (or run it with --ask)")
 
 
 def text(question: str, default: str | None = None) -> str:
-    """Ask for a text that is not empty; Enter takes the default, where there is one."""
+    """Ask for a text that is not empty; Enter takes the default, if any."""
     return str(typer.prompt(question, default=default, err=True)).strip()
 
 
@@ -72,7 +72,7 @@ def number(question: str) -> float:
     """Ask for a number.
 
     Raises:
-        ValueError: the answer is none.
+        ValueError: the answer is not a number.
     """
     answer = text(question)
     try:
@@ -82,10 +82,10 @@ def number(question: str) -> float:
 
 
 def whole_number(question: str, default: str | None = None) -> int:
-    """Ask for a whole number; Enter takes the default, where there is one.
+    """Ask for a whole number; Enter takes the default, if any.
 
     Raises:
-        ValueError: the answer is none.
+        ValueError: the answer is not a whole number.
     """
     answer = text(question, default)
     try:
@@ -95,5 +95,5 @@ def whole_number(question: str, default: str | None = None) -> int:
 
 
 def two_numbers(question: str) -> tuple[float, float]:
-    """Ask for the lowest and the highest; raises as :func:`number`."""
+    """Ask for the lowest and the highest; raises like :func:`number`."""
     return number(f"{question}, lowest"), number(f"{question}, highest")

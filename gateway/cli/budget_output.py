@@ -1,4 +1,4 @@
-"""What ``pitch-gateway budget`` shows on a terminal. Times in milliseconds; 80 columns are enough."""
+"""Terminal output of ``pitch-gateway budget``. Times in milliseconds; at most 80 columns."""
 
 from collections.abc import Iterator, Sequence
 from typing import Final
@@ -18,11 +18,11 @@ from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 NUMBERS: Final = ("in", "gateway", "gap", "drives", "out", "sum", "direct", "time-out")
 CLOSE: Final = 0.5
-"""Share of a time-out from which a figure is shown in another colour."""
+"""Share of a time-out from which a figure has another colour."""
 
 
 def lines(budget: Budget) -> Iterator[RenderableType]:
-    """Yield the budget of every line for a person, and what cannot be met."""
+    """Yield the budget of every line for a person, and the requirements that cannot be met."""
     for line in budget.lines:
         yield from _line(line)
     yield from (StderrLine(problem) for problem in budget.problems)
@@ -135,7 +135,7 @@ def _row(exchange: ExchangeBudget, timeout_ns: int, *, has_gap: bool) -> list[st
 
 
 def _forwarding_rows(plan: LinePlan, controller: ControllerBudget) -> Iterator[RenderableType]:
-    """Say what cut-through gains, between two serial ports."""
+    """Yield the gain from cut-through between two serial ports."""
     if not (isinstance(plan.drives, SerialEndpoint) and controller.wire.is_serial):
         return
     whose = "cut_through = true" if plan.cut_through else "with cut_through = true"
@@ -190,7 +190,7 @@ def _added(line: LineBudget) -> Iterator[RenderableType]:
 
 
 def _rate(round_ns: int) -> str:
-    """Say how often a round comes: a round of more than a second by its seconds.
+    """Return how often a round comes: with more than a second between rounds, the seconds.
 
     >>> _rate(242_000_000), _rate(1_000_000_000), _rate(1_250_000_000), _rate(30_000_000_000)
     ('4.1 a second', '1.0 a second', 'one in 1.25 s', 'one in 30 s')

@@ -109,8 +109,8 @@ def _report(taken: "Taken", *, as_json: bool) -> None:
 
 
 def _follow(frames: "LineFrames", out: BinaryIO | None, *, as_json: bool) -> None:
-    """Go on until somebody ends it, or the gateway its tape."""
-    frames.skip()  # what was before is for those who do not follow
+    """Continue until the user ends it, or the gateway ends its trace buffer."""
+    frames.skip()  # --follow shows new frames only
     if out is not None:
         frames.begin_packets(out)
     console = _console()
@@ -151,7 +151,7 @@ def _print(found: "Iterable[LineEntry]", console: "Console", *, as_json: bool) -
 
 @contextmanager
 def _opened(pcapng: str | None) -> "Iterator[BinaryIO | None]":
-    """Open the file for Wireshark. Raises NothingTakenError: it is there, or cannot be written."""
+    """Open the file for Wireshark. Raises NothingTakenError: it exists, or cannot be written."""
     from gateway.commissioning.frames import NothingTakenError
 
     if pcapng is None:

@@ -1,4 +1,4 @@
-"""``pitch-gateway certificate``: an authority of one's own for Modbus/TCP Security."""
+"""``pitch-gateway certificate``: the user's own authority for Modbus/TCP Security."""
 
 import re
 from collections.abc import Iterator
@@ -185,7 +185,7 @@ def _print_written(*files: Path) -> None:
 
 @contextmanager
 def _problems() -> Iterator[None]:
-    """Say what cannot be done in the folder, and end with exit code 1."""
+    """Report an impossible action in the folder, and end with exit code 1."""
     from gateway.commissioning.certificates import FolderError
 
     try:

@@ -44,7 +44,7 @@ def check(
     from gateway.config.problems import ConfigErrors
     from gateway.ipc.log import take_standard_error
 
-    take_standard_error()  # the unit of the relay checks first
+    take_standard_error()  # the relay's unit runs this check first
     form = Format.INDENTED if as_json else Format.TEXT
     try:
         loaded = load(config)
@@ -58,7 +58,7 @@ def check(
 
 @dataclass(frozen=True, slots=True)
 class _Checked:
-    """What is wrong with a configuration, and what a good one amounts to."""
+    """The problems of a configuration, and the plan of a good one."""
 
     path: Path
     problems: "Sequence[Problem]"

@@ -1,4 +1,4 @@
-"""Sending a command to the gateway of a configuration, and saying what came of it."""
+"""Sending a command to the gateway of a configuration, and reporting the result."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -21,9 +21,9 @@ Axes = Annotated[
 
 
 def ask_or_exit(config: Path, request: "Request", *, as_json: bool = False) -> "Reply":
-    """Return the reply of the gateway that runs CONFIG; without one, say so and end with exit code 1.
+    """Return the reply of the gateway that runs CONFIG; without one, report that and exit with code 1.
 
-    With ``as_json`` standard output says it too, in the form of a command that changed nothing.
+    With ``as_json`` standard output reports it too, in the form of a command that changed nothing.
     """
     from gateway.ipc.client import NoRelayError, ask_relay
 
@@ -39,7 +39,7 @@ def ask_or_exit(config: Path, request: "Request", *, as_json: bool = False) -> "
 
 
 def command(config: Path, request: "Request", done: str, nothing: str, *, as_json: bool) -> None:
-    """Send a command and say which axes changed; exit code 1 when any axis could not be commanded."""
+    """Send a command and report the changed axes; exit code 1 if it failed for any axis."""
     from gateway.ipc.messages import Done
 
     reply = ask_or_exit(config, request, as_json=as_json)
@@ -54,14 +54,14 @@ def command(config: Path, request: "Request", done: str, nothing: str, *, as_jso
 
 @dataclass(frozen=True, slots=True)
 class _Commanded:
-    """What came of a command."""
+    """The result of a command."""
 
     changed: Sequence[str]
     problems: Sequence[str]
     done: str = ""
-    """What holds of an axis that changed."""
+    """The new state of a changed axis."""
     nothing: str = ""
-    """What is said where none did, and nothing is wrong."""
+    """The text if no axis changed and there was no problem."""
 
     def as_data(self) -> JsonObject:
         """Return it as plain data."""

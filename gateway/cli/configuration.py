@@ -1,4 +1,4 @@
-"""A configuration as commands need it: whole and checked, or only where its gateway keeps its state."""
+"""A configuration for commands: loaded and checked, or only the state folder of its gateway."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
 
 
 def load_or_exit(config: Path, *, checks_times: bool = True, is_start: bool = False) -> "Loaded":
-    """Load a configuration; what is wrong with it goes to stderr and ends the command with exit code 1.
+    """Load a configuration; report its problems on stderr and end the command with exit code 1.
 
-    ``is_start``: this user is about to run it, as for ``config.load.load_document``.
+    ``is_start``: this user is about to run it, as in ``config.load.load_document``.
     """
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
@@ -30,11 +30,11 @@ def load_or_exit(config: Path, *, checks_times: bool = True, is_start: bool = Fa
 
 
 def compile_for_start_or_exit(config: Path) -> tuple[str, Path]:
-    """Write what the relay starts from into the state folder, or say why not and end with 1.
+    """Write the relay's compiled configuration into the state folder, or report why not and exit with 1.
 
-    Returns the name of the gateway and that folder.
+    Return the name of the gateway and that folder.
 
-    Where the file of a table is bad, and one of that name was good before, that one is used, and it is said.
+    If the file of a table is bad, an earlier good one of that name is used, and this is reported.
     """
     from gateway.config.last_good import TableSource, settle
     from gateway.config.load import load
@@ -44,7 +44,7 @@ def compile_for_start_or_exit(config: Path) -> tuple[str, Path]:
     try:
         loaded = load(config, forgives_tables=True, is_start=True)
     except ConfigErrors:
-        load_or_exit(config, is_start=True)  # says what is wrong with the tables too
+        load_or_exit(config, is_start=True)  # also reports problems of the tables
         raise
     last = last_plan(loaded.state_folder)
     settled = settle(loaded, last.plan if last else None, is_start=True)
@@ -64,9 +64,9 @@ def compile_for_start_or_exit(config: Path) -> tuple[str, Path]:
 
 
 def compile_or_exit(loaded: "Loaded", plan: "GatewayPlan | None" = None) -> None:
-    """Write the compiled form of a configuration into its state folder, or say why not and end with 1.
+    """Write the compiled form of a configuration into its state folder, or report why not and exit with 1.
 
-    ``plan`` is what it amounts to where that is not what its files say.
+    ``plan`` is its plan, if that differs from its files.
     """
     from gateway.config.compile import compile_into_state
     from gateway.state.folder import StateError
@@ -79,9 +79,9 @@ def compile_or_exit(loaded: "Loaded", plan: "GatewayPlan | None" = None) -> None
 
 
 def state_folder_or_exit(config: Path) -> Path:
-    """Return the state folder of a configuration, whatever else may be wrong with it by now.
+    """Return the state folder of a configuration, in spite of other problems in it.
 
-    A gateway that runs can be commanded while its configuration is being edited.
+    A running gateway can be commanded while its configuration is being edited.
     """
     from gateway.config.findings import read_document
     from gateway.config.problems import ConfigErrors

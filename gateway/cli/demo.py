@@ -1,4 +1,4 @@
-"""``pitch-gateway demo``: the whole thing on one screen."""
+"""``pitch-gateway demo``: the whole system on one screen."""
 
 import asyncio
 import signal
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 ONCE_SPEED_UP: Final = 100.0
 LIVE_SPEED_UP: Final = 8.0
-"""On the screen one wants to see the axes move."""
+"""Slow enough to see the axes move on the screen."""
 PAUSE_S: Final = 4.0
 """Time to look at the result of a round on the live screen."""
 
@@ -41,7 +41,7 @@ class _StoppedError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class DemoOptions:
-    """What is shown, and what stays of it."""
+    """What is shown, and which files are kept."""
 
     once: Annotated[bool, typer.Option("--once", help="One round, then end.")] = False
     json_output: Annotated[
@@ -89,7 +89,7 @@ def demo(*, options: DemoOptions) -> None:
 
 
 def _perform(options: DemoOptions, *, live: bool) -> bool:
-    """Play it in a folder of its own; returns whether the result is good. What ends it early is said."""
+    """Run it in a temporary folder; return whether the result is good. An early end is reported."""
     from rich.console import Console
 
     from gateway.relay.errors import StartError
@@ -115,7 +115,7 @@ def _perform(options: DemoOptions, *, live: bool) -> bool:
 
 
 async def _once(folder: Path, options: DemoOptions) -> bool:
-    """One round with a line for each step, and its result."""
+    """Run one round with a line for each step, and its result."""
     from rich.console import Console
     from rich.text import Text
 
@@ -144,7 +144,7 @@ def _write_report(view: "View", path: Path, *, force: bool) -> None:
 
 
 async def _live(console: "Console", folder: Path, seed: int) -> bool:
-    """Follow rounds on the screen, a new machine each, until a signal."""
+    """Show rounds on the screen, each with a new machine, until a signal."""
     from gateway.cli.demo_screen import Screen
 
     screen = Screen(console)

@@ -1,4 +1,4 @@
-"""The live screen of the demonstration: a panel for each axis, drawn from the view a few times a second."""
+"""The live screen of the demonstration: a panel for each axis, drawn several times a second."""
 
 import asyncio
 from collections.abc import Iterable, Sequence
@@ -31,7 +31,7 @@ class Layer:
 def braille_plot(
     layers: Iterable[Layer], x_range: tuple[float, float], y_limit: float, columns: int, rows: int
 ) -> Text:
-    """Draw points with x in ``x_range`` and y in ±``y_limit``; what lies outside sits on the border.
+    """Draw points with x in ``x_range`` and y in ±``y_limit``; points outside are on the border.
 
     >>> braille_plot([Layer([(0.0, 1.0), (1.0, -1.0)], "red")], (0.0, 1.0), 1.0, columns=2, rows=1).plain
     '⠁⢀'
@@ -48,7 +48,7 @@ def braille_plot(
 
 
 def _row(dots: Sequence[int], styles: Sequence[str]) -> Text:
-    """Join neighbours of one colour: a terminal is told of a colour only where it changes."""
+    """Join neighbours of one colour: a terminal needs a colour code only at a change."""
     text = Text()
     cells = zip(dots, styles, strict=True)
     for style, run in groupby(cells, key=lambda cell: cell[1]):
@@ -57,7 +57,7 @@ def _row(dots: Sequence[int], styles: Sequence[str]) -> Text:
 
 
 def bar(length_um: float, full_um: float, columns: int, style: str) -> Text:
-    """Draw a bar of ``length_um`` where ``full_um`` fills all columns; anything above 0 can be seen.
+    """Draw a bar of ``length_um``; ``full_um`` fills all columns. Anything above 0 is visible.
 
     >>> bar(25.0, 100.0, 4, "red").plain
     '█   '
@@ -87,7 +87,7 @@ BAR_LABEL_COLUMNS: Final = 26
 
 
 class Narrator(DemoObserver):
-    """Says on a console which step begins."""
+    """Prints on a console which step begins."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -100,7 +100,7 @@ class Narrator(DemoObserver):
 
 
 class Screen(DemoObserver):
-    """Follows rounds until it is told to stop."""
+    """Shows rounds until it is cancelled."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -109,7 +109,7 @@ class Screen(DemoObserver):
         self._live = Live(console=console, auto_refresh=False, vertical_overflow="crop")
 
     def on_view(self, view: View) -> None:
-        """Follow this view from now on."""
+        """Show this view from now on."""
         self._view = view
 
     def on_end(self, view: View) -> None:
@@ -117,7 +117,7 @@ class Screen(DemoObserver):
         self._finished = view
 
     async def run(self) -> None:
-        """Refresh until cancelled; then the last picture stays, and the result of the last whole round."""
+        """Refresh until cancelled; then leave the last picture, and the result of the last complete round."""
         try:
             with self._live:
                 while True:
@@ -128,7 +128,7 @@ class Screen(DemoObserver):
                 self._console.print(summary(self._finished))
 
     def picture(self) -> RenderableType:
-        """Return what the screen shows now."""
+        """Return the present picture of the screen."""
         view = self._view
         if view is None:
             return Text("starting …")
@@ -164,7 +164,7 @@ def axis_panel(axis: AxisView, width: int, plot_rows: int) -> Panel:
 
 
 def worst_measured_um(axis: AxisView) -> float:
-    """Largest deviation that the laser has measured so far."""
+    """Largest deviation in the laser readings so far."""
     return max((abs(stop.error_um) for stop in axis.measured), default=0.0)
 
 

@@ -22,7 +22,7 @@ def _complete(incomplete: str) -> list[str]:
 
 
 def _keys(asked: str) -> "list[Explanation]":
-    """Return the keys of the configuration that are called so."""
+    """Return the keys of the configuration with this name."""
     from gateway.catalogue.lookup import Explanation, plain
     from gateway.config.reference import find_keys
 
@@ -36,7 +36,7 @@ def _keys(asked: str) -> "list[Explanation]":
 
 @dataclass(frozen=True, slots=True)
 class _Everything:
-    """All that has a name, by its kind; but the keys."""
+    """Everything with a name, by its kind, except the keys."""
 
     parts: "Mapping[str, Sequence[Explanation]]"
 
@@ -53,7 +53,7 @@ class _Everything:
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """What is called so."""
+    """The explanations of a name."""
 
     entries: "Sequence[Explanation]"
 

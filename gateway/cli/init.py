@@ -38,7 +38,7 @@ QUESTIONS: Final[Mapping[str, tuple[Callable[..., Any], str]]] = {
     "travel": (two_numbers, "Travel"),
     "home_approach": (text, "Last movement of homing (none, forward or backward)"),
 }
-"""How what the options leave open is asked for, in this order."""
+"""The questions for what the options leave open, in this order."""
 OF_LINE: Final = ("drives_at", "drives_format", "controller_at", "controller_format")
 """Those of them that are asked once; the others are asked for each axis."""
 OF_AXIS: Final = (
@@ -52,9 +52,9 @@ OF_AXIS: Final = (
     "home_approach",
     "table",
 )
-"""What the options say of the first axis, and ``--another-axis`` of a further one."""
+"""Options that describe the first axis; ``--another-axis`` has the same for a further one."""
 AS_BEFORE: Final = ("drive", "units", "referenced", "home_approach")
-"""What a further axis has as the one before, unless something else is said."""
+"""Settings that a further axis takes from the one before, unless others are given."""
 ANOTHER_QUESTION: Final = "Another axis on the same line?"
 EXPLAINED: Final[Mapping[str, str]] = {
     "counts_per_unit": "counts in one unit: by how much the position register changes while the axis moves "
@@ -65,7 +65,7 @@ EXPLAINED: Final[Mapping[str, str]] = {
     "home_approach": "last movement of homing: which branch of the table holds right after homing; forward "
     "is towards greater positions, none where it is not known",
 }
-"""What is said above a question that is asked."""
+"""Text above a question."""
 COMPENSATION_QUESTION: Final = (
     "Are the pitch error compensation and the backlash compensation of the controller itself switched off?"
 )
@@ -156,7 +156,7 @@ def init(file: TargetFile = Path("gateway.toml"), *, options: InitOptions) -> No
 
 
 def _new_draft(file: Path, drives: "Serial", controller: "Serial", *, force: bool) -> "Draft":
-    """Return a draft in which nothing is answered yet; refuses files and settings that cannot be."""
+    """Return a draft without answers; refuse unsuitable files and settings."""
     from gateway.commissioning.first_configuration import Draft
 
     _check_file(file, force=force)
@@ -177,7 +177,7 @@ def _answer(
     is_compensation_off: bool,
     is_scan: bool,
 ) -> None:
-    """Have everything answered that the options leave open."""
+    """Get all answers that the options leave open."""
     if not is_compensation_off and not asking.is_yes(COMPENSATION_QUESTION):
         _refuse(COMPENSATION_REFUSAL)
     name = given["name"] if given["name"] or asking.is_on else host_name()
@@ -195,9 +195,9 @@ def _answer(
 def _settle_axis(
     asking: Prompter, draft: "Draft", given: Mapping[str, Any], *, scanned: tuple[int, ...] | None
 ) -> None:
-    """Have an axis answered, and with the first one its line.
+    """Get the answers for an axis, and with the first one those for its line.
 
-    ``scanned``: the unit ids to look for at every setting, none of them: the usual ones; None: no scan.
+    ``scanned``: the unit ids to poll with every setting; empty: the usual ones; None: no scan.
     """
     before = next(reversed(draft.axes.values()), None)
     name = given.get("axis")
@@ -212,14 +212,14 @@ def _settle_axis(
 
 
 def _settle_drive(asking: Prompter, draft: "Draft", given: str | None, before: str | None) -> None:
-    """Have the drive named; the profiles that there are stand above the first question."""
+    """Get the drive's name; the first question lists the profiles."""
     from gateway.drives import library
     from gateway.drives.described import ProfileList
 
     names = library.names()
     is_listed = asking.is_on and given is None and before is None
     for number_, line in enumerate(ProfileList().lines()) if is_listed else ():
-        typer.echo(f"  {number_ or '':>2}  {line}", err=True)  # above the first stands what the columns are
+        typer.echo(f"  {number_ or '':>2}  {line}", err=True)  # the first line has the headings
     question = "Drive (a number or a name of the list, or a file of your own: ./my-drive.toml)"
     ask = partial(_choice, question, names, before)
     given = before if given is None and not asking.is_on else given
@@ -230,7 +230,7 @@ def _settle_drive(asking: Prompter, draft: "Draft", given: str | None, before: s
 
 
 def _option(draft: "Draft", name: str) -> str:
-    """Return where an answer is given that is not asked for."""
+    """Return the option for an answer that is not asked for."""
     name = name.replace("_", "-")
     return f"--{name}" if len(draft.axes) == 1 else f"{name} of --another-axis {next(reversed(draft.axes))}"
 
@@ -243,7 +243,7 @@ def _settle_rest(
     *,
     scanned: tuple[int, ...] | None,
 ) -> None:
-    """Have everything else answered; what has a usual answer offers it."""
+    """Get all other answers; offer the usual answer if there is one."""
     from gateway.commissioning.first_configuration import FORMATS, format_words
     from gateway.commissioning.serial_ports import serial_ports
 
@@ -273,7 +273,7 @@ def _settle_rest(
 
 
 def _usual(draft: "Draft", before: Mapping[str, Any] | None) -> dict[str, str]:
-    """Return what is offered; a further axis is referenced as the one before, where its drive is the same."""
+    """Return the offered answers; only an axis with the same drive takes over ``referenced``."""
     profile = draft.profile
     has_homed_bit = profile is not None and profile.registers.bits.homed is not None
     usual = {"home_approach": "none", **({"referenced": "drive-bit"} if has_homed_bit else {})}
@@ -285,7 +285,7 @@ def _usual(draft: "Draft", before: Mapping[str, Any] | None) -> dict[str, str]:
 
 
 def _scanned(asking: Prompter, draft: "Draft", unit_ids: tuple[int, ...]) -> dict[str, str]:
-    """Look for drives at every setting; return the one at which they answer, and the lowest unit id there."""
+    """Scan for drives with every setting; return the one with answers, and the lowest unit id there."""
     from gateway.commissioning.first_configuration import format_words
     from gateway.commissioning.serial_ports import scan
     from gateway.transport.errors import TransportError
@@ -317,7 +317,7 @@ def _scanned(asking: Prompter, draft: "Draft", unit_ids: tuple[int, ...]) -> dic
 
 
 def _print_before(name: str, draft: "Draft", ports: "Sequence[Found]", *, is_first: bool) -> None:
-    """Say what somebody has to know for a question."""
+    """Print the information for a question."""
     if name.endswith("_at"):
         listed = "  serial ports that are there (type a number to take one):"
         typer.echo(listed if ports else "  no serial port is there", err=True)
@@ -330,7 +330,7 @@ def _print_before(name: str, draft: "Draft", ports: "Sequence[Found]", *, is_fir
 
 
 def _choice(question: str, listed: "Sequence[str]", default: str | None = None) -> str:
-    """Ask for something of a list that was shown: by its number, or as it is called."""
+    """Ask for an item of a list that was shown: by its number or its name."""
     answer = text(question, default)
     if answer.isdecimal() and 0 < int(answer) <= len(listed):
         return listed[int(answer) - 1]
@@ -338,7 +338,7 @@ def _choice(question: str, listed: "Sequence[str]", default: str | None = None) 
 
 
 def host_name() -> str:
-    """Return the name of this computer as far as it can be the name of a gateway."""
+    """Return the name of this computer, in a form that is allowed as the name of a gateway."""
     from gateway.config.values import read_name
 
     name = re.sub(r"[^A-Za-z0-9_-]", "-", platform.node().partition(".")[0])
@@ -349,7 +349,7 @@ def host_name() -> str:
 
 
 def _make_tables(file: Path) -> None:
-    """Make the folder that the configuration names for its tables."""
+    """Make the configuration's folder for tables."""
     try:
         (file.parent / "tables").mkdir(exist_ok=True)
     except OSError as error:
@@ -357,7 +357,7 @@ def _make_tables(file: Path) -> None:
 
 
 def _check_file(file: Path, *, force: bool) -> None:
-    if os.path.exists(file) and not force:  # noqa: PTH110 - a folder that may not be entered is no error here
+    if os.path.exists(file) and not force:  # noqa: PTH110 - a folder without access is no error here
         _refuse(f"{file} exists already; name another file, or overwrite it with --force")
     folder = file.parent
     is_folder = os.path.isdir(folder)  # noqa: PTH112
@@ -367,7 +367,7 @@ def _check_file(file: Path, *, force: bool) -> None:
 
 
 def _state_of(file: Path, *, is_service: bool) -> str | None:
-    """Return where the services of systemd keep the state, for a configuration of theirs."""
+    """Return the state folder of the systemd services, for a configuration of theirs."""
     from gateway.config.service_units import CONFIGURATION, STATE
 
     return STATE if is_service or file.parent.resolve() == Path(CONFIGURATION) else None
@@ -383,7 +383,7 @@ def _write(file: Path, text: str, *, force: bool) -> None:
 
 
 def _fit_units(file: Path, systemd: Path, *, is_good: bool, is_quiet: bool) -> None:
-    """Write the drop-ins that fit the configuration; one that is not good yet fits none."""
+    """Write the drop-ins for the configuration; none while it has problems."""
     from gateway.cli.service import fit
     from gateway.config.load import load
     from gateway.config.service_units import drop_ins
@@ -397,7 +397,7 @@ def _fit_units(file: Path, systemd: Path, *, is_good: bool, is_quiet: bool) -> N
 
 
 def _measured(file: Path, asking: Prompter, draft: "Draft", *, measure: bool | None) -> tuple[str, ...]:
-    """Return the time-outs that the drives ask for, as lines of the configuration; none: not measured."""
+    """Return the time-outs for the drives, as lines of the configuration; empty: not measured."""
     from gateway.commissioning.probe.timing import keys_of, measure_line
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
@@ -422,11 +422,11 @@ def _measured(file: Path, asking: Prompter, draft: "Draft", *, measure: bool | N
 
 
 def _is_there(address: str) -> bool:
-    """Whether a port is there, or somebody listens."""
+    """Whether a port exists, or a listener answers."""
     from gateway.commissioning.first_configuration import RTU_OVER_TCP
 
     if address.startswith("/"):
-        return os.path.exists(address)  # noqa: PTH110 - a folder that may not be entered is no error here
+        return os.path.exists(address)  # noqa: PTH110 - a folder without access is no error here
     host, _, port = address.removeprefix(RTU_OVER_TCP).rpartition(":")
     try:
         socket.create_connection((host.strip("[]"), int(port)), timeout=1.0).close()
@@ -441,7 +441,7 @@ class _Written:
 
     file: Path
     left: "Sequence[Problem]"
-    """What is left to do in it."""
+    """Problems that the user must still solve in it."""
     warnings: "Sequence[Problem]"
     following: Sequence[str]
     """The next commands."""
@@ -476,7 +476,7 @@ def _written(file: Path, following: Sequence[str]) -> _Written:
 
 
 def _next(file: Path, state: str | None) -> list[str]:
-    """Return the next three commands, as they are typed; root runs them as the user of the service."""
+    """Return the next three commands, as typed; root runs them as the user of the service."""
     from gateway.ipc.service_user import why_not_for_root
 
     folder = Path(state or file.parent)

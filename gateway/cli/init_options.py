@@ -13,7 +13,7 @@ TargetFile = Annotated[Path, typer.Argument(metavar="FILE", help="The file to wr
 
 @dataclass(frozen=True, slots=True)
 class InitOptions:
-    """What need not be asked for, and how it is gone about."""
+    """The answers given as options, and the procedure."""
 
     controller_compensation_off: Annotated[
         bool,
@@ -100,14 +100,14 @@ _OF_AXIS: Final[Mapping[str, tuple[Callable[[str], Any], str]]] = {
     "home-approach": (str, ""),
     "table": (str, ""),
 }
-"""What ``--another-axis`` may say, how it is read, and what is allowed where that fails."""
+"""The keys of ``--another-axis``, each with its type and what is allowed if it does not fit."""
 
 
 def further_axis(text: str) -> dict[str, Any]:
-    """Return what an ``--another-axis`` says, by the names of the options with underscores.
+    """Return the values of an ``--another-axis``, by the names of the options with underscores.
 
     Raises:
-        ValueError: it is not understood; says what was found and what is allowed.
+        ValueError: it is invalid; the error says what was found and what is allowed.
 
     >>> further_axis("y,unit-id=2,travel=-300:0")
     {'axis': 'y', 'unit_id': 2, 'travel': (-300.0, 0.0)}

@@ -1,4 +1,4 @@
-"""The status of a gateway that runs, from whichever of its two processes can tell more; once, or for ever."""
+"""The status of a running gateway, from the better informed of its two processes; once, or continuously."""
 
 import time
 from collections.abc import Iterator
@@ -18,10 +18,10 @@ CTRL_C_ENDS: Final = "Ctrl-C ends it; the gateway goes on"
 
 
 def read_status(config: Path, state: Path) -> "Model":
-    """Return the status: the supervisor's where it answers, which knows the files, else what the relay says.
+    """Return the status: the supervisor's, which includes the files, else that of the relay.
 
     Raises:
-        NoRelayError: neither of them does.
+        NoRelayError: neither answers.
     """
     import msgspec
 
@@ -56,10 +56,10 @@ def read_status(config: Path, state: Path) -> "Model":
 
 
 def looks(config: Path, state: Path) -> Iterator["Model | str"]:
-    """Yield the status again and again, or why there is none; the first one has to be there.
+    """Yield the status repeatedly, or why there is none; the first one is required.
 
     Raises:
-        NoRelayError: there is nobody to begin with.
+        NoRelayError: there is none at the beginning.
     """
     yield read_status(config, state)
     while True:
@@ -71,7 +71,7 @@ def looks(config: Path, state: Path) -> Iterator["Model | str"]:
 
 
 def words_of(status: "Model | str") -> "Iterator[RenderableType]":
-    """Yield a look for a person."""
+    """Yield a status for a person."""
     from rich.text import Text
 
     from gateway.cli.status_output import status_parts
@@ -83,7 +83,7 @@ def words_of(status: "Model | str") -> "Iterator[RenderableType]":
 
 
 def watch(seen: Iterator["Model | str"], *, as_json: bool) -> None:
-    """Show each look until Ctrl-C: on a terminal in place, else one after the other as something changes."""
+    """Show each status until Ctrl-C: on a terminal in place, else one after the other at each change."""
     from rich.console import Console
 
     console = Console(highlight=False, soft_wrap=False)
@@ -121,7 +121,7 @@ def _watch_line_by_line(seen: Iterator["Model | str"], *, as_json: bool) -> None
 
 
 def _lasting(status: "Model") -> "Model":
-    """Return a status without what changes while nothing happens."""
+    """Return a status without the values that change all the time."""
     from msgspec import UNSET
     from msgspec.structs import replace
 

@@ -1,4 +1,4 @@
-"""``pitch-gateway``: from the words of a command line to a command, and how it ends."""
+"""``pitch-gateway``: from a command line to a command, and its end."""
 
 import sys
 
@@ -9,8 +9,8 @@ from gateway.cli.version import version_line
 def main() -> None:
     """Run the command line; exit codes: 0 good, 1 the input is bad, 2 wrong usage.
 
-    Output that cannot be written is one line on stderr and exit code 1; a closed pipe (``| head``) needs no
-    words, for whoever closed it knows.
+    If output cannot be written, stderr gets one line and the exit code is 1. A closed pipe (``| head``) needs
+    no message: its reader closed it.
     """
     output = Output()
     try:
@@ -25,7 +25,7 @@ def main() -> None:
 
 
 def _run() -> None:
-    if sys.argv[1:] == ["--version"]:  # typer takes longer to load than all the rest of it
+    if sys.argv[1:] == ["--version"]:  # typer takes longer to load than everything else here
         sys.stdout.write(version_line())
         return
     from gateway.cli.app import app

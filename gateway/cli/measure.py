@@ -75,7 +75,7 @@ def measure(
 
 
 def _ask(config: Path) -> None:
-    """Ask whether the axis may move. Raises AxisError: it may not, or nobody can be asked."""
+    """Ask whether the axis may move. Raises AxisError: it may not, or there is no terminal."""
     from gateway.commissioning.measure.errors import AxisError
 
     if not sys.stdin.isatty():
@@ -91,7 +91,7 @@ def _ask(config: Path) -> None:
 
 
 def _run(measuring: "Measuring", *, as_json: bool) -> None:
-    """Let the axis be measured, and show what happens. Raises MeasureError."""
+    """Run the measurement, and show its events. Raises MeasureError."""
     from gateway.cli.measure_progress import AsBar, AsJson, AsLines
     from gateway.commissioning.measure.instruments import Keyboard
 
@@ -105,7 +105,7 @@ def _run(measuring: "Measuring", *, as_json: bool) -> None:
 
 
 def _result(config: Path, measuring: "Measuring") -> "RunResult":
-    """Return what the readings lead to; Ctrl-C ends the command. Raises MeasureError."""
+    """Return the result of the readings; Ctrl-C ends the command. Raises MeasureError."""
     try:
         return measuring.result()
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""What a person, or a program, sees of a measuring run while it goes on."""
+"""Progress of a measuring run, for a person or a program."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -81,7 +81,7 @@ class AsBar(AsLines):
 
 
 class AsJson(AsLines):
-    """A line of JSON on standard output for everything that happens; sentences on standard error."""
+    """A line of JSON on standard output for each event; sentences on standard error."""
 
     def begin(self, total: int, done: int) -> None:
         """See :class:`Showing`."""
@@ -109,7 +109,7 @@ class AsJson(AsLines):
 
 
 def line_of(number: int, total: int, reading: Reading, units: str) -> str:
-    """Return a reading as a person reads it.
+    """Return a reading as text for a person.
 
     >>> from gateway.compensation.direction import Direction
     >>> line_of(3, 110, Reading(50.0, Direction.FORWARD, 50.0123), "mm")

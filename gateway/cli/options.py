@@ -1,4 +1,4 @@
-"""Options of a command that belong together, as one dataclass: each of its fields is declared once, there."""
+"""Options of a command that belong together, as one dataclass: each field is declared once, there."""
 
 import inspect
 from collections.abc import Callable, Iterator, Sequence
@@ -13,10 +13,10 @@ from gateway.commissioning.options import Option
 
 
 def takes_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command, in the place of a parameter that is a dataclass, the fields of that as options.
+    """Replace a command's dataclass parameters by options for their fields.
 
-    A field that is a dataclass itself stands for its own fields. The others are annotated with what typer
-    takes, with what :mod:`gateway.commissioning.options` has, or with what is declared about table files.
+    A field that is a dataclass itself is replaced by its own fields. The annotations of the others are
+    typer's, those of :mod:`gateway.commissioning.options`, or declarations about table files.
     """
     parameters: list[inspect.Parameter] = []
     groups: dict[str, Any] = {}
@@ -33,7 +33,7 @@ def takes_options(command: Callable[..., None]) -> Callable[..., None]:
             given[name] = _filled(group, given)
         command(**given)
 
-    # what typer looks at
+    # Typer reads this.
     run.__dict__["__signature__"] = inspect.Signature(parameters)
     run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return run
@@ -55,7 +55,7 @@ def _options_of(group: Any) -> Iterator[inspect.Parameter]:
 
 
 def _typed(parameter: inspect.Parameter) -> inspect.Parameter:
-    """Return a parameter as typer takes it."""
+    """Return a parameter in typer's form."""
     kind, *option = get_args(parameter.annotation) or (None,)
     if option and isinstance(option[0], Option):
         return parameter.replace(annotation=Annotated[kind, _of_program(parameter.name, option[0])])
@@ -94,7 +94,7 @@ def _check(words: Callable[[], Sequence[str]]) -> Callable[[str | None], str | N
 
 
 def _of_table(field: inspect.Parameter) -> Iterator[inspect.Parameter]:
-    """Yield an option about a table file; none where another option tells it too."""
+    """Yield an option about a table file; none if another option sets it too."""
     from gateway.tabfile.options import DECLARED
 
     declared = DECLARED[field.name]
@@ -108,7 +108,7 @@ def _of_table(field: inspect.Parameter) -> Iterator[inspect.Parameter]:
 
 
 def _filled(group: Any, given: dict[str, Any]) -> Any:
-    """Return a group with what was given, and take it out of there."""
+    """Return a group with its given values, and remove them from ``given``."""
     return group(
         **{
             field.name: _filled(field.annotation, given)

@@ -1,4 +1,4 @@
-"""How a command shows its result: in words for people, or as JSON for programs."""
+"""Output of a command's result: in words for people, or as JSON for programs."""
 
 import json
 import sys
@@ -12,33 +12,33 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 STOPPED_BY_SIGNAL: Final = 128
-"""Added to the number of a signal, this is the exit code of a command that it stopped, as in a shell."""
+"""Exit code of a command stopped by a signal, less the number of the signal, as in a shell."""
 
 
 class Format(Enum):
-    """What is printed; of JSON the indentation, and whether it keeps to ASCII."""
+    """Output format; for JSON the indentation, and whether it is ASCII only."""
 
     TEXT = "text"
     JSON = (None, True)
-    """In one line."""
+    """On one line."""
     LINE = (None, False)
     INDENTED = (2, False)
     INDENTED_ASCII = (2, True)
 
 
 class StderrLine(str):
-    """A line for standard error: what a person should know beside the result."""
+    """A line for standard error: information for the user beside the result."""
 
     __slots__ = ()
 
 
 def notes(said: Iterable[str]) -> Iterator[StderrLine]:
-    """Yield what a person should know beside the result, each on a line."""
+    """Yield information for the user beside the result, a line each."""
     yield from (StderrLine(f"note: {each}") for each in said)
 
 
 class Data(Protocol):
-    """What a command found: one struct, from which words and JSON come."""
+    """The result of a command: one struct for both words and JSON."""
 
     def as_data(self) -> Any:
         """Return it as plain data."""
@@ -46,10 +46,10 @@ class Data(Protocol):
 
 
 class Result(Data, Protocol):
-    """One that says itself in words too."""
+    """A result that also has words."""
 
     def lines(self) -> "Iterable[RenderableType]":
-        """Yield it from top to bottom: a text is a line as it stands, anything else is drawn by rich."""
+        """Yield it from top to bottom: a string is printed unchanged, anything else is drawn by rich."""
         ...
 
 
@@ -66,9 +66,9 @@ def show(
     *,
     plain_width: int | None = None,
 ) -> None:
-    """Print a result on standard output: as JSON, or in its words, or in those given here.
+    """Print a result on standard output: as JSON, or in words, its own or the given ones.
 
-    ``plain_width``: columns of what rich draws where standard output is no terminal.
+    ``plain_width``: columns of rich's output if standard output is not a terminal.
     """
     if form is not Format.TEXT:
         print_json(result.as_data(), form)
@@ -77,7 +77,7 @@ def show(
 
 
 def print_words(words: "Iterable[RenderableType]", plain_width: int | None = None) -> None:
-    """Print what a person reads; see :meth:`Result.lines`."""
+    """Print words for a person; see :meth:`Result.lines`."""
     for part in words:
         if isinstance(part, str):
             typer.echo(part, err=isinstance(part, StderrLine))
@@ -98,6 +98,6 @@ def print_json(data: Any, form: Format = Format.INDENTED) -> None:
 
 
 def print_lines(lines: Iterable[str], *, err: bool = False) -> None:
-    """Print lines as they are."""
+    """Print lines unchanged."""
     for line in lines:
         typer.echo(line, err=err)

@@ -91,7 +91,7 @@ def _refuse_beside_gateway(loaded: "Loaded", config: Path) -> None:
     except (NobodyListensError, SocketError):
         return
     except NoGatewayError:
-        pass  # somebody is there, of another release perhaps, and has the drives
+        pass  # a gateway, perhaps of another release, is running and uses the drives
     typer.echo(
         f"{config}: its gateway runs and has the drives. pitch-gateway status {config} says whether they "
         f"answer, and pitch-gateway capture {config} --follow shows each frame; to probe, stop the gateway "

@@ -1,4 +1,4 @@
-"""Relay and supervisor as programs: how each is started, and both together in the foreground."""
+"""Relay and supervisor as programs: starting each, and both together in the foreground."""
 
 import os
 import select
@@ -25,21 +25,21 @@ STOPS: Final = frozenset({signal.SIGTERM, signal.SIGINT})
 FIRST_WAIT_S: Final = 0.2
 LONGEST_WAIT_S: Final = 30.0
 LONG_LIFE_S: Final = 60.0
-"""A supervisor that lived so long is started again as if it were the first time."""
+"""After a run of at least this time, a supervisor is restarted with the first delay."""
 PATIENCE_S: Final = 2.0
-"""For the supervisor to stop: it holds nothing that must be finished."""
+"""For the supervisor to stop: it has no work that must be finished."""
 
 
 def command_of(module: str, config: Path, log_format: LogFormat, *more: str) -> list[str]:
-    """Return the command line of a program of ours."""
-    # -P: a folder "gateway" where somebody happens to stand is not this program.
+    """Return the command line of one of our programs."""
+    # -P: a folder "gateway" in the working directory is not this program.
     return [sys.executable, "-P", "-m", module, str(config), "--log-format", log_format.value, *more]
 
 
 def become(config: Path, command: list[str], log_format: LogFormat) -> NoReturn:
-    """Turn this process into another program; what the command line needed is gone with it.
+    """Replace this process by another program, without the memory of the command line.
 
-    A CONFIG that cannot be read is said before, in the form of the log.
+    If CONFIG cannot be read, this is logged before, in the form of the log.
     """
     take_standard_error(log_format)
     try:
@@ -53,10 +53,10 @@ def become(config: Path, command: list[str], log_format: LogFormat) -> NoReturn:
 
 
 def _environment() -> dict[str, str]:
-    """Return the environment in which a child finds the very package that this process runs."""
+    """Return the environment in which a child finds the same package as this process."""
     folder = str(Path(gateway.__file__).parents[1])
     if folder in (sysconfig.get_path("purelib"), sysconfig.get_path("platlib")):
-        return dict(os.environ)  # installed: found as it is, and behind the standard library
+        return dict(os.environ)  # installed: found unchanged, and after the standard library
     others = os.environ.get("PYTHONPATH")
     return {**os.environ, "PYTHONPATH": os.pathsep.join((folder, others) if others else (folder,))}
 
@@ -64,27 +64,26 @@ def _environment() -> dict[str, str]:
 def run_both(
     relay: list[str], supervisor: list[str], open_log: Callable[[], Callable[[LogEntry], None]]
 ) -> int:
-    """Run both until SIGTERM, SIGINT or the end of the relay; returns the exit code.
+    """Run both until SIGTERM, SIGINT or the end of the relay; return the exit code.
 
-    SIGHUP is passed on to the supervisor, which reads the tables anew. They write into the same log.
-    ``open_log`` returns what writes what is said here, and may block. It is called once the relay starts:
-    that need not wait. A supervisor that ends is started again, later each time; the relay goes on without
-    it.
+    SIGHUP is passed on to the supervisor, which reloads the tables. All write into the same log. ``open_log``
+    returns the writer of these log entries, which may block. It is called after the start of the relay, which
+    must not wait. A supervisor that ends is restarted, with growing delays; the relay continues without it.
     """
     signal.pthread_sigmask(signal.SIG_BLOCK, HELD_BACK)
     try:
         return _Pair(relay, supervisor, open_log).run()
     finally:
         while signal.sigtimedwait(STOPS | {RELOADS}, 0) is not None:
-            pass  # nothing is left to stop, or to reload
+            pass  # nothing is left to stop or reload
         signal.pthread_sigmask(signal.SIG_UNBLOCK, HELD_BACK)
 
 
 def _unless_full(write: Callable[[LogEntry], None]) -> Callable[[LogEntry], None]:
-    """Drop what would have to wait for the reader of the log.
+    """Drop entries that would have to wait for the reader of the log.
 
-    Not with a thread: children get the signal of their parent's end for each of its threads (prctl(2)), and
-    two of them end the relay at once.
+    A thread is not possible: children get the parent-death signal for the end of each thread (prctl(2)), and
+    two of them end the relay immediately.
     """
 
     def write_or_drop(entry: LogEntry) -> None:
@@ -95,7 +94,7 @@ def _unless_full(write: Callable[[LogEntry], None]) -> Callable[[LogEntry], None
 
 
 def _started(command: list[str]) -> "subprocess.Popen[bytes]":
-    """Start a program in a process group of its own: Ctrl-C on the terminal reaches it through us only."""
+    """Start a program in its own process group: Ctrl-C on the terminal reaches it only through us."""
     return subprocess.Popen(  # noqa: S603 - our own interpreter
         [*command, "--parent", str(os.getpid())],
         process_group=0,
@@ -136,7 +135,7 @@ class _Pair:
 
     def _longest_wait_s(self) -> float:
         if self._supervisor is not None or not self._is_relay_ready:
-            return LONGEST_WAIT_S  # or until a signal comes, as with the end of a child
+            return LONGEST_WAIT_S  # or until a signal, as at the end of a child
         return max(0.0, self._supervisor_since_s + self._backoff.pause_s - time.monotonic())
 
     def _watch_supervisor(self) -> None:
@@ -161,11 +160,11 @@ class _Pair:
             self._supervisor_since_s = time.monotonic()
 
     def _reload(self) -> None:
-        if self._supervisor is not None:  # one that is only started reads them by itself
+        if self._supervisor is not None:  # a supervisor that is starting reads them anyway
             self._supervisor.send_signal(RELOADS)
 
     def _stop(self, number: int) -> None:
-        """Stop both; the second time the relay ends at once."""
+        """Stop both; the second call ends the relay immediately."""
         self._is_stopping = True
         self._relay.send_signal(number)
         if self._supervisor is not None:
@@ -183,7 +182,7 @@ class _Pair:
 
     def _exit_code(self, code: int) -> int:
         if self._is_stopping and -code in STOPS:
-            return 0  # it had not even begun
+            return 0  # it was not running yet
         if not self._is_stopping and code <= 0:
             detail = "positions pass no more: the gateway ends"
             self._log(RELAY_ENDED, status=_status(code), detail=detail)
@@ -195,7 +194,7 @@ class _Pair:
 
 
 def _status(code: int) -> str:
-    """Return how a process ended, as a person says it.
+    """Return how a process ended, for a person.
 
     >>> _status(-9), _status(1)
     ('SIGKILL', 'exit code 1')

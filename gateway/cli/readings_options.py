@@ -1,4 +1,4 @@
-"""What the commands that take readings do first: they look at what was told, and read the files."""
+"""The first steps of commands that take readings: check the options, and read the files."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,12 +24,12 @@ ReadingFiles = Annotated[
 def read_all(
     files: Sequence[Path], context: ReadingsContext, screw: ScrewOptions, *, is_quiet: bool
 ) -> Survey:
-    """Read files of one axis as one survey, and say what was understood of it, unless quiet.
+    """Read files of one axis as one survey, and print a summary, unless quiet.
 
-    It is normalised to 20 °C, if that was asked.
+    It is normalised to 20 °C, if requested.
 
     Raises:
-        TabFileError, ReadingsError: see there, and :meth:`ScrewOptions.normalised`.
+        TabFileError, ReadingsError: see the called functions, and :meth:`ScrewOptions.normalised`.
     """
     survey = merged([read_survey(file, context) for file in files])
     if not is_quiet:
@@ -38,6 +38,6 @@ def read_all(
 
 
 def check_target(name: str) -> None:
-    """Refuse a format that is not written, as wrong usage."""
+    """Refuse a format that cannot be written, as wrong usage."""
     if name not in (names := writable_names()):
         raise typer.BadParameter(f"{name!r}: must be one of {', '.join(sorted(names))}", param_hint="--to")

@@ -46,7 +46,7 @@ def reload(config: Config, *, as_json: AsJson = False) -> None:
 
     from gateway.ipc.log import take_standard_error
 
-    take_standard_error()  # the unit of the supervisor reloads so
+    take_standard_error()  # the supervisor's unit reloads with this command
     found = msgspec.convert(_outcome(config), _Reloaded)
     show(found, Format.JSON if as_json else Format.TEXT)
     print_lines(found.all_problems, err=True)
@@ -56,7 +56,7 @@ def reload(config: Config, *, as_json: AsJson = False) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Reloaded:
-    """What came of it, as the supervisor says it; see ``gateway.supervisor.outcome.Outcome``."""
+    """The result as reported by the supervisor; see ``gateway.supervisor.outcome.Outcome``."""
 
     comes: Mapping[str, str]
     gone: Sequence[str]
@@ -91,10 +91,10 @@ class _Reloaded:
 
 
 def _outcome(config: Path) -> JsonObject:
-    """Have the supervisor reload, or do it here where none answers."""
+    """Let the supervisor reload, or do it here if none answers."""
     from gateway.state.folder import StateError, state_folder
 
-    with contextlib.suppress(StateError):  # what is wrong with it is said by whoever reads the whole of it
+    with contextlib.suppress(StateError):  # problems are reported by the complete load
         state = state_folder(config)
         from gateway.ipc.supervisor_client import NoSupervisorError, ask_supervisor
 

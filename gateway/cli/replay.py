@@ -75,7 +75,7 @@ def replay(
 def _telling(
     plan: "GatewayPlan",
 ) -> "tuple[Callable[[Input | Output, bool], None], Callable[[str, Event], None]]":
-    """Return what prints the traffic, readable, and what prints the events."""
+    """Return the printer of the traffic, readable, and that of the events."""
     from gateway.recording.readable import Reader
 
     reader = Reader(plan)

@@ -44,7 +44,7 @@ def service(
     from gateway.config.service_units import SECRETS, drop_ins, why_no_state
     from gateway.secret_files import CREDENTIALS_FOLDER
 
-    # No service manager has handed anything over to a command: the secrets are where it will take them from.
+    # A command gets no credentials from a service manager: they are where it will read them from.
     os.environ.setdefault(CREDENTIALS_FOLDER, SECRETS)
     loaded = load_or_exit(config, checks_times=False)
     texts = drop_ins(loaded)
@@ -57,11 +57,11 @@ def service(
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """The drop-ins of a configuration, by the unit that each is for."""
+    """The drop-ins of a configuration, by unit."""
 
     texts: Mapping[str, str]
     written: Mapping[Path, bool] = field(default_factory=dict)
-    """The files, each with whether it has changed; none where they are only shown."""
+    """The files, each with whether it has changed; empty if they are only shown."""
 
     def as_data(self) -> dict[str, Any]:
         """Return them as plain data."""
@@ -69,7 +69,7 @@ class Fitted:
         return {"drop_ins": self.texts, "files": files}
 
     def lines(self) -> Iterator[str]:
-        """Yield what was written, and what makes it count; else what would be."""
+        """Yield the written files and how to activate them, or else the texts."""
         if not self.written:
             yield from (f"# {unit}.d/{DROP_IN}\n{text}" for unit, text in self.texts.items())
         for path, is_new in self.written.items():
@@ -79,7 +79,7 @@ class Fitted:
 
 
 def fit(folder: Path, texts: Mapping[str, str]) -> Fitted:
-    """Write the drop-in of each unit below a folder. Ends the command with 1 where that cannot be."""
+    """Write the drop-in of each unit below a folder. If that is impossible, end the command with 1."""
     from gateway.state.folder import write_whole
 
     written: dict[Path, bool] = {}

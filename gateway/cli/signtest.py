@@ -111,7 +111,7 @@ def _with_table(config: Path, plan: "AxisPlan") -> "AxisPlan":
 
 
 def _judge_move(config: Path, plan: "AxisPlan", moved: float, *, as_json: bool = False) -> None:
-    """Say whether a trial move went as far as it was told to; ends the command where it did not."""
+    """Report whether a trial move had the commanded length; end the command if it had not."""
     from gateway.commissioning.sign_test import judge_move
     from gateway.metrology.errors import ReadingsError
 
@@ -140,7 +140,7 @@ def _ask_for_a_move(config: Path, plan: "AxisPlan") -> None:
 
 
 def _asked_for(plan: "AxisPlan") -> tuple[float, float, float]:
-    """Ask for the readings on the terminal; returns position, forward and backward reading."""
+    """Ask for the readings on the terminal; return position, forward and backward reading."""
     from gateway.commissioning.sign_test import approach_of, best_position
 
     units, best, approach = plan.settings.units.value, best_position(plan), approach_of(plan)

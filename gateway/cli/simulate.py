@@ -119,7 +119,7 @@ def simulate(
 
 
 def _warn_of_what_is_not_played(config: Path, plan: "GatewayPlan") -> None:
-    """Say where a register map knows more than the plain drive that stands for it."""
+    """Report features of a register map that its plain simulated drive does not have."""
     from gateway.simulator.drives.catalogue import DRIVES
 
     for axis in (axis for line in plan.lines for axis in line.axes):
@@ -171,7 +171,7 @@ async def _serve(
 
 @dataclass(frozen=True, slots=True)
 class _Serving:
-    """What is simulated."""
+    """The simulated drives and instruments."""
 
     served: "Sequence[ServedLine]"
     speed_up: float
@@ -195,7 +195,7 @@ class _Serving:
 
 
 async def _show_until(ended: asyncio.Event, gauges: "tuple[VirtualGauge, ...]") -> None:
-    """Show where axes come to rest, for readings that are typed."""
+    """Print where axes come to rest, for typed readings."""
     from gateway.simulator.gauge import DISPLAY_EVERY_S, Display
 
     def print_reading(gauge: "VirtualGauge", reading: float) -> None:

@@ -1,4 +1,4 @@
-"""Standard output that cannot be written to, told apart from every other error of a command."""
+"""Errors of standard output, distinguished from all other errors of a command."""
 
 import errno
 import io
@@ -13,7 +13,7 @@ STDOUT: Final = 1
 
 
 class OutputLostError(Exception):
-    """Standard output cannot be written to. Not an OSError: no command takes it for one of its own."""
+    """Standard output cannot be written. Not an OSError, so that no command handles it as its own."""
 
     def __init__(self, error: OSError) -> None:
         super().__init__(error.strerror or str(error))
@@ -21,7 +21,7 @@ class OutputLostError(Exception):
 
 
 class _Output(io.FileIO):
-    """Standard output; after the first failure it swallows the rest, so that nothing fails a second time."""
+    """Standard output; after the first failure it discards the rest, so that nothing fails twice."""
 
     failure: OutputLostError | None = None
 
@@ -36,30 +36,30 @@ class _Output(io.FileIO):
 
 
 class Output:
-    """Takes the place of ``sys.stdout``; streams that were closed are opened first.
+    """Replaces ``sys.stdout``; closed streams are opened first.
 
-    A descriptor that is free would otherwise go to the first socket or port that is opened.
+    Otherwise the first opened socket or port would get the free descriptor.
     """
 
     def __init__(self) -> None:
         for descriptor in range(3):
             _occupy(descriptor)
-        if sys.stderr is None:  # What nobody reads is lost; that is no reason to stop.
+        if sys.stderr is None:  # Without a reader, stderr is lost; the command continues.
             sys.stderr = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115
         self._raw = _Output(STDOUT, "w", closefd=False)
         before = sys.stdout
         sys.stdout = io.TextIOWrapper(
             io.BufferedWriter(self._raw),
             encoding="utf-8" if before is None else before.encoding,
-            errors="backslashreplace",  # a name of a file may hold bytes that are no text
+            errors="backslashreplace",  # file names may contain bytes that are not text
             line_buffering=self._raw.isatty(),
         )
 
     def finish(self) -> None:
-        """Write what is left.
+        """Write the remaining output.
 
         Raises:
-            OutputLostError: something could not be written, now or before.
+            OutputLostError: a write failed, now or before.
         """
         sys.stdout.flush()
         if self._raw.failure is not None:

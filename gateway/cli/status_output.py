@@ -1,4 +1,4 @@
-"""What ``pitch-gateway status`` shows on a terminal: what the status model holds, and nothing else."""
+"""Terminal output of ``pitch-gateway status``: the contents of the status model, and nothing else."""
 
 from collections.abc import Iterator, Mapping
 from datetime import datetime
@@ -19,15 +19,15 @@ from gateway.transport.certificates import SOON
 
 UNKNOWN: Final = "–"
 ALWAYS: Final = frozenset({"exchanges", "timeouts"})
-"""Counters that are shown always; the others where they count."""
+"""Counters that are always shown; the others only if they are not 0."""
 BY_CERTIFICATE: Final = "by role"
-"""In the place of a role: each certificate brings its own, and 80 columns are few."""
+"""In place of a role: certificates have roles of their own, and 80 columns are few."""
 OF_VERDICT: Final = {"healthy": "green", "waiting": "cyan", "warning": "yellow", "error": "red"}
 OLD: Final = {
     "last-reading": "its position was last read",
     "target": "its position was not read since it got its target",
 }
-"""What an axis shows that is no reading of now."""
+"""Text for a position that is not a present reading."""
 COLOURS: Final = {
     "up": "green",
     "active": "green",
@@ -39,12 +39,12 @@ COLOURS: Final = {
     "shadow": "yellow",
     "unreferenced": "yellow",
 }
-"""Of the states of lines, controllers and axes; every other is shown as it is."""
+"""Of the states of lines, controllers and axes; others have no colour."""
 
 
 def status_parts(status: Model) -> Iterator[RenderableType]:
-    """Yield what shows a status model, from top to bottom: how it is, what is wrong, gateway, lines, axes."""
-    if status.verdict.state:  # not in that of a supervisor of an older release
+    """Yield the parts of a status from top to bottom: state, alarms, gateway, lines, axes."""
+    if status.verdict.state:  # absent from the status of an older supervisor
         yield _verdict(status.verdict)
     for alarm in status.troubles:
         yield from _alarm(alarm)
@@ -89,7 +89,7 @@ def _gateway(gateway: GatewayStatus) -> Iterator[RenderableType]:
         runs = f", [red]its relay is not running[/]{seen}"
     yield _words(f"[bold]gateway {escape(gateway.name)}[/] {escape(gateway.version)}{compiled}{runs}")
     scheduling = gateway.scheduling
-    if scheduling is UNSET:  # nobody has heard from a relay yet
+    if scheduling is UNSET:  # no relay has reported yet
         return
     priority = f"real-time priority {scheduling.fifo}" if scheduling.fifo else "ordinary priority"
     cpus = ", ".join(map(str, scheduling.cpus))
@@ -129,7 +129,7 @@ def _line(name: str, line: LineStatus) -> Iterator[RenderableType]:
 
 
 def _unknown_ids_and_sessions(controller: ControllerStatus) -> Iterator[RenderableType]:
-    """Say whom a controller's listener let in by certificate, which end soon, how many it turned away."""
+    """Report a listener's sessions by certificate, certificates that end soon, and refused clients."""
     tls = controller.tls or TlsStatus()
     name = escape(controller.name)
     for session in tls.sessions:
@@ -153,7 +153,7 @@ def _words(markup: str) -> Text:
 
 
 def _connected(controller: ControllerStatus) -> str:
-    """Say how many connections there are, or whether the port is open."""
+    """Return the number of connections, or whether the port is open."""
     if controller.connections is not UNSET:
         return str(len(controller.connections))
     failure = f" ({escape(controller.failure)})" if controller.failure else ""
@@ -161,9 +161,9 @@ def _connected(controller: ControllerStatus) -> str:
 
 
 def _positions(axes: Mapping[str, WholeAxis]) -> Table:
-    """Return where the axes are: nominally, as the controller says it, and on the drive.
+    """Return the positions of the axes: nominal, as for the controller, and on the drive.
 
-    What is no reading of now is dim; :func:`_ages` says how old it is.
+    Values that are not present readings are dim; :func:`_ages` reports their age.
     """
     table = _table("axis", "compensation", "direction")
     for heading in ("target", "on the\ndrive", "actual", "on the\ndrive"):
@@ -187,7 +187,7 @@ def _positions(axes: Mapping[str, WholeAxis]) -> Table:
 
 
 def _ages(axes: Mapping[str, WholeAxis]) -> Iterator[RenderableType]:
-    """Say how old the positions are that are no readings of now."""
+    """Report the age of positions that are not present readings."""
     for name, axis in axes.items():
         position = axis.position or Position()
         age_s = position.age_s
@@ -197,7 +197,7 @@ def _ages(axes: Mapping[str, WholeAxis]) -> Iterator[RenderableType]:
 
 
 def _state_of(axis: WholeAxis) -> str:
-    """Return how an axis is, in the colour of its verdict."""
+    """Return the state of an axis, in the colour of its verdict."""
     verdict = axis.verdict
     if not verdict.state:
         return _coloured(axis.compensation)
@@ -223,7 +223,7 @@ def _tables(axes: Mapping[str, WholeAxis]) -> Table:
 
 
 def _terms(axes: Mapping[str, TermsStatus]) -> Table:
-    """Return what is added to the tables of axes that have thermal or cross."""
+    """Return the corrections beside the tables, for axes with thermal or cross."""
     table = _table("axis")
     for heading in ("added", "temperature", "counts", "sensor", "other axes"):
         table.add_column(heading, justify="right")
@@ -241,7 +241,7 @@ def _terms(axes: Mapping[str, TermsStatus]) -> Table:
 
 
 def _times(axes: Mapping[str, WholeAxis]) -> Table:
-    """Return what the gateway took for each axis, both ways together, beside what it may take."""
+    """Return the gateway's time for each axis, both directions together, and its limit."""
     table = _table("axis, gateway µs")
     for heading in ("p50", "p99", "max", "of the last minute", "budget", "overruns"):
         table.add_column(heading, justify="right")
@@ -259,7 +259,7 @@ def _times(axes: Mapping[str, WholeAxis]) -> Table:
 
 
 def _table(*headings: str) -> Table:
-    """Return a table whose first column holds names: these are never broken, however narrow it gets."""
+    """Return a table whose first column holds names: these are never wrapped, however narrow it gets."""
     table = Table(box=None, padding=(0, 1), collapse_padding=True, pad_edge=False, header_style="bold")
     for number, heading in enumerate(headings):
         table.add_column(heading, overflow="fold", no_wrap=number == 0)
@@ -284,7 +284,7 @@ def _number(value: float | None, digits: int) -> str:
 
 
 def _time_of(iso: str) -> str:
-    """Return an instant on this machine's clock, with the day where it is another one."""
+    """Return a time on this machine's clock, with the date if it is another day."""
     then = datetime.fromisoformat(iso).astimezone()
     is_today = then.date() == datetime.now().astimezone().date()
     return f"{then:%H:%M:%S}" if is_today else f"{then:%Y-%m-%d %H:%M:%S}"

@@ -1,4 +1,4 @@
-"""``pitch-gateway table``: look at a table file of any dialect, check it, turn it into another."""
+"""``pitch-gateway table``: show a table file of any dialect, check it, convert it."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -38,7 +38,7 @@ app.command("program")(table_program.program)
 app.command("plot")(plot)
 
 FAILING: Final = frozenset({"L4"})
-"""Warnings with which ``lint`` ends as with an error: a unit slip leaves the axis as good as uncorrected."""
+"""Warnings that end ``lint`` like errors: a wrong unit leaves the axis practically uncorrected."""
 
 
 @app.command()
@@ -153,7 +153,7 @@ class _Linted:
 
     @property
     def failing(self) -> list[Lint]:
-        """Those with which the command ends as with an error."""
+        """Those that end the command like an error."""
         fails = {LintSeverity.ERROR, LintSeverity.WARNING} if self.fails_on_warnings else {LintSeverity.ERROR}
         return [lint for lint in self.lints if lint.severity in fails or lint.code in FAILING]
 

@@ -1,4 +1,4 @@
-"""``pitch-gateway table convert``: a table in another format, and what that format cannot hold."""
+"""``pitch-gateway table convert``: a table in another format, and the losses."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,10 +103,10 @@ def _scale(given: float | None) -> float | None:
 
 
 def _letter(given: str | None) -> str | None:
-    """Return the axis letter of OUT as told.
+    """Return the given axis letter of OUT.
 
     Raises:
-        ContextError: it is no letter.
+        ContextError: it is not a letter.
     """
     return FileContext(axis=given).axis
 
@@ -120,7 +120,7 @@ def _in_units(loaded: LoadedTable, units: Units | None) -> CorrectionTable:
 
 @dataclass(frozen=True, slots=True)
 class _Converted:
-    """What was written, what it does not hold and what its reader must be told."""
+    """The written table, its losses, and the options that its reader needs."""
 
     loaded: LoadedTable
     out: Path
@@ -130,7 +130,7 @@ class _Converted:
     result: Converted
 
     def _losses(self) -> list[str]:
-        # What the control of FILE did by itself, and no table says.
+        # Backlash compensation by the control of FILE, which is in no table.
         backlash = [line for line in self.loaded.source.behaves_as if line.startswith("backlash")]
         return [
             *self.result.written.losses,

@@ -1,4 +1,4 @@
-"""``pitch-gateway table drift``: how far one place wanders while the machine warms up or rests."""
+"""``pitch-gateway table drift``: the drift of one position while the machine warms up or rests."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ def drift(
 
 @dataclass(frozen=True, slots=True)
 class _Drifted:
-    """What a file of a drift test says."""
+    """The results of a drift test file."""
 
     file: Path
     readings: int

@@ -1,4 +1,4 @@
-"""``pitch-gateway table evaluate``: accuracy and repeatability after ISO 230-2, before and after."""
+"""``pitch-gateway table evaluate``: accuracy and repeatability by ISO 230-2, before and after."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""``pitch-gateway table formats``: every format of table that can be read, and what must be told about it."""
+"""``pitch-gateway table formats``: every readable format of table, and the options it needs."""
 
 from collections.abc import Iterator
 
@@ -53,12 +53,12 @@ class _Formats:
 
 
 def _options(dialect: Dialect) -> list[str]:
-    """Return the options that may be needed, as they are typed."""
+    """Return the options that may be needed, as typed."""
     options = [DECLARED[name].typed for name in OPTIONS if name in dialect.uses]
     if dialect.units is not UnitsOf.FILE:
         options.insert(0, DECLARED["file_units"].typed)
     if any(other.recognise is dialect.recognise for other in DIALECTS if other is not dialect):
-        options.insert(0, DECLARED["format"].typed)  # nothing in a text tells the two apart
+        options.insert(0, DECLARED["format"].typed)  # no text distinguishes the two
     return options
 
 

@@ -1,6 +1,6 @@
 """Options that the commands of ``pitch-gateway table`` share.
 
-Beside them are those that a program fills in too: :mod:`gateway.commissioning.table_options`.
+Options that programs use too are in :mod:`gateway.commissioning.table_options`.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ Target = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class OutOptions:
-    """What ``convert`` was told about the file to write, besides its format."""
+    """Options of ``convert`` about the file to write, besides its format."""
 
     to_units: Annotated[Units | None, typer.Option(help="Units of OUT; default: those of FILE.")] = None
     to_axis: Annotated[

@@ -1,4 +1,4 @@
-"""What ``pitch-gateway table`` prints: rich tables for people, plain data for programs."""
+"""Output of ``pitch-gateway table``: rich tables for people, plain data for programs."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 PREDICTED: Final = "predicted"
-"""The title of figures that nobody measured."""
+"""The title of figures that are not measured."""
 PLAIN_WIDTH = 140
 """Columns of a rich table that does not go to a terminal."""
 
@@ -48,7 +48,7 @@ class TableShown:
         yield from remarks(self.loaded)
 
     def _facts(self) -> JsonObject:
-        """Return what there is to say besides the points."""
+        """Return the data besides the points."""
         table, source = self.loaded.table, self.loaded.source
         return {
             "file": self.loaded.file,
@@ -71,7 +71,7 @@ class TableShown:
 
 
 def explained(explanation: PositionExplanation) -> "Iterator[RenderableType]":
-    """Yield for a person what a table does at one position."""
+    """Yield for a person the effect of a table at one position."""
     loaded, table = explanation.loaded, explanation.loaded.table
     unit = table.units.value
     yield (
@@ -99,7 +99,7 @@ def explained(explanation: PositionExplanation) -> "Iterator[RenderableType]":
 
 
 def remarks(loaded: LoadedTable) -> Iterator[str]:
-    """Yield how open questions were settled, what the control did besides the table, and every lint."""
+    """Yield the reader's decisions, the control's behaviour besides the table, and every lint."""
     yield from (f"decided: {decision}" for decision in loaded.source.decisions)
     yield from (f"to do as its control did, for the axis: {line}" for line in loaded.source.behaves_as)
     yield from (lint.line_in(loaded.file) for lint in loaded.lints)
@@ -175,7 +175,7 @@ def results_lines(
 ) -> "Iterator[RenderableType]":
     """Yield the results for a person, with the share that is left; ``left_out`` is E between the points.
 
-    Beside it stands that the predicted figures are those at the targets.
+    A note says that the predicted figures are those at the targets.
     """
     from rich.table import Table
 
@@ -208,7 +208,7 @@ def results_lines(
 
 
 def _between_row(before: Evaluation, left_out: LeftOut | None, digits: int) -> list[str]:
-    """Return the line of what is left between the targets, where a table has none."""
+    """Return the row for the predicted error between the targets."""
     if left_out is None or left_out.unsettled:
         shown, left = "not known", ["–"]
     elif left_out.e is None:
@@ -220,7 +220,7 @@ def _between_row(before: Evaluation, left_out: LeftOut | None, digits: int) -> l
 
 
 def _left(numbers: list[float | None], least: float) -> Iterator[str]:
-    """Share of the result of both directions that is left; nothing has no share."""
+    """Yield the remaining share of the result of both directions; a result of 0 has no share."""
     if len(numbers) > 3:
         was, now = numbers[2], numbers[5]
         yield "–" if was is None or now is None or abs(was) < least else f"{abs(now) / abs(was):.0%}"

@@ -1,4 +1,4 @@
-"""``pitch-gateway table plot``: the pictures of a table, as a file to look at or to hand on."""
+"""``pitch-gateway table plot``: the plots of a table, as a file."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -29,7 +29,7 @@ DEFAULT_SUFFIX: Final = ".png"
 
 @dataclass(frozen=True, slots=True)
 class PlotOptions:
-    """What is drawn."""
+    """What to draw."""
 
     source: ReadOptions = field(default_factory=ReadOptions)
     counts_per_unit: Counts = None
@@ -107,7 +107,7 @@ def plot(
 
 @dataclass(frozen=True, slots=True)
 class _Plotted:
-    """The report of one axis, as it was written."""
+    """The written report of one axis."""
 
     file: Path
     out: Path
@@ -133,7 +133,7 @@ class _Plotted:
 
 
 def axis_data_of(loaded: LoadedTable, axis: str | None) -> AxisData:
-    """Return what there is to tell of a file: its table, where it comes from, what is odd about it."""
+    """Return the data of a file: its table, its source, its remarks."""
     table = loaded.table
     name = axis or loaded.source.axis or axis_of_name(Path(loaded.file).name) or ""
     facts = {
@@ -151,11 +151,11 @@ def axis_data_of(loaded: LoadedTable, axis: str | None) -> AxisData:
 
 
 def _with_readings(axis_data: AxisData, options: PlotOptions) -> AxisData:
-    """Return the story of a table with readings before, and what the table is predicted to leave of them.
+    """Return the axis data with readings before, and with the predicted effect of the table on them.
 
     Raises:
-        BadParameter: ``--runs`` is no way of making them.
-        TabFileError, MetrologyError: the files are no readings of this axis.
+        BadParameter: the value of ``--runs`` is unknown.
+        TabFileError, MetrologyError: the files do not contain readings of this axis.
     """
     table = axis_data.table
     assert table is not None, "the story of a table has one"
@@ -180,7 +180,7 @@ def _with_readings(axis_data: AxisData, options: PlotOptions) -> AxisData:
 
 
 def _left_out(survey: Survey, table: CorrectionTable) -> LeftOut | None:
-    """Return E that a table will leave between the targets; None where there are too few to tell."""
+    """Return E that a table will leave between the targets; None with too few targets."""
     from gateway.metrology.screw import LEAST_TARGETS, MOST_TARGETS, screw_of
 
     periods = ScrewOptions().periods(survey)

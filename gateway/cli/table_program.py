@@ -1,4 +1,4 @@
-"""``pitch-gateway table program``: what to measure, and programs that make the axis stop there."""
+"""``pitch-gateway table program``: targets for a measurement, and programs that stop the axis there."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -16,7 +16,7 @@ from gateway.metrology import cycle as maths
 
 
 class ProgramKind(Enum):
-    """What is written."""
+    """The kind of output."""
 
     CYCLE = "cycle"
     ENDLESS = "endless"
@@ -105,7 +105,7 @@ def program(
 
 @dataclass(frozen=True, slots=True)
 class _Targets:
-    """Where the axis is to stop, as the options say."""
+    """The stops of the axis, from the options."""
 
     low: float
     high: float
@@ -118,7 +118,7 @@ class _Targets:
         """Return the targets, ascending.
 
         Raises:
-            ReadingsError: they cannot be.
+            ReadingsError: the options allow no such targets.
         """
         if self.step is not None:
             step = abs(self.step) if kind is ProgramKind.ENDLESS else self.step
@@ -163,7 +163,7 @@ def _print_written(out: Path, stops: list[float], decimals: int) -> None:
 
 
 def _warn(stops: list[float], cycle: maths.Cycle, kind: ProgramKind) -> None:
-    """Say on stderr where the axis will go, and what the measurement lacks of the standard's."""
+    """Warn on stderr where the axis will go, and which requirements of the standard are not met."""
     unit = cycle.units.value
     if kind is ProgramKind.CYCLE:
         typer.echo(

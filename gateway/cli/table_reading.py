@@ -1,4 +1,4 @@
-"""What every command of ``pitch-gateway table`` does first: read the file, or say what is wrong with it."""
+"""The first step of each command of ``pitch-gateway table``: read the file, or report its errors."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,7 +24,7 @@ from gateway.tabfile import (
 
 
 def inspect(file: Path, context: FileContext) -> LoadedTable:
-    """Read a file; its own units hold, and Centroid version 1, which has none, is in inches unless told.
+    """Read a file in its own units; Centroid version 1, which has none, defaults to inches.
 
     Raises:
         TabFileError: see :func:`gateway.tabfile.inspect_table`.
@@ -44,9 +44,9 @@ def inspect(file: Path, context: FileContext) -> LoadedTable:
 
 @contextmanager
 def problems() -> Iterator[None]:
-    """Turn what cannot be had of files into lines on stderr and exit code 1.
+    """Convert errors of files to lines on stderr and exit code 1.
 
-    What was told of a file and cannot be true is wrong usage (exit code 2).
+    Impossible facts about a file are wrong usage (exit code 2).
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""``pitch-gateway table refine``: a better table from readings that were taken with the old one in use."""
+"""``pitch-gateway table refine``: a better table from readings with the old one in use."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What ``pitch-gateway --version`` says."""
+"""The text of ``pitch-gateway --version``."""
 
 from gateway import __version__
 from gateway.compiled import is_compiled

@@ -1,4 +1,5 @@
-"""Putting an axis into operation: probing, listening, measuring, the sign test, the demonstration.
+"""Commissioning an axis: probing, listening, measuring, the sign test, the demonstration.
 
-A program calls what is here (docs/library.md); the commands of ``pitch-gateway`` ask for it and show it.
+Programs call these functions (docs/library.md); the commands of ``pitch-gateway`` call them and show the
+results.
 """

@@ -1,4 +1,4 @@
-"""What cycle time the lines of a gateway can hold, worked out before anything is wired."""
+"""The shortest cycle time of a gateway's lines, calculated before any wiring."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from gateway.state.plan import LinePlan
 
 
 class MisfitError(Exception):
-    """A drive does not take such a block: figures would be for nothing. ``problems``: why, of each."""
+    """A drive does not accept such a block, so figures would be useless. ``problems``: the reason of each."""
 
     def __init__(self, problems: tuple[str, ...]) -> None:
         super().__init__("\n".join(problems))
@@ -24,12 +24,12 @@ class MisfitError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class LineFigures:
-    """One line."""
+    """The figures of one line."""
 
     plan: LinePlan
     budget: LineBudget
     remedies: Mapping[str, tuple[Remedy, ...]]
-    """What would make it faster, by controller."""
+    """Changes that would make it faster, by controller."""
 
     def as_data(self) -> JsonObject:
         """Return it as plain data."""
@@ -41,12 +41,12 @@ class LineFigures:
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """All lines."""
+    """The figures of all lines."""
 
     gateway: str
     lines: tuple[LineFigures, ...]
     problems: tuple[Problem, ...]
-    """What cannot be met."""
+    """Requirements that cannot be met."""
     warnings: tuple[Problem, ...]
 
     def as_data(self) -> JsonObject:
@@ -61,12 +61,12 @@ class Budget:
 
 
 def work_out(loaded: Loaded, blocks: Blocks = AS_MAPPED) -> Budget:
-    """Work out what the lines of a configuration can hold.
+    """Calculate the cycle times of the lines of a configuration.
 
-    ``blocks``: registers that controllers read, and write targets in, beyond what is mapped.
+    ``blocks``: registers that controllers read, and write targets to, beyond the mapped ones.
 
     Raises:
-        MisfitError: a drive does not take such a block.
+        MisfitError: a drive does not accept such a block.
     """
     plan = loaded.plan
     wrong = tuple(misfit for line in plan.lines for axis in line.axes for misfit in misfits(axis, blocks))

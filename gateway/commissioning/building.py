@@ -1,4 +1,4 @@
-"""A correction table from readings that were taken without one, as a file."""
+"""A correction table from readings without one, as a file."""
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -38,12 +38,12 @@ OWN_OPTIONS: Final = {
     "--to-axis": "--axis",
     "--resample STEP": "--step STEP, or a format with positions of its own",
 }
-"""What some options of ``table convert`` are called here."""
+"""Names here for some options of ``table convert``."""
 
 
 @dataclass(frozen=True, slots=True)
 class BuildOptions:
-    """How a table is made of readings."""
+    """Options for making a table from readings."""
 
     to: Annotated[str, Option("Format of OUT; pitch-gateway table formats lists all.", metavar="FORMAT")] = (
         "centroid-2"
@@ -74,11 +74,11 @@ class BuildOptions:
 
 
 def build(survey: Survey, out: Path, options: BuildOptions) -> "BuiltTable":
-    """Make a table of readings and write it to ``out``.
+    """Make a table from readings and write it to ``out``.
 
     Raises:
-        TabFileError, MetrologyError, TableError: there is no such table, or ``out`` cannot be written. What
-            looks wrong about the readings stands in the notes of the error: perhaps it says why.
+        TabFileError, MetrologyError, TableError: no table can be made, or ``out`` cannot be written. The
+            notes of the error name what looks wrong in the readings, as a possible reason.
     """
     check_uncorrected(survey.source, survey.facts, "table refine adds it to that table")
     survey = settled(survey, drop=options.drop_outliers)
@@ -112,7 +112,7 @@ def build(survey: Survey, out: Path, options: BuildOptions) -> "BuiltTable":
     except TabFileError as error:
         _add_warnings(error, survey)
         raise
-    # in which order both lists stand is known here, for they come from the readings
+    # The order of both lists is known here, because they come from the readings.
     lints = tuple(lint for lint in written.again.lints if lint.code != "L3")
     again = replace(written.again, lints=lints)
     notes = [
@@ -149,7 +149,7 @@ class BuiltTable:
     survey: Survey
     evidence: "FitEvidence | None"
     lead: float | None
-    """The longest length after which the error may repeat."""
+    """The longest possible period of the error."""
 
     def as_data(self) -> JsonObject:
         """Return it as plain data."""
@@ -175,7 +175,7 @@ def _add_warnings(error: Exception, survey: Survey) -> None:
 
 
 def _one_curve(table: CorrectionTable, again: LoadedTable, name: str) -> list[str]:
-    """Name a format that takes the mean of both directions: what was 0 at home is so no more."""
+    """Name a format that uses the mean of both directions: the correction at home is then no longer 0."""
     if table.is_unidirectional or not again.table.is_unidirectional:
         return []
     return [

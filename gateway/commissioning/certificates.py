@@ -1,7 +1,7 @@
-"""Certificates for Modbus/TCP Security: an authority, what it signs, its folder, and what is in a file.
+"""Certificates for Modbus/TCP Security: an authority, its certificates, its folder, and file contents.
 
-P-256 throughout: a handshake with it costs less than one with RSA of 2048 bits and a fifth of one with 4096,
-and everything that speaks TLS 1.2 knows it. Nothing in a folder is ever overwritten, but its list.
+P-256 throughout: its handshake costs less than one with RSA of 2048 bits and a fifth of one with 4096. All
+TLS 1.2 implementations support it. No file in a folder is ever overwritten, except the revocation list.
 """
 
 import os
@@ -39,9 +39,9 @@ from gateway.transport.certificates import (
 
 AUTHORITY_DAYS: Final = 3650
 LEAF_DAYS: Final = 825
-"""What operating systems and browsers took at most when these rules were made; a year more than most need."""
+"""The longest term that browsers and systems accepted at the time; a year more than most need."""
 SKEW: Final = timedelta(hours=1)
-"""A certificate is good a little before it was made: clocks of machines differ."""
+"""A certificate is valid a little before it was made: clocks of machines differ."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class Signed:
 
 
 def make_authority(name: str, now: datetime, days: float = AUTHORITY_DAYS) -> Signed:
-    """Make an authority that signs itself."""
+    """Make a self-signed authority."""
     key = ec.generate_private_key(ec.SECP256R1())
     subject = _name(name)
     builder = _builder(subject, subject, key, now, now + timedelta(days=days))
@@ -66,7 +66,7 @@ def make_authority(name: str, now: datetime, days: float = AUTHORITY_DAYS) -> Si
 
 
 def make_server(authority: Signed, name: str, hosts: Sequence[str], now: datetime) -> Signed:
-    """Make the certificate of a gateway that is reached by ``hosts``, names or addresses."""
+    """Make the certificate of a gateway for ``hosts``, names or addresses."""
     names = x509.SubjectAlternativeName([_general_name(host) for host in hosts])
     return make_leaf(authority, name, [ExtendedKeyUsageOID.SERVER_AUTH], [names], now)
 
@@ -90,7 +90,7 @@ def make_leaf(
     *,
     days: float = LEAF_DAYS,
 ) -> Signed:
-    """Make a certificate that may sign nothing; it never outlives its authority."""
+    """Make a certificate that cannot sign; it never outlives its authority."""
     key = ec.generate_private_key(ec.SECP256R1())
     issuer = authority.certificate
     ends = min(now + timedelta(days=days), issuer.not_valid_after_utc)
@@ -107,10 +107,10 @@ def make_leaf(
 
 
 def make_list(authority: Signed, revoked: Iterable[tuple[int, datetime]], now: datetime) -> bytes:
-    """Return a list of serials that were revoked, each with when, in PEM.
+    """Return the revocation list in PEM, from serial numbers with their times.
 
-    It is good as long as its authority: one that ended sooner, and that nobody renewed in time, would lock
-    every controller out.
+    It is valid as long as its authority. A list that expired earlier, without renewal, would lock out every
+    controller.
     """
     issuer = authority.certificate
     builder = (
@@ -184,14 +184,14 @@ FOLDER_MODE: Final = 0o700
 
 
 class FolderError(Exception):
-    """What cannot be done in a folder, and what to do about it."""
+    """An action that is impossible in a folder, with the remedy."""
 
 
 def found_authority(folder: Path, make: Callable[[], Signed], now: datetime) -> tuple[Path, ...]:
-    """Write a new authority and its list, in which nothing is; returns the files.
+    """Write a new authority and its empty list; return the files.
 
     Raises:
-        FolderError: there is one already, or the folder cannot be written.
+        FolderError: an authority exists already, or the folder cannot be written.
     """
     try:
         folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
@@ -208,7 +208,7 @@ def read_authority(folder: Path, now: datetime) -> Signed:
     """Return the authority of a folder.
 
     Raises:
-        FolderError: there is none, it cannot be read, or it has expired.
+        FolderError: it does not exist, cannot be read, or has expired.
     """
     paths = folder / f"{AUTHORITY}.pem", folder / f"{AUTHORITY}.key"
     try:
@@ -231,10 +231,10 @@ def read_authority(folder: Path, now: datetime) -> Signed:
 
 
 def write_signed(folder: Path, name: str, signed: Signed) -> tuple[Path, Path]:
-    """Write a certificate and its key; returns both files.
+    """Write a certificate and its key; return both files.
 
     Raises:
-        FolderError: one of them is there already, or cannot be written.
+        FolderError: one of them exists already, or cannot be written.
     """
     certificate, key = folder / f"{name}.pem", folder / f"{name}.key"
     for path in (certificate, key):
@@ -250,10 +250,10 @@ def write_signed(folder: Path, name: str, signed: Signed) -> tuple[Path, Path]:
 
 
 def revoke(folder: Path, name: str, now: datetime) -> Path:
-    """Put a certificate into the list of the folder's authority; returns the list.
+    """Put a certificate into the list of the folder's authority; return the list.
 
     Raises:
-        FolderError: no such certificate, not of this authority, or in the list already.
+        FolderError: no such certificate, another authority, or revoked already.
     """
     authority = read_authority(folder, now)
     path, list_path = folder / f"{name}.pem", folder / LIST_NAME
@@ -294,7 +294,7 @@ def _write_new(path: Path, content: bytes, mode: int) -> None:
     try:
         descriptor = create(path, mode)
         with open(descriptor, "wb") as file:  # noqa: PTH123 - a descriptor
-            os.fchmod(file.fileno(), mode)  # whatever the umask takes away or leaves
+            os.fchmod(file.fileno(), mode)  # independent of the umask
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
@@ -304,15 +304,15 @@ def _write_new(path: Path, content: bytes, mode: int) -> None:
 
 @dataclass(frozen=True, slots=True)
 class FileContent:
-    """What is in a file: certificates, or a list of revoked ones."""
+    """The content of a file: certificates, or a list of revoked ones."""
 
     certificates: tuple[Facts, ...]
     now: datetime
-    """When it was looked at."""
+    """Time of reading."""
     revoked: int | None = None
-    """How many; None: it holds certificates."""
+    """Number of revoked certificates; None: the file holds certificates."""
     until: datetime | None = None
-    """How long the list is good."""
+    """End of the list's validity."""
 
     def as_data(self) -> JsonObject:
         """Return it as plain data."""
@@ -332,7 +332,7 @@ class FileContent:
 
 
 def read_file(path: Path, now: datetime) -> FileContent:
-    """Return what is in a file.
+    """Return the content of a file.
 
     Raises:
         FileRefusedError: it cannot be read, or holds neither certificates nor a list of revoked ones.

@@ -1,6 +1,6 @@
 """A first configuration: one line, one controller, its axes, with a comment on each choice.
 
-A :class:`Draft` takes one answer after the other, judged by the rules of the configuration that they make.
+A :class:`Draft` takes answers one by one and checks each by the rules of the resulting configuration.
 """
 
 import json
@@ -22,7 +22,7 @@ RTU_OVER_TCP: Final = "rtu://"
 
 
 class Serial(NamedTuple):
-    """How serial ports are to be set; None: as the drive is when it is new."""
+    """Settings of serial ports; None: the drive's default."""
 
     baudrate: int | None = None
     parity: str | None = None
@@ -35,7 +35,7 @@ USUAL: Final = Serial(19200, "none", 1)
 
 @dataclass(frozen=True, slots=True)
 class AxisAnswers:
-    """What has to be known of an axis. Lengths in ``units``."""
+    """Answers about an axis. Lengths in ``units``."""
 
     name: str
     drive: str
@@ -52,7 +52,7 @@ class AxisAnswers:
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """What has to be known before a configuration can be written."""
+    """Answers that a configuration needs."""
 
     drives_at: str
     """A path from /, HOST:PORT, or rtu://HOST:PORT."""
@@ -60,12 +60,12 @@ class Answers:
     axes: tuple[AxisAnswers, ...]
     name: str = "gateway"
     drives_serial: Serial = USUAL
-    """Of their port, where it is a serial one."""
+    """Of their port, if it is a serial one."""
     controller_serial: Serial = USUAL
     timing: tuple[str, ...] = ()
-    """Lines of the line, as ``response_timeout_ms = 50``: measured, where they are there."""
+    """Measured lines for the line's section, such as ``response_timeout_ms = 50``; empty: not measured."""
     state: str | None = None
-    """Where the gateway keeps its state, where that is not beside the configuration."""
+    """The state folder of the gateway, if it is not beside the configuration."""
 
 
 def configuration_text(answers: Answers) -> str:
@@ -75,7 +75,7 @@ def configuration_text(answers: Answers) -> str:
 
 
 def serial_of(asked: Serial, profile: Profile) -> Serial:
-    """Return how serial ports are set: as asked, else as the drive is when it is new."""
+    """Return the settings of serial ports: the given ones, else the drive's default."""
     usual = profile.serial
     return Serial(
         asked.baudrate or usual.baudrate or USUAL.baudrate,
@@ -92,10 +92,10 @@ FORMAT_RULE: Final = (
 
 
 def serial_format(text: str, offered: Serial = USUAL) -> Serial:
-    """Return the settings of a serial port as a person writes them; a baud rate alone changes ``offered``.
+    """Return the settings of a serial port from a person's text; a baud rate alone changes ``offered``.
 
     Raises:
-        ValueError: it is not understood; says what is allowed.
+        ValueError: the text is invalid; the error says what is allowed.
 
     >>> serial_format("115200 8E1"), serial_format("9600 none 2")
     (Serial(baudrate=115200, parity='even', stop_bits=1), Serial(baudrate=9600, parity='none', stop_bits=2))
@@ -114,7 +114,7 @@ def serial_format(text: str, offered: Serial = USUAL) -> Serial:
 
 
 def format_words(serial: Serial) -> str:
-    """Return the settings of a serial port as manuals write them.
+    """Return the settings of a serial port in the notation of manuals.
 
     >>> format_words(USUAL)
     '19200 8N1'
@@ -124,7 +124,7 @@ def format_words(serial: Serial) -> str:
 
 
 def _quoted(text: str) -> str:
-    """JSON's strings are TOML's, but for one character that TOML wants escaped."""
+    """JSON strings are TOML strings, except for one character that TOML requires to be escaped."""
     return json.dumps(text, ensure_ascii=False).replace(DELETE, "\\u007F")
 
 
@@ -134,7 +134,7 @@ def _one_line(text: str) -> str:
 
 
 def endpoint(address: str, serial: Serial) -> dict[str, object]:
-    """Return the keys of a place with their values.
+    """Return the keys of an endpoint with their values.
 
     >>> endpoint("rtu://10.0.0.5:4001", USUAL)
     {'rtu_over_tcp': '10.0.0.5:4001'}
@@ -240,9 +240,9 @@ GENERAL_KEYS: Final = {
     "controller_format": f"line.{LINE}.controllers",
     "name": "gateway.name",
 }
-"""Answers that are none of the axis: what keys they are about."""
+"""Answers that do not belong to an axis, each with its key."""
 FORMATS: Final = {"drives_format": "drives_at", "controller_format": "controller_at"}
-"""How the serial port is set that another answer names."""
+"""Serial settings, each with the answer that names its port."""
 ADDRESS_RULE: Final = (
     'allowed: "HOST:PORT", as in "192.168.0.7:502", or the full path of a serial port, as in "/dev/ttyUSB0"'
 )
@@ -250,21 +250,21 @@ ANY_PORT: Final = "/dev/ttyUSB0"
 
 
 class Draft:
-    """Takes one answer after the other, those of an axis behind its name.
+    """Takes answers one by one; those about an axis follow its name.
 
-    An answer is known by the name that it has in ``Answers`` or ``AxisAnswers``.
+    The name of an answer is its name in ``Answers`` or ``AxisAnswers``.
     """
 
     def __init__(self, file: Path, drives: Serial, controller: Serial) -> None:
-        """``drives`` and ``controller``: how their serial ports are set, as far as the options say so."""
+        """``drives`` and ``controller``: settings of their serial ports, as far as options give them."""
         self.answers: dict[str, Any] = {}
-        """Those that are none of an axis."""
+        """Those that do not belong to an axis."""
         self.axes: dict[str, dict[str, Any]] = {}
-        """Those of each axis, in the order in which they were named."""
+        """Those of each axis, in the order of naming."""
         self.tables: dict[str, str | None] = {}
-        """The table file of each axis; looked at only in the file that is written."""
+        """The table file of each axis; checked only in the written file."""
         self.notes: list[str] = []
-        """What good answers brought to light elsewhere; it can be mended in the file."""
+        """Problems elsewhere that valid answers reveal; the user can correct them in the file."""
         self._file = file
         self._axis = ""
         self._profiles: dict[str, Profile] = {}
@@ -273,14 +273,14 @@ class Draft:
 
     @property
     def profile(self) -> Profile | None:
-        """Return the profile of the axis that was named last."""
+        """Return the profile of the last named axis."""
         return self._profiles.get(self._axis)
 
     def begin_axis(self, name: str) -> None:
-        """Take the name of an axis: the answers about axes that come now are about this one.
+        """Take the name of an axis; the following answers about axes belong to it.
 
         Raises:
-            ValueError: it is no name, or the name of another axis.
+            ValueError: the name is invalid or already used.
         """
         try:
             read_name(name)
@@ -292,7 +292,7 @@ class Draft:
         self.axes[name] = {}
 
     def wrong_serial(self) -> tuple[str, Problem] | None:
-        """Return which option about a serial port is wrong, and why, whatever is asked later."""
+        """Return a wrong option about a serial port, with the reason, whatever questions follow."""
         for name in FORMATS:
             tables = {"line": {LINE: {"drives": endpoint(ANY_PORT, self.serial(name))}}}
             for problem in problems_of_draft(self._file, tables):
@@ -302,7 +302,7 @@ class Draft:
         return None
 
     def serial(self, name: str, answers: Mapping[str, Any] | None = None) -> Serial:
-        """Return how a port is set; that of the controller is as the drives'. ``name``: of ``FORMATS``."""
+        """Return the settings of the port ``name`` (of ``FORMATS``), by default those of the drives."""
         found = (self.answers if answers is None else answers).get(name)
         if isinstance(found, Serial):
             return found
@@ -310,18 +310,18 @@ class Draft:
         if name == "controller_format":
             given = {key: value for key, value in asked._asdict().items() if value is not None}
             return self.serial("drives_format", answers)._replace(**given)
-        for profile in self._profiles.values():  # the first drive decides: all hang on one cable
+        for profile in self._profiles.values():  # the first drive decides: all are on one cable
             return serial_of(asked, profile)
         return USUAL._replace(**{key: value for key, value in asked._asdict().items() if value is not None})
 
     @property
     def read_address(self) -> int:
-        """Return a register that the drive can be asked for: that of its position, where that is known."""
+        """Return a readable register of the drive: that of its position, if known."""
         fields = () if self.profile is None else self.profile.registers.actual
         return next((field.address for field in fields), 0)
 
     def wants_format(self, name: str) -> bool:
-        """Whether how a port is set has to be asked: it is a serial one, and no option said it."""
+        """Whether to ask for the settings of a port: it is serial, and no option gave them."""
         is_serial = str(self.answers.get(FORMATS[name], "")).startswith("/")
         return is_serial and None in self._serial[name]
 
@@ -329,7 +329,7 @@ class Draft:
         """Take an answer.
 
         Raises:
-            ValueError: the configuration would refuse it; says what was found and what is allowed.
+            ValueError: the configuration would refuse it; the error says what was found and what is allowed.
         """
         if name in FORMATS:
             answer = serial_format(str(answer), self.serial(name))
@@ -356,17 +356,17 @@ class Draft:
             self._profiles[self._axis] = _profile(str(answer), self._file.parent)
 
     def set_table(self, file: str | None) -> None:
-        """Take the table file of the axis that was named last, None for none."""
+        """Set the table file of the last named axis, None for none."""
         self.tables[self._axis] = file
 
     def _refuse_same_unit(self, unit_id: object) -> None:
-        """A drive of several axes has registers for each: that is written by hand."""
+        """Refuse a drive with several axes: each has its own registers, so that is written by hand."""
         for name, answers in self.axes.items():
             if name != self._axis and answers.get("unit_id") == unit_id:
                 raise ValueError(f"found {unit_id}; axis {name} has this unit id: each drive has its own")
 
     def text(self, state: str | None = None, timing: tuple[str, ...] = ()) -> str:
-        """Return the configuration with its comments. Everything has to be answered."""
+        """Return the configuration with its comments. All answers are required."""
         given = {name: answer for name, answer in self.answers.items() if name not in FORMATS}
         answers = Answers(
             **given,
@@ -388,7 +388,7 @@ class Draft:
         return problem.key.startswith(GENERAL_KEYS.get(name, f"axis.{self._axis}.{name}"))
 
     def _tables(self, answers: Mapping[str, Any], axes: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-        """Return the configuration as far as it is known."""
+        """Return the configuration as far as the answers go."""
         line: dict[str, Any] = {}
         if "drives_at" in answers:
             line["drives"] = endpoint(answers["drives_at"], self.serial("drives_format", answers))

@@ -1,4 +1,4 @@
-"""The last minutes of the lines, out of a gateway that runs, which does nothing for it and goes on.
+"""The last minutes of the lines, read from a running gateway without any work of the gateway.
 
 with LineFrames(load(path)) as frames:
     for frame in frames.new():
@@ -32,12 +32,12 @@ ERROR_KINDS: Final = frozenset({"abandoned", "stray", "down"})
 
 
 class NothingTakenError(Exception):
-    """Nothing could be taken or written; why, and what to do."""
+    """Nothing could be read or written; the reason and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class LineEntry:
-    """A frame, or something else that happened on a line."""
+    """A frame, or another event on a line."""
 
     wall_s: float
     """Seconds since 1970."""
@@ -46,12 +46,12 @@ class LineEntry:
 
     @property
     def kind(self) -> str:
-        """What it is, in a word."""
+        """Return its kind in a word."""
         return traffic.kind_of(self.entry)
 
     @property
     def is_error(self) -> bool:
-        """Whether something went wrong."""
+        """Whether it is an error."""
         return "exception" in self.words or self.kind in ERROR_KINDS
 
     def as_data(self) -> JsonObject:
@@ -62,7 +62,7 @@ class LineEntry:
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """What was written."""
+    """The files that were written."""
 
     frames: int
     seconds: float
@@ -79,10 +79,10 @@ class Taken:
 
 
 class LineFrames:
-    """The frames that a gateway keeps, of one line or of all; enter it to borrow them.
+    """The frames in a gateway's trace buffer, of one line or of all; entering it borrows them.
 
     Raises:
-        NoGatewayError, NoCaptureError: there is nothing to look into; also when it is entered.
+        NoGatewayError, NoCaptureError: there is no buffer; also on entering.
         NothingTakenError: the state folder cannot have a socket.
     """
 
@@ -93,33 +93,33 @@ class LineFrames:
             raise NothingTakenError(f"gateway.state: {error}") from None
         pong = ask(self._socket, Ping())
         self.is_of_another = isinstance(pong, Pong) and pong.shape != shape_of(loaded.plan)
-        """Whether the gateway was started with another configuration: names may be wrong then."""
+        """Whether the gateway was started with another configuration: names may then be wrong."""
         self._loaded = loaded
         self._line = line
         self._reader = Reader(loaded.plan)
         self._pcapng = PcapNg(loaded.plan, line)
         self._capture: Capture | None = None
         self.is_lost = False
-        """Whether something before what was last asked for came faster than it was."""
+        """Whether frames were overwritten before the last call could read them."""
 
     def __enter__(self) -> Self:
-        """Borrow the memory in which they are."""
+        """Borrow the memory of the frames."""
         self._capture = Capture(self._socket, self._line)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Give it back."""
+        """Return it."""
         if self._capture is not None:
             self._capture.close()
 
     def skip(self) -> None:
-        """Leave out what there is by now."""
+        """Skip the frames so far."""
         self._new()
 
     def new(self) -> list[LineEntry]:
-        """Return what has come since it was asked last."""
+        """Return the frames since the last call."""
         return [
             LineEntry(self._wall_ns(t_ns) / NS_PER_S, entry, self._reader.line(entry))
             for t_ns, entry in self._new()
@@ -132,16 +132,16 @@ class LineFrames:
         out.flush()
 
     def write_packets(self, out: BinaryIO) -> None:
-        """Write what has come since it was asked last to such a file."""
+        """Write the frames since the last call to such a file."""
         self._write_packets(out, self._new())
 
     def take(self, file: Path | None, out: BinaryIO | None, name: str | None) -> Taken:
-        """Write all that is kept into a new file that ``replay`` runs, and to one that Wireshark reads.
+        """Write all frames to a new file for ``replay``, and to one for Wireshark.
 
-        ``name`` is what the latter is called, None where it is no file.
+        ``name`` is the name of the latter, None if it is not a file.
 
         Raises:
-            NothingTakenError: the file is there, or cannot be written.
+            NothingTakenError: the file exists, or cannot be written.
         """
         timed = self._new()
         files = []

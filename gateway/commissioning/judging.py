@@ -1,4 +1,4 @@
-"""Readings judged after ISO 230-2, beside a second measurement or what a table would leave of them."""
+"""Readings evaluated by ISO 230-2, beside a second measurement or the prediction for a table."""
 
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -26,7 +26,7 @@ NO_PREDICTION: Final = "what another table would leave cannot be told from it; e
 
 @dataclass(frozen=True, slots=True)
 class EvaluateOptions:
-    """What readings are judged beside, and by what."""
+    """What readings are compared with, and by which standards."""
 
     after: Annotated[
         list[Path] | None,
@@ -59,16 +59,16 @@ class EvaluateOptions:
 def judge(
     before: Survey, after: Survey | None, loaded: LoadedTable | None, options: EvaluateOptions
 ) -> "Judged":
-    """Judge readings, and write the report if one is asked for.
+    """Evaluate readings, and write the report if requested.
 
     Args:
         before: the readings, settled (``metrology.wrong_runs``).
-        after: a second measurement, settled, in the same units; beside it there is no table.
-        loaded: the table of which is predicted what it leaves of the readings.
-        options: what else; the files that it names are these.
+        after: a second measurement, settled, in the same units; it excludes a table.
+        loaded: the table whose effect on the readings is predicted.
+        options: the other options; the files that they name are these.
 
     Raises:
-        MetrologyError, ReportError: see there.
+        MetrologyError, ReportError: see the called functions.
     """
     second = after
     if second is not None:
@@ -108,7 +108,7 @@ def judge(
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """What readings say of an axis, and what a second measurement or a prediction says beside it."""
+    """The results of readings of an axis, and of a second measurement or a prediction beside it."""
 
     survey: Survey
     results: tuple[Evaluation, Evaluation | None]
@@ -116,11 +116,11 @@ class Judged:
     is_predicted: bool
     left_out: LeftOut | None
     by_others: tuple[str, ...]
-    """By other standards, and whether a limit is kept."""
+    """Results of other standards, and whether a limit is kept."""
     more: JsonObject
     """The same for a program."""
     lead: float | None
-    """The longest length after which the error may repeat."""
+    """The longest possible period of the error."""
     report: Path | None
 
     def as_data(self) -> JsonObject:
@@ -142,7 +142,7 @@ class Judged:
 
 
 def _by_others(last: Evaluation, options: EvaluateOptions) -> tuple[tuple[str, ...], JsonObject]:
-    """Return what VDI/DGQ 3441 says, and whether a limit is kept: as lines, and as plain data."""
+    """Return the results of VDI/DGQ 3441, and whether a limit is kept: as lines, and as plain data."""
     lines, data = [], JsonObject()
     if options.vdi:
         lines.append(vdi_line(last))
@@ -181,7 +181,7 @@ def _all_notes(
     *,
     is_predicted: bool,
 ) -> tuple[str, ...]:
-    """Return what is odd about both; of a survey that was predicted only what the first does not say."""
+    """Return what is odd about both; a predicted survey adds only what the first does not have."""
     before, after = surveys
     notes = _notes(before, None if is_predicted else after)
     if is_predicted and after is not None:
@@ -210,7 +210,7 @@ def _notes(before: Survey, after: Survey | None) -> tuple[str, ...]:
 def _axis_data(
     before: Survey, after: Survey | None, loaded: LoadedTable | None, notes: tuple[str, ...]
 ) -> AxisData:
-    # What holds of one of two surveys only, as whether the compensation was on, is no fact of both.
+    # A fact of one survey only, such as whether the compensation was on, is not a fact of both.
     facts = {k: v for k, v in before.facts.items() if after is None or after.facts.get(k) == v}
     if loaded is not None:
         facts |= {"table": loaded.file, "table SHA-256": loaded.sha256}

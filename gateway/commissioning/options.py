@@ -1,7 +1,7 @@
-"""How an option of a command is declared: once, as a field of the dataclass that a program fills in too.
+"""The declaration of a command's option: once, as a field of the dataclass that programs use too.
 
-A field is ``Annotated[TYPE, Option(...)]``. A command that has a parameter of that class takes each field as
-an option (:func:`gateway.cli.options.takes_options`).
+A field is ``Annotated[TYPE, Option(...)]``. A command with a parameter of that class takes each field as an
+option (:func:`gateway.cli.options.takes_options`).
 """
 
 from collections.abc import Callable, Sequence
@@ -10,18 +10,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """What is said about a field beside its type and its default."""
+    """The texts and limits of a field, beside its type and its default."""
 
     help: str
-    """In the help of the command; a program reads it as what the field means."""
+    """In the help of the command; for a program, the meaning of the field."""
     name: str = ""
     """On the command line, without the dashes; empty: as the field, with dashes."""
     metavar: str | None = None
-    """What stands for its value there."""
+    """Placeholder for its value there."""
     min: float | None = None
-    """The least number that is taken."""
+    """The smallest allowed number."""
     max: float | None = None
     one_of: Callable[[], Sequence[str]] | None = None
-    """Returns the only words that are taken, with which a shell completes."""
+    """Returns the only allowed words; a shell completes them."""
     is_read_by_us: bool = False
-    """A file that may be unreadable or missing: whoever opens it says so."""
+    """A file that may be unreadable or missing: the code that opens it reports that."""

@@ -1,4 +1,4 @@
-"""A recording, as a file: the configuration that it holds, and what comes of running it again."""
+"""A recording as a file: its configuration, and the result of replaying it."""
 
 import tempfile
 import tomllib
@@ -28,15 +28,15 @@ from gateway.recording.traffic import (
 from gateway.state.plan import GatewayPlan, as_started
 
 LONGEST_LINE: Final = 64_000_000
-"""A header holds every table: more than the largest that is read."""
+"""A header holds all tables: more than the largest readable one."""
 TABLES_FOLDER: Final = "tables"
 
 
 class RecordedFile:
-    """A recording of which the header is read; it is replayed once.
+    """A recording whose header was read; it is replayed once.
 
     Raises:
-        ReplayError, WrongEntryError: it is no recording.
+        ReplayError, WrongEntryError: it is not a recording.
         FileRefusedError, OSError: it cannot be read.
     """
 
@@ -48,7 +48,7 @@ class RecordedFile:
         self.header = self._first[1]
 
     def plan(self, other: GatewayPlan | None = None) -> GatewayPlan:
-        """Return the plan that it is replayed with: that of its own configuration, or another.
+        """Return the plan for the replay: that of its own configuration, or another.
 
         Raises:
             ReplayError, ConfigErrors: as :func:`plan_of`.
@@ -56,7 +56,7 @@ class RecordedFile:
         plan = plan_of(self.header) if other is None else other
         if self.header.format == WITHOUT_PEERS:
             plan = _for_any_writer(plan)
-        # the records of the axes of a capture name the tables that are in force
+        # The axis records of a capture name the tables in force.
         return as_started(plan) if self.header.format == CAPTURED else plan
 
     def replay(
@@ -66,13 +66,13 @@ class RecordedFile:
         on_entry: Callable[[Input | Output, bool], None] | None = None,
         on_event: Callable[[str, Event], None] | None = None,
     ) -> ReplayResult:
-        """Run it through the exchange again and compare what comes out.
+        """Replay it through the exchange and compare the output.
 
-        ``on_entry`` is told of what was on the line, and whether it differs.
+        ``on_entry`` receives each entry of the line, and whether it differs.
 
         Raises:
-            ReplayError: there is no such line, or nothing can be compared.
-            WrongEntryError, OSError: it goes on with something else, or cannot be read to its end.
+            ReplayError: no such line, or nothing to compare.
+            WrongEntryError, OSError: it contains other data, or cannot be read to its end.
         """
         again = Replay(plan, line, on_event)
         assert self._first is not None
@@ -91,7 +91,7 @@ class RecordedFile:
 
 
 def _entries(file: Path) -> Iterator[tuple[int, Entry]]:
-    """Yield the entries of a file with their line numbers; a last line that was cut off is left out."""
+    """Yield the entries of a file with their line numbers; a truncated last line is omitted."""
     with open_regular_file(file, "a recording") as lines:
         number = 0
         while data := lines.readline(LONGEST_LINE):
@@ -107,10 +107,10 @@ def _entries(file: Path) -> Iterator[tuple[int, Entry]]:
 
 
 def plan_of(header: Header) -> GatewayPlan:
-    """Return the plan of the configuration in a recording, wherever its files were.
+    """Return the plan of the configuration in a recording, independent of the paths of its files.
 
     Raises:
-        ReplayError: a recording of another format, or a configuration that cannot be laid out here.
+        ReplayError: a recording of another format, or a configuration that cannot be written here.
         ConfigErrors: this release does not accept the configuration.
     """
     if header.format not in (FORMAT, CAPTURED, WITHOUT_PEERS):
@@ -134,7 +134,7 @@ def plan_of(header: Header) -> GatewayPlan:
 
 
 def _for_any_writer(plan: GatewayPlan) -> GatewayPlan:
-    """Return the plan of a recording that knows no hosts: as then, everybody may move every axis."""
+    """Return the plan for a recording without hosts: as then, every host may move every axis."""
     lines = (
         replace(line, axes=tuple(replace(axis, has_one_writer=False) for axis in line.axes))
         for line in plan.lines
@@ -147,7 +147,7 @@ def _plain(text: str) -> str:
 
 
 def _portable(text: str, moved: dict[str, str]) -> str:
-    """Return a configuration with its files under the names that they have beside it now."""
+    """Return a configuration with its files renamed to those beside it."""
     before: dict[str, Any] = tomllib.loads(_plain(text))
     expected: dict[str, Any] = tomllib.loads(_plain(text))
     tables = before.get("gateway", {}).get("tables", TABLES_FOLDER)

@@ -1,4 +1,4 @@
-"""A better table from readings that were taken with the old one in use, as a file."""
+"""A better table from readings with the old one in use, as a file."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -30,12 +30,12 @@ OWN_OPTIONS: Final = {
     "--resample STEP": "--to csv, then table convert with --resample STEP",
     "--to-units mm": "--to csv, then table convert with --to-units mm",
 }
-"""What some options of ``table convert`` are called here."""
+"""Names here for some options of ``table convert``."""
 
 
 @dataclass(frozen=True, slots=True)
 class RefineOptions:
-    """How a table is refined."""
+    """Options for refining a table."""
 
     to: Annotated[str | None, Option("Format of OUT; default: that of FILE.", metavar="FORMAT")] = None
     home: Home = None
@@ -49,10 +49,10 @@ class RefineOptions:
 
 
 def refine(loaded: LoadedTable, survey: Survey, out: Path, options: RefineOptions) -> "RefinedTable":
-    """Add to a table what was left of the error while it was in use, and write that to ``out``.
+    """Add what was left of the error to the table in use, and write the sum to ``out``.
 
     Raises:
-        TabFileError, MetrologyError, TableError: there is no such table, or ``out`` cannot be written.
+        TabFileError, MetrologyError, TableError: no table can be made, or ``out`` cannot be written.
     """
     source, file = options.source, Path(loaded.file)
     target = dialect_named(options.to or loaded.format)
@@ -86,7 +86,7 @@ def refine(loaded: LoadedTable, survey: Survey, out: Path, options: RefineOption
 
 @dataclass(frozen=True, slots=True)
 class RefinedTable:
-    """A better table, and by how much it differs from the old one."""
+    """A better table, and its difference from the old one."""
 
     file: Path
     out: Path
@@ -127,16 +127,16 @@ class RefinedTable:
 
 
 def letter_for(loaded: LoadedTable, axis: str | None, out: Path) -> str | None:
-    """Return the axis letter for a file: told, in the source, or in one of the names."""
+    """Return the axis letter for a file: the given one, that of the source, or one from the names."""
     return axis or loaded.source.axis or axis_of_name(out.name) or axis_of_name(Path(loaded.file).name)
 
 
 def _as_old(asked: WriteOptions, loaded: LoadedTable, target: Dialect, source: ReadOptions) -> WriteOptions:
-    """Complete how OUT is written by how FILE is read."""
+    """Complete the options for writing OUT by those for reading FILE."""
     scale, sense, file_axis = asked.file_counts_per_unit, asked.sense, asked.file_axis
     if scale is None and "file_counts_per_unit" in target.writes:
         scale = source.file_counts_per_unit
-    if target.name == loaded.format:  # whoever reads FILE reads OUT in the same way
+    if target.name == loaded.format:  # a reader of FILE reads OUT in the same way
         sense = sense or loaded.source.context.error_sense
         file_axis = file_axis or loaded.source.file_axis
     layout = source.v1_layout if "v1_layout" in target.writes else None

@@ -1,7 +1,7 @@
-"""The serial ports of this machine, by the names that last, and what answers on one that is silent.
+"""The serial ports of this machine, by permanent names, and a scan of a silent one for drives.
 
-To find drives one register is read, of one unit id after the other, at one setting after the other; nothing
-is written. Any answer counts, also one that refuses: only a drive that is set alike makes a whole frame.
+The scan reads one register of one unit id after the other, with one setting after the other; it writes
+nothing. Any answer counts, including a refusal: only a drive with the same setting makes a complete frame.
 """
 
 import os
@@ -24,7 +24,7 @@ LASTING: Final = (
     Path("/dev/pitch-gateway/by-socket"),
     Path("/dev/serial/by-path"),
 )
-"""Where udev keeps names that stay, of the adapter or of its socket; ours come with an installation."""
+"""Permanent names from udev, of the adapter or of its socket; ours are part of an installation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,17 +32,17 @@ class Found:
     """A serial port."""
 
     path: str
-    """Its most lasting name."""
+    """Its most permanent name."""
     device: str
-    """What it leads to today."""
+    """Its present target."""
 
     def __str__(self) -> str:
-        """Return both names, where they differ."""
+        """Return both names, if they differ."""
         return self.path if self.path == self.device else f"{self.path} (now {self.device})"
 
 
 def serial_ports(lasting: tuple[Path, ...] = LASTING) -> list[Found]:
-    """Return the serial ports that are there; those that have no lasting name by their device."""
+    """Return the existing serial ports; those without a permanent name by their device."""
     from serial.tools.list_ports import comports
 
     found: dict[str, Found] = {}
@@ -56,16 +56,16 @@ def serial_ports(lasting: tuple[Path, ...] = LASTING) -> list[Found]:
 
 
 FIRST_UNIT_IDS: Final = range(1, 9)
-"""Asked at each setting: one of the drives of a machine has one of these."""
+"""Polled with each setting: one of the drives of a machine has one of these."""
 WAIT_MS: Final = 60.0
-"""For an answer, beyond what its bytes take."""
+"""For an answer, in addition to the time of its bytes."""
 DRAIN_MS: Final = 20.0
 ASKED_CHARACTERS: Final = 8 + 7
 """Of a read of one register and its reply."""
 
 
 class Scanned(NamedTuple):
-    """A setting at which drives answer, and their unit ids."""
+    """A setting with answers, and the unit ids of the drives."""
 
     serial: Serial
     unit_ids: tuple[int, ...]
@@ -74,14 +74,14 @@ class Scanned(NamedTuple):
 async def scan(
     device: str, offered: Serial, address: int, unit_ids: Iterable[int], report: Callable[[str], None]
 ) -> Scanned | None:
-    """Return the first setting at which something answers, with everybody who does; None: nobody does.
+    """Return the first setting with an answer, and all unit ids that answer; None: no answer.
 
-    ``offered`` is tried first. ``address``: the register that is read. ``unit_ids`` are asked at each setting
-    too. ``report`` gets a line for each setting.
+    ``offered`` is tried first. ``address``: the register to read. ``unit_ids`` are also polled with each
+    setting. ``report`` gets a line for each setting.
 
     Raises:
-        TransportError: the port is absent, in use or not allowed.
-        LostError: the port went away.
+        TransportError: the port does not exist, is in use or not allowed.
+        LostError: the port was removed.
     """
     usual = (
         Serial(each.baudrate, PARITIES[each.parity], offered.stop_bits)
@@ -101,7 +101,7 @@ async def scan(
 
 
 async def _answering(device: str, serial: Serial, address: int, unit_ids: Iterable[int]) -> list[int]:
-    """Return who answers at a setting."""
+    """Return the unit ids that answer with a setting."""
     assert serial.baudrate is not None
     assert serial.stop_bits is not None
     letter = next(letter for letter, word in PARITIES.items() if word == serial.parity)

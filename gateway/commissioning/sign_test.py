@@ -1,4 +1,4 @@
-"""The sign test: whether two readings, or a move, say that an axis is used the right way round.
+"""The sign test: whether two readings, or a move, show that an axis is used with the right sign.
 
 report = judge_readings(plan, at=-250.0, forward_reading=-249.99, backward_reading=-249.981)
 print(report.test.verdict.value, report.remedy)
@@ -26,11 +26,11 @@ from gateway.metrology.sign_test import (
 from gateway.plain import JsonObject
 
 UNCERTAINTY_MM = 0.002
-"""What a dial gauge with 1 µm marks or a laser in a workshop can be trusted with."""
+"""Uncertainty of a dial gauge with 1 µm marks or a laser in a workshop."""
 STEPS = 2
 DECIMALS = 6
 APPROACH_MM = 1.0
-"""Beside the hysteresis; as far as measure goes beyond its targets."""
+"""In addition to the hysteresis; the same as the overrun of measure."""
 COLUMNS = {
     "centroid-2": "exchange its two lists: the first is forward, the one behind the comment backward",
     "centroid-3": "exchange its second and third column: away from home, towards home",
@@ -55,7 +55,7 @@ OF_A_TABLE = frozenset({SignVerdict.SENSE_INVERTED, SignVerdict.COLUMNS_SWAPPED,
 WIDTH = 50
 UNITS_RATIO = 2.0
 ROUGHLY = 0.25
-"""A scaled table explains readings when no more than this share of it is left over."""
+"""A scaled table explains readings if at most this share of it remains."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class SignReport:
 
     @property
     def remedy(self) -> str:
-        """What to change; empty when nothing is to be changed."""
+        """What to change; empty for no change."""
         file = self.plan.table_name
         if not file and self.test.verdict in OF_A_TABLE:
             return self._remedy_of_backlash()
@@ -85,7 +85,7 @@ class SignReport:
         }[self.test.verdict]
 
     def _remedy_of_backlash(self) -> str:
-        """What to change where the axis has no table but a backlash, of which a sign cannot be wrong."""
+        """What to change if the axis has no table but a backlash, which cannot have a wrong sign."""
         backlash = self.plan.settings.backlash
         other = None if backlash is None else HOMED.get(backlash.kind)
         if self.test.verdict is not SignVerdict.BOTH or other is None:
@@ -188,13 +188,13 @@ def _row(name: str, forward: float, backward: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class TrialMove:
-    """A move of a known length, and what is wrong with ``counts_per_unit`` by it."""
+    """A move of a known length, and the resulting fault of ``counts_per_unit``."""
 
     plan: AxisPlan
     commanded: float
     moved: float
     fault: str
-    """Empty where its size and sign are right."""
+    """Empty if its size and sign are right."""
 
     def as_data(self) -> JsonObject:
         """Return everything for scripts."""
@@ -214,10 +214,10 @@ class TrialMove:
 
 
 def judge_move(plan: AxisPlan, moved: float) -> TrialMove:
-    """Judge by how much an axis moved when :data:`TRIAL_MOVE` was commanded.
+    """Judge the actual length of a commanded :data:`TRIAL_MOVE`.
 
     Raises:
-        ReadingsError: it is no number.
+        ReadingsError: it is not a number.
     """
     settings = plan.settings
     fault = fault_of_trial(moved, settings.counts_per_unit, settings.units)
@@ -231,13 +231,13 @@ def judge_readings(
     backward_reading: float,
     uncertainty: float | None = None,
 ) -> SignReport:
-    """Judge the readings of an axis that has a table at one position, approached from both sides.
+    """Judge two readings of an axis with a table at one position, approached from both sides.
 
-    All are on the controller's scale, in units of the axis. ``uncertainty``: of a reading; None: what is
-    usual.
+    All are on the controller's scale, in units of the axis. ``uncertainty``: of a reading; None: the usual
+    one.
 
     Raises:
-        ReadingsError: the position is outside the table, or a number is none.
+        ReadingsError: the position is outside the table, or a value is not a number.
     """
     settings, table = plan.settings, plan.table
     assert table is not None
@@ -251,7 +251,7 @@ def judge_readings(
         position,
         Pair(forward_reading + offset, backward_reading + offset),
         uncertainty,
-        # A worn screw errs by up to the largest correction, the other way by as much again.
+        # The error of a worn screw is up to the largest correction; the opposite sign doubles that.
         largest=2.0 * settings.max_correction,
         # The axis counts the other way about machine zero, or the instrument about its own.
         mirrored=(-position, offset - at),
@@ -265,13 +265,13 @@ def judge_readings(
 
 
 def usual_uncertainty(plan: AxisPlan) -> float:
-    """Return what a reading is taken to be uncertain by, in units of the axis."""
+    """Return the usual uncertainty of a reading, in units of the axis."""
     settings = plan.settings
     return max(settings.units.from_mm(UNCERTAINTY_MM), STEPS * settings.step)
 
 
 def best_position(plan: AxisPlan) -> float:
-    """Return where the readings of an axis tell most, on the controller's scale."""
+    """Return the most telling position for readings, on the controller's scale."""
     assert plan.table is not None
     curve = spec_of_table(plan.table, plan.settings).curve
     assert curve is not None
@@ -281,13 +281,13 @@ def best_position(plan: AxisPlan) -> float:
 
 
 def approach_of(plan: AxisPlan) -> float:
-    """Return from how far a place is approached, in units: more than what the axis takes for no move."""
+    """Return the distance of approach to a position, in units: more than the axis ignores as no move."""
     settings = plan.settings
     return settings.units.from_mm(APPROACH_MM) + settings.hysteresis
 
 
 def _inside(plan: AxisPlan) -> tuple[float, float] | None:
-    """Return where there is room for a sign test, in machine positions; None: everywhere (a rotary axis)."""
+    """Return the range for a sign test, in machine positions; None: everywhere (a rotary axis)."""
     assert plan.table is not None
     settings = plan.settings
     return None if settings.modulo else room(plan.table, settings.travel, approach_of(plan))

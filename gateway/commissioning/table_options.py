@@ -1,4 +1,4 @@
-"""What can be said about readings and tables: groups of options, which commands and programs fill in."""
+"""Options about readings and tables, in groups, for commands and programs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ NAMES: Final = ", ".join(each.name for each in FORMATS)
 
 
 class SlopeError(ReadingsError):
-    """What was told as ``max_slope`` is no slope."""
+    """The given ``max_slope`` is not a slope."""
 
 
 def format_names() -> Sequence[str]:
@@ -61,9 +61,9 @@ MaxSlope = Annotated[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadOptions(TableOptions):
-    """What was told about a table file: every option that is declared, and the axis.
+    """Options for reading a table file: every declared option, and the axis.
 
-    ``units`` tell the ``file_units`` too, of a file that states none.
+    ``units`` also gives the ``file_units`` of a file that states none.
     """
 
     format: Annotated[
@@ -83,7 +83,7 @@ class ReadOptions(TableOptions):
         """Return it for a reader; ``counts_per_unit`` is the drive's.
 
         Raises:
-            ContextError: something of it cannot be true.
+            ContextError: a part of it is impossible.
         """
         return FileContext(
             **self.given(),
@@ -96,19 +96,19 @@ class ReadOptions(TableOptions):
 
 @dataclass(frozen=True, slots=True)
 class FormatOptions:
-    """What files of readings do not say about themselves."""
+    """Facts that files of readings do not contain."""
 
     readings_format: Annotated[str | None, Option(f"Where it is not plain: {NAMES}.", metavar="NAME")] = None
     runs: Annotated[Runs | None, Option("Directions of the runs of a file that does not prove them.")] = None
 
     def context(self, units: Units | None, axis: str | None) -> ReadingsContext:
-        """Return it for a reader, with what was told of the axis."""
+        """Return it for a reader, with the given facts about the axis."""
         return ReadingsContext(self.readings_format, units, axis, self.runs)
 
 
 @dataclass(frozen=True, slots=True)
 class ScrewOptions:
-    """What is known of the screw."""
+    """Known facts about the screw."""
 
     lead: Annotated[
         float | None,
@@ -131,10 +131,10 @@ class ScrewOptions:
     ] = None
 
     def periods(self, survey: Survey) -> tuple[Period, ...]:
-        """Return what the error may repeat with: as told, or as the readings say.
+        """Return the possible periods of the error: the given ones, or those in the readings.
 
         Raises:
-            ReadingsError: a lead or a period that is no length.
+            ReadingsError: a lead or a period that is not a valid length.
         """
         lead = self.lead
         if lead is None and (stated := survey.facts.get("lead")) is not None:
@@ -142,7 +142,7 @@ class ScrewOptions:
         return periods_of(lead, self.period or ())
 
     def normalised(self, survey: Survey) -> Survey:
-        """Return readings as they would be at 20 °C, if that was asked.
+        """Return the readings at 20 °C, if requested.
 
         Raises:
             ReadingsError: see :func:`gateway.metrology.drift.at_20_degrees`.
@@ -163,7 +163,7 @@ class ShapeOptions:
 
 @dataclass(frozen=True, slots=True)
 class OutOptions:
-    """How OUT is written, besides its format."""
+    """Options for writing OUT, besides its format."""
 
     to_counts_per_unit: Annotated[
         float | None, Option("Encoder counts per unit of the control that will read OUT.", metavar="N")
@@ -177,11 +177,11 @@ class OutOptions:
 
 
 def steep_allowed(survey: Survey, given: float | None) -> float:
-    """Return how steep a table may be: as told, or as the readings say, or as axes have it by default.
+    """Return the slope limit of a table: the given one, that of the readings, or the default of axes.
 
     Raises:
-        SlopeError: what was told is no slope below 1.
-        ReadingsError: what the readings say is none.
+        SlopeError: the given value is not a slope below 1.
+        ReadingsError: the value in the readings is not one.
     """
     if given is not None:
         if not 0.0 < given < 1.0:

@@ -1,4 +1,4 @@
-"""A table that was made of readings, as a file: written as text, read back, and put where it belongs."""
+"""A table made from readings, as a file: written as text, read back, and put in its place."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -32,7 +32,7 @@ STEEP: Final = "L1"
 
 @dataclass(frozen=True, slots=True)
 class WrittenTable:
-    """A table as the text of a file, and read back from it."""
+    """A table as the text of a file, and as read back from it."""
 
     result: Written
     again: LoadedTable
@@ -40,7 +40,7 @@ class WrittenTable:
     """The largest difference of a correction."""
 
     def as_data(self) -> JsonObject:
-        """Return what became of it as plain data."""
+        """Return the result as plain data."""
         return {
             "losses": list(self.result.losses),
             "largest_difference": self.difference,
@@ -72,19 +72,19 @@ def written_table(
     max_slope: float = DEFAULT_MAX_SLOPE,
     own_options: Mapping[str, str] | None = None,
 ) -> WrittenTable:
-    """Write a table as text and read it back; one that is steeper than ``max_slope`` is refused.
+    """Write a table as text and read it back; refuse one that is steeper than ``max_slope``.
 
-    ``own_options`` are what a command calls some options of ``table convert``, which remedies name.
+    ``own_options`` are a command's names for some options of ``table convert``, used in remedies.
 
     Raises:
-        TabFileError: the target cannot hold the table, or the gateway would refuse what it holds.
+        TabFileError: the target cannot hold the table, or the gateway would refuse the result.
     """
     table = tidied(table, MEASURED_DECIMALS)
     try:
         result = conversion.write_text(table, target, options)
     except TabFileError as error:
         remedy = error.allowed
-        # writers name the options of table convert
+        # Writers use the option names of table convert.
         for option, own in (own_options or {}).items():
             remedy = remedy.replace(option, own)
         if "subtract it" in remedy and not table.is_unidirectional:
@@ -93,7 +93,7 @@ def written_table(
     context = replace(result.context, format=target.name, max_slope=max_slope)
     again = parse_table(result.text.encode(), f"the {target.name} file", context)
     if again.errors:
-        # no line: nothing is written, so there is no file to look into
+        # No line: nothing is written, so there is no file to check.
         raise TabFileError(
             *(
                 _steep(table, max_slope)
@@ -121,12 +121,12 @@ def _steep(table: CorrectionTable, limit: float) -> FileProblem:
 
 
 def write_file(out: Path, text: str, *, force: bool, encoding: str = "utf-8") -> None:
-    """Write a file, an existing one only with ``force``, and one of readings never.
+    """Write a file; overwrite an existing one only with ``force``, and a file of readings never.
 
-    A forgotten OUT makes the last file of readings the one to write.
+    If the user forgets OUT, the last file of readings takes its place.
 
     Raises:
-        TabFileError: a file of this name exists, it holds readings, or the place cannot be written to.
+        TabFileError: a file of this name exists, it holds readings, or the path cannot be written.
     """
     if is_readings(out):
         raise TabFileError(
@@ -136,14 +136,14 @@ def write_file(out: Path, text: str, *, force: bool, encoding: str = "utf-8") ->
 
 
 def refusal(target: Dialect, table: CorrectionTable, options: WriteOptions, max_slope: float) -> str | None:
-    """Say why a table cannot be written, or the gateway would refuse it, and what to do; None: neither."""
+    """Return why a table cannot be written or the gateway would refuse it, with the remedy; None: neither."""
     try:
         written_table(table, target, options, max_slope)
     except TabFileError as error:
         if error.problems[0].code is None:
             allowed = f", allowed: {error.allowed}" if error.allowed else ""
             return f"this format does not hold it ({error.found}{allowed}); --to csv does"
-        # a limit of the gateway is one in every format
+        # A limit of the gateway holds for every format.
         return f"{error.found}; {error.allowed}" if error.allowed else error.found
     except TableError as error:
         return str(error)
@@ -151,7 +151,7 @@ def refusal(target: Dialect, table: CorrectionTable, options: WriteOptions, max_
 
 
 def steep_notes(table: CorrectionTable) -> list[str]:
-    """Say of a steep table what the axis that uses it needs."""
+    """Return the requirements of a steep table for its axis."""
     slope = table.max_slope()
     if slope <= DEFAULT_MAX_SLOPE:
         return []
@@ -164,7 +164,7 @@ def steep_notes(table: CorrectionTable) -> list[str]:
 
 
 def _up(slope: float) -> float:
-    """Return a slope with two digits that is no smaller.
+    """Return a slope with two digits that is not smaller.
 
     >>> _up(0.01131), _up(0.02)
     (0.012, 0.02)

@@ -1,4 +1,4 @@
-"""Readings into a table: what it follows, means, turn-around points, home as reference (Centroid TB058)."""
+"""From readings to a table: its curve, means, turn-around points, home as reference (Centroid TB058)."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -14,24 +14,24 @@ from gateway.metrology.readings import APPROACHES, NEAR, MeanCorrections, Readin
 from gateway.metrology.tables import correction_at
 
 Refusal = Callable[[CorrectionTable], str | None]
-"""Why a table cannot be written, and what to do; None for one that can."""
+"""The reason why a table cannot be written, and the remedy; None if it can."""
 _MIN_TARGETS = 2
 _LISTED = 8
 
 
 class Shape(Enum):
-    """What a table follows, the plainest first."""
+    """The curve of a table, the plainest first."""
 
     LINES = "lines"
     """Straight from target to target."""
     SMOOTH = "smooth"
-    """A smooth curve; what scatters about it, noise and short waves alike, is left."""
+    """A smooth curve; scatter about it, noise and short waves alike, remains."""
     HARMONICS = "harmonics"
-    """A smooth curve and what repeats with the lead and other turns."""
+    """A smooth curve and what repeats with the lead and other revolutions."""
 
     @property
     def words(self) -> str:
-        """What it is called in a sentence."""
+        """Its name in a sentence."""
         return {
             Shape.LINES: "lines between the targets",
             Shape.SMOOTH: "a smooth curve",
@@ -40,7 +40,7 @@ class Shape(Enum):
 
 
 class Fit(Enum):
-    """What is wanted; ``AUTO``: what leaves least between the targets."""
+    """The requested curve; ``AUTO``: the one that leaves least between the targets."""
 
     AUTO = "auto"
     LINES = "lines"
@@ -50,10 +50,10 @@ class Fit(Enum):
 
 @dataclass(frozen=True, slots=True)
 class HomeReference:
-    """Where the correction is 0 by definition: the home position, arrived at in the direction of homing.
+    """The position where the correction is 0 by definition: home, approached in the direction of homing.
 
     TB058's cases: a home switch with positive travel is the first forward value, with negative travel the
-    last backward value; a reference mark is the forward value at 0, interpolated where no target lies there.
+    last backward value. A reference mark is the forward value at 0, interpolated if there is no target.
     """
 
     position: float
@@ -61,20 +61,20 @@ class HomeReference:
 
 
 class HomeCase(Enum):
-    """The three cases of TB058: how the axis homes, and on which side of home its travel lies."""
+    """The three cases of TB058: how the axis homes, and on which side of home its travel is."""
 
     SWITCH_POSITIVE = "switch-positive"
     SWITCH_NEGATIVE = "switch-negative"
     MARK = "mark"
 
     def reference(self, table: CorrectionTable) -> HomeReference:
-        """Return the point of a table that belongs to home.
+        """Return the home point of a table.
 
-        An end that is 0 but for a hundredth of the way to the next target is home: a first block lies where
-        the dial stood at 0, not where the DRO did.
+        An end counts as home if its distance from 0 is at most a hundredth of the way to the next target. The
+        first gauge block is where the dial showed 0, not the DRO.
 
         Raises:
-            ReadingsError: the table lies on the other side of home, or does not reach 0.
+            ReadingsError: the table is on the other side of home, or does not reach 0.
         """
         low, high = table.first, table.last
         near_low = NEAR * (table.positions[1] - low)
@@ -102,13 +102,13 @@ class HomeCase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """How a table is to be made; lengths in the units of the readings.
+    """Options for making a table; lengths in the units of the readings.
 
-    ``step`` asks for an even grid, over ``travel`` if that is told, ``tolerance`` for as few of the targets
-    as it allows; not both. ``smooth`` is the window. ``one_way`` makes one curve for both directions.
-    ``fit`` is the curve that the table follows; without it, it goes straight from target to target, and
-    nothing is said about what lies between. ``periods`` are what the error may repeat with. ``refusal`` says
-    why a table cannot be written, and what to do; without it every one can be.
+    ``step`` requests an even grid, over ``travel`` if given. ``tolerance`` requests as few of the targets as
+    it allows; the two exclude each other. ``smooth`` is the window. ``one_way`` makes one curve for both
+    directions. ``fit`` is the curve of the table; without it, the table is straight from target to target,
+    and nothing is reported about the range between. ``periods`` are the possible periods of the error.
+    ``refusal`` returns why a table cannot be written, with the remedy; without it every table can be.
     """
 
     home: HomeCase | HomeReference | None = None
@@ -124,7 +124,7 @@ class Recipe:
     refusal: Refusal | None = None
 
     def reference(self, table: CorrectionTable) -> HomeReference | None:
-        """Return the point of a table that belongs to home; None where no home is told.
+        """Return the home point of a table; None if no home is given.
 
         Raises:
             ReadingsError: see :meth:`HomeCase.reference`.
@@ -140,16 +140,16 @@ def build_table(
     estimate_ends: bool = True,
     one_way: bool = False,
 ) -> CorrectionTable:
-    """Build the table that, added to the command, takes the nut where the instrument missed it.
+    """Build the table that, added to the command, corrects the error that the instrument measured.
 
-    The correction is ``target - measured``, the mean of all readings at a target in a direction. At the
-    first and the last target one direction often has no reading, because the axis turned round there: with
+    The correction is ``target - measured``, the mean of all readings at a target in a direction. At the first
+    and the last target one direction often has no reading, because the axis turned round there. With
     ``estimate_ends`` it is estimated from its neighbour's reversal. ``home`` is subtracted from everything.
-    With ``one_way`` the table has one curve for both directions: the mean of what was measured at a target.
+    With ``one_way`` the table has one curve for both directions: the mean of the readings at a target.
 
     Raises:
         ReadingsError: readings that make no table.
-        TableError: corrections that no table may hold (a slope of 1).
+        TableError: corrections that are not allowed in a table (a slope of 1).
 
     >>> up, down = Direction.FORWARD, Direction.BACKWARD
     >>> readings = [Reading(0, up, 0.0), Reading(0, down, 0.02)]
@@ -182,7 +182,7 @@ def _both_in_one(means: MeanCorrections) -> MeanCorrections:
 
 
 def with_estimated_ends(means: MeanCorrections) -> MeanCorrections:
-    """Fill in what cannot be measured at the first and the last target, where a neighbour has both ways."""
+    """Estimate missing directions at the first and the last target, if a neighbour has both."""
     forward, backward = list(means.forward), list(means.backward)
     for end, neighbour in ((0, 1), (-1, -2)):
         _estimate(forward, backward, end, neighbour)
@@ -191,7 +191,7 @@ def with_estimated_ends(means: MeanCorrections) -> MeanCorrections:
 
 
 def _estimate(curve: list[float | None], other: list[float | None], end: int, neighbour: int) -> None:
-    """``LastReverse = LastForward - (NextToLastForward - NextToLastReverse)``, for either end and way."""
+    """``LastReverse = LastForward - (NextToLastForward - NextToLastReverse)``, either end, either way."""
     here, beside, curve_beside = other[end], other[neighbour], curve[neighbour]
     if curve[end] is None and here is not None and beside is not None and curve_beside is not None:
         curve[end] = here - (beside - curve_beside)
@@ -218,7 +218,7 @@ def referenced(table: CorrectionTable, home: HomeReference) -> CorrectionTable:
     """Subtract the correction at home from both directions; between points it is interpolated.
 
     Raises:
-        ReadingsError: home outside the table, or approached in no direction.
+        ReadingsError: home is outside the table, or has no direction of approach.
     """
     if home.direction not in APPROACHES:
         raise ReadingsError("home was approached in an unknown direction: give forward or backward")

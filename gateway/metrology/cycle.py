@@ -1,7 +1,7 @@
-"""Where an axis stops to be measured: targets, the order of the stops, and a control's program of them.
+"""Where an axis stops for a measurement: targets, the order of the stops, and a control's program of them.
 
-Targets lie on purpose not on an even grid: an error that repeats with every turn of the screw would look the
-same at each of them. The standard's ``P_i = (i - 1) p + r`` moves every target by a random ``r``.
+Targets are deliberately not on an even grid: an error that repeats with every revolution of the screw would
+look the same at each of them. The standard's ``P_i = (i - 1) p + r`` moves every target by a random ``r``.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,13 +17,13 @@ from gateway.metrology.errors import ReadingsError
 
 DECIMALS: Final = {Units.MM: 3, Units.INCH: 4, Units.DEGREE: 4}
 USUAL_SPREAD: Final = 0.3
-"""Of the interval: what targets are moved by at most, unless told."""
+"""Of the interval: the default limit for moving targets."""
 LEAST_TARGETS: Final = 5
 TARGETS_PER_METRE: Final = 5
 UNITS_WORDS: Final = {Units.MM: "G21", Units.INCH: "G20", Units.DEGREE: ""}
 MAX_TARGETS: Final = 10_000
 AXES: Final = "XYZABCUVW"
-"""Letters of axes. Any other letter means something else in a program: F a feed, M a function."""
+"""Letters of axes. Any other letter has another meaning in a program: F is a feed, M a function."""
 ROUNDING: Final = 1e-9
 """Share of a step by which its decimal notation may differ."""
 WORD_DECIMALS: Final = 3
@@ -37,10 +37,10 @@ def even_targets(low: float, high: float, step: float) -> list[float]:
     """Return ``low``, every step above it, and no more than ``high``.
 
     Raises:
-        ReadingsError: a range or a step that makes fewer than two targets, or ten thousand.
+        ReadingsError: a range or a step for fewer than two targets, or for ten thousand.
     """
     _check_range(low, high)
-    # A share of a millionth: 0.1 does not go into 1 exactly, and nobody means the tenth target to be lost.
+    # A share of a millionth: 0.1 does not divide 1 exactly, and the tenth target must not be lost.
     count = int((high - low) / step + 1e-6) + 1 if step > 0.0 else 0
     if not 2 <= count <= MAX_TARGETS:
         raise ReadingsError(
@@ -54,11 +54,11 @@ def random_targets(
 ) -> list[float]:
     """Return ``count`` targets, each moved up at random by less than ``spread``: ``P_i = (i - 1) p + r``.
 
-    All lie from ``low`` to ``high``. The same seed gives the same targets, for a measurement that is to be
-    repeated. The spread should be the lead of the screw or more, where the intervals allow it.
+    All are between ``low`` and ``high``. The same seed gives the same targets, to repeat a measurement. The
+    spread should be the lead of the screw or more, if the intervals allow it.
 
     Raises:
-        ReadingsError: fewer than two targets, or a spread that would let them change places.
+        ReadingsError: fewer than two targets, or a spread that could change their order.
     """
     _check_range(low, high)
     if not 2 <= count <= MAX_TARGETS:
@@ -77,15 +77,15 @@ def random_targets(
 
 
 def enough_targets(length_mm: float) -> int:
-    """Return how many targets the standard asks for on a travel of up to 2 m: five a metre, at least five."""
+    """Return the standard's number of targets for a travel of up to 2 m: five a metre, at least five."""
     return max(LEAST_TARGETS, ceil(TARGETS_PER_METRE * length_mm / 1000.0))
 
 
 def check_targets(targets: Sequence[float], units: Units, travel: tuple[float, float] | None = None) -> None:
-    """Check that targets are still what they are when they are written with the decimals of a program.
+    """Check that targets stay distinct and inside the travel with the decimals of a program.
 
     Raises:
-        ReadingsError: two of them are written alike, or one lies outside the travel.
+        ReadingsError: two targets have the same text, or one is outside the travel.
     """
     decimals = DECIMALS[units]
     stops = sorted(targets)
@@ -106,7 +106,7 @@ def check_targets(targets: Sequence[float], units: Units, travel: tuple[float, f
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """One stop of a cycle. ``direction`` is that of the move that led to it; ends are no measuring stops.
+    """One stop of a cycle. ``direction`` is that of the move to it; ends are not measuring stops.
 
     ``run`` counts the cycles, from 1.
     """
@@ -118,10 +118,10 @@ class Stop:
 
 
 def bidirectional_cycle(targets: Sequence[float], overrun: float, cycles: int = 1) -> Iterator[Stop]:
-    """Stops of a measuring cycle: up through all targets and down again, overrunning both ends.
+    """Yield the stops of a measuring cycle: up through all targets and down again, overrunning both ends.
 
-    The overrun lets the axis turn round outside the targets, so that the first and last are approached from
-    both sides too. It must be greater than the lost motion.
+    With the overrun the axis turns round outside the targets, so that both sides approach the first and last
+    target too. It must be greater than the lost motion.
 
     >>> [(stop.nominal, stop.direction.name) for stop in bidirectional_cycle([0.0, 10.0], 2.0)]
     ... # doctest: +NORMALIZE_WHITESPACE
@@ -140,9 +140,9 @@ def bidirectional_cycle(targets: Sequence[float], overrun: float, cycles: int = 
 
 
 def remaining(stops: Sequence[Stop], done: int) -> list[Stop]:
-    """Return the stops that are left after ``done`` readings, from the turn before the next one on.
+    """Return the remaining stops after ``done`` readings, from the turning point before the next one on.
 
-    From there the next target is approached from the side that it is to be measured from.
+    From there the axis approaches the next target from the correct side.
 
     >>> stops = list(bidirectional_cycle([0.0, 10.0], 2.0))
     >>> [stop.nominal for stop in remaining(stops, 1)]
@@ -166,11 +166,11 @@ def remaining(stops: Sequence[Stop], done: int) -> list[Stop]:
 
 @dataclass(frozen=True, slots=True)
 class Cycle:
-    """How an axis is driven through its targets; lengths in ``units``, ``feed`` in units a minute.
+    """How an axis moves through its targets; lengths in ``units``, ``feed`` in units a minute.
 
-    ``overrun`` is how far it goes beyond the last target before it turns: more than the lost motion, or the
-    first target of the way back would be approached from the wrong side. ``dwell`` is in the unit of the
-    control's ``G4 P``: seconds on many, milliseconds on others.
+    ``overrun`` is the distance beyond the last target before the axis turns round. It must exceed the lost
+    motion, or the first target of the way back would be approached from the wrong side. ``dwell`` is in the
+    unit of the control's ``G4 P``: seconds on many, milliseconds on others.
     """
 
     axis: str
@@ -181,10 +181,10 @@ class Cycle:
     runs: int
 
     def __post_init__(self) -> None:
-        """Check what no control would run.
+        """Check for values that no control would run.
 
         Raises:
-            ReadingsError: no letter of an axis, or a number that is not above 0 as the program writes it.
+            ReadingsError: not a letter of an axis, or a number that is not above 0 in the program's notation.
         """
         if len(self.axis) != 1 or self.axis.upper() not in AXES:
             raise ReadingsError(
@@ -205,7 +205,7 @@ def endless_steps(axis: str, step: float, dwell: float, decimals: int) -> str:
     """Return TB058's program: one step, a pause to read the instrument, and again until the limit.
 
     Raises:
-        ReadingsError: a step of 0, or one that rounding would add up to another target with every turn.
+        ReadingsError: a step of 0, or one whose rounding would add up to another target.
 
     >>> print(endless_steps("X", 0.5, 5, 4), end="")
     G91X.5
@@ -223,12 +223,12 @@ def endless_steps(axis: str, step: float, dwell: float, decimals: int) -> str:
 
 
 def cycle_program(targets: Sequence[float], cycle: Cycle, travel: tuple[float, float] | None = None) -> str:
-    """Return a program that stops at every target upwards, overruns, and stops at each downwards; each run.
+    """Return a program for all runs: stop at every target upwards, overrun, stop at each downwards.
 
-    The first move goes below the lowest target, so that it too is approached from below.
+    The first move goes below the lowest target, so that this target too is approached from below.
 
     Raises:
-        ReadingsError: it would leave the travel, or two targets are written alike.
+        ReadingsError: it would leave the travel, or two targets have the same text.
     """
     check_targets(targets, cycle.units)
     low, high = min(targets) - cycle.overrun, max(targets) + cycle.overrun
@@ -253,7 +253,7 @@ def _cycle_lines(targets: Sequence[float], cycle: Cycle) -> Iterator[str]:
 
 
 def fixed(number: float, decimals: int) -> str:
-    """Write a position; what rounds to zero has no sign.
+    """Return the text of a position; a number that rounds to zero has no sign.
 
     >>> fixed(-0.0001, 3), fixed(12.5, 3)
     ('0.000', '12.500')
@@ -262,7 +262,7 @@ def fixed(number: float, decimals: int) -> str:
 
 
 def _short(number: float, decimals: int) -> str:
-    """Write a number as TB058 does: no zeros that say nothing.
+    """Return the text of a number as in TB058: without zeros that carry no information.
 
     >>> _short(0.5, 4), _short(-0.5, 4), _short(25, 4), _short(5.0, 3), _short(0.0, 3)
     ('.5', '-.5', '25', '5', '0')

@@ -1,4 +1,4 @@
-"""What a person has to know of readings as a whole: unit, ends, scale, a machine that changed meanwhile."""
+"""Warnings about readings as a whole: unit, ends, scale, a machine that changed during the measurement."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -11,18 +11,18 @@ from gateway.metrology.wrong_runs import offset_notes
 from gateway.plain import JsonObject
 
 TINY_MM: Final = 0.0002
-"""No screw is as good: the deviations are given in a larger unit than they are said to be in."""
+"""No screw is as good: the deviations are in a larger unit than stated."""
 HUGE_MM: Final = 1.0
-"""No screw is as bad as this: perhaps micrometres were meant."""
+"""No screw is as bad: the deviations may be in micrometres."""
 LOST_AT_AN_END: Final = 0.25
-"""Of the smallest reversal elsewhere: below it an end has none."""
+"""Share of the smallest reversal elsewhere: an end below it has no reversal."""
 _LEAST_OTHERS: Final = 3
 WORTH_MM: Final = 0.001
-"""Over all targets: a linear part that makes less is not worth a word."""
+"""Over all targets: a smaller linear part is not reported."""
 
 
 def plausibility_warnings(readings: Sequence[Reading], units: Units) -> list[str]:
-    """Return a sentence for each doubt; none keeps a table from being made.
+    """Return a sentence for each warning; a table can be made in spite of them.
 
     Raises:
         ReadingsError: see :func:`gateway.metrology.readings.mean_corrections`.
@@ -34,7 +34,7 @@ def plausibility_warnings(readings: Sequence[Reading], units: Units) -> list[str
 def _unit(readings: Sequence[Reading], units: Units) -> list[str]:
     if units is Units.DEGREE:
         return []
-    # Where the instrument has its zero does not matter, so only what the deviations differ by counts.
+    # The zero of the instrument does not matter: only the differences of the deviations count.
     deviations = [each.deviation for each in readings]
     largest = max(deviations) - min(deviations)
     if not 0.0 < largest < units.from_mm(TINY_MM) and largest <= units.from_mm(HUGE_MM):
@@ -73,7 +73,7 @@ def notes_of(
     with_scale: bool = True,
     lead: float | None = None,
 ) -> list[str]:
-    """Return a sentence for each; ``lead`` is the longest length after which the error may repeat.
+    """Return a sentence for each; ``lead`` is the longest possible period of the error.
 
     Raises:
         ReadingsError: see :func:`gateway.metrology.readings.mean_corrections`.
@@ -102,7 +102,7 @@ def _scale_notes(survey: Survey, counts_per_unit: float | None, lead: float | No
 
 
 def json_of(survey: Survey, lead: float | None = None) -> JsonObject:
-    """Return the same as plain data; null where there is nothing."""
+    """Return the same as plain data, with null for no value."""
     scale, drift, small = reliable_scale(survey, lead), drift_of(survey), small_unit(survey.units)
     was, steady = (0.0, 0.0) if drift is None else e_with_and_without(survey, drift)
     return {

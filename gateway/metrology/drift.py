@@ -1,9 +1,8 @@
-"""Readings that grow or move with the number of the run: a machine that warms up while it is measured.
+"""Drift: readings that grow or move with the number of the run, as when the machine warms up.
 
-At each target and in each direction the runs are compared with their mean. What they have in common is a
-shift for each run (``offset``) and a stretch for each run that grows with the position (``growth``), both
-fitted by least squares over the number of the run; the way back counts as half a run later than the way
-there.
+At each target and in each direction the runs are compared with their mean. The common part is a shift for
+each run (``offset``) and a stretch for each run that grows with the position (``growth``). Both are fitted by
+least squares over the number of the run; the way back counts as half a run later than the way there.
 """
 
 import re
@@ -20,12 +19,12 @@ from gateway.metrology.evaluation import evaluate
 from gateway.metrology.readings import Reading, Small, Survey, by_approach, small_unit
 
 STEEL: Final = 11.5
-"""µm a metre and kelvin: what screws are made of."""
+"""µm a metre and kelvin: the usual material of screws."""
 LEAST_RUNS: Final = 3
 CLEAR: Final = 4.0
-"""Standard deviations from 0 at which a slope is no chance: one sound measurement in ten thousand has it."""
+"""A slope this many standard deviations from 0 is not chance: sound data has it once in ten thousand."""
 LEAST_MM: Final = 0.0005
-"""Over all targets and runs: what moves less is no matter."""
+"""Over all targets and runs: a smaller drift does not matter."""
 REFERENCE_C: Final = 20.0
 MOST_EXPANSION: Final = 100.0
 _PER_METRE_UM: Final = 1e6
@@ -34,7 +33,7 @@ _NUMBER: Final = re.compile(r"-?[0-9]+(?:\.[0-9]+)?")
 
 @dataclass(frozen=True, slots=True)
 class Drift:
-    """What changed from the first run to the last. Lengths in the units of the readings."""
+    """The change from the first run to the last. Lengths in the units of the readings."""
 
     growth: float
     """Change of length by length."""
@@ -48,11 +47,11 @@ class Drift:
 
     @property
     def kelvin_of_steel(self) -> float:
-        """How much warmer a steel screw would have to be for the growth."""
+        """The temperature rise of a steel screw that would explain the growth."""
         return self.growth * _PER_METRE_UM / STEEL
 
     def describe(self, small: Small) -> str:
-        """Say what grows and what moves."""
+        """Return in words what grows and what moves."""
         parts = []
         if self.is_growing:
             parts.append(
@@ -67,7 +66,7 @@ class Drift:
 
 
 def drift_of(survey: Survey) -> Drift | None:
-    """Return what the runs have in common; None where it is chance, no matter, or not to be told."""
+    """Return the common drift of the runs; None if it is chance, too small, or cannot be determined."""
     rows = _rows(survey.readings)
     runs = {each.run for each in survey.readings}
     if len(runs) < LEAST_RUNS or len(rows) < 2 * LEAST_RUNS:
@@ -96,7 +95,7 @@ def _time(reading: Reading) -> float:
 
 
 def _rows(readings: Sequence[Reading]) -> list[tuple[float, float, float]]:
-    """Return time, place and rest of each reading, all less their means at the target and direction."""
+    """Return time, position and rest of each reading, all less their means at the target and direction."""
     rows = []
     for group in by_approach(readings).values():
         if len(group) < 2:
@@ -109,7 +108,7 @@ def _rows(readings: Sequence[Reading]) -> list[tuple[float, float, float]]:
 def _fit(
     rows: Sequence[tuple[float, float, float]],
 ) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Fit ``rest = (offset + growth * place) * time``; returns both, and their standard deviations."""
+    """Fit ``rest = (offset + growth * position) * time``; return both, and their standard deviations."""
     a = sum(t * t for t, _, _ in rows)
     b = sum(t * t * x for t, x, _ in rows)
     c = sum(t * t * x * x for t, x, _ in rows)
@@ -125,7 +124,7 @@ def _fit(
 
 
 def without_drift(survey: Survey, drift: Drift) -> Survey:
-    """Return the readings as they would be had nothing changed since the first run."""
+    """Return the readings without the change since the first run."""
     runs = [each.run for each in survey.readings]
     first, last = min(runs), max(runs)
     steady = []
@@ -137,12 +136,12 @@ def without_drift(survey: Survey, drift: Drift) -> Survey:
 
 
 def e_with_and_without(survey: Survey, drift: Drift) -> tuple[float, float]:
-    """Return E as it was read and as it would be had nothing changed since the first run, in its units."""
+    """Return E as measured, and E without the change since the first run, in the units of the readings."""
     return _systematic(survey), _systematic(without_drift(survey, drift))
 
 
 def drift_line(survey: Survey, drift: Drift) -> str:
-    """Say what drifts, with E as it was read and as it would be had nothing changed since the first run."""
+    """Return in words what drifts, with E as measured and E without the drift."""
     small = small_unit(survey.units)
     was, steady = e_with_and_without(survey, drift)
     return (
@@ -158,10 +157,10 @@ def _systematic(survey: Survey) -> float:
 
 
 def at_20_degrees(survey: Survey, expansion_um: float) -> Survey:
-    """Return the readings as they would be at 20 °C, of a screw that grows by so many µm a metre and kelvin.
+    """Return the readings at 20 °C, for a screw that grows by ``expansion_um`` µm a metre and kelvin.
 
-    The temperature stands beside each reading, or in a line ``# temperature: 23.1`` for all. The length that
-    grows begins at machine position 0.
+    Each reading has its temperature, or a line ``# temperature: 23.1`` gives one for all. The expanding
+    length begins at machine position 0.
 
     Raises:
         ReadingsError: a reading without a temperature, a coefficient that no material has, or an angle.
@@ -196,7 +195,7 @@ def at_20_degrees(survey: Survey, expansion_um: float) -> Survey:
 
 
 def _stated(survey: Survey) -> float | None:
-    """Return the temperature that a file says of all its readings."""
+    """Return the temperature that a file states for all its readings."""
     for name, fact in survey.facts.items():
         if name.strip().lower() in {"temperature", "temperature_c", "material temperature"}:
             found = _NUMBER.search(fact)

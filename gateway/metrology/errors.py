@@ -2,8 +2,8 @@
 
 
 class MetrologyError(Exception):
-    """Base of everything that this layer raises on purpose."""
+    """Base of all deliberate errors of this layer."""
 
 
 class ReadingsError(MetrologyError):
-    """Readings from which no table can be built; the message names the target and the direction."""
+    """Readings that make no table; the message names the target and the direction."""

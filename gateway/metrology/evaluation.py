@@ -8,14 +8,14 @@ the sample standard deviation ``s`` (n - 1); ``B`` is the difference of both mea
     A(d) = max (mean(d) + 2 s) - min (mean(d) - 2 s)      A = the same over both directions together
     M    = max (mean of both means) - min of it           B = max |B|
 
-Source: the formulas of ISO 230-2 (clauses 2 and 4) as two public calculators and the literature give them;
-the standard itself was not at hand. All results are in the units of the readings.
+Source: the formulas of ISO 230-2 (clauses 2 and 4) from two public calculators and the literature; the
+standard itself was not available. All results are in the units of the readings.
 
-What the standard asks of a test is held against readings before its name is printed beside figures. Up to
-2 m: at least five targets a metre and five in all, five runs in each direction at every target, both
-directions, and intervals that are not even, so that periodic errors are met at other phases. Beyond 2 m the
-intervals are at most 250 mm and one run each way is the least. Source: the standard's text as textbooks and
-makers of instruments give it.
+The name of the standard is printed beside figures only if the readings meet its requirements for a test. Up
+to 2 m these are: at least five targets a metre and five in all, five runs in each direction at every target,
+both directions, and uneven intervals, so that targets have different phases of periodic errors. Beyond 2 m
+the intervals are at most 250 mm, with at least one run each way. Source: the standard's text as quoted by
+textbooks and instrument makers.
 """
 
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ NAMES: Final = (
     ("B", "reversal, largest"),
     ("Bm", "reversal, mean"),
 )
-"""Results of ISO 230-2, and what they are called."""
+"""Results of ISO 230-2, and their names."""
 RUNS: Final = 5
 LONG_MM: Final = 2000.0
 LONG_INTERVAL_MM: Final = 250.0
@@ -54,7 +54,7 @@ class Approach:
 
 @dataclass(frozen=True, slots=True)
 class TargetStatistics:
-    """One target; None where a direction has no reading."""
+    """One target; None for a direction without a reading."""
 
     target: float
     forward: Approach | None
@@ -77,10 +77,10 @@ class TargetStatistics:
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """Results by the standard's names; None where the readings do not carry one.
+    """Results by the standard's names; None if the readings are not sufficient for one.
 
-    One run each way makes no ``s``, so neither ``R`` nor ``A``; one direction has neither ``B`` nor ``M``,
-    and a target without one of its approaches leaves no ``R``, ``E``, ``M`` or ``A`` of both.
+    One run each way gives no ``s``, so neither ``R`` nor ``A``. One direction gives neither ``B`` nor ``M``.
+    A target without one of its approaches gives no ``R``, ``E``, ``M`` or ``A`` of both.
     """
 
     units: Units
@@ -106,10 +106,10 @@ class Evaluation:
 
 
 def evaluate(survey: Survey) -> Evaluation:
-    """Evaluate readings after ISO 230-2.
+    """Evaluate readings by ISO 230-2.
 
     Raises:
-        ReadingsError: no readings, or one that is no number.
+        ReadingsError: no readings, or one that is not a number.
     """
     found = checked_approaches(survey.readings)
     targets = tuple(
@@ -120,7 +120,7 @@ def evaluate(survey: Survey) -> Evaluation:
     backward = [target.backward for target in targets if target.backward]
     reversals = [reversal for target in targets if (reversal := target.reversal) is not None]
     both = [each for target in targets for each in (target.forward, target.backward)]
-    # Bidirectional is what was approached from both sides everywhere.
+    # Bidirectional results need both directions at every target.
     bidirectional = [each for each in both if each is not None] if None not in both else []
     return Evaluation(
         units=survey.units,
@@ -179,7 +179,7 @@ def _accuracy(approaches: list[Approach]) -> float | None:
 
 
 def values_of(found: Evaluation) -> dict[str, tuple[float | None, float | None, float | None]]:
-    """Return forward, backward and both of each result."""
+    """Return each result for forward, backward and both."""
     return {
         "A": (found.accuracy_forward, found.accuracy_backward, found.accuracy),
         "R": (found.repeatability_forward, found.repeatability_backward, found.repeatability),
@@ -191,7 +191,7 @@ def values_of(found: Evaluation) -> dict[str, tuple[float | None, float | None, 
 
 
 def results_json(found: Evaluation) -> JsonObject:
-    """Return the results as plain data, in the units of the readings; null where the readings carry none."""
+    """Return the results as plain data, in the units of the readings; null for missing results."""
     values = values_of(found)
     return {
         "units": found.units.value,
@@ -213,13 +213,13 @@ def results_json(found: Evaluation) -> JsonObject:
     }
 
 
-# --- What the standard asks of a test
+# --- Requirements of the standard for a test
 
 
 def missing_of(found: Evaluation) -> tuple[str, ...]:
-    """Return what a test after ISO 230-2 would have and these readings have not; empty: nothing is missing.
+    """Return the requirements of ISO 230-2 that these readings do not meet; empty: none.
 
-    Rotary axes are held against runs and directions only.
+    For rotary axes only runs and directions are checked.
     """
     targets = [each.target for each in found.targets]
     length_mm = (targets[-1] - targets[0]) / found.units.from_mm(1.0)
@@ -258,11 +258,11 @@ def _targets(targets: list[float], length_mm: float, units: Units, *, is_long: b
 
 
 def title_of(found: Evaluation) -> str:
-    """Return what figures of these readings may be called."""
+    """Return the title for figures of these readings."""
     return "ISO 230-2" if not missing_of(found) else "by the formulas of ISO 230-2"
 
 
 def missing_line(found: Evaluation) -> str:
-    """Say what is missing, in one sentence; empty where nothing is."""
+    """Return what is missing in one sentence; empty if nothing is."""
     missing = missing_of(found)
     return f"no test after ISO 230-2: {'; '.join(missing)}" if missing else ""

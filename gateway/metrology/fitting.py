@@ -1,9 +1,8 @@
-"""Which curve a table follows, and at which points: what leaves least between the targets, by evidence.
+"""Choice of the curve and the points of a table: those that leave least between the targets.
 
-Lines from target to target, a smooth curve, and one with harmonics of the lead are all made into tables and
-judged alike: by what each would leave of the curves that the readings allow (:meth:`MeasuredScrew.leaves`).
-Of those that leave as little the plainest is taken, with the fewest recipe. Needs numpy, and is imported
-where it is used.
+Lines from target to target, a smooth curve, and a curve with harmonics of the lead all become tables. All are
+judged by what each would leave of the curves that the readings allow (:meth:`MeasuredScrew.leaves`). Among
+equally good ones the plainest is used, with the fewest points. Needs numpy; its users import it locally.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,43 +24,43 @@ from gateway.metrology.screw import Harmonic, Jump, MeasuredScrew
 from gateway.plain import JsonObject
 
 LEAST_FITTED: Final = 9
-"""Through fewer targets lines are as good as any curve, and what was read stays in the table as it was."""
+"""With fewer targets lines are as good as any curve, and the table keeps the readings unchanged."""
 AS_GOOD: Final = 1.05
-"""Of the least that any table leaves: a plainer one that leaves no more than this is taken."""
+"""Times the least that any table leaves: a plainer table that leaves no more than this is used."""
 NOTHING_MM: Final = 0.00005
-"""A difference that no instrument shows."""
+"""A difference below the resolution of all instruments."""
 PERIOD_PARTS: Final = (8, 10, 16, 20)
-"""Points in the shortest turn, from coarse to fine: of fewer straight lines make another wave."""
+"""Points in the shortest period, from coarse to fine: with fewer, straight lines make another wave."""
 GAP_PARTS: Final = (1, 2, 4, 8)
 """Points from one target to the next."""
 JUMP_PARTS: Final = 8
-"""So finely the place of a jump is to be measured."""
+"""Fraction of a gap to which the position of a jump should be measured."""
 CLEARLY: Final = 1.25
-"""So many times as much must be left before another format is worth a word."""
+"""Another format is recommended only if this one leaves at least this many times as much."""
 MOST_POINTS: Final = 20_000
 
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One way of making the table; lengths in the units of the readings."""
+    """One possible table; lengths in the units of the readings."""
 
     shape: Shape
     table: CorrectionTable
     misses: float
-    """How far each target is missed by what the others say of it, root of the mean square."""
+    """Distance of each target from the prediction of the others, root of the mean square."""
     left_out: float
-    """E that the table is predicted to leave between the targets."""
+    """Predicted E of the table between the targets."""
     step: float | None = None
-    """Distance of its points where they were chosen for the curve."""
+    """Distance of its points if they were chosen for the curve."""
     at_nut: bool = False
-    """Its points are where the nut stood."""
+    """Its points are the actual positions of the nut."""
     refused: str | None = None
-    """Why it cannot be written, and what to do."""
+    """The reason why it cannot be written, and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class FitEvidence:
-    """What speaks for the table that was made."""
+    """The evidence for the chosen table."""
 
     chosen: Candidate
     candidates: tuple[Candidate, ...]
@@ -69,12 +68,12 @@ class FitEvidence:
     harmonics: tuple[Harmonic, ...]
     warnings: tuple[str, ...]
     unheld: Candidate | None = None
-    """What would leave clearly less, but cannot be written."""
+    """A candidate that would leave clearly less, but cannot be written."""
     has_left_out: bool = True
-    """Whether the readings tell what is left; otherwise a candidate's ``left_out`` only compares."""
+    """Whether the readings determine the remaining error; otherwise ``left_out`` only compares candidates."""
 
     def described(self, units: Units, subject: str) -> list[str]:
-        """Say what the ``subject`` follows and why, and what repeats."""
+        """Return sentences: the curve of the ``subject``, the reason, and what repeats."""
         chosen, small = self.chosen, small_unit(units)
         where = "its points at the targets"
         if chosen.at_nut:
@@ -100,7 +99,7 @@ class FitEvidence:
         return notes
 
     def as_data(self) -> JsonObject:
-        """Return why a table follows what it follows, as plain data."""
+        """Return the reasons for the curve of a table as plain data."""
         chosen = self.chosen
         small = small_unit(chosen.table.units)
         return {
@@ -133,10 +132,10 @@ class FitEvidence:
 
 
 def choose(screw: MeasuredScrew, lines: CorrectionTable, recipe: Recipe) -> FitEvidence:
-    """Make a table of each shape that is allowed, and choose; ``lines`` is the one that is there already.
+    """Make a table of each allowed shape, and choose; ``lines`` is the existing table.
 
-    The home of a recipe takes nothing off here but moves the knots: the error at the place of the drive is
-    meant from home on.
+    Here the home of a recipe only moves the knots, without subtraction: the error at the drive's position is
+    relative to home.
     """
     held: list[Candidate] = []
     unheld: list[Candidate] = []
@@ -145,7 +144,7 @@ def choose(screw: MeasuredScrew, lines: CorrectionTable, recipe: Recipe) -> FitE
         held.extend([_plainest(fitting, screw.units)] if fitting else [])
         unheld.extend([_plainest(others, screw.units)] if others else [])
     if not held:
-        # What cannot be written is refused where it is written, with a remedy.
+        # The writer refuses what cannot be written, with a remedy.
         held = [Candidate(Shape.LINES, lines, screw.misses(Shape.LINES), screw.leaves(lines))]
     chosen = _plainest(held, screw.units)
     better = min(unheld, key=lambda each: each.left_out, default=None)
@@ -160,7 +159,7 @@ def _of_harmonic(harmonic: Harmonic, units: Units) -> str:
     if harmonic.amplitude is None or harmonic.phase_deg is None:
         return "its size is not known, for these targets show it in part only, or as another period"
     found = "not significant"
-    # What scatter makes as large has no amplitude: of few targets it would be any number.
+    # An amplitude that scatter can also produce is not used: with few targets it would be any number.
     if harmonic.is_significant:
         size = small_unit(units).text(harmonic.amplitude)
         found = f"amplitude {size}, phase {round(harmonic.phase_deg) % 360}°, significant"
@@ -168,7 +167,7 @@ def _of_harmonic(harmonic: Harmonic, units: Units) -> str:
 
 
 def warnings_of(screw: MeasuredScrew) -> tuple[str, ...]:
-    """Say what the targets cannot show."""
+    """Return warnings about what the targets cannot show."""
     return (
         *lead_warnings(screw.means.targets, screw.periods, screw.units),
         *(_jump_warning(each, screw.units) for each in screw.jumps),
@@ -176,7 +175,7 @@ def warnings_of(screw: MeasuredScrew) -> tuple[str, ...]:
 
 
 def _jump_warning(jump: Jump, units: Units) -> str:
-    """Say where the error jumps, and what to measure."""
+    """Return where the error jumps, and what to measure."""
     fine = (jump.high - jump.low) / JUMP_PARTS
     return (
         f"between {jump.low:.9g} and {jump.high:.9g} {units.value} the error jumps by "
@@ -187,7 +186,7 @@ def _jump_warning(jump: Jump, units: Units) -> str:
 
 
 def _shapes(screw: MeasuredScrew, recipe: Recipe) -> tuple[Shape, ...]:
-    # Lines that were smoothed stay as they are.
+    # Smoothed lines are not changed.
     fit = Fit.LINES if recipe.smooth is not None else recipe.fit or Fit.LINES
     if fit is Fit.AUTO:
         return screw.shapes if len(screw.means.targets) >= LEAST_FITTED else (Shape.LINES,)
@@ -267,7 +266,7 @@ def _steps(screw: MeasuredScrew, shape: Shape) -> Iterator[float]:
 
 
 def _round_down(length: float) -> float:
-    """Return the largest of 1, 2, 2.5, 5 and their tenfolds that is no longer.
+    """Return the largest of 1, 2, 2.5, 5 and their powers of ten that is not longer.
 
     >>> [_round_down(length) for length in (10.0, 9.7, 3.1, 0.07)]
     [10.0, 5.0, 2.5, 0.05]
@@ -283,7 +282,7 @@ def _round_down(length: float) -> float:
 
 
 def _at_nut(screw: MeasuredScrew, lines: CorrectionTable, recipe: Recipe) -> CorrectionTable | None:
-    """Return the lines with their points where the nut stood; None where that changes nothing."""
+    """Return the lines with points at the nut's actual positions; None if that changes nothing."""
     if tuple(lines.positions) != screw.means.targets:
         return None
     offset = _offset(screw, Shape.LINES, lines, recipe)
@@ -315,7 +314,7 @@ def _table(
     *,
     reach: float = 0.0,
 ) -> CorrectionTable:
-    """Return the curve at points; farther than ``reach`` beyond the targets its value there is held."""
+    """Return the curve at points; farther than ``reach`` beyond the targets its value does not change."""
     low, high = screw.means.targets[0] - reach, screw.means.targets[-1] + reach
     inside = [x for x in positions if low <= x <= high]
     probe = screw.table(shape, inside, one_way=recipe.one_way)

@@ -1,4 +1,4 @@
-"""The kinds of gauges, and how each is usually connected; ``metrology.gauges`` reads what they write."""
+"""The kinds of gauges, and their usual connection; ``metrology.gauges`` reads their lines."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,12 +13,12 @@ class GaugeKind(Enum):
     SYLVAC = "sylvac"
     MILLIMAR = "millimar"
     PATTERN = "pattern"
-    """A pattern of one's own."""
+    """A pattern given by the user."""
 
 
 @dataclass(frozen=True, slots=True)
 class GaugeDefaults:
-    """How a gauge is usually connected, and what asks it for a reading; "" where a button sends it."""
+    """The usual connection of a gauge, and its request for a reading; "" if a button sends the reading."""
 
     baudrate: int
     data_bits: int

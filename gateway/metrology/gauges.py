@@ -1,25 +1,25 @@
-r"""What serial gauges send: one reading is one line of ASCII.
+r"""Lines from serial gauges: one reading is one line of ASCII.
 
 ``mitutoyo``: interfaces that turn the DATA plug of a Mitutoyo gauge into RS-232 or USB. Two digits of the
 channel, ``A``, a sign, digits with a point, CR: ``01A+0012.345\r``. ``911\r`` is an error of channel 1:
 no gauge, or one that is switched off.
 
-``sylvac``: gauges of Sylvac and of makes that speak as they do. A sign or a space, digits with a point, CR:
-``+12.345\r``. ``?\r`` asks for a reading; instruments that echo what they hear send it back first. ``ERR1\r``
-is an error. In tolerance mode ``<``, ``=`` or ``>`` follows the number (user manuals of the Power and UniCal
+``sylvac``: gauges of Sylvac and of makes with the same protocol. A sign or a space, digits with a point, CR:
+``+12.345\r``. ``?\r`` asks for a reading; instruments with an echo send it back first. ``ERR1\r`` is an
+error. In tolerance mode ``<``, ``=`` or ``>`` follows the number (user manuals of the Power and UniCal
 families: data format, remote commands).
 
 ``millimar``: the first feature of a Mahr Millimar C 1202 with its Duplex interface. Its number, a sign,
-digits with a point, the unit and, where tolerances are on, ``<``, ``=`` or ``>`` after it, with blanks
-between, CR: ``1 +012.345 um =\r``. ``M1?\r`` asks for it; ``ERR6`` stands for a feature that is off
-(operating instructions, data transmission parameters).
+digits with a point, the unit and, with tolerances, ``<``, ``=`` or ``>`` after it, with blanks between, CR:
+``1 +012.345 um =\r``. ``M1?\r`` asks for it; ``ERR6`` is the answer for a feature that is off (operating
+instructions, data transmission parameters).
 
 ``pattern``: any other instrument that writes a line of ASCII for each reading, a DRO or the counter of a
-glass scale: a regular expression of one's own whose group ``value`` is the number. The whole line must match.
-Where there is a group ``unit``, what it finds has to be the unit in which readings are taken.
+glass scale. The user gives a regular expression whose group ``value`` is the number. The whole line must
+match. If it has a group ``unit``, that must match the unit in which readings are taken.
 
-The sign is never left out by the three others: without it, a line that lost its first byte would be a reading
-of the other sign. Nothing is guessed: a line that is not exactly one of these is refused, and shown.
+The other three always send the sign. Without it, a line that lost its first byte would be a reading of the
+other sign. Nothing is guessed: a line that is not exactly one of these is refused, and shown.
 """
 
 import re
@@ -38,7 +38,7 @@ _ENDS: Final = re.compile(rb"\r\n|\r|\n")
 
 
 class GaugeError(MetrologyError):
-    """A line that is no reading; it shows the line and says what to do."""
+    """A line that is not a reading; the message shows the line and the remedy."""
 
 
 _MITUTOYO: Final = re.compile(r"(\d\d)A([+-])(\d{1,8}\.\d{0,6})")
@@ -56,10 +56,10 @@ _SYLVAC_ERROR: Final = re.compile(r"ERR ?\d+")
 
 
 def pattern_of(text: str) -> re.Pattern[str]:
-    r"""Return the pattern of one's own.
+    r"""Return the compiled pattern of the user.
 
     Raises:
-        GaugeError: it is no regular expression, or has no group that is called value.
+        GaugeError: it is not a regular expression, or has no group named value.
 
     >>> pattern_of(r"X\s*(?P<value>[+-]?\d+\.\d+)").fullmatch("X  +1.25")["value"]
     '+1.25'
@@ -81,11 +81,11 @@ def reading_of(
 ) -> float:
     r"""Return the number in a line without its end, in the units that the gauge shows.
 
-    ``pattern`` is that of the kind ``pattern``; ``unit`` is the one that the number will be taken as, against
-    which the unit in the line is held where there is one.
+    ``pattern`` is that of the kind ``pattern``; ``unit`` is the expected unit of the number. A unit in the
+    line must match it.
 
     Raises:
-        GaugeError: the line is an error of the gauge, of another unit, or no reading at all.
+        GaugeError: the line is an error of the gauge, has another unit, or is not a reading.
 
     >>> reading_of(GaugeKind.MITUTOYO, b"01A+0012.345")
     12.345
@@ -156,7 +156,7 @@ def _unreadable(kind: GaugeKind, line: bytes, why: str) -> GaugeError:
 
 
 class GaugeLines:
-    r"""Cuts what a gauge sends into lines; CR, LF and CR LF end one. Empty lines are none.
+    r"""Splits the data of a gauge into lines; CR, LF and CR LF end one. Empty lines are dropped.
 
     >>> lines = GaugeLines()
     >>> lines.feed(b"+1.5\r\n+2"), lines.feed(b".5\r"), lines.rest
@@ -165,13 +165,13 @@ class GaugeLines:
 
     def __init__(self) -> None:
         self.rest = b""
-        """What has come of a line that is not whole."""
+        """The bytes of an incomplete line."""
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take bytes; return the lines that are whole now.
+        """Take bytes; return the lines that are now complete.
 
         Raises:
-            GaugeError: so much without an end is no line of a gauge.
+            GaugeError: too many bytes without a line end.
         """
         *lines, self.rest = _ENDS.split(self.rest + data)
         if len(self.rest) > LONGEST_LINE:

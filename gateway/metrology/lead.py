@@ -1,8 +1,8 @@
-"""What repeats along a screw: its lead, turns of gear and motor; and whether targets can show it.
+"""Errors that repeat along a screw (lead, gear and motor revolutions), and whether targets can show them.
 
-An error that repeats with each turn looks the same at targets that lie whole turns apart: it is aliased, and
-no calculation finds it. It shows at targets that meet all angles of the turn: random ones, or a fine run over
-two turns.
+An error that repeats with each revolution looks the same at targets that are whole revolutions apart: it is
+aliased, and no calculation finds it. It shows at targets that meet all angles of the revolution: random ones,
+or a fine run over two revolutions.
 """
 
 from collections.abc import Iterable, Sequence
@@ -16,41 +16,41 @@ from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 
 HARMONICS: Final = (1, 2)
-"""Of the lead: once a turn (a bent or drunken screw), twice a turn (thrust bearing, coupling)."""
+"""Of the lead: once a revolution (a bent or drunken screw), twice (thrust bearing, coupling)."""
 NEAR_MULTIPLE: Final = 0.1
-"""Of a turn: distances that are whole turns but for so much meet the same angle again."""
+"""Of a revolution: distances this close to whole revolutions meet the same angle again."""
 SLOW: Final = 0.25
-"""Of a turn: on an even grid an error that is so near to whole turns a step looks like a wave of four steps
-and more. As long as it is the same all along the screw it is told from one, no longer."""
+"""Of a revolution. If a grid step is this close to whole revolutions, the error looks like a wave of four or
+more steps. It can only be distinguished from such a wave while it is the same all along the screw."""
 SAME_ANGLES: Final = 0.8
-"""Share of the distances that are near multiples, from which on a period is aliased."""
+"""A period is aliased if at least this share of the distances are near multiples of it."""
 NARROW: Final = 0.9
-"""Mean of the angles as vectors: above it they lie in one place of the turn, and of what repeats with it so
-little is seen that less than two thirds would be said to be there."""
+"""Mean of the angles as vectors. Above it the angles are in one part of the revolution. The targets then show
+so little of the repeating error that the result would be less than two thirds of it."""
 SHORTEST_MM: Final = 2.0
-"""Where no lead is told: what turns is taken to do so once in this length or in a longer one."""
+"""Without a given lead: the shortest assumed length of a revolution."""
 LEAST_EVEN: Final = 3
-"""Fewer targets are no grid."""
+"""Fewer targets are not a grid."""
 RESOLVED: Final = 0.4
-"""Of a turn: targets that follow each other so closely for a whole turn show what repeats with it."""
+"""Of a revolution: targets this close to each other over a full revolution show what repeats with it."""
 FINE_POINTS: Final = 8
-"""Of a turn, in a fine run."""
+"""Points in a revolution, in a fine run."""
 FINE_TURNS: Final = 2
 
 
 @dataclass(frozen=True, slots=True)
 class Period:
-    """A length after which an error may repeat, and what turns once in it."""
+    """A possible period of an error, and the part that turns once in it."""
 
     length: float
     name: str
 
 
 def periods_of(lead: float | None, lengths: Iterable[float] = ()) -> tuple[Period, ...]:
-    """Return what may repeat: one turn of the screw and half of one, and each further turn that is named.
+    """Return the possible periods: one and half a revolution of the screw, and each further given length.
 
     Raises:
-        ReadingsError: a lead or another period that is no length.
+        ReadingsError: a lead or another period that is not a valid length.
 
     >>> [(each.length, each.name) for each in periods_of(5.0, [1.25])]
     [(5.0, 'lead 5'), (2.5, 'half of lead 5'), (1.25, 'period 1.25')]
@@ -67,7 +67,7 @@ def periods_of(lead: float | None, lengths: Iterable[float] = ()) -> tuple[Perio
 
 
 def longest(periods: Iterable[Period]) -> float | None:
-    """Return the length of the longest; None where nothing may repeat."""
+    """Return the longest length; None without a period."""
     return max((each.length for each in periods), default=None)
 
 
@@ -77,7 +77,7 @@ def _check(what: str, length: float) -> None:
 
 
 def is_aliased(targets: Sequence[float], period: float) -> bool:
-    """Whether targets meet an error of this period always at the same angle, or so nearly that it looks slow.
+    """Whether targets meet an error of this period at the same angle, or so nearly that it looks slow.
 
     >>> [is_aliased([0, step, 2 * step, 3 * step], 5.0) for step in (10, 10.1, 4)]
     [True, True, False]
@@ -93,13 +93,13 @@ def is_aliased(targets: Sequence[float], period: float) -> bool:
 
 
 def _narrowness(positions: Sequence[float], period: float) -> float:
-    """Return the mean of the angles as vectors: 1 where all are the same, near 0 where all are met."""
+    """Return the mean of the angles as vectors: 1 if all are equal, near 0 if they are spread."""
     angles = [2 * pi * position / period for position in positions]
     return hypot(sum(map(cos, angles)), sum(map(sin, angles))) / len(angles)
 
 
 def _is_resolved(turns: Iterable[float]) -> bool:
-    """Whether distances, in turns, that follow each other are small enough for a whole turn.
+    """Whether successive distances, in revolutions, are small enough over a full revolution.
 
     >>> _is_resolved([2.0, 2.0, *[0.125] * 16, 2.0]), _is_resolved([0.4, 0.4, 2.0, 0.4, 0.4])
     (True, False)
@@ -115,14 +115,14 @@ def _is_resolved(turns: Iterable[float]) -> bool:
 def shown_by(
     targets: Sequence[float], periods: Iterable[Period]
 ) -> tuple[tuple[Period, ...], tuple[Period, ...]]:
-    """Return which periods the targets can show, and which are aliased."""
+    """Return the periods that the targets can show, and the aliased ones."""
     given = list(periods)
     aliased = tuple(each for each in given if is_aliased(targets, each.length))
     return tuple(each for each in given if each not in aliased), aliased
 
 
 def even_step(targets: Sequence[float]) -> float | None:
-    """Return the distance of targets on an even grid; None where they are on none."""
+    """Return the distance of targets on an even grid; None if they are not on one."""
     gaps = [high - low for low, high in pairwise(targets)]
     if not gaps or max(gaps) - min(gaps) > 1e-3 * max(gaps):
         return None
@@ -130,9 +130,9 @@ def even_step(targets: Sequence[float]) -> float | None:
 
 
 def _grid(targets: Sequence[float]) -> tuple[float, list[float]]:
-    """Return the step of the grid that lies nearest to targets, and how far each lies from it.
+    """Return the step of the nearest even grid, and the distance of each target from it.
 
-    Some of its places may have no target.
+    Some grid positions may have no target.
 
     >>> step, moved = _grid([0.0, 10.2, 19.8, 40.0])
     >>> round(step, 3), [round(each, 2) for each in moved]
@@ -168,11 +168,11 @@ def looks_slow(targets: Sequence[float], period: float) -> bool:
 
 
 def unseen(targets: Sequence[float], periods: Iterable[Period], units: Units) -> tuple[Period, ...]:
-    """Return what targets do not tell from a slower curve: of what is told, and of the step of a grid.
+    """Return the periods that look like a slower curve: of the given ones, and of the step of a grid.
 
-    On an even grid what repeats with its step looks the same at each target, whatever is told beside it.
-    Where something is told, nothing is taken to turn slower than that. A fine run beside the grid shows it,
-    and a grid so fine that only turns which no screw has look slow on it hides nothing.
+    On an even grid an error that repeats with the step looks the same at each target, whatever periods are
+    given. With given periods, none slower is assumed. A fine run beside the grid shows the error. A fine grid
+    hides nothing if only periods that no screw has look slow on it.
 
     >>> [each.name for each in unseen([0.0, 20.0, 40.0, 60.0], (), Units.MM)]
     ['the step of 20 and its whole fractions']
@@ -193,7 +193,7 @@ def unseen(targets: Sequence[float], periods: Iterable[Period], units: Units) ->
 
 
 def _of_the_step(targets: Sequence[float], given: Sequence[Period], units: Units) -> tuple[Period, ...]:
-    """Return the step of the grid that targets lie on, where they do and nothing else shows what it hides."""
+    """Return the step of the targets' grid, if they have one and nothing else shows what it hides."""
     if len(targets) < LEAST_EVEN:
         return ()
     step, moved = _grid(targets)
@@ -209,7 +209,7 @@ def _of_the_step(targets: Sequence[float], given: Sequence[Period], units: Units
 
 
 def meets_two_angles(targets: Sequence[float], period: float) -> bool:
-    """Whether targets meet only two opposite angles of a turn: of its sine and cosine they show one.
+    """Whether targets meet only two opposite angles of a period, and so show only its sine or its cosine.
 
     >>> [meets_two_angles([0, step, 2 * step, 3 * step], 20.0) for step in (10, 30, 12, 4)]
     [True, True, False, False]
@@ -220,15 +220,14 @@ def meets_two_angles(targets: Sequence[float], period: float) -> bool:
 
 
 def _is_fine(step: float, units: Units) -> bool:
-    """Whether only turns that no screw has look slow on such a grid."""
+    """Whether only periods that no screw has look slow on such a grid."""
     return units is not Units.DEGREE and step <= (1.0 - SLOW) * units.from_mm(SHORTEST_MM)
 
 
 def may_be_more(targets: Sequence[float], periods: Iterable[Period], units: Units) -> float:
-    """Return how many times as much as it seems may be left, where no lead is told; 1 where one is.
+    """Return the factor by which the error may exceed its estimate without a given lead; 1 with one.
 
-    Of a turn as long as the step of the grid that targets lie near, they show the share by which its angles
-    differ.
+    Of a period as long as the grid step, targets near the grid show the share by which its angles differ.
 
     >>> round(may_be_more([0.0, 23.0, 38.0, 62.0, 79.0], (), Units.MM), 2)
     1.85
@@ -242,7 +241,7 @@ def may_be_more(targets: Sequence[float], periods: Iterable[Period], units: Unit
 
 
 def fine_run(targets: Sequence[float], lead: float) -> tuple[float, float, float]:
-    """Return where to measure two turns, and in which steps: in the middle, where nothing else ends.
+    """Return where to measure two revolutions, and in which steps: in the middle, away from other ends.
 
     >>> fine_run([0, 100, 200, 300, 400], 5.0)
     (200, 210.0, 0.625)
@@ -255,7 +254,7 @@ def fine_run(targets: Sequence[float], lead: float) -> tuple[float, float, float
 
 
 def aliased_warning(targets: Sequence[float], aliased: Sequence[Period], unit: str) -> str:
-    """Say that an error was not seen, and what to measure to see it."""
+    """Return that an error was not seen, and what to measure to see it."""
     longest = max(aliased, key=lambda each: each.length)
     names = " and ".join(each.name for each in aliased)
     step = even_step(targets)
@@ -270,7 +269,7 @@ def aliased_warning(targets: Sequence[float], aliased: Sequence[Period], unit: s
 
 
 def slow_warning(targets: Sequence[float], slow: Sequence[Period], unit: str) -> str:
-    """Say which wave an error looks like, and what to measure instead."""
+    """Return which wave an error looks like, and what to measure instead."""
     step, _ = _grid(targets)
     looks = []
     for each in slow:
@@ -289,7 +288,7 @@ def _about(targets: Sequence[float], step: float) -> str:
 
 
 def lead_warnings(targets: Sequence[float], periods: Iterable[Period], units: Units) -> list[str]:
-    """Say what targets will not show of what is told, and of what is not."""
+    """Return warnings about given periods that targets will not show, and about the step without any."""
     given, unit = tuple(periods), units.value
     hidden = unseen(targets, given, units)
     aliased = shown_by(targets, given)[1]
@@ -302,7 +301,7 @@ def lead_warnings(targets: Sequence[float], periods: Iterable[Period], units: Un
 
 
 def step_warning(targets: Sequence[float], step: float, unit: str, *, is_given: bool) -> str:
-    """Say of a grid which errors it does not show, and what to do; ``is_given``: a lead is."""
+    """Return which errors a grid does not show, and the remedy; ``is_given``: a lead is given."""
     remedy = f"Take random targets with --spread {step:.6g}"
     if not is_given:
         remedy += ", and tell the lead of the screw: --lead"

@@ -1,12 +1,12 @@
-"""Readings that do not fit the others: named, and left to a person.
+"""Readings that do not fit the others: they are named, and a person decides.
 
 With three and more runs at a target, each reading is compared with the others at the same target in the same
-direction: the modified z-score ``0.6745 |x - median| / MAD`` (Iglewicz and Hoaglin) above 4. Theirs is 3.5,
-by which one sound measurement in five, with its hundreds of readings, would have an outlier. The MAD of few
-runs is small by chance now and then, so the scale is never below the mean of all targets, corrected for the
-number of runs (Croux and Rousseeuw 1992), nor below the noise of a good laser. With one or two runs there is
-nothing to compare at the target; there the reading is held against the straight line between its neighbours,
-which a lone slip leaves by far more than a screw does.
+direction: the modified z-score ``0.6745 |x - median| / MAD`` (Iglewicz and Hoaglin) above 4. Their limit is
+3.5, by which one sound measurement in five, with its hundreds of readings, would have an outlier. The MAD of
+few runs is sometimes small by chance. So the scale is never below the mean of all targets, corrected for the
+number of runs (Croux and Rousseeuw 1992), nor below the noise of a good laser. With one or two runs a target
+has nothing to compare. There the reading is compared with the straight line between its neighbours; a single
+mistake is much farther from it than a screw's error.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,10 +23,10 @@ NORMAL: Final = 0.6745
 """MAD of a normal distribution, in its standard deviations."""
 MOST_SCORE: Final = 4.0
 MOST_SCORE_BESIDE: Final = 6.0
-"""A screw bends between targets, so neighbours say less than runs do."""
+"""A screw bends between targets, so neighbours are weaker evidence than runs."""
 LEAST_RUNS: Final = 3
 LEAST_TARGETS: Final = 7
-"""Fewer targets do not show how far a sound reading lies from the line between its neighbours."""
+"""Fewer targets do not show the usual distance of a sound reading from the line between its neighbours."""
 NOISE_MM: Final = 0.0005
 FEW: Final = {3: 1.495, 4: 1.363, 5: 1.206, 6: 1.200, 7: 1.140, 8: 1.129, 9: 1.107}
 
@@ -35,17 +35,17 @@ _Groups = dict[tuple[float, Direction], list[Reading]]
 
 @dataclass(frozen=True, slots=True)
 class Outlier:
-    """A reading, where the others expect it, and how far it is beyond what they scatter."""
+    """A reading, its expected value, and its distance beyond the scatter of the others."""
 
     reading: Reading
     expected: float
-    """Deviation that the others have."""
+    """Deviation of the others."""
     score: float
     against: str
     """``runs`` or ``neighbours``."""
 
     def describe(self, unit: str) -> str:
-        """Say it in one line."""
+        """Return it as one line."""
         reading = self.reading
         return (
             f"{reading.direction.name.lower()} run {reading.run} at {reading.target:.9g}: deviation "
@@ -57,7 +57,7 @@ class Outlier:
 def find_outliers(survey: Survey) -> tuple[Outlier, ...]:
     """Return the readings that do not fit, in the order of the survey.
 
-    Those of a run that is wrong as a whole are not among them: that run has one fault, not many.
+    Readings of a run that is wrong as a whole are not included: that run has one fault, not many.
     """
     survey = without_runs(survey, wrong_runs(survey))
     groups = by_approach(survey.readings)
@@ -72,10 +72,10 @@ def find_outliers(survey: Survey) -> tuple[Outlier, ...]:
 def without_outliers(
     survey: Survey, outliers: Sequence[Outlier]
 ) -> tuple[tuple[Reading, ...], tuple[float, ...]]:
-    """Return the readings that are not among the outliers, and the targets that went with them altogether.
+    """Return the readings that are not outliers, and the targets that were lost completely.
 
-    Where an outlier was the only reading of its direction, the target is left out in both: a curve goes
-    straight from its neighbours there, as the other one does.
+    If an outlier was the only reading of its direction, the target is omitted in both: the curves are
+    straight between its neighbours.
     """
     dropped = {outlier.reading for outlier in outliers}
     left = [reading for reading in survey.readings if reading not in dropped]
@@ -104,7 +104,7 @@ def _against_runs(groups: _Groups, floor: float) -> Iterable[Outlier]:
 
 
 def _for_few(count: int) -> float:
-    """Return the factor that takes the bias from the MAD of so many readings of normal scatter."""
+    """Return the factor that removes the bias from the MAD of ``count`` normally distributed readings."""
     return FEW[count] if count in FEW else count / (count - 0.8)
 
 
@@ -126,7 +126,8 @@ def _against_neighbours(groups: _Groups, way: Direction, floor: float) -> Iterab
     }
     for target, distance in distances.items():
         group = groups[target, way]
-        # A slip bends the lines of both its neighbours by half as much: only the sharpest bend is the slip.
+        # A mistake bends the lines of both its neighbours by half as much: only the sharpest bend is the
+        # mistake.
         if len(group) >= LEAST_RUNS or abs(distance) <= beside[target]:
             continue
         expected = middles[target] - distance
@@ -137,7 +138,7 @@ def _against_neighbours(groups: _Groups, way: Direction, floor: float) -> Iterab
 
 
 def _distances(targets: Sequence[float], middles: Mapping[float, float]) -> dict[float, float]:
-    """Return how far each inner target lies from the line between its neighbours."""
+    """Return the distance of each inner target from the line between its neighbours."""
     distances = {}
     for low, at, high in zip(targets, targets[1:], targets[2:], strict=False):
         share = (at - low) / (high - low)

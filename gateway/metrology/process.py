@@ -1,10 +1,10 @@
-"""A screw's error as a random curve: how smooth it is, what repeats, and what its readings leave open.
+"""A screw's error as a random curve: its smoothness, what repeats, and its uncertainty.
 
-Between targets nobody has measured. What may be there is judged by a curve of the kind that explains the
+There are no readings between targets. The error there is predicted by the kind of curve that explains the
 readings best (universal kriging, a Gaussian process; Rasmussen and Williams, Gaussian Processes for Machine
-Learning, 2006): a straight line, a smooth part (Matérn kernels from a broken line to an analytic curve), what
-repeats with a period, all of it with a size that may change slowly along the screw, what is too short for the
-distance of the targets, and the scatter of the readings. The sizes are those of the largest marginal
+Learning, 2006). Its parts are: a straight line; a smooth part (Matérn kernels from a broken line to an
+analytic curve); what repeats with a period; what is too short for the distance of the targets; and the
+scatter of the readings. The sizes may change slowly along the screw; they are those of the largest marginal
 likelihood. ``left_out`` is exact: each value predicted from all others in closed form (ibid., 5.12).
 
 Numbers are in the units of the readings. This module needs numpy and is imported where it is used.
@@ -29,28 +29,28 @@ KERNELS: Final = (ROUGH, 1.5, 2.5, ANALYTIC)
 TREND: Final = 100.0
 """Variance of offset and slope, in those of what a straight line leaves: they are free."""
 MOST_TUNED: Final = 120
-"""The sizes are found with so many of the targets; that many show them."""
+"""The sizes are fitted with at most this many of the targets; these are enough."""
 FEATURES: Final = 240
 PAIR: Final = (0.9, 0.44)
-"""Two waves make up what is too short to be resolved: their shares, with squares that sum to 1."""
+"""What is too short to be resolved consists of two waves: their shares, with squares that sum to 1."""
 MODULATED: Final = 60
 LOCAL: Final = 1.6
-"""Three neighbours are rarely missed by more than so many times what is expected, by scatter alone."""
+"""By scatter alone, three neighbours rarely miss by more than this many times the expected distance."""
 JOINT_ROUNDS: Final = 3
 JOINT_WORTH: Final = 3.0
-"""By so much a joint has to explain the samples better, as a logarithm of likelihoods."""
+"""A joint must improve the explanation of the samples by this logarithm of likelihoods."""
 JOINT_PARTS: Final = 8
-"""Of the way from one target to the next: as finely the place of a joint is told."""
+"""Parts of a gap between targets: the resolution of a joint's position."""
 MOST_JOINTS: Final = 8
-"""So many places stand for all at which a joint may be."""
+"""This many positions represent all possible positions of a joint."""
 MOST_JUMPS: Final = 3
 JUMP_ROUNDS: Final = 2
 JUMP_WORTH: Final = 3.0
-"""A further jump is worth as much as a joint."""
+"""A further jump needs the same improvement as a joint."""
 JUMP_NAMED: Final = 0.5
-"""By so much a jump has to explain the samples better before its place is named."""
+"""A jump must improve the explanation by this much before its position is named."""
 JUMP_POSITIONS: Final = 8
-"""A jump may be anywhere between its two targets, as likely: so many places stand for all."""
+"""All positions of a jump between its two targets are equally likely: this many represent them."""
 _FINEST: Final = 0.08
 _FIRST: Final = 1.2
 _ROUNDS: Final = 60
@@ -60,10 +60,10 @@ _SMOOTH, _LENGTH, _SHORT, _NOISE, _CHANGE = "smooth", "length", "short", "noise"
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Values at places, ascending, and the variance that the scatter of readings gives each.
+    """Values at ascending positions, and the variance that the scatter of readings gives each.
 
-    ``noise_spread`` is how well that variance is known, as the standard deviation of its logarithm's half;
-    0 where it is known, infinity where it has to be found too (then ``variance`` says the proportions).
+    ``noise_spread`` is the uncertainty of that variance, as the standard deviation of its logarithm's half.
+    0: it is known. Infinity: it must be fitted too (then ``variance`` has the proportions).
     """
 
     positions: Array
@@ -73,21 +73,21 @@ class Samples:
 
     @property
     def span(self) -> float:
-        """From the first place to the last."""
+        """From the first position to the last."""
         return float(self.positions[-1] - self.positions[0])
 
     @property
     def gap(self) -> float:
-        """Mean distance of the places."""
+        """Mean distance of the positions."""
         return self.span / (len(self.positions) - 1)
 
 
 @dataclass(frozen=True, slots=True)
 class CurveKind:
-    """Which parts a curve has. ``periods`` repeat; ``changes``: their sizes change slowly along the screw.
+    """The parts of a curve. ``periods`` repeat; ``changes``: their sizes change slowly along the screw.
 
-    ``joint`` is a place at which the slope changes, as where two screws or two scales meet, ``jumps`` are
-    those at which the curve itself does, as where two racks are butted.
+    ``joint`` is a position at which the slope changes, as at the joint of two screws or scales. ``jumps`` are
+    those at which the curve itself changes, as between two butted racks.
     """
 
     order: float
@@ -114,16 +114,16 @@ class Process:
     _weights: Array = field(repr=False)
 
     def mean(self, at: Array) -> Array:
-        """Return the curve where the samples say it is most likely."""
+        """Return the most likely curve for the samples."""
         return self._straight(at) + self._reach(at) @ self._weights
 
     def left_out(self) -> tuple[Array, Array]:
-        """Return what each sample differs by from what all others predict, and its expected variance."""
+        """Return each sample less its prediction from all others, and the expected variance."""
         precision = np.diag(self._inverse)
         return self._weights / precision, 1.0 / precision
 
     def draws(self, at: Array, count: int, random: np.random.Generator) -> Array:
-        """Return curves, one a column, that the samples allow, all as likely (Matheron's rule)."""
+        """Return curves, one a column, that the samples allow with equal likelihood (Matheron's rule)."""
         positions = self.samples.positions
         all_positions = np.concatenate((positions, at))
         curves = self._free_curves(all_positions, count, random)
@@ -137,11 +137,11 @@ class Process:
         return result
 
     def surprise(self, at: Array) -> Array:
-        """Return how much larger the misses of left-out samples are than expected, at least 1.
+        """Return the ratio of left-out misses to the expected ones, at least 1.
 
-        Sizes that fit the samples too well are found out so, and places at which a screw is not like the
-        rest of it, as at a joint: what left-out neighbours are missed by there counts for the places
-        between them. Few samples that are met by luck prove nothing.
+        This detects sizes that fit the samples too well, and positions at which a screw differs from the rest
+        of it, as at a joint: the misses of left-out neighbours there count for the positions between them.
+        Few samples that fit by chance prove nothing.
         """
         missed, expected = self.left_out()
         squares = missed**2 / expected
@@ -190,7 +190,7 @@ class Process:
         return curves
 
     def _short_waves(self, at: Array, count: int, random: np.random.Generator) -> Array:
-        """Return what the targets lie too far apart for: nearly always it repeats, with one period or two."""
+        """Return waves too short for the targets: nearly always they repeat, with one period or two."""
         total: Array = np.zeros((len(at), count))
         for share in PAIR:
             periods = self.samples.gap / random.uniform(2.0, 8.0, count)
@@ -200,7 +200,7 @@ class Process:
 
 
 def fitted(samples: Samples, kind: CurveKind, start: Mapping[str, float] | None = None) -> Process:
-    """Find the sizes with which a kind of curve explains the samples best; ``start`` is where to begin."""
+    """Find the sizes with which a kind of curve explains the samples best, beginning at ``start``."""
     _, rest, typical = _about_line(samples)
     search = _Search(_thinned(samples, rest), kind, typical)
     starts = [dict(start)] if start else []
@@ -211,18 +211,18 @@ def fitted(samples: Samples, kind: CurveKind, start: Mapping[str, float] | None 
 
 
 def _with_sizes(samples: Samples, kind: CurveKind, sizes: Mapping[str, float]) -> Process:
-    """Return a process of known sizes, with how well it explains the samples."""
+    """Return a process with known sizes, and how well it explains the samples."""
     line, rest, typical = _about_line(samples)
     free = TREND * typical**2
     inverse: Array = np.linalg.inv(_Covariance.of(samples, kind, free).at(sizes)).astype(np.float64)
     score = _Search(_thinned(samples, rest), kind, typical).cost(sizes)
     count = len(sizes) + (kind.joint is not None) + len(kind.jumps)
-    score += 0.5 * log(len(samples.positions)) * count  # Schwarz's: what is added must be worth it
+    score += 0.5 * log(len(samples.positions)) * count  # Schwarz's criterion: an added part must be worth it
     return Process(kind, samples, sizes, score, line, free, inverse, inverse @ rest)
 
 
 def _about_line(samples: Samples) -> tuple[Array, Array, float]:
-    """Return the straight line through the samples, what it leaves of them, and how large that is."""
+    """Return the straight line through the samples, their distances from it, and the size of these."""
     middle = samples.positions.mean()
     design = np.column_stack((np.ones_like(samples.positions), samples.positions - middle))
     line, *_ = np.linalg.lstsq(design, samples.values, rcond=None)
@@ -232,11 +232,11 @@ def _about_line(samples: Samples) -> tuple[Array, Array, float]:
 
 
 def jointed(samples: Samples, smooth: Sequence[Process]) -> list[Process]:
-    """Return what explains the samples with a joint, one for each place where it may be, or nothing.
+    """Return the processes with a joint, one for each possible position, or nothing.
 
-    Where the slope changes at one place, a smooth curve goes round the corner and misses its neighbours. The
-    place is looked for where a change of slope explains most of what is left, twice, with the sizes of the
-    smooth part found anew beside it; all places at which it is likely stay, each for itself.
+    At a change of slope, a smooth curve rounds the corner and misses its neighbours. The search takes the
+    position where a change of slope explains most of the rest, twice, each time fitting the sizes of the
+    smooth part again. All likely positions stay, each as its own process.
     """
     best = min(smooth, key=lambda each: each.score)
     positions = _between(samples)
@@ -262,17 +262,17 @@ def jointed(samples: Samples, smooth: Sequence[Process]) -> list[Process]:
         near = _likely(chosen, around, finer)
     near = near[:: ceil(len(near) / MOST_JOINTS)]
     least = min(each.score for each in near)
-    # One joint, which is at one of these places: together they are as likely as it.
+    # One joint at one of these positions: together they have its likelihood.
     share = log(sum(np.exp(least - each.score) for each in near)) - (least - chosen.score)
     return [replace(each, score=each.score + max(share, 0.0) + log(len(positions))) for each in near]
 
 
 def jumped(samples: Samples, candidates: Sequence[Process]) -> list[Process]:
-    """Return what explains the samples with jumps between neighbours.
+    """Return the processes with jumps between neighbours.
 
-    A jump shows in the samples that are left out: both of its neighbours are missed, to opposite sides. It is
-    looked for where a step explains most of what is left, with the sizes found anew beside it. Few samples
-    hardly tell one from a short wave: then both have a say in what may be between them.
+    A jump shows in the left-out samples: both of its neighbours are missed, to opposite sides. The search
+    takes the position where a step explains most of the rest, fitting the sizes again. Few samples hardly
+    distinguish a jump from a short wave: then both count for the range between them.
     """
     best = min((each for each in candidates if each.kind.joint is None), key=lambda each: each.score)
     middles = ((samples.positions[1:-2] + samples.positions[2:-1]) / 2).tolist()
@@ -292,12 +292,12 @@ def jumped(samples: Samples, candidates: Sequence[Process]) -> list[Process]:
             float(low + share * (high - low)) for share, (low, high) in zip(shares, edges, strict=True)
         )
         spread.append(_with_sizes(samples, replace(chosen.kind, jumps=tuple(positions)), chosen.sizes))
-    # Wherever between its targets it is, it explains them as well: all places together are one jump.
+    # All positions between its targets explain the samples equally: together they are one jump.
     return [replace(each, score=chosen.score + log(JUMP_POSITIONS)) for each in spread]
 
 
 def _with_jump(process: Process, best: Process, middles: Sequence[float]) -> Process:
-    """Return the process with one jump more, where it explains most; ``best`` is the one without any."""
+    """Return the process with one more jump, where it explains most; ``best`` has none."""
     samples, found, bare = process.samples, process, process
     for _ in range(JUMP_ROUNDS):
         gains = {position: _explains(bare, _step(samples.positions, position)) for position in middles}
@@ -315,9 +315,9 @@ def _with_jump(process: Process, best: Process, middles: Sequence[float]) -> Pro
 
 
 def likely_jumps(candidates: Sequence[Process]) -> list[tuple[float, float, float]]:
-    """Return between which two samples the curve jumps, and by how much it rises there.
+    """Return the two samples around each jump of the curve, and its rise there.
 
-    Empty where the samples are explained as well without a jump.
+    Empty if the samples are explained as well without a jump.
     """
     with_jumps = [each for each in candidates if each.kind.jumps]
     if not with_jumps:
@@ -336,7 +336,7 @@ def likely_jumps(candidates: Sequence[Process]) -> list[tuple[float, float, floa
 
 
 def _gaps(samples: Samples, jumps: Sequence[float]) -> list[int]:
-    """Return behind which sample each jump lies."""
+    """Return the index of the sample before each jump."""
     return [int(np.searchsorted(samples.positions, position)) - 1 for position in jumps]
 
 
@@ -346,11 +346,11 @@ def _step(at: Array, position: float) -> Array:
 
 
 def _likely(process: Process, joints: list[float], positions: list[float]) -> list[Process]:
-    """Return the same curve with its joint at each of these places at which it is likely."""
+    """Return the same curve with its joint at each of these positions at which it is likely."""
     bare = _moved(process, None)
     gains = {position: _gain(bare, position) / 2 for position in {*joints, *positions}}
     most = max(gains.values())
-    # What a change of slope gains costs little to find, and differs little from the likelihood itself.
+    # The gain from a change of slope is cheap to compute, and close to that of the likelihood itself.
     worth = {position for position, gain in gains.items() if gain > most - 2 * JOINT_WORTH}
     found = [_moved(process, position) for position in sorted({*joints, *worth})]
     least = min(each.score for each in found)
@@ -358,7 +358,7 @@ def _likely(process: Process, joints: list[float], positions: list[float]) -> li
 
 
 def _between(samples: Samples, parts: int = 3) -> list[float]:
-    """Return places between the inner samples: a change of slope beyond them nothing shows."""
+    """Return positions between the inner samples; beyond them, nothing shows a change of slope."""
     inner = samples.positions[1:-1]
     shares = (np.arange(parts) + 0.5) / parts
     result: list[float] = (inner[:-1, None] + shares * np.diff(inner)[:, None]).ravel().tolist()
@@ -366,23 +366,23 @@ def _between(samples: Samples, parts: int = 3) -> list[float]:
 
 
 def _gain(process: Process, position: float) -> float:
-    """Return by how much a change of slope at a place would explain the samples better."""
+    """Return the gain in likelihood from a change of slope at a position."""
     return _explains(process, np.maximum(process.samples.positions - position, 0.0))
 
 
 def _explains(process: Process, column: Array) -> float:
-    """Return by how much a further column of the trend would explain the samples better."""
+    """Return the gain in likelihood from a further column of the trend."""
     whitened = process._inverse @ column  # noqa: SLF001 - a function of this module
     return float((process._weights @ column) ** 2 / (column @ whitened))  # noqa: SLF001
 
 
 def _moved(process: Process, position: float | None) -> Process:
-    """Return the same curve with its joint elsewhere, or without."""
+    """Return the same curve with another joint, or without one."""
     return _with_sizes(process.samples, replace(process.kind, joint=position), process.sizes)
 
 
 def _thinned(samples: Samples, rest: Array) -> Samples:
-    """Return the samples by which the sizes are found; those of many are drawn, so that no period is met."""
+    """Return the samples for fitting the sizes; of many a random choice, so that no period is aliased."""
     count = len(samples.positions)
     chosen = np.arange(count)
     if count > MOST_TUNED:
@@ -391,7 +391,7 @@ def _thinned(samples: Samples, rest: Array) -> Samples:
 
 
 class _Search:
-    """The likelihood of sizes, and a walk to where it is largest."""
+    """The likelihood of sizes, and the search for its maximum."""
 
     def __init__(self, samples: Samples, kind: CurveKind, typical: float) -> None:
         self._samples = samples
@@ -423,7 +423,7 @@ class _Search:
         return sizes
 
     def climb(self, start: Mapping[str, float]) -> tuple[float, dict[str, float]]:
-        """Walk along one size after the other, with steps that shrink where they do not help."""
+        """Change one size after the other, with smaller steps where they bring nothing."""
         sizes = {name: self._inside(name, start.get(name, size)) for name, size in self.usual(1.0).items()}
         best = self.cost(sizes)
         steps = dict.fromkeys(sizes, _FIRST)
@@ -435,7 +435,7 @@ class _Search:
                     continue
                 for sign in (1, -1):
                     size = self._inside(name, sizes[name] + sign * steps[name])
-                    if size == sizes[name]:  # at its bound: nothing would change
+                    if size == sizes[name]:  # at its bound: no change
                         continue
                     moved = {**sizes, name: size}
                     cost = self.cost(moved)
@@ -452,7 +452,7 @@ class _Search:
         return min(max(size, low), high)
 
     def cost(self, sizes: Mapping[str, float]) -> float:
-        """Return the negative logarithm of the likelihood, with weak beliefs about the sizes of screws."""
+        """Return the negative logarithm of the likelihood, with weak priors for the sizes of screws."""
         try:
             root = np.linalg.cholesky(self._covariance.at(sizes))
         except np.linalg.LinAlgError:
@@ -480,7 +480,7 @@ def _belief(size: float, around: float, spread: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class _Distances:
-    """Distances of places, with what a kernel has of them whatever the sizes."""
+    """Distances of positions, with the parts of a kernel that do not depend on the sizes."""
 
     signed: Array
     absolute: Array
@@ -495,7 +495,7 @@ class _Distances:
 
 @dataclass(frozen=True, slots=True)
 class _Covariance:
-    """The covariance of samples, for one set of sizes after the other: what is the same for all is kept."""
+    """The covariance of samples for any sizes; the parts common to all are computed once."""
 
     samples: Samples
     kind: CurveKind
@@ -511,10 +511,10 @@ class _Covariance:
         return cls(samples, kind, free, distances, free * (trend @ trend.T))
 
     def at(self, sizes: Mapping[str, float]) -> Array:
-        """Return the covariance that the samples have with these sizes."""
+        """Return the covariance of the samples with these sizes."""
         covariance = _kernel(self.kind, sizes, self.distances) + self.trend
         short = np.exp(2 * sizes[_SHORT]) if self.kind.has_short else 0.0
-        # A share that nothing measures keeps the sums solvable where readings have no scatter.
+        # A share below all measurement keeps the sums solvable if readings have no scatter.
         alone = _noise_variance(self.samples, sizes) + short + 3e-12 * self.free
         covariance.flat[:: len(covariance) + 1] += alone
         return covariance
@@ -567,7 +567,7 @@ def _random_waves(at: Array, waves: Array, count: int, random: np.random.Generat
 
 
 def _trend(samples: Samples, kind: CurveKind, at: Array) -> Array:
-    """Return what is free to be as large as it likes, a column each: offset, slope, and its change."""
+    """Return the unconstrained parts, a column each: offset, slope, and its change."""
     unit = _unit(samples, at)
     columns = [np.ones_like(at), unit]
     if kind.joint is not None:

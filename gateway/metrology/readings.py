@@ -1,7 +1,7 @@
-"""What an instrument measured, what its file says beside it, and which readings go together.
+"""Readings of an instrument, the facts in its file, and which readings belong together.
 
-A file of ``pitch-gateway measure`` says ``# compensation: off``, or ``active`` with the SHA-256 of the table
-that was in force; a person may write ``off`` or ``on``. Where nothing is said, nothing is concluded.
+A file of ``pitch-gateway measure`` says ``# compensation: off``, or ``active`` with the SHA-256 of the active
+table; a person may write ``off`` or ``on``. Without this line nothing is assumed.
 """
 
 import re
@@ -18,12 +18,12 @@ from gateway.compensation.units import MM_PER_INCH, Units
 from gateway.metrology.errors import ReadingsError
 
 NEAR: Final = 0.01
-"""Targets nearer than this share of the usual distance are one target, written in two ways; of several files
-it is the distance of the finest."""
+"""Targets closer than this share of the usual distance are one target in two spellings; with several files it
+is the distance of the finest."""
 APPROACHES = (Direction.FORWARD, Direction.BACKWARD)
 COMPENSATION: Final = "compensation"
 STATED: Final = (COMPENSATION, "axis")
-"""The facts that decide something, in lower case."""
+"""The facts that are evaluated, in lower case."""
 _OFF: Final = ("off", "none", "no", "without")
 _ON: Final = ("on", "active", "yes", "with")
 _DIGEST: Final = re.compile(r"\b[0-9a-f]{64}\b")
@@ -31,9 +31,9 @@ _DIGEST: Final = re.compile(r"\b[0-9a-f]{64}\b")
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One stop at a target, and where the instrument saw the nut: in machine units, from the same zero.
+    """One stop at a target, and the position of the nut by the instrument: in machine units, from one zero.
 
-    ``run`` counts the passes over the targets, from 1, those of each direction for themselves.
+    ``run`` counts the passes over the targets, from 1; each direction has its own count.
     """
 
     target: float
@@ -41,21 +41,21 @@ class Reading:
     measured: float
     run: int = 1
     temperature_c: float | None = None
-    """Of the screw or the machine when it was taken; None where nobody said."""
+    """Of the screw or the machine at the time of the reading; None if unknown."""
 
     @property
     def deviation(self) -> float:
-        """Measured less target: positive where the nut went too far (ISO 230-2 clause 3)."""
+        """Measured less target: positive if the nut went too far (ISO 230-2 clause 3)."""
         return self.measured - self.target
 
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """All readings of one axis in one set-up, in the order in which they were taken.
+    """All readings of one axis in one set-up, in the order of measurement.
 
-    ``facts`` says what the instrument's file tells beside the readings: machine, serial number, date,
-    temperature, by the names that the file uses. ``source`` is the file, or what took the readings.
-    ``remarks`` name what is odd about the readings but does not keep them from being used, with a remedy.
+    ``facts`` are the other data in the instrument's file: machine, serial number, date, temperature, by the
+    names in the file. ``source`` is the file, or what took the readings. ``remarks`` name what is odd about
+    the readings but does not prevent their use, with a remedy.
     """
 
     readings: tuple[Reading, ...]
@@ -93,14 +93,14 @@ class Survey:
 
 
 class Small(NamedTuple):
-    """``factor`` turns a length in the units of the axis into this one; ``key`` is its name in plain data."""
+    """``factor`` converts a length in units of the axis to this one; ``key`` is its name in plain data."""
 
     name: str
     key: str
     factor: float
 
     def text(self, length: float) -> str:
-        """Write a length with its unit.
+        """Return the text of a length with its unit.
 
         >>> small_unit(Units.MM).text(0.00123)
         '1.23 µm'
@@ -130,7 +130,7 @@ class MeanCorrections:
 
 
 def mean_corrections(readings: Iterable[Reading]) -> MeanCorrections:
-    """Mean of ``target - measured`` at each target, for each direction of approach.
+    """Return the mean of ``target - measured`` at each target, for each direction of approach.
 
     Raises:
         ReadingsError: no readings, a number that is not finite, or a reading without a direction.
@@ -151,7 +151,7 @@ def by_approach(readings: Iterable[Reading]) -> dict[tuple[float, Direction], li
 
 
 def checked_approaches(readings: Iterable[Reading]) -> dict[tuple[float, Direction], list[Reading]]:
-    """Do what :func:`by_approach` does, with readings that can be calculated with.
+    """Return the result of :func:`by_approach` after checking the readings.
 
     Raises:
         ReadingsError: no readings, a number that is not finite, or a reading without a direction.
@@ -183,7 +183,7 @@ def check_reading(reading: Reading, number: int) -> None:
 
 
 def understood(survey: Survey) -> str:
-    """Say axis, unit, targets, runs of each direction, and the sign by its largest deviations."""
+    """Return axis, unit, targets, runs of each direction, and the sign by its largest deviations."""
     small = small_unit(survey.units)
     targets = survey.targets
     deviations = [each.deviation * small.factor for each in survey.readings]
@@ -203,11 +203,11 @@ def understood(survey: Survey) -> str:
 
 
 def merged(surveys: Sequence[Survey]) -> Survey:
-    """Return several surveys of one axis as one: the runs of each are counted on from those before.
+    """Return several surveys of one axis as one; the runs of each continue the count of those before.
 
     Raises:
-        ReadingsError: no survey, other units, another axis, with a table and without, or one target that is
-            written in two ways.
+        ReadingsError: no survey, other units, another axis, with a table and without, or one target in two
+            spellings.
     """
     if not surveys:
         raise ReadingsError("no readings: name at least one file")
@@ -225,7 +225,7 @@ def merged(surveys: Sequence[Survey]) -> Survey:
                     "only readings of one axis in one unit go together"
                 )
         check_together(first.source, first.facts, other.source, other.facts)
-        # A fine run of two turns lies beside a grid: its targets are nearer than those of the grid.
+        # A fine run of two revolutions may be beside a grid: its targets are closer than those of the grid.
         usual = min(usual, _usual_distance(other))
         _check_targets(readings, other, NEAR * usual)
         runs = max((reading.run for reading in readings), default=0)
@@ -247,10 +247,10 @@ def _usual_distance(survey: Survey) -> float:
 
 
 def _check_targets(readings: Sequence[Reading], other: Survey, nearer: float) -> None:
-    """Check that no target of a further survey is one of those before, written in another way.
+    """Check that no target of a further survey repeats an earlier one in another spelling.
 
     Raises:
-        ReadingsError: one lies beside another by less than ``nearer``.
+        ReadingsError: two are closer than ``nearer``.
     """
     targets = sorted({reading.target for reading in readings})
     for spelt in other.targets:
@@ -273,11 +273,11 @@ def _doubled(surveys: Sequence[Survey]) -> list[str]:
     ]
 
 
-# --- What the facts decide: of which axis readings are, and with a table or without
+# --- Evaluated facts: the axis of the readings, and whether a table was in use
 
 
 def was_corrected(facts: Mapping[str, str]) -> bool | None:
-    """Whether a table was in use; None where the facts do not say it.
+    """Whether a table was in use; None if the facts do not say.
 
     >>> [was_corrected({"compensation": said}) for said in ("off", "on, table 3", "?")]
     [False, True, None]
@@ -289,13 +289,13 @@ def was_corrected(facts: Mapping[str, str]) -> bool | None:
 
 
 def table_digest(facts: Mapping[str, str]) -> str | None:
-    """Return the SHA-256 of the table that was in use, None where it is not said."""
+    """Return the SHA-256 of the table in use, None if the facts do not say."""
     found = _DIGEST.search(facts.get(COMPENSATION, "").lower())
     return found[0] if found else None
 
 
 def is_same_axis(one: str | None, other: str | None) -> bool:
-    """Whether two names may be of one axis; only letters are compared, a longer name is a text for people.
+    """Whether two names may be of one axis; only letters are compared, a longer name is free text.
 
     >>> is_same_axis("x", "X"), is_same_axis("x", None), is_same_axis("x", "y"), is_same_axis("x", "X-axis")
     (True, True, False, True)
@@ -315,7 +315,7 @@ def check_same_axis(name: str, axis: str | None, other: str, other_axis: str | N
 
 
 def check_uncorrected(name: str, facts: Mapping[str, str], instead: str) -> None:
-    """Check that readings can show the whole error of an axis; ``instead`` is what can be done with others.
+    """Check that readings show the whole error of an axis; ``instead`` is the remedy for others.
 
     Raises:
         ReadingsError: a table was in use.
@@ -329,10 +329,10 @@ def check_uncorrected(name: str, facts: Mapping[str, str], instead: str) -> None
 
 
 def check_corrected(name: str, facts: Mapping[str, str], table: str, digest: str) -> None:
-    """Check that readings can show what a table left of the error.
+    """Check that readings show what a table left of the error.
 
     Raises:
-        ReadingsError: none was in use, or another one.
+        ReadingsError: no table was in use, or another one.
     """
     if was_corrected(facts) is False:
         raise ReadingsError(
@@ -350,10 +350,10 @@ def check_corrected(name: str, facts: Mapping[str, str], table: str, digest: str
 
 
 def check_together(name: str, facts: Mapping[str, str], other: str, other_facts: Mapping[str, str]) -> None:
-    """Check that readings of two files can make one mean.
+    """Check that readings of two files can be averaged.
 
     Raises:
-        ReadingsError: one was measured with a table and the other without, or with another one.
+        ReadingsError: one was measured with a table, the other without or with another one.
     """
     one, two = was_corrected(facts), was_corrected(other_facts)
     digests = table_digest(facts), table_digest(other_facts)

@@ -1,4 +1,4 @@
-"""The whole way from readings to a table, with everything that a person has to know about it."""
+"""The whole way from readings to a table, with all information for the user."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 __all__ = ["Built", "Recipe", "build_from"]
 
 STEP_TOLERANCE: Final = 1e-6
-"""Share of a step by which targets may differ from an even grid and count as one."""
+"""Share of a step by which targets may differ from an even grid and still count as one."""
 
 
 @dataclass(frozen=True, slots=True)
 class Built:
-    """A table and how it came about. ``notes`` say it in sentences."""
+    """A table and how it was made; ``notes`` describe this in sentences."""
 
     table: CorrectionTable
     outliers: tuple[Outlier, ...]
@@ -47,22 +47,21 @@ class Built:
     """By other points."""
     notes: tuple[str, ...]
     screw: "MeasuredScrew | None" = None
-    """What the readings say about the places between the targets; None where it was not asked, or too few."""
+    """What the readings show between the targets; None if not requested, or with too few readings."""
     evidence: "FitEvidence | None" = None
-    """Why the table follows the curve that it follows; None where nothing was to be chosen."""
+    """Why the table has this curve; None if there was no choice."""
 
 
 def build_from(survey: Survey, recipe: Recipe) -> Built:
-    """Make a table of readings.
+    """Make a table from readings.
 
-    In this order: runs that are wrong as a whole are refused, outliers are looked for (both are dropped if
-    asked), the mean is taken at each target and in each direction, turn-around points are estimated, the
-    curves smoothed, the points chosen; at the end the correction at home is subtracted, so that it is 0 there
-    whatever was done before.
+    In this order: refuse runs that are wrong as a whole, find outliers (both are dropped if requested), take
+    the mean at each target and in each direction, estimate turn-around points, smooth the curves, choose the
+    points. Last, the correction at home is subtracted, so that it is 0 there whatever came before.
 
     Raises:
         ReadingsError: readings or a recipe that make no table.
-        TableError: corrections that no table may hold (a slope of 1).
+        TableError: corrections that are not allowed in a table (a slope of 1).
     """
     _check(recipe)
     unit = survey.units.value
@@ -120,7 +119,7 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
 
 
 def _with_home(survey: Survey, recipe: Recipe) -> tuple[Survey, list[str]]:
-    """Return readings of one direction with the row of home, where only that is missing at the switch.
+    """Add the row of home to readings of one direction, if only that row at the switch is missing.
 
     A sheet of TB058's version 7.17 begins one step from home, where the instrument was set to 0.
     """
@@ -196,7 +195,7 @@ def _with_points(
         return table, None
     if home is None:
         return fewest_points(table, recipe.tolerance)
-    # Home becomes 0 at the end: a loss there would shift the whole table, and be lost everywhere once more.
+    # Home becomes 0 at the end: a loss there would shift the whole table, and add the loss everywhere.
     return fewest_points(with_point(table, home.position), recipe.tolerance, keep=[home.position])
 
 

@@ -1,4 +1,4 @@
-"""A better table, from readings taken while the old one was in use: new = old + (nominal - measured)."""
+"""A better table, from readings taken with the old one in use: new = old + (nominal - measured)."""
 
 from bisect import bisect_left
 from collections.abc import Sequence
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from gateway.metrology.screw import MeasuredScrew
 
 MOSTLY_GONE: Final = 1 / 3
-"""Of the scatter of all deviations: a table that would leave less than this was hardly in use."""
+"""Share of the scatter of all deviations: a table that would leave less was hardly in use."""
 CLEARLY: Final = 1.25
-"""So many times as much must be left before a table gets other points than the old one."""
+"""A table gets new points only if the old ones would leave this many times as much."""
 DONE: Final = 0.8
-"""Share of what the old table left: a new one that leaves more has nothing to gain from such readings."""
+"""Share of what the old table left: if a new one leaves more, such readings bring no improvement."""
 SAME_POSITION: Final = 1e-9
-"""Of the longest position: what two places in different units may differ by and be one."""
+"""Of the longest position: two positions in different units that differ by less are equal."""
 
 
 class Points(Enum):
@@ -42,13 +42,13 @@ class Points(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Refined:
-    """The new table, how much it differs from the old one, and what a person has to know."""
+    """The new table, its difference from the old one, and information for the user."""
 
     table: CorrectionTable
     change: Change
     notes: tuple[str, ...]
     left_out_before: LeftOut | None = None
-    """E that the old table leaves between the targets, in the units of the readings; None: not known."""
+    """E that the old table leaves between the targets, in the units of the readings; None: unknown."""
     left_out: LeftOut | None = None
     """The same of the new one."""
 
@@ -72,25 +72,25 @@ def refine_table(
     """Add what is left of the error to the table that left it (TB058: "Always add the error").
 
     The rest is the mean of ``nominal - measured`` at each target and in each direction, straight between
-    targets and held beyond them, or along the curve that ``fit`` chooses; turn-around points are estimated
-    as in a first table. Where harmonics leave clearly less than the points of the old table can follow, the
-    new one has points for them. With ``home`` the
-    correction there stays what it was, whatever the readings say about it: the old table's reference.
-    It may be done again and again, each time with readings under the newest table.
+    targets and constant beyond them, or along the curve that ``fit`` chooses. Turn-around points are
+    estimated as in a first table. If harmonics leave clearly less than the points of the old table can
+    follow, the new one gets points for them. With ``home`` the correction there does not change, whatever the
+    readings say: it is the old table's reference. Refining can be repeated, each time with readings under the
+    newest table.
 
     Args:
-        table: the one in use when the readings were taken, in any unit of the same kind.
+        table: the one in use during the measurement, in any unit of the same kind.
         survey: the readings, all with that table in use.
         home: where the correction must not change, in the units of the readings.
         points: the points of the new table.
-        one_way: one curve for both directions, as the old table has.
-        fit: what the rest follows; None: lines, and nothing is said about what lies between the targets.
-        periods: what the rest may repeat with.
-        refusal: why a new table cannot be written; None: every one can be.
+        one_way: one curve for both directions, as in the old table.
+        fit: the curve of the rest; None: lines, and no result for the range between the targets.
+        periods: the possible periods of the rest.
+        refusal: returns why a new table cannot be written; None: every one can be.
 
     Raises:
         ReadingsError: readings that make no table.
-        TableError: corrections that no table may hold.
+        TableError: corrections that are not allowed in a table.
         ValueError: between a length and an angle.
     """
     old = table.in_units(survey.units)
@@ -130,7 +130,7 @@ def refine_table(
 def _followed(
     survey: Survey, rest: CorrectionTable, fit: Fit, periods: tuple[Period, ...], *, one_way: bool
 ) -> "tuple[CorrectionTable, MeasuredScrew | None, list[str]]":
-    """Return the rest along the curve that leaves least, what the readings say, and why."""
+    """Return the rest along the curve that leaves least, the model of the screw, and the reasons."""
     from gateway.metrology.fitting import choose
     from gateway.metrology.screw import screw_of
 
@@ -151,7 +151,7 @@ def _at_points(
     screw: "MeasuredScrew | None",
     refusal: Refusal | None,
 ) -> tuple[CorrectionTable, list[str]]:
-    """Return the sum at the points that are wanted, or at more where harmonics need them; and say so."""
+    """Return the sum at the requested points, or at more if harmonics need them, and a sentence about it."""
     wide = _union(old.positions, rest.positions)
     new = _sum(old, rest, wide if points is Points.UNION else list(old.positions))
     if screw is None or points is Points.UNION:
@@ -175,7 +175,7 @@ def _at_points(
 
 
 def _home_kept(new: CorrectionTable, old: CorrectionTable, home: HomeReference) -> CorrectionTable:
-    """Return the new table with the correction at home that the old one had."""
+    """Return the new table with the correction at home of the old one."""
     was = correction_at(old, home.position, home.direction)
     new = referenced(new, home)
     forward, backward = ([c + was for c in curve] for curve in (new.forward, new.backward))
@@ -190,7 +190,7 @@ def _sum(old: CorrectionTable, rest: CorrectionTable, positions: list[float]) ->
 
 
 def _less(new: CorrectionTable, old: CorrectionTable) -> CorrectionTable:
-    """Return what the new table adds to the old one."""
+    """Return the difference of the new table from the old one."""
     positions = _union(list(new.positions), old.positions)
     forward, backward = (
         [correction_at(new, x, way) - correction_at(old, x, way) for x in positions] for way in APPROACHES
@@ -199,14 +199,14 @@ def _less(new: CorrectionTable, old: CorrectionTable) -> CorrectionTable:
 
 
 def _looks_uncorrected(old: CorrectionTable, survey: Survey) -> bool:
-    """Whether the readings look like the error that the old table was made of; an offset is none."""
+    """Whether the readings look like the error from which the old table was made; an offset is ignored."""
     shown = [each.deviation for each in survey.readings]
     left = [each.deviation for each in predicted_residue(survey, old).readings]
     return pstdev(left) < pstdev(shown) * MOSTLY_GONE
 
 
 def _union(points: Sequence[float], targets: Sequence[float]) -> list[float]:
-    """Both in order; a target that is a point but for the rounding of its units is that point."""
+    """Return both in order; a target within rounding of a point is that point."""
     nearer = SAME_POSITION * max(abs(position) for position in (*points, *targets))
     others = []
     for target in targets:

@@ -1,9 +1,9 @@
-"""What a table becomes before it is written: smoothed, on an even grid, or of as few points as can be.
+"""Changes of a table before it is written: smoothing, an even grid, or as few points as possible.
 
-Smoothing puts a straight line through each point's surroundings, weighted by nearness: the correction becomes
-the value there of the line that fits best (least squares) the points nearer than half the window, each with
-the weight ``1 - distance / half``; both directions for themselves. A straight curve stays as it is, and the
-ends are no exception: they get a line too, not a mean.
+Smoothing fits a straight line to the surroundings of each point (least squares). The points are those nearer
+than half the window, each with the weight ``1 - distance / half``. The correction becomes the value of the
+line there; each direction is smoothed separately. A straight curve does not change. The ends get a line too,
+not a mean.
 """
 
 from collections.abc import Iterable, Sequence
@@ -17,18 +17,18 @@ from gateway.metrology.readings import APPROACHES
 from gateway.metrology.tables import Change, ResamplingLoss, change, correction_at, loss
 
 GRID_TOLERANCE: Final = 1e-9
-"""Share of a step by which a target may miss a multiple and still be on it."""
+"""Share of a step by which a target may differ from a multiple and still be on it."""
 DIGITS: Final = 12
 MAX_POINTS: Final = 100_000
 LEAST_POINTS: Final = 3
-"""Through two points a line goes exactly: they would smooth nothing."""
+"""A line through two points is exact: they would smooth nothing."""
 
 
 # --- Other values
 
 
 def smoothed(table: CorrectionTable, window: float) -> tuple[CorrectionTable, Change]:
-    """Return the smoothed table and how much it differs at its points; the window is in its units.
+    """Return the smoothed table and its change at its points; the window is in its units.
 
     Raises:
         ReadingsError: a window that is not positive, or so small that it changes no point.
@@ -75,12 +75,12 @@ def on_grid(
 ) -> tuple[CorrectionTable, ResamplingLoss]:
     """Return the table at the multiples of a step (TB058: "an even multiple of the StepSize").
 
-    They are those inside ``span``, the travel, or without one those inside the table. Beyond the table its
-    end values are held. What lies between an end of the table and the first multiple is lost; the loss there
-    counts as if the end value of the new table were held.
+    The points are those inside ``span``, the travel, or without one those inside the table. Beyond the table
+    its end values hold. What lies between an end of the table and the first multiple is lost; the loss there
+    counts as if the end value of the new table held.
 
     Raises:
-        ReadingsError: a step that is not positive, so large that less than two multiples fit, or so small
+        ReadingsError: a step that is not positive, so large that fewer than two multiples fit, or so small
             that a hundred thousand do.
     """
     return _at(table, grid_positions(step, span or (table.first, table.last), table.units))
@@ -106,7 +106,7 @@ def grid_positions(step: float, span: tuple[float, float], units: Units) -> list
 
 
 def at_positions(table: CorrectionTable, positions: Sequence[float]) -> CorrectionTable:
-    """Return the table at other points; beyond its own its end values are held."""
+    """Return the table at other points; beyond its own its end values hold."""
     return _at(table, positions)[0]
 
 
@@ -115,8 +115,8 @@ def fewest_points(
 ) -> tuple[CorrectionTable, ResamplingLoss]:
     """Return the table with the fewest of its points that stays within a tolerance in both directions.
 
-    No smaller choice of points, both ends among them, does: each stretch that may be left out is an edge, and
-    the shortest way from end to end is taken. The points in ``keep`` stay, if the table has them.
+    No smaller choice of points that includes both ends satisfies this: each stretch that may be omitted is an
+    edge, and the shortest path from end to end is used. The points in ``keep`` stay, if the table has them.
 
     Raises:
         ReadingsError: a tolerance that is not 0 or more.
@@ -149,7 +149,7 @@ def with_point(table: CorrectionTable, position: float) -> CorrectionTable:
 def _reachable(table: CorrectionTable, start: int, margin: float, kept: set[float]) -> Iterable[int]:
     """Yield the points to which a straight line from ``start`` stays within the margin of all between.
 
-    Each point that is passed narrows the slopes that are allowed, in each direction.
+    Each point that is passed narrows the allowed slopes, in each direction.
     """
     x0 = table.positions[start]
     limits = [(-inf, inf), (-inf, inf)]

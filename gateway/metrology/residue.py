@@ -1,4 +1,4 @@
-"""What a table leaves: at the targets, predicted of readings taken without it, and between them."""
+"""What a table leaves: predicted at the targets from readings without it, and between them."""
 
 from dataclasses import replace
 from typing import Final, NamedTuple
@@ -18,15 +18,15 @@ NOT_JUDGED: Final = "not known from these readings: too few targets, or more tha
 
 
 def predicted_residue(survey: Survey, table: CorrectionTable) -> Survey:
-    """Return the readings as they would be with a table in use: each deviation plus the correction there.
+    """Return the readings as predicted with a table in use: each deviation plus the correction there.
 
-    To first order. With the drive at ``m`` the nut stands at ``m + e(m)``; a table sends the drive to
-    ``x + c(x)``, so the nut to ``x + c(x) + e(x + c(x))``, of which this takes ``x + c(x) + e(x)``. What it
-    leaves out is at most the largest slope of the error times the largest correction: with 50 µm and
-    0.001, 0.05 µm. Scatter is taken as it was, noise and all; only a new measurement shows what is new.
+    To first order. With the drive at ``m`` the nut is at ``m + e(m)``. A table sends the drive to ``x +
+    c(x)``, so the nut to ``x + c(x) + e(x + c(x))``; this computes ``x + c(x) + e(x)``. The difference is at
+    most the largest slope of the error times the largest correction: with 50 µm and 0.001, 0.05 µm. Scatter
+    does not change, noise included; only a new measurement shows the new scatter.
 
-    Outside the table its end values are held, and a remark says so: with another policy of the axis less is
-    corrected there. The table is taken in the units of the readings.
+    Outside the table its end values hold, and a remark says so: with another policy of the axis less is
+    corrected there. The table is converted to the units of the readings.
 
     Raises:
         ValueError: between a length and an angle.
@@ -44,7 +44,7 @@ def predicted_residue(survey: Survey, table: CorrectionTable) -> Survey:
 
 
 def _uncovered(survey: Survey, table: CorrectionTable) -> list[str]:
-    # The rounding of a conversion puts no target outside.
+    # The rounding of a conversion must put no target outside.
     margin = 1e-9 * max(abs(table.first), abs(table.last))
     low, high = table.first - margin, table.last + margin
     outside = {each.target for each in survey.readings if not low <= each.target <= high}
@@ -63,9 +63,9 @@ def _uncovered(survey: Survey, table: CorrectionTable) -> list[str]:
 class LeftOut(NamedTuple):
     """E that a table leaves between the targets, predicted by leaving out, in the units of the readings.
 
-    Of the curves that the readings allow half leave more than ``e``, and nine of ten between ``low`` and
-    ``high``. What repeats with ``unseen`` is in none of them, for no target tells it from a slower curve:
-    then the readings hold no upper bound, ``e`` and ``high`` are None, and at least ``low`` is left.
+    Half of the curves that the readings allow leave more than ``e``, and nine of ten between ``low`` and
+    ``high``. What repeats with ``unseen`` is in none of them, because every target confuses it with a slower
+    curve. Then the readings give no upper bound: ``e`` and ``high`` are None, and at least ``low`` is left.
     """
 
     e: float | None
@@ -73,11 +73,11 @@ class LeftOut(NamedTuple):
     high: float | None
     unseen: tuple[Period, ...] = ()
     unsettled: str = ""
-    """What has to be settled first: runs that do not fit the others."""
+    """What must be resolved first: runs that do not fit the others."""
 
     @property
     def unknown(self) -> str:
-        """Why the readings do not tell it, in words; empty where they do."""
+        """The reason why the readings do not determine it, in words; empty if they do."""
         if self.unsettled:
             return f"not known from these readings: {self.unsettled}"
         names = " and ".join(each.name for each in self.unseen)
@@ -92,8 +92,8 @@ class LeftOut(NamedTuple):
 def left_out_json(units: Units, left_out: LeftOut | None, when: str = "") -> JsonObject:
     """Return E between the targets, predicted by leaving out, and its bounds.
 
-    Null is what the readings do not tell, with the reason, and the lengths, in the units of the readings, of
-    what repeats unseen.
+    Null is for what the readings do not determine, with the reason, and the unseen periods as lengths in the
+    units of the readings.
     """
     small = small_unit(units)
     names = (f"left_out_e{when}", f"left_out_e_low{when}", f"left_out_e_high{when}")
@@ -112,14 +112,14 @@ def left_out_json(units: Units, left_out: LeftOut | None, when: str = "") -> Jso
 
 
 def predicted_json(predicted: Evaluation, left_out: LeftOut | None) -> JsonObject:
-    """Return E as predicted at the targets, and between them."""
+    """Return the predicted E at the targets and between them."""
     small = small_unit(predicted.units)
     at_targets = None if predicted.systematic is None else predicted.systematic * small.factor
     return {f"e_{small.key}": at_targets, **left_out_json(predicted.units, left_out)}
 
 
 def left_out_line(before: Evaluation, left_out: LeftOut) -> str:
-    """Say what the table will leave where nobody measured."""
+    """Return what the table will leave where there are no readings."""
     small = small_unit(before.units)
     was = ""
     if before.systematic is not None:
@@ -128,7 +128,7 @@ def left_out_line(before: Evaluation, left_out: LeftOut) -> str:
 
 
 def left_out_text(small: Small, left_out: LeftOut) -> str:
-    """Say E between the targets with its bounds, and what is not in them."""
+    """Return E between the targets with its bounds, and what these do not include."""
     if left_out.unsettled:
         return f"an E that is {left_out.unknown}"
     if left_out.e is None or left_out.high is None:

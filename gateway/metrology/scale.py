@@ -1,7 +1,7 @@
-"""The linear part of an error: a scale, which belongs into ``counts_per_unit`` and not into a table.
+"""The linear part of an error: a scale, which belongs into ``counts_per_unit``, not into a table.
 
-TB058 demands that the turns for a unit are checked before any table is made; a table that holds a wrong scale
-is as long as the error is steep, and a wrong drive ratio looks like a bad screw.
+TB058 requires a check of the revolutions per unit before any table is made. A wrong scale in a table needs
+corrections up to the whole error, and a wrong drive ratio looks like a bad screw.
 """
 
 from collections.abc import Iterable, Sequence
@@ -17,41 +17,41 @@ from gateway.metrology.errors import ReadingsError
 from gateway.metrology.readings import APPROACHES, Reading, Survey, mean_corrections
 
 MOST: Final = 3e-4
-"""0.3 mm/m: more is no screw but a wrong scale, and is asked for first."""
+"""0.3 mm/m: more is not a screw error but a wrong scale; the user must correct it first."""
 LEAST_TARGETS: Final = 3
 LEAST_TURNS: Final = 10
-"""Over fewer turns of the screw what repeats with a turn has a slope of its own."""
+"""Over fewer revolutions of the screw, an error that repeats has a slope of its own."""
 USUAL_LEAD_MM: Final = 5.0
-"""Of a screw whose lead nobody told."""
+"""Assumed for a screw without a given lead."""
 NO_WAVE_MM: Final = 0.1
-"""A linear part that makes more, from the first target to the last, is none of a turn."""
+"""A larger linear part, from the first target to the last, is not from a revolution."""
 _PER_METRE_UM: Final = 1e6
 TRIAL_MOVE: Final = {Units.MM: 1.0, Units.INCH: 0.05, Units.DEGREE: 1.0}
-"""A move that does no harm when it becomes ten times as long."""
+"""A move that does no harm if it becomes ten times as long."""
 ROUGHLY: Final = 0.2
-"""Share by which a trial move may miss: lost motion, and a rule that is read by eye."""
+"""Tolerance of a trial move, as a share: lost motion, and a rule read by eye."""
 LEAST_MOVED: Final = 1e-6
-"""Share of a trial move: less is none."""
+"""Share of a trial move: less is no move."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScaleError:
-    """``share``: what the nut goes too far, of the way; positive where it goes too far."""
+    """``share``: excess of the nut's motion, as a share of the distance; positive if it goes too far."""
 
     share: float
 
     @property
     def counts_factor(self) -> float:
-        """What ``counts_per_unit`` has to be multiplied by: a nut that goes too far needs fewer counts."""
+        """The factor for ``counts_per_unit``: a nut that goes too far needs fewer counts."""
         return 1.0 / (1.0 + self.share)
 
     @property
     def is_large(self) -> bool:
-        """Whether the scale has to be put right before a table is made."""
+        """Whether the scale must be corrected before a table is made."""
         return abs(self.share) > MOST
 
     def describe(self, counts_per_unit: float | None = None) -> str:
-        """Say it in a sentence.
+        """Return it as a sentence.
 
         >>> ScaleError(0.00025).describe(1000.0)
         'linear part +250 µm/m: counts_per_unit 999.750062 instead of 1000 would remove it'
@@ -64,12 +64,12 @@ class ScaleError:
 
 
 def fault_of_trial(moved: float, counts_per_unit: float, units: Units) -> str:
-    """Say what is wrong where an axis was told to move by :data:`TRIAL_MOVE`, and moved by ``moved``.
+    """Return the fault of an axis that moved by ``moved`` at a command of :data:`TRIAL_MOVE`.
 
-    "" where its scale is of the right size and sign; the last digits are for a table and its linear part.
+    "" if its scale has the right size and sign; the last digits are for a table and its linear part.
 
     Raises:
-        ReadingsError: it is no finite number.
+        ReadingsError: it is not a finite number.
 
     >>> fault_of_trial(10.0, 1000.0, Units.MM)
     'it moved by 10 mm, not by 1 mm: counts_per_unit should be about 100, not 1000'
@@ -117,12 +117,12 @@ def scale_of(readings: Iterable[Reading]) -> ScaleError | None:
 
 
 def reliable_scale(survey: Survey, lead: float | None = None) -> ScaleError | None:
-    """Return the linear part of readings that tell it: None where they span only a few turns of the screw.
+    """Return the linear part, or None if the readings span only a few revolutions of the screw.
 
-    ``lead`` is the longest length after which the error may repeat, where one is told.
+    ``lead`` is the longest possible period of the error, if given.
     """
     found = scale_of(survey.readings)
-    if found is None or survey.units is Units.DEGREE:  # a turn is a turn
+    if found is None or survey.units is Units.DEGREE:  # a revolution needs no scale
         return None
     made = abs(found.share) * survey.span
     is_reliable = not is_short(survey, lead) or made > survey.units.from_mm(NO_WAVE_MM)
@@ -130,15 +130,15 @@ def reliable_scale(survey: Survey, lead: float | None = None) -> ScaleError | No
 
 
 def is_short(survey: Survey, lead: float | None = None) -> bool:
-    """Whether readings span only a few turns of the screw."""
+    """Whether readings span only a few revolutions of the screw."""
     period = survey.units.from_mm(USUAL_LEAD_MM) if lead is None else lead
     return survey.span < LEAST_TURNS * period * (1 - 1e-9)
 
 
 def _one_reading(readings: Sequence[Reading]) -> str | None:
-    """Say which reading makes a linear part large; None where all do.
+    """Return the reading that makes a linear part large; None if all do.
 
-    The median of the slopes between all means is no larger for a single one that is wrong.
+    A single wrong reading does not change the median of the slopes between all means by much.
     """
     usual: list[float] = []
     worst: tuple[float, Reading, float] | None = None
@@ -169,10 +169,10 @@ def _one_reading(readings: Sequence[Reading]) -> str | None:
 
 
 def check_scale(survey: Survey, counts_per_unit: float | None = None, lead: float | None = None) -> None:
-    """Check that readings are of a screw and not of a wrong scale; ``lead`` as in :func:`reliable_scale`.
+    """Check that readings show a screw and not a wrong scale; ``lead`` as in :func:`reliable_scale`.
 
     Raises:
-        ReadingsError: the linear part is larger than 0.3 mm/m, of all readings or because of a single one.
+        ReadingsError: the linear part is larger than 0.3 mm/m, in all readings or because of a single one.
     """
     found = reliable_scale(survey, lead)
     if found is not None and found.is_large:

@@ -1,8 +1,8 @@
-"""What the readings say about a screw: its error at the targets and, as far as they tell, between them.
+"""A model of the screw from readings: its error at the targets and, as far as possible, between them.
 
-The mean of both directions and half their difference (the reversal) are two curves of their own
-(:mod:`gateway.metrology.process`): what repeats with a turn belongs to the screw and is in the first, the
-scatter of readings is in both. Needs numpy, and is imported where it is used.
+The mean of both directions and half their difference (the reversal) are two separate curves
+(:mod:`gateway.metrology.process`). What repeats with a revolution belongs to the screw and is in the first;
+the scatter of readings is in both. Needs numpy; its users import it locally.
 """
 
 from collections.abc import Iterable, Sequence
@@ -43,49 +43,50 @@ from gateway.metrology.residue import LeftOut
 from gateway.metrology.wrong_runs import wrong_runs
 
 LEAST_TARGETS: Final = 5
-"""Fewer targets say nothing about what lies between them."""
+"""Fewer targets show nothing about the range between them."""
 MOST_TARGETS: Final = 2000
-"""More make sums that take minutes; so many lie so near that lines between them lose nothing."""
+"""More need minutes of calculation; they are so close that lines between them lose nothing."""
 LEAST_JOINTED: Final = 9
-"""Through fewer targets a corner is a bend like any other."""
+"""With fewer targets a corner is like any other bend."""
 MOST_JOINTED: Final = 500
-"""More lie so near that a corner between two of them is nothing, and looking for it takes minutes."""
+"""With more targets a corner between two of them does not matter, and the search takes minutes."""
 DRAWS: Final = 64
 QUANTILES: Final = (0.05, 0.5, 0.95)
-"""Of the draws: between the outer two lie nine of ten."""
+"""Of the draws: nine of ten are between the outer two."""
 LEAST_SPREAD: Final = 1.75
-"""By so much at least the bounds lie from the middle: the draws know nothing of kinds that were not tried."""
+"""Least distance of the bounds from the middle: the draws do not include kinds that were not tried."""
 POSITIONS: Final = 2000
 MOST_POSITIONS: Final = 8000
 POSITIONS_A_PERIOD: Final = 16
 SPREAD: Final = 0.3
-"""How well the scatter of the runs tells the scatter of a reversal, as a share."""
+"""Uncertainty of the reversal's scatter from the scatter of the runs, as a share."""
 LEAST_SCATTER_MM: Final = 1e-6
-"""Readings without any scatter are computed ones, or those of a file with few digits."""
+"""Readings without any scatter are computed, or from a file with few digits."""
 WORTH: Final = 4.0
-"""Kinds whose logarithmic likelihood is worse by more have no say in what may be between targets."""
+"""Kinds whose logarithmic likelihood is worse by more do not count between targets."""
 PLAUSIBLE: Final = 8.0
-"""Kinds that repeat and are worse by more have no say in its bounds: few targets choose one by luck."""
+"""Repeating kinds that are worse by more do not count for the bounds: few targets favour one by chance."""
 PLAUSIBLE_DRAWS: Final = 32
 SIGNIFICANT: Final = 0.01
 TELLING: Final = 1000.0
-"""A period of which one half is known so many times less well than the other, or both than they were without
-the others, is not known; nor is one that is there, but whose worse half may be as large as all of it."""
+"""Limit of the ratio of uncertainties. A period is unknown if one half of it is this many times less certain
+than the other, or both than without the other periods. It is also unknown if it is present but its worse half
+may be as large as all of it."""
 SAME: Final = 1e-10
-"""Of the largest information: what is less is none."""
+"""Of the largest information: less is none."""
 SEED: Final = 20
 ROUNDS: Final = 4
-"""So often is the place of the drive for one of the nut found anew, each time nearer by the error's slope."""
+"""Iterations from a nut position to its drive position; each is nearer by the error's slope."""
 
 
 @dataclass(frozen=True, slots=True)
 class Harmonic:
     """A part of the error that repeats: ``amplitude * sin(360° * position / period + phase)``.
 
-    ``amplitude`` is of the deviation, in the units of the readings. ``significance`` is the probability that
-    scatter alone makes one as large (F test with 2 degrees of freedom); 0.01 and below is hardly chance.
-    All three are None where the targets do not tell it: they meet only two opposite angles of its turn, or
-    show it as they show another period that is told.
+    ``amplitude`` is of the deviation, in the units of the readings. ``significance`` is the probability of
+    such an amplitude by scatter alone (F test with 2 degrees of freedom); 0.01 and below is hardly chance.
+    All three are None if the targets do not determine them: the targets meet only two opposite angles of the
+    period, or show it like another given period.
     """
 
     period: Period
@@ -100,7 +101,7 @@ class Harmonic:
 
 
 class Jump(NamedTuple):
-    """The error jumps by ``size`` somewhere from one target to the next; in the units of the readings."""
+    """The error jumps by ``size`` between one target and the next; in the units of the readings."""
 
     low: float
     high: float
@@ -114,36 +115,36 @@ class MeasuredScrew:
     units: Units
     means: MeanCorrections
     smooth: Process
-    """The mean of both directions without anything that repeats."""
+    """The mean of both directions without the repeating part."""
     harmonic: Process | None
-    """The same with it; None where no period is told that the targets show."""
+    """The same with it; None if the targets show no given period."""
     reversal: Process | None
-    """Half of forward less backward; None where one direction was measured."""
+    """Half of forward less backward; None if only one direction was measured."""
     harmonics: tuple[Harmonic, ...]
     periods: tuple[Period, ...]
-    """What was told that the error may repeat with."""
+    """The given periods."""
     aliased: tuple[Period, ...]
     """Those of them that the targets do not show."""
     jumps: tuple[Jump, ...]
-    """Where the error jumps between two targets."""
+    """Jumps of the error between two targets."""
     unsettled: str
     """Runs that do not fit the others, in words."""
     scatter: float | None
-    """Standard deviation of one reading; None where nothing tells it."""
+    """Standard deviation of one reading; None if unknown."""
     _positions: Array
     _likely: "_Draws"
     _plausible: "tuple[_Draws, ...]"
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """What can be made of these readings."""
+        """The shapes that can be made from these readings."""
         return tuple(Shape) if self.harmonic is not None else (Shape.LINES, Shape.SMOOTH)
 
     def correction(self, shape: Shape, direction: Direction, at: Array) -> Array:
-        """Return what has to be added where the drive stands at ``at``."""
+        """Return the correction for the drive position ``at``."""
         if shape is Shape.LINES:
             ways = [self.means.forward, self.means.backward]
-            # Where one direction was measured, it stands for both.
+            # If only one direction was measured, it is used for both.
             values = next(
                 each
                 for each in (ways[::-1] if direction is Direction.BACKWARD else ways)
@@ -162,10 +163,10 @@ class MeasuredScrew:
     def table(
         self, shape: Shape, positions: Sequence[float], *, offset: float = 0.0, one_way: bool = False
     ) -> CorrectionTable:
-        """Return the table whose corrections take the nut to these positions; ``offset`` is taken off each.
+        """Return the table with the corrections for these nut positions; ``offset`` is subtracted from each.
 
-        The error was measured where the drive was sent, and a table is looked up where the nut is to be: for
-        each position the place of the drive is looked for from which the nut gets there.
+        The error was measured at drive positions, but a table is looked up by nut positions. So for each
+        position the drive position is computed that brings the nut there.
         """
         at = np.asarray(positions, dtype=np.float64)
         curves = []
@@ -184,14 +185,14 @@ class MeasuredScrew:
         return result
 
     def nut_positions(self, offset: float = 0.0) -> list[float]:
-        """Return where the nut stood at each target, the mean of both directions, with ``offset`` at home."""
+        """Return the nut position at each target, the mean of both directions, with ``offset`` at home."""
         positions = np.asarray(self.means.targets)
         both = [self.correction(Shape.LINES, way, positions) for way in APPROACHES]
         nut: list[float] = (positions - (both[0] + both[1]) / 2 + offset).tolist()
         return nut
 
     def misses(self, shape: Shape) -> float:
-        """Return how far each inner target is missed by what all others say of it, root of the mean square.
+        """Return the misses of the inner targets by prediction from all others, root of the mean square.
 
         Both directions of a target are left out together.
         """
@@ -212,15 +213,16 @@ class MeasuredScrew:
         return float(np.sqrt(np.mean(np.square(errors))))
 
     def leaves(self, table: CorrectionTable) -> float:
-        """Return E of what a table leaves everywhere from the first target to the last, as likely more.
+        """Return E of what a table leaves from the first target to the last, as the median of the draws.
 
-        By it tables are compared. As a promise it is :meth:`left_out`, which knows what no target shows.
+        This value compares tables. The result for the user is :meth:`left_out`, which includes what no target
+        shows.
         """
         return self._quantiles(table, self._likely)[1]
 
     @property
     def unseen(self) -> tuple[Period, ...]:
-        """What may repeat and no target tells from a slower curve."""
+        """Possible periods that every target confuses with a slower curve."""
         return unseen(self.means.targets, self.periods, self.units)
 
     def left_out(self, table: CorrectionTable) -> LeftOut:
@@ -241,8 +243,8 @@ class MeasuredScrew:
     def _quantiles(self, table: CorrectionTable, drawn: "_Draws") -> tuple[float, float, float]:
         """Return quantiles of E over curves that the readings allow.
 
-        Each is taken whole: with both directions, and with the corrections at the places to which the table
-        sends the drive.
+        Each curve counts as a whole: with both directions, and with the corrections at the drive positions of
+        the table.
         """
         here = table.in_units(self.units)
         added = [
@@ -258,14 +260,14 @@ class MeasuredScrew:
 
 
 class _Draws(NamedTuple):
-    """Curves that the readings allow, one a column, at the places of a screw."""
+    """Curves that the readings allow, one a column, at the positions of a screw."""
 
     forward: Array
     backward: Array
 
 
 def _at(curves: Array, positions: Array, moved: Array) -> Array:
-    """Return the curves where the drive stands: at each place and ``moved`` from it."""
+    """Return the curves at the drive positions: ``moved`` from each position."""
     step = positions[1] - positions[0]
     exact = np.clip((positions + moved - positions[0]) / step, 0.0, len(positions) - 1.0)
     below = np.minimum(exact.astype(np.intp), len(positions) - 2)
@@ -278,8 +280,7 @@ def screw_of(readings: Iterable[Reading], units: Units, periods: Iterable[Period
     """Fit the curves.
 
     Raises:
-        ReadingsError: readings without a number or a direction; fewer than five targets, or so many that
-            nothing is gained.
+        ReadingsError: readings without a number or a direction; fewer than five targets, or more than useful.
     """
     all_readings = tuple(readings)
     means = mean_corrections(all_readings)
@@ -301,7 +302,7 @@ def screw_of(readings: Iterable[Reading], units: Units, periods: Iterable[Period
     given = tuple(periods)
     shown, aliased = shown_by(means.targets, given)
     kinds = _fit_all(middle, tuple(period.length for period in shown), has_scatter=scatter is not None)
-    # The deviation is what the correction takes away.
+    # The correction removes the deviation.
     jumps = tuple(Jump(low, high, -rise) for low, high, rise in likely_jumps(kinds))
     smooth = min((each for each in kinds if not each.kind.periods), key=lambda each: each.score)
     repeating = [each for each in kinds if each.kind.periods]
@@ -317,7 +318,7 @@ def screw_of(readings: Iterable[Reading], units: Units, periods: Iterable[Period
 
 
 def _scatter(readings: Sequence[Reading]) -> float | None:
-    """Standard deviation of one reading among its runs, without what a whole run is shifted and longer by."""
+    """Standard deviation of one reading among its runs, without the shift and the stretch of a whole run."""
     several = [group for group in by_approach(readings).values() if len(group) >= 2]
     runs: dict[tuple[int, Direction], list[tuple[float, float]]] = {}
     for group in several:
@@ -331,7 +332,7 @@ def _scatter(readings: Sequence[Reading]) -> float | None:
             values = values - np.polyval(np.polyfit(positions, values, 1), positions)
             lines += 1
         left += float(values @ values)
-    # The lines of all runs of a direction sum up to nothing, as their rests do.
+    # The lines of all runs of a direction add up to zero, as their rests do.
     free = sum(map(len, several)) - len(several) - 2 * max(lines - 2, 0)
     if free < LEAST_TARGETS:
         return None
@@ -360,13 +361,13 @@ def _reversal(
 
 
 def _variance(counts: dict[tuple[float, Direction], int], target: float) -> float:
-    """Share of the variance of one reading that the mean of both directions has."""
+    """Share of the variance of one reading in the mean of both directions."""
     ways = [counts[target, way] for way in APPROACHES if (target, way) in counts]
     return sum(1.0 / count for count in ways) / len(ways) ** 2
 
 
 def _guess(values: Array) -> float:
-    """Begin somewhere: a tenth of what the values vary by."""
+    """Return a start value: a tenth of the variation of the values."""
     return max(float(values.var()) * 0.01, 1e-18)
 
 
@@ -376,7 +377,7 @@ def _middle(
     scatter: float | None,
     reversal: Process | None,
 ) -> tuple[Samples, bool]:
-    """Return the mean of both directions at all targets; where one is missing the reversal stands in."""
+    """Return the mean of both directions at all targets; a missing one is replaced by the reversal."""
     positions = np.asarray(means.targets)
     half = reversal.mean(positions) if reversal is not None else np.zeros_like(positions)
     values = np.array(
@@ -396,7 +397,8 @@ def _middle(
     if scatter is not None:
         return Samples(positions, values, shares * scatter**2), False
     if reversal is not None and "noise" in reversal.sizes:
-        # One run: the scatter of the reversal is that of the readings, for no screw has a short wave in it.
+        # One run: the scatter of the reversal is that of the readings, because no screw has a short wave in
+        # it.
         noise = float(np.exp(2 * reversal.sizes["noise"]))
         spread = 1.0 / (2.0 * max(len(reversal.samples.positions) - 3, 2)) ** 0.5
         return Samples(positions, values, noise * shares / shares.mean(), noise_spread=spread), True
@@ -431,13 +433,13 @@ def _jumped(samples: Samples, kinds: Sequence[Process]) -> list[Process]:
 
 
 def _usual(sizes: object, samples: Samples) -> dict[str, float] | None:
-    """Begin anew where a smooth curve went through every wave."""
+    """Return new start values if a smooth curve went through every wave."""
     usual = dict(sizes) if isinstance(sizes, dict) else {}
     return None if usual.get("length", 0.0) < np.log(samples.gap * 3) else usual
 
 
 def _positions(samples: Samples, periods: Sequence[float]) -> Array:
-    """Return where curves are drawn: so near to each other that every period is followed."""
+    """Return the positions of drawn curves, so close that every period is followed."""
     count = max(POSITIONS, POSITIONS_A_PERIOD * samples.span / min(periods, default=samples.span))
     return np.linspace(samples.positions[0], samples.positions[-1], int(min(count, MOST_POSITIONS)))
 
@@ -445,10 +447,10 @@ def _positions(samples: Samples, periods: Sequence[float]) -> Array:
 def _draw(
     kinds: Sequence[Process], reversal: Process | None, positions: Array
 ) -> tuple[_Draws, tuple[_Draws, ...]]:
-    """Draw curves from every kind that is nearly as good as the best, each as often as it is likely.
+    """Draw curves from every kind that is nearly as good as the best, in proportion to its likelihood.
 
-    Beside them stand those of each kind that repeats and may be the right one, likely or not: whether what
-    repeats comes and goes along the screw few targets tell by luck, and the bounds must not hang on that.
+    Beside them are the curves of each repeating kind that may be right, whatever its likelihood. Few targets
+    show only by chance whether the repeating part varies along the screw; the bounds must not depend on that.
     """
     best = min(each.score for each in kinds)
     near = [each for each in kinds if each.score - best < WORTH]
@@ -469,7 +471,7 @@ def _draw(
 
 
 def _harmonics(process: Process | None, periods: Sequence[Period]) -> tuple[Harmonic, ...]:
-    """Fit each period with one amplitude, beside the smooth part as it is (generalised least squares)."""
+    """Fit each period with one amplitude, beside the fixed smooth part (generalised least squares)."""
     if process is None:
         return ()
     samples = process.samples
@@ -480,7 +482,7 @@ def _harmonics(process: Process | None, periods: Sequence[Period]) -> tuple[Harm
     design = np.column_stack(columns)
     inverse = np.linalg.inv(process.without_periods())
     information = design.T @ inverse @ design
-    # The deviation is what the correction takes away. Of what targets do not tell apart nothing is used.
+    # The correction removes the deviation. Parts that the targets cannot separate are not used.
     parts = -np.linalg.pinv(information, rcond=SAME, hermitian=True) @ (design.T @ inverse @ samples.values)
     rest = samples.values + design @ parts
     free = max(len(samples.positions) - 2 - len(columns), 1)
@@ -503,7 +505,7 @@ def _harmonics(process: Process | None, periods: Sequence[Period]) -> tuple[Harm
 
 
 def _beside_others(information: Array, own: Sequence[int]) -> Array:
-    """Return how well two parts are known where all others are to be found too."""
+    """Return the information about two parts if all others must be fitted too."""
     others = [each for each in range(len(information)) if each not in own]
     shared = information[np.ix_(own, others)]
     result: Array = (

@@ -1,9 +1,9 @@
-"""Two readings at one point tell whether a table is used the right way round.
+"""Two readings at one point show whether a table is used with the right sign and direction.
 
-With the compensation off the drive stands where the controller says, and the nut where the screw takes it.
-A table claims to know that place: ``corrected = nominal + correction`` puts the nut at ``nominal``, so with
-the drive at ``p`` the nut stands at the exact inverse of that map, ``p - correction`` to first order. Each
-way of getting a table wrong predicts other readings:
+With the compensation off, the drive is at the controller's position, and the screw's error moves the nut. A
+table predicts the nut position: ``corrected = nominal + correction`` puts the nut at ``nominal``. So with the
+drive at ``p`` the nut is at the exact inverse of that map, ``p - correction`` to first order. Each wrong use
+of a table predicts other readings:
 
 ====================  =====================================  =========================================
 way                   approached forward, measured ≈         approached backward, measured ≈
@@ -30,11 +30,11 @@ from gateway.compensation.table import CorrectionTable
 from gateway.metrology.errors import ReadingsError
 
 BEYOND: Final = 0.5
-"""A best guess that leaves more than this share of the table unexplained is none."""
+"""If the best guess leaves more than this share of the table unexplained, it is rejected."""
 
 
 class TableUse(Enum):
-    """How a table may be used; the value is what reports call it."""
+    """The possible uses of a table; the value is the name in reports."""
 
     RIGHT = "right"
     SENSE_INVERTED = "sense inverted"
@@ -43,7 +43,7 @@ class TableUse(Enum):
 
 
 class SignVerdict(Enum):
-    """What the readings say."""
+    """The result of the readings."""
 
     RIGHT = "right"
     SENSE_INVERTED = "sense inverted"
@@ -73,9 +73,9 @@ NOTHING: Final = Pair(0.0, 0.0)
 class Measurement:
     """Two readings of the nut with the drive at one position, approached forward and backward.
 
-    Machine positions in units; ``uncertainty`` is that of a reading. No correction can be larger than
-    ``largest``: beyond it the readings are of another place. An axis, or an instrument, that counts the other
-    way seems to stand at one of ``mirrored``.
+    Machine positions in units; ``uncertainty`` is that of a reading. A correction cannot exceed ``largest``:
+    beyond it the readings are of another position. If an axis or an instrument counts the other way, the
+    readings are near one of ``mirrored``.
 
     Raises:
         ReadingsError: a number that is not finite, an uncertainty that is not positive.
@@ -100,13 +100,13 @@ class Measurement:
 
     @property
     def measured(self) -> Pair:
-        """The correction that the readings ask for: position less reading."""
+        """The correction according to the readings: position less reading."""
         return Pair(self.position - self.readings.forward, self.position - self.readings.backward)
 
 
 @dataclass(frozen=True, slots=True)
 class BestPosition:
-    """Where a table tells the ways apart best: the smallest difference between any two of them there."""
+    """The position at which a table separates its uses best, and their smallest difference there."""
 
     position: float
     separation: float
@@ -119,37 +119,37 @@ class SignTest:
     verdict: SignVerdict
     position: float
     measured: Pair
-    """The correction that the readings ask for: position less reading."""
+    """The correction according to the readings: position less reading."""
     table: Pair
-    """The correction that the table makes there, as it is used now."""
+    """The present correction of the table there."""
     expected: Mapping[TableUse, Pair]
-    """The readings that each way predicts."""
+    """The readings predicted by each use."""
     off_by: Mapping[TableUse, float]
-    """How far the readings are from them."""
+    """The distance of the readings from each prediction."""
     candidates: tuple[TableUse, ...]
-    """The ways that the readings do not exclude, the nearest first."""
+    """The uses that the readings do not exclude, the nearest first."""
     best: BestPosition
     share: float | None
-    """Share of the table that explains the readings best (least squares); None where the table is 0."""
+    """Share of the table that explains the readings best (least squares); None if the table is 0."""
     tells_direction: bool
-    """Whether an axis that went the other way would be somewhere else."""
+    """Whether an axis moving the other way would be at a clearly different position."""
 
     @property
     def is_right(self) -> bool:
-        """Whether the table is used as it should be."""
+        """Whether the table is used correctly."""
         return self.verdict is SignVerdict.RIGHT
 
 
 def sign_test(curve: Curve, at: Measurement, inside: tuple[float, float] | None = None) -> SignTest:
-    """Judge two readings against the table as the axis uses it, in the same units.
+    """Compare two readings with the table as used by the axis, in the same units.
 
-    ``inside``: from where to where a better place is looked for, as for :func:`most_telling_position`.
+    ``inside`` is the range of the search for a better position, as for :func:`most_telling_position`.
     """
     ways = _ways(curve.table)
     expected = {way: _expected(curve, way, at.position) for way in ways}
     off_by = {way: at.readings.distance(pair) for way, pair in expected.items()}
     nearest = min(off_by.values())
-    # Two ways are told apart when the readings, right to the uncertainty, prefer one of them.
+    # Two uses are separated when the readings, within the uncertainty, prefer one of them.
     near = [way for way in ways if off_by[way] - nearest <= 2.0 * at.uncertainty]
     table = _corrections(curve, at.position)
     return SignTest(
@@ -167,10 +167,10 @@ def sign_test(curve: Curve, at: Measurement, inside: tuple[float, float] | None 
 
 
 def room(table: CorrectionTable, travel: tuple[float, float] | None, clearance: float) -> tuple[float, float]:
-    """Return from where to where a sign test finds room: inside the table, and away from the ends of travel.
+    """Return the range for a sign test: inside the table, and away from the ends of travel.
 
-    The axis needs ``clearance`` on both sides of the place, to come to it from below and from above. Where no
-    travel is known the table's ends count as its ends. In a travel that is too short only its middle is left.
+    The axis needs ``clearance`` on both sides of the position, to approach it from below and from above.
+    Without a known travel the table's ends are used. A travel that is too short leaves only its middle.
 
     >>> from gateway.compensation.table import make_table
     >>> from gateway.compensation.units import Units
@@ -186,11 +186,11 @@ def room(table: CorrectionTable, travel: tuple[float, float] | None, clearance: 
 
 
 def most_telling_position(curve: Curve, inside: tuple[float, float] | None = None) -> BestPosition:
-    """Return the place at which a sign test tells most: a point of the table, or an end of ``inside``.
+    """Return the position where a sign test shows most: a point of the table, or an end of ``inside``.
 
     Right and inverted differ by twice the larger correction; right and swapped by forward - backward; right
-    and both by forward + backward. The smallest of the three counts, and its largest value wins. A table of
-    one direction has no columns to swap, and only the first one counts.
+    and both by forward + backward. The smallest of the three is maximised. A table of one direction has no
+    columns to swap, and only the first one counts.
     """
     table = curve.table
     low, high = (table.first, table.last) if inside is None else inside
@@ -205,7 +205,7 @@ def most_telling_position(curve: Curve, inside: tuple[float, float] | None = Non
 
 
 def _corrections(curve: Curve, position: float) -> Pair:
-    """Return what the table adds at a place."""
+    """Return the correction of the table at a position."""
     return Pair(
         CorrectionMap((Term(curve, 1.0, 0.0),)).correction(position),
         CorrectionMap((Term(curve, 0.0, 1.0),)).correction(position),
@@ -219,7 +219,7 @@ def _separation(correction: Pair, *, is_one_way: bool) -> float:
 
 
 def _ways(table: CorrectionTable) -> tuple[TableUse, ...]:
-    """Return what can be wrong: where both directions are the same, nothing can be swapped."""
+    """Return the possible mistakes: with equal directions, a swap has no effect."""
     return (TableUse.RIGHT, TableUse.SENSE_INVERTED) if table.is_unidirectional else tuple(TableUse)
 
 

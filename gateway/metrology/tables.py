@@ -1,4 +1,4 @@
-"""A table between its points, and beyond its ends, where its end values hold; how much two tables differ."""
+"""Corrections between the points of a table and beyond its ends, where end values hold; comparisons."""
 
 from dataclasses import dataclass
 
@@ -21,13 +21,13 @@ def correction_at(table: CorrectionTable, position: float, direction: Direction)
     index = table.segment(inside)
     left, right = table.positions[index], table.positions[index + 1]
     share = (inside - left) / (right - left)
-    # Exact at both points: rounding must not move what was measured.
+    # Exact at both points: rounding must not change measured values.
     return curve[index + 1] if share == 1.0 else curve[index] + share * (curve[index + 1] - curve[index])
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """How much two tables differ: the largest difference, where, and the root of the mean square."""
+    """Difference of two tables: the largest difference, its position, and the root of the mean square."""
 
     largest: float
     position: float
@@ -49,7 +49,7 @@ def change(before: CorrectionTable, after: CorrectionTable) -> Change:
 
 @dataclass(frozen=True, slots=True)
 class ResamplingLoss:
-    """The largest difference that other points make, between the points too, and where it is."""
+    """The largest difference from other points, also between the points, and its position."""
 
     size: float
     position: float
@@ -57,7 +57,7 @@ class ResamplingLoss:
 
 
 def loss(before: CorrectionTable, after: CorrectionTable) -> ResamplingLoss:
-    """Return the largest difference of two tables over the range of the first; outside a table is held."""
+    """Return the largest difference of two tables over the range of the first; outside, end values hold."""
     low, high = before.first, before.last
     positions = sorted({*before.positions, *(x for x in after.positions if low <= x <= high)})
     return max(

@@ -1,18 +1,18 @@
-"""How sure A is, and whether it keeps a limit: a budget after the idea of ISO/TR 230-9 (ISO 230-2, annex A).
+"""The uncertainty of A, and whether A keeps a limit: a budget like ISO/TR 230-9 (ISO 230-2, annex A).
 
-Each contribution is an expanded uncertainty with k = 2. Of what is only known to lie in a range R it is
-``0.6 R`` (twice the standard deviation of a rectangular distribution, R / sqrt(12), which makes 0.577 R)::
+Each contribution is an expanded uncertainty with k = 2. For a value known to be in a range R it is ``0.6 R``
+(twice the standard deviation of a rectangular distribution, R / sqrt(12), which is 0.577 R)::
 
-    instrument      as its certificate says it, for the length
+    instrument      from its certificate, for the length
     alignment       0.6 h² / (2 L): the beam or scale leaves the axis by h over the length L (cosine)
     temperature     0.6 a L R(T): the screw or machine is known to within R(T)
     expansion       0.6 |T - 20| L R(a): the coefficient is known to within R(a)
-    environment     0.6 E: what an hour of a drift test shows (table drift)
+    environment     0.6 E: the change in an hour of a drift test (table drift)
     repeatability   2 s / sqrt(n): of the mean at the target with the largest s
 
-They are added as squares. A limit is kept where A + U lies within it, not kept where A - U exceeds it (the
-rule of ISO 14253-1), and undecided between. Source: each is derived as it stands here; that such a budget is
-what ISO 230-2 asks for is in its published scope. The standards themselves were not at hand.
+They are added as squares. A limit is kept if A + U is within it, not kept if A - U exceeds it (the rule of
+ISO 14253-1), and undecided between. Source: each is derived as written here. The published scope of ISO 230-2
+says that it requires such a budget. The standards themselves were not available.
 """
 
 from dataclasses import dataclass
@@ -30,13 +30,13 @@ RANGE: Final = 0.6
 
 @dataclass(frozen=True, slots=True)
 class UncertaintyInputs:
-    """What is known beside the readings; lengths in their units, temperatures in kelvin."""
+    """Known facts beside the readings; lengths in their units, temperatures in kelvin."""
 
     instrument: float = 0.0
     misalignment: float = 0.0
     temperature_range: float = 0.0
     expansion: float = 11.5e-6
-    """A kelvin."""
+    """Per kelvin."""
     expansion_range: float = 0.0
     off_20: float = 0.0
     """Distance of the temperature from 20 °C."""
@@ -46,7 +46,7 @@ class UncertaintyInputs:
         """Check the numbers.
 
         Raises:
-            ReadingsError: one below 0, or none at all.
+            ReadingsError: one is below 0 or not a number.
         """
         for name in self.__slots__:
             number = getattr(self, name)
@@ -56,7 +56,7 @@ class UncertaintyInputs:
 
 @dataclass(frozen=True, slots=True)
 class UncertaintyBudget:
-    """The contributions by name, and all of them together; expanded, k = 2."""
+    """The contributions by name, and their sum; expanded, k = 2."""
 
     parts: tuple[tuple[str, float], ...]
 
@@ -67,7 +67,7 @@ class UncertaintyBudget:
 
 
 def budget_of(found: Evaluation, inputs: UncertaintyInputs) -> UncertaintyBudget:
-    """Return the budget of A for the length that was measured."""
+    """Return the budget of A for the measured length."""
     length = found.targets[-1].target - found.targets[0].target
     approaches = [way for each in found.targets for way in (each.forward, each.backward) if way is not None]
     means = [2 * way.s / sqrt(len(way.deviations)) for way in approaches if way.s is not None]
@@ -85,7 +85,7 @@ def budget_of(found: Evaluation, inputs: UncertaintyInputs) -> UncertaintyBudget
 
 
 def verdict(value: float, expanded: float, limit: float) -> str:
-    """Say whether a limit is kept.
+    """Return whether a limit is kept.
 
     >>> verdict(8.0, 1.5, 10.0), verdict(9.0, 1.5, 10.0), verdict(12.0, 1.5, 10.0)
     ('kept', 'undecided', 'not kept')
@@ -98,7 +98,7 @@ def verdict(value: float, expanded: float, limit: float) -> str:
 def inputs_of(
     found: Evaluation, instrument_um: float, misalignment_mm: float, temperature: float, environment_um: float
 ) -> UncertaintyInputs:
-    """Return what was told, in the units of the readings.
+    """Return the given values, in the units of the readings.
 
     Raises:
         ReadingsError: a number below 0.
@@ -113,10 +113,10 @@ def inputs_of(
 
 
 def limit_line(found: Evaluation, budget: UncertaintyBudget, limit_um: float) -> str:
-    """Say whether A keeps a limit, with the budget.
+    """Return whether A keeps a limit, with the budget.
 
     Raises:
-        ReadingsError: the readings carry no A, or the limit is not above 0.
+        ReadingsError: the readings give no A, or the limit is not above 0.
     """
     small = small_unit(found.units)
     parts = ", ".join(f"{name} {small.text(part)}" for name, part in budget.parts if part)

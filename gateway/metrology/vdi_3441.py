@@ -1,4 +1,4 @@
-"""VDI/DGQ 3441: the same readings as P, Ps, Pa and U, which many acceptance sheets still ask for.
+"""VDI/DGQ 3441: the same readings as P, Ps, Pa and U, still required by many acceptance sheets.
 
 At each position, with the means of both directions and their standard deviations (n - 1)::
 
@@ -7,9 +7,9 @@ At each position, with the means of both directions and their standard deviation
     Pa   = max x - min x, positional deviation
     P    = max (x + (U_j + Ps_j) / 2) - min (x - (U_j + Ps_j) / 2), positional uncertainty
 
-``U`` and ``Ps`` are said as the largest and as the mean over the positions. Source: the names of the results
-are those of a maker's laser program (the interface of Keysight's E1733A); the formulas are those that are
-taught. No public text with them was found, and the guideline itself was not at hand.
+``U`` and ``Ps`` are reported as the largest and as the mean over the positions. Source: the names of the
+results are those of a maker's laser program (the interface of Keysight's E1733A); the formulas are the usual
+ones in teaching. No public text with them was found, and the guideline itself was not available.
 """
 
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ class Vdi3441:
 
 
 def vdi_3441(found: Evaluation) -> Vdi3441 | None:
-    """Return the results; None where a target lacks an approach or has one run only."""
+    """Return the results; None if a target lacks an approach or has only one run."""
     rows = []
     for each in found.targets:
         forward, backward = each.forward, each.backward
@@ -57,7 +57,7 @@ def vdi_3441(found: Evaluation) -> Vdi3441 | None:
 
 
 def vdi_line(found: Evaluation) -> str:
-    """Say the results of VDI/DGQ 3441 in one line."""
+    """Return the results of VDI/DGQ 3441 in one line."""
     results, small = vdi_3441(found), small_unit(found.units)
     if results is None:
         return "VDI/DGQ 3441: needs both directions and two runs at every target"

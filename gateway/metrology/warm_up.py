@@ -1,9 +1,9 @@
-"""A drift test after the idea of ISO 230-3: one place is read for hours while the machine warms up or rests.
+"""A drift test like ISO 230-3: one position is read for hours while the machine warms up or rests.
 
 File: comments and cells as those of readings, ``time_min`` (minutes), ``measured_`` or ``deviation_`` with a
-unit, ``temperature_c`` where it was read. What matters is the range over the test, the largest change within
-an hour, the rate in the last hour, and what a kelvin makes. Source of the quantities: textbooks' account of
-ISO 230-3 (ETVE, environmental temperature variation error); the standard itself was not at hand.
+unit, ``temperature_c`` if available. The results are the range over the test, the largest change within an
+hour, the rate in the last hour, and the change per kelvin. Source of the quantities: textbooks' account of
+ISO 230-3 (ETVE, environmental temperature variation error); the standard itself was not available.
 """
 
 from bisect import bisect_right
@@ -21,12 +21,12 @@ HEADING: Final = "time_min,measured_um (or _mm, _inch),temperature_c"
 WINDOW_MIN: Final = 60.0
 LEAST: Final = 3
 LEAST_KELVIN: Final = 0.3
-"""A temperature that varied by less tells nothing about what a kelvin makes."""
+"""If the temperature varied by less, the change per kelvin is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """One reading: minutes since any moment, where it stood, how warm it was."""
+    """One reading: minutes since any moment, position, temperature."""
 
     minutes: float
     measured: float
@@ -93,7 +93,7 @@ def read_samples(source: SourceText) -> tuple[list[Sample], Units]:
     """Read a file of a drift test.
 
     Raises:
-        TabFileError: a heading that lacks something, a cell that is no number, times that do not ascend,
+        TabFileError: a heading with missing columns, a cell that is not a number, times that do not ascend,
             fewer than three readings.
     """
     if heading_of(source) is None:

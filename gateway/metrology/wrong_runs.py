@@ -1,9 +1,9 @@
-"""Runs that are wrong as a whole: directions swapped, the sign turned, or the instrument moved in between.
+"""Runs that are wrong as a whole: directions swapped, sign reversed, or the instrument moved in between.
 
-A run is held against the median of the other runs at each target and direction. Where it fits them far better
-with its directions exchanged, or with its sign turned, that is its fault, and readings with it make no table.
-A run that lies aside of all others by one length changes no table, for home is subtracted from it; but
-what readings scatter by, and so what a table leaves, is not known before somebody has said why it does.
+A run is compared with the median of the other runs at each target and direction. If it fits them far better
+with its directions exchanged, or with its sign reversed, that is its fault; such readings make no table. A
+run with a constant distance from all others does not change the table, because home is subtracted from it.
+But the scatter of the readings, and so what a table leaves, is unknown until a person gives the reason.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -19,18 +19,18 @@ from gateway.metrology.errors import ReadingsError
 from gateway.metrology.readings import APPROACHES, Reading, Survey, small_unit
 
 CLEARLY: Final = 3.0
-"""So many times as well a run has to fit the others once its fault is taken away."""
+"""A run must fit the others this many times better without its fault."""
 LEAST_MM: Final = 0.002
-"""A run that is nearer to the others is none that went wrong."""
+"""A run that is nearer to the others is not a wrong one."""
 LEAST_READINGS: Final = 4
-"""Of a run: fewer readings say nothing of all of it."""
+"""Of a run: fewer readings do not represent all of it."""
 WIDER: Final = 2.0
-"""A run aside is farther from the others than so many times what these differ by."""
+"""A run is offset if its distance from the others exceeds this many times their differences."""
 BEYOND_SCATTER: Final = 4.0
 
 
 class RunFault(Enum):
-    """What is wrong with a run."""
+    """The fault of a run."""
 
     SWAPPED = "directions swapped"
     INVERTED = "sign turned"
@@ -38,7 +38,7 @@ class RunFault(Enum):
 
     @property
     def is_mistake(self) -> bool:
-        """Whether no machine does so: the readings are wrong as they stand."""
+        """Whether no machine behaves so: the readings are wrong as written."""
         return self is not RunFault.OFFSET
 
 
@@ -49,19 +49,19 @@ class WrongRun:
     run: int
     fault: RunFault
     away: float
-    """How far it lies from the others, in the units of the readings: of ``OFFSET`` with its sign."""
+    """Its distance from the others, in the units of the readings; with its sign for ``OFFSET``."""
     fits: float = 0.0
-    """How far it would lie with the fault taken away."""
+    """Its distance without the fault."""
     other: int | None = None
-    """With two runs nobody can say which of them is wrong."""
+    """With two runs it is unknown which of them is wrong."""
 
     @property
     def named(self) -> str:
-        """Return which run it is."""
+        """Return the name of the run."""
         return f"run {self.run}" if self.other is None else f"run {self.run} or run {self.other}"
 
     def describe(self, units: Units) -> str:
-        """Say it in a few words.
+        """Return it in a few words.
 
         >>> WrongRun(3, RunFault.OFFSET, 0.005).describe(Units.MM)
         'run 3: 5.00 µm aside of the other runs'
@@ -92,10 +92,10 @@ def without_runs(survey: Survey, wrong: Iterable[WrongRun]) -> Survey:
 
 
 def settled(survey: Survey, *, drop: bool = False) -> Survey:
-    """Return readings without a mistake of a whole run; with ``drop`` all runs that are wrong are left out.
+    """Return readings without a mistake of a whole run; with ``drop`` all wrong runs are omitted.
 
     Raises:
-        ReadingsError: a run whose directions are swapped or whose sign is turned, unless it is left out.
+        ReadingsError: a run with swapped directions or reversed sign, unless it is omitted.
     """
     wrong = wrong_runs(survey)
     mistaken = [each for each in wrong if each.fault.is_mistake]
@@ -113,7 +113,7 @@ def settled(survey: Survey, *, drop: bool = False) -> Survey:
 
 
 def offset_notes(survey: Survey) -> list[str]:
-    """Say of each run that lies aside what may be the reason, and what to do."""
+    """Return the possible reason and the remedy for each offset run."""
     return [
         f"{each.describe(survey.units)}: the instrument moved or was set to 0 anew, or the axis was colder "
         "or warmer. Measure again, or leave that run out (table build --drop-outliers)"
@@ -174,7 +174,7 @@ def _exchanged(others: Mapping[_Point, float]) -> dict[_Point, float]:
 def _distance(
     own: Sequence[Reading], others: Mapping[_Point, float], value: Callable[[Reading], float]
 ) -> float | None:
-    """Return the mean distance from the others, without what all of the run is aside by; None: too few."""
+    """Return the mean distance from the others, without the offset of the run; None: too few readings."""
     rests = [
         value(each) - others[each.target, each.direction]
         for each in own

@@ -1,7 +1,7 @@
-"""Pure text: one file per dialect, text <-> correction table; lints; explain.
+"""Table files: text <-> correction table, one file for each dialect; lints; explain.
 
-The sign is the same in all of them: what a file calls its value is turned into the amount that is ADDED to a
-commanded position. A reader infers only what the file proves; the rest it is told, or it refuses.
+All dialects have one sign: a file's value becomes the amount that is ADDED to a commanded position. A reader
+infers only what the file proves. The rest must be given, or the reader refuses the file.
 """
 
 from gateway.tabfile.decoded import Decoded, Lint, LintSeverity, LoadedTable, SourceRow

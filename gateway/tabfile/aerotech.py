@@ -1,7 +1,7 @@
 """Aerotech axis calibration (``.cal``): one direction, even grid, values in fractions of the axis unit.
 
-Grammar, after public programs that write such files and Aerotech's help on axis calibration; words in any
-case, separated by blanks or tabs::
+Grammar, from public programs that write such files and from Aerotech's help on axis calibration. Words may be
+in any case, separated by blanks or tabs::
 
     file    := (comment | blank line)* table+
     comment := (";" | "'") text                         outside tables only
@@ -14,16 +14,16 @@ case, separated by blanks or tabs::
              | "CORUNIT=PRIMARY" ["/1000" | "/3600"]    unit of the values: thousandths, or seconds of arc
              | "HOMEDIRECTION=" ("CW" | "CCW") | "HOMEOFFSET=" number
              | "NEGCOR"                                 the values are measured deviations
-             | "SERIALNUMBER=" word                     of the stage; said, not compared
+             | "SERIALNUMBER=" word                     of the stage; reported, not compared
 
-Blanks may stand around a "=".
+Blanks are allowed around a "=".
 
 A value is minus the measured deviation, so it is added; with NEGCOR it is subtracted. The primary unit is
-that of the axis, mm, inch or degree, and stands nowhere: ``file_units``. Where the first value lies stands
-nowhere either: the table counts from home, as the axis homed then. ``file_start`` must tell the position of
-the lowest value, and the values are read upwards from there. Two-dimensional tables are refused. Of several
-tables ``file_axis`` picks one. Two comments of our own above the tables are checked, see
-:mod:`gateway.tabfile.text`.
+that of the axis: mm, inch or degree. The file does not name it, so ``file_units`` must. The file does not
+give the position of the first value either: the table counts from home, as the axis homed then.
+``file_start`` must give the position of the lowest value; values are read upwards from there. Two-dimensional
+tables are refused. ``file_axis`` chooses one of several tables. Two comments of our own above the tables are
+checked, see :mod:`gateway.tabfile.text`.
 """
 
 import re
@@ -72,12 +72,12 @@ _PAIRED: Final = ("MASTER", "SAMPLEDIST", "POSUNIT", "CORUNIT", "HOMEDIRECTION",
 _SERIAL: Final = "SERIALNUMBER"
 _ALLOWED: Final = f"the axis, then {'=, '.join((*_PAIRED, _SERIAL))}= or NEGCOR"
 _LOOSE_EQUALS: Final = re.compile(r"[ \t]*=[ \t]*(?=[^ \t=]+(?:[ \t]|$))")
-"""A "=" and the blanks around it, before a value; not one whose value is missing."""
+"""A "=" and the blanks around it, before a value. A "=" without a value does not match."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """One table as it stands; ``words`` maps a key to its value and line, NEGCOR to an empty one."""
+    """One table as written; ``words`` maps a key to its value and line, NEGCOR to an empty value."""
 
     axis: str
     line: int
@@ -91,11 +91,11 @@ def recognise(source: SourceText) -> bool:
 
 
 def read(source: SourceText, context: FileContext) -> Decoded:
-    """Read the file with the units, the start and, of several tables, the axis that the context tells.
+    """Read the file with the units, the start and, if it has several tables, the axis from the context.
 
     Raises:
-        TabFileError: a line that is not grammar, a table in two dimensions or of another axis, no units or no
-            start told, a sum that does not fit, a range that does not fit the travel.
+        TabFileError: a line outside the grammar, a table in two dimensions or of another axis, no units or no
+            start given, a wrong checksum, a range that does not fit the travel.
     """
     start = next((i for i, line in enumerate(source.lines) if line.text.startswith(":")), len(source.lines))
     facts = stated_facts(source, source.lines[:start], COMMENTS)
@@ -210,7 +210,7 @@ def _parse_table(source: SourceText, first: SourceLine, lines: deque[SourceLine]
 
 
 def _head(line: SourceLine) -> str:
-    # a line may hold nothing but blanks that are no spaces
+    # A line may consist of blanks other than spaces.
     return next(iter(line.text.split()), "").upper()
 
 
@@ -223,7 +223,7 @@ def _found(line: SourceLine) -> str:
 def _parse_start(
     source: SourceText, line: SourceLine, words: dict[str, tuple[str, int]], *, is_first: bool
 ) -> str:
-    """Add the words of a start line to those of the table; return the axis if it is the first."""
+    """Add the words of a start line to those of the table; return the axis if it is the first line."""
     head, *fields = _LOOSE_EQUALS.sub("=", line.text).split()
     if head.upper() != ":START":
         is_known = head.upper() == ":START2D"
@@ -281,7 +281,7 @@ def _pick(source: SourceText, tables: Sequence[_Table], context: FileContext) ->
 
 
 def _scale(source: SourceText, table: _Table, units: Units) -> tuple[float, float]:
-    """Return the distance of the values and how many of them make a unit, negative for NEGCOR."""
+    """Return the distance of the values and the value units in an axis unit, negative for NEGCOR."""
     words = table.words
     missing = next((key for key in _PAIRED[1:4] if key not in words), None)
     if missing is not None:

@@ -1,17 +1,18 @@
-"""Carvera Community firmware, ``pitch_compensation.dat``: how the screw stretches, point by point. Read only.
+"""Carvera Community firmware, ``pitch_compensation.dat``: the stretch of the screw at each point. Read only.
 
 Grammar, after the module that writes and reads it (``PitchCompensation``, pull request 221 of the firmware)::
 
     file  := point+
     point := axis position multiplier               one a line, in any order; X, Y or Z
 
-Positions are in mm. A multiplier, from 0.5 to 1.5, is what a mm at this place has to be stretched by; between
-two points it changes evenly, so the place that is commanded is the integral of the multipliers, 0 at 0, and
-the correction a parabola from point to point. Here it is a straight line between the same points; by how much
-that leaves the parabola is said. One correction for both directions. Outside, the firmware goes on with the
-last multiplier.
+Positions are in mm. A multiplier, from 0.5 to 1.5, is the stretch of a mm at this position. Between two
+points it changes linearly. The commanded position is therefore the integral of the multipliers, 0 at 0, and
+the correction is a parabola from point to point. Here it is a straight line between the same points; the
+difference from the parabola is reported. One correction holds for both directions. Outside, the firmware
+continues with the last multiplier.
 
-The firmware passes over a line that is none; here it is an error, and so are two points at one place.
+The firmware skips a line that is not a point. Here such a line is an error, and so are two points at one
+position.
 """
 
 import re
@@ -62,8 +63,8 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     """Read the points of one axis.
 
     Raises:
-        TabFileError: a line that is no point, a multiplier out of range, two points at one place, fewer than
-            two, several axes and none told, a range that does not fit the travel.
+        TabFileError: a line that is not a point, a multiplier out of range, two points at one position, fewer
+            than two points, several axes and none given, a range that does not fit the travel.
     """
     axes = _parse(source)
     axis = _choose(source, axes, context)
@@ -148,7 +149,7 @@ def _rows(points: list[_Point]) -> tuple[SourceRow, ...]:
 
 
 def _about_parabolas(points: list[_Point]) -> str:
-    """Say by how much straight lines leave the parabolas: an eighth of the change times the length."""
+    """Report the distance of the straight lines from the parabolas: the change times the length, / 8."""
     away, middle = max(
         (abs(b.multiplier - a.multiplier) * (b.position - a.position) / 8.0, (a.position + b.position) / 2.0)
         for a, b in pairwise(points)
@@ -160,7 +161,7 @@ def _about_parabolas(points: list[_Point]) -> str:
 
 
 def _integral(points: list[_Point], x: float) -> float:
-    """Return the integral of multiplier - 1 from the first point to x; outside, the multiplier is held."""
+    """Return the integral of multiplier - 1 from the first point to x; outside, the end multiplier holds."""
     first, last = points[0], points[-1]
     if x <= first.position:
         return (x - first.position) * (first.multiplier - 1.0)
@@ -176,7 +177,7 @@ def _integral(points: list[_Point], x: float) -> float:
 
 
 def write(table: CorrectionTable, _: WriteOptions) -> Written:
-    """Refuse: a curve of multipliers that change evenly is no table of corrections.
+    """Refuse: linearly changing multipliers are not a table of corrections.
 
     Raises:
         TabFileError: always.

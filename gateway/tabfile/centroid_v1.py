@@ -8,15 +8,14 @@ Grammar, after Centroid TB058 ("Version 7.17 File contents") and the description
 
 TOTAL is the measured travel and each value the amount to add, both in encoder counts of the old control:
 revolutions per unit x counts per revolution x (DRO - measured), negated where that control's Dir Rev is Y.
-Read with one signed scale k (counts per machine unit, negative for Dir Rev), travel and values both come out
-with the right sign, and Dir Rev is never needed again. One value serves both directions: lost motion is not
-in the file.
+One signed scale k (counts per machine unit, negative for Dir Rev) gives travel and values the right sign, so
+Dir Rev is not needed again. One value holds in both directions: the file does not contain lost motion.
 
-The two sources lay the points out differently. "listed": N points, the first is home (CNC Services).
-"implicit": N intervals, home is not listed and has no correction (TB058). A first value that is not 0 speaks
-for the second, because home is the zero of the measurement; else the layout whose interval is a round length
-is proven if the other's is not. Where neither is proven, or where the first value speaks for one layout and
-the round length for the other, the file is refused.
+The two sources place the points differently. "listed": N points, the first is home (CNC Services).
+"implicit": N intervals, home is not listed and has no correction (TB058). A first value other than 0
+indicates the second layout, because home is the zero of the measurement. Otherwise a layout is proven if its
+interval is a round length and the other's is not. The file is refused if neither is proven, or if the first
+value and the round length indicate different layouts.
 """
 
 from dataclasses import dataclass, replace
@@ -46,15 +45,15 @@ USES: Final = frozenset({"file_counts_per_unit", "v1_layout", "file_start", "fil
 ROUND_MM: Final = 1.0
 ROUND_INCH: Final = 0.05
 ROUND_DEGREE: Final = 1.0
-"""Intervals that people choose are multiples of these; no other intervals count as round."""
+"""People choose intervals that are multiples of these; no other interval counts as round."""
 ROUND_TOLERANCE: Final = 2e-6
-"""An error of TOTAL, one count or this fraction of it, spread over all intervals, still counts as round."""
+"""An error of TOTAL, one count or this fraction of it, spread over all intervals: still round."""
 MAX_PROBLEMS: Final = 20
 
 
 @dataclass(frozen=True, slots=True)
 class _Counts:
-    """The file as it stands."""
+    """The file as written."""
 
     total: int
     values: tuple[int, ...]
@@ -71,9 +70,8 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     """Read the file with the scale, units and layout that the context tells.
 
     Raises:
-        TabFileError: a line that is not grammar, a wrong number of values, no scale or no units told, a
-        layout
-            that nothing proves, a range that does not fit the travel.
+        TabFileError: a line outside the grammar, a wrong number of values, no scale or no units given, a
+            layout without proof, a range that does not fit the travel.
     """
     counts = _parse(source)
     scale, units = _scale(source, context)
@@ -216,15 +214,14 @@ def _is_round(length: float, intervals: int, tolerance: float, units: Units) -> 
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:
-    """Write the table; home must be an end of it, and the points must be evenly spaced.
+    """Write the table; home must be at one end of it, and the points must be evenly spaced.
 
-    A table with two directions is averaged, values are rounded to whole counts.
-
-    The layout is that of TB058 ("implicit") unless told otherwise.
+    A table with two directions is averaged; values are rounded to whole counts. The layout is that of TB058
+    ("implicit") unless another is given.
 
     Raises:
-        TabFileError: no scale told, 0 is no end of the table, a correction at home (which would make the file
-            read as the other layout).
+        TabFileError: no scale given, 0 is not an end of the table, a correction at home (a reader would take
+            the file for the other layout).
     """
     scale = options.file_counts_per_unit
     if scale is None:

@@ -8,15 +8,16 @@ Grammar, after Centroid TB058 ("File Format") and the description by CNC Service
     separator := ";" anything                           "; backward data"
 
 N counts intervals, so each list has N + 1 values. STEP is in machine units; UNITS is 20 (inch, values in
-0.0001 inch) or 21 (mm, values in microns). A value is target - measured and is added as it stands. The first
+0.0001 inch) or 21 (mm, values in microns). A value is target - measured and is added unchanged. The first
 list holds for motion in the positive direction, the second for the negative; both begin at the most negative
-position. Text after ";" is ignored, but a line of nothing else may stand only around the lists, not inside
+position. Text after ";" is ignored. A line with only such text may come before or after the lists, not inside
 one. A file without the separator is accepted, with a remark, if it has exactly 2(N + 1) values.
 
-Where does the first point lie? CNC Services: F6 is its machine position and F5 the encoder counts of the
-whole travel. TB058: F5 and F6 are the constants 1 and 0, and the start follows from the travel limits, which
-are not in the file. So: a told ``file_start`` is obeyed; F5 other than 1 means F6, once F5 has passed as a
-number of counts; "1 0" means the travel limits of the axis; anything else is refused.
+The sources differ on the position of the first point. CNC Services: F6 is its machine position and F5 the
+encoder counts of the whole travel. TB058: F5 and F6 are the constants 1 and 0; the start follows from the
+travel limits, which are not in the file. Therefore a given ``file_start`` is used. With F5 other than 1, F6
+is used once F5 is confirmed as a number of counts. "1 0" means the travel limits of the axis. Anything else
+is refused.
 """
 
 from collections.abc import Iterable, Sequence
@@ -47,10 +48,10 @@ USES: Final = frozenset({"file_counts_per_unit", "file_start", "file_home"})
 MAX_VALUE: Final = 999.9999
 MIN_INTERVALS: Final = 2
 COUNTS_TOLERANCE: Final = 1e-4
-"""F5 / travel may differ from the told counts per unit by 0.01 %."""
+"""F5 / travel may differ from the given counts per unit by 0.01 %."""
 GRID_TOLERANCE: Final = 1e-6
 MIN_LARGEST_VALUE: Final = 0.01
-"""A file whose values all stay below this was written in inches or mm instead of tenths or microns."""
+"""If all values of a file are below this, they are in inches or mm instead of tenths or microns."""
 MAX_PROBLEMS: Final = 20
 _UNITS: Final = {20: Units.INCH, 21: Units.MM}
 _CODES: Final = {units: code for code, units in _UNITS.items()}
@@ -74,7 +75,7 @@ class _Header:
 
 @dataclass(frozen=True, slots=True)
 class _Start:
-    """Position of the first point, and why; ``other`` would be the next best."""
+    """Position of the first point, with the reason; ``other`` is the next best position."""
 
     position: float
     reason: str
@@ -88,7 +89,7 @@ def recognise(source: SourceText) -> bool:
 
 
 def fields_of_header(content: str) -> list[str]:
-    """Split a header: blanks between its fields, or commas between all of them, as TB058 prints it.
+    """Split a header: blanks between its fields, or commas between all of them, as printed in TB058.
 
     >>> fields_of_header("2, 4, 0.5, 20, 1, 0 ")
     ['2', '4', '0.5', '20', '1', '0']
@@ -99,11 +100,11 @@ def fields_of_header(content: str) -> list[str]:
 
 
 def read(source: SourceText, context: FileContext) -> Decoded:
-    """Read the file and decide where its first point lies.
+    """Read the file and decide the position of its first point.
 
     Raises:
-        TabFileError: a line that is not grammar, a wrong number of values, a value out of range, a start that
-            nothing proves, a count of encoder pulses or a range that does not fit the axis.
+        TabFileError: a line outside the grammar, a wrong number of values, a value out of range, a start
+            without proof, a count of encoder pulses or a range that does not fit the axis.
     """
     header = _parse_header(source)
     forward, backward, remarks = _parse_lists(source, header)
@@ -137,9 +138,9 @@ def read(source: SourceText, context: FileContext) -> Decoded:
 
 
 def _ends(rows: Sequence[SourceRow]) -> tuple[Lint, ...]:
-    """Say what TB058 says of the ends, where its own rule of home does not explain them.
+    """Report what TB058 says of the ends, where its own rule of home does not explain them.
 
-    That rule makes one of both another value than 0 as soon as the other is 0 (its own example: +2.0000).
+    By that rule one end has a value other than 0 if the other end is 0 (TB058's example: +2.0000).
     """
     first, last = rows[0].forward_value, rows[-1].backward_value
     if not first or not last:
@@ -178,7 +179,7 @@ def _parse_lists(
     size = header.intervals + 1
     values: list[SourceLine] = []
     comments: list[tuple[int, int]] = []
-    """Values before a comment line, and its line."""
+    """Number of values before a comment line, and the line number of the comment."""
     problems: list[FileProblem] = []
     for line in source.lines[1:]:
         text = line.text.partition(";")[0].strip()
@@ -281,7 +282,7 @@ def _decide_start(
 
 
 def _check_encoder_counts(source: SourceText, header: _Header, context: FileContext) -> None:
-    """Check F5 against the old control's scale, or at least against the length, if it is meant as counts."""
+    """If F5 is a number of counts, check it against the old scale, or at least the length."""
     if header.counts == 1:
         return
     length = header.intervals * header.step
@@ -309,7 +310,7 @@ def _start_from_travel(
     lists: tuple[list[SourceLine], list[SourceLine]],
     context: FileContext,
 ) -> _Start:
-    """Derive the start as TB058 lays it out: multiples of the step, beginning just inside the travel."""
+    """Derive the start as TB058 does: multiples of the step, beginning just inside the travel."""
     assert context.travel is not None
     low, high = context.travel
     length = header.intervals * header.step
@@ -349,7 +350,7 @@ def _ambiguous_start(
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:
-    """Write the table, with encoder counts and start in the header if the scale is told, else with ``1 0``.
+    """Write the table; the header has encoder counts and start if the scale is given, else ``1 0``.
 
     Values are rounded to 0.0001 tenth or micron.
 

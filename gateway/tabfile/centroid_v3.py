@@ -10,11 +10,11 @@ Grammar, after the description by CNC Services Northwest; keywords in any case, 
     position away toward               n lines
 
 Positions are signed distances from home and begin there, at 0. ``away`` is added while the axis moves away
-from home, ``toward`` while it moves towards home, both in the same units as the positions (not tenths or
-microns). Where the axis homes is read off the positions: descending from 0 means home at the plus end, so
-that away from home is the negative direction (``away`` is the backward correction); ascending means home at
-the minus end (``away`` is the forward one). Positions on both sides of 0 are refused: which column then
-holds is described nowhere.
+from home, ``toward`` while it moves towards home. Both are in the units of the positions (not tenths or
+microns). The order of the positions proves the home end. Descending from 0 means home at the plus end; away
+from home is then the negative direction (``away`` is the backward correction). Ascending means home at the
+minus end (``away`` is the forward correction). Positions on both sides of 0 are refused: no source says which
+column holds there.
 """
 
 import itertools
@@ -52,12 +52,12 @@ USES: Final = frozenset({"file_start", "file_home"})
 INTERVAL_TOLERANCE: Final = 1e-4
 HOME_TOLERANCE: Final = 1e-6
 MIN_STEP: Final = 1e-3
-"""Eight decimals of a position keep a step within the tolerance of readers down to this."""
+"""Eight decimals of a position keep steps down to this within the tolerance of readers."""
 MAX_PROBLEMS: Final = 20
 _UNITS: Final = {"INCH": Units.INCH, "MILLIMETER": Units.MM}
 _UNIT_WORDS: Final = {units: word for word, units in _UNITS.items()}
 _MAX_PLAUSIBLE: Final = {Units.INCH: 0.1, Units.MM: 0.5}
-"""A larger |value| was probably written in tenths or microns."""
+"""A larger |value| is probably in tenths or microns."""
 _VERSION: Final = re.compile(r"CNC[0-9]*\s+TAB\s+FILE\s+VERSION\s+([0-9]+)", re.IGNORECASE)
 
 
@@ -78,7 +78,7 @@ class _Header:
 
 
 def recognise(source: SourceText) -> bool:
-    """Whether the first line names this family; another version than 3 is refused by :func:`read`."""
+    """Whether the first line names this family; :func:`read` refuses versions other than 3."""
     return _VERSION.fullmatch(source.lines[0].text) is not None
 
 
@@ -86,9 +86,8 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     """Read the file; the order of its positions proves where the axis homes.
 
     Raises:
-        TabFileError: another version, a line that is not grammar, a wrong number of rows, positions that do
-        not
-            run from 0 in equal steps, another axis, a range that does not fit the travel.
+        TabFileError: another version, a line outside the grammar, a wrong number of rows, positions that do
+            not run from 0 in equal steps, another axis, a range that does not fit the travel.
     """
     header = _parse_header(source)
     file_rows = _parse_rows(source, header)
@@ -175,7 +174,7 @@ def _parse_rows(source: SourceText, header: _Header) -> list[_Row]:
 
 
 def _parse_row(line: SourceLine) -> _Row | tuple[str, str]:
-    """Return the row, or what was found instead, with the field that is no number; "" for none."""
+    """Return the row, or what was found instead and the field that is not a number ("" for none)."""
     fields = line.text.split()
     if len(fields) != 3:
         return (f"{len(fields)} fields in {shown(line.text)}" if fields else "a blank line"), ""
@@ -250,14 +249,13 @@ def _directed(row: _Row, *, away_is_forward: bool) -> SourceRow:
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:
-    """Write the table; home, at 0, must be an end of it, and the points must be evenly spaced.
+    """Write the table; home, at 0, must be at one end of it, and the points must be evenly spaced.
 
     Positions and values are rounded to 8 decimals.
 
     Raises:
-        TabFileError: no axis letter, degrees, 0 is no end of the table, points that are not evenly spaced or
-        lie
-            closer than 0.001 units.
+        TabFileError: no axis letter, degrees, 0 is not an end of the table, points that are not evenly spaced
+            or are closer than 0.001 units.
     """
     if options.axis is None or not re.fullmatch("[A-Za-z]", options.axis):
         raise unwritable(NAME, f"axis {options.axis!r}", "one letter for its AXIS line: --to-axis LETTER")

@@ -1,4 +1,4 @@
-"""What every dialect checks of a file that it has read, against what was told and against the axis."""
+"""Checks for every dialect: a file that was read, against the given options and the axis."""
 
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
@@ -13,20 +13,20 @@ from gateway.tabfile.text import SourceText
 # --- Two meanings of one file, described and compared, so that a person can choose
 
 AS_THEY_STAND: Final = "positions as they stand"
-"""What the plain meaning of a file that states positions assumes."""
+"""The assumption of the plain meaning, for a file that states positions."""
 _SHOWN_POINTS: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
 class Interpretation:
-    """One possible meaning: what it assumes and the points that follow, ascending."""
+    """One possible meaning: its assumption, and the resulting points in ascending order."""
 
     assumption: str
     rows: Sequence[SourceRow]
     units: Units
 
     def describe(self) -> str:
-        """Say in one line what is assumed and where the points then lie."""
+        """Return one line: the assumption, and the resulting positions of the points."""
         positions = [f"{row.position:.6g}" for row in self.rows]
         if len(positions) > 2 * _SHOWN_POINTS:
             positions = [*positions[:_SHOWN_POINTS], "…", *positions[-_SHOWN_POINTS:]]
@@ -34,10 +34,10 @@ class Interpretation:
 
 
 def largest_difference(one: Sequence[SourceRow], other: Sequence[SourceRow]) -> tuple[float, float]:
-    """Return the largest difference between the corrections of two readings, and where it is.
+    """Return the largest difference between the corrections of two readings, and its position.
 
-    Outside its points a reading holds its end value. Both are piecewise linear, so the largest difference
-    lies at a point of one of them.
+    Outside its points a reading keeps its end value. Both are piecewise linear, so the largest difference is
+    at a point of one of them.
     """
     positions = sorted({row.position for row in (*one, *other)})
     largest, where = 0.0, positions[0]
@@ -50,7 +50,7 @@ def largest_difference(one: Sequence[SourceRow], other: Sequence[SourceRow]) -> 
 
 
 def describe_both(one: Interpretation, other: Interpretation) -> tuple[str, ...]:
-    """Return both readings in words, the second followed by how far they lie apart."""
+    """Return both readings in words; the second ends with the difference between them."""
     largest, where = largest_difference(one.rows, other.rows)
     unit = one.units.value
     difference = f"; their corrections differ by at most {largest:.6g} {unit} (at {where:.6g})"
@@ -72,19 +72,19 @@ def _hold(positions: list[float], corrections: list[float], position: float) -> 
     return corrections[above - 1] + share * (corrections[above] - corrections[above - 1])
 
 
-# --- Does the range of a table fit the axis it is meant for?
+# --- Does the range of a table fit its axis?
 
 MAX_EXCESS: Final = 0.2
-"""A table may stick out of the travel by this fraction of it; beyond, a scale or a start is wrong."""
+"""A table may exceed the travel by this fraction of it; beyond, a scale or a start is wrong."""
 TOUCH: Final = 1e-6
-"""Ranges that share no more than this fraction of the travel do not meet."""
+"""Ranges that share no more than this fraction of the travel do not overlap."""
 
 
 def context_in_file_units(source: SourceText, context: FileContext, file_units: Units) -> FileContext:
     """Return the context in the units that the file states.
 
     Raises:
-        TabFileError: the axis has other units and they must not or cannot be converted.
+        TabFileError: the axis has other units, and conversion is not allowed or not possible.
     """
     if context.file_units not in (None, file_units):
         assert context.file_units is not None
@@ -110,7 +110,7 @@ def required_units(source: SourceText, context: FileContext, what: str) -> Units
     """Return the units of a file that does not state its own; ``what`` names the kind of file.
 
     Raises:
-        TabFileError: nobody told them.
+        TabFileError: the units were not given.
     """
     if context.file_units is None:
         raise source.error(
@@ -123,11 +123,11 @@ def required_units(source: SourceText, context: FileContext, what: str) -> Units
 def check_range(
     source: SourceText, reading: Interpretation, mirror: Interpretation, context: FileContext, remedy: str
 ) -> None:
-    """Check that the range meets the travel and does not stick far out of it. Without a travel: no check.
+    """Check that the range overlaps the travel and does not exceed it by much. Without a travel: no check.
 
     Raises:
-        TabFileError: the range misses the travel (with the mirrored reading beside it if that one meets it),
-            or sticks out of it by more than a fifth of the travel.
+        TabFileError: the range is outside the travel (the error adds the mirrored reading if that one fits),
+            or exceeds it by more than a fifth of the travel.
     """
     if context.travel is None:
         return
@@ -151,7 +151,7 @@ def check_range(
 
 
 def check_own_range(source: SourceText, reading: Interpretation, context: FileContext, remedy: str) -> None:
-    """Check the range of a file whose positions have a sign of their own: its mirror has the other one.
+    """Check the range of a file whose positions have their own sign; its mirrored reading has the other sign.
 
     Raises:
         TabFileError: see :func:`check_range`.
@@ -162,10 +162,10 @@ def check_own_range(source: SourceText, reading: Interpretation, context: FileCo
 
 
 def check_home(source: SourceText, rows: Sequence[SourceRow], context: FileContext) -> None:
-    """Check a told home side against the side that the positions prove.
+    """Check a given home side against the side that the positions prove.
 
     Raises:
-        TabFileError: the positions lie on the other side of home.
+        TabFileError: the positions are on the other side of home.
     """
     proven = proven_home(rows)
     if context.file_home is not None and proven not in (None, context.file_home):
@@ -178,10 +178,10 @@ def check_home(source: SourceText, rows: Sequence[SourceRow], context: FileConte
 
 
 def check_start(source: SourceText, rows: Sequence[SourceRow], context: FileContext) -> None:
-    """Check a told start against a file that proves its own.
+    """Check a given start against a file that proves its own.
 
     Raises:
-        TabFileError: the file starts elsewhere.
+        TabFileError: the file starts at another position.
     """
     if context.file_start is None:
         return
@@ -202,7 +202,7 @@ def proven_home(rows: Sequence[SourceRow]) -> HomeSide | None:
 
 
 def unused_options(context: FileContext, format_name: str, names: Iterable[str]) -> tuple[Lint, ...]:
-    """Return a remark for each told option that this dialect has no use for."""
+    """Return a remark for each given option that this dialect does not use."""
     return tuple(
         Lint(
             "R3", LintSeverity.WARNING, f"{name} has no meaning for {format_name} and was not used: remove it"
@@ -215,10 +215,10 @@ def unused_options(context: FileContext, format_name: str, names: Iterable[str])
 def under_new_names(
     source: SourceText, context: FileContext, format_name: str
 ) -> tuple[FileContext, tuple[Lint, ...]]:
-    """Return the context with what was told under old names of options, and a remark for each of them.
+    """Return the context with the values of old option names, and a remark for each of them.
 
     Raises:
-        TabFileError: an option was told under both names, and they contradict each other.
+        TabFileError: both names of an option were given, and they contradict each other.
     """
     remarks: list[Lint] = []
     for old, new, given in context.given_under_old_names(format_name):
@@ -243,10 +243,10 @@ def _overlap(first: float, last: float, low: float, high: float) -> float:
 
 
 def check_stated(source: SourceText, rows: Sequence[SourceRow], units: Units, context: FileContext) -> None:
-    """Check stated positions against a told start and the travel, both in ``units``.
+    """Check stated positions against a given start and the travel, both in ``units``.
 
     Raises:
-        TabFileError: the file starts elsewhere, misses the travel, or sticks far out of it.
+        TabFileError: the file starts at another position, is outside the travel, or exceeds it by much.
     """
     check_start(source, rows, context)
     reading = Interpretation(AS_THEY_STAND, rows, units)
@@ -254,7 +254,7 @@ def check_stated(source: SourceText, rows: Sequence[SourceRow], units: Units, co
 
 
 def is_closed(rows: Sequence[SourceRow]) -> bool:
-    """Whether both directions end with the value that they began with, as a full turn must."""
+    """Whether both directions end with their first value, as a full revolution must."""
     first, last = rows[0], rows[-1]
     return first.forward_value == last.forward_value and first.backward_value == last.backward_value
 
@@ -278,12 +278,12 @@ def required_sense(
     what: str,
     why: str = "no manual says which sign its errors have",
 ) -> ErrorSense:
-    """Return the sense of a file of which nothing proves it.
+    """Return the sense of the errors in a file that does not prove it.
 
-    ``what`` names the kind of file, ``why`` says why the sense is asked for.
+    ``what`` names the kind of file, ``why`` gives the reason for the question.
 
     Raises:
-        TabFileError: nobody told it: both readings are shown.
+        TabFileError: the sense was not given; the error shows both readings.
     """
     if context.error_sense is None:
         raise source.error(

@@ -1,4 +1,4 @@
-"""A table written in another dialect: read back first, then the file replaced in one step; even grids."""
+"""Writing a table in another dialect: read back first, then replace the file in one step; even grids."""
 
 import os
 from dataclasses import dataclass, replace
@@ -35,22 +35,22 @@ WRITE_OPTIONS: Final = {
     "sense": "--to-sense",
 }
 SAME_REVOLUTION: Final = 1e-9
-"""A turn may be off by this fraction of it: the rounding of positions."""
+"""A revolution may differ by this fraction of it: the rounding of positions."""
 
 
 @dataclass(frozen=True, slots=True)
 class Converted:
-    """A text; by how much its corrections differ when it is read back, and where, in units of the table."""
+    """A text, the largest change of its corrections when read back, and where, in units of the table."""
 
     written: Written
     difference: float
     at: float
     modulo: float | None = None
-    """What is read back begins again after this length."""
+    """The table that is read back repeats after this length."""
 
 
 def converted(table: CorrectionTable, target: Dialect, options: WriteOptions) -> Converted:
-    """Return the text of a table, and how far what is read back from it lies from the table.
+    """Return the text of a table, and the difference between the table and what is read back.
 
     Raises:
         TabFileError: the target cannot hold the table.
@@ -66,7 +66,7 @@ def converted(table: CorrectionTable, target: Dialect, options: WriteOptions) ->
 
 
 def is_modulo(loaded: LoadedTable, table: CorrectionTable) -> bool:
-    """Whether a table that was made of a file begins again at its end, as that of the file does."""
+    """Whether a table repeats at its end, as the table of its source file does."""
     if loaded.source.modulo is None:
         return False
     revolution = loaded.source.modulo * loaded.table.units.convert_factor(table.units)
@@ -75,7 +75,7 @@ def is_modulo(loaded: LoadedTable, table: CorrectionTable) -> bool:
 
 
 def lost_modulo(loaded: LoadedTable, modulo: float | None) -> list[str]:
-    """Say that a table begins again at its end, where the file that was made of it does not say so."""
+    """Report that a table repeats at its end, if the file made from it does not state this."""
     if loaded.source.modulo is None or modulo is not None:
         return []
     revolution, unit = f"{loaded.source.modulo:.10g}", loaded.table.units.value
@@ -84,7 +84,7 @@ def lost_modulo(loaded: LoadedTable, modulo: float | None) -> list[str]:
 
 
 def write_text(table: CorrectionTable, target: Dialect, options: WriteOptions) -> Written:
-    """Return the text of a table; told options that a file of this format has no place for are losses, too.
+    """Return the text of a table; given options without a field in this format are losses too.
 
     Raises:
         TabFileError: the target cannot hold the table.
@@ -99,7 +99,7 @@ def write_text(table: CorrectionTable, target: Dialect, options: WriteOptions) -
 
 
 def reader_options(written: Written, target: Dialect) -> JsonObject:
-    """Return what a reader of the file must be told, by the names of the options."""
+    """Return the options that a reader of the file needs, by name."""
     names = ["format", *OPTIONS]
     if target.units is not UnitsOf.FILE:
         names.append("file_units" if target.units is UnitsOf.TOLD else "units")
@@ -109,7 +109,7 @@ def reader_options(written: Written, target: Dialect) -> JsonObject:
 
 
 def reader_lines(written: Written, target: Dialect) -> list[str]:
-    """Say the same as options of the command line; no line where nothing is to be told."""
+    """Return the same as options of the command line; no line if no option is needed."""
     options = " ".join(
         f"{DECLARED[name].typed if name in DECLARED else f'--{name}'} {fact}"
         for name, fact in sorted(reader_options(written, target).items())
@@ -123,19 +123,19 @@ def _rows(table: CorrectionTable) -> list[SourceRow]:
 
 
 def write(out: Path, text: str, *, force: bool, encoding: str = "utf-8") -> None:
-    """Write the file; an existing one only with ``force``, and then in one step, with the mode it had.
+    """Write the file; replace an existing one only with ``force``, in one step, keeping its mode.
 
     A symbolic link is followed: the file that it names is written.
 
     Raises:
-        TabFileError: a file of this name exists, it is no regular file, or the place cannot be written to.
+        TabFileError: a file of this name exists, it is not a regular file, or the path cannot be written.
     """
     try:
         write_file(out, text.encode(encoding), force=force)
     except FileExistsError:
         raise TabFileError(FileProblem(str(out), "a file of this name", "a new name, or --force")) from None
     except FileRefusedError as error:
-        replaced = os.path.realpath(out)  # what a link names
+        replaced = os.path.realpath(out)  # the target of a link
         raise TabFileError(FileProblem(replaced, error.found, "a regular file, or a new name")) from None
     except OSError as error:
         raise TabFileError(
@@ -143,20 +143,20 @@ def write(out: Path, text: str, *, force: bool, encoding: str = "utf-8") -> None
         ) from error
 
 
-# --- A free grid made even, for the controls that know no other, and what that changes
+# --- Resampling of a free grid for controls that need an even one, and the resulting change
 
 MAX_POINTS: Final = 100_000
 DECIMALS: Final = 11
-"""Of a unit: far below what any instrument or drive shows, and above what sums leave behind."""
+"""Of a unit: far below the resolution of any instrument or drive, and above the rounding of sums."""
 MEASURED_DECIMALS: Final = 7
 """Of a unit: a tenth of a nanometre, where instruments show a hundred times as much."""
 ON_GRID: Final = 1e-6
-"""An end that lies within this fraction of a step from a point of the grid is that point."""
+"""An end within this fraction of a step from a grid point is that point."""
 
 
 @dataclass(frozen=True, slots=True)
 class Resampled:
-    """The table on its new grid; its corrections differ from the old ones by at most this, and there."""
+    """The table on its new grid; the largest change of its corrections, and its position."""
 
     table: CorrectionTable
     difference: float
@@ -166,12 +166,12 @@ class Resampled:
 def resample(table: CorrectionTable, step: float, name: str) -> Resampled:
     """Return a table with points every ``step``, in units of the table; ``name`` is for the error.
 
-    Home is a point of the grid if the table reaches there, else its first point is. Where the length is no
+    Home is a point of the grid if the table reaches home, else the first point is. If the length is not a
     multiple of the step, the grid ends within one step behind the table, with the value at its end.
 
     Raises:
-        TabFileError: a step that is not above 0, above the length of the table, or that makes more than
-            100 000 points.
+        TabFileError: a step that is not above 0, is above the length of the table, or makes more than 100 000
+            points.
     """
     length = table.last - table.first
     unit = table.units.value
@@ -191,7 +191,7 @@ def resample(table: CorrectionTable, step: float, name: str) -> Resampled:
     forward, backward = ([branch(x) for x in positions] for branch in (curve.forward, curve.backward))
     even = make_table(positions, forward, backward, table.units, has_backlash=table.facts.has_backlash)
     again = Curve(even)
-    # Both are straight between the points of either, and the same at those of the new grid.
+    # Both are straight between the points of either, and equal at those of the new grid.
     difference, at = max(
         (abs(value - branch(x)), x)
         for values, branch in ((table.forward, again.forward), (table.backward, again.backward))
@@ -201,9 +201,9 @@ def resample(table: CorrectionTable, step: float, name: str) -> Resampled:
 
 
 def tidied(table: CorrectionTable, decimals: int = DECIMALS) -> CorrectionTable:
-    """Return a table that was computed, without what sums left behind the last digit that means anything.
+    """Return a computed table without the rounding of sums behind its last significant digit.
 
-    Of one that was measured that is :data:`MEASURED_DECIMALS`.
+    A measured table has :data:`MEASURED_DECIMALS`.
 
     >>> from gateway.compensation.units import Units
     >>> table = make_table([0.1, 0.1 + 0.2], [400.0123 - 400.0, 1e-9], [0.0, 0.0], Units.MM)

@@ -1,4 +1,4 @@
-"""Plain CSV: free positions, both directions, lengths and degrees, full precision. The format is our own.
+"""Plain CSV of our own: free positions, both directions, lengths and degrees, full precision.
 
 Grammar (see :mod:`gateway.tabfile.csv_text` for comments, separators and sums)::
 
@@ -11,7 +11,7 @@ Grammar (see :mod:`gateway.tabfile.csv_text` for comments, separators and sums):
 ``correction``, ``forward`` and ``backward`` (also ``forward_correction``, ``backward_correction``) are
 amounts to ADD to a commanded position; the single ``correction`` holds in both directions. ``error`` columns
 are measured errors, actual - commanded, and are subtracted. ``forward`` holds while the position grows. All
-correction columns have one unit. Positions ascend strictly or descend strictly. No column is ever left out.
+correction columns have one unit. Positions ascend strictly or descend strictly. No column is ignored.
 """
 
 import re
@@ -53,7 +53,7 @@ _PER_UNIT: Final = {
     ("um", Units.INCH): 1000.0 * MM_PER_INCH,
     ("arcsec", Units.DEGREE): 3600.0,
 }
-"""How many of a smaller unit make one machine unit."""
+"""The number of smaller units in one machine unit."""
 _PLAUSIBLE: Final = {
     "mm": (0.0, 0.5),
     "inch": (0.0, 0.1),
@@ -61,12 +61,12 @@ _PLAUSIBLE: Final = {
     "um": (0.1, 500.0),
     "arcsec": (0.1, 1800.0),
 }
-"""Bounds of the largest |value| of a sound file: beyond them it was probably written in another unit."""
+"""Bounds of the largest |value| of a sound file: beyond them the file is probably in another unit."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    """Where the columns stand; ``per_unit`` of the file's values make one machine unit, < 0 for errors."""
+    """The columns; ``per_unit`` of the file's values make one machine unit, < 0 for errors."""
 
     units: Units
     position: int
@@ -78,18 +78,18 @@ class _Header:
 
 
 def recognise(source: SourceText) -> bool:
-    """Whether the first line that is no comment holds a column name of ours, however it goes on."""
+    """Whether the first line that is not a comment has one of our column names."""
     first = first_row(source)
     return first is not None and _SIGN.search(first.text) is not None
 
 
 def read(source: SourceText, context: FileContext) -> Decoded:
-    """Read the file; its header says everything about it.
+    """Read the file; its header contains all that the reader needs.
 
     Raises:
-        TabFileError: a column that is unknown, missing or doubled, mixed units, a cell that is no number,
-            positions that do not run one way, a sum that does not fit, another axis, a range that does not
-            fit the travel.
+        TabFileError: an unknown, missing or repeated column, mixed units, a cell that is not a number,
+            positions that are not monotonic, a wrong checksum, another axis, a range that does not fit the
+            travel.
     """
     csv = parse_csv(source, ",;\t", EXAMPLE)
     header = _parse_header(source, csv)
@@ -194,7 +194,7 @@ def _rows(
 
 
 def template(units: Units, separator: str = ",") -> str:
-    """Return a file to fill in: a header with rows of zeros, which change nothing as they stand."""
+    """Return a file to fill in: a header and rows of zeros, which change nothing."""
     header = separator.join(f"{name}_{units.value}" for name in ("position", "forward", "backward"))
     comments = (
         "# corrections to ADD: commanded less measured position; forward: while the position grows",
@@ -205,7 +205,7 @@ def template(units: Units, separator: str = ",") -> str:
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:
-    """Write the table as it is, each number with all its digits; there is nothing that it cannot hold."""
+    """Write the table unchanged, each number with all its digits. The format has no losses."""
     unit = table.units.value
     if table.is_unidirectional:
         header = f"position_{unit},correction_{unit}"

@@ -1,4 +1,4 @@
-"""What the CSV dialects share: comments above the rows, one separator throughout, sums that show damage.
+"""Parts that the CSV dialects share: comments above the rows, one separator, checksums.
 
 Grammar::
 
@@ -7,7 +7,7 @@ Grammar::
     row     := cell (separator cell)*   separator: comma, semicolon or tab, the same in all rows
     cell    := text, or text in double quotes without a separator or another quote in it
 
-A comment ``# key: value`` is provenance. Three keys mean something: ``axis``, a letter, and the two sums of
+A comment ``# key: value`` is provenance. Three keys have a meaning: ``axis``, a letter, and the two sums of
 :mod:`gateway.tabfile.text`.
 """
 
@@ -45,7 +45,7 @@ class CsvRow:
 
 @dataclass(frozen=True, slots=True)
 class CsvText:
-    """The rows of a file and what its comments state."""
+    """The rows of a file, and the facts in its comments."""
 
     separator: str
     rows: tuple[CsvRow, ...]
@@ -73,11 +73,11 @@ def first_row(source: SourceText) -> SourceLine | None:
 
 
 def parse_csv(source: SourceText, separators: str, what: str) -> CsvText:
-    """Split a text into rows; ``what`` names the first row that is expected.
+    """Split a text into rows; ``what`` names the expected first row.
 
     Raises:
         TabFileError: no separator or several in the first row, a comment or a blank line among the rows, a
-            key stated twice.
+            repeated key.
     """
     first = first_row(source)
     assert first is not None, "a dialect recognises its files by their first row"
@@ -94,20 +94,20 @@ def parse_csv(source: SourceText, separators: str, what: str) -> CsvText:
 
 
 def check_sums(source: SourceText, csv: CsvText, points: int) -> None:
-    """Check a file that reads well against the sums that it states.
+    """Check a file without errors against its stated sums.
 
     Raises:
-        TabFileError: another number of points, or rows that were changed.
+        TabFileError: another number of points, or changed rows.
     """
     check_points(source, csv.facts, points)
     check_sum(source, csv.body, csv.facts)
 
 
 def axis_letter(source: SourceText, csv: CsvText, context: FileContext) -> str | None:
-    """Return the letter that a comment states; other words about an axis are provenance.
+    """Return the letter stated by a comment; other words about an axis are provenance.
 
     Raises:
-        TabFileError: the file is for another axis than it is read for.
+        TabFileError: the file is for another axis.
     """
     value, line = csv.facts.get("axis", ("", 0))
     if not re.fullmatch("[A-Za-z]", value):
@@ -140,14 +140,14 @@ def _check_lines(source: SourceText, body: Iterable[SourceLine]) -> None:
         raise TabFileError(*problems[:MAX_PROBLEMS])
 
 
-# --- Numbers, which may have been written where the decimal mark is a comma
+# --- Numbers, possibly with a decimal comma
 #
 # A comma in a number is a decimal mark or a mark of thousands. It is read as a decimal mark if the file
-# proves it: no number has a point, and one at least cannot be grouped by thousands (``0,5``, ``12,75``). What
-# nothing proves is refused.
+# proves it: no number has a point, and at least one cannot be grouped by thousands (``0,5``, ``12,75``).
+# Commas without this proof are refused.
 
 GROUPED: Final = re.compile(r"[+-]?[1-9][0-9]{0,2}(?:,[0-9]{3})+")
-"""A number whose commas may as well group its thousands."""
+"""A number whose commas may also be marks of thousands."""
 _LONE_ZERO: Final = re.compile(r"[+-]?0[0-9].*")
 REMEDY: Final = "decimal points throughout (1.25), or decimal commas with semicolons between the columns"
 
@@ -156,8 +156,8 @@ def numbers(source: SourceText, csv: CsvText, rows: Sequence[CsvRow]) -> list[tu
     """Return the numbers of all rows.
 
     Raises:
-        TabFileError: a cell that is no number, another number of cells than the first row has, commas that
-            nothing proves to be decimal marks.
+        TabFileError: a cell that is not a number, another number of cells than in the first row, commas that
+            are not proven decimal marks.
     """
     width = len(csv.rows[0].cells)
     short = [
@@ -201,7 +201,7 @@ def _has_decimal_commas(source: SourceText, rows: Sequence[CsvRow]) -> bool:
     if not commas:
         return False
     if points:
-        # the rarer of both is the slip
+        # The rarer of both is the mistake.
         cell, line = min(commas, points, key=len)[0]
         other = "commas" if "." in cell else "points"
         raise source.error(

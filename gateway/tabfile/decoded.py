@@ -1,4 +1,4 @@
-"""What every reader returns, remarks about it, and what it becomes once it has been checked."""
+"""The result of a reader, remarks about it, and the checked table."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from gateway.tabfile.options import FileContext
 
 
 class LintSeverity(Enum):
-    """``error``: the gateway does not load the table. ``info``: nothing is to be done."""
+    """``error``: the gateway does not load the table. ``info``: no action is needed."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -31,7 +31,7 @@ class Lint:
     line: int | None = None
 
     def line_in(self, file: str) -> str:
-        """Return it as one line about a file: place, severity, code, message."""
+        """Return one line about a file: path, severity, code, message."""
         location = file if self.line is None else f"{file}:{self.line}"
         return f"{location}: {self.severity.value} {self.code} {self.message}"
 
@@ -64,15 +64,14 @@ class SourceRow(NamedTuple):
 class Decoded:
     """A file read by its dialect, all decisions made.
 
-    ``rows`` ascend; ``context`` is in ``units``; ``value_unit`` is the unit of the file's own numbers,
-    ``forward_rule`` and ``backward_rule`` say where each correction comes from and with which sign.
-    ``plausible`` bounds the largest |value| of a sound file, in ``value_unit``. ``decisions`` tell how what
-    the file leaves open was settled; ``remarks`` what was taken on trust. ``behaves_as`` holds settings of
-    the axis, each a line of its configuration, that make the gateway do outside the table and at a reversal
-    what the control did that the file was made for. ``are_positions``: the values are places of the nut, not
-    corrections, so that their size says nothing about their unit. ``file_axis`` is what a file that names
-    axes in a way of its own calls this one. ``modulo`` is the length after which the table begins again, in
-    ``units``, None where it does not.
+    ``rows`` ascend; ``context`` is in ``units``; ``value_unit`` is the unit of the file's own numbers.
+    ``forward_rule`` and ``backward_rule`` give the source and the sign of each correction. ``plausible``
+    bounds the largest |value| of a sound file, in ``value_unit``. ``decisions`` are the answers to what the
+    file leaves open; ``remarks`` name what was assumed. ``behaves_as`` holds settings of the axis, each a
+    line of its configuration. With them the gateway behaves as the file's control outside the table and at a
+    reversal. ``are_positions``: the values are positions of the nut, not corrections, so their size does not
+    indicate their unit. ``file_axis`` is the file's own name for this axis. ``modulo`` is the length after
+    which the table repeats, in ``units``, None if it does not.
     """
 
     rows: tuple[SourceRow, ...]
@@ -94,7 +93,7 @@ class Decoded:
 
 @dataclass(frozen=True, slots=True)
 class LoadedTable:
-    """A file with its table, in the machine units of the file, and everything there is to say about it."""
+    """A file with its table, in the machine units of the file, and all information about it."""
 
     file: str
     format: str
@@ -110,11 +109,11 @@ class LoadedTable:
 
     @property
     def warnings(self) -> tuple[Lint, ...]:
-        """Remarks that do not."""
+        """The other remarks."""
         return tuple(lint for lint in self.lints if lint.severity is LintSeverity.WARNING)
 
 
-# --- Small sums over rows, which the loader and the lints share
+# --- Small sums over rows, for the loader and the lints
 
 BRANCHES: Final = ("forward", "backward")
 
@@ -130,9 +129,9 @@ def line_of(row: SourceRow, branch: str) -> int | None:
 
 
 def steepest(rows: Sequence[SourceRow]) -> tuple[float, SourceRow, SourceRow]:
-    """Return the largest slope of either direction, signed, and the two points it lies between.
+    """Return the largest slope of either direction, signed, and its two points.
 
-    The steepest of slopes without a value (positions that coincide) is infinite.
+    A slope without a value (between equal positions) is infinite and the steepest.
     """
     found = (0.0, rows[0], rows[-1])
     for before, after in pairwise(rows):

@@ -1,4 +1,4 @@
-"""The dialects that can be read and written, and kinds of file that are known and not read.
+"""The dialects that can be read and written, and kinds of file that are known but not read.
 
 A new dialect is one file and one entry in :data:`DIALECTS`.
 """
@@ -40,45 +40,45 @@ from gateway.tabfile.writing import WriteOptions, Written, unwritable
 
 
 class UnitsOf(Enum):
-    """Where the units of a file come from."""
+    """Where a reader gets the units of a file."""
 
     FILE = "file"
-    """It states them."""
+    """The file states them."""
     AXIS = "axis"
-    """Its numbers are counts of the old control; they become lengths in units of the axis."""
+    """The numbers are counts of the old control; they become lengths in units of the axis."""
     TOLD = "told"
-    """Nobody knows them but who made the file: ``file_units``."""
+    """Only the author of the file knows them: ``file_units``."""
 
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """One file format: how to tell it, read it and write it."""
+    """One file format: how to recognise, read and write it."""
 
     name: str
     title: str
     recognise: Callable[[SourceText], bool]
-    """Judges a text; true as soon as it can be nothing else, so that what is wrong in it can be named."""
+    """Returns true as soon as the text can be nothing else, so that errors in it can be named."""
     read: Callable[[SourceText, FileContext], Decoded]
     written: Callable[[CorrectionTable, WriteOptions], Written]
     """Makes the text, for :meth:`write`."""
     uses: frozenset[str]
-    """Names of options of a table that it may need; the others get remark R3."""
+    """Names of table options that it may need; other given options get remark R3."""
     units: UnitsOf = UnitsOf.FILE
     suffix: str = ".tab"
-    """What files of this dialect are usually called."""
+    """The usual suffix of such files."""
     directions: int = 2
-    """1: its files hold one correction for both."""
+    """1: its files hold one correction for both directions."""
     is_writable: bool = True
-    """False where no system reads such files; :meth:`write` then says so."""
+    """False if no system reads such files; :meth:`write` then raises."""
     writes: frozenset[str] = frozenset()
-    """Names of :class:`WriteOptions` that its writer has a use for, besides ``axis`` and ``is_modulo``."""
+    """Names of the :class:`WriteOptions` that its writer uses, besides ``axis`` and ``is_modulo``."""
 
     def write(self, table: CorrectionTable, options: WriteOptions) -> Written:
-        """Return the text of a table, with what it does not hold and what its reader must be told.
+        """Return the text of a table, with its losses and the options that its reader needs.
 
         Raises:
-            TabFileError: the format cannot hold the table, also where its digits would make a correction as
-                steep as the positions, which no reader takes.
+            TabFileError: the format cannot hold the table, or its digits would make a correction as steep as
+                the positions, which no reader accepts.
         """
         written = self.written(table, options)
         text = decode(written.text.encode(), f"a file of {self.name}")
@@ -94,7 +94,7 @@ class Dialect:
 
 
 class Module(Protocol):
-    """What the file of a dialect holds where it is one dialect with reader and writer."""
+    """The content of a file that is one dialect with reader and writer."""
 
     NAME: str
     TITLE: str
@@ -111,7 +111,7 @@ class Module(Protocol):
 
 
 def _of(module: Module) -> partial[Dialect]:
-    """Return what becomes the entry of a file that is one dialect, as soon as the rest of it is said."""
+    """Return a constructor for the entry of such a file; its caller adds the other fields."""
     return partial(
         Dialect, module.NAME, module.TITLE, module.recognise, module.read, module.write, module.USES
     )
@@ -226,16 +226,17 @@ DIALECTS: Final = (
 
 
 _IN_COLUMNS: Final = re.compile(r"[,;\t].*\S")
-"""A line of which something separates cells: of a CSV, whose header ought to stand there."""
+"""A line with cell separators: of a CSV that should begin with a header."""
 _OF_A_TABLE: Final = re.compile(r"(?i)cnc[0-9]*[ \t][\w .-]*|[0-9e+., \t-]*")
-"""What is quoted in messages. Where a table should be, a link may lead to a password, and messages go far."""
+"""The part that messages may quote. A link in the place of a table may lead to a password, and messages
+travel."""
 
 
 def choose(source: SourceText, given: str | None) -> Dialect:
-    """Return the dialect of a file: the one that is told, or the only one that the text can be.
+    """Return the dialect of a file: the given one, or the only possible one.
 
     Raises:
-        TabFileError: no dialect knows the text, several do, or it is plainly another one than was told.
+        TabFileError: no dialect matches the text, several do, or it is clearly not the given one.
     """
     candidates = [dialect for dialect in DIALECTS if dialect.recognise(source)]
     if not candidates and (recognized := unsupported_of(source)) is not None:
@@ -248,7 +249,7 @@ def choose(source: SourceText, given: str | None) -> Dialect:
             return dialect
         if candidates:
             raise source.error(f"a text of {names}, told format {given!r}", f"format = {names}, or none")
-        # Nothing of it is quoted: where a table should be, a link may lead to a password.
+        # The text is not quoted: a link in the place of a table may lead to a password.
         size = len(source.lines[0].text)
         raise source.error(
             f"a first line of {size} characters, and nothing of format {given!r} in the file",
@@ -300,10 +301,11 @@ def dialect_named(name: str) -> Dialect:
     )
 
 
-# --- Systems that are known by sight and not read: what they are, and how to bring their tables over
+# --- Systems that are recognised but not read: what they are, and how to convert their tables
 #
-# Each is told by its own words on any line. What is missing of each is said, so that nobody has to guess it:
-# a sign that no manual states, a unit that is not in the file, or lines that no source at hand shows.
+# Each is recognised by its own words on any line. Its text names what is missing, so that users need not
+# guess: a sign that no manual states, a unit that is not in the file, or lines that no available source
+# shows.
 
 CSV: Final = "write it as CSV: position_mm,{} (the other units: pitch-gateway table formats)"
 BOTH: Final = "error_um or correction_um"
@@ -311,7 +313,7 @@ BOTH: Final = "error_um or correction_um"
 
 @dataclass(frozen=True, slots=True)
 class UnsupportedFile:
-    """A kind of file that is known and not read."""
+    """A kind of file that is known but not read."""
 
     title: str
     sign: re.Pattern[str]
@@ -370,7 +372,7 @@ UNSUPPORTED: Final = (
 
 
 def unsupported_of(source: SourceText) -> tuple[UnsupportedFile, int] | None:
-    """Return which known kind of file a text is, and the line that shows it; None where it is like none."""
+    """Return the known kind of a file and the line that shows it, or None."""
     for unsupported in UNSUPPORTED:
         for line in source.lines:
             if unsupported.sign.fullmatch(line.text):

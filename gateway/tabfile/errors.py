@@ -1,15 +1,14 @@
-"""What is wrong with a table file: where, what was found, what is allowed."""
+"""Errors of table files: where, what was found, what is allowed."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class FileProblem:
-    """One thing that keeps a file from being used.
+    """One reason why a file cannot be used.
 
-    ``line`` counts from 1; ``code`` is the lint's where one stands behind it; ``readings`` holds every
-    meaning that the file could have when it does not prove which one is right. ``allowed`` may be empty if
-    ``found`` says what to do.
+    ``line`` counts from 1; ``code`` is that of the lint behind it, if any. ``readings`` holds all possible
+    meanings of a file that does not prove one. ``allowed`` may be empty if ``found`` says what to do.
     """
 
     file: str
@@ -31,11 +30,11 @@ class FileProblem:
 
 
 class TabFileError(Exception):
-    """A table file that must not be used: it is refused whole.
+    """A table file that cannot be used; it is refused as a whole.
 
-    Everything that this layer raises because of a file's content is one of these; anything else is a bug of
-    ours. ``str()`` has one line for each problem; the attributes named like those of :class:`FileProblem` are
-    the first problem's.
+    Every error that this layer raises because of a file's content is of this class; any other is a bug.
+    ``str()`` has one line for each problem. The attributes named like those of :class:`FileProblem` belong to
+    the first problem.
     """
 
     def __init__(self, *problems: FileProblem) -> None:
@@ -49,4 +48,4 @@ class TabFileError(Exception):
 
 
 class ContextError(ValueError):
-    """Facts about the axis or the old control, told to a reader, that cannot be true."""
+    """Impossible facts about the axis or the old control, given to a reader."""

@@ -1,4 +1,4 @@
-"""What a table does at one position, and why."""
+"""The effect of a table at one position, and its reasons."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -8,7 +8,7 @@ from gateway.tabfile.decoded import BRANCHES, LoadedTable, SourceRow
 
 
 class TableSide(Enum):
-    """On which side of the table a position lies."""
+    """The side of the table on which a position lies."""
 
     BELOW = "below"
     ABOVE = "above"
@@ -18,8 +18,8 @@ class TableSide(Enum):
 class DirectionExplained:
     """One direction of travel at one position; lengths in the units of the table.
 
-    ``file_value`` is interpolated between the two points, in the unit of the file. ``counts`` is what a
-    drive at ``counts_per_unit`` is told (zero at machine 0, no offsets), ``nominal_counts`` the same without
+    ``file_value`` is interpolated between the two points, in the unit of the file. ``counts`` is the command
+    for a drive at ``counts_per_unit`` (zero at machine 0, no offsets), ``nominal_counts`` the same without
     correction.
     """
 
@@ -35,7 +35,7 @@ class DirectionExplained:
 
 @dataclass(frozen=True, slots=True)
 class PositionExplanation:
-    """Both directions; ``outside`` is None on the table, else the corrections are what ``hold`` gives."""
+    """Both directions; ``outside`` is None on the table. Outside, the corrections are those of ``hold``."""
 
     loaded: LoadedTable
     at: float

@@ -7,16 +7,16 @@ the transfer files of a machine in use. One line for each point, nothing else::
     P002   X    0.00000   EX-   0.00100   EX   0.00050     ... and in the negative one (newer software)
     P001 X-20 EX 0.001                                 the same line as printed in the manual
 
-``Pnnn`` counts from P001 without holes, up to 1000 points; newer controls write four digits, P0001. A minus
-sign is glued to its letter, blanks lie between it and the number; the manual glues it to the number.
-Positions are coordinates from machine zero and begin with the most negative one. The third field is there
-in all lines or in none. Two different letters are a table of cross compensation, refused here.
+``Pnnn`` counts from P001 without gaps, up to 1000 points; newer controls write four digits, P0001. A minus
+sign follows its letter directly, with blanks between it and the number; in the manual it is next to the
+number. Positions are coordinates from machine zero and begin with the most negative one. All lines have the
+third field, or none. Two different letters are a table of cross compensation, refused here.
 
-Units are those of the machine's parameters; the file has none, so ``file_units`` is required. The manual
-speaks of the "amount of error" and never says which sign it has, so ``error_sense`` is required. If all
-negative errors are 0, the positive ones hold in both directions; the manual's own example (compensation in
-the positive direction) contradicts this rule, and the rule is followed. The control allows a slope of 100 %;
-here it must stay below, or it could not be undone.
+Units are those of the machine's parameters. The file has none, so ``file_units`` is required. The manual
+speaks of the "amount of error" and never gives its sign, so ``error_sense`` is required. If all negative
+errors are 0, the positive ones hold in both directions. The manual's own example (compensation in the
+positive direction) contradicts this rule; the rule is used. The control allows a slope of 100 %; here it must
+be smaller, or the correction has no inverse.
 """
 
 import re
@@ -48,7 +48,7 @@ USES: Final = frozenset({"file_start", "file_axis", "error_sense"})
 MAX_POINTS: Final = 1000
 MAX_VALUE: Final = {Units.MM: 99999.9999, Units.INCH: 3937.00787, Units.DEGREE: 99999.9999}
 DECIMALS: Final = {Units.MM: 4, Units.INCH: 5, Units.DEGREE: 4}
-"""Digits after the point that the control has room for."""
+"""Digits after the point that the control allows."""
 MAX_PROBLEMS: Final = 20
 REVOLUTION: Final = 360.0
 _MAX_PLAUSIBLE: Final = {Units.MM: 0.5, Units.INCH: 0.1, Units.DEGREE: inf}
@@ -65,7 +65,7 @@ _RECOGNISED: Final = re.compile(r"P[0-9]{3,4}[ \t]+[A-Z][ \t]*-?[ \t]*[0-9.]", r
 
 @dataclass(frozen=True, slots=True)
 class _Row:
-    """One line as it stands; ``negative`` is None where there is no third field."""
+    """One line as written; ``negative`` is None without a third field."""
 
     axis: str
     error_axes: tuple[str, ...]
@@ -76,18 +76,18 @@ class _Row:
 
 
 def recognise(source: SourceText) -> bool:
-    """Whether half of the lines or more begin with a point number, a letter and a number."""
+    """Whether at least half of the lines begin with a point number, a letter and a number."""
     hits = sum(_RECOGNISED.match(line.text) is not None for line in source.lines)
     return 2 * hits >= len(source.lines)
 
 
 def read(source: SourceText, context: FileContext) -> Decoded:
-    """Read the table in the units and with the sense that the context tells.
+    """Read the table with the units and the sense from the context.
 
     Raises:
-        TabFileError: a line that is no point, points that are not numbered through or do not ascend, a table
-            of cross compensation or of another axis, no units or no sense told, a range that does not fit the
-            travel.
+        TabFileError: a line that is not a point, point numbers with gaps, positions that do not ascend, a
+            table of cross compensation or of another axis, no units or no sense given, a range that does not
+            fit the travel.
     """
     found = _parse(source)
     axis = _check_axes(source, found, context)
@@ -151,7 +151,7 @@ def _parse(source: SourceText) -> list[_Row]:
 
 
 def _digits(line: SourceLine) -> int:
-    """Return how many digits the first point number has, 0 where there is none."""
+    """Return the number of digits of the first point number, 0 if there is none."""
     match = _ROW.fullmatch(line.text)
     return 0 if match is None else len(match[1])
 
@@ -249,19 +249,19 @@ def _rows(found: Sequence[_Row], sense: ErrorSense, *, is_both_ways: bool) -> tu
 
 
 def _is_revolution(rows: Sequence[SourceRow], units: Units) -> bool:
-    """A rotary table from 0 to 360 with equal ends repeats; any other holds its end values."""
+    """Whether a rotary table runs from 0 to 360 with equal ends; others keep their end values."""
     ends = (rows[0].position, rows[-1].position)
     return units is Units.DEGREE and ends == (0.0, REVOLUTION) and is_closed(rows)
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:
-    """Write the table as the control transfers it, with CRLF; a third field if the directions differ.
+    """Write the table in the control's transfer format, with CRLF; a third field if the directions differ.
 
     Numbers are rounded to 4 decimals of mm or degrees, or 5 of inches.
 
     Raises:
-        TabFileError: no axis letter or no sense told, more than 1000 points, numbers that the control has no
-            room for, points that fall together once rounded.
+        TabFileError: no axis letter or no sense given, more than 1000 points, numbers too long for the
+            control, points that are equal after rounding.
     """
     axis = options.file_axis or options.axis
     if axis is None or not re.fullmatch("[A-Za-z]", axis):

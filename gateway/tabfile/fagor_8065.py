@@ -1,7 +1,7 @@
 """Leadscrew tables of the Fagor 8065, in the file of machine parameters that the control saves (``.mp``).
 
 UTF-16 text, one parameter to a line, ``number;/PATH   ;value``. The first line names the axis, the second the
-units; of the rest only what stands under ``/LSCRWDATA`` is read::
+units. Of the other lines only those of ``/LSCRWDATA`` are read::
 
     X AXIS                             ;3100
     MM                                 ;0
@@ -12,9 +12,9 @@ units; of the rest only what stands under ``/LSCRWDATA`` is read::
     2;/LSCRWDATA/DATA/NEGERROR 1       ;0.0000           ... in the negative one, used with BIDIR 1 only
 
 Points are numbered from 1 to NPOINTS, each with its three values, in any order of lines; positions ascend.
-The layout is that of the files that come with a public program (laser_adjust), which adds the readings of a
-laser to these values as they stand. No manual at hand says which sign an error has, so the sense is asked
-for, as with the 8055.
+The layout is that of the files of a public program (laser_adjust), which adds the readings of a laser to
+these values without a change of sign. No available manual gives the sign of an error, so the sense is
+required, as with the 8055.
 """
 
 import re
@@ -54,12 +54,12 @@ def recognise(source: SourceText) -> bool:
 
 
 def read(source: SourceText, context: FileContext) -> Decoded:
-    """Read the table with the sense that the context tells.
+    """Read the table with the sense from the context.
 
     Raises:
-        TabFileError: no axis or units at the top, a leadscrew line that is not grammar or comes twice, points
-            that are missing or do not ascend, no BIDIR or NPOINTS, no sense told, another axis, a range that
-            does not fit the travel.
+        TabFileError: no axis or units at the top, a leadscrew line that is outside the grammar or repeated,
+            points that are missing or do not ascend, no BIDIR or NPOINTS, no sense given, another axis, a
+            range that does not fit the travel.
     """
     axis, units = _head(source)
     given = context.file_axis or context.axis
@@ -132,7 +132,7 @@ def _head(source: SourceText) -> tuple[str, Units]:
 
 
 def _parse(source: SourceText) -> tuple[dict[str, SourceLine], dict[tuple[str, int], tuple[float, int]]]:
-    """Return the single parameters, each as its value with its line, and the values of the points."""
+    """Return the single parameters, each as value and line, and the values of the points."""
     facts: dict[str, SourceLine] = {}
     decimals: int | None = None
     points: dict[tuple[str, int], tuple[float, int]] = {}
@@ -157,7 +157,7 @@ def _parse(source: SourceText) -> tuple[dict[str, SourceLine], dict[tuple[str, i
             problems.append(source.problem(shown(line.text), allowed, line=line.number))
         else:
             points[key] = (number, line.number)
-            # The control pads them: a value with fewer was cut off.
+            # The control pads the decimals: a value with fewer is truncated.
             size = len(text.partition(".")[2])
             decimals = size if decimals is None else decimals
             if size != decimals:
@@ -199,7 +199,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     """Write the leadscrew lines of an axis, in UTF-16; BIDIR 1 if the directions differ.
 
     Raises:
-        TabFileError: no axis or no sense told, a table in degrees, points that fall together once rounded.
+        TabFileError: no axis or no sense given, a table in degrees, points that are equal after rounding.
     """
     axis = options.file_axis or options.axis
     if axis is None or not re.fullmatch("[A-Za-z][0-9]*", axis):

@@ -8,23 +8,23 @@ the CSV is our own, see :mod:`gateway.tabfile.increments`::
     3622,49          number of the most positive point
     3623,1           magnification of the values
     3624,50          interval, in units of the file
-    limit,127        only where the control takes values above 7
+    limit,127        only if the control allows values above 7
     point,value
     33,2
     ...
 
-A value times the magnification is in pulses (detection units) of the old control. Which section a value
-belongs to, and the sign on the negative side, the manual shows in figures only; this is how they are read:
+A value times the magnification is in pulses (detection units) of the old control. The manual gives the
+section of a value, and the sign on the negative side, in figures only. This is our reading of them:
 
 * A point owns the section that ends at it, seen in the positive direction: with the reference at 40 and an
   interval of 50 mm, point 41 is the section 0 to 50, point 40 the section -50 to 0, point 33 the section -400
   to -350. The manual's example has 33 as the first point of a stroke that begins at -400.
 * Values are steps seen in the positive direction on both sides of the reference: the correction at -50 is
-  minus the value of point 40. (Assumed; a public program that makes such values of a laser's readings does so
-  too. One move to each side of the reference shows it.)
+  minus the value of point 40. (Assumed. A public program that makes such values from laser readings does the
+  same. One move to each side of the reference shows it.)
 
-On a rotary axis the manual makes the most negative point the reference itself and gives it the value of the
-last point (60 = 68); the values of a turn sum up to 0.
+On a rotary axis, in the manual, the most negative point is the reference itself and has the value of the last
+point (60 = 68). The values of a revolution add up to 0.
 """
 
 from typing import Final
@@ -85,11 +85,11 @@ def recognise(source: SourceText) -> bool:
 
 
 def read(source: SourceText, context: FileContext) -> Decoded:
-    """Read the file with the units and the scale that the context tells.
+    """Read the file with the units and the scale from the context.
 
     Raises:
         TabFileError: see :func:`parse_increments` and :func:`decode`; a reference that is not among the
-            points; on a rotary axis a first value that is not that of the last point.
+            points; on a rotary axis, a first value that differs from that of the last point.
     """
     file = parse_increments(source, SYSTEM)
     points = _without_the_double(source, context, file)
@@ -105,7 +105,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
 
 
 def _without_the_double(source: SourceText, context: FileContext, file: Increments) -> tuple[Point, ...]:
-    """Return the points of a turn without the first, which is the last one again a turn before."""
+    """Return the points of a revolution without the first, which repeats the last one."""
     first, last = file.points[0], file.points[-1]
     units: Units = required_units(source, context, "a table of increments")
     if first.number != file.reference or not is_revolution(units, last.number - first.number, file.interval):
@@ -120,7 +120,7 @@ def _without_the_double(source: SourceText, context: FileContext, file: Incremen
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:
-    """Write the table; 0 must be a point of it with no correction, and the points must be evenly spaced.
+    """Write the table; it must have a point at 0 without correction, and evenly spaced points.
 
     Raises:
         TabFileError: see :func:`round_steps`; more points than a control has.

@@ -8,22 +8,21 @@ Source: technical manuals of the MANUALplus 620, iTNC 530 HSCI and TNC 407 (axis
     1   -195      +0.005   +0.000
     [END]
 
-Sure, because the manuals say it: the columns AXISPOS (positions from the machine datum), one column for each
+Certain, from the manuals: the columns AXISPOS (positions from the machine datum), one column for each
 compensated axis, named like the axis, and BACKLASH (values measured in the negative direction of traverse).
-Which axis AXISPOS belongs to is not in this file: a ``.CMA`` file assigns it.
+The axis of AXISPOS is not in this file: a ``.CMA`` file assigns it.
 
-Assumed, from how these controls write all their tables and from a public program that writes such files for a
-TNC 640: the BEGIN line with the units, the line of column names, rows numbered from 0 in the column NR, and
-[END]. The columns may come in any order after NR. A column that is blank in all rows is not there, see
-:mod:`gateway.tabfile.heidenhain_columns`: a blank BACKLASH means that one value holds in both directions. The
-older layout, with DATUM and DISTANCE in the BEGIN line and without AXISPOS, is described nowhere at hand and
+Assumed, from all other tables of these controls and from a public program that writes such files for a TNC
+640: the BEGIN line with the units, the line of column names, rows numbered from 0 in the column NR, and
+[END]. The columns may come in any order after NR. A column that is blank in all rows counts as absent, see
+:mod:`gateway.tabfile.heidenhain_columns`: with a blank BACKLASH one value holds in both directions. The older
+layout, with DATUM and DISTANCE in the BEGIN line and without AXISPOS, is in no available source and is
 refused by name.
 
-Refused, because nothing proves it: errors without a told ``error_sense`` (only the sign of the *linear*
-compensation is described), several axis columns without ``file_axis`` (the others are cross compensation),
-BACKLASH beside several axis columns, a BACKLASH column of zeros (not filled in, or no correction?). On a
-rotary axis numbers are degrees, whatever the BEGIN line says. What these controls do outside a table is not
-known here.
+Refused, for lack of proof: errors without a given ``error_sense`` (only the sign of the *linear* compensation
+is documented), several axis columns without ``file_axis`` (the others are cross compensation), BACKLASH
+beside several axis columns, a BACKLASH column of zeros (not filled in, or no correction?). On a rotary axis
+numbers are degrees, whatever the BEGIN line says. The behaviour of these controls outside a table is unknown.
 """
 
 import re
@@ -66,7 +65,7 @@ _HAS_POSITIONS: Final = re.compile(r"\bAXISPOS\b", re.IGNORECASE)
 
 @dataclass(frozen=True, slots=True)
 class _Columns:
-    """Which columns count."""
+    """The columns that are used."""
 
     axis: str
     has_negative: bool
@@ -76,7 +75,7 @@ class _Columns:
 
 
 class _Row(NamedTuple):
-    """Position, values in both directions as they stand, line."""
+    """Position, values in both directions as written, line."""
 
     position: float
     forward: float
@@ -93,12 +92,12 @@ def recognise(source: SourceText) -> bool:
 
 
 def read(source: SourceText, context: FileContext) -> Decoded:
-    """Read one axis of the table, with the sense that the context tells.
+    """Read one axis of the table, with the sense from the context.
 
     Raises:
-        TabFileError: a line that is not grammar, no such column or no told one of several, a BACKLASH column
-            that has no clear meaning, positions that do not ascend, no sense told, a range that does not fit
-            the travel.
+        TabFileError: a line outside the grammar, no such column, several columns and none given, a BACKLASH
+            column without a clear meaning, positions that do not ascend, no sense given, a range that does
+            not fit the travel.
     """
     units, unit_decision = _units(source, context)
     names = parse_names(source)
@@ -261,7 +260,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     Numbers are rounded to 6 decimals.
 
     Raises:
-        TabFileError: no name of the axis or no sense told, points that fall together once rounded.
+        TabFileError: no name of the axis or no sense given, points that are equal after rounding.
     """
     axis = (options.file_axis or options.axis or "").upper()
     if not AXIS.fullmatch(axis):

@@ -1,8 +1,8 @@
-"""The columns of a Heidenhain table: which there are, which are filled in, and the cells of each row.
+"""The columns of a Heidenhain table: their names, which are filled in, and the cells of each row.
 
-A row may have a number in every column. Controls list a column for each of their axes and leave those blank
-that hold nothing; then a number belongs to the column whose name begins where it does, and a column is blank
-in all rows or in none.
+A row may have a number in every column. Controls list a column for each of their axes and leave unused ones
+blank. A number then belongs to the column whose name begins at the same character. A column is blank in all
+rows or in none.
 """
 
 import re
@@ -23,7 +23,7 @@ _FIELD: Final = re.compile(r"\S+")
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """The line of names: each with the place at which it begins."""
+    """The line of names, each with the index of its first character."""
 
     names: tuple[str, ...]
     starts: tuple[int, ...]
@@ -31,22 +31,22 @@ class Names:
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Names of the columns of axes."""
+        """Names of the axis columns."""
         return tuple(name for name in self.names[1:] if name not in {POSITION, NEGATIVE})
 
 
 @dataclass(frozen=True, slots=True)
 class ColumnGrid:
-    """The columns that are filled in, with the cells of each row by the name of the column."""
+    """The columns that are filled in, and the cells of each row by column name."""
 
     filled: tuple[str, ...]
     blank: tuple[str, ...]
     rows: tuple[tuple[dict[str, str], int], ...]
-    """Cells and line."""
+    """Cells and line number."""
 
     @property
     def axes(self) -> list[str]:
-        """Names of the columns of axes that hold numbers."""
+        """Names of the axis columns that hold numbers."""
         return [name for name in self.filled[1:] if name not in {POSITION, NEGATIVE}]
 
 
@@ -54,7 +54,7 @@ def parse_names(source: SourceText) -> Names:
     """Read the second line.
 
     Raises:
-        TabFileError: there is none, or it does not name NR, the positions and an axis, each once.
+        TabFileError: there is no second line, or it does not name NR, the positions and an axis, each once.
     """
     if len(source.lines) < 2:
         raise source.error("the end of the file", f"a line 'NR {POSITION} X'", line=source.last_line)
@@ -77,8 +77,8 @@ def parse_cells(source: SourceText, names: Names) -> ColumnGrid:
     """Read the rows, from the third line to the last but one.
 
     Raises:
-        TabFileError: no [END], a row whose number is not its own, numbers that belong to no column, a column
-            that is blank in some rows only.
+        TabFileError: no [END], a row with a wrong number, numbers that belong to no column, a column that is
+            blank in some rows only.
     """
     last = source.lines[-1]
     if last.text.upper() != "[END]":
@@ -101,12 +101,12 @@ def parse_cells(source: SourceText, names: Names) -> ColumnGrid:
 
 
 def _cells(line: SourceLine, number: int, names: Names) -> dict[str, str] | tuple[str, str]:
-    """Return the cells by the names of their columns, or what was found and what is allowed."""
+    """Return the cells by column name, or what was found and what is allowed."""
     fields = list(_FIELD.finditer(line.text))
     if len(fields) == len(names.names):
         cells = dict(zip(names.names, (field.group() for field in fields), strict=True))
     else:
-        # A tab is as wide as its reader likes.
+        # The width of a tab is not fixed.
         names_by_start = (
             {} if "\t" in line.text + names.line.text else dict(zip(names.starts, names.names, strict=True))
         )

@@ -1,8 +1,8 @@
 """Tables of increments, as Fanuc and Mitsubishi controls store them: what both share.
 
-Such a control holds one small whole number for each compensation point: by how much the correction changes
-across one section of the axis. The correction itself is the sum of all sections between the reference point,
-where it is 0, and the position. Seen in the positive direction every value is a step of the correction::
+Such a control holds one small whole number for each compensation point: the change of the correction across
+one section of the axis. The correction itself is the sum of all sections between the reference point, where
+it is 0, and the position. Seen in the positive direction every value is a step of the correction::
 
     correction at the upper end of a section = correction at its lower end + value
 
@@ -61,11 +61,11 @@ REVOLUTION_TOLERANCE: Final = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class System:
-    """What one control calls its parameters, and what it allows.
+    """A control's names for its parameters, and its limits.
 
     ``parameters`` name the numbers of the reference, the lowest and the highest point, the magnification of
-    the values and the interval. ``refused`` maps parameters that change the meaning of the values in a way
-    that is not read to the reason.
+    the values and the interval. ``refused`` maps parameters that change the meaning of the values, and are
+    not read, to the reason.
     """
 
     title: str
@@ -74,7 +74,7 @@ class System:
     highest_value: int
     max_magnification: int
     highest_limit: int
-    """A ``limit`` row may allow values up to this; 0: there is no such row."""
+    """A ``limit`` row may allow values up to this; 0: no such row."""
     refused: dict[str, str]
 
 
@@ -89,7 +89,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Increments:
-    """The file as it stands; ``interval`` in units of the file, ``points`` ascending without a gap."""
+    """The file as written; ``interval`` in units of the file, ``points`` ascending without a gap."""
 
     reference: int
     reference_line: int
@@ -115,7 +115,7 @@ def parse_increments(source: SourceText, system: System) -> Increments:
     """Read parameters and values.
 
     Raises:
-        TabFileError: a parameter that is missing, refused or no number, points that do not run from the
+        TabFileError: a parameter that is missing, refused or not a number, points that do not run from the
             lowest to the highest, a value out of range.
     """
     csv = parse_csv(source, ",;", f"{system.parameters[0]} and the number of the reference point")
@@ -145,7 +145,7 @@ def parse_increments(source: SourceText, system: System) -> Increments:
 def sum_up(sections: Sequence[tuple[int, Point]]) -> tuple[Sum, ...]:
     """Add up from the reference outward; a section is its lower end, in steps from there, and its point.
 
-    The sections ascend without a gap and begin or end at the reference, or reach over it.
+    The sections ascend without a gap. They begin or end at the reference, or include it.
     """
     above, total = [], 0
     for low, point in sections:
@@ -161,7 +161,7 @@ def sum_up(sections: Sequence[tuple[int, Point]]) -> tuple[Sum, ...]:
 
 
 def is_revolution(units: Units, steps: int, interval: float) -> bool:
-    """Whether so many intervals are one whole turn of a rotary axis."""
+    """Whether this number of intervals is one full revolution of a rotary axis."""
     return (
         units is Units.DEGREE
         and abs(steps * interval - REVOLUTION_DEGREES) <= REVOLUTION_TOLERANCE * REVOLUTION_DEGREES
@@ -246,15 +246,15 @@ def _points(
     return tuple(points)
 
 
-# --- Sums of increments and tables: scale, place, turns, and the rounding that keeps sums true
+# --- Sums of increments and tables: scale, position, revolutions, and rounding that keeps the sums exact
 
 HOLDS: Final = ('outside = "hold"',)
-"""Beyond the last point no more steps follow, so the sum stays as it is."""
+"""No more steps follow the last point, so the sum does not change."""
 
 
 @dataclass(frozen=True, slots=True)
 class Convention:
-    """What sums become: how many values make one count, the rule in words, what no source proves of it."""
+    """What sums become: the number of values in one count, the rule in words, and its unproven part."""
 
     values_per_count: int
     rule: str
@@ -268,13 +268,13 @@ def decode(
     sums: Sequence[Sum],
     convention: Convention,
 ) -> Decoded:
-    """Make points of sums.
+    """Make points from sums.
 
     The reference point is 0 of the machine unless ``file_start`` says where the lowest point lies.
 
     Raises:
-        TabFileError: units or scale not told, a turn whose values do not sum up to 0, more than a turn,
-            another axis, a range that does not fit the travel.
+        TabFileError: units or scale not given, a revolution whose values do not add up to 0, more than a
+            revolution, another axis, a range that does not fit the travel.
     """
     units = required_units(source, context, "a table of increments")
     context = context_in_file_units(source, context, units)
@@ -326,7 +326,7 @@ def _scale(source: SourceText, context: FileContext, units: Units) -> float:
 
 
 def _given_scale(context: FileContext, scale: float, units: Units) -> tuple[str, ...]:
-    """Say what a scale is that was told per unit of the axis, where the file has other units."""
+    """Report a scale that was given per unit of the axis, if the file has other units."""
     given = context.option_units(units)
     if given is units:
         return ()
@@ -354,7 +354,7 @@ def _check_revolution(source: SourceText, units: Units, file: Increments, sums: 
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """What a writer makes of a table: ``totals`` at all its points, in values; ``zero`` is the reference."""
+    """The writer's view of a table: ``totals`` at all its points, in values; ``zero`` is the reference."""
 
     interval: float
     magnification: int
@@ -367,13 +367,13 @@ class Steps:
 
 
 def round_steps(table: CorrectionTable, options: WriteOptions, system: System, per_count: int) -> Steps:
-    """Round the sums, not the steps: no sum is off by more than half a value, however long the table is.
+    """Round the sums, not the steps: no sum is off by more than half a value, whatever the length.
 
-    The smallest magnification that keeps all steps in range is taken.
+    The smallest magnification that keeps all steps in range is used.
 
     Raises:
-        TabFileError: no scale told, an uneven grid, no point at 0, a correction there, a turn that does not
-            close, a step that is out of range.
+        TabFileError: no scale given, an uneven grid, no point at 0, a correction there, a revolution that
+            does not close, a step that is out of range.
     """
     dialect, scale = system.title, options.file_counts_per_unit
     if scale is None or scale <= 0:
@@ -427,7 +427,7 @@ def _misfit(steps: Steps, system: System) -> int | None:
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """What goes into a file; ``resolution`` is what one value is worth, in units of the table."""
+    """The content of a file; ``resolution`` is the size of one value, in units of the table."""
 
     parameters: tuple[int | str, ...]
     points: list[tuple[int, int]]
@@ -435,7 +435,7 @@ class Rows:
 
 
 def written(table: CorrectionTable, options: WriteOptions, system: System, rows: Rows) -> Written:
-    """Return the text of a file, what it does not hold and what its reader must be told."""
+    """Return the text of a file, its losses, and the options that its reader needs."""
     comments = [f"{system.title}: increments, counted from the reference point"]
     if options.axis is not None:
         comments.append(f"axis: {options.axis.upper()}")

@@ -10,8 +10,8 @@ TwinCAT CNC manuals of axis compensation, with their example. Lines are ``key va
     kw.ssfk.kw_nr_max n          number of points; the indices are 0 to n - 1, each exactly once, in any order
     kw.ssfk.bilateral 0|1        0: ``pos`` holds in both directions; 1: ``neg`` while the axis moves down
     kw.ssfk.modulo 0|1           the table repeats: first and last point have the same values; default 0
-    kw.ssfk.max_points n         room of the kernel; default 1500
-    kw.ssfk.manual_activation, kw.ssfk.set_pos_without_comp         no part of the table
+    kw.ssfk.max_points n         capacity of the kernel; default 1500
+    kw.ssfk.manual_activation, kw.ssfk.set_pos_without_comp         not part of the table
     kw.ssfk.table[i].setpoint n
     kw.ssfk.table[i].pos n
     kw.ssfk.table[i].neg n
@@ -19,9 +19,9 @@ TwinCAT CNC manuals of axis compensation, with their example. Lines are ``key va
 
 Numbers are whole or, since build V3.1.3132, real. Other keys outside ``kw.ssfk`` belong to other functions.
 
-Sign: values are "absolute position errors", s_ist - s_soll, so they are subtracted. No source says so of the
-correction itself; ``error_sense`` turns it round. Units: a list does not say whether its axis is linear, so
-unit 1 means mm unless ``file_units`` says degree; for a modulo axis it must be told. Increments become
+Sign: values are "absolute position errors", s_ist - s_soll, so they are subtracted. No source states this for
+the correction itself; ``error_sense`` reverses it. Units: a list does not say whether its axis is linear, so
+unit 1 means mm unless ``file_units`` says degree; a modulo axis requires ``file_units``. Increments become
 lengths by ``file_counts_per_unit``, counts per unit of the axis as with all other formats.
 """
 
@@ -52,14 +52,14 @@ PER_UNIT: Final = 1e4
 DEFAULT_MAX_POINTS: Final = 1500
 MAX_CYCLES: Final = 19
 SETPOINT_TOLERANCE: Final = 1e-6
-"""A setpoint beside an interval may be off by this fraction of it."""
+"""A setpoint in a list with an interval may be off by this fraction of it."""
 _RECOGNISED: Final = re.compile(r"kw\.[a-z_]\w*[.\[]", re.IGNORECASE | re.ASCII)
 _AXIS_NAME: Final = re.compile(r"\"?([a-z])[0-9]?(?:[ _-]?(?:achse|axis))?\"?", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
 class _Shape:
-    """What the settings say."""
+    """The settings of the table."""
 
     is_metric: bool
     interval: float
@@ -70,17 +70,17 @@ class _Shape:
 
 
 def recognise(source: SourceText) -> bool:
-    """Whether a line begins with a key of a compensation list, whatever else is in the file."""
+    """Whether a line begins with a key of a compensation list, whatever else the file contains."""
     return any(_RECOGNISED.match(line.text) for line in source.lines)
 
 
 def read(source: SourceText, context: FileContext) -> Decoded:
-    """Read the list; where sense and units come from is among the decisions.
+    """Read the list; the decisions name the source of the sense and the units.
 
     Raises:
-        TabFileError: a line that is no entry, an unknown or repeated key, a point that is missing or one too
-            many, positions that do not ascend, an open modulo table, increments without a scale, a range that
-            does not fit the travel.
+        TabFileError: a line that is not an entry, an unknown or repeated key, a missing or extra point,
+            positions that do not ascend, an open modulo table, increments without a scale, a range that does
+            not fit the travel.
     """
     keys = sort_keys(source, parse_list(source))
     shape = _shape(keys)
@@ -139,7 +139,7 @@ def _shape(keys: Keys) -> _Shape:
 
 
 def _units(source: SourceText, shape: _Shape, context: FileContext) -> tuple[Units, str]:
-    """Return the units of the rows, and where they come from."""
+    """Return the units of the rows, and their source."""
     given = context.file_units
     if not shape.is_metric:
         units = given or context.units
@@ -206,13 +206,13 @@ def _rows(keys: Keys, shape: _Shape, scale: float, sense: ErrorSense) -> tuple[S
 
 
 def _check_indices(keys: Keys, shape: _Shape, fields: Iterable[str]) -> None:
-    """Check that every index from 0 to kw_nr_max - 1 is there once in each list, and no other."""
+    """Check that each list has every index from 0 to kw_nr_max - 1 once, and no other."""
     size_line = keys.settings["kw_nr_max"].line
     problems: list[FileProblem] = []
     for field in fields:
         missing = shape.size - sum(index < shape.size for index in keys.points[field])
         if missing:
-            # a generator: a size may be anything, and only the first few are shown
+            # A generator, because the size has no limit and only the first few are shown.
             absent = (index for index in range(shape.size) if index not in keys.points[field])
             indices = ", ".join(map(str, islice(absent, 5))) + (", …" if missing > 5 else "")
             problems.append(
@@ -281,7 +281,7 @@ def _axis(name: IsgEntry | None) -> str | None:
 
 
 def _other_decisions(keys: Keys, shape: _Shape) -> tuple[str, ...]:
-    """Say what of the list was not read as part of the table."""
+    """Report the entries that are not part of the table."""
     decisions = []
     start = keys.settings.get("kw_startpos")
     if start is not None and not shape.interval:
@@ -298,7 +298,7 @@ def _other_decisions(keys: Keys, shape: _Shape) -> tuple[str, ...]:
 
 
 def _remarks(keys: Keys) -> tuple[Lint, ...]:
-    """Name the other compensations of the same list, which nothing applies."""
+    """Name the other compensations in the list, which are not applied."""
     firsts: dict[str, int] = {}
     for entry in keys.others:
         if entry.key.startswith("kw."):
@@ -338,12 +338,12 @@ _ROUNDING: Final = 0.5 * 10**-_DECIMALS
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:
-    """Write the table in unit 1, or in increments if the scale of the old control is told.
+    """Write the table in unit 1, or in increments if the scale of the old control is given.
 
     Numbers are rounded to 0.01 of the unit. Points on an even grid become an interval, others setpoints.
 
     Raises:
-        TabFileError: inches without a scale, a negative scale, points that fall together once rounded.
+        TabFileError: inches without a scale, a negative scale, points that are equal after rounding.
     """
     scale = options.file_counts_per_unit
     if scale is None and table.units is Units.INCH:
@@ -384,7 +384,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
 def _settings(
     table: CorrectionTable, positions: Sequence[float], *, is_metric: bool
 ) -> list[tuple[str, str]]:
-    """Return the lines before the values, those of free positions included."""
+    """Return the lines before the values, including those of free positions."""
     size = len(positions)
     interval = round((positions[-1] - positions[0]) / (size - 1), _DECIMALS)
     is_even = interval > 0 and all(
@@ -421,5 +421,5 @@ def _losses(positions: Sequence[float], scale: float | None) -> tuple[str, ...]:
 
 
 def _text(number: float) -> str:
-    """Return a number without the zeros that say nothing."""
+    """Return a number without trailing zeros."""
     return f"{round(number, _DECIMALS) + 0.0:.{_DECIMALS}f}".rstrip("0").rstrip(".")

@@ -6,9 +6,9 @@ Grammar (ISG kernel and TwinCAT CNC documentation, "Compensation value lists")::
     # comment              to the end of the line
     /* comment */          also over several lines
 
-A comment begins the line or follows a blank: a stray mark inside a number is an error, not its end. A comment
-must not begin inside another: the end of the first is probably damaged, and entries would be lost in it. Case
-of a key does not matter here.
+A comment begins the line or follows a blank: a comment mark inside a number is an error, not its end. A
+comment must not begin inside another: the end of the first is probably damaged, and entries would be lost in
+it. The case of a key does not matter.
 """
 
 import re
@@ -36,7 +36,7 @@ class IsgEntry:
 
 
 def parse_list(source: SourceText) -> list[IsgEntry]:
-    """Return the entries of a list in the order of the file; nothing but comments and blanks is left out.
+    """Return the entries of a list in the order of the file, without comments and blank lines.
 
     Raises:
         TabFileError: a line that is neither an entry nor a comment, or a comment that does not end.
@@ -44,7 +44,7 @@ def parse_list(source: SourceText) -> list[IsgEntry]:
     entries: list[IsgEntry] = []
     problems: list[FileProblem] = []
     opened: int | None = None
-    """Line of the block comment that is open."""
+    """Line of the open block comment."""
     for line in source.lines:
         text, is_open, is_nested = _without_comments(line.text, is_open=opened is not None)
         if is_nested:
@@ -76,19 +76,19 @@ def _entry(text: str, line: int) -> IsgEntry | str | None:
 
 
 def _without_comments(text: str, *, is_open: bool) -> tuple[str, bool, bool]:
-    """Return what is no comment, whether one is open at the end, and whether one began in another."""
+    """Return the text without comments, whether one is open at the end, and whether one began in another."""
     kept: list[str] = []
     is_nested, at = False, 0
     while True:
         if is_open:
-            # a place in the text, not the rest of it: a line may hold very many comments
+            # An index into the text, not a copy of the rest: a line may hold very many comments.
             end = text.find("*/", at)
             is_nested = is_nested or "/*" in text[at : end if end >= 0 else None]
             if end < 0:
                 return "".join(kept).strip(), True, is_nested
             kept.append(" ")
             at = end + 2
-        # what begins right behind a comment is a comment, too
+        # What directly follows a comment is a comment, too.
         opening = _OPENING_THERE.match(text, at) if is_open else None
         opening = opening or _OPENING.search(text, at)
         if opening is None:
@@ -99,7 +99,7 @@ def _without_comments(text: str, *, is_open: bool) -> tuple[str, bool, bool]:
         is_open, at = True, opening.end()
 
 
-# --- The keys of a leadscrew table: which there are, each once, and their values
+# --- The keys of a leadscrew table: their names, each once, and their values
 
 PREFIX: Final = "kw.ssfk."
 CYCLES: Final = "lr_param.n_backlash_cyc"
@@ -118,7 +118,7 @@ SETTINGS: Final = frozenset(
     }
 )
 _RESERVED: Final = re.compile(r"res[0-9]")
-"""Room for later settings in older lists; anything but 0 in it would be a setting unknown here."""
+"""Reserved for later settings in older lists; a value other than 0 would be an unknown setting."""
 _POINT: Final = re.compile(r"table\[(0|[1-9][0-9]{0,5})\]\.(setpoint|pos|neg)")
 
 
@@ -133,13 +133,13 @@ class Keys:
     cycles: IsgEntry | None
     axis_name: IsgEntry | None
     others: tuple[IsgEntry, ...]
-    """What does not begin with kw.ssfk."""
+    """Entries that do not begin with kw.ssfk."""
 
     def setting(self, name: str) -> IsgEntry:
         """Return a setting.
 
         Raises:
-            TabFileError: it is not in the list.
+            TabFileError: the list does not have it.
         """
         entry = self.settings.get(name)
         if entry is None:
@@ -152,7 +152,7 @@ class Keys:
         """Return the number of an entry.
 
         Raises:
-            TabFileError: it is none.
+            TabFileError: it is not a number.
         """
         number = to_decimal(entry.value)
         if number is None:
@@ -163,7 +163,7 @@ class Keys:
         """Return a setting that is a number of points, at least 2.
 
         Raises:
-            TabFileError: it is no such number, or not there and without a default.
+            TabFileError: it is not such a number, or is missing and has no default.
         """
         if default is not None and name not in self.settings:
             return default
@@ -178,7 +178,7 @@ class Keys:
         """Return a setting that is 0 or 1.
 
         Raises:
-            TabFileError: it is neither, or not there and without a default.
+            TabFileError: it is neither, or is missing and has no default.
         """
         if default is not None and name not in self.settings:
             return default
@@ -192,7 +192,7 @@ def sort_keys(source: SourceText, entries: Iterable[IsgEntry]) -> Keys:
     """Sort the entries of a list.
 
     Raises:
-        TabFileError: a key that stands there twice, an unknown one of kw.ssfk, or no leadscrew table at all.
+        TabFileError: a repeated key, an unknown key of kw.ssfk, or no leadscrew table.
     """
     settings: dict[str, IsgEntry] = {}
     points: dict[str, dict[int, IsgEntry]] = {"setpoint": {}, "pos": {}, "neg": {}}

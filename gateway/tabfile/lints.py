@@ -1,4 +1,4 @@
-"""Signs of a mistake in a table that reads well; ``gateway.catalogue.remarks`` says what each code means."""
+"""Signs of a mistake in a valid table; ``gateway.catalogue.remarks`` has the meaning of each code."""
 
 from collections.abc import Callable, Iterator, Sequence
 from collections.abc import Set as AbstractSet
@@ -25,27 +25,27 @@ from gateway.tabfile.decoded import (
 from gateway.tabfile.names import axis_of_name
 
 REVERSED_ROUGHNESS: Final = 0.5
-"""The reversed second list must fit this much better before it is worth a word."""
+"""The reversed second list must fit this much better to be reported."""
 SLIP_VALUE: Final = 0.001
 SLIP_MEDIAN: Final = 0.1
-"""A value below the first among values around the second was probably written in another unit."""
+"""A value below the first among values around the second is probably in another unit."""
 OUTLIER_FACTOR: Final = 8.0
 SHORT: Final = 18
-"""Tables of so many points are judged by leaving points out: one slip bends half of a short one."""
+"""Tables up to this size are judged by omitting points: one mistake bends half of a short table."""
 SHORT_FACTOR: Final = 4.0
-"""Of the sharpest bend that is left without a point: it stands out beyond that."""
+"""A point is an outlier beyond this multiple of the sharpest bend that remains without it."""
 REGULAR: Final = 0.25
-"""Of the widest distance of two points: the least one, where points lie about evenly."""
+"""Points are about even if the least distance is at least this share of the widest."""
 SHORT_FLOOR_MM: Final = 0.003
-"""Among few points readings that scatter by a micron do so by chance."""
+"""Among few points, scatter of a micron is chance."""
 LEAST_LEFT: Final = 4
-"""Fewer points bend too seldom to say what is usual."""
+"""Fewer points bend too seldom to show what is usual."""
 LEAST_AGAIN: Final = 6
-"""So many must be left without what stands out to look once more: among fewer a sound point often does."""
+"""A second search needs this many points beside the outliers. Among fewer, sound points often stand out."""
 FEW: Final = 6
-"""One in so many may be a slip; more than that is a rough curve."""
+"""One in this many points may be a mistake; more than that is a rough curve."""
 REVERSAL_FACTOR: Final = 3.0
-"""Of how far the others' lost motion lies from its median."""
+"""Times the distance of the other points' lost motion from its median."""
 REVERSAL_FLOOR_MM: Final = 0.003
 OUTLIER_FLOOR_MM: Final = 0.001
 """Bends below a micron are the rounding of the file, not outliers."""
@@ -62,7 +62,7 @@ NOISE: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class _Subject:
-    """What the checks look at."""
+    """The input of the checks."""
 
     name: str
     table: CorrectionTable
@@ -82,7 +82,7 @@ class _Subject:
 
 
 def run_lints(name: str, table: CorrectionTable, source: Decoded) -> tuple[Lint, ...]:
-    """Return what the reader remarked and what every check finds, in the order of the checks."""
+    """Return the remarks of the reader and the findings of all checks, in the order of the checks."""
     subject = _Subject(name, table, source)
     return (*source.remarks, *(lint for check in _CHECKS for lint in check(subject)))
 
@@ -123,7 +123,7 @@ def _swapped(subject: _Subject) -> Iterator[Lint]:
     mean, noise = fmean(differences), NOISE * subject.table.max_correction()
     negative = sum(difference < -noise for difference in differences)
     positive = sum(difference > noise for difference in differences)
-    # By count: one slip makes the mean negative, and exchanging the columns would ruin all other points.
+    # By count: one mistake makes the mean negative, and exchanging the columns would ruin all other points.
     if mean < -noise and negative > positive:
         yield _warning(
             "L2",
@@ -137,7 +137,7 @@ def _reversed(subject: _Subject) -> Iterator[Lint]:
     forward, backward = (corrections(subject.rows, branch) for branch in BRANCHES)
     as_given, as_reversed = _roughness(forward, backward), _roughness(forward, backward[::-1])
     if not backward[-1] and backward[0] and abs(subject.rows[-1].position) <= NOISE * subject.span:
-        return  # it ends at home with 0, as it must, and turned round it would not
+        return  # it must end with 0 at home; reversed it would not
     if as_reversed < REVERSED_ROUGHNESS * as_given and as_given > NOISE * subject.table.max_correction():
         yield _warning(
             "L3",
@@ -171,7 +171,7 @@ def _unit_slip(subject: _Subject) -> Iterator[Lint]:
                     line,
                 )
     smallest, largest = subject.source.plausible
-    # What is much on a short axis is usual on a long one.
+    # A change that is large on a short axis is usual on a long one.
     units, length = subject.table.units, subject.source.context.length(subject.span)
     largest *= default_max_correction(units, length) / default_max_correction(units, 0.0)
     worst, line = max(values, key=lambda pair: abs(pair[0]))
@@ -186,7 +186,7 @@ def _unit_slip(subject: _Subject) -> Iterator[Lint]:
 
 
 def _home(subject: _Subject) -> Iterator[Lint]:
-    """Home is where the measurement is 0 by construction (TB058, table of home cases)."""
+    """At home the measurement is 0 by construction (TB058, table of home cases)."""
     home = _home_of(subject.table)
     if home is None:
         return
@@ -201,7 +201,7 @@ def _home(subject: _Subject) -> Iterator[Lint]:
 
 
 class _Home(NamedTuple):
-    """The correction at home: of which branch, what its value is called, and near which point."""
+    """The correction at home: its branch, the name of its value, and the nearest point."""
 
     branch: str
     value: str
@@ -225,11 +225,11 @@ def _home_of(table: CorrectionTable) -> _Home | None:
 
 
 def _is_zero_at_home(subject: _Subject, row: SourceRow, branch: str) -> bool:
-    """Whether a value is the one that is 0 by definition, and is."""
+    """Whether a value must be 0 by definition, and is 0."""
     home = _home_of(subject.table)
     if home is None or row is not subject.rows[home.row]:
         return False
-    # a curve of both directions is looked at once, as the forward one
+    # A curve for both directions is checked once, as the forward one.
     if branch != home.branch and not subject.table.is_unidirectional:
         return False
     step = subject.span / (len(subject.rows) - 1)
@@ -253,7 +253,7 @@ def _outliers(subject: _Subject) -> Iterator[Lint]:
 
 
 def _is_regular(rows: Sequence[SourceRow]) -> bool:
-    """Whether points lie about as far apart everywhere: only then do bends compare."""
+    """Whether the points are about evenly spaced: only then can bends be compared."""
     gaps = [after.position - before.position for before, after in pairwise(rows)]
     return min(gaps) > REGULAR * max(gaps)
 
@@ -277,10 +277,10 @@ def _long_outliers(subject: _Subject, branch: str) -> Iterator[tuple[SourceRow, 
 def _bent(
     rows: Sequence[SourceRow], values: Sequence[float], floor: float
 ) -> Iterator[tuple[int, float, float]]:
-    """Yield the points at which many values stand out, each with its bend and the limit, the worst first.
+    """Yield the points at which many values stand out, each with its bend and the limit, worst first.
 
-    What stands out is left out before the others are judged: it bends its neighbours too. Where more than
-    one in so many does, the curve is rough and its worst point alone is worth a word.
+    An outlier is removed before the others are judged, because it bends its neighbours too. If there are more
+    outliers than one in ``FEW`` points, the curve is rough. Then only its worst point is reported.
     """
     left = list(range(len(rows)))
     found: list[tuple[int, float, float]] = []
@@ -290,7 +290,7 @@ def _bent(
         worst = max(range(len(size)), key=size.__getitem__)
         if size[worst] <= limit:
             break
-        # Of two slips side by side, or one beside an end, a neighbour may bend as much.
+        # With two mistakes side by side, or one beside an end, a neighbour may bend as much.
         near = [left[at] for at in range(worst, worst + 3)]
         index = min(near, key=lambda each: _rest(rows, values, [at for at in left if at != each]))
         found.append((index, size[worst], limit))
@@ -299,12 +299,12 @@ def _bent(
 
 
 def _rest(rows: Sequence[SourceRow], values: Sequence[float], left: Sequence[int]) -> float:
-    """Return how much the values that are left bend in all."""
+    """Return the total bend of the remaining values."""
     return sum(bends([rows[index].position for index in left], [values[index] for index in left]))
 
 
 def _short_outliers(subject: _Subject, branch: str) -> Iterator[tuple[SourceRow, Lint]]:
-    """Name the points without which the others lie on a smooth curve: one, two at a time, and again."""
+    """Name the points without which the others are on a smooth curve: one, two at a time, and again."""
     rows = subject.rows
     left_out: tuple[int, ...] = ()
     while found := _slips(subject, [index for index in range(len(rows)) if index not in left_out], branch):
@@ -328,7 +328,7 @@ def _short_outliers(subject: _Subject, branch: str) -> Iterator[tuple[SourceRow,
 
 
 def _slips(subject: _Subject, left: Sequence[int], branch: str) -> tuple[int, ...]:
-    """Return the point of those that are left, or else the two, that the others do not lead to."""
+    """Return the remaining point, or else the two, that do not fit the others."""
     for many in (1, 2):
         if len(left) - many < LEAST_LEFT + many - 1:
             break
@@ -343,7 +343,7 @@ def _slips(subject: _Subject, left: Sequence[int], branch: str) -> tuple[int, ..
 
 
 def _ratios(subject: _Subject, left: Sequence[int], chosen: tuple[int, ...], branch: str) -> list[float]:
-    """Return how far points lie from the line of the others, in what is the most for a point of these."""
+    """Return the distance of points from the line of the others, relative to the usual maximum of these."""
     others = [subject.rows[index] for index in left if index not in chosen]
     usual = max(second_differences(others, branch))
     limit = max(SHORT_FACTOR * usual, subject.table.units.from_mm(SHORT_FLOOR_MM))
@@ -361,7 +361,7 @@ def _ratios(subject: _Subject, left: Sequence[int], chosen: tuple[int, ...], bra
 
 
 def _between(others: Sequence[SourceRow], branch: str, position: float) -> float:
-    """Return what the line through the nearest points has at a place; beyond them it goes on."""
+    """Return the line through the nearest points at a position; beyond them it continues."""
     above = sum(row.position < position for row in others)
     low, high = others[min(max(above, 1), len(others) - 1) - 1 :][:2]
     start, end = corrections([low, high], branch)
@@ -369,11 +369,11 @@ def _between(others: Sequence[SourceRow], branch: str, position: float) -> float
 
 
 def _odd_reversal(subject: _Subject, named: AbstractSet[float]) -> Iterator[Lint]:
-    """Name the points whose lost motion is not like that of the others, in a short table at most two."""
+    """Name the points with a lost motion unlike the others', in a short table at most two."""
     differences = [row.forward - row.backward for row in subject.rows]
     floor = subject.table.units.from_mm(REVERSAL_FLOOR_MM)
     if len(differences) > SHORT:
-        # A screw may be worn in one place: there it bends slowly.
+        # A screw may be worn in one region: there the lost motion bends slowly.
         odd, usual = sorted(at for at, _, _ in _bent(subject.rows, differences, floor)), median(differences)
     else:
         odd, usual = _odd(differences, floor)
@@ -390,7 +390,7 @@ def _odd_reversal(subject: _Subject, named: AbstractSet[float]) -> Iterator[Lint
 
 
 def _odd(differences: Sequence[float], floor: float) -> tuple[list[int], float]:
-    """Return which of few numbers are not like the others, in order, and what is usual among those."""
+    """Return the indices of numbers unlike the others, in order, and the usual value of the others."""
     middle = median(differences)
     farthest = sorted(
         range(len(differences)), key=lambda index: abs(differences[index] - middle), reverse=True
@@ -469,7 +469,7 @@ def _axis(subject: _Subject) -> Iterator[Lint]:
 
 
 def _hole(subject: _Subject) -> Iterator[Lint]:
-    """Where most points lie one step apart, one that does not is where a line was lost or mistyped."""
+    """Among points one step apart, a different distance shows a line that was lost or mistyped."""
     distances = [after.position - before.position for before, after in pairwise(subject.rows)]
     step = median(distances)
     uneven = [index for index, width in enumerate(distances) if abs(width - step) > STEP_TOLERANCE * step]
@@ -486,7 +486,7 @@ def _hole(subject: _Subject) -> Iterator[Lint]:
 
 
 def _beyond(subject: _Subject) -> Iterator[Lint]:
-    """Whole segments outside the travel: a doubled line moves the points behind it."""
+    """Whole segments outside the travel: a repeated line moves the points behind it."""
     travel = subject.source.context.travel
     if travel is None:
         return

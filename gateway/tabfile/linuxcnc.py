@@ -5,17 +5,17 @@ blanks between them, nominal positions strictly ascending, at most 256 points::
 
     nominal forward reverse
 
-Type 0: ``forward`` and ``reverse`` are the positions at which the nut really stood when the machine showed
-``nominal``; LinuxCNC adds nominal - forward while moving forward, nominal - reverse while moving back, and so
-does this reader (the first order; the inverse of the curve would differ by slope x correction). Type 1: both
-are trims that LinuxCNC adds as they stand. The documentation prints examples of both types as if they meant
-the same; they do not. Nothing in a file says its type, so it must be told; a file of one type read as the
-other has slopes near 1 and is refused. There are no units either.
+Type 0: ``forward`` and ``reverse`` are the actual positions of the nut when the machine showed ``nominal``.
+LinuxCNC adds nominal - forward while moving forward, nominal - reverse while moving back. This reader does
+the same (first order; the inverse of the curve would differ by slope x correction). Type 1: both are trims
+that LinuxCNC adds unchanged. The documentation prints examples of both types as if they meant the same; they
+do not. A file does not contain its type, so the type must be given. A file of one type read as the other has
+slopes near 1 and is refused. The file has no units either.
 
-LinuxCNC stops reading in silence at the first line that is no such triplet (a comment, a blank line, a
-comma), drops what comes after 256 points, and holds the end values outside. Here comments (``#`` or ``;``,
-alone or behind a point) and blank lines are passed over, anything else is an error, every point counts, and
-remark R7 says where LinuxCNC itself would have stopped.
+LinuxCNC stops reading, without a message, at the first line that is not such a triplet (a comment, a blank
+line, a comma). It drops everything after 256 points, and holds the end values outside. Here comments (``#``
+or ``;``, alone or behind a point) and blank lines are skipped, anything else is an error, and every point
+counts. Remark R7 names the line at which LinuxCNC itself would have stopped.
 """
 
 import itertools
@@ -41,7 +41,7 @@ TITLE_1: Final = "LinuxCNC COMP_FILE type 1: nominal and both trims, which are a
 SUFFIX: Final = ".dat"
 USES: Final = frozenset({"file_start"})
 MAX_POINTS: Final = 256
-"""Of LinuxCNC; what is beyond it drops in silence."""
+"""Limit of LinuxCNC; it drops further points without a message."""
 MIN_STEP: Final = 1e-6
 DECIMALS: Final = 12
 MAX_PROBLEMS: Final = 20
@@ -64,7 +64,7 @@ class _Row(NamedTuple):
 
 
 def recognise(source: SourceText) -> bool:
-    """Whether the first point is a triplet, or, where it is damaged, nearly all others are.
+    """Whether the first point is a triplet or, if it is damaged, nearly all others are.
 
     It cannot tell type 0 from type 1.
     """
@@ -93,8 +93,8 @@ def _read(source: SourceText, context: FileContext, name: str) -> Decoded:
     """Read every point.
 
     Raises:
-        TabFileError: no units were told, a line that is no point, positions that do not ascend, values that
-            are plainly those of the other type, a range that does not fit the travel.
+        TabFileError: no units given, a line that is not a point, positions that do not ascend, values that
+            clearly belong to the other type, a range that does not fit the travel.
     """
     units = required_units(source, context, "a LinuxCNC compensation file")
     file_rows = _parse(source)
@@ -188,7 +188,7 @@ def _to_source_row(row: _Row, *, is_absolute: bool) -> SourceRow:
 
 
 def _where_linuxcnc_stops(rows: Sequence[_Row]) -> tuple[Lint, ...]:
-    """Say from which line on LinuxCNC itself would use nothing, if points follow it."""
+    """Report the line from which LinuxCNC itself would use nothing, if points follow it."""
     points = {row.line for row in rows}
     last_used = rows[min(len(rows), MAX_POINTS) - 1].line
     # Blank lines above the first line with text are not in the source, but they stop LinuxCNC, too.
@@ -207,7 +207,7 @@ def _where_linuxcnc_stops(rows: Sequence[_Row]) -> tuple[Lint, ...]:
 
 
 def _write(name: str, table: CorrectionTable, options: WriteOptions) -> Written:
-    """Write the table on its own points; ``options`` say nothing that such a file could hold.
+    """Write the table on its own points; such a file has no field for any of the ``options``.
 
     Raises:
         TabFileError: more than 256 points, or points closer than 0.000001 units.

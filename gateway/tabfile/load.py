@@ -1,4 +1,4 @@
-"""The road from a file to a checked table."""
+"""From a file to a checked table."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -21,9 +21,8 @@ def read_table(path: Path, context: FileContext) -> LoadedTable:
     The table is in the machine units of the file (version 1: of the context).
 
     Raises:
-        TabFileError: everything that :func:`inspect_table` raises, and every lint of severity error, such as
-        a
-            slope or a correction above its limit.
+        TabFileError: all errors of :func:`inspect_table`, and every lint of severity error, such as a slope
+            or a correction above its limit.
     """
     loaded = inspect_table(path, context)
     if loaded.errors:
@@ -34,11 +33,11 @@ def read_table(path: Path, context: FileContext) -> LoadedTable:
 
 
 def inspect_table(path: Path, context: FileContext) -> LoadedTable:
-    """Read a file to look at it: lints of severity error are reported, not raised.
+    """Read a file for inspection: lints of severity error are reported, not raised.
 
     Raises:
-        TabFileError: the file cannot be read, is not of a known dialect, breaks its grammar, does not prove
-            what it means, or makes no table.
+        TabFileError: the file cannot be read, has no known dialect, breaks its grammar, does not prove its
+            meaning, or makes no table.
     """
     return parse_table(read_bytes(path), str(path), context)
 
@@ -56,10 +55,10 @@ def read_bytes(path: Path) -> bytes:
 
 
 def parse_table(data: bytes, name: str, context: FileContext) -> LoadedTable:
-    """Do what :func:`inspect_table` does with the content of a file.
+    """Process the content of a file as :func:`inspect_table` does.
 
     Raises:
-        TabFileError: see there.
+        TabFileError: see :func:`inspect_table`.
     """
     source = decode(data, name)
     dialect = choose(source, context.format)
@@ -76,10 +75,10 @@ def _is_used(name: str, dialect: Dialect) -> bool:
 
 
 def dialect_of(path: Path, given: str | None = None) -> Dialect:
-    """Return the dialect of a file without reading it as a table; ``given`` is its name, where it is known.
+    """Return the dialect of a file without reading it as a table; ``given`` is its name, if known.
 
     Raises:
-        TabFileError: the file cannot be read, or nothing proves which known dialect it is of.
+        TabFileError: the file cannot be read, or does not prove a known dialect.
     """
     return choose(decode(read_bytes(path), str(path)), given)
 

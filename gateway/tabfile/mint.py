@@ -1,20 +1,20 @@
 """Mint programs of Baldor and ABB that hold leadscrew tables (grammar: ``mint_program``).
 
-After the Mint v4 Advanced Programming Guide (MN1270, 3.4.2 and the keywords). Entry i of a table, counted
-from 1, is where the nut really stands, measured from mark A of the screw, when theory says
-i x PRECISIONINCREMENT; at A itself both are 0 and nothing is listed. ``fwd`` holds while the axis moves from
-A to B, which is the positive direction, ``rev`` on the way back.
+From the Mint v4 Advanced Programming Guide (MN1270, 3.4.2 and the keywords). Entry i of a table, counted from
+1, is the actual position of the nut, measured from mark A of the screw, at the theoretical position i x
+PRECISIONINCREMENT. At A itself both are 0 and the table has no entry. ``fwd`` holds while the axis moves from
+A to B, the positive direction, ``rev`` on the way back.
 
-Mint replaces the position that it measures, so its motor stops at the inverse of the table: the motor has to
-be at i x increment for the nut to be at entry i. The inverse of a polygon is a polygon: point i lies at
-A + entry, and i x increment - entry is added there, exactly. The points of both directions differ; a table
-has those of both, each curve worked out on its own polygon at the points of the other.
+Mint replaces the measured position, so its motor stops at the inverse of the table: the nut is at entry i
+when the motor is at i x increment. The inverse of a polygon is a polygon: point i is at A + entry, and i x
+increment - entry is added there, exactly. The points of both directions differ. A table has the points of
+both; each curve is evaluated on its own polygon at the points of the other.
 
-Where A lies, PRECISIONOFFSET says in two ways: it is "the position of point A relative to axis zero" (its
-keyword), and it is "ADDED" to a position to look it up (3.4.2), which puts A at minus the offset. So an
-offset other than 0 proves nothing, and ``file_start`` tells where A is. Units are user units, so they are
-told. Outside its table Mint adds nothing. BACKLASH is a constant beside a single table; with a positive one
-Mint adds it while moving forward, with a negative one while moving back.
+The guide defines PRECISIONOFFSET, which locates A, in two ways. It is "the position of point A relative to
+axis zero" (its keyword). It is also "ADDED" to a position to look it up (3.4.2), which puts A at minus the
+offset. So an offset other than 0 proves nothing, and ``file_start`` gives the position of A. Units are user
+units, so they must be given. Outside its table Mint adds nothing. BACKLASH is a constant beside a single
+table. Mint adds a positive one while moving forward, a negative one while moving back.
 """
 
 import re
@@ -52,8 +52,8 @@ SUFFIX: Final = ".mnt"
 USES: Final = frozenset({"file_start", "increment", "file_axis"})
 MAX_PROBLEMS: Final = 20
 SAME_POSITION: Final = 1e-6
-"""Points of both directions that lie closer than this, in units, are one point: at a slope of 1 % that costs
-a hundredth of it, and slopes over shorter distances would be noise."""
+"""Points of both directions closer than this, in units, are one point. At a slope of 1 % the error is a
+hundredth of it; slopes over shorter distances would be noise."""
 NOTHING: Final = 1e-9
 """Corrections below this, in units, are 0."""
 SAME_START: Final = 1e-6
@@ -74,7 +74,7 @@ class _Knot(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _Screw:
-    """The table of one axis; ``forward`` and ``backward`` are places from A with what is added there."""
+    """The table of one axis; ``forward`` and ``backward`` are positions from A, each with its correction."""
 
     axis: int
     increment: float
@@ -86,7 +86,7 @@ class _Screw:
 
 @dataclass(frozen=True, slots=True)
 class _Reversal:
-    """``backlash`` is signed, in units of the file, 0 for none; ``cycles`` is None where nothing is said."""
+    """``backlash`` is signed, in units of the file, 0 for none; ``cycles`` is None if not set."""
 
     backlash: float
     cycles: int | None
@@ -103,9 +103,9 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     """Read the tables of one axis.
 
     Raises:
-        TabFileError: no units were told, a statement that is not of the grammar, several axes and none told,
-            no increment, no place for mark A or one of two, positions that do not ascend, backlash beside two
-            tables.
+        TabFileError: no units given, a statement outside the grammar, several axes and none given, no
+            increment, no position for mark A or an ambiguous one, positions that do not ascend, backlash
+            beside two tables.
     """
     units = required_units(source, context, "a Mint program")
     axis_units = context.units
@@ -175,7 +175,7 @@ def _screw_of(source: SourceText, program: Program, axis: int, context: FileCont
 
 
 def _increment_of(source: SourceText, program: Program, axis: int, context: FileContext) -> tuple[float, str]:
-    """Return the distance of the points, and who told it where it is not the program."""
+    """Return the distance of the points, and its source if that is not the program."""
     setting, given = program.settings.get((INCREMENT, axis)), context.increment
     if setting is None:
         if given is None:
@@ -198,7 +198,7 @@ def _increment_of(source: SourceText, program: Program, axis: int, context: File
 
 
 def _is_dual(source: SourceText, program: Program, axis: int) -> tuple[bool, str, tuple[Lint, ...]]:
-    """Whether the reverse table counts, why, and a remark where the program switches all of it off."""
+    """Whether the reverse table is used, why, and a remark if the program disables all compensation."""
     has_two = program.tables[axis].reverse is not None
     both = "two tables, one for each direction" if has_two else "one table for both directions"
     setting = program.settings.get((MODE, axis))
@@ -244,7 +244,7 @@ def _knots(source: SourceText, array: Array, increment: float, what: str) -> lis
 
 
 def _start_of(source: SourceText, program: Program, screw: _Screw, context: FileContext) -> tuple[float, str]:
-    """Return where mark A lies on the axis, and who says so."""
+    """Return the position of mark A on the axis, and its source."""
     setting, given = program.settings.get((OFFSET, screw.axis)), context.file_start
     if setting is None:
         if given is None:
@@ -275,7 +275,7 @@ def _start_of(source: SourceText, program: Program, screw: _Screw, context: File
 
 
 def _reading(screw: _Screw, start: float, way: str, context: FileContext) -> str:
-    """Say what one place of mark A makes of a target that lies behind A in both readings."""
+    """Describe one reading of mark A by a target that lies behind A in both readings."""
     assert context.units is not None, "the context is in units of the file"
     target = abs(start) + screw.increment / 5
     position = target - start
@@ -304,7 +304,7 @@ def _rows(screw: _Screw, start: float) -> tuple[SourceRow, ...]:
 
 
 def _together(positions: Sequence[float]) -> list[list[float]]:
-    """Put what is one place into one group."""
+    """Group positions that are one position."""
     groups = [[positions[0]]]
     for position in positions[1:]:
         if position - groups[-1][0] > SAME_POSITION:
@@ -314,7 +314,7 @@ def _together(positions: Sequence[float]) -> list[list[float]]:
 
 
 def _at(knots: Sequence[_Knot], position: float) -> float:
-    """Return the correction of one direction; behind its last point it stays."""
+    """Return the correction of one direction; behind its last point it does not change."""
     above = bisect_right(knots, position, key=lambda knot: knot.position)
     if above == len(knots) or knots[above - 1].position == position:
         return knots[above - 1].correction
@@ -324,7 +324,7 @@ def _at(knots: Sequence[_Knot], position: float) -> float:
 
 
 def _outside(rows: Sequence[SourceRow], units: Units) -> tuple[tuple[str, ...], str]:
-    """Say what to do outside: as Mint does where that makes no step."""
+    """Return the behaviour outside: that of Mint if it makes no step."""
     step = max(abs(correction) for row in (rows[0], rows[-1]) for correction in (row.forward, row.backward))
     if step <= NOTHING:
         return ('outside = "zero"',), "both ends are 0: outside, Mint adds nothing"
@@ -349,15 +349,15 @@ def _reversal_lines(reversal: _Reversal, units: Units, axis_units: Units | None)
 
 
 def _reversal_of(source: SourceText, program: Program, axis: int, *, has_two_tables: bool) -> _Reversal:
-    """Return what the program says about the reversal of one axis, beside its table.
+    """Return the program's settings for the reversal of one axis, besides its table.
 
-    BACKLASHMODE 1 adds BACKLASH in one direction, over BACKLASHINTERVAL servo cycles. The sign tells which:
-    with a positive size the motor stands at the negative end of the lost motion after homing, so that moving
-    forward needs the whole size and moving back nothing (MN1270, BACKLASHMODE); with a negative one it is the
-    other way round. It has to be off with two tables, because these hold the lost motion.
+    BACKLASHMODE 1 adds BACKLASH in one direction, over BACKLASHINTERVAL servo cycles. The sign gives the
+    direction. With a positive size the motor is at the negative end of the lost motion after homing: moving
+    forward needs the whole size, moving back nothing (MN1270, BACKLASHMODE). With a negative size it is the
+    reverse. With two tables it must be off, because these contain the lost motion.
 
     Raises:
-        TabFileError: backlash that is not off beside two tables, or a number of cycles that is none.
+        TabFileError: backlash that is not off beside two tables, or an invalid number of cycles.
     """
     cycles = _cycles(source, program, axis)
     setting = program.settings.get((BACKLASH, axis))
@@ -400,16 +400,16 @@ def _cycles(source: SourceText, program: Program, axis: int) -> int | None:
 
 # --- Writing
 #
-# Mint wants the nut's place at even theoretical (motor) positions A + i x increment: the inverse of our curve
-# there. Between two entries it draws a straight line, so bends of the curve that lie between them are cut;
-# how much that costs is worked out and said. A table that came from a Mint program fits its increment again.
+# Mint needs the nut's position at even theoretical (motor) positions A + i x increment: the inverse of our
+# curve there. Between two entries it draws a straight line, so bends of the curve between them are lost; the
+# resulting error is computed and reported. A table from a Mint program fits its increment again.
 #
-# Mark A has no correction, by definition. Where the table begins with one, A is put below it, and the
-# correction grows from there, slowly, before the table begins.
+# Mark A has no correction, by definition. If the table begins with one, A is put below the table, and the
+# correction grows slowly from there.
 
 DECIMALS: Final = 8
 _FIT_MM: Final = 1e-6
-"""Points that are not evenly spaced are only written where an increment fits them as well as this."""
+"""Points that are not evenly spaced are only written if an increment fits them as well as this."""
 _RAMP: Final = 0.004
 """Largest slope with which a first correction grows from 0 at mark A."""
 _PARTS: Final = (1, 2, 3, 4)
@@ -417,7 +417,7 @@ _PARTS: Final = (1, 2, 3, 4)
 
 @dataclass(frozen=True, slots=True)
 class _Curve:
-    """One direction: points, and the motor positions that belong to them; held outside."""
+    """One direction: points, and their motor positions; the end values hold outside."""
 
     positions: Sequence[float]
     corrections: Sequence[float]
@@ -427,13 +427,13 @@ class _Curve:
         return _along(self.positions, self.corrections, position)
 
     def nut(self, motor: float) -> float:
-        """Return the position whose corrected one is ``motor``."""
+        """Return the position with the corrected position ``motor``."""
         return motor - _along(self.images, self.corrections, motor)
 
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """Entries for one increment, and the largest difference from the table, and where that is."""
+    """Entries for one increment; their largest difference from the table, and its position."""
 
     start: float
     increment: float
@@ -443,10 +443,10 @@ class _Plan:
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:
-    """Write the table for axis ``file_axis`` (0 unless told) with the increment that fits best.
+    """Write the table for axis ``file_axis`` (default 0) with the increment that fits best.
 
     Raises:
-        TabFileError: an axis that is no number, or uneven points that no even increment fits.
+        TabFileError: an axis that is not a number, or uneven points that no even increment fits.
     """
     axis = "0" if options.file_axis is None else options.file_axis
     if not (axis.isascii() and axis.isdigit()):
@@ -481,7 +481,7 @@ def _curve(positions: Sequence[float], corrections: Sequence[float]) -> _Curve:
 
 
 def _increments(table: CorrectionTable) -> list[float]:
-    """Return increments that may fit, best first: the step of an even grid, parts of a motor distance."""
+    """Return candidate increments, best first: the step of an even grid, parts of a motor distance."""
     found = [(table.last - table.first) / (len(table.positions) - 1)] if _is_even(table) else []
     gaps = [after - before for curve in _curves(table) for before, after in pairwise(_bends(curve))]
     found += [min(gaps) / part for part in _PARTS]
@@ -489,9 +489,9 @@ def _increments(table: CorrectionTable) -> list[float]:
 
 
 def _bends(curve: _Curve) -> list[float]:
-    """Return the motor positions of the first point and of those at which the curve bends, or of both ends.
+    """Return the motor positions of the first point and of the bends of the curve, or of both ends.
 
-    The last point is no bend: where one direction ends before the other, it is only held up to there.
+    The last point is not a bend: if one direction ends before the other, it only holds its value up to there.
     """
     bends = [curve.images[0]]
     for index in range(1, len(curve.positions) - 1):
@@ -504,7 +504,7 @@ def _bends(curve: _Curve) -> list[float]:
 
 
 def _plan(table: CorrectionTable, increment: float) -> _Plan | None:
-    """Return the entries for one increment; None where they would be many more than the table's points."""
+    """Return the entries for one increment; None if they are many more than the table's points."""
     start, forward, backward = _from_mark(table, increment)
     end = max(forward.images[-1], backward.images[-1])
     size = max(1, ceil((end - start) / increment - EVEN_TOLERANCE))
@@ -529,11 +529,11 @@ def _plan(table: CorrectionTable, increment: float) -> _Plan | None:
 
 
 def _from_mark(table: CorrectionTable, increment: float) -> tuple[float, _Curve, _Curve]:
-    """Return where mark A is, and both curves from there."""
+    """Return the position of mark A, and both curves from there."""
     largest = max(abs(table.forward[0]), abs(table.backward[0]))
     if largest <= NOTHING:
         return (float(f"{table.first:.12g}"), *_curves(table))
-    # It has grown up when the motor may still be below the table.
+    # The correction is complete while the motor may still be below the table.
     ready = 2 * largest
     count = ceil((ready + largest / _RAMP) / increment)
     start = float(f"{table.first - count * increment:.12g}")

@@ -1,4 +1,4 @@
-"""The statements of a Mint program that make its leadscrew tables, and nothing else of it.
+"""The statements of a Mint program that make its leadscrew tables; all others are ignored.
 
 Grammar, after the Mint v4 Advanced Programming Guide (MN1270, 3.4 and the keywords), words in any case::
 
@@ -11,10 +11,10 @@ Grammar, after the Mint v4 Advanced Programming Guide (MN1270, 3.4 and the keywo
     keyword: PRECISIONMODE PRECISIONINCREMENT PRECISIONOFFSET BACKLASH BACKLASHMODE BACKLASHINTERVAL
              (PCO for PRECISIONOFFSET, BLM for BACKLASHMODE)
 
-Values are numbers (or, of the two modes, Mint's constants): an expression is not worked out but refused.
-Other statements are counted and left alone, if they mention neither a keyword nor an array that is used. What
-may not run (in an IF or a loop, in an EVENT, in a program with GOTO) is refused, as is every array whose size
-is not the number of its values.
+Values are numbers (or, for the two modes, Mint's constants); an expression is refused, not evaluated. Other
+statements are counted and ignored if they mention neither a keyword nor an array that is used. Statements
+that may not run (in an IF or a loop, in an EVENT, in a program with GOTO) are refused, as is every array
+whose size is not the number of its values.
 """
 
 import re
@@ -35,7 +35,7 @@ WORD: Final = re.compile("[A-Za-z_][A-Za-z0-9_]*")
 
 
 class Token(NamedTuple):
-    """A word, a number or a sign, and where it stands."""
+    """A word, a number or a sign, and its position in the file."""
 
     text: str
     line: int
@@ -45,7 +45,7 @@ Statement = Sequence[Token]
 
 
 class MintValue(NamedTuple):
-    """A number, or a constant of Mint in capitals, and where it stands."""
+    """A number, or a constant of Mint in capitals, and its position in the file."""
 
     value: float | str
     line: int
@@ -54,8 +54,8 @@ class MintValue(NamedTuple):
 def statements_of(source: SourceText) -> Iterator[Statement]:
     """Yield the statements of a program, none of them empty.
 
-    They stand on lines of their own or behind ``:``. ``'`` begins a comment, and so does ``REM`` where a
-    statement begins. A line that ends with ``_`` or a backslash goes on in the next one.
+    They have lines of their own or follow ``:``. ``'`` begins a comment; so does ``REM`` at the start of a
+    statement. A line that ends with ``_`` or a backslash continues on the next one.
     """
     statement: list[Token] = []
     for line in source.lines:
@@ -90,7 +90,7 @@ def text_of(statement: Statement) -> str:
 
 
 class Cursor:
-    """Takes a statement apart, token by token."""
+    """Parses a statement token by token."""
 
     def __init__(self, source: SourceText, statement: Statement) -> None:
         self.source = source
@@ -99,7 +99,7 @@ class Cursor:
         self._next = 1
 
     def error(self, allowed: str, found: str | None = None) -> TabFileError:
-        """Return the error of the token that was taken last, or of ``found``."""
+        """Return the error of the last token, or of ``found``."""
         if found is None:
             at = self._next - 1
             token = shown(self._statement[at].text) if at < len(self._statement) else "its end"
@@ -119,7 +119,7 @@ class Cursor:
         return is_it
 
     def expect(self, *texts: str) -> str:
-        """Take one of these."""
+        """Take one of these texts."""
         text = self.take().text.upper()
         if text not in texts:
             raise self.error(" or ".join(texts))
@@ -140,7 +140,7 @@ class Cursor:
         return number
 
     def number(self) -> MintValue:
-        """Take a number with its sign, and say where it stands."""
+        """Take a number with its sign; return it with its position."""
         sign = "-" if self.is_next("-") else "+" if self.is_next("+") else ""
         token = self.take()
         value = to_decimal(sign + token.text)
@@ -176,7 +176,7 @@ _ABBREVIATION: Final = re.compile("(PC|BL)[A-Z]{0,2}")
 _OPENERS: Final = frozenset(("IF", "FOR", "WHILE", "REPEAT", "SELECT", "LOOP", "DO", "EVENT"))
 _LONGEST: Final = 20
 _CLOSE: Final = 0.87
-"""Words as similar to a keyword as this (one letter off) are taken for slips of it."""
+"""Words with this similarity to a keyword (one letter off) count as misspelt keywords."""
 _MARKS: Final = ("#", "?")
 """A label and a short PRINT begin with these, all other statements with a word."""
 _CLOSERS: Final = frozenset(("ENDIF", "NEXT", "ENDW", "WEND", "ENDL", "UNTIL", "ENDSELECT"))
@@ -184,7 +184,7 @@ _CLOSERS: Final = frozenset(("ENDIF", "NEXT", "ENDW", "WEND", "ENDL", "UNTIL", "
 
 @dataclass(frozen=True, slots=True)
 class Array:
-    """An array of numbers and the lines that they stand on."""
+    """An array of numbers and their lines."""
 
     values: tuple[float, ...]
     lines: tuple[int, ...]
@@ -192,7 +192,7 @@ class Array:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """What one ``PRECISIONTABLE`` gives to one axis; ``reverse`` is None where one table serves both ways."""
+    """One ``PRECISIONTABLE`` for one axis; ``reverse`` is None if one table holds in both directions."""
 
     forward: Array
     reverse: Array | None
@@ -201,7 +201,7 @@ class Table:
 
 @dataclass(slots=True)
 class Program:
-    """Tables and settings by axis; ``others`` counts the statements that were left alone."""
+    """Tables and settings by axis; ``others`` counts the ignored statements."""
 
     tables: dict[int, Table] = field(default_factory=dict)
     settings: dict[tuple[str, int], MintValue] = field(default_factory=dict)
@@ -212,10 +212,10 @@ _Settings = list[tuple[str, int | None, MintValue]]
 
 
 def parse_program(source: SourceText) -> Program:
-    """Return the tables of a program and what is set for them.
+    """Return the tables of a program and their settings.
 
     Raises:
-        TabFileError: no table, or a statement that has to do with one and is not of the grammar.
+        TabFileError: no table, or a statement about a table that is outside the grammar.
     """
     statements = list(statements_of(source))
     used = _used_arrays(source, statements)
@@ -253,7 +253,7 @@ def _used_arrays(source: SourceText, statements: Sequence[Statement]) -> set[str
 
 
 def _check_other(source: SourceText, statement: Statement, used: set[str]) -> None:
-    """Refuse what could touch a table in a way that is not of the grammar."""
+    """Refuse a statement that could change a table in a way outside the grammar."""
     first, line = statement[0].text.upper(), statement[0].line
     if not WORD.fullmatch(first) and first not in _MARKS:
         found = f"a statement that begins with {shown(first)}"
@@ -277,7 +277,7 @@ def _check_other(source: SourceText, statement: Statement, used: set[str]) -> No
 
 
 class _Blocks:
-    """Follows whether a statement is sure to run."""
+    """Tracks whether a statement is certain to run."""
 
     def __init__(self, source: SourceText, *, has_goto: bool) -> None:
         self._source = source
@@ -286,7 +286,7 @@ class _Blocks:
         self._conditional_line = 0
 
     def pass_over(self, statement: Statement) -> None:
-        """Take note of a statement that opens or closes a block."""
+        """Register a statement that opens or closes a block."""
         words = [token.text.upper() for token in statement]
         if words[0] == "IF" and words[-1] != "THEN" and "THEN" in words:
             self._conditional_line = statement[-1].line
@@ -299,7 +299,7 @@ class _Blocks:
         """Refuse a statement of a table that may not run.
 
         Raises:
-            TabFileError: it stands in a block, behind an IF, or in a program that jumps.
+            TabFileError: it is in a block, behind an IF, or in a program that jumps.
         """
         line = statement[0].line
         if self._depth or self._has_goto or self._conditional_line == line:

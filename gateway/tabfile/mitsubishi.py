@@ -6,9 +6,9 @@ division point n of this interval, in half output units, -128 to 127:
 * above the reference, feed from n - 1 to n: (interval - actual movement) x 2
 * below the reference, feed from n + 1 to n: (interval + actual movement) x 2, the movement being negative
 
-So a point owns the section between it and its neighbour on the side of the reference, and on both sides twice
-a value is how much the correction grows across it, seen in the positive direction. No section ends at the
-reference itself: its value is 0. The parameters go by plain names here; the CSV is our own, see
+So a point owns the section between it and its neighbour towards the reference. On both sides a value is twice
+the growth of the correction across the section, seen in the positive direction. No section ends at the
+reference itself: its value is 0. The parameters have plain names here; the CSV is our own, see
 :mod:`gateway.tabfile.increments`::
 
     reference,3      number of the reference point
@@ -68,7 +68,7 @@ def recognise(source: SourceText) -> bool:
 
 
 def read(source: SourceText, context: FileContext) -> Decoded:
-    """Read the file with the units and the scale (output units per unit) that the context tells.
+    """Read the file with the units and the scale (output units per unit) from the context.
 
     Raises:
         TabFileError: see :func:`parse_increments` and :func:`decode`; a reference that is not among the
@@ -96,7 +96,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
 
 
 def write(table: CorrectionTable, options: WriteOptions) -> Written:
-    """Write the table; 0 must be a point of it with no correction, and the points must be evenly spaced.
+    """Write the table; it must have a point at 0 without correction, and evenly spaced points.
 
     Raises:
         TabFileError: see :func:`round_steps`.

@@ -1,9 +1,9 @@
-"""Names of table files: which axis one belongs to, and where the file of a name is, in any case.
+"""Names of table files: the axis of a file, and the path of a name in any case.
 
 Software of the old controls: ``CNC7?.TAB`` (CNC7, MS-DOS), ``cnc10?.tab`` (CNC10, Linux), ``cnc-?.tab``
-(CNC11 and CNC12, Windows); ``?`` is the letter of the axis. A name says nothing about the dialect inside.
-Turning compensation off renamed the file to ``.bak``. Files of other systems have other suffixes; each is
-switched off in the same way, by ``.bak`` in place of its suffix or behind it.
+(CNC11 and CNC12, Windows); ``?`` is the letter of the axis. A name does not indicate the dialect. Disabling
+compensation renamed the file to ``.bak``. Files of other systems have other suffixes. Each is disabled in the
+same way, by ``.bak`` in place of its suffix or behind it.
 """
 
 import os
@@ -21,7 +21,7 @@ OFF_SUFFIX: Final = ".bak"
 
 
 class TableState(Enum):
-    """Whether a table stands in its folder: ``off`` means that it was renamed to ``.bak``."""
+    """Whether a table is in its folder; ``off``: it was renamed to ``.bak``."""
 
     PRESENT = "present"
     OFF = "off"
@@ -30,7 +30,7 @@ class TableState(Enum):
 
 @dataclass(frozen=True, slots=True)
 class FoundTable:
-    """Where a table was found; ``path`` is where it was looked for if it is missing."""
+    """The path of a table; if the table is missing, the path at which it was expected."""
 
     state: TableState
     path: Path
@@ -57,7 +57,7 @@ def axis_of_comment(comment: str) -> str | None:
 
 
 def find_table(folder: Path, name: str) -> FoundTable:
-    """Find a file by its name in any case, or see that it was switched off by renaming it to ``.bak``.
+    """Find a file by its name in any case, or detect that it was disabled by renaming it to ``.bak``.
 
     Raises:
         TabFileError: the folder cannot be read, or several names in it differ by case only.
@@ -66,7 +66,7 @@ def find_table(folder: Path, name: str) -> FoundTable:
     matches = _matches(folder, lowered)
     if matches:
         return FoundTable(TableState.PRESENT, matches)
-    # behind the suffix first: x.bak may be another file, an x.cal that was switched off
+    # First behind the suffix: x.bak may be another file, a disabled x.cal.
     for backup in (lowered + OFF_SUFFIX, str(Path(lowered).with_suffix(OFF_SUFFIX))):
         switched_off = _matches(folder, backup)
         if switched_off:
@@ -75,7 +75,7 @@ def find_table(folder: Path, name: str) -> FoundTable:
 
 
 def find_axis_tables(folder: Path, axis: str) -> list[Path]:
-    """Return the ``.tab`` files that the convention gives to an axis, sorted by name.
+    """Return the ``.tab`` files of an axis by the convention, sorted by name.
 
     Raises:
         TabFileError: the folder cannot be read.

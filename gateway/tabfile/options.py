@@ -1,9 +1,8 @@
-"""What a table file cannot prove about itself, told from outside. Every option is declared here, once.
+"""Facts that a table file cannot prove about itself, given by the user. Each option is declared here, once.
 
-The keys of ``table_options`` in the configuration, the options of ``pitch-gateway table`` with their help,
-what a reader is given, what is checked of it, its units, and the hints in errors all come from
-:class:`TableOptions`. Another option is a field there, and its name in ``USES`` of each reader that asks for
-it.
+:class:`TableOptions` is the source of the keys of ``table_options`` in the configuration, the options of
+``pitch-gateway table`` with their help, the options of the readers with checks and units, and the hints in
+errors. A new option is a field there, and its name in ``USES`` of each reader that needs it.
 """
 
 import re
@@ -21,7 +20,7 @@ from gateway.tabfile.errors import ContextError
 MIN_SCALE: Final = 1e-6
 MAX_SCALE: Final = 1e12
 MAX_POSITION: Final = 1e9
-"""Bounds of what can be a machine: beyond them a number is a slip, and sums would lose their digits."""
+"""Limit of any real machine: beyond it a number is a mistake, and sums would lose their digits."""
 
 
 class V1Layout(Enum):
@@ -39,14 +38,14 @@ class HomeSide(Enum):
 
 
 class ErrorSense(Enum):
-    """What a file means by an error: where the nut was less where it should be, or the reverse."""
+    """The meaning of an error in a file: actual position - commanded position, or the reverse."""
 
     ACTUAL_MINUS_COMMAND = "actual_minus_command"
     COMMAND_MINUS_ACTUAL = "command_minus_actual"
 
     @property
     def to_correction(self) -> float:
-        """Factor that turns an error of this sense into the amount to add.
+        """Factor from an error of this sense to the amount to add.
 
         >>> ErrorSense.ACTUAL_MINUS_COMMAND.to_correction
         -1.0
@@ -54,31 +53,31 @@ class ErrorSense(Enum):
         return -1.0 if self is ErrorSense.ACTUAL_MINUS_COMMAND else 1.0
 
 
-# --- How an option is declared
+# --- The declaration of an option
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """Numbers that an option takes."""
+    """Range of numbers for an option."""
 
     rule: str
-    """What they must be, in an error."""
+    """The rule, for an error message."""
     is_allowed: Callable[[float], bool]
     is_length: bool = False
     is_per_length: bool = False
 
     def check(self, number: float) -> float:
-        """Return a number that is allowed.
+        """Return an allowed number.
 
         Raises:
-            ValueError: it is not; the text says what it must be.
+            ValueError: it is not allowed; the text has the rule.
         """
         if not self.is_allowed(number):
             raise ValueError(f"it must be {self.rule} and of a sensible size")
         return number
 
     def converted(self, number: float, factor: float) -> float:
-        """Return a number in other units; ``factor`` turns a length into one in them.
+        """Return a number in other units; ``factor`` converts a length to them.
 
         >>> COUNTS_PER_UNIT.converted(25400.0, 25.4)
         1000.0
@@ -90,7 +89,7 @@ class Quantity:
 
 @dataclass(frozen=True, slots=True)
 class Renamed:
-    """Of an option under an old name: its name now, and the formats for which the old one holds."""
+    """For an option with an old name: its new name, and the formats for which the old one holds."""
 
     to: str
     formats: frozenset[str]
@@ -98,16 +97,16 @@ class Renamed:
 
 @dataclass(frozen=True, slots=True)
 class TableOption:
-    """What is said about an option in the places where it can be told."""
+    """The texts about an option, for all places where users can give it."""
 
     description: str
-    """In the reference of keys."""
+    """For the reference of keys."""
     help: str
-    """On the command line."""
+    """For the command line."""
     metavar: str | None = None
-    """What stands for its value there."""
+    """Placeholder for its value there."""
     typed_as: str = ""
-    """The option of the command line that tells it together with something else, without the dashes."""
+    """The command-line option that sets it together with something else, without the dashes."""
     is_for_all: bool = False
     """It has a meaning for every format."""
     renamed: Renamed | None = None
@@ -136,7 +135,7 @@ Distance = Annotated[float, DISTANCE]
 
 @dataclass(frozen=True, kw_only=True)
 class TableOptions:
-    """What can be told about a file that it does not say itself. None: not told."""
+    """Facts that the user can give about a file. None: not given."""
 
     file_counts_per_unit: Annotated[
         CountsPerUnit | None,
@@ -233,7 +232,7 @@ class TableOptions:
     ] = None
 
     def given(self) -> dict[str, Any]:
-        """Return what was told, by name.
+        """Return the given options by name.
 
         >>> TableOptions(file_axis="X", file_start=0.0).given()
         {'file_start': 0.0, 'file_axis': 'X'}
@@ -242,9 +241,9 @@ class TableOptions:
         return {name: fact for name, fact in facts.items() if fact is not None}
 
     def given_under_old_names(self, format_name: str) -> Iterator[tuple[str, str, Any]]:
-        """Yield old name, name now and value of what was told under an old name that holds for a format.
+        """Yield old name, new name and value of the options given under an old name valid for a format.
 
-        An old name of other formats stays what it is: taken for this one, it could turn a sign.
+        An old name of other formats does not change: taken for this format, it could reverse a sign.
         """
         for old, given in self.given().items():
             renamed = DECLARED[old].option.renamed
@@ -252,7 +251,7 @@ class TableOptions:
                 yield old, renamed.to, given
 
     def under_new_names(self, format_name: str) -> "TableOptions":
-        """Return it without old names that hold for a format; what the new name says counts.
+        """Return the options without old names valid for a format; a value under the new name has priority.
 
         >>> TableOptions(isg_sense=ErrorSense.COMMAND_MINUS_ACTUAL).under_new_names("isg").error_sense.value
         'command_minus_actual'
@@ -264,22 +263,22 @@ class TableOptions:
         return options
 
 
-# --- What follows from the declarations
+# --- Derived from the declarations
 
 
 @dataclass(frozen=True, slots=True)
 class Declared:
-    """An option as it was declared."""
+    """An option as declared."""
 
     name: str
     type: Any
-    """Of its values: float, str or an enumeration."""
+    """Type of its values: float, str or an enumeration."""
     quantity: Quantity | None
     option: TableOption
 
     @property
     def typed(self) -> str:
-        """What it is called on the command line.
+        """Its name on the command line.
 
         >>> DECLARED["file_axis"].typed, DECLARED["file_units"].typed
         ('--file-axis', '--units')
@@ -299,11 +298,11 @@ DECLARED: Final[Mapping[str, Declared]] = MappingProxyType({each.name: each for 
 OPTIONS: Final = tuple(
     name for name, each in DECLARED.items() if not each.option.is_for_all and each.option.renamed is None
 )
-"""What has a meaning for some formats only, without old names."""
+"""Options for some formats only, without old names."""
 
 
 def choices(name: str) -> str:
-    """Say what may be told by an option that is one of several words.
+    """Return the allowed values of an option that is one of several words.
 
     >>> choices("v1_layout")
     "v1_layout = 'listed' or 'implicit'"
@@ -313,7 +312,7 @@ def choices(name: str) -> str:
 
 
 def option_hint(name: str, value: str = "") -> str:
-    """Say what is to be told: in the configuration, and as it is typed.
+    """Return what to set: in the configuration, and on the command line.
 
     >>> option_hint("file_axis", "'X'")
     "file_axis = 'X' (--file-axis on the command line)"
@@ -325,29 +324,29 @@ def option_hint(name: str, value: str = "") -> str:
 
 
 def typed(name: str) -> str:
-    """Say what an option is called on the command line, for the end of a hint."""
+    """Return the command-line name of an option, for the end of a hint."""
     return f"{DECLARED[name].typed} on the command line"
 
 
-# --- What a reader is told: the options of the file, and facts about its axis
+# --- The input of a reader: the options of the file, and facts about its axis
 
 _LIMIT: Final = Quantity("positive", lambda limit: 0 < limit < inf)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileContext(TableOptions):
-    """Facts about the axis and about the old control that wrote the file. None: not known.
+    """Facts about the axis and about the old control that wrote the file. None: unknown.
 
     Every length is in ``units``, the machine units of the axis, and every scale in counts per that unit. With
-    ``units`` None they are in the units that the file states. ``given_in`` are the units in which they were
-    told, where :meth:`in_units` has turned them into others: messages that name an option go by these.
+    ``units`` None they are in the units that the file states. ``given_in`` are the units in which the user
+    gave them, if :meth:`in_units` converted them; messages that name an option use these.
 
-    ``counts_per_unit`` belongs to the drive that is commanded now. With ``same_units`` a file in other units
-    than ``units`` is refused; otherwise lengths are converted.
+    ``counts_per_unit`` belongs to the present drive. With ``same_units`` a file in units other than ``units``
+    is refused; otherwise lengths are converted.
 
     Raises:
-        ContextError: a travel whose ends are not in order, a scale of 0, a slope of 1 or more (which cannot
-            be read back), an axis that is no letter, a number that is not finite.
+        ContextError: a travel whose ends are not in order, a scale of 0, a slope of 1 or more (which has no
+            inverse), an axis that is not a letter, a number that is not finite.
     """
 
     axis: str | None = None
@@ -360,7 +359,7 @@ class FileContext(TableOptions):
     given_in: Units | None = None
 
     def __post_init__(self) -> None:
-        """Check what can be checked without a file."""
+        """Check everything that needs no file."""
         for name, fact in self.given().items():
             if (quantity := DECLARED[name].quantity) is not None:
                 _check(name, fact, quantity)
@@ -398,11 +397,11 @@ class FileContext(TableOptions):
         )
 
     def option_units(self, file_units: Units) -> Units:
-        """Units in which lengths and scales have to be told, for a file in ``file_units``."""
+        """Units for the options with lengths and scales, for a file in ``file_units``."""
         return self.given_in or self.units or file_units
 
     def as_given(self, length: float) -> float:
-        """Return a length in ``units`` as an option has to say it."""
+        """Return a length from ``units`` in the units of the options."""
         return (
             length
             if self.units is None
@@ -410,16 +409,16 @@ class FileContext(TableOptions):
         )
 
     def correction_limit(self, units: Units, span: float) -> float:
-        """Largest |correction| that is allowed, in ``units`` (those of this context).
+        """Largest allowed |correction|, in ``units`` (those of this context).
 
-        ``span`` is the length of the table; the travel, where it is told, counts instead.
+        ``span`` is the length of the table; a given travel is used instead.
         """
         if self.max_correction is not None:
             return self.max_correction
         return default_max_correction(units, self.length(span))
 
     def length(self, span: float) -> float:
-        """Length of the axis, as far as it is known."""
+        """Length of the axis, as far as known."""
         return span if self.travel is None else self.travel[1] - self.travel[0]
 
 

@@ -1,22 +1,22 @@
 """Leadscrew compensation of Delta Tau's PMAC and Turbo PMAC (``DEFINE COMP``): one direction; read only.
 
-Grammar, after the manufacturer's software reference and user manuals (on-line command ``DEFINE COMP``), words
-in any case; ``;`` and ``//`` begin a comment::
+Grammar, from the manufacturer's software reference and user manuals (on-line command ``DEFINE COMP``). Words
+are in any case; ``;`` and ``//`` begin a comment::
 
-    file    := (command | table)*           what a terminal sends to the control
+    file    := (command | table)*           the commands that a terminal sends to the control
     table   := ["#" motor] "DEFINE" "COMP" entries "," ["#" source ["D"] "," ["#" target ","]] length
                entry{entries}
     entry   := whole number                 1/16 count; on the lines below, any number of them to a line
 
-``DEF`` is short for ``DEFINE``. A command ``#1`` addresses a motor; source and target are the addressed motor
-where they are not named. The first entry lies one spacing, length / entries counts, from the zero of the
-motor, the last one at ``length`` counts. Beyond, the control begins the table again: what is needed below
-zero stands at the end of the table, and the last entry also stands for zero. The manuals ask for a 0 there,
-and say that the correction at zero is 0 by definition. Another last entry breaks one of both and is refused.
+``DEF`` is short for ``DEFINE``. A command ``#1`` addresses a motor; source and target default to the
+addressed motor. The first entry is one spacing, length / entries counts, from the zero of the motor, the last
+one at ``length`` counts. Beyond, the control repeats the table. Entries for positions below zero are
+therefore at the end of the table, and the last entry also belongs to zero. The manuals require a 0 there, and
+say that the correction at zero is 0 by definition. Another last entry contradicts one of both and is refused.
 
-The manuals say that the control adds an entry to the desired position. Nothing in a file proves it, so
-``error_sense`` is required. Counts are those of the old motor: ``file_counts_per_unit``, negative where they
-fall while the axis goes up. Which entries belong below zero follows from the travel.
+The manuals say that the control adds an entry to the desired position. A file does not prove it, so
+``error_sense`` is required. Counts are those of the old motor: ``file_counts_per_unit``, negative if they
+fall while the axis moves up. The travel determines the entries below zero.
 """
 
 import re
@@ -57,7 +57,7 @@ _NUMBER: Final = re.compile(r"[+-]?[.0-9]")
 
 @dataclass(frozen=True, slots=True)
 class _Table:
-    """One table as it stands; ``source`` and ``target`` are None where they are the addressed motor."""
+    """One table as written; ``source`` and ``target`` are None for the addressed motor."""
 
     addressed: str | None
     source: str | None
@@ -70,7 +70,7 @@ class _Table:
 
 @dataclass(frozen=True, slots=True)
 class _File:
-    """All tables, how many other commands there are, and the line that leaves the compensation off."""
+    """All tables, the number of other commands, and the line that leaves the compensation off."""
 
     tables: tuple[_Table, ...]
     commands: int
@@ -85,12 +85,12 @@ def recognise(source: SourceText) -> bool:
 
 
 def read(source: SourceText, context: FileContext) -> Decoded:
-    """Read the table of one motor, over the travel of the axis or one turn.
+    """Read the table of one motor, over the travel of the axis or one revolution.
 
     Raises:
-        TabFileError: a line that is not grammar, a wrong number of entries, a table in two dimensions or of
-            two motors, several tables and no motor told, a last entry other than 0; no units, scale, sense or
-            travel told, a travel that is longer than the table.
+        TabFileError: a line outside the grammar, a wrong number of entries, a table in two dimensions or of
+            two motors, several tables and no motor given, a last entry other than 0; no units, scale, sense
+            or travel given, a travel that is longer than the table.
     """
     file = _parse(source)
     table, motor = _choose(source, file.tables, context)
@@ -117,7 +117,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     direction = 1 if scale > 0 else -1
     rows, used = [], set()
     for number in range(low, high + 1):
-        # Entry 1 belongs to one spacing, so 0 and each whole length take the last one.
+        # Entry 1 is at one spacing, so 0 and each whole length use the last one.
         index = (direction * number - 1) % size
         used.add(index)
         value, line = table.values[index], table.lines[index]
@@ -173,7 +173,7 @@ def _parse(source: SourceText) -> _File:
 def _table(
     source: SourceText, line: int, head: str, addressed: str | None, texts: Iterator[tuple[int, str]]
 ) -> _Table:
-    """Read what stands behind DEFINE COMP, and the entries from the lines below it."""
+    """Read the rest of the line behind DEFINE COMP, and the entries on the lines below it."""
     first, *between, last = [field.strip() for field in (head if "," in head else f"{head},").split(",")]
     if "." in first:
         raise source.error("a table in two dimensions", "tables of one motor", line=line)
@@ -202,7 +202,7 @@ def _table(
 
 
 def _choose(source: SourceText, tables: Sequence[_Table], context: FileContext) -> tuple[_Table, str | None]:
-    """Return the table of the motor that is told, or the only one, and its motor where anything names it."""
+    """Return the table of the given motor, or the only one; and its motor if anything names it."""
     given = context.file_axis.removeprefix("#") if context.file_axis else None
     motors = [table.target or table.addressed or given for table in tables]
     for table, motor in zip(tables, motors, strict=True):
@@ -241,7 +241,7 @@ def _choose(source: SourceText, tables: Sequence[_Table], context: FileContext) 
 def _steps(
     source: SourceText, context: FileContext, table: _Table, step: float, units: Units
 ) -> tuple[int, int]:
-    """Return the first and the last spacing, counted from the zero of the axis, that its travel needs."""
+    """Return the first and the last spacing that the travel needs, counted from the zero of the axis."""
     size = len(table.values)
     if context.travel is None:
         if is_revolution(units, size, step):
@@ -286,7 +286,7 @@ def _remarks(file: _File, table: _Table, used: AbstractSet[int]) -> tuple[Lint, 
 
 
 def write(table: CorrectionTable, _: WriteOptions) -> Written:
-    """Refuse: reading is all that is offered.
+    """Refuse: this format is read only.
 
     Raises:
         TabFileError: always.

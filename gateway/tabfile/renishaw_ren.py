@@ -1,6 +1,6 @@
-"""Renishaw error compensation tables (``.ren``), made by the laser's software from a measurement. Read only.
+"""Renishaw error compensation tables (``.ren``), made by the laser's software. Read only.
 
-Grammar, after public programs that read such tables; words in any case, any blanks and tabs, ``:`` or ``=``
+Grammar, from public programs that read such tables; words in any case, any blanks and tabs, ``:`` or ``=``
 allowed after a name::
 
     Compensation start    position
@@ -9,11 +9,11 @@ allowed after a name::
     No.  Axis position  Combined             or: No.  Axis position  Forward  Reverse
     number  position  value  [value]         numbered from 1, from the start to the end in equal steps
 
-Blank lines may stand anywhere above the first row. Any other line is refused: a setting that nothing
-documents may turn the sign of all values. What the file does not say must be told: ``file_units``, the units
-of the positions, and ``file_counts_per_unit``, how many of the values make one such unit, negative where they
-are measured errors (actual - commanded) instead of amounts to add: 1000 for corrections in micrometres of an
-axis in mm, -1000 for errors. ``Combined`` holds in both directions; ``Forward`` while the position grows.
+Blank lines are allowed above the first row. Any other line is refused: an undocumented setting may reverse
+the sign of all values. The user must give what the file does not contain. ``file_units`` is the unit of the
+positions. ``file_counts_per_unit`` is the number of value units in one such unit, negative if the values are
+measured errors (actual - commanded) instead of amounts to add. For an axis in mm it is 1000 for corrections
+in micrometres, -1000 for errors. ``Combined`` holds in both directions; ``Forward`` while the position grows.
 """
 
 import re
@@ -42,7 +42,7 @@ USES: Final = frozenset({"file_counts_per_unit", "file_start", "file_home"})
 MAX_PROBLEMS: Final = 20
 MAX_POINTS: Final = 100_000
 STEP_TOLERANCE: Final = 1e-4
-"""A position may be off its even place by this fraction of the spacing."""
+"""A position may be off its even position by this fraction of the spacing."""
 _SETTINGS: Final = ("start", "end", "spacing")
 _SETTING: Final = re.compile(r"compensation\s+(start|end|spacing)\s*[:=]?\s*(\S.*)?", re.IGNORECASE)
 _COLUMNS: Final = re.compile(r"no\.?\s+axis\s+position\s+(combined|forward\s+reverse)", re.IGNORECASE)
@@ -56,11 +56,11 @@ def recognise(source: SourceText) -> bool:
 
 
 def read(source: SourceText, context: FileContext) -> Decoded:
-    """Read the table with the units, the scale and the sign that the context tells.
+    """Read the table with the units, the scale and the sign from the context.
 
     Raises:
-        TabFileError: a line that is not grammar, rows that do not run from the start to the end, no units or
-            no scale told, a range that does not fit the travel.
+        TabFileError: a line outside the grammar, rows that do not run from the start to the end, no units or
+            no scale given, a range that does not fit the travel.
     """
     settings, values_per_row, body = _parse_head(source)
     found = _parse_rows(source, body, 2 + values_per_row)
@@ -192,7 +192,7 @@ def _check_grid(
 
 
 def write(table: CorrectionTable, _: WriteOptions) -> Written:
-    """Refuse: the laser's software makes these tables, no control reads them.
+    """Refuse: the laser's software makes these tables, and no control reads them.
 
     Raises:
         TabFileError: always.

@@ -1,7 +1,7 @@
 """Siemens SINUMERIK 840D and 808D encoder error compensation, ``_N_AX_EEC_INI`` files.
 
-Grammar, after the function manuals (K3, interpolatory compensation) and their example; ``e`` is the number of
-the measuring system, ``;`` begins a comment, blanks stand anywhere, words are in any case::
+Grammar, from the function manuals (K3, interpolatory compensation) and their example. ``e`` is the number of
+the measuring system, ``;`` begins a comment, blanks are allowed anywhere, words are in any case::
 
     %_N_name_EEC_INI                                at most once, first
     CHANDATA(n)                                     before the numbers, if at all
@@ -13,14 +13,14 @@ the measuring system, ``;`` begins a comment, blanks stand anywhere, words are i
     M17                                             or M02, M30; once, last. A file that is run as a program
                                                     has M0, M30 or both before its M17
 
-MIN + k x STEP must be MAX. The control would fill a gap, and a parameter that is not in the file, with what
-it was loaded with before; here both are errors, and so is a file without its end.
+MIN + k x STEP must be MAX. The control would fill a gap, or a parameter that is not in the file, with its
+previous value. Here both are errors, and so is a file without its end.
 
 A value is the error of the measuring system: the control adds it to the actual position, so the axis moves
-the other way ("a positive compensation value moves the axis in the negative direction"). It is subtracted,
-in both directions; a table knows nothing of the direction. Outside, the end values stay; with IS_MODULO the
-table begins again, so the ends must be equal. The file states no units. Sag compensation (CEC) tables are
-another thing (:mod:`gateway.tabfile.siemens_cec`) and refused beside these.
+the other way ("a positive compensation value moves the axis in the negative direction"). It is subtracted in
+both directions; a table does not depend on the direction. Outside, the end values hold. With IS_MODULO the
+table repeats, so the ends must be equal. The file states no units. Sag compensation (CEC) tables are
+different (:mod:`gateway.tabfile.siemens_cec`) and refused in the same file.
 """
 
 import re
@@ -38,34 +38,34 @@ from gateway.tabfile.options import MAX_POSITION, FileContext, option_hint
 from gateway.tabfile.text import DECIMAL_ALLOWED, MAX_LINES, SourceLine, SourceText, listed, shown, to_decimal
 from gateway.tabfile.writing import WriteOptions, Written, even_step, one_curve, unwritable
 
-# --- Lines that assign, a grid from MIN to MAX, an end: also of :mod:`gateway.tabfile.siemens_cec`
+# --- Assignments, a grid from MIN to MAX, an end: shared with :mod:`gateway.tabfile.siemens_cec`
 #
-# ``;`` begins a comment, blanks stand anywhere, words are in any case. A file ends with M17, M02 or M30; one
-# that is run as a program has M0, M30 or both before it. Numbers may be hexadecimal, as the control saves
-# them: 'H0', 'H1F'.
+# ``;`` begins a comment, blanks are allowed anywhere, words are in any case. A file ends with M17, M02 or
+# M30. A file that is run as a program has M0, M30 or both before it. Numbers may be hexadecimal, as saved by
+# the control: 'H0', 'H1F'.
 
 SUFFIX: Final = ".ini"
 DECIMALS: Final = 8
 PLAUSIBLE: Final = {Units.INCH: 0.1, Units.MM: 0.5, Units.DEGREE: 0.5}
 GRID: Final = ("STEP", "MIN", "MAX", "IS_MODULO")
-"""Numbers that a table must have, by their names."""
+"""Numbers that a table must have, by name."""
 AXIS_NAME: Final = "[A-Z][A-Z0-9_]*"
 _MAX_PROBLEMS: Final = 20
 _GRID_TOLERANCE: Final = 1e-6
-"""MAX may miss MIN + k x STEP by this fraction of a step."""
+"""MAX may differ from MIN + k x STEP by this fraction of a step."""
 _SHOWN: Final = 10
 _DATA: Final = re.compile(r"(?i)CHANDATA\s*\(\s*[0-9]{1,2}\s*\)")
 _END: Final = re.compile(r"(?i)M(17|0?2|30)")
 _STOPS: Final = (re.compile("(?i)M30"), re.compile("(?i)M00?"))
-"""What may stand before M17 in a file that is run as a program, the last first: it stops there."""
+"""What may precede M17 in a file that is run as a program, last first: the program stops there."""
 _HEX: Final = re.compile(r"(?i)'H([0-9A-F]{1,8})'")
 _EXPONENT: Final = re.compile(r"(?i)(?<=[0-9.])EX(?=[+-]?[0-9])")
 _LETTER: Final = re.compile("[A-Z][0-9]{0,2}")
-"""Names of axes, such as X1, that tell the letter of the axis; AX1 does not."""
+"""Names of axes, such as X1, that contain the letter of the axis; AX1 does not."""
 
 
 class Number(NamedTuple):
-    """A number and the line that it stands on."""
+    """A number and its line."""
 
     value: float
     line: int
@@ -74,10 +74,10 @@ class Number(NamedTuple):
 def assign(
     source: SourceText, header: re.Pattern[str], allowed: str, take: Callable[[SourceLine, str], str]
 ) -> None:
-    """Give each line that is neither header nor end to ``take``, which returns what is wrong with it, or "".
+    """Pass each line that is neither header nor end to ``take``, which returns its error, or "".
 
     Raises:
-        TabFileError: lines that are wrong, a line after the end, no end.
+        TabFileError: lines with errors, a line after the end, no end.
     """
     lines = [(line, text) for line in source.lines if (text := line.text.split(";")[0].strip())]
     end = next((index for index, (_, text) in enumerate(lines) if _END.fullmatch(text)), len(lines))
@@ -108,7 +108,7 @@ def assign(
 
 
 def number_of(text: str) -> float | None:
-    """Return the number that a value is, None where it is none.
+    """Return the number in a value, or None.
 
     >>> number_of("'H1F'"), number_of("1.5EX-3"), number_of("1,5")
     (31.0, 0.0015, None)
@@ -118,17 +118,17 @@ def number_of(text: str) -> float | None:
 
 
 def no_number(text: str) -> str:
-    """Say that a value is no number."""
+    """Return the error of a value that is not a number."""
     return f"{shown(text)}, which is not {DECIMAL_ALLOWED},"
 
 
 def twice(before: tuple[object, int], entry: tuple[object, int]) -> str:
-    """Say that something is there already, "" where it was not."""
+    """Return the error of a repeated entry, "" if it is not repeated."""
     return "" if before is entry else f"a second value (the first is on line {before[1]})"
 
 
 def letter_of(axis: str) -> str | None:
-    """Return the letter that the name of a machine axis tells."""
+    """Return the letter in the name of a machine axis."""
     return axis[0] if _LETTER.fullmatch(axis) else None
 
 
@@ -136,7 +136,7 @@ def check_there(source: SourceText, name: str, missing: Iterable[str]) -> None:
     """Check that nothing is missing in the table of this name.
 
     Raises:
-        TabFileError: these are.
+        TabFileError: ``missing`` is not empty.
     """
     names = ", ".join(missing)
     if names:
@@ -151,8 +151,8 @@ def check_grid(
     """Check that a table has every point from MIN to MAX and no other.
 
     Raises:
-        TabFileError: a step or ends that make no grid, a point that is missing or beyond MAX, another
-            IS_MODULO than 0 and 1.
+        TabFileError: a step or ends that make no grid, a point that is missing or beyond MAX, an IS_MODULO
+            other than 0 and 1.
     """
     step, low, high, modulo = (numbers[key] for key in GRID)
     if modulo.value not in {0.0, 1.0}:
@@ -191,7 +191,7 @@ def _listed(indices: Iterable[int]) -> str:
 
 
 def positions(numbers: Mapping[str, Number], count: int) -> Iterator[float]:
-    """Yield the positions of a grid, from its nearer end: both ends are exactly what the file says."""
+    """Yield the positions of a grid, each from its nearer end: both ends are exactly those of the file."""
     step, low, high, _ = (numbers[key].value for key in GRID)
     last = count - 1
     for index in range(count):
@@ -201,10 +201,10 @@ def positions(numbers: Mapping[str, Number], count: int) -> Iterator[float]:
 def revolution_of(
     source: SourceText, numbers: Mapping[str, Number], rows: tuple[SourceRow, ...]
 ) -> float | None:
-    """Return the length after which the table begins again, None where it does not.
+    """Return the length after which the table repeats, None if it does not.
 
     Raises:
-        TabFileError: it begins again with other values than it ends with.
+        TabFileError: it repeats, but its first values differ from its last.
     """
     if not numbers["IS_MODULO"].value:
         return None
@@ -219,12 +219,12 @@ def revolution_of(
 
 
 def edges(revolution: float | None) -> tuple[str, ...]:
-    """Return the settings of an axis that does at the ends what the control does."""
+    """Return the axis settings for the control's behaviour at the ends."""
     return ('outside = "hold"',) if revolution is None else (f"modulo = {revolution:.10g}",)
 
 
 def axis_to_write(name: str | None, letter: str | None) -> str:
-    """Return the name of a machine axis; without one it is the letter of the axis and 1 (``X1``)."""
+    """Return the name of a machine axis; the default is the letter of the axis and 1 (``X1``)."""
     return (name or (f"{letter}1" if letter else "")).upper()
 
 
@@ -234,12 +234,12 @@ def written(value: float) -> str:
 
 
 def losses(units: Units) -> str:
-    """Say what no such file holds."""
+    """Return the losses of every such file."""
     return f"values are rounded to {DECIMALS} decimals; units ({units.value}) are not in the file"
 
 
 def exactly(value: float) -> str:
-    """Return a position or a distance."""
+    """Return the text of a position or a distance."""
     return repr(float(f"{value:.12g}"))
 
 
@@ -273,7 +273,7 @@ _Tables = dict[tuple[str, str], _Table]
 
 
 def recognise(source: SourceText) -> bool:
-    """Whether it names compensation of an encoder; beside it sag compensation is refused by :func:`read`."""
+    """Whether it names compensation of an encoder; :func:`read` refuses sag compensation beside it."""
     return any(_SIGN.search(line.text) for line in source.lines)
 
 
@@ -281,9 +281,9 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     """Read the table of one axis on one measuring system.
 
     Raises:
-        TabFileError: no units were told, a line that is not grammar, no end, a point that is missing or
-            listed twice, a grid that does not end at MAX, several tables and none told, a turn that does not
-            close, a range that does not fit the travel.
+        TabFileError: no units given, a line outside the grammar, no end, a point that is missing or repeated,
+            a grid that does not end at MAX, several tables and none given, a revolution that does not close,
+            a range that does not fit the travel.
     """
     for line in source.lines:
         if _CEC.search(line.text):
@@ -326,7 +326,7 @@ def _parse(source: SourceText) -> _Tables:
 
 
 def _add(tables: _Tables, line: SourceLine, text: str) -> str:
-    """Add what a line assigns; return what is wrong with it."""
+    """Add the assignment of a line; return its error."""
     match = _ASSIGNMENT.fullmatch(text)
     if match is None:
         return "something else"
@@ -385,7 +385,7 @@ def _rows(source: SourceText, table: _Table, name: tuple[str, str]) -> tuple[Sou
 def write(table: CorrectionTable, options: WriteOptions) -> Written:
     """Write the table for one axis and its first measuring system, one curve for both directions.
 
-    ``file_axis`` is the name of the machine axis; without one it is the letter of the axis and 1 (``X1``).
+    ``file_axis`` is the name of the machine axis; the default is the letter of the axis and 1 (``X1``).
 
     Raises:
         TabFileError: no axis, or points that are not evenly spaced.

@@ -1,27 +1,27 @@
-"""Siemens SINUMERIK sag compensation (CEC) of an axis by itself: the Siemens form that holds both directions.
+"""Siemens SINUMERIK sag compensation (CEC) of an axis by its own position, for both directions.
 
-Grammar, after the function manuals (K3, interpolatory compensation: sag, and direction-dependent leadscrew
-error compensation); ``t`` is the number of a table, ``;`` begins a comment, blanks stand anywhere, any case::
+Grammar, from the function manuals (K3, interpolatory compensation: sag, and direction-dependent leadscrew
+error compensation). ``t`` is the number of a table, ``;`` begins a comment, blanks are allowed anywhere, any
+case::
 
     %_N_name_CEC_INI                                at most once, first
     CHANDATA(n)                                     before the numbers, if at all
     $AN_CEC[t,N] = value                            every N from 0 to k, each once, in any order
-    $AN_CEC_INPUT_AXIS[t] = (axis)                  whose position chooses the point
-    $AN_CEC_OUTPUT_AXIS[t] = (axis)                 which is moved: here the same one
+    $AN_CEC_INPUT_AXIS[t] = (axis)                  the axis whose position chooses the point
+    $AN_CEC_OUTPUT_AXIS[t] = (axis)                 the axis that is moved: here the same one
     $AN_CEC_STEP[t] = distance
     $AN_CEC_MIN[t] = position of N = 0
     $AN_CEC_MAX[t] = position of N = k
     $AN_CEC_DIRECTION[t] = 0 | 1 | -1               both directions, or only the positive or negative one
-    $AN_CEC_MULT_BY_TABLE[t] = 0                    if at all
+    $AN_CEC_MULT_BY_TABLE[t] = 0                    optional
     $AN_CEC_IS_MODULO[t] = 0 | 1
     M17                                             or M02, M30; once, last; M0, M30 or both may come before
 
-An axis has one table of direction 0, or one of 1 and one of -1 with the
-same points. MIN + k x STEP must be MAX; a gap or a parameter that is missing would keep what was loaded
-before, so both are errors. Outside, the end values stay; with IS_MODULO 1 the table begins again. The file
-states no units.
+An axis has one table of direction 0, or one of 1 and one of -1 with the same points. MIN + k x STEP must be
+MAX. For a gap or a missing parameter the control would keep its previous value, so both are errors. Outside,
+the end values hold; with IS_MODULO 1 the table repeats. The file states no units.
 
-No manual at hand says which sign a value has, so ``error_sense`` is required. A public program that writes
+No available manual gives the sign of a value, so ``error_sense`` is required. A public program that writes
 such files from measurements writes commanded - measured.
 """
 
@@ -61,7 +61,7 @@ _ALLOWED: Final = (
 
 @dataclass(slots=True)
 class _Table:
-    """One table; of each number and axis the line that it stands on."""
+    """One table; each number and axis with its line."""
 
     number: int
     values: dict[int, Number] = field(default_factory=dict)
@@ -70,7 +70,7 @@ class _Table:
 
     @property
     def grid(self) -> tuple[float, ...]:
-        """What two tables of one axis must have in common."""
+        """The part that two tables of one axis must have in common."""
         return tuple(self.numbers[key].value for key in siemens.GRID)
 
     @property
@@ -83,7 +83,7 @@ class _Table:
 
 
 def recognise(source: SourceText) -> bool:
-    """Whether it names sag compensation, and no compensation of an encoder beside it."""
+    """Whether it names sag compensation, and no compensation of an encoder."""
     return any(_SIGN.search(line.text) for line in source.lines) and not any(
         _OTHER.search(line.text) for line in source.lines
     )
@@ -93,10 +93,9 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     """Read the table, or the two tables, of one axis.
 
     Raises:
-        TabFileError: no units or no sense was told, a line that is not grammar, no end, a parameter or a
-            point that is missing or there twice, a table of two axes, tables that are not one for each
-            direction, a grid that does not end at MAX, several axes and none told, a range that does not fit
-            the travel.
+        TabFileError: no units or no sense given, a line outside the grammar, no end, a parameter or a point
+            that is missing or repeated, a table of two axes, tables that are not one for each direction, a
+            grid that does not end at MAX, several axes and none given, a range that does not fit the travel.
     """
     tables = _parse(source)
     for table in tables:
@@ -133,7 +132,7 @@ def _parse(source: SourceText) -> list[_Table]:
 
 
 def _add(tables: dict[int, _Table], line: SourceLine, text: str) -> str:
-    """Add what a line assigns; return what is wrong with it."""
+    """Add the assignment of a line; return its error."""
     match = _ASSIGNMENT.fullmatch(text)
     if match is None:
         return "something else"
@@ -162,7 +161,7 @@ def _add(tables: dict[int, _Table], line: SourceLine, text: str) -> str:
 
 
 def _check(source: SourceText, table: _Table) -> None:
-    """Check one table for itself."""
+    """Check one table alone."""
     name = f"{_WHAT[2:]} {table.number}"
     missing = [key for key in _AXES if key not in table.axes]
     missing += [key for key in _NUMBERS if key not in table.numbers]
@@ -236,10 +235,10 @@ def _rows(forward: _Table, backward: _Table, to_correction: float) -> tuple[Sour
 def write(table: CorrectionTable, options: WriteOptions) -> Written:
     """Write the table for one axis: one table for both directions, or one for each.
 
-    ``file_axis`` is the name of the machine axis; without one it is the letter of the axis and 1 (``X1``).
+    ``file_axis`` is the name of the machine axis; the default is the letter of the axis and 1 (``X1``).
 
     Raises:
-        TabFileError: no axis, no sense told, or points that are not evenly spaced.
+        TabFileError: no axis, no sense given, or points that are not evenly spaced.
     """
     step = even_step(table, NAME)
     name = siemens.axis_to_write(options.file_axis, options.axis)

@@ -1,6 +1,6 @@
-"""Text of a file: its lines, its numbers, and comments that show damage.
+"""Text of a file: its lines, its numbers, and comments that reveal damage.
 
-As tolerant of encodings as strict about content.
+It accepts many encodings; it is strict about content.
 """
 
 import contextlib
@@ -16,14 +16,14 @@ from gateway.tabfile.errors import FileProblem, TabFileError
 
 MAX_BYTES: Final = 16 * 1024 * 1024
 MAX_LINES: Final = 500_000
-"""Room for a hundred thousand points in the widest dialect, several times over; more is not a table."""
+"""Capacity for a hundred thousand points in the widest dialect, several times over; more is not a table."""
 DOS_END: Final = "\x1a"
 """CP/M and DOS editors end a text file with Ctrl-Z."""
 _CONTROL: Final = re.compile("[\x00-\x08\x0b-\x19\x1b-\x1f\x7f]")
 _LINE_END: Final = re.compile("\r\n|\r|\n")
 _UTF16_MARKS: Final = (b"\xff\xfe", b"\xfe\xff")
 _FIRST_BYTES: Final = 256
-"""So many tell whether a text without a mark is UTF-16: every second one is 0 then."""
+"""This many bytes show whether a text without a mark is UTF-16: every second one is 0 then."""
 SHOWN_CHARACTERS: Final = 60
 SHOWN_NAMES: Final = 20
 
@@ -64,19 +64,19 @@ class SourceText:
         code: str | None = None,
         readings: Iterable[str] = (),
     ) -> TabFileError:
-        """Return, for raising, the error of one problem of this file."""
+        """Return the error of one problem of this file, for ``raise``."""
         return TabFileError(FileProblem(self.name, found, allowed, line, code, tuple(readings)))
 
 
 def decode(data: bytes, name: str, what: str = "a table") -> SourceText:
-    """Turn the bytes of a file of ``what`` into lines.
+    """Convert the bytes of a file of ``what`` to lines.
 
-    A byte order mark, CRLF, CR or LF, blank lines around the text and a trailing Ctrl-Z are tolerated; what
-    is neither UTF-8 nor UTF-16 is read as Latin-1 (comments of old editors).
+    A byte order mark, CRLF, CR or LF, blank lines around the text and a trailing Ctrl-Z are accepted. Text
+    that is neither UTF-8 nor UTF-16 is read as Latin-1 (comments of old editors).
 
     Raises:
-        TabFileError: the file is empty, binary, longer than 16 MiB or 500 000 lines, or goes on after
-            its Ctrl-Z.
+        TabFileError: the file is empty, binary, longer than 16 MiB or 500 000 lines, or continues after its
+            Ctrl-Z.
     """
     allowed = f"the plain text of {what}"
     if len(data) > MAX_BYTES:
@@ -112,7 +112,7 @@ def _to_text(data: bytes) -> str:
 
 
 def _utf16_of(data: bytes) -> str | None:
-    """Return which UTF-16 a text is in, with or without its mark; None where it is in none."""
+    """Return the UTF-16 encoding of a text, with or without its mark, or None."""
     if data.startswith(_UTF16_MARKS):
         return "utf-16"
     first = data[:_FIRST_BYTES]
@@ -122,7 +122,7 @@ def _utf16_of(data: bytes) -> str | None:
 
 
 def _lines(text: str) -> list[SourceLine]:
-    # Not str.splitlines: it also splits at characters that may stand inside a comment.
+    # Not str.splitlines: it also splits at characters that are allowed inside a comment.
     return [
         SourceLine(number, part.strip(" \t")) for number, part in enumerate(_LINE_END.split(text), start=1)
     ]
@@ -147,7 +147,7 @@ def listed(names: Iterable[str], between: str = ", ") -> str:
 
 
 def shown(text: str) -> str:
-    """Quote a piece of a file for a message, shortened where it is long.
+    """Quote a part of a file for a message, shortened if it is long.
 
     >>> shown('2,5')
     "'2,5'"
@@ -155,9 +155,9 @@ def shown(text: str) -> str:
     return repr(text if len(text) <= SHOWN_CHARACTERS else text[:SHOWN_CHARACTERS] + "…")
 
 
-# --- Numbers as a file may spell them
+# --- Numbers in the spelling of files
 #
-# Python's own parsers take more (``1_000``, ``nan``, ``٣``) than that.
+# Python's own parsers accept more (``1_000``, ``nan``, ``٣``).
 
 _INTEGER: Final = re.compile(r"[+-]?[0-9]{1,15}")
 _DECIMAL: Final = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
@@ -176,7 +176,7 @@ def to_integer(text: str) -> int | None:
 
 
 def with_point(text: str, allowed: str = DECIMAL_ALLOWED) -> str:
-    """Return what is allowed in the place of ``text``; of a number with a comma, how it is written.
+    """Return what is allowed in place of ``text``; for a number with a comma, add its correct form.
 
     >>> with_point("150,0", "a distance above 0")
     'a distance above 0, with a decimal point: 150.0'
@@ -200,27 +200,27 @@ def to_decimal(text: str) -> float | None:
     return number if isfinite(number) else None
 
 
-# --- Comments that show damage: the number of points and the sum of the lines below them
+# --- Comments that reveal damage: the number of points and the sum of the lines below them
 #
-# Formats that tolerate comments carry them as ``key: value``; whoever else reads the file skips them::
+# Formats with comments carry them as ``key: value``; other readers of the file skip them::
 #
 #     points: 24          the number of points of the table
-#     sha256: 64 digits   of all lines from the first that is no comment on, each without blanks around it and
-#                         ended by a line feed
+#     sha256: 64 digits   of all lines from the first that is not a comment on, each without blanks around it
+#                         and ended by a line feed
 #
-# Both are optional. A file that carries both cannot be damaged without notice.
+# Both are optional. Damage of a file that carries both is always detected.
 
 Facts = dict[str, tuple[str, int]]
-"""Value and line of each key that means something."""
+"""Value and line of each key that has a meaning."""
 _FACT: Final = re.compile(r"(points|sha256|axis)\s*:\s*(.*)", re.IGNORECASE)
 _SUM: Final = re.compile("[0-9a-f]{64}")
 
 
 def stated_facts(source: SourceText, comments: Iterable[SourceLine], marks: str) -> Facts:
-    """Return what the comments state; ``marks`` are the characters that begin one.
+    """Return the facts in the comments; ``marks`` are the characters that begin one.
 
     Raises:
-        TabFileError: a key stated twice.
+        TabFileError: a repeated key.
     """
     facts: Facts = {}
     for line in comments:
@@ -235,7 +235,7 @@ def stated_facts(source: SourceText, comments: Iterable[SourceLine], marks: str)
 
 
 def check_points(source: SourceText, facts: Facts, points: int) -> None:
-    """Check the number of points against the one that a comment states.
+    """Check the number of points against that of a comment.
 
     Raises:
         TabFileError: they differ.
@@ -252,10 +252,10 @@ def check_points(source: SourceText, facts: Facts, points: int) -> None:
 
 
 def check_sum(source: SourceText, body: Iterable[SourceLine], facts: Facts) -> None:
-    """Check the lines below the comments against the sum that a comment states.
+    """Check the lines below the comments against the sum of a comment.
 
     Raises:
-        TabFileError: they were changed, or what is stated is no sum.
+        TabFileError: the lines were changed, or the comment does not hold a sum.
     """
     if "sha256" not in facts:
         return

@@ -1,17 +1,17 @@
 """Weihong screw error files, ``axeserr.dat`` (Ncstudio, NK, EasyRoute controls): both directions, any grid.
 
-Grammar, after the manufacturer's manuals (screw error compensation file) and their examples; ``;`` begins a
+Grammar, from the manufacturer's manuals (screw error compensation file) and their examples; ``;`` begins a
 comment, which has a line of its own::
 
     file    := [";"] "unit" "=" "mm" table+         the examples have the semicolon, the text has none
     table   := "[" axis "]" point+                  a letter, in any case
     point   := nominal "," forward "," backward     nominal machine positions, ascending
 
-``forward`` is the error of motion towards greater positions. mm is the only unit that such a control takes.
+``forward`` is the error of motion towards greater positions. Such a control accepts no unit but mm.
 
-The manual defines an error as nominal - actual, and shows a backlash of 0.03 mm as a backward error of +0.03,
-which is actual - nominal where the forward errors are 0: going back, the nut hangs behind, at greater
-positions. One of both is wrong, so the sense has to be told. What happens beyond the points it does not say.
+The manual defines an error as nominal - actual. It shows a backlash of 0.03 mm as a backward error of +0.03,
+which is actual - nominal where the forward errors are 0: moving back, the nut lags at greater positions. One
+of both is wrong, so the sense must be given. The manual does not describe the behaviour beyond the points.
 """
 
 import re
@@ -43,7 +43,7 @@ _Points = list[tuple[float, float, float, int]]
 
 
 def recognise(source: SourceText) -> bool:
-    """Whether it has a line with the unit and one that names an axis, or, where one is damaged, two axes."""
+    """Whether a line has the unit and one names an axis, or, if one of them is damaged, two name axes."""
     units = sum(_UNIT.fullmatch(line.text) is not None for line in source.lines)
     axes = sum(_AXIS.fullmatch(line.text) is not None for line in source.lines)
     return axes > 0 and units + axes > 1
@@ -53,8 +53,8 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     """Read the table of one axis.
 
     Raises:
-        TabFileError: a line that is not grammar, another unit, positions that do not ascend, no sense was
-            told, several axes and none told, a range that does not fit the travel.
+        TabFileError: a line outside the grammar, another unit, positions that do not ascend, no sense given,
+            several axes and none given, a range that does not fit the travel.
     """
     tables, gaps = _parse(source)
     axis = _choose(source, tables, context)
@@ -92,7 +92,7 @@ def _gap(line: SourceLine) -> Lint:
 
 
 def _parse(source: SourceText) -> tuple[dict[str, _Points], list[SourceLine]]:
-    """Return the points of each axis, and the lines between two points that hold none."""
+    """Return the points of each axis, and the lines without a point between two points."""
     tables: dict[str, _Points] = {}
     points: _Points | None = None
     problems: list[FileProblem] = []
@@ -126,7 +126,7 @@ def _parse(source: SourceText) -> tuple[dict[str, _Points], list[SourceLine]]:
 
 
 def _add(source: SourceText, points: _Points, line: SourceLine) -> list[FileProblem]:
-    """Add a point; return what is wrong with it."""
+    """Add a point; return its errors."""
     numbers = [to_decimal(cell.strip()) for cell in line.text.split(",")]
     if len(numbers) != 3 or None in numbers:
         allowed = f"nominal, forward, backward with commas between them, each {DECIMAL_ALLOWED}"
@@ -162,7 +162,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     """Write the table of one axis, on its own points.
 
     Raises:
-        TabFileError: no axis, no sense told, an axis in degrees, or points that its digits do not tell apart.
+        TabFileError: no axis, no sense given, an axis in degrees, or points that are equal in its digits.
     """
     axis = (options.file_axis or options.axis or "").upper()
     if re.fullmatch("[A-Z]", axis) is None:

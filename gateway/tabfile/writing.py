@@ -8,21 +8,21 @@ from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.options import ErrorSense, FileContext, V1Layout
 
 EVEN_TOLERANCE: Final = 1e-4
-"""Every point must lie within this fraction of a step from its even place: the readers allow as much."""
+"""Every point must be within this fraction of a step of its even position, the readers' tolerance."""
 HOME_TOLERANCE: Final = 1e-6
 NEEDS_SCALE: Final = "a file of counts needs them: --to-counts-per-unit N"
 LARGER_SCALE: Final = "a larger scale: --to-counts-per-unit N"
-"""Remedies for a scale that is missing or too small; the option is the only way to state it."""
+"""Remedy for a scale that is missing or too small; only the option can state it."""
 
 
 @dataclass(frozen=True, slots=True)
 class WriteOptions:
-    """What a table does not say but a file must.
+    """Facts that a file needs but a table does not contain.
 
-    ``axis`` is the letter for the file; ``file_counts_per_unit`` the encoder counts of the control that will
-    read it, per unit of the table, negative where its Dir Rev is Y; ``file_axis`` what a file that can hold
-    several axes calls this one; ``sense`` that of the errors in a file whose sense is not fixed;
-    ``is_modulo``: the table begins again at its end, so that both ends are one place.
+    ``axis`` is the letter for the file. ``file_counts_per_unit`` is the encoder counts of the reading control
+    per unit of the table, negative if its Dir Rev is Y. ``file_axis`` is this axis's name in a file that can
+    hold several axes. ``sense`` is that of the errors in a file without a fixed sense. ``is_modulo``: the
+    table repeats at its end, so both ends are one position.
     """
 
     axis: str | None = None
@@ -35,13 +35,13 @@ class WriteOptions:
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """Text of a file, what of the table it does not hold, and what its reader must be told."""
+    """Text of a file, its losses, and the options that its reader needs."""
 
     text: str
     losses: tuple[str, ...]
     context: FileContext
     encoding: str = "utf-8"
-    """In which the system that reads such files wants it."""
+    """The encoding that the reading system needs."""
 
 
 def unwritable(dialect: str, found: str, allowed: str) -> TabFileError:
@@ -67,7 +67,7 @@ def even_step(table: CorrectionTable, dialect: str) -> float:
 
 
 def one_curve(table: CorrectionTable) -> tuple[list[float], tuple[str, ...]]:
-    """Return one correction for both directions, their mean, and what of the table that does not hold."""
+    """Return one correction for both directions, their mean, and the losses."""
     means = [(f + b) / 2 for f, b in zip(table.forward, table.backward, strict=True)]
     if table.is_unidirectional:
         return means, ()
@@ -82,7 +82,7 @@ def home_side(table: CorrectionTable, dialect: str) -> int:
     """Return +1 if the table begins at home (0), -1 if it ends there.
 
     Raises:
-        TabFileError: 0 is neither of its ends.
+        TabFileError: 0 is not at either end.
     """
     if abs(table.first) <= HOME_TOLERANCE:
         return 1

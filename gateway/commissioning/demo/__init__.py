@@ -1,1 +1,1 @@
-"""The demonstration: a worn machine, a laser, the real gateway in between, and a screen to look at."""
+"""The demonstration: a worn machine, a laser, the real gateway between them, and a screen."""

@@ -1,6 +1,6 @@
 """One round of the demonstration: measure, build the table, compare the machine without and with it.
 
-What there is to see of it is in :class:`View`, written by its steps, read by the screen and the report.
+The steps write its state into :class:`View`; the screen and the report read it.
 """
 
 import asyncio
@@ -27,7 +27,7 @@ from gateway.simulator.errors import SimulatorError
 
 
 class DemoPhase(Enum):
-    """Steps of one round, in their order, in words for a person."""
+    """Steps of one round in order, in words for a person."""
 
     WAITING = "waiting"
     HOMING = "homing"
@@ -40,7 +40,7 @@ class DemoPhase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """One stop: where the nut truly was compared with where the controller wanted it."""
+    """One stop: the true position of the nut and the position that the controller requested."""
 
     nominal: float
     direction: Direction
@@ -49,7 +49,7 @@ class Judged:
 
 @dataclass(slots=True)
 class AxisView:
-    """One axis as it stands now. Positions in its units."""
+    """The present state of one axis. Positions in its units."""
 
     spec: AxisSpec
     backlash_um: float
@@ -60,14 +60,14 @@ class AxisView:
     stops_total: int = 0
     nominal: float = 0.0
     commanded: float = 0.0
-    """What the drive was told: nominal plus correction."""
+    """The position that the drive received: nominal plus correction."""
     nut: float = 0.0
     stops: int = 0
     inexact_readbacks: int = 0
     before: list[Reading] = field(default_factory=list)
-    """What the laser read at its targets, without correction; the table is made of them."""
+    """Laser readings at its targets without correction; the table is made from them."""
     after: list[Reading] = field(default_factory=list)
-    """What it read there with correction; only for a report."""
+    """Laser readings there with correction; only for a report."""
     measured: list[Judged] = field(default_factory=list)
     without: list[Judged] = field(default_factory=list)
     corrected: list[Judged] = field(default_factory=list)
@@ -90,10 +90,10 @@ class AxisView:
 
 
 class DemoObserver:
-    """Hears of a round; this one does nothing about it."""
+    """Receives the events of a round; this one ignores them."""
 
     def on_view(self, view: "View") -> None:
-        """A round begins, and will be seen in ``view``."""
+        """A round begins; its state is in ``view``."""
 
     def on_phase(self, axis: AxisView) -> None:
         """A step of an axis begins."""
@@ -104,7 +104,7 @@ class DemoObserver:
 
 @dataclass(slots=True)
 class View:
-    """The whole machine, and who wants to hear that a step began."""
+    """The whole machine, and the observer of its steps."""
 
     seed: int
     axes: dict[str, AxisView]
@@ -117,7 +117,7 @@ class View:
 
 
 def worst_um(judged: list[Judged]) -> float:
-    """Largest error, whatever its sign; 0 before the first stop."""
+    """Largest error as an absolute value; 0 before the first stop."""
     return max((abs(stop.error_um) for stop in judged), default=0.0)
 
 
@@ -129,11 +129,11 @@ UM_PER_MM: Final = 1000.0
 async def run_round(
     seed: int, folder: Path, speed_up: float, listener: DemoObserver, report_runs: int = 0
 ) -> View:
-    """Run all steps on all axes at once and return what there was to see.
+    """Run all steps on all axes at the same time and return the final state.
 
-    The simulated machine lives ``speed_up`` times as fast as we do; the bytes on the cables do not. With
-    ``report_runs`` the laser passes over the points so often in each direction, and does it again with the
-    correction in force; otherwise it passes once, to make the table.
+    Time on the simulated machine runs ``speed_up`` times as fast; the bytes on the cables do not. With
+    ``report_runs`` the laser makes this many passes in each direction, and repeats them with the correction
+    in force. Otherwise it makes one pass, for the table.
     """
     async with Rig(AXES, seed, scaled_clock(speed_up)) as rig:
         view = View(seed, {axis.spec.name: _axis_view(axis) for axis in rig.axes}, listener)
@@ -158,7 +158,7 @@ async def run_round(
 
 @asynccontextmanager
 async def running_gateway(configuration: Path) -> AsyncIterator[Relay]:
-    """The real gateway, from a configuration file, in this process."""
+    """Run the real gateway from a configuration file in this process."""
     relay = Relay(load(configuration).plan)
     await relay.start()
     try:
@@ -169,7 +169,7 @@ async def running_gateway(configuration: Path) -> AsyncIterator[Relay]:
 
 
 async def _all_lines_up(relay: Relay) -> None:
-    """The gateway reaches its drives in the background; a controller of this machine waits for that."""
+    """Wait until the gateway, which connects in the background, has reached its drives."""
     loop = asyncio.get_running_loop()
     give_up_s = loop.time() + LINES_UP_TIMEOUT_S
     while down := _lines_down(relay):
@@ -191,14 +191,14 @@ def _axis_view(axis: RigAxis) -> AxisView:
 
 @dataclass(frozen=True, slots=True)
 class _Station:
-    """One axis with its controller connected and the part of the view that shows it."""
+    """One axis with its connected controller and its part of the view."""
 
     axis: RigAxis
     view: AxisView
     controller: AxisController
 
     def add(self, arrival: Arrival) -> None:
-        """Write down what can be seen at a stop."""
+        """Record the state at a stop."""
         axis, view = self.axis, self.view
         view.stops_done += 1
         view.stops += 1
@@ -208,7 +208,7 @@ class _Station:
         view.commanded = axis.spec.wiring.nominal(axis.mechanics.target_counts)
 
     def judged(self, arrival: Arrival, nut: float) -> Judged:
-        """Compare where the nut is with where the controller wanted it."""
+        """Compare the position of the nut with the one that the controller requested."""
         error_um = (nut - self.view.nominal) * self.axis.spec.mm * UM_PER_MM
         return Judged(self.view.nominal, arrival.stop.direction, error_um)
 
@@ -226,7 +226,7 @@ class _Round:
         self._targets = {axis.spec.name: list(random_targets(axis)) for axis in rig.axes}
 
     async def on_all_axes(self, step: _Step) -> None:
-        """Run a step on all axes at once, each with a controller of its own."""
+        """Run a step on all axes at the same time, each with its own controller."""
         try:
             async with asyncio.TaskGroup() as tasks:
                 for axis in self._rig.axes:
@@ -234,7 +234,7 @@ class _Round:
         except ExceptionGroup as failures:
             raise failures.exceptions[
                 0
-            ] from None  # One axis that fails ends the others; its reason is the one.
+            ] from None  # An axis that fails ends the others; its reason is reported.
 
     async def measure(self, station: _Station) -> None:
         """Home, zero the laser, read it at every target in both directions; build the table."""
@@ -257,7 +257,7 @@ class _Round:
         await self._survey(DemoPhase.MEASURING_WITH, station, station.view.after, lambda *_: None)
 
     async def judge_without(self, station: _Station) -> None:
-        """Go to the random targets from both sides; the table exists, but nobody uses it yet."""
+        """Go to the random targets from both sides; the table exists but is not in use yet."""
         await self._judge(DemoPhase.WITHOUT, station, station.view.without)
 
     async def judge_with(self, station: _Station) -> None:
@@ -270,7 +270,7 @@ class _Round:
             await step(_Station(axis, self._view.axes[axis.spec.name], controller))
 
     async def _home(self, station: _Station) -> None:
-        """Go to 0 in the direction of homing, which the table has as its reference."""
+        """Go to 0 in the direction of homing, the reference of the table."""
         spec = station.axis.spec
         self._view.begin(station.view, DemoPhase.HOMING, 0)
         before = Stop(-spec.home_direction.value * spec.overrun, spec.home_direction, measure=False)
@@ -309,7 +309,7 @@ class _Round:
     async def _run(
         self, phase: DemoPhase, station: _Station, stops: list[Stop], at_stop: Callable[[Arrival], None]
     ) -> None:
-        """Go from stop to stop; ``at_stop`` sees those that count while the axis stands there."""
+        """Go from stop to stop; call ``at_stop`` at measuring stops, while the axis is at standstill."""
         self._view.begin(station.view, phase, len(stops))
         async for arrival in station.controller.run(iter(stops)):
             station.add(arrival)

@@ -1,7 +1,7 @@
-"""The machine of the demonstration: three axes on real sockets and pseudo terminals, with their controllers.
+"""The machine of the demonstration: three axes on real sockets and pseudo terminals, with controllers.
 
-Each is wired and counted in another way. What a retrofitter would write for it, gateway.toml and one .tab
-file for each axis, is made here too.
+Each has its own wiring and counting. The files that a retrofitter would write, gateway.toml and one .tab file
+for each axis, are made here too.
 """
 
 import random
@@ -35,13 +35,13 @@ from gateway.transport.master import ModbusMaster
 from gateway.transport.null_modem import NullModem
 
 OVERRUN_MM: Final = 1.0
-"""How far the axis turns round outside the table: more than any lost motion."""
+"""Distance outside the table at which the axis turns round: more than any lost motion."""
 MOVED: Final = 0.3
-"""So many steps at most a target lies off a point of the table: ISO 230-2 asks for irregular targets."""
+"""Largest distance of a target from a table point, in steps: ISO 230-2 requires irregular targets."""
 
 
 class CableProtocol(Enum):
-    """What a cable carries."""
+    """The protocol on a cable."""
 
     TCP = "tcp"
     RTU = "rtu"
@@ -84,7 +84,7 @@ class AxisSpec:
 
     @property
     def measured(self) -> list[float]:
-        """Where the laser measures, lowest first: both ends, and irregular targets between them."""
+        """Positions of the laser readings, lowest first: both ends, and irregular targets between them."""
         count = round((self.high - self.low) / self.step)
         random = Random(self.name)
         digits = 1 - floor(log10(self.step / 10))
@@ -93,7 +93,7 @@ class AxisSpec:
 
     @property
     def wiring(self) -> AxisWiring:
-        """What the controller knows of the axis."""
+        """The controller's data about the axis."""
         registers = self.registers
         return AxisWiring(
             self.unit_id,
@@ -160,7 +160,7 @@ AXES: Final = (
 
 LOOPBACK: Final = "127.0.0.1"
 PATIENCE_MS: Final = 10_000.0
-"""Nobody gives up early: a busy computer may make a whole demonstration stand still for seconds."""
+"""Long time-outs: a busy computer may stop a whole demonstration for seconds."""
 LASER_NOISE_UM: Final = 0.1
 BACKLASH_UM: Final = (25.0, 45.0)
 DYNAMICS: Final = Dynamics(speed_mm_s=200.0, acceleration_mm_s2=4000.0)
@@ -182,13 +182,13 @@ class RigAxis:
         self.laser = Laser(self.mechanics, noise_um=LASER_NOISE_UM, seed=rng.getrandbits(32))
         self.target_rng = rng
         self.drive_address = ""
-        """Where the gateway finds the drive: HOST:PORT, or the path of a port."""
+        """The gateway's address of the drive: HOST:PORT, or the path of a port."""
         self.controller_address = ""
-        """What the gateway opens for the controller."""
+        """The address that the gateway opens for the controller."""
         self._controller_end: TcpEndpoint | SerialEndpoint | None = None
 
     async def open(self, exits: AsyncExitStack) -> None:
-        """Bring the drive onto its cable and lay the controller's; ``exits`` takes them away."""
+        """Connect the drive to its cable and set up the controller's; ``exits`` removes them."""
         axis = SimulatedAxis(self.spec.name, self.spec.registers, self.mechanics)
         bus = DriveBus([SimulatedDrive(self.spec.unit_id, [axis])])
         if self.spec.drive is CableProtocol.TCP:
@@ -217,7 +217,7 @@ class RigAxis:
 
 
 class Rig:
-    """All axes; enter it to have them on their cables."""
+    """All axes; entering it connects them to their cables."""
 
     def __init__(self, specs: tuple[AxisSpec, ...], seed: int, clock: SimulationClock) -> None:
         self.axes = tuple(RigAxis(spec, seed, clock) for spec in specs)
@@ -237,7 +237,7 @@ class Rig:
 
 
 def free_port() -> int:
-    """Return a TCP port that nobody listens on now."""
+    """Return a TCP port that is free now."""
     with socket.create_server((LOOPBACK, 0)) as listener:
         port: int = listener.getsockname()[1]
     return port
@@ -258,11 +258,11 @@ listen = ""
 """
 _DRIVE_PORT: Final = ', baudrate = 115200, parity = "even"'
 _CONTROLLER_PORT: Final = 'baudrate = 38400\nparity = "even"\n'
-"""How serial ports are set; nothing of it counts on pseudo terminals."""
+"""Serial settings; pseudo terminals ignore them."""
 
 
 def table_name(spec: AxisSpec) -> str:
-    """File name of an axis's table, as the old control would look for it."""
+    """File name of an axis's table, as the old control names it."""
     return f"cnc10{spec.name}.tab"
 
 
@@ -283,7 +283,7 @@ def write_configuration(folder: Path, axes: Iterable[RigAxis], *, corrected: boo
 
 
 def _axis(axis: RigAxis, *, corrected: bool) -> str:
-    """Return the line of an axis, and the axis."""
+    """Return the section of an axis's line, and that of the axis."""
     spec, registers = axis.spec, axis.spec.registers
     margin = 2 * spec.overrun
     port = _DRIVE_PORT if spec.drive is CableProtocol.RTU else ""

@@ -18,29 +18,29 @@ from gateway.report.axis_data import AxisData, Report
 from gateway.report.words import shortest
 
 REQUIRED_RATIO: Final = 1 / 20
-"""What the demonstration promises: no more than this share of the error is left."""
+"""The promise of the demonstration: at most this share of the error is left."""
 
 
 @dataclass(frozen=True, slots=True)
 class Demonstrated:
-    """A round that is over, and where what it left is."""
+    """The result of a finished round, and the location of its files."""
 
     view: View
     seconds: float
     kept_in: Path | None = None
-    """The folder of the files, if they stay."""
+    """The folder of the files, if they are kept."""
     report: Path | None = None
 
     @property
     def is_good(self) -> bool:
-        """Whether every axis became as accurate as promised, and read back what was commanded."""
+        """Whether every axis became as accurate as promised, and read back its commanded positions."""
         return all(
             axis.is_readback_exact and axis.error_with_um <= REQUIRED_RATIO * axis.error_without_um
             for axis in self.view.axes.values()
         )
 
     def as_data(self) -> JsonObject:
-        """Return what was found, lengths in µm."""
+        """Return the results, lengths in µm."""
         return {
             "axes": {name: _axis_json(axis) for name, axis in self.view.axes.items()},
             "table": {
@@ -57,7 +57,7 @@ class Demonstrated:
         }
 
     def lines(self) -> Iterator[str]:
-        """Yield where the files are; what was found is a table on a terminal."""
+        """Yield the paths of the files; on a terminal the results are a table."""
         if self.kept_in is not None:
             yield f"configuration and tables are in {self.kept_in}"
         if self.report is not None:
@@ -85,12 +85,12 @@ def _axis_json(axis: AxisView) -> JsonObject:
 
 
 REPORT_RUNS: Final = 5
-"""Passes of the laser in each direction: what ISO 230-2 asks for."""
+"""Passes of the laser in each direction, as required by ISO 230-2."""
 INSTRUMENT: Final = "the simulated laser"
 
 
 def report_of(view: View, made_at: str) -> Report:
-    """Return what the laser saw in a round, all axes."""
+    """Return the laser readings of a round, for all axes."""
     facts = {"machine": f"simulated, seed {view.seed}", "instrument": INSTRUMENT}
     axes = tuple(_axis_data(axis) for axis in view.axes.values())
     return Report("A worn machine becomes accurate", axes, made_at, facts)

@@ -1,1 +1,1 @@
-"""``listen``: what passes on a line, heard without saying a word."""
+"""``listen``: passive monitoring of a line; it never sends."""

@@ -1,9 +1,9 @@
-"""Listening on a line that works, as one call: a serial line, or the way between a controller and a drive.
+"""Listening on a working line, as one call: a serial line, or the path from a controller to a drive.
 
-    heard = hear_serial("/dev/ttyUSB0", 60.0)
+    heard = listen_serial("/dev/ttyUSB0", 60.0)
     print(heard.configuration)
 
-Nothing is ever sent. What is heard depends on what the machine does meanwhile.
+It never sends. The result depends on what the machine does during this time.
 """
 
 import asyncio
@@ -29,21 +29,21 @@ PROGRESS_S: Final = 5.0
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """What passed, by unit id, and where."""
+    """The traffic, by unit id and location."""
 
     statistics: TrafficStatistics
     listen_point: ListenPoint
     where: dict[str, Any]
-    """The same for a program: the port and how it is set, or both ends of the proxy."""
+    """The same for a program: the port with its settings, or both ends of the proxy."""
 
     @property
     def is_understood(self) -> bool:
-        """Whether there was a whole frame."""
+        """Whether there was a complete frame."""
         return bool(self.statistics.units)
 
     @property
     def configuration(self) -> str:
-        """A configuration to begin with; empty where no unit id was told a target."""
+        """A configuration to begin with; empty if no unit id received a target."""
         return proposed(self.listen_point, self.statistics.units)
 
     def as_data(self) -> JsonObject:
@@ -67,13 +67,13 @@ def listen_serial(
     parity: str | None = None,
     report: Callable[[str], None] = lambda _: None,
 ) -> Heard:
-    """Listen on a serial port that is opened for reading only, at one setting after the other.
+    """Listen on a serial port, opened for reading only, with one setting after the other.
 
-    ``parity``: N, E or O; what is given is not guessed. ``report`` gets a sentence for each setting that was
-    tried, and how far it is. Ctrl-C ends it early; so does a port that goes away.
+    ``parity``: N, E or O; given values are not varied. ``report`` gets a sentence for each tried setting, and
+    the progress. Ctrl-C ends it early; so does a port that is removed.
 
     Raises:
-        TransportError: the port is not there, in use, or none.
+        TransportError: the port does not exist, is in use, or is not a serial port.
     """
     statistics = TrafficStatistics()
     trial: Trial | None = None
@@ -104,13 +104,13 @@ def listen_proxy(
     *,
     report: Callable[[str], None] = lambda _: None,
 ) -> Heard:
-    """Listen on ``near`` in the place of the drive at ``far``, and pass every byte on untouched.
+    """Listen on ``near`` in place of the drive at ``far``, and forward every byte unchanged.
 
-    ``seconds``: None is until SIGINT or SIGTERM. ``report`` gets a sentence when somebody connects, and how
-    far it is.
+    ``seconds``: None means until SIGINT or SIGTERM. ``report`` gets a sentence for each connection, and the
+    progress.
 
     Raises:
-        TransportError: the address is not here, or in use.
+        TransportError: the address is not on this computer, or in use.
     """
     statistics = TrafficStatistics()
     asyncio.run(_serve(near, far, statistics, seconds, report))

@@ -1,8 +1,8 @@
-"""Whole frames out of what a serial line carries: requests and replies, as an ear on the bus hears them.
+"""Complete frames from the bytes of a serial line: requests and replies, as received passively.
 
-Nothing says which is which but order and length. A frame is taken for the reply to the request before it
-where unit id, function code and length say so; else for a request. The check sum decides. A repeated request
-of function codes 5, 6 and 22 looks like the reply to the first and is taken for it.
+Only order and length distinguish requests from replies. A frame counts as the reply to the request before it
+if unit id, function code and length fit; else as a request. The CRC decides. A repeated request of function
+codes 5, 6 and 22 looks like the reply to the first and counts as that.
 """
 
 from typing import Final, NamedTuple
@@ -21,7 +21,7 @@ from gateway.modbus.lengths import (
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, EXCEPTION_BIT
 
 MARK: Final = 0xFF
-"""What a terminal puts before a character that came with an error of parity or frame (termios, PARMRK)."""
+"""A terminal puts this before a character with a parity or framing error (termios, PARMRK)."""
 
 
 class Overheard(NamedTuple):
@@ -31,11 +31,11 @@ class Overheard(NamedTuple):
     pdu: bytes
     is_reply: bool
     request: bytes = b""
-    """Of a reply: the PDU that it answers, where that was heard."""
+    """Of a reply: the PDU of its request, if that was received."""
 
 
 class Unmarking:
-    r"""Takes the marks of wrong characters out of what a terminal with PARMRK reads.
+    r"""Removes the error marks of characters from the data of a terminal with PARMRK.
 
     >>> unmarking = Unmarking()
     >>> unmarking.feed(bytes.fromhex("01 FF FF 03 FF 00 41 05")).hex(" "), unmarking.errors
@@ -45,10 +45,10 @@ class Unmarking:
     def __init__(self) -> None:
         self._rest = b""
         self.errors = 0
-        """Characters so far that came with an error."""
+        """Number of characters with an error so far."""
 
     def feed(self, data: bytes) -> bytes:
-        """Return the characters as they came, good and bad."""
+        """Return the received characters, good and bad."""
         data, self._rest = self._rest + data, b""
         found = bytearray()
         at = 0
@@ -68,7 +68,7 @@ class Unmarking:
 
 
 class Overhearing:
-    """Bytes of both directions in, frames out. Never raises.
+    """Extracts frames from the bytes of both directions. Never raises.
 
     >>> line = Overhearing()
     >>> frames = line.feed(bytes.fromhex("01 03 02 00 00 01 85 B2" "01 03 02 00 07 F9 86"))
@@ -82,7 +82,7 @@ class Overhearing:
         self.frames = 0
         self.good_bytes = 0
         self.bad_bytes = 0
-        """Of which no frame could be made."""
+        """Number of bytes that are not part of a frame."""
 
     def feed(self, data: bytes) -> list[Overheard]:
         """Return the frames that ``data`` completes."""
@@ -94,7 +94,7 @@ class Overhearing:
         return found
 
     def silent(self) -> list[Overheard]:
-        """Return the frames that silence has ended; what is left of them is damaged."""
+        """Return the frames that silence has ended; the remaining bytes are damaged."""
         found = self._take(is_over=True)
         self._drop(len(self._buffer))
         return found
@@ -130,7 +130,7 @@ class Overhearing:
         return NEEDS_MORE if waits else NO_FRAME, False
 
     def _lengths(self, start: int) -> list[tuple[int, bool]]:
-        """Return how long the frame at ``start`` would be: as what is owed, a request, any reply."""
+        """Return the possible lengths of the frame at ``start``: the expected reply, a request, any reply."""
         data = self._buffer
         if len(data) < start + 2:
             return [(NEEDS_MORE, False)]
@@ -147,7 +147,7 @@ class Overhearing:
         return found
 
     def _fits(self, asked: bytes, start: int) -> bool:
-        """Whether a reply to a read has as many bytes as were asked for, as far as it says yet."""
+        """Whether a reply to a read has the requested number of bytes, as far as it was received."""
         count = asked_bytes(asked)
         data = self._buffer
         if count is None or data[start + 1] >= EXCEPTION_BIT or len(data) < start + 3:

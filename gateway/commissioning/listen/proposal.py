@@ -1,6 +1,6 @@
-"""What was heard, for people and for programs, and a configuration out of it.
+"""The results of listening, for people and for programs, and a configuration from them.
 
-What is known is written there, what is not has to be filled in.
+The configuration has the known values; the user fills in the others.
 """
 
 import json
@@ -22,7 +22,7 @@ SPLICED: Final = "/dev/serial/by-id/THE-ADAPTER-AT-THE-"
 
 @dataclass(frozen=True, slots=True)
 class ListenPoint:
-    """Where was listened: on a serial line, or before a drive at a TCP address."""
+    """Where it listened: on a serial line, or before a drive at a TCP address."""
 
     setting: PortSettings | None = None
     near: TcpEndpoint | None = None
@@ -30,7 +30,7 @@ class ListenPoint:
 
 
 def proposed(listen_point: ListenPoint, units: dict[int, UnitStatistics]) -> str:
-    """Return a configuration, or nothing where no unit id takes targets."""
+    """Return a configuration, or nothing if no unit id receives targets."""
     axes = [
         (unit_id, likely(matches(unit_id, unit)), unit.positions())
         for unit_id, unit in sorted(units.items())
@@ -69,7 +69,7 @@ def _line(listen_point: ListenPoint) -> list[str]:
         ]
     assert listen_point.setting is not None
     word = PARITIES[listen_point.setting.parity]
-    # The standard gives a character without parity a second stop bit; most devices have one all the same.
+    # The standard gives a character without parity a second stop bit; most devices still have one.
     keys = f'baudrate = {listen_point.setting.baudrate}, parity = "{word}", stop_bits = 1'
     return [
         "# Stop bits cannot be heard. Each side of the gateway has an adapter of its own.",
@@ -121,7 +121,7 @@ SHOWN_DRIVES = 3
 
 
 def unit_data(unit_id: int, unit: UnitStatistics) -> JsonObject:
-    """Return what was heard of a unit id as plain data."""
+    """Return the traffic of a unit id as plain data."""
     found = matches(unit_id, unit)
     return {
         "requests": unit.requests,
@@ -149,7 +149,7 @@ def unit_data(unit_id: int, unit: UnitStatistics) -> JsonObject:
 
 
 def unit_lines(unit_id: int, unit: UnitStatistics) -> Iterator[str]:
-    """Yield what was heard of a unit id in words."""
+    """Yield the traffic of a unit id in words."""
     name = f"unit {unit_id}" if unit_id else "unit 0 (everybody; nobody answers)"
     refused = ", ".join(f"{count} × exception {code}" for code, count in sorted(unit.exceptions.items()))
     alone = f", {unit.replies_alone} replies without a request" if unit.replies_alone else ""

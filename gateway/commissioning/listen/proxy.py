@@ -1,6 +1,6 @@
-"""A TCP proxy that stands in front of a drive, passes every byte on untouched, and listens.
+"""A TCP proxy before a drive that forwards every byte unchanged, and listens.
 
-A byte is passed on before it is looked at, and nothing is added, kept back or sent twice. One connection of a
+It forwards a byte before it evaluates it; it adds, delays and repeats nothing. Each connection of a
 controller is one connection to the drive.
 """
 
@@ -20,11 +20,11 @@ from gateway.transport.tcp import why_not_reached
 CHUNK_BYTES: Final = 4096
 CONNECT_S: Final = 5.0
 MOST_OPEN_REQUESTS: Final = 64
-"""Of one connection; an older one is not waited for any more."""
+"""Of one connection; older requests are dropped."""
 
 
 class MbapConversation:
-    """Requests and replies of one Modbus/TCP connection, put together by transaction id."""
+    """Requests and replies of one Modbus/TCP connection, paired by transaction id."""
 
     def __init__(self) -> None:
         self._requests = MbapDecoder()
@@ -32,7 +32,7 @@ class MbapConversation:
         self._open: dict[int, tuple[int, bytes]] = {}
 
     def from_controller(self, data: bytes) -> list[Overheard]:
-        """Take bytes on their way to the drive."""
+        """Take bytes from the controller."""
         heard = []
         for number, unit_id, pdu in self._requests.feed(data):
             self._open.pop(number, None)
@@ -43,7 +43,7 @@ class MbapConversation:
         return heard
 
     def from_drive(self, data: bytes) -> list[Overheard]:
-        """Take bytes on their way back. A reply counts for the unit id that was asked."""
+        """Take bytes from the drive. A reply counts for the unit id of its request."""
         heard = []
         for number, unit_id, pdu in self._replies.feed(data):
             asked, request = self._open.pop(number, (unit_id, b""))
@@ -58,11 +58,11 @@ class RtuConversation:
         self._line = Overhearing()
 
     def from_controller(self, data: bytes) -> list[Overheard]:
-        """Take bytes on their way to the drive: what has not become a reply by now does not any more."""
+        """Take bytes from the controller: reply bytes that are incomplete by now will stay so."""
         return self._line.feed(data)
 
     def from_drive(self, data: bytes) -> list[Overheard]:
-        """Take bytes on their way back."""
+        """Take bytes from the drive."""
         return self._line.feed(data)
 
 
@@ -85,12 +85,12 @@ class Proxy:
 
     @property
     def port(self) -> int:
-        """Where it listens."""
+        """Its port."""
         port: int = self._listener.sockets[0].getsockname()[1]
         return port
 
     async def open(self) -> None:
-        """Listen. Raises AbsentError or RefusedError: the address is not here, or in use."""
+        """Listen. Raises AbsentError or RefusedError: the address is not on this computer, or in use."""
         try:
             self._listener.open(await bound(self._near.host, self._near.port))
         except OSError as error:
@@ -98,7 +98,7 @@ class Proxy:
             raise kind(f"cannot listen on {self._near}: {error.strerror or error}") from error
 
     async def close(self) -> None:
-        """Listen no more, and close every connection."""
+        """Stop listening, and close every connection."""
         await self._listener.close()
         for task in self._tasks:
             task.cancel()
@@ -114,7 +114,7 @@ class Proxy:
         try:
             await self._carry(reader, writer)
         except asyncio.CancelledError:
-            pass  # asyncio's own streams would tell of it as of an error
+            pass  # asyncio's own streams would report it as an error
         finally:
             self._tasks.discard(task)
             writer.close()
@@ -144,7 +144,7 @@ class Proxy:
         writer: asyncio.StreamWriter,
         heard: Callable[[bytes], list[Overheard]],
     ) -> None:
-        """Carry one direction until its end, and end the other side of it too."""
+        """Forward one direction until its end, and then end the other side."""
         with suppress(OSError):
             while data := await reader.read(CHUNK_BYTES):
                 writer.write(data)

@@ -1,4 +1,4 @@
-"""Which shipped profiles fit what was heard of a unit id."""
+"""The shipped profiles that fit the traffic of a unit id."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ from gateway.drives.profile import Profile
 from gateway.modbus.registers import BitTable, PositionField
 
 POINTS: Final = {"targets": 3, "triggers": 2, "positions": 2, "bits": 1, "settings": 1}
-"""What a use of each kind is worth; the share of all uses that a profile knows comes on top."""
+"""Points for a use of each kind, in addition to those for the profile's share of all uses."""
 SHARE_POINTS: Final = 3.0
 LEAST_POINTS: Final = 5.0
-"""Below it a profile is not worth a word: targets and half of all uses have this much."""
+"""Profiles below this are not reported: targets and half of all uses have this many."""
 CLEAR_POINTS: Final = 0.25
-"""Whoever is so near the best may be it as well: families of one maker share their registers."""
+"""A profile this close to the best may be the right one: a maker's families share their registers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,14 +26,14 @@ class Match:
     drive: str
     points: float
     kinds: tuple[str, ...]
-    """What of it was heard: keys of ``POINTS``."""
+    """The kinds of its uses in the traffic: keys of ``POINTS``."""
     share: float
-    """Share of the different uses that it knows."""
+    """Share of the different uses that it contains."""
 
 
 @dataclass(frozen=True, slots=True)
 class _ProfileRegisters:
-    """Registers of a profile by what they are: addresses that are written, and that are read."""
+    """Registers of a profile by kind: addresses that are written, and that are read."""
 
     written: dict[str, frozenset[int]]
     read: dict[str, frozenset[int]]
@@ -76,7 +76,7 @@ def _match(name: str, unit_id: int, uses: list[RegisterUse]) -> Match | None:
 
 
 def _kind(use: RegisterUse, registers: _ProfileRegisters) -> str | None:
-    """Return what a use is to a profile: the first of the kinds that it touches."""
+    """Return the kind of a use in a profile: the first kind that it touches."""
     is_bits = use.function in BIT_FUNCTIONS
     kinds = registers.coils if is_bits else registers.written if use.is_write else registers.read
     touched = range(use.address, use.address + use.quantity)

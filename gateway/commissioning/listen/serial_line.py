@@ -1,8 +1,8 @@
-"""An ear on a serial line: a port that is opened for reading only, at one setting after the other.
+"""Listening on a serial line: a port opened for reading only, with one setting after the other.
 
-The descriptor cannot be written to. RTS is taken back when the port is opened: an adapter that switches its
-transmitter with it would hold the bus. Characters with an error of parity or frame come marked (PARMRK): only
-so an even parity can be told from an odd one.
+The descriptor cannot be written to. RTS is cleared when the port opens, because an adapter that enables its
+transmitter with RTS would block the bus. Characters with a parity or framing error are marked (PARMRK); only
+this distinguishes even parity from odd.
 """
 
 import errno
@@ -25,38 +25,38 @@ from gateway.transport.serial_channel import is_pty
 
 READ_BYTES: Final = 1024
 SILENCE_MS: Final = 40
-"""Without a byte for so long no frame goes on: USB adapters hand over what they have each 16 ms."""
+"""After this silence a frame has ended: USB adapters deliver their data every 16 ms."""
 DWELL_S: Final = 3.0
-"""How long a setting is tried on a line that says little."""
+"""Time for each setting on a line with little traffic."""
 GIVE_UP_BYTES: Final = 96
-"""So many bytes without a whole frame, and a setting is none: the longest usual frames are shorter."""
+"""After this many bytes without a complete frame a setting is wrong: usual frames are shorter."""
 ENOUGH_FRAMES: Final = 4
 GOOD_SHARE: Final = 0.8
-"""Of all bytes, in whole frames; of a setting that is right nearly all are."""
+"""Of all bytes, in complete frames; with the right setting nearly all are."""
 WRONG_SHARE: Final = 0.02
-"""Of all characters, with an error of parity or frame."""
+"""Of all characters, with a parity or framing error."""
 INPCK_PARMRK: Final = termios.INPCK | termios.PARMRK
 PARITY_FLAGS: Final = {"N": 0, "E": termios.PARENB, "O": termios.PARENB | termios.PARODD}
 BAUDRATES: Final = (19200, 9600, 115200, 38400, 57600, 4800, 230400, 2400, 460800, 1200, 921600)
-"""Those of the drives that we know, the usual ones first."""
+"""Those of the known drives, the usual ones first."""
 PARITIES: Final = ("E", "N", "O")
 
 
 class PortSettings(NamedTuple):
-    """How a port is set. Stop bits cannot be heard: a receiver looks at the first one only."""
+    """Settings of a port. Stop bits cannot be detected: a receiver evaluates the first one only."""
 
     baudrate: int
     parity: str
 
     def __str__(self) -> str:
-        """Return it as manuals write it."""
+        """Return it in the notation of manuals."""
         return f"{self.baudrate} 8{self.parity}"
 
 
 def settings_to_try(
     baudrate: int | None, parity: str | None, *, has_parity: bool = True
 ) -> list[PortSettings]:
-    """Return what is tried, the usual first; what is given is not guessed.
+    """Return the settings to try, the usual ones first; given values are not varied.
 
     >>> [str(each) for each in settings_to_try(None, None)[:4]]
     ['19200 8E', '19200 8N', '9600 8E', '9600 8N']
@@ -73,7 +73,7 @@ def settings_to_try(
 
 @dataclass(slots=True)
 class Trial:
-    """What came at one setting."""
+    """The data received with one setting."""
 
     setting: PortSettings
     line: Overhearing = field(default_factory=Overhearing)
@@ -81,14 +81,14 @@ class Trial:
     received: int = 0
 
     def feed(self, data: bytes) -> list[Overheard]:
-        """Take what was read."""
+        """Take received data."""
         characters = self.unmarking.feed(data)
         self.received += len(characters)
         return self.line.feed(characters)
 
     @property
     def is_right(self) -> bool:
-        """Whether this is how the line is set."""
+        """Whether this is the setting of the line."""
         line = self.line
         return (
             line.frames >= ENOUGH_FRAMES
@@ -98,15 +98,15 @@ class Trial:
 
     @property
     def is_hopeless(self) -> bool:
-        """Whether more of the same would not help."""
+        """Whether more data with this setting would not help."""
         has_wrong = self.unmarking.errors > WRONG_SHARE * self.received
         return self.received >= GIVE_UP_BYTES and (self.line.frames == 0 or has_wrong)
 
 
 class Sniffer:
-    """A port that is only read; enter it to open it.
+    """A port that is only read; entering it opens it.
 
-    Raises AbsentError and RefusedError when it is opened: not there, in use, no permission, no serial port.
+    Raises AbsentError and RefusedError on opening: does not exist, in use, no permission, not a serial port.
     """
 
     def __init__(self, device: str) -> None:
@@ -144,10 +144,10 @@ class Sniffer:
             fcntl.ioctl(self._fd, termios.TIOCMBIC, struct.pack("I", termios.TIOCM_RTS))
 
     def set(self, setting: PortSettings) -> None:
-        """Set the port; what came before is thrown away.
+        """Set the port; earlier data are discarded.
 
         Raises:
-            OSError, termios.error: the port cannot be set so.
+            OSError, termios.error: the port does not accept the setting.
         """
         speed = getattr(termios, f"B{setting.baudrate}")
         control = termios.CS8 | termios.CREAD | termios.CLOCAL | PARITY_FLAGS[setting.parity]
@@ -158,10 +158,10 @@ class Sniffer:
         termios.tcflush(self._fd, termios.TCIFLUSH)
 
     def read(self, timeout_ms: float) -> bytes:
-        """Return what comes within a time, b"" for nothing.
+        """Return the data received within a time, b"" for none.
 
         Raises:
-            OSError: the port has gone.
+            OSError: the port was removed.
         """
         poll = select.poll()
         poll.register(self._fd, select.POLLIN)
@@ -179,10 +179,10 @@ class Sniffer:
 def find_setting(
     sniffer: Sniffer, settings: list[PortSettings], until_ns: int, report: Callable[[str], None]
 ) -> tuple[Trial | None, list[Overheard]]:
-    """Try one setting after the other, again and again, until one is right or the time is over.
+    """Try one setting after the other, repeatedly, until one is right or the time is over.
 
-    Returns the right one with the frames that were heard with it; else the one with most whole frames, if any
-    had one. ``report`` gets a sentence for each that was tried.
+    Return the right one with its frames; else the one with most complete frames, if any had one. ``report``
+    gets a sentence for each tried setting.
     """
     best: Trial | None = None
     heard_best: list[Overheard] = []

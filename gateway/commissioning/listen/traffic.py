@@ -1,4 +1,4 @@
-"""What was heard, counted by unit id, and which registers look like positions."""
+"""Traffic statistics by unit id, and registers that look like positions."""
 
 from collections import Counter, deque
 from collections.abc import Iterable, Iterator
@@ -11,9 +11,9 @@ from gateway.modbus.pdu import EXCEPTION_BIT, FunctionCode, is_exception
 from gateway.modbus.registers import WordOrder
 
 REMEMBERED: Final = 4000
-"""Contents of registers that are looked at for positions, the newest of each unit id."""
+"""Register contents checked for positions, the newest of each unit id."""
 NEAR_COUNTS: Final = 2
-"""By so much an axis that has arrived may miss its target."""
+"""An axis that has arrived may differ from its target by this much."""
 LEAST_TARGETS: Final = 2
 BIT_FUNCTIONS: Final = frozenset(
     {
@@ -27,7 +27,7 @@ BIT_WRITES: Final = frozenset({FunctionCode.WRITE_SINGLE_COIL, FunctionCode.WRIT
 
 
 class RegisterUse(NamedTuple):
-    """One way in which registers (or coils) are used."""
+    """One kind of access to registers (or coils)."""
 
     function: int
     is_write: bool
@@ -41,7 +41,7 @@ class RegisterUse(NamedTuple):
 
 
 class Content(NamedTuple):
-    """What registers held when they were written, or read."""
+    """Content of registers when they were written or read."""
 
     is_write: bool
     address: int
@@ -50,24 +50,24 @@ class Content(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class PositionGuess:
-    """A register pair to which targets are written, and the one that goes there afterwards."""
+    """A register pair that receives targets, and the pair that reaches them afterwards."""
 
     command: int
     actual: int
     words: WordOrder
     met: int
-    """Targets that the other pair was seen to reach, of ``targets``."""
+    """Number of ``targets`` that the other pair reached."""
     targets: int
 
 
 @dataclass(slots=True)
 class UnitStatistics:
-    """One unit id."""
+    """Statistics of one unit id."""
 
     requests: int = 0
     answered: int = 0
     replies_alone: int = 0
-    """Replies of which no request was heard."""
+    """Replies without a received request."""
     exceptions: Counter[int] = field(default_factory=Counter)
     uses: Counter[RegisterUse] = field(default_factory=Counter)
     unplaced: Counter[int] = field(default_factory=Counter)
@@ -80,7 +80,7 @@ class UnitStatistics:
         return self.requests - self.answered
 
     def positions(self) -> list[PositionGuess]:
-        """Return what looks like positions, the likeliest first."""
+        """Return probable positions, the most probable first."""
         return guesses(list(self.contents))
 
 
@@ -92,7 +92,7 @@ class TrafficStatistics:
 
     @property
     def requests(self) -> int:
-        """How many there were."""
+        """Total number of requests."""
         return sum(unit.requests for unit in self.units.values())
 
     def add(self, frames: Iterable[Overheard]) -> None:
@@ -133,7 +133,7 @@ def _reply(unit: UnitStatistics, frame: Overheard) -> None:
 
 
 def uses_of(pdu: bytes) -> Iterator[RegisterUse]:
-    """Yield what a request does to registers, coils or inputs.
+    """Yield a request's accesses to registers, coils or inputs.
 
     >>> [*uses_of(bytes.fromhex("10 0058 0002 04 0000 2710"))]
     [RegisterUse(function=16, is_write=True, address=88, quantity=2)]
@@ -162,15 +162,15 @@ def _words(data: bytes) -> tuple[int, ...]:
     return tuple(int.from_bytes(data[at : at + 2], "big") for at in range(0, len(data) - 1, 2))
 
 
-# --- which registers are positions -------------------------------------------------------------------------
+# --- Detection of position registers -----------------------------------------------------------------------
 
 
 def guesses(contents: list[Content]) -> list[PositionGuess]:
-    """Return pairs of 32-bit registers, one of which goes where the other is told to; the likeliest first.
+    """Return pairs of 32-bit registers in which one follows the other's targets; the most probable first.
 
-    A target has to differ from the one before it and to be none of 0, ±1, ±2, which anything may hold. Where
-    both orders of words go together, it is the one in which the targets are smaller: in the other one they
-    are 65 536 times as large.
+    A target must differ from the one before it, and from 0, ±1, ±2, which are common in any register. If both
+    word orders are consistent, the one with the smaller targets is right: in the other one they are 65 536
+    times as large.
     """
     found: dict[tuple[int, int], tuple[float, PositionGuess]] = {}
     for words in WordOrder:
@@ -196,7 +196,7 @@ def _guesses_in(contents: list[Content], words: WordOrder) -> Iterator[tuple[flo
 
 
 _Numbers = dict[int, list[tuple[int, int]]]
-"""By address: moment and number."""
+"""By address: time and number."""
 
 
 def _numbers(contents: list[Content], words: WordOrder) -> tuple[_Numbers, _Numbers]:
@@ -228,7 +228,7 @@ def _joined(first: int, second: int, words: WordOrder) -> int:
 
 
 def _met(targets: list[tuple[int, int]], readings: list[tuple[int, int]]) -> int:
-    """How many targets were read afterwards, before the next one was told, and not before they were told."""
+    """Return how many targets were read between their own write and the next one, and not before."""
     ends = [moment for moment, _ in targets[1:]] + [1 << 62]
     met = 0
     for (moment, counts), end in zip(targets, ends, strict=True):

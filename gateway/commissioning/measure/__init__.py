@@ -1,1 +1,1 @@
-"""A measuring run: how an axis is driven to its targets, what is read there, and what becomes of it."""
+"""A measuring run: moving an axis to its targets, reading there, and evaluating the readings."""

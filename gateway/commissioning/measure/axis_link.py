@@ -1,12 +1,12 @@
-"""One axis over a Modbus connection of our own: where it is, going somewhere, stopping.
+"""One axis over our own Modbus connection: read its position, move it, stop it.
 
-How its drive is made to do so comes from its register map alone. Two kinds can be driven: those that go to a
-position as soon as it is written, and those that wait for a trigger whose value the map names. Everything
-else is refused with the reason, before anything is written.
+The register map alone determines how. Two kinds of drives can be moved: those that move as soon as a position
+is written, and those that wait for a trigger whose value is in the map. All others are refused with the
+reason, before anything is written.
 
-Positions are machine positions in units of the axis, as in its table and its travel:
-``counts = zero_counts + counts_per_unit * machine position``. One exchange at a time; every write has to be
-acknowledged, and none is ever repeated.
+Positions are machine positions in units of the axis, as in its table and its travel: ``counts = zero_counts +
+counts_per_unit * machine position``. One exchange at a time; every write must be acknowledged, and none is
+ever repeated.
 """
 
 from dataclasses import dataclass
@@ -30,22 +30,22 @@ FULL: Final = 0xFFFF
 
 @dataclass(frozen=True, slots=True)
 class Lever:
-    """A value of a trigger that makes the drive do one thing."""
+    """A trigger value with one effect on the drive."""
 
     trigger: TriggerPlan
     value: int
 
     @property
     def needs_reading(self) -> bool:
-        """Whether the register holds other things, which have to stay as they are."""
+        """Whether other bits of the register must keep their value."""
         return self.trigger.mask != FULL or bool(self.trigger.rising)
 
     def word(self, before: int) -> int:
-        """Return the content that does it, where the register holds ``before``."""
+        """Return the content with this effect, if the register holds ``before``."""
         return (before & ~self.trigger.mask & FULL) | self.value
 
     def rested(self, before: int) -> int:
-        """Return the content from which the bit that starts it can rise."""
+        """Return the content from which the start bit can rise."""
         return before & ~self.trigger.rising & FULL
 
     def __str__(self) -> str:
@@ -54,30 +54,30 @@ class Lever:
 
 @dataclass(frozen=True, slots=True)
 class DriveRecipe:
-    """How one axis is driven."""
+    """How one axis is moved."""
 
     plan: AxisPlan
     target: PositionField
     start: Lever | None = None
-    """None: the axis goes as soon as the target is written."""
+    """None: the axis moves as soon as the target is written."""
     stop: Lever | None = None
-    """None: the map names no stop, and the axis is held by commanding the place where it is."""
+    """None: the map names no stop; commanding its present position holds the axis."""
     mode: ModePlan | None = None
-    """It has to say that positions are absolute."""
+    """This register must say that positions are absolute."""
     following: tuple[TriggerPlan, ...] = ()
-    """Registers that may make the drive go to each position as it is written, which nobody wants here."""
+    """Registers that may make the drive follow each written position, which must not happen here."""
 
     @property
     def mode_value(self) -> int:
-        """Content of the mode register that means absolute."""
+        """Content of the mode register for absolute positions."""
         assert self.mode is not None
         return min(value for value, action in self.mode.actions.items() if action is Action.ABSOLUTE)
 
     def check_words(self, address: int, word: int, before: int, allowed: tuple[Action, ...]) -> None:
-        """Check that a word does what it is for and nothing else.
+        """Check that a word has only the intended effect.
 
         Raises:
-            UndrivableError: the register's other bits would do something too.
+            UndrivableError: the register's other bits would have an effect too.
         """
         for trigger in self.plan.motion.triggers:
             if trigger.is_coil or trigger.address != address:
@@ -92,10 +92,10 @@ class DriveRecipe:
 
 
 def recipe_of(plan: AxisPlan) -> DriveRecipe:
-    """Return how an axis is driven.
+    """Return how an axis is moved.
 
     Raises:
-        UndrivableError: its map does not say how, or says that it needs more than targets and a trigger.
+        UndrivableError: the map does not determine it, or requires more than targets and a trigger.
     """
     motion, target = plan.motion, plan.command[0]
     _check_fields(plan, target)
@@ -121,7 +121,7 @@ def recipe_of(plan: AxisPlan) -> DriveRecipe:
 
 
 def writes(plan: AxisPlan, address: int, data: bytes) -> list[bytes]:
-    """Return the requests that write registers, in the form that the drive takes."""
+    """Return the requests that write registers, in the form for the drive."""
     if plan.writes_with is Form.FC06:
         code = bytes((FunctionCode.WRITE_SINGLE_REGISTER,))
         return [
@@ -139,7 +139,7 @@ def pull(plan: AxisPlan, lever: Lever, word: int) -> list[bytes]:
 
 
 def acknowledges(request: bytes, reply: bytes) -> bool:
-    """Whether a reply is the full success of a write."""
+    """Whether a reply acknowledges a write completely."""
     if request[0] == FunctionCode.WRITE_MULTIPLE_REGISTERS:
         return reply == request[:5]
     return reply == request
@@ -172,13 +172,13 @@ def _check_mode(plan: AxisPlan, mode: ModePlan) -> None:
 
 
 def _stays(lever: Lever, levers: list[TriggerPlan]) -> bool:
-    """Whether a stop is a bit of a control word, in which 0 stops too: set, it would hold the next move."""
+    """Whether a stop is a bit in a control word where 0 stops too: a set bit would hold the next move."""
     others = (each for each in levers if each is not lever.trigger and each.address == lever.trigger.address)
     return any(each.operation(0, None).action is Action.STOP for each in others)
 
 
 def _starting(trigger: TriggerPlan, motion: MotionPlan) -> Lever | None:
-    """Return what runs the first target of the map, as an absolute move."""
+    """Return the value that runs the first target of the map, as an absolute move."""
     actions = {Action.ABSOLUTE, Action.START}
     values = [
         value
@@ -193,7 +193,7 @@ def _starting(trigger: TriggerPlan, motion: MotionPlan) -> Lever | None:
 def _stopping(trigger: TriggerPlan) -> Lever | None:
     """Return a value that is a stop command.
 
-    0 is none: it takes an enabling bit away, and the axis would run out freely, or go on when it comes back.
+    0 is not one: it clears an enabling bit, and the axis would coast, or continue when the bit is set again.
     """
     stops = (value for value, operation in trigger.deeds.items() if operation.action is Action.STOP and value)
     value = next(stops, None)
@@ -211,7 +211,7 @@ STANDSTILL_BITS: Final = (DONE_BIT, MOVING_BIT, ALARM_BIT)
 
 
 class AxisMaster(Protocol):
-    """One exchange at a time, as ``ModbusMaster`` does it."""
+    """One exchange at a time, as with ``ModbusMaster``."""
 
     async def exchange(self, unit_id: int, pdu: bytes) -> bytes:
         """Send a request and return its reply. Raises NoReplyError."""
@@ -219,12 +219,12 @@ class AxisMaster(Protocol):
 
 
 class LostAxisError(AxisError):
-    """No reply: the connection or the drive is gone, and nobody knows what the last request did."""
+    """No reply: the connection or the drive is lost, and the effect of the last request is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisSnapshot:
-    """An axis at one moment. Bits are None where the map has none."""
+    """The state of an axis at one moment. Bits are None if the map has none."""
 
     position: float
     is_done: bool | None
@@ -233,7 +233,7 @@ class AxisSnapshot:
 
 
 class AxisLink:
-    """Drives one axis by its recipe."""
+    """Moves one axis by its recipe."""
 
     def __init__(self, master: AxisMaster, recipe: DriveRecipe) -> None:
         self.recipe = recipe
@@ -262,7 +262,7 @@ class AxisLink:
             raise AxisError(f"{position:.9g} {settings.units.value} cannot be commanded: {error}") from None
 
     async def position(self) -> float:
-        """Read where the axis is. Raises AxisError."""
+        """Read the position of the axis. Raises AxisError."""
         field = self.plan.actual[0]
         raw = field.unpack(await self._read(read_field(self._axis, Purpose.ACTUAL, field), "actual position"))
         if not isfinite(raw):
@@ -270,7 +270,7 @@ class AxisLink:
         return self.machine(counts_of(field, raw))
 
     async def bit(self, name: str) -> bool | None:
-        """Read a status bit; None where the map has none. Raises AxisError."""
+        """Read a status bit; None if the map has none. Raises AxisError."""
         bit = self.plan.bits.get(name)
         if bit is None:
             return None
@@ -278,7 +278,7 @@ class AxisLink:
         return bit.is_set(int.from_bytes(words))
 
     async def snapshot(self) -> AxisSnapshot:
-        """Read the bits that tell whether it moves, then where it is. Raises AxisError."""
+        """Read the bits that show motion, then the position. Raises AxisError."""
         done, moving, alarm = [await self.bit(name) for name in STANDSTILL_BITS]
         return AxisSnapshot(await self.position(), done, moving, alarm)
 
@@ -287,10 +287,10 @@ class AxisLink:
         return await self.bit(HOMED_BIT)
 
     async def needed_mode(self) -> tuple[int, int] | None:
-        """Return what the mode register holds and what it has to hold; None where it is absolute already.
+        """Return the present and the required content of the mode register; None if it is absolute already.
 
         Raises:
-            AxisError: no reply, or the drive would go to positions without the trigger.
+            AxisError: no reply, or the drive would follow positions without the trigger.
         """
         for trigger in self.recipe.following:
             held = await self._word(trigger.address)
@@ -316,11 +316,11 @@ class AxisLink:
         await self._write(writes(self.plan, self.recipe.mode.address, word.to_bytes(2)), "the mode")
 
     async def starts(self) -> list[int]:
-        """Return the words that are to be written to the trigger, one after the other, to start a move.
+        """Return the words to write to the trigger, one after the other, to start a move.
 
         Raises:
             AxisError: no reply.
-            UndrivableError: they would do something else too; the drive is not enabled, perhaps.
+            UndrivableError: they would have another effect too; the drive may not be enabled.
         """
         start = self.recipe.start
         if start is None:
@@ -336,10 +336,10 @@ class AxisLink:
         return [rested, word]
 
     async def go(self, position: float, starts: list[int]) -> None:
-        """Command a position, once; ``starts`` is what :meth:`starts` has just returned.
+        """Command a position once; ``starts`` is the last result of :meth:`starts`.
 
         Raises:
-            AxisError: refused, or not acknowledged; whether the axis moves is then not known.
+            AxisError: refused, or not acknowledged; it is then unknown whether the axis moves.
         """
         what = f"the target {position:.9g}"
         await self._write(writes(self.plan, self.recipe.target.address, self.packed(position)), what)
@@ -348,7 +348,7 @@ class AxisLink:
             await self._write(pull(self.plan, self.recipe.start, word), what)
 
     async def stop(self) -> str:
-        """Stop the axis, by its own stop or by commanding the place where it is; return how.
+        """Stop the axis, by its own stop or by commanding its present position; return how.
 
         Raises:
             AxisError: refused, or not acknowledged.
@@ -365,9 +365,9 @@ class AxisLink:
         return f"stopped by its own stop command ({stop})"
 
     async def let_go(self) -> None:
-        """Take a stop back that is a bit which stays, once the axis stands. Raises AxisError.
+        """Clear a stop bit that stays set, once the axis is at standstill. Raises AxisError.
 
-        The bits that start a move stay at rest.
+        The bits that start a move do not change.
         """
         stop, before = self.recipe.stop, self._before_stop
         if stop is None or before is None or stop.trigger.mask == FULL:

@@ -1,4 +1,4 @@
-"""Everything that is checked before anything moves: the gateway, the axis, the range."""
+"""All checks before any motion: the gateway, the axis, the range."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,12 +24,12 @@ NOT_IN_FORCE: Final = frozenset({"off", "no-table", "shadow"})
 
 @dataclass(frozen=True, slots=True)
 class Compensation:
-    """What the gateway adds to the positions of the axis while it is measured."""
+    """The gateway's compensation of the axis during the measurement."""
 
     state: str
-    """As the status has it."""
+    """As in the status."""
     sha256: str = ""
-    """Of the table's file, where the table is in force."""
+    """Of the table's file, if the table is in force."""
 
     @property
     def is_active(self) -> bool:
@@ -38,12 +38,12 @@ class Compensation:
 
     @property
     def fact(self) -> str:
-        """How the file of readings says it."""
+        """Its text in the file of readings."""
         return f"active {self.sha256}" if self.is_active else OFF
 
 
 def axis_of(lines: Sequence[LinePlan], name: str) -> tuple[LinePlan, AxisPlan]:
-    """Return an axis and its line. Raises AxisError: none of that name, a rotary one, one of a group."""
+    """Return an axis and its line. Raises AxisError: unknown name, a rotary axis, or one of a group."""
     for line in lines:
         for axis in line.axes:
             if axis.name == name:
@@ -65,10 +65,10 @@ def axis_of(lines: Sequence[LinePlan], name: str) -> tuple[LinePlan, AxisPlan]:
 
 
 def controller_of(line: LinePlan, name: str | None) -> ControllerLink:
-    """Return the listener to connect to: the one that is named, or the only one that may move axes.
+    """Return the listener to connect to: the named one, or the only one that may move axes.
 
     Raises:
-        AxisError: none, several, or one that cannot be used.
+        AxisError: none, several, or an unsuitable one.
     """
     movers = [link for link in line.controllers if link.plan.role is Role.MOTION]
     names = ", ".join(link.plan.name for link in line.controllers)
@@ -100,12 +100,12 @@ def controller_of(line: LinePlan, name: str | None) -> ControllerLink:
 
 
 def check_same_plan(reply: Reply, shape: str) -> None:
-    """Check that the gateway runs from the configuration as its file is now; ``reply`` is that to a ping.
+    """Check that the gateway runs from the present configuration file; ``reply`` is that to a ping.
 
-    With other counts or registers than the gateway's an axis would go to other places than it is told.
+    If counts or registers differ from the gateway's, the axis would move to wrong positions.
 
     Raises:
-        AxisError: it was started with another one.
+        AxisError: the gateway was started with another configuration.
     """
     if not isinstance(reply, Pong) or reply.shape != shape:
         raise AxisError(
@@ -115,7 +115,7 @@ def check_same_plan(reply: Reply, shape: str) -> None:
 
 
 def compensation_of(status: RelayModel, axis: AxisPlan) -> Compensation:
-    """Return what is in force. Raises AxisError: nobody can say, or it is neither on nor off."""
+    """Return the compensation in force. Raises AxisError: unknown, or neither on nor off."""
     found = _axis_status(status, axis)
     state = found.compensation
     if state in NOT_IN_FORCE:
@@ -152,7 +152,7 @@ def compensation_of(status: RelayModel, axis: AxisPlan) -> Compensation:
 
 
 def _compiled_digest(axis: AxisPlan) -> str:
-    """Return what names the corrections of an axis, as a gateway puts them into force."""
+    """Return the digest of an axis's corrections, as a gateway puts them into force."""
     table = axis.table
     if table is None:
         return ""
@@ -162,7 +162,7 @@ def _compiled_digest(axis: AxisPlan) -> str:
 
 
 def check_writer(status: RelayModel, axis: AxisPlan) -> None:
-    """Check that nobody moves the axis. Raises AxisError."""
+    """Check that no controller moves the axis. Raises AxisError."""
     writer = _axis_status(status, axis).writer
     if writer is not None:
         raise AxisError(
@@ -183,7 +183,7 @@ def check_range(link: AxisLink, stops: Sequence[Stop], *, is_corrected: bool) ->
     """Check that every stop is inside travel, as commanded and as corrected.
 
     Raises:
-        AxisError: travel is not configured, or a stop is outside; it names what would fit.
+        AxisError: travel is not configured, or a stop is outside; the error names a range that fits.
     """
     plan = link.plan
     settings, units = plan.settings, plan.settings.units.value
@@ -222,7 +222,7 @@ def check_range(link: AxisLink, stops: Sequence[Stop], *, is_corrected: bool) ->
 
 
 def check_overrun(plan: AxisPlan, overrun: float) -> None:
-    """Check that the axis turns round outside the targets by more than its lost motion. Raises AxisError."""
+    """Check that the overrun outside the targets exceeds the lost motion. Raises AxisError."""
     if not overrun > plan.settings.hysteresis:
         raise AxisError(
             f"--overrun {overrun:g}: it must be greater than the lost motion of the axis, and than its "
@@ -238,7 +238,7 @@ def check_overrun(plan: AxisPlan, overrun: float) -> None:
 
 
 async def check_may_move(link: AxisLink) -> float:
-    """Check that the axis is ready to move, and return where it stands.
+    """Check that the axis is ready to move, and return its position.
 
     Raises:
         AxisError: alarm, moving, not homed, outside travel, no reply.

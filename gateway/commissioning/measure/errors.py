@@ -1,41 +1,41 @@
-"""Why a measuring run does not begin, or ends early. Each is one sentence with what to do."""
+"""Why a measuring run does not begin, or ends early. Each error is one sentence with the remedy."""
 
 from signal import Signals
 
 
 class MeasureError(Exception):
-    """Base of everything that ends a measuring run on purpose."""
+    """Base of all deliberate ends of a measuring run."""
 
 
 class UndrivableError(MeasureError):
-    """The register map does not say enough to move this drive without knowing its make."""
+    """The register map is not sufficient to move this drive without knowing its make."""
 
 
 class AxisError(MeasureError):
-    """The axis does not do what it was told, or is not as it has to be."""
+    """The axis does not follow its command, or is not in the required state."""
 
 
 class InstrumentError(MeasureError):
-    """The instrument is gone, or cannot be opened."""
+    """The instrument is lost, or cannot be opened."""
 
 
 class BadReadingError(MeasureError):
-    """Something came that is no reading of this stop. Another one may be asked for."""
+    """The received value is not a reading of this stop. Another one may be requested."""
 
 
 class StoppedError(MeasureError):
-    """Somebody wants it to end: Ctrl-C, SIGTERM, a q on the keyboard."""
+    """The user ended it: Ctrl-C, SIGTERM, a q on the keyboard."""
 
 
 class EndedEarlyError(MeasureError):
-    """A run that began did not come to its end; what was read until then is kept."""
+    """A run that began did not finish; its readings until then are kept."""
 
     def __init__(self, why: str, took: int, stopped_by: Signals | None) -> None:
-        """``took``: readings in the file; ``stopped_by``: the signal, where one stopped it."""
+        """``took``: readings in the file; ``stopped_by``: the signal, if one stopped it."""
         super().__init__(why)
         self.took = took
         self.stopped_by = stopped_by
 
 
 class FileError(MeasureError):
-    """A file of readings that cannot be written, or cannot be gone on with."""
+    """A file of readings that cannot be written or continued."""

@@ -1,11 +1,11 @@
-"""What is read at a stop: a person's eyes, a file that grows, a gauge on a serial port.
+"""The sources of readings at a stop: a person, a growing file, a gauge on a serial port.
 
-Each gives the next reading after the axis stands. Something that came before, while it moved, is not of this
-stop: it is an error, never skipped.
+Each gives the next reading after the axis is at standstill. Data from before, during the motion, are not of
+this stop: they are an error, never skipped.
 
-A row ``50,0053`` of a file is 50.0053 with a decimal comma, or 50 and 53 in two columns. Taken for two
-columns it would show a perfect axis. So a row must have as many columns as the names above it; where there
-are none, a whole number beside another one is no reading.
+A row ``50,0053`` of a file is 50.0053 with a decimal comma, or 50 and 53 in two columns. Read as two columns
+it would show a perfect axis. So a row must have as many columns as the header. Without a header, a whole
+number beside another number is not a reading.
 """
 
 import asyncio
@@ -35,10 +35,10 @@ _WHOLE: Final = re.compile(r"\s*[+-]?\d+\s*")
 
 
 class Columns:
-    """The columns of one file; ``column`` is the name of one in its first row, or its number from 1.
+    """The columns of one file; ``column`` is its name in the first row, or its number from 1.
 
     Raises:
-        InstrumentError: no delimiter of one character, column 0.
+        InstrumentError: a delimiter that is not one character, column 0.
     """
 
     def __init__(self, path: str, column: str, delimiter: str) -> None:
@@ -55,10 +55,10 @@ class Columns:
         self._width: int | None = None
 
     def settle(self, rows: bytes) -> None:
-        """Take the rows that are there already; the first one may name the columns.
+        """Take the existing rows; the first one may hold the column names.
 
         Raises:
-            InstrumentError: no column of that name, or two.
+            InstrumentError: no column has that name, or two have.
         """
         above = [self._cells(row) for row in rows.decode("utf-8-sig", "replace").splitlines()]
         names = [name.strip() for name in above[0]] if above else []
@@ -75,7 +75,7 @@ class Columns:
             self._width = len(heads[-1])
 
     def reading(self, row: bytes) -> str:
-        """Return the cell that is the reading.
+        """Return the cell with the reading.
 
         Raises:
             BadReadingError: the row has another number of columns, or may have a decimal comma.
@@ -106,7 +106,7 @@ class Columns:
     def _cells(self, row: str) -> list[str]:
         try:
             return next(csv.reader([row.rstrip("\r\n")], delimiter=self._delimiter, strict=True), [])
-        except csv.Error:  # a quotation mark without its other one: the cells as they stand
+        except csv.Error:  # an unmatched quotation mark: the cells as written
             return row.split(self._delimiter)
 
 
@@ -115,39 +115,39 @@ _NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)")
 
 
 class Instrument(Protocol):
-    """Something that measures where the axis is; numbers are as it shows them."""
+    """A source of position readings; numbers are as displayed."""
 
     @property
     def title(self) -> str:
-        """What it is, for a person."""
+        """Its description for a person."""
         ...
 
     async def open(self) -> None:
-        """Get ready. Raises InstrumentError."""
+        """Prepare the instrument. Raises InstrumentError."""
         ...
 
     def arm(self) -> None:
-        """The axis stands: what comes from now on is of this stop.
+        """Start a stop: the axis is at standstill, and later data are of this stop.
 
         Raises:
-            BadReadingError: something came before.
-            InstrumentError: the instrument is gone.
-            StoppedError: the person wants it to end.
+            BadReadingError: data came before.
+            InstrumentError: the instrument is lost.
+            StoppedError: the user ended the run.
         """
         ...
 
     async def read(self, stop: str) -> float:
-        """Return one reading of a stop, whose name a person is shown.
+        """Return one reading of a stop; ``stop`` is its name for the user.
 
         Raises:
-            BadReadingError: what came is no reading.
-            InstrumentError: the instrument is gone.
-            StoppedError: the person wants it to end.
+            BadReadingError: the data are not a reading.
+            InstrumentError: the instrument is lost.
+            StoppedError: the user ended the run.
         """
         ...
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release the instrument."""
         ...
 
 
@@ -164,7 +164,7 @@ def number_of(text: str) -> float:
 
 
 class Lines:
-    """Lines that somebody types, or that a pipe brings, on standard input."""
+    """Lines on standard input, typed or from a pipe."""
 
     def __init__(self, descriptor: int = 0) -> None:
         self._descriptor = descriptor
@@ -181,7 +181,7 @@ class Lines:
         return line.decode("utf-8", "replace").strip()
 
     def early(self) -> str:
-        """Take back what was typed on a terminal before anybody asked; "" where it is a pipe, or nothing."""
+        """Discard and return what was typed on a terminal before the question; "" for a pipe, or nothing."""
         if not os.isatty(self._descriptor):
             return ""
         while select.select((self._descriptor,), (), (), 0)[0]:
@@ -202,7 +202,7 @@ class Lines:
 
         try:
             loop.add_reader(self._descriptor, wake)
-        except PermissionError:  # a regular file is always readable, and epoll does not take it
+        except PermissionError:  # a regular file is always readable, and epoll does not accept it
             wake()
         try:
             await readable
@@ -211,7 +211,7 @@ class Lines:
                 loop.remove_reader(self._descriptor)
         try:
             data = os.read(self._descriptor, 4096)
-        except OSError:  # the terminal is gone
+        except OSError:  # the terminal is closed
             data = b""
         self._data += data
         self._has_ended = not data
@@ -257,7 +257,7 @@ class Keyboard:
 class GrowingCsv:
     """A file to which the software of an instrument appends a row for each reading.
 
-    ``column``: its name in the header, or its number, from 1.
+    ``column``: its name in the header, or its number from 1.
     """
 
     def __init__(self, path: Path, column: str, delimiter: str = ",") -> None:
@@ -267,7 +267,7 @@ class GrowingCsv:
         self._at = 0
 
     async def open(self) -> None:
-        """Find the end of the file: what stands there already is of nobody's stop."""
+        """Find the end of the file: existing rows belong to no stop."""
         try:
             data = self._path.read_bytes()
         except OSError as error:
@@ -293,7 +293,7 @@ class GrowingCsv:
 
     async def read(self, stop: str) -> float:
         """See :class:`Instrument`. Waits for one more row."""
-        while not (rows := self._rows()[0]):  # noqa: ASYNC110 - no file tells when it grows
+        while not (rows := self._rows()[0]):  # noqa: ASYNC110 - files do not report their growth
             await asyncio.sleep(POLL_S)
         self._at += sum(len(row) + 1 for row in rows)
         if len(rows) > 1:
@@ -307,7 +307,7 @@ class GrowingCsv:
         """See :class:`Instrument`."""
 
     def _rows(self) -> tuple[list[bytes], bytes]:
-        """Return the whole rows that have come since, and what has come of the next one."""
+        """Return the new complete rows, and the beginning of the next one."""
         try:
             with self._path.open("rb") as stream:
                 size = stream.seek(0, os.SEEK_END)
@@ -324,7 +324,7 @@ class GrowingCsv:
 
 
 class SerialGauge:
-    """A gauge on a serial port; with ``request`` it is asked, else its own button or foot switch sends."""
+    """A gauge on a serial port; it is polled with ``request``, else its own button or foot switch sends."""
 
     def __init__(
         self,

@@ -1,9 +1,9 @@
-"""Measuring an axis, from options to results: looks, moves, and makes a table of it.
+"""Measuring an axis, from options to results: checks, moves, and makes a table.
 
-    reader = Reader(gauge="/dev/ttyUSB0")
+    reader = InstrumentOptions(gauge="/dev/ttyUSB0")
     options = MeasureOptions(AxisChoice("x"), Grid(0.0, 100.0, step=10.0), reader=reader)
     measuring = Measuring(load(path), options)
-    measuring.look()
+    measuring.check_ready()
     measuring.run(showing)
     print(measuring.result().outcome.evaluation.accuracy)
 
@@ -75,7 +75,7 @@ from gateway.status.model import RelayModel
 from gateway.transport.endpoints import SerialEndpoint
 
 EVEN: Final = 1e-6
-"""Part of a step by which the last target of an even grid may miss the end."""
+"""Fraction of a step by which the last target of an even grid may miss the end."""
 OVERRUN_MM: Final = 1.0
 WINDOW_MM: Final = 0.01
 LARGEST_MM: Final = 1.0
@@ -83,7 +83,7 @@ UM_PER_MM: Final = 1000.0
 
 
 def plan_of(grid: Grid, axis: AxisPlan) -> MeasuringPlan:
-    """Return what is to be measured. Random targets are spread over the lead, where that is known.
+    """Return the targets of the measurement. Random targets are spread over the lead, if known.
 
     Raises:
         AxisError: options that are missing or do not fit together.
@@ -117,7 +117,7 @@ def plan_of(grid: Grid, axis: AxisPlan) -> MeasuringPlan:
 
 
 def _spread(grid: Grid) -> float | None:
-    """Return the lead, where the targets leave room for it."""
+    """Return the lead, if it fits between the targets."""
     assert grid.low is not None
     assert grid.high is not None
     assert grid.targets is not None
@@ -127,10 +127,10 @@ def _spread(grid: Grid) -> float | None:
 
 
 def instrument_of(reader: InstrumentOptions, lines: Lines, unit: str = "mm") -> Instrument:
-    """Return the instrument, not yet open; ``unit`` is the one in which its readings are taken.
+    """Return the instrument, not yet open; ``unit`` is the unit of its readings.
 
     Raises:
-        InstrumentError: two of them, or a wrong request.
+        InstrumentError: two instruments, or an invalid request.
     """
     if reader.csv is not None and reader.gauge is not None:
         raise InstrumentError("--csv and --gauge are two instruments: give one")
@@ -162,7 +162,7 @@ def instrument_of(reader: InstrumentOptions, lines: Lines, unit: str = "mm") -> 
 
 
 def run_settings_of(pace: Pace, reader: InstrumentOptions, axis: AxisPlan) -> RunSettings:
-    """Return how the run goes, in units of the axis. Raises InstrumentError: unknown units."""
+    """Return the settings of the run, in units of the axis. Raises InstrumentError: unknown units."""
     units = axis.settings.units
     window = units.from_mm(WINDOW_MM) if pace.window is None else pace.window
     largest = units.from_mm(LARGEST_MM) if reader.largest is None else reader.largest
@@ -200,12 +200,12 @@ def _prompt(text: str) -> None:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """What a whole run led to."""
+    """The result of a whole run."""
 
     outcome: outcome.RunOutcome
     readings_file: Path
     written: tuple[str, ...]
-    """What was written besides, a line each."""
+    """The other written files, a line each."""
 
     def as_data(self) -> JsonObject:
         """Return it for a program, in units of the axis."""
@@ -213,12 +213,12 @@ class RunResult:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Where everything is, a line each."""
+        """The paths of all files, a line each."""
         return (f"the readings are in {self.readings_file}", *self.written)
 
 
 def _periods(lead: float | None) -> tuple[Period, ...]:
-    """Return what the error may repeat with. Raises AxisError: a lead that is no length."""
+    """Return the possible periods of the error. Raises AxisError: an invalid lead."""
     try:
         return periods_of(lead)
     except ReadingsError as error:
@@ -226,9 +226,9 @@ def _periods(lead: float | None) -> tuple[Period, ...]:
 
 
 class Measuring:
-    """One measuring of an axis through the gateway that runs a configuration.
+    """One measurement of an axis through the gateway that runs a configuration.
 
-    :meth:`check_ready` first, then :meth:`run` where anything is left to measure, then :meth:`result`.
+    First :meth:`check_ready`, then :meth:`run` if readings are missing, then :meth:`result`.
     Lengths are machine positions in units of the axis.
 
     Raises:
@@ -266,12 +266,12 @@ class Measuring:
         self.readings_file = results.resume
 
     def check_ready(self) -> int:
-        """Check all that must be right before the axis moves; return how many stops are left.
+        """Check all conditions before the axis moves; return the number of remaining stops.
 
         Nothing is written to the drive.
 
         Raises:
-            MeasureError: something is not right.
+            MeasureError: a condition is not met.
         """
         plan, done = self._planned()
         stops = list(bidirectional_cycle(plan.targets, plan.overrun, plan.runs))
@@ -284,20 +284,20 @@ class Measuring:
         return len(self._left)
 
     def preview(self) -> Iterator[str]:
-        """Yield what a person has to know before the axis moves, after :meth:`check_ready`."""
+        """Yield what the user must know before the axis moves, after :meth:`check_ready`."""
         plan, seen = self._looked()
         yield from preview(self._route, seen, self._left, self.instrument.title, self._pace)
         for warning in lead_warnings(plan.targets, self._periods, self.units):
             yield f"  lead          {warning}"
 
     def run(self, showing: Showing, *, can_ask: bool = False) -> None:
-        """Move the axis from stop to stop and read it there. It stands when this ends.
+        """Move the axis from stop to stop and read at each. On return it is at standstill.
 
-        SIGINT, SIGTERM and SIGHUP stop it. ``can_ask``: somebody at standard input says whether a reading
-        that is none is read again.
+        SIGINT, SIGTERM and SIGHUP stop it. ``can_ask``: a person at standard input decides whether an invalid
+        reading is repeated.
 
         Raises:
-            EndedEarlyError: it did not come to its end.
+            EndedEarlyError: it did not finish.
             MeasureError: the file of readings cannot be written.
         """
         plan, seen = self._looked()
@@ -315,10 +315,10 @@ class Measuring:
                 raise EndedEarlyError(str(error), took, session.stopped_by) from error
 
     def result(self) -> RunResult:
-        """Make something of all readings, as they stand in their file, whatever becomes of this.
+        """Evaluate all readings in their file, which is kept in any case.
 
         Raises:
-            MeasureError: they make no table, or it cannot be written.
+            MeasureError: they make no table, or a file cannot be written.
         """
         _, seen = self._looked()
         path, results = self.readings_file, self._results
@@ -361,7 +361,7 @@ class Measuring:
         return earlier.plan, earlier.readings
 
     def _check_same(self, seen: StartConditions) -> None:
-        """Readings with and without a table, or with two tables, make no table."""
+        """Refuse readings with and without a table, or with two tables: they make no table."""
         if self._earlier is None:
             return
         was = self._earlier.facts.get("compensation")
@@ -372,7 +372,7 @@ class Measuring:
             )
 
     def _choose_points(self, plan: MeasuringPlan, seen: StartConditions) -> None:
-        """Choose the points of the new table before the work. Raises FileError: it could not be written."""
+        """Choose the points of the new table before the run. Raises FileError: it cannot be written."""
         results, axis, section = self._results, self._axis, self._section
         if seen.compensation.is_active and axis.table is not None:
             if results.table_step is not None:
@@ -391,7 +391,7 @@ class Measuring:
         outcome.check_writable(self._out_format, points, axis, section)
 
     def _status(self) -> RelayModel:
-        """Return the status of the gateway that runs the configuration. Raises AxisError: none does."""
+        """Return the status of the gateway that runs the configuration. Raises AxisError: none runs."""
         config, state = self._loaded.path, self._loaded.state_folder
         try:
             check_same_plan(ask_relay(config, state, Ping()), self._shape)

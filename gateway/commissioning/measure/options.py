@@ -1,4 +1,4 @@
-"""What can be said about a measuring run. Lengths are in units of the axis, positions machine positions."""
+"""Options of a measuring run. Lengths are in units of the axis, positions are machine positions."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +10,7 @@ from gateway.metrology.gauge_kinds import GaugeKind
 
 @dataclass(frozen=True, slots=True)
 class AxisChoice:
-    """Which axis is moved, and over which listener of the gateway."""
+    """The axis to move, and the listener of the gateway."""
 
     axis: Annotated[str, Option("The axis.")]
     controller: Annotated[
@@ -23,7 +23,7 @@ class AxisChoice:
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Targets as they were asked for."""
+    """The requested targets."""
 
     low: Annotated[float | None, Option("Lowest target, machine position.", "from")] = None
     high: Annotated[float | None, Option("Highest target.", "to")] = None
@@ -39,13 +39,13 @@ class Grid:
 
     @property
     def is_asked(self) -> bool:
-        """Whether anything was said about targets."""
+        """Whether any option about targets was given."""
         return any(each is not None for each in (self.low, self.high, self.step, self.targets, self.overrun))
 
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """How the axis goes from stop to stop, and when it counts as there."""
+    """How the axis moves from stop to stop, and when it counts as arrived."""
 
     dwell_s: Annotated[float, Option("Seconds from the arrival to the reading.", "dwell", min=0.0)] = 2.0
     speed: Annotated[
@@ -61,7 +61,7 @@ class Pace:
 
 @dataclass(frozen=True, slots=True)
 class InstrumentOptions:
-    """The instrument, and how what it shows becomes a machine position; neither CSV nor gauge: a person."""
+    """The instrument, and how its display becomes a machine position. Default: a person reads it."""
 
     csv: Annotated[Path | None, Option("Take readings from this file, to which rows are appended.")] = None
     column: Annotated[str, Option("With --csv: the column, by its name or number from 1.")] = "1"
@@ -103,7 +103,7 @@ class InstrumentOptions:
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """Where the readings and what is made of them go."""
+    """The files for the readings and the results."""
 
     readings: Annotated[Path | None, Option("File of readings; default: the axis and the time.")] = None
     resume: Annotated[Path | None, Option("Go on with the file of a run that was stopped.")] = None
@@ -125,7 +125,7 @@ class Results:
 
 @dataclass(frozen=True, slots=True)
 class MeasureOptions:
-    """All of it."""
+    """All options."""
 
     choice: AxisChoice
     grid: Grid = Grid()

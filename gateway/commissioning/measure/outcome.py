@@ -1,4 +1,4 @@
-"""What becomes of the readings of a whole run: results of ISO 230-2, a table, what changes, a report."""
+"""The results of a whole run: ISO 230-2, a table, the changes, a report."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -39,7 +39,7 @@ SMALL: Final = {Units.MM: (1000.0, "µm"), Units.INCH: (10_000.0, "tenths (0.000
 
 @dataclass(frozen=True, slots=True)
 class ChangeFromActive:
-    """Where a new table differs most from the active one, in units of the axis; signed, new less old."""
+    """The largest difference of a new table from the active one, in units of the axis: new less old."""
 
     position: float
     direction: Direction
@@ -48,7 +48,7 @@ class ChangeFromActive:
 
 @dataclass(frozen=True, slots=True)
 class RunOutcome:
-    """Everything that a whole run leads to."""
+    """All results of a whole run."""
 
     survey: Survey
     evaluation: Evaluation
@@ -58,9 +58,9 @@ class RunOutcome:
     """None: no table was in use before."""
     notes: tuple[str, ...] = field(default=())
     active: CorrectionTable | None = None
-    """The table in use while it was measured, with the backlash beside it; None where none was."""
+    """The table in use during the run, including the backlash setting; None if there was none."""
     left_out: LeftOut | None = None
-    """E that the new table will leave between the targets, predicted by leaving out; None: not known."""
+    """E that the new table will leave between the targets, predicted by leaving out; None: unknown."""
 
     def as_data(self) -> JsonObject:
         """Return the results for a program, in units of the axis."""
@@ -86,7 +86,7 @@ class RunOutcome:
         }
 
     def lines(self) -> Iterator[str]:
-        """Yield what a person is told beside the figures: what changes, what stays, notes."""
+        """Yield sentences beside the figures: what changes, what does not, notes."""
         change = self.change
         if change is not None:
             factor, unit = SMALL[self.survey.units]
@@ -108,13 +108,13 @@ def outcome_of(
     step: float | None = None,
     refusal: Callable[[CorrectionTable], str | None] | None = None,
 ) -> RunOutcome:
-    """Evaluate the readings and make the table of them, along the curve that leaves least between targets.
+    """Evaluate the readings and make a table, along the curve that leaves least between targets.
 
-    ``periods`` are what the error may repeat with. ``step`` lays an even grid over the travel, for a new
-    table. ``refusal`` says why a table cannot be written.
+    ``periods`` are the possible periods of the error. ``step`` requests an even grid over the travel, for a
+    new table. ``refusal`` returns why a table cannot be written.
 
     Raises:
-        MeasureError: they make no table.
+        MeasureError: the readings make no table.
     """
     notes: list[str] = []
     active = axis.table
@@ -157,7 +157,7 @@ def outcome_of(
 
 
 def largest_change(old: CorrectionTable, new: CorrectionTable, axis: AxisPlan) -> ChangeFromActive:
-    """Return where two tables differ most, at the points of both."""
+    """Return the largest difference of two tables, at the points of both."""
     specs = [spec_of_table(table, axis.settings) for table in (old, new)]
     positions = sorted({*old.positions, *new.positions})
     changes = [
@@ -170,7 +170,7 @@ def largest_change(old: CorrectionTable, new: CorrectionTable, axis: AxisPlan) -
 
 
 def _home(axis: AxisPlan, survey: Survey, *, is_over_travel: bool = False) -> HomeReference | None:
-    """Where the correction is 0: machine position 0, as homing arrives there, if the table reaches it."""
+    """Return the zero of the correction: machine position 0, in the direction of homing, if in the table."""
     reach = [reading.target for reading in survey.readings]
     if is_over_travel and axis.settings.travel is not None:
         reach += axis.settings.travel
@@ -180,7 +180,7 @@ def _home(axis: AxisPlan, survey: Survey, *, is_over_travel: bool = False) -> Ho
 
 
 def check_format(given: str | None, axis: AxisPlan) -> str:
-    """Return the dialect of the table that is to be written. Raises FileError: there is none of that name."""
+    """Return the dialect for the new table. Raises FileError: no dialect has that name."""
     names = [dialect.name for dialect in DIALECTS]
     if given is not None:
         if given not in names:
@@ -190,7 +190,7 @@ def check_format(given: str | None, axis: AxisPlan) -> str:
 
 
 def check_outputs(out: Path | None, report: Path | None, *, force: bool) -> None:
-    """Check before the work that its results can be written where they are wanted. Raises FileError."""
+    """Check before the run that the results can be written to their paths. Raises FileError."""
     if out is not None and out.exists() and not force:
         raise FileError(f"{out}: a file of this name; give a new name, or --force")
     if out is not None:
@@ -214,7 +214,7 @@ def check_outputs(out: Path | None, report: Path | None, *, force: bool) -> None
 
 
 def _check_no_readings(out: Path) -> None:
-    """Readings cannot be had again: no table takes their place, ``--force`` or not. Raises FileError."""
+    """Refuse to overwrite readings, even with ``--force``: they are irreplaceable. Raises FileError."""
     if is_readings(out):
         raise FileError(f"{out}: a file of readings; give another name for --out")
 
@@ -222,10 +222,10 @@ def _check_no_readings(out: Path) -> None:
 def check_writable(
     format_name: str, positions: Sequence[float], axis: AxisPlan, section: AxisSection
 ) -> None:
-    """Check before the work that a dialect can hold a table of two directions at these positions.
+    """Check before the run that a dialect can hold a table of two directions at these positions.
 
     Raises:
-        FileError: it cannot, or needs to be told more than there is an option for.
+        FileError: it cannot, or it needs more facts than there are options for.
     """
     least = abs(1.0 / axis.settings.counts_per_unit)
     forward, backward = [least] * len(positions), [-least] * len(positions)
@@ -240,7 +240,7 @@ def check_writable(
 
 
 def is_writable(format_name: str, positions: Sequence[float], axis: AxisPlan, section: AxisSection) -> bool:
-    """Whether :func:`check_writable` would let it pass."""
+    """Whether :func:`check_writable` passes."""
     try:
         check_writable(format_name, positions, axis, section)
     except FileError:
@@ -252,7 +252,7 @@ def points_of(targets: Sequence[float], step: float | None, axis: AxisPlan) -> S
     """Return the points of a new table: the targets, or the multiples of a step in the whole travel.
 
     Raises:
-        FileError: a step of which less than two multiples lie in it.
+        FileError: a step with fewer than two multiples in the travel.
     """
     if step is None:
         return targets
@@ -264,7 +264,7 @@ def points_of(targets: Sequence[float], step: float | None, axis: AxisPlan) -> S
 
 
 def refusal(format_name: str, table: CorrectionTable, axis: AxisPlan, section: AxisSection) -> str | None:
-    """Say why a dialect cannot hold a table, or which of the axis's limits forbids it; None: neither."""
+    """Return why a dialect or a limit of the axis forbids a table; None: neither does."""
     settings = axis.settings
     for key, found, limit in (
         ("max_correction", table.max_correction(), settings.max_correction),
@@ -285,10 +285,10 @@ def refusal(format_name: str, table: CorrectionTable, axis: AxisPlan, section: A
 def write_table(
     outcome: RunOutcome, out: Path, format_name: str, axis: AxisPlan, section: AxisSection, *, force: bool
 ) -> list[str]:
-    """Write the table as the axis's ``table_options`` read it; return what a person should know.
+    """Write the table for the axis's ``table_options``; return what the user should know.
 
     Raises:
-        FileError: the dialect cannot hold it, or the place cannot be written to.
+        FileError: the dialect cannot hold it, or the path cannot be written.
     """
     try:
         written = dialect_named(format_name).write(
@@ -317,7 +317,7 @@ def write_table(
 def _as_configured(
     written: Written, table: CorrectionTable, out: Path, axis: AxisPlan, section: AxisSection
 ) -> list[str]:
-    """Return what is wrong where the axis's configuration, as it is, would read another table."""
+    """Return the problem if the axis's present configuration would read another table."""
     try:
         read = parse_table(written.text.encode(), str(out), context_of(section, axis.name)).table
         units = axis.settings.units
@@ -342,7 +342,7 @@ def survey_of(path: Path, axis: AxisPlan) -> Survey:
 
 
 def survey_before(path: Path, axis: AxisPlan) -> Survey:
-    """Read the readings that a report calls those before. Raises FileError: a table was in use already."""
+    """Read the "before" readings of a report. Raises FileError: a table was in use already."""
     survey = survey_of(path, axis)
     try:
         check_uncorrected(str(path), survey.facts, "give with --before what was measured without a table")
@@ -352,7 +352,7 @@ def survey_before(path: Path, axis: AxisPlan) -> Survey:
 
 
 def _report_notes(outcome: RunOutcome) -> tuple[str, ...]:
-    """Return what the report has to say beside its figures: of a refined table there are none in it."""
+    """Return the notes of the report; a refined table has no figures in it."""
     if not outcome.is_refined or outcome.left_out is None:
         return outcome.notes
     left = left_out_text(small_unit(outcome.survey.units), outcome.left_out)
@@ -367,7 +367,7 @@ def write_report(outcome: RunOutcome, path: Path, axis: str, before: Survey | No
 
     survey = outcome.survey
     if outcome.is_refined:
-        # beside readings with a table stands that table, not the better one that was made of them
+        # Readings with a table are shown beside that table, not beside the better one made from them.
         axis_data = AxisData(axis, survey.units, outcome.active, before, survey)
     else:
         after = predicted_residue(survey, outcome.table)

@@ -1,4 +1,4 @@
-"""The file of a measuring run: each reading on the disk as soon as it is taken, so that nothing is lost.
+"""The file of a measuring run: each reading is on the disk at once, so that none is lost.
 
 Comment lines with facts, then a header and a row for each reading::
 
@@ -11,9 +11,9 @@ Comment lines with facts, then a header and a row for each reading::
     target_mm,direction,run,measured_mm
     0.0,forward,1,0.0012
 
-``compensation`` is ``off``, or ``active`` with the SHA-256 of the table that was in force. Lengths are
-machine positions in units of the axis, mm or inch, which the names of the columns say: ``table build`` and
-``table refine`` read it.
+``compensation`` is ``off``, or ``active`` with the SHA-256 of the table in force. Lengths are machine
+positions in units of the axis, mm or inch, as in the names of the columns. ``table build`` and ``table
+refine`` read the file.
 """
 
 import os
@@ -32,13 +32,13 @@ from gateway.metrology.readings import Reading
 
 SUFFIX: Final = ".readings.csv"
 TOGETHER: Final = 1e-8
-"""By which a target in the file may differ from the plan's: it is written with 9 decimals."""
+"""Tolerance for a target in the file against the plan: it is written with 9 decimals."""
 _DIRECTIONS: Final = {"forward": Direction.FORWARD, "backward": Direction.BACKWARD}
 
 
 @dataclass(frozen=True, slots=True)
 class MeasuringPlan:
-    """What is measured: targets in units of the axis, how often, and how far beyond them it turns round."""
+    """The measurement: targets in units of the axis, the number of runs, and the overrun."""
 
     targets: tuple[float, ...]
     runs: int
@@ -47,7 +47,7 @@ class MeasuringPlan:
 
 @dataclass(frozen=True, slots=True)
 class Earlier:
-    """A file that is gone on with."""
+    """A file to continue."""
 
     facts: Mapping[str, str]
     readings: tuple[Reading, ...]
@@ -63,7 +63,7 @@ class ReadingsFile:
         self._stream: IO[str] | None = None
 
     def create(self, facts: Mapping[str, str]) -> None:
-        """Begin a new file with its facts. Raises FileError: it is there, or cannot be written."""
+        """Begin a new file with its facts. Raises FileError: it exists, or cannot be written."""
         try:
             self._stream = self.path.open("x", encoding="utf-8", newline="")
         except FileExistsError:
@@ -76,13 +76,13 @@ class ReadingsFile:
         head = "".join(f"# {name}: {fact}\n" for name, fact in facts.items())
         try:
             self._put(head + header_of(self._units) + "\n")
-        except FileError:  # half a heading is in the way of the next try
+        except FileError:  # a partial header would block the next try
             self.close()
             self.path.unlink(missing_ok=True)
             raise
 
     def go_on(self) -> None:
-        """Append to the file that is there. Raises FileError."""
+        """Append to the existing file. Raises FileError."""
         try:
             self._stream = self.path.open("a", encoding="utf-8", newline="")
         except OSError as error:
@@ -94,9 +94,9 @@ class ReadingsFile:
         self._put(f"{_number(reading.target)},{way},{reading.run},{_number(reading.measured)}\n")
 
     def close(self) -> None:
-        """Close it. What counts is on the disk already; what did not get there was told."""
+        """Close it. The data are on the disk already; failures were reported."""
         if self._stream is not None:
-            with suppress(OSError):  # a full disk takes the rest of a refused row no better now
+            with suppress(OSError):  # a full disk rejects the rest of a failed row again
                 self._stream.close()
             self._stream = None
 
@@ -120,7 +120,7 @@ def header_of(units: Units) -> str:
 
 
 def facts_of(plan: MeasuringPlan, axis: str, compensation: str, units: Units) -> dict[str, str]:
-    """Return the facts that a file of readings begins with."""
+    """Return the facts at the beginning of a file of readings."""
     return {
         "axis": axis,
         "units": units.value,
@@ -132,10 +132,10 @@ def facts_of(plan: MeasuringPlan, axis: str, compensation: str, units: Units) ->
 
 
 def read_earlier(path: Path, units: Units) -> Earlier:
-    """Read a file that a run before has left.
+    """Read the file of an earlier run.
 
     Raises:
-        FileError: with the line, what is wrong with it and what to do.
+        FileError: an invalid line, with its number and the remedy.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -170,7 +170,7 @@ def check_order(path: Path, stops: Sequence[Stop], readings: Sequence[Reading]) 
     """Check that readings are those of the first measuring stops.
 
     Raises:
-        FileError: one is of another stop, or there are too many.
+        FileError: a reading is of another stop, or there are too many.
     """
     measured = [stop for stop in stops if stop.measure]
     if len(readings) > len(measured):
@@ -213,7 +213,7 @@ def _plan(path: Path, facts: Mapping[str, str]) -> MeasuringPlan:
 
 
 def _number(value: float) -> str:
-    """Write a length in full, without an exponent.
+    """Return the text of a length in full, without an exponent.
 
     >>> _number(0.1 + 0.2), _number(50.0), _number(-1e-7)
     ('0.3', '50.0', '-0.0000001')

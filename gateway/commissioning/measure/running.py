@@ -1,6 +1,6 @@
-"""The measuring run itself: from stop to stop, a reading at each, and an axis that stands when it ends.
+"""The measuring run: from stop to stop, a reading at each; at its end the axis is at standstill.
 
-The request to stop comes at any time, and is obeyed between two exchanges, never inside one.
+A stop request may come at any time. It takes effect between two exchanges, never inside one.
 """
 
 import asyncio
@@ -18,58 +18,58 @@ from gateway.metrology.readings import Reading
 
 POLL_S: Final = 0.02
 STILL: Final = 3
-"""So many looks in a row must show the axis standing at its target."""
+"""This many polls in a row must show the axis at its target."""
 STILL_FOR_SURE: Final = 25
-"""So many where it could not be stopped: half a second in one place."""
+"""The same if the axis could not be stopped: half a second at one position."""
 STOP_TIMEOUT_S: Final = 10.0
 Result = TypeVar("Result")
 
 
 class Showing:
-    """Told of everything as it happens, and shows nothing of it. Positions are in units of the axis."""
+    """Receives all events of a run; this one shows nothing. Positions are in units of the axis."""
 
     def show(self, text: str) -> None:
-        """Say one sentence."""
+        """Show one sentence."""
 
     def begin(self, total: int, done: int) -> None:
-        """So many readings are to be taken, of which some are there already."""
+        """A run begins: ``total`` readings are required, ``done`` of them exist."""
 
     def going(self, stop: Stop) -> None:
         """The axis was commanded to a stop."""
 
     def waiting(self, stop: Stop) -> None:
-        """The axis stands at a stop, and the next reading is that of it."""
+        """The axis is at standstill at a stop, which the next reading belongs to."""
 
     def took(self, reading: Reading) -> None:
         """A reading was taken, and is on the disk."""
 
     def happened(self, event: str, facts: Mapping[str, Any]) -> None:
-        """Something that a program wants to know; a person is told in words."""
+        """An event for a program; a person gets it in words."""
 
     def end(self) -> None:
-        """Nothing moves any more."""
+        """All motion has ended."""
 
 
 class Halt:
-    """Every wait of a measuring run goes through here, and ends at once when somebody wants it to stop."""
+    """Waits of a measuring run: each one ends as soon as the user requests a stop."""
 
     def __init__(self) -> None:
         self._asked = asyncio.Event()
         self._why = ""
 
     def ask(self, why: str) -> None:
-        """Ask for the end; the first reason is the one that is told."""
+        """Request the end; the first reason is reported."""
         if not self._asked.is_set():
             self._why = why
             self._asked.set()
 
     def check(self) -> None:
-        """Raise StoppedError if the end was asked for."""
+        """Raise StoppedError if the end was requested."""
         if self._asked.is_set():
             raise StoppedError(self._why)
 
     async def wait(self, seconds: float) -> None:
-        """Wait. Raises StoppedError as soon as the end is asked for."""
+        """Wait. Raises StoppedError as soon as the end is requested."""
         self.check()
         try:
             async with asyncio.timeout(seconds):
@@ -79,10 +79,10 @@ class Halt:
         self.check()
 
     async def during(self, work: Coroutine[object, object, Result]) -> Result:
-        """Return what ``work`` brings; it is cancelled when the end is asked for first.
+        """Return the result of ``work``; cancel it if the end is requested first.
 
         Raises:
-            StoppedError: it was.
+            StoppedError: the end was requested.
         """
         if self._asked.is_set():
             work.close()
@@ -102,20 +102,20 @@ class Halt:
 
 @dataclass(frozen=True, slots=True)
 class RunSettings:
-    """How a run goes; lengths in units of the axis."""
+    """Settings of a run; lengths in units of the axis."""
 
     pace: Pace
-    """As it was asked for."""
+    """As requested."""
     window: float
-    """How near to its target the axis counts as there."""
+    """Largest distance from its target at which the axis counts as arrived."""
     largest_deviation: float
-    """A reading that is farther away from its target is asked for again: a slip, or an instrument's zero."""
+    """A larger deviation is a mistake or the instrument's zero: the reading is requested again."""
     sign: float = 1.0
-    """-1 where the instrument counts the other way."""
+    """-1 if the instrument counts the other way."""
     zero_at: float = 0.0
     """Machine position at which the instrument shows 0."""
     scale: float = 1.0
-    """Units of the axis for one of the instrument's."""
+    """Units of the axis in one unit of the instrument."""
 
 
 class Run:
@@ -140,14 +140,14 @@ class Run:
         self.halt = halt
         self.readings: list[Reading] = []
         self.may_move = False
-        """Whether the axis may be under way: a command has left, and nobody has seen it arrive."""
+        """Whether the axis may be moving: a command was sent, and its arrival was not observed."""
         self.lines: Lines | None = None
-        """Where a person can be asked whether to read again; None: nobody is there."""
+        """Where a person answers whether to read again; None: no person."""
         self.check_unchanged: Callable[[], Awaitable[None]] | None = None
-        """Raises AxisError when the compensation is not what it was."""
+        """Raises AxisError if the compensation has changed."""
 
     async def stops(self, stops: Sequence[Stop]) -> None:
-        """Go to the stops one after the other, and read where there is something to read.
+        """Go to the stops one after the other, and read at the measuring stops.
 
         Raises:
             MeasureError: it ended early; the axis may still be moving: see :meth:`bring_to_standstill`.
@@ -163,12 +163,12 @@ class Run:
                 self._showing.took(reading)
 
     async def bring_to_standstill(self, link: AxisLink | None = None) -> str:
-        """Stop the axis if it may be moving, and say where it stands and how it was stopped.
+        """Stop the axis if it may be moving; return its position and how it was stopped.
 
-        ``link``: another connection, where the own one is lost.
+        ``link``: another connection, if its own is lost.
 
         Raises:
-            AxisError: nobody knows whether it stands.
+            AxisError: it is unknown whether the axis is at standstill.
         """
         self._link = link or self._link
         how = ""
@@ -177,7 +177,7 @@ class Run:
                 how = f"it was {await self._link.stop()}"
             except LostAxisError:
                 raise
-            except AxisError as error:  # who refuses the stop has refused the move before, most likely
+            except AxisError as error:  # it has most likely refused the move, too
                 snapshot = await self._until_still(STILL_FOR_SURE)
                 self.may_move = False
                 return f"{self._position_text(snapshot)}; its stop was refused: {error}"
@@ -217,7 +217,7 @@ class Run:
 
     @property
     def _slack(self) -> float:
-        """By how much the position of an axis that stands may change."""
+        """Tolerance for the position of an axis at standstill."""
         settings = self._link.plan.settings
         return max(settings.hysteresis, 2.0 * settings.step)
 
@@ -270,7 +270,7 @@ class Run:
             return reading
 
     async def _position_at(self, stop: Stop) -> float:
-        """Return where the axis is. Raises AxisError: not at its target any more."""
+        """Return the position of the axis. Raises AxisError: it has left its target."""
         here = await self._link.position()
         if abs(here - stop.nominal) > self._settings.window + self._slack:
             raise AxisError(
@@ -280,7 +280,7 @@ class Run:
         return here
 
     async def _read(self, where: str, stop: Stop) -> float:
-        """Read the instrument. It is told of what came too early before anybody is asked for a reading."""
+        """Read the instrument; early data are an error, raised before the user is asked for a reading."""
         self._instrument.arm()
         self._showing.waiting(stop)
         return await self._instrument.read(where)
@@ -298,7 +298,7 @@ class Run:
         return reading
 
     async def _ask_again(self, where: str, error: BadReadingError) -> None:
-        """Show what was wrong; read again only if somebody says so."""
+        """Show the error; read again only if the user agrees."""
         if self.lines is None:
             raise error
         self._showing.show(f"{where}: {error}")
@@ -311,7 +311,7 @@ class Run:
                 raise StoppedError("q on the keyboard" if answer else "standard input has ended") from error
 
     async def _check_still(self, stop: Stop, before: float) -> None:
-        """The axis must stand where it stood, and nobody may have switched the compensation meanwhile."""
+        """Check that axis and compensation have not changed during the reading."""
         here = await self._link.position()
         if not self._is_near(here, before):
             raise AxisError(

@@ -1,6 +1,6 @@
-"""A measuring run from the first look at the axis to the last reading: connections, signals, files.
+"""A measuring run from the first check of the axis to the last reading: connections, signals, files.
 
-Between the two a person is told what will happen.
+After the check the user sees what will happen.
 """
 
 import asyncio
@@ -43,7 +43,7 @@ Status = Callable[[], RelayModel]
 
 @dataclass(frozen=True, slots=True)
 class AxisRoute:
-    """The axis, how it is driven, and where it is reached."""
+    """The axis, how it is moved, and its address."""
 
     line: LinePlan
     recipe: DriveRecipe
@@ -57,7 +57,7 @@ class AxisRoute:
 
 @dataclass(frozen=True, slots=True)
 class StartConditions:
-    """What was found before anything moves."""
+    """The conditions found before any motion."""
 
     compensation: Compensation
     position: float
@@ -65,7 +65,7 @@ class StartConditions:
 
 
 def endpoint_of(link: ControllerLink, port: str | None) -> TcpEndpoint | SerialEndpoint:
-    """Return where a listener is reached from here.
+    """Return the address of a listener from here.
 
     Raises:
         AxisError: a serial one without --port, or --port for one that is not serial.
@@ -87,7 +87,7 @@ def endpoint_of(link: ControllerLink, port: str | None) -> TcpEndpoint | SerialE
 
 @asynccontextmanager
 async def connected(route: AxisRoute) -> AsyncIterator[AxisLink]:
-    """Connect to the gateway. Raises AxisError: nobody there, in use, no permission."""
+    """Connect to the gateway. Raises AxisError: no gateway, in use, no permission."""
     try:
         async with route.master() as master:
             yield AxisLink(master, route.recipe)
@@ -100,10 +100,10 @@ async def connected(route: AxisRoute) -> AsyncIterator[AxisLink]:
 async def check_ready(
     route: AxisRoute, plan: MeasuringPlan, stops: list[Stop], status: Status
 ) -> StartConditions:
-    """Look at everything that must be right before the axis moves. Nothing is written.
+    """Check all conditions before the axis moves. Nothing is written.
 
     Raises:
-        AxisError: something is not.
+        AxisError: a condition is not met.
     """
     axis = route.recipe.plan
     now = status()
@@ -119,7 +119,7 @@ async def check_ready(
 
 
 async def _until_free(status: Status, axis: AxisPlan) -> None:
-    """Wait while a program that has ended may still hold the axis. Raises AxisError: somebody holds on."""
+    """Wait while an ended program may still hold the axis. Raises AxisError: it is still held."""
     loop = asyncio.get_running_loop()
     give_up_s = loop.time() + axis.writer_hold_s + FREE_AFTER_S
     while True:
@@ -132,7 +132,7 @@ async def _until_free(status: Status, axis: AxisPlan) -> None:
 
 
 class MeasureSession:
-    """Runs the stops that are left. What was read stays in :attr:`readings` however it ends."""
+    """Runs the remaining stops. All readings stay in :attr:`readings`, however it ends."""
 
     def __init__(
         self,
@@ -153,7 +153,7 @@ class MeasureSession:
     async def run(
         self, stops: list[Stop], seen: StartConditions, status: Status, lines: Lines | None
     ) -> None:
-        """Measure. The axis stands when it ends, or the error says that nobody knows.
+        """Measure. At the end the axis is at standstill, or the error says that this is unknown.
 
         Raises:
             MeasureError: it ended early.
@@ -169,7 +169,7 @@ class MeasureSession:
                 run.lines = lines
                 run.readings = self.readings
                 run.check_unchanged = self._unchanged(seen, status)
-                # A person has thought about the question meanwhile.
+                # Time has passed while the user answered the question.
                 check_writer(await asyncio.to_thread(status), self._route.recipe.plan)
                 await run.check_unchanged()
                 await check_may_move(link)
@@ -182,8 +182,8 @@ class MeasureSession:
             if seen.needed_mode is not None:
                 await link.set_mode(seen.needed_mode[1])
             await run.stops(stops)
-        except BaseException as error:  # whatever it was, the axis must not go on by itself
-            with suppress(Exception):  # who shows it may be gone: the axis has to be stopped all the same
+        except BaseException as error:  # whatever it was, the axis must not continue
+            with suppress(Exception):  # the display may have failed: stop the axis in any case
                 self._showing.end()
                 self._showing.show(f"stopping: {error}")
                 self._showing.happened("stopping", {"error": str(error)})
@@ -198,7 +198,7 @@ class MeasureSession:
             except LostAxisError:
                 await self._stop_anew(run)
         except MeasureError as second:
-            with suppress(Exception):  # nobody may be listening: what was raised says it as well
+            with suppress(Exception):  # the display may have failed; the raised error has the same text
                 self._showing.happened("stop-failed", {"error": str(second), "may_move": run.may_move})
             if not run.may_move:
                 return
@@ -208,12 +208,12 @@ class MeasureSession:
             ) from None
 
     async def _stop_anew(self, run: Run) -> None:
-        """The connection is gone, perhaps only that one: stop the axis over another."""
+        """Stop the axis over a new connection: only the old one may be lost."""
         async with connected(self._route) as link:
             self._show_stop(await run.bring_to_standstill(link))
 
     def _show_stop(self, how: str) -> None:
-        with suppress(Exception):  # nobody may be listening any more
+        with suppress(Exception):  # the display may have failed
             self._showing.show(how)
             self._showing.happened("standing", {"text": how})
 
@@ -228,7 +228,7 @@ class MeasureSession:
             loop.add_signal_handler(number, stop, number)
 
     def _unchanged(self, seen: StartConditions, status: Status) -> Callable[[], Any]:
-        """Return what checks that readings with and without a table are never mixed."""
+        """Return a check that readings with and without a table are never mixed."""
         axis = self._route.recipe.plan
 
         async def check() -> None:
@@ -244,13 +244,13 @@ class MeasureSession:
 
 MINUTE_S: Final = 60.0
 SETTLE_S: Final = 0.3
-"""Looks at an axis that has arrived, and the exchanges of one stop."""
+"""Polls of an arrived axis, and the exchanges of one stop."""
 
 
 def preview(
     route: AxisRoute, seen: StartConditions, stops: Sequence[Stop], instrument: str, pace: Pace
 ) -> Iterator[str]:
-    """Yield which axis moves, how far, how often, with what correction, and how it is stopped."""
+    """Yield the axis, its range, the number of moves, the correction, and how it is stopped."""
     recipe, axis = route.recipe, route.recipe.plan
     units, state = axis.settings.units.value, seen.compensation.state
     low, high = min(stop.nominal for stop in stops), max(stop.nominal for stop in stops)
@@ -278,7 +278,7 @@ def preview(
 
 
 def _terms(axis: AxisPlan, *, is_active: bool) -> Iterator[str]:
-    """Yield what is added beside the table, or will be: it must not be measured into the table too."""
+    """Yield other corrections beside the table, present or future: the table must not include them again."""
     if axis.thermal is not None and is_active:
         yield "  thermal       in force: the table is refined as if the screw were at its reference"
     elif axis.thermal is not None:

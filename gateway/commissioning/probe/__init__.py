@@ -1,1 +1,1 @@
-"""A read-only look at real drives: what is read, what it means, what is wrong with it."""
+"""Read-only checks of real drives: what is read, its meaning, and what is wrong."""

@@ -1,4 +1,4 @@
-"""What readings of a standing axis tell about its register map and its numbers. Nothing is asked here."""
+"""What readings of an axis at standstill show about its register map and its numbers. No requests here."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ HIGH_WORD: Final = 0x10000
 
 
 class Weight(Enum):
-    """How much a finding matters: an error is wrong, a warning has to be known before the first move."""
+    """Severity: an error is wrong, a warning must be known before the first move."""
 
     ERROR = "error"
     WARNING = "warning"
@@ -37,7 +37,7 @@ class Weight(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ProbeFinding:
-    """One sentence: what was found, and what to do."""
+    """One sentence: what was found, and the remedy."""
 
     weight: Weight
     text: str
@@ -45,7 +45,7 @@ class ProbeFinding:
 
 @dataclass(frozen=True, slots=True)
 class MachinePosition:
-    """A position on the drive's scale in machine units, and what it is nominally on either branch."""
+    """A position on the drive's scale in machine units, with its nominal position on either branch."""
 
     raw: float
     corrected: float
@@ -54,18 +54,18 @@ class MachinePosition:
 
 
 def other_order(field: PositionField) -> PositionField:
-    """Return the field with its words the other way round."""
+    """Return the field with its words swapped."""
     is_high = field.order is WordOrder.HIGH_FIRST
     return replace(field, order=WordOrder.LOW_FIRST if is_high else WordOrder.HIGH_FIRST)
 
 
 def machine_position(settings: AxisSettings, field: PositionField, raw: float) -> float:
-    """Return the machine position of a register's content, in units."""
+    """Return the machine position in a register's content, in units."""
     return (counts_of(field, raw) - settings.zero_counts) / settings.counts_per_unit
 
 
 def position_of(plan: AxisPlan, reading: RegisterReading) -> MachinePosition:
-    """Return what a reading means; nominal positions are on the controller's scale."""
+    """Return the meaning of a reading; nominal positions are on the controller's scale."""
     field, raw = reading.register.field, reading.raw
     assert field is not None
     assert raw is not None
@@ -80,7 +80,7 @@ def position_of(plan: AxisPlan, reading: RegisterReading) -> MachinePosition:
 
 
 def findings_of(found: AxisReadings) -> list[ProbeFinding]:
-    """Return everything that is wrong, and everything to know before the first move."""
+    """Return all that is wrong, and all that must be known before the first move."""
     findings = [*_echoes(found), *_answers(found), *_bits(found)]
     for name in ("actual", "commanded", "command"):
         reading = found.of(name)
@@ -98,7 +98,7 @@ def findings_of(found: AxisReadings) -> list[ProbeFinding]:
 
 
 def _check_sums(found: AxisReadings) -> Iterator[ProbeFinding]:
-    """Whether the map says what the drive does with a wrong check sum."""
+    """Whether the map gives the drive's reaction to a wrong CRC."""
     did, is_mapped = found.on_wrong_crc, found.plan.checks_crc
     if did is OnWrongCrc.ANSWERED:
         text = "it obeys a read with a wrong check sum: noise can move it"
@@ -161,7 +161,7 @@ def _who_answers(found: AxisReadings) -> str:
 
 
 def ids_text(answering: Sequence[int]) -> str:
-    """Say which unit ids answer.
+    """Return which unit ids answer.
 
     >>> ids_text([1, 3]), ids_text([2])
     ('unit ids 1, 3 answer', 'unit id 2 answers')
@@ -193,7 +193,7 @@ def _is_inside(settings: AxisSettings, position: float) -> bool:
 
 
 def _position_findings(found: AxisReadings, reading: RegisterReading) -> Iterator[ProbeFinding]:
-    """Whether a position can be one of this axis, as mapped and with its words the other way round."""
+    """Whether a position can be one of this axis, as mapped and with its words swapped."""
     settings, field, raw = found.plan.settings, reading.register.field, reading.raw
     assert field is not None
     assert raw is not None
@@ -222,7 +222,7 @@ def _position_findings(found: AxisReadings, reading: RegisterReading) -> Iterato
 
 
 def _word_order_unclear(found: AxisReadings) -> Iterator[ProbeFinding]:
-    """Whether the axis stands where a wrong word order would not show, as a freshly homed one does at 0."""
+    """Whether the axis is where a wrong word order would not show, such as at 0 after homing."""
     unclear = [
         f"{reading.register} is {reading.raw:.0f}"
         for reading in map(found.of, ("actual", "commanded"))
@@ -276,7 +276,7 @@ def _outside_table(plan: AxisPlan, register: ProbedRegister, here: float) -> Ite
 
 
 def _agreement(found: AxisReadings) -> Iterator[ProbeFinding]:
-    """Whether the positions of a standing axis are about the same."""
+    """Whether the positions of an axis at standstill are about equal."""
     actual = found.of("actual")
     if actual is None or found.bit(MOVING_BIT):
         return
@@ -301,7 +301,7 @@ def _agreement(found: AxisReadings) -> Iterator[ProbeFinding]:
 
 
 def _steadiness(found: AxisReadings) -> Iterator[ProbeFinding]:
-    """Two readings of a standing axis differ by its jitter; by 65536 where the words are turned."""
+    """Two readings of an axis at standstill differ by its jitter; by 65536 if the words are swapped."""
     first, second = found.of("actual"), found.again
     if first is None or second is None or found.bit(MOVING_BIT):
         return
@@ -330,14 +330,14 @@ def _steadiness(found: AxisReadings) -> Iterator[ProbeFinding]:
 
 
 def _scale(found: AxisReadings) -> Iterator[ProbeFinding]:
-    """What a person has to compare: no single place of an axis tells a scale that is wrong by ten."""
+    """What a person must compare: no single position shows a scale that is wrong by a factor of ten."""
     actual, settings = found.of("actual"), found.plan.settings
     if actual is None or actual.raw is None or settings.travel is None:
         return
     units, counts = settings.units.value, settings.counts_per_unit
     here = position_of(found.plan, actual).corrected
     if not _is_inside(settings, here):
-        return  # said already
+        return  # reported already
     low, high = sorted(settings.zero_counts + end * counts for end in settings.travel)
     field = actual.register.field
     assert field is not None
@@ -350,7 +350,7 @@ def _scale(found: AxisReadings) -> Iterator[ProbeFinding]:
 
 
 def _unit_ids(found: AxisReadings) -> Iterator[ProbeFinding]:
-    """What the answer to an unused unit id says about ``other_units``."""
+    """The meaning of the answer from an unused unit id for ``other_units``."""
     if found.unused is None:
         return
     unused, own = found.unused.unit_id, found.plan.unit_id

@@ -1,4 +1,4 @@
-"""A look at the drives of lines, as one call: what they answer, or how long they take. Nothing is written.
+"""Checks of the drives of lines, as one call: their answers, or their times. Nothing is written.
 
     report = await probe(load(path).plan.lines)
     for line in report.lines(): print(line)
@@ -36,14 +36,14 @@ BEFORE_THE_FIRST_MOVE: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Probed:
-    """What was read of axes and what it means, and which lines could not be reached."""
+    """The readings of axes with their meaning, and the lines that could not be reached."""
 
     axes: tuple[tuple[AxisReadings, tuple[ProbeFinding, ...]], ...]
     problems: tuple[str, ...]
 
     @property
     def is_good(self) -> bool:
-        """Whether every line was reached, and nothing is wrong with any axis."""
+        """Whether every line was reached, and no axis has an error."""
         return not self.problems and not any(_is_wrong(findings) for _, findings in self.axes)
 
     def as_data(self) -> JsonObject:
@@ -52,7 +52,7 @@ class Probed:
         return {"axes": axes, "problems": list(self.problems)}
 
     def lines(self) -> Iterator[str]:
-        """Yield it in words, but for the problems."""
+        """Yield it in words, without the problems."""
         for found, findings in self.axes:
             yield from _axis_lines(found, findings)
         if self.axes:
@@ -62,14 +62,14 @@ class Probed:
 
 @dataclass(frozen=True, slots=True)
 class Timed:
-    """How long the drives of lines took, and which lines could not be reached."""
+    """The response times of drives, and the lines that could not be reached."""
 
     times: tuple[LineTimes, ...]
     problems: tuple[str, ...]
 
     @property
     def is_good(self) -> bool:
-        """Whether every line was reached, and its time-outs can be proposed."""
+        """Whether every line was reached, and time-outs can be proposed for it."""
         return not self.problems and not any(each.problem for each in self.times)
 
     def as_data(self) -> JsonObject:
@@ -78,7 +78,7 @@ class Timed:
         return {"lines": lines, "problems": list(self.problems)}
 
     def lines(self) -> Iterator[str]:
-        """Yield it in words, but for the problems."""
+        """Yield it in words, without the problems."""
         for each in self.times:
             yield from each.lines()
 
@@ -90,10 +90,10 @@ async def probe(
     is_scanned: bool = False,
     on_scan: Callable[[LinePlan], None] = lambda _: None,
 ) -> Probed:
-    """Read what the register maps name, of one axis or of all, and judge it.
+    """Read and check the registers in the register maps, of one axis or of all.
 
-    ``is_scanned``: one register is read under each unit id from 1 to 247 too; ``on_scan`` is called with a
-    line before that begins.
+    ``is_scanned``: also read one register under each unit id from 1 to 247; ``on_scan`` is called with a line
+    before its scan begins.
     """
     found: list[AxisReadings] = []
     problems: list[str] = []
@@ -118,7 +118,7 @@ async def probe(
 
 
 async def time_drives(lines: Sequence[LinePlan]) -> Timed:
-    """Measure how long the drives of lines take to answer reads."""
+    """Measure the response times of the drives of lines to reads."""
     found: list[LineTimes] = []
     problems: list[str] = []
     for line in lines:
@@ -187,7 +187,7 @@ def _axis_lines(found: AxisReadings, findings: Sequence[ProbeFinding]) -> Iterat
 
 
 def _raw(raw: float) -> str:
-    """Write the content of a register in full: a count is a whole number."""
+    """Return the text of a register's content in full: a count is a whole number."""
     return f"{raw:.0f}" if raw == int(raw) else f"{raw:.9g}"
 
 

@@ -1,4 +1,4 @@
-"""Reading what a register map names, as the gateway itself would read it, and nothing else."""
+"""Reading the registers of a register map, as the gateway itself would read them, and no others."""
 
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -18,27 +18,27 @@ from gateway.transport.master import NoReplyError, OtherIdError
 NOBODY: Final = frozenset(
     {ExceptionCode.GATEWAY_PATH_UNAVAILABLE, ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND}
 )
-"""A converter or server says by them that it reaches no drive (application protocol V1.1b3, section 7)."""
+"""A converter or server that reaches no drive answers with these (application protocol V1.1b3, section 7)."""
 LAST_UNIT_ID: Final = 247
 """Of one device: Modbus over serial line V1.02, section 2.2."""
 RETURNED: Final = 2
-"""So many reads that came back are enough: nobody else asks here."""
+"""This many echoed reads are enough: no other device sends requests here."""
 SILENT_READS: Final = 2
-"""After so many reads without any reply a drive is not asked any more."""
+"""After this many reads without any reply the drive is not read any more."""
 
 
 class OnWrongCrc(Enum):
-    """What a drive does with a read whose check sum is wrong."""
+    """A drive's reaction to a read with a wrong CRC."""
 
     SILENT = "silent"
     REFUSED = "refused"
     """It answers with an exception."""
     ANSWERED = "answered"
-    """It obeys."""
+    """It executes the request."""
 
 
 class ProbeMaster(Protocol):
-    """One exchange at a time, as ``ModbusMaster`` does it."""
+    """One exchange at a time, as with ``ModbusMaster``."""
 
     async def exchange(self, unit_id: int, pdu: bytes) -> bytes:
         """Send a request and return its reply. Raises NoReplyError."""
@@ -47,7 +47,7 @@ class ProbeMaster(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ProbedRegister:
-    """A register that is read. ``name`` is its key in the register map, with a number from the second on."""
+    """A register to read. ``name`` is its key in the register map, with a number from the second on."""
 
     name: str
     field: PositionField | None = None
@@ -55,7 +55,7 @@ class ProbedRegister:
 
     @property
     def address(self) -> int:
-        """Where it stands."""
+        """Its address."""
         entry = self.field or self.bit
         assert entry is not None
         return entry.address
@@ -66,76 +66,76 @@ class ProbedRegister:
 
 @dataclass(frozen=True, slots=True)
 class RegisterReading:
-    """What a read brought: words, or what went wrong."""
+    """The result of a read: words, or the error."""
 
     register: ProbedRegister
     words: bytes = b""
     problem: str = ""
     is_silent: bool = False
-    """No drive answered: nothing came, or somebody else said that there is none."""
+    """No drive answered: there was no reply, or another device reported that there is no drive."""
     instead: str = ""
-    """What the drive did in the place of an answer."""
+    """The drive's reaction in place of an answer."""
     is_refused: bool = False
 
     @property
     def raw(self) -> float | None:
-        """Content of a position's register."""
+        """Content of a position register."""
         field_ = self.register.field
         return field_.unpack(self.words) if self.words and field_ is not None else None
 
     @property
     def is_set(self) -> bool | None:
-        """What a bit says."""
+        """Value of a bit."""
         bit = self.register.bit
         return bit.is_set(int.from_bytes(self.words, "big")) if self.words and bit is not None else None
 
 
 @dataclass(frozen=True, slots=True)
 class UnusedUnit:
-    """What came for a unit id of which nobody knows anything."""
+    """The result for a unit id that is not configured."""
 
     unit_id: int
     is_answered: bool
-    """The drive took the read for its own; else silence, or an exception."""
+    """The drive answered the read as its own; else silence, or an exception."""
 
 
 @dataclass(slots=True)
 class AxisReadings:
-    """Everything that was read of one axis."""
+    """All readings of one axis."""
 
     plan: AxisPlan
     readings: dict[str, RegisterReading] = field(default_factory=dict)
     again: RegisterReading | None = None
     """The actual position once more, last of all."""
     unused: UnusedUnit | None = None
-    """A unit id that nothing is known of, where it was asked."""
+    """A unit id that is not configured, if it was polled."""
     on_wrong_crc: OnWrongCrc | None = None
-    """None: it was not asked so."""
+    """None: not tested."""
     answering: tuple[int, ...] | None = None
-    """The unit ids of its line that answer; None: they were not looked for."""
+    """The unit ids of its line that answer; None: no scan."""
     echoes: str = ""
-    """Where what is sent comes back and nobody said so: that, and what to do."""
+    """If sent bytes come back and the configuration does not say so: that, and the remedy."""
     left_out: list[str] = field(default_factory=list)
-    """What was not read, and why."""
+    """What was not read, and the reason."""
 
     def of(self, name: str) -> RegisterReading | None:
-        """Return one reading that brought something."""
+        """Return one successful reading."""
         reading = self.readings.get(name)
         return reading if reading is not None and reading.words else None
 
     def bit(self, name: str) -> bool | None:
-        """Return what a status bit says; None where there is none, or it could not be read."""
+        """Return the value of a status bit; None if there is none, or it could not be read."""
         reading = self.of(f"bits.{name}")
         return None if reading is None else reading.is_set
 
     @property
     def answers(self) -> bool:
-        """Whether the drive answered anything at all."""
+        """Whether the drive answered any read."""
         return any(not reading.is_silent for reading in self.readings.values())
 
     @property
     def instead(self) -> str:
-        """What the drive does in the place of answering; "" where it answers, or says nothing."""
+        """The drive's reaction in place of answers; "" if it answers, or is silent."""
         readings = self.readings.values()
         is_none = all(reading.is_silent or reading.instead for reading in readings)
         return next((reading.instead for reading in readings if reading.instead), "") if is_none else ""
@@ -161,10 +161,10 @@ async def read_axis(master: ProbeMaster, plan: AxisPlan) -> AxisReadings:
 
 
 async def scan(master: ProbeMaster, line: LinePlan, found: Sequence[AxisReadings]) -> tuple[int, ...]:
-    """Return the unit ids from 1 to 247 that answer one read each, and keep them in ``found``.
+    """Return the unit ids from 1 to 247 that answer one read each, and store them in ``found``.
 
-    What is read is the first register of the first axis that may be read. A drive that has no such register
-    refuses it, which is an answer too. Axes with ``safe_read = false`` are left alone.
+    The read is of the first register of the first readable axis. A drive without that register refuses it,
+    which is also an answer. Axes with ``safe_read = false`` are not read.
     """
     first = next(((axis, register) for axis in line.axes for register in registers_of(axis)), None)
     if first is None:
@@ -194,9 +194,9 @@ async def _is_there(master: ProbeMaster, unit_id: int, pdu: bytes) -> bool:
 
 
 async def ask_unused_unit(master: ProbeMaster, line: LinePlan, found: AxisReadings) -> None:
-    """Read what the axis has just told once more, of a unit id that nothing is known of.
+    """Repeat an answered read of the axis under a unit id that is not configured.
 
-    Only where the answer decides something: on Modbus/TCP with one axis unit id (docs/wire-rules.md, W7).
+    Only if the answer decides something: on Modbus/TCP with one axis unit id (docs/wire-rules.md, W7).
     """
     axis_ids = {axis.unit_id for axis in line.axes}
     is_mbap = isinstance(line.drives, TcpEndpoint) and not line.drives.rtu
@@ -218,7 +218,7 @@ async def ask_unused_unit(master: ProbeMaster, line: LinePlan, found: AxisReadin
 async def ask_with_wrong_crc(
     ask: Callable[[int, bytes], Awaitable[bytes]], line: LinePlan, found: AxisReadings
 ) -> None:
-    """Read what the axis has just told once more, with a wrong check sum: a drive is to say nothing (W12).
+    """Repeat an answered read of the axis with a wrong CRC: a drive must not answer (W12).
 
     Only on a serial line: only there a gateway sends such frames. ``ask`` is ``exchange_with_wrong_crc`` of a
     ``ModbusMaster``.
@@ -236,7 +236,7 @@ async def ask_with_wrong_crc(
 
 
 def registers_of(plan: AxisPlan) -> list[ProbedRegister]:
-    """Return the registers of an axis that may be read, bits first; none where its map lets nothing be."""
+    """Return the readable registers of an axis, bits first; none if its map allows no reads."""
     return list(_registers(AxisReadings(plan))) if plan.safe_read else []
 
 
@@ -264,7 +264,7 @@ async def _read(master: ProbeMaster, axis: Axis, register: ProbedRegister) -> Re
     frame = frame_of(axis, register)
     try:
         reply = await master.exchange(axis.plan.unit_id, frame.pdu)
-        if is_exception(reply) and reply[-1] in LATER:  # as the gateway does it
+        if is_exception(reply) and reply[-1] in LATER:  # as in the gateway
             reply = await master.exchange(axis.plan.unit_id, frame.pdu)
     except OtherIdError as error:
         return RegisterReading(register, problem=str(error), instead=str(error))

@@ -1,7 +1,7 @@
-"""How long drives take to answer, and what the time-outs of their line ought to be; by reads, nothing else.
+"""The response times of drives to reads, and the resulting time-outs of their line.
 
-What is proposed stands on what was seen here, with a margin: a drive that writes into its memory, or that is
-reached over a busy network, takes longer than one that is read. So nothing goes below ``LEAST_MS``.
+The proposal is the measured time with a margin. A drive that writes to its memory, or that is on a busy
+network, is slower than a read one. So no proposal is below ``LEAST_MS``.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,21 +20,21 @@ from gateway.transport.master import ModbusMaster, NoReplyError
 READS: Final = 100
 """Of each unit id, for its times."""
 GAP_READS: Final = 50
-"""Of each unit id with each gap; all unit ids of a line in turn, as a controller asks them."""
+"""Of each unit id with each gap; all unit ids of a line in turn, as a controller polls them."""
 GAPS_MS: Final = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
 GIVEN_UP_AFTER: Final = 3
-"""Lost answers in a row: the drive is not there."""
+"""Lost answers in a row: the drive is absent."""
 TIMEOUT_MARGIN: Final = 4.0
-"""Times the longest answer: what was never seen here, such as a write into the drive's memory."""
+"""Times the longest answer, for slower commands not measured here, such as a write to the drive's memory."""
 DRAIN_MARGIN: Final = 2.0
-"""Times the longest answer: a late one that has begun when its time is over comes within that."""
+"""Times the longest answer: a late answer that has begun at the time-out ends within that."""
 LEAST_MS: Final = 50.0
 LEAST_DRAIN_MS: Final = 20.0
 
 
 @dataclass(slots=True)
 class UnitTimes:
-    """Answers of one unit id, in ms, in the order in which they came."""
+    """Answers of one unit id, in ms, in order of arrival."""
 
     axis: str
     unit_id: int
@@ -52,23 +52,23 @@ class Proposal:
 
     response_timeout_ms: float
     drain_ms: float | None
-    """None where a line needs none: Modbus/TCP knows late replies by their numbers."""
+    """None if a line needs none: Modbus/TCP identifies late replies by their numbers."""
     gap_ms: float
 
 
 @dataclass(slots=True)
 class LineTimes:
-    """What was measured of one line."""
+    """The measurements of one line."""
 
     line: LinePlan
     units: list[UnitTimes] = field(default_factory=list)
     lost_with_gap: dict[float, int] = field(default_factory=dict)
-    """Answers that were lost, by the gap in ms that was kept; the first without any is the last."""
+    """Number of lost answers, by the gap in ms; the first gap without any is the last."""
     left_out: list[str] = field(default_factory=list)
 
     @property
     def problem(self) -> str:
-        """Why nothing can be proposed; empty where it can."""
+        """Why there is no proposal; empty if there is one."""
         silent = [str(unit.unit_id) for unit in self.units if not unit.took_ms]
         if silent:
             within = f"within response_timeout_ms = {self.line.timing.response_timeout_ms:g}"
@@ -84,12 +84,12 @@ class LineTimes:
 
     @property
     def gap_ms(self) -> float | None:
-        """The shortest gap with which nothing was lost; None: there is none."""
+        """The shortest gap without lost answers; None: there is none."""
         return next((gap_ms for gap_ms, lost in self.lost_with_gap.items() if not lost), None)
 
     @property
     def now(self) -> Proposal:
-        """What is configured."""
+        """The configured values."""
         timing = self.line.timing
         return Proposal(
             timing.response_timeout_ms, timing.drain_ms if has_drain(self.line) else None, timing.gap_ms
@@ -97,19 +97,19 @@ class LineTimes:
 
     @property
     def proposed(self) -> Proposal | None:
-        """What these times ask for; None where :attr:`problem` says why not."""
+        """The values for these times; None if :attr:`problem` has a reason."""
         if self.problem or self.gap_ms is None:
             return None
         longest_ms = max(max(unit.took_ms) for unit in self.units)
-        # A gap that is configured or stands in a register map may be one that a manual asks for.
+        # A gap in the configuration or in a register map may be required by a manual.
         gap_ms = max(self.gap_ms, self.line.timing.gap_ms)
         return propose(longest_ms, gap_ms, has_drain=has_drain(self.line))
 
     def cost_ms(self, of: Proposal) -> float:
-        """Return for how long a drive that falls silent keeps what moves the others waiting (W6, W11).
+        """Return how long a drive that becomes silent delays motion commands for the others (W6, W11).
 
-        That happens three times, and each time that it is asked on a line that does not back off. It is
-        waited for as long as the most patient controller waits.
+        This happens three times; on a line without back-off, at each poll. The wait is as long as the longest
+        time-out of the controllers.
         """
         patience_ms = (controller.plan.timeout_ms for controller in self.line.controllers)
         return max(of.response_timeout_ms, *patience_ms, 0.0) + (of.drain_ms or 0.0)
@@ -138,7 +138,7 @@ class LineTimes:
         return {**asdict(of), "silent_drive_costs_ms": self.cost_ms(of)}
 
     def lines(self) -> Iterator[str]:
-        """Yield what was measured, what is proposed and what it costs."""
+        """Yield the measurements, the proposal and its cost."""
         line = self.line
         yield f"line {line.name}: answers to reads, from the request to the last byte, in ms"
         yield from (f"  {_of_unit(unit)}" for unit in self.units)
@@ -159,7 +159,7 @@ class LineTimes:
 
 
 def keys_of(proposed: Proposal) -> tuple[str, ...]:
-    """Return a proposal as lines of ``[line.NAME]``; a gap of 0 is left out.
+    """Return a proposal as lines of ``[line.NAME]``; a gap of 0 is omitted.
 
     >>> keys_of(Proposal(50.0, None, 0.0)), keys_of(Proposal(150.0, 70.0, 5.0))
     (('response_timeout_ms = 50',), ('response_timeout_ms = 150', 'drain_ms = 70', 'gap_ms = 5'))
@@ -169,7 +169,7 @@ def keys_of(proposed: Proposal) -> tuple[str, ...]:
 
 
 def propose(longest_ms: float, gap_ms: float, *, has_drain: bool) -> Proposal:
-    """Return what a line needs whose slowest answer took so long.
+    """Return the proposal for a line with this slowest answer.
 
     >>> propose(4.2, 0.0, has_drain=True)
     Proposal(response_timeout_ms=50.0, drain_ms=20.0, gap_ms=0.0)
@@ -182,7 +182,7 @@ def propose(longest_ms: float, gap_ms: float, *, has_drain: bool) -> Proposal:
 
 
 def _round_up(value_ms: float) -> float:
-    """Return the next number of few digits: two at most that are no zeros, as 150.
+    """Return the next number with at most two digits that are not zero, such as 150.
 
     >>> [_round_up(ms) for ms in (50.0, 62.0, 124.0, 401.0)]
     [50.0, 70.0, 150.0, 450.0]
@@ -198,7 +198,7 @@ def has_drain(line: LinePlan) -> bool:
 
 
 def open_line(line: LinePlan, gap_ms: float) -> ModbusMaster:
-    """Return a master for a line, which keeps its manners but for the gap."""
+    """Return a master for a line, with the line's settings except for the gap."""
     return ModbusMaster(line.drives, line.timing.response_timeout_ms, gap_ms, line.timing.drain_ms)
 
 
@@ -226,7 +226,7 @@ async def measure_line(line: LinePlan) -> LineTimes:
 
 
 def _asked(line: LinePlan, found: LineTimes) -> list[tuple[Axis, ProbedRegister]]:
-    """Return what is read of each unit id: the actual position where there is one."""
+    """Return the read for each unit id: the actual position if there is one."""
     asked: dict[int, tuple[Axis, ProbedRegister]] = {}
     for plan in line.axes:
         registers = registers_of(plan)
@@ -263,7 +263,7 @@ async def _lost(master: ModbusMaster, asked: Sequence[tuple[Axis, ProbedRegister
 
 
 async def _read_once(master: ModbusMaster, axis: Axis, register: ProbedRegister) -> float | None:
-    """Return how long an answer took, in ms, also one that refuses; None: it did not come."""
+    """Return the time of an answer in ms, including a refusal; None: no answer."""
     try:
         await master.exchange(axis.plan.unit_id, frame_of(axis, register).pdu)
     except NoReplyError:

@@ -1,7 +1,7 @@
-"""Pure text: files of readings, one file per format, text -> :class:`~gateway.metrology.readings.Survey`.
+"""Files of readings, one module per format: text -> :class:`~gateway.metrology.readings.Survey`.
 
-What a file does not prove (its units, the direction of a run) is told by a :class:`ReadingsContext`, or the
-file is refused with what can be done. Errors are those of table files: file, line, found, allowed.
+A :class:`ReadingsContext` gives what a file does not prove (its units, the direction of a run). Without it
+the file is refused, with a remedy. Errors are those of table files: file, line, found, allowed.
 """
 
 from gateway.metrology.formats.context import ReadingsContext, Runs

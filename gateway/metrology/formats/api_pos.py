@@ -1,28 +1,28 @@
 """API ``.pos``, the linear measurement of an XD laser: target, laser, error, status and temperatures.
 
-Grammar, as files of version 5 in public show it; tabs or blanks between the cells, often CRLF::
+Grammar, from public files of version 5; tabs or blanks between the cells, often CRLF::
 
     file    := "API" .. "Linear Data Table" ..       first
                pair*                                 "key: fact", several on a line between tabs
                "Position LasRead LinearError Status" .. and three temperatures behind AirTemp and AirPress
                row*                                  as many numbers as the heading has names
-               pair* table*                          what the program made of the rows
+               pair* table*                          results that the program computed from the rows
     short   := "API Linear Error Compensation Table"
                "Position" "Unidirectional Avg Error"
-               (position error)*                     means, saved by themselves
+               (position error)*                     means, saved separately
 
-``Unit`` is that of all lengths, ``inch`` or ``mm``. An error is measured - target: it has to be the reading
-of the laser less the position, where the laser may count the other way. ``TestAxis`` is the axis,
-``NumofPoints`` counts the rows and ``NumofPos`` the targets. Each run is ``NumofPos`` rows from one end to
-the other, so its way is that of its positions; ``TestType`` has to agree with it. A row with a status other
-than 0 is one that the laser did not vouch for.
+``Unit`` is that of all lengths, ``inch`` or ``mm``. An error is measured - target: it must be the reading of
+the laser less the position; the laser may count the other way. ``TestAxis`` is the axis, ``NumofPoints``
+counts the rows and ``NumofPos`` the targets. Each run is ``NumofPos`` rows from one end to the other, so its
+positions give its direction; ``TestType`` must agree. A row with a status other than 0 is one that the laser
+marked as invalid.
 
-Temperatures are in °F beside inches, in °C beside mm; below 0 and no sensor: -1. ``ExpCoef`` is what the
-program was told for the material. Whether its errors are already those at 20 °C no file in public proves, so
-the temperatures become facts about the measurement and not of the readings.
+Temperatures are in °F with inches, in °C with mm; a temperature below 0 and a missing sensor are both -1.
+``ExpCoef`` is the program's setting for the material. No public file proves whether its errors are already
+corrected to 20 °C. So the temperatures become facts about the measurement, not about the readings.
 
-The short form states neither unit nor way: both are told. Other tables (both directions, angles,
-straightness) were not seen and are refused.
+The short form states neither unit nor direction: both must be given. Other tables (both directions, angles,
+straightness) were not available and are refused.
 """
 
 import re
@@ -52,12 +52,12 @@ _UNITS: Final = {"inch": Units.INCH, "mm": Units.MM}
 _STATUS: Final = {1: "warm up", 2: "path error", 3: "over speed", 4: "wireless error"}
 _NO_SENSOR_BELOW: Final = 0.0
 _AS_ROUNDED: Final = 2.0
-"""Of the last digit: three rounded numbers may differ by so much."""
+"""Of the last digit: three rounded numbers may differ by this much."""
 _NEAR_20_C: Final = 0.1
 
 
 class _Stop(NamedTuple):
-    """One row: a target and what the laser says of it."""
+    """One row: a target and the laser's data for it."""
 
     line: int
     target: float
@@ -69,14 +69,14 @@ class _Stop(NamedTuple):
 @dataclass(frozen=True, slots=True)
 class _File:
     facts: dict[str, tuple[str, int]]
-    """What stands before the rows, and the line of it."""
+    """The facts before the rows, each with its line."""
     stops: tuple[_Stop, ...]
     material: tuple[float, ...]
     """Temperatures of the material, in the unit of the file."""
 
 
 def recognise(source: SourceText) -> bool:
-    """Whether the first line is that of an API file, also of a kind that is not read."""
+    """Whether the first line is that of an API file, including the kinds that are not read."""
     return re.match(r"API\b.*\bTable\b", source.lines[0].text) is not None
 
 
@@ -84,9 +84,9 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
     """Read the file, each run with its direction.
 
     Raises:
-        TabFileError: another kind of table, a row that is no row, counts that do not agree, a row that
-            contradicts itself or was not vouched for, runs that are not from one end to the other, no unit or
-            no direction told where the file does not say it.
+        TabFileError: another kind of table, an invalid row, counts that do not agree, a row that contradicts
+            itself or was marked invalid, runs that are not from one end to the other, no unit or no direction
+            given if the file does not state it.
     """
     if source.lines[0].text == _MEANS:
         return _read_means(source, context)
@@ -209,7 +209,7 @@ def _check_against_laser(source: SourceText, stops: Sequence[_Stop]) -> None:
 
 
 def _rows(source: SourceText, file: _File) -> Iterator[Row]:
-    """Yield the readings, each run with its way; the runs of each way are counted for themselves."""
+    """Yield the readings, each run with its direction; each direction counts its own runs."""
     stops = file.stops
     count = len({stop.target for stop in stops})
     _count(source, file, "NumofPoints", len(stops), "rows")
@@ -246,7 +246,7 @@ def _way(source: SourceText, run: Sequence[_Stop], count: int) -> Direction:
 
 
 def _about_temperature(source: SourceText, file: _File, units: Units) -> list[str]:
-    """Say what the laser's program knew of the temperature, where that matters."""
+    """Return the temperature data of the laser's program, if they matter."""
     if not file.material:
         return []
     is_fahrenheit = units is Units.INCH
@@ -267,7 +267,7 @@ def _about_temperature(source: SourceText, file: _File, units: Units) -> list[st
 
 
 def _read_means(source: SourceText, context: ReadingsContext) -> Survey:
-    """Read the short form: the means of one direction, which somebody has to name."""
+    """Read the short form: the means of one direction, which the context must give."""
     lines = [line for line in source.lines[1:] if line.text]
     if not lines or tuple(lines[0].text.split()) != _SHORT_HEADING:
         raise source.error(

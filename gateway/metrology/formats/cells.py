@@ -1,4 +1,4 @@
-"""Lines of cells: a heading, a separator, numbers with a point, comments that state facts."""
+"""Lines of cells: a heading, a separator, numbers with a point, comments with facts."""
 
 import re
 from collections.abc import Iterator
@@ -33,13 +33,13 @@ SMALL_UNITS: Final = {
     "tenths": (Units.INCH, 1e-4),
     "arcsec": (Units.DEGREE, 1 / 3600),
 }
-"""Units of deviations only, with what one is in units of the positions."""
+"""Units of deviations only, each with its size in units of the positions."""
 NO_COMMA: Final = f"{DECIMAL_ALLOWED}: replace the commas, or set the program so that saves it"
 
 
 @dataclass(frozen=True, slots=True)
 class Worksheet:
-    """A text of cells: its heading, its lines under it, and the facts that its comments state."""
+    """A text of cells: its heading, the lines under it, and the facts in its comments."""
 
     heading: SourceLine
     names: tuple[str, ...]
@@ -49,7 +49,7 @@ class Worksheet:
 
 
 def heading_of(source: SourceText) -> tuple[SourceLine, str] | None:
-    """Return the first line that is no comment, and its separator; None where no separator is in it."""
+    """Return the first line that is not a comment, and its separator; None without a separator."""
     for line in source.lines:
         if line.text.strip('"\t;,') and not _is_comment(line):
             separator = next((each for each in SEPARATORS if each in line.text), None)
@@ -58,7 +58,7 @@ def heading_of(source: SourceText) -> tuple[SourceLine, str] | None:
 
 
 def heading_words(source: SourceText) -> list[tuple[str, ...]]:
-    """Return the words of each name in the heading; empty where there is none."""
+    """Return the words of each name in the heading; empty without a heading."""
     found = heading_of(source)
     return [words(cell) for cell in found[0].text.split(found[1])] if found else []
 
@@ -66,11 +66,11 @@ def heading_words(source: SourceText) -> list[tuple[str, ...]]:
 def worksheet_of(source: SourceText, allowed: str) -> Worksheet:
     """Split a text into cells.
 
-    Decimal commas are taken for points where semicolons or tabs separate. What a spreadsheet adds is taken
-    away: quotation marks around a cell, empty cells behind the last name, rows of empty cells.
+    Decimal commas become points if semicolons or tabs are the separators. Additions of a spreadsheet are
+    removed: quotation marks around a cell, empty cells behind the last name, rows of empty cells.
 
     Raises:
-        TabFileError: no heading, lines of another number of cells; a decimal comma is named as such.
+        TabFileError: no heading, lines with another number of cells; a decimal comma is named in the message.
     """
     found = heading_of(source)
     if found is None:
@@ -100,11 +100,11 @@ def worksheet_of(source: SourceText, allowed: str) -> Worksheet:
 def _with_points(
     source: SourceText, lines: list[tuple[int, tuple[str, ...]]], separator: str
 ) -> tuple[tuple[int, tuple[str, ...]], ...]:
-    """Take decimal commas for points, where commas separate nothing and no number of the file has a point.
+    """Convert decimal commas to points, if commas separate nothing and no number of the file has a point.
 
     Raises:
-        TabFileError: numbers with commas beside numbers with points: one of them may separate thousands; or
-            no comma that cannot.
+        TabFileError: numbers with commas beside numbers with points, one of which may separate thousands; or
+            only commas that may separate thousands.
     """
     if separator == ",":
         return tuple(lines)
@@ -136,10 +136,10 @@ def _is_comment(line: SourceLine) -> bool:
 
 
 def _state(source: SourceText, line: SourceLine, separator: str, facts: dict[str, str]) -> None:
-    """Keep the fact that a comment states; a spreadsheet ends it with empty cells.
+    """Store the fact of a comment; a spreadsheet ends it with empty cells.
 
     Raises:
-        TabFileError: a fact that decides something is stated in two ways.
+        TabFileError: two different statements of a fact that decides something.
     """
     key, _, fact = (
         part.strip() for part in line.text.rstrip(separator).strip('"').lstrip("# ").partition(":")
@@ -171,7 +171,7 @@ def decimal(source: SourceText, line: int, text: str, what: str) -> float:
     """Return the number in a cell.
 
     Raises:
-        TabFileError: it is none, or has a decimal comma.
+        TabFileError: it is not a number, or has a decimal comma.
     """
     number = to_decimal(text)
     if number is None:
@@ -191,7 +191,7 @@ def words(name: str) -> tuple[str, ...]:
 
 
 def unit_of(name: str) -> tuple[Units, float] | None:
-    """Return the units of positions that a name of a heading implies, and what 1 of its own is in them.
+    """Return the units of positions implied by a name of a heading, and the factor from its own unit.
 
     >>> unit_of("deviation_um"), unit_of("run")
     ((<Units.MM: 'mm'>, 0.001), None)
@@ -209,7 +209,7 @@ def unit_of(name: str) -> tuple[Units, float] | None:
 
 
 def units_of(source: SourceText, worksheet: Worksheet) -> Units | None:
-    """Return the units of positions that a heading states, None where it states none.
+    """Return the units of positions that a heading states, or None.
 
     Raises:
         TabFileError: names of different units.

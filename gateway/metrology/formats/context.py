@@ -1,4 +1,4 @@
-"""What a file of readings does not say about itself, told from outside."""
+"""Facts that a file of readings does not contain, given by the user."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -8,7 +8,7 @@ from gateway.tabfile.text import SourceText
 
 
 class Runs(Enum):
-    """How the runs of a file that does not prove it were made."""
+    """The directions of the runs of a file that does not prove them."""
 
     ALTERNATE = "alternate"
     """Odd runs in the order of the targets, even runs back."""
@@ -20,7 +20,7 @@ class Runs(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ReadingsContext:
-    """Facts about the readings; None: not known, or said by the file.
+    """Facts about the readings; None: unknown, or stated by the file.
 
     ``units`` are those of the positions. A file that states others, or another axis, is refused.
     """
@@ -37,7 +37,7 @@ def settled_units(
     """Return the units of a file that states ``stated``.
 
     Raises:
-        TabFileError: nobody says them, or file and context differ.
+        TabFileError: the units are unknown, or file and context differ.
     """
     if stated is None:
         if context.units is not None:
@@ -58,7 +58,7 @@ def settled_units(
 
 
 def settled_axis(source: SourceText, context: ReadingsContext, stated: str | None) -> str | None:
-    """Return the axis of a file that states ``stated``; more than a letter is a text, and what is told holds.
+    """Return the axis of a file that states ``stated``; if that is a longer text, the given axis is used.
 
     Raises:
         TabFileError: file and context name different axes.

@@ -11,12 +11,11 @@ Grammar (ours; the standard prescribes no file)::
     SMALL_UNIT := UNIT | "um" (with mm) | "tenth" (0.0001 inch) | "arcsec" (with deg)
     line    := as many cells as the heading has names
 
-``measured`` is where the instrument saw the nut, ``deviation`` that less the target. Over gauge blocks the
-DRO is where the control went (``dro``), and the block, at which the dial shows 0, is where the nut stands
-(``block``). ``direction`` is the way in which the target was approached: forward, up, + or backward, down, -.
-``run`` counts from 1. A name
-without its unit needs the units told. ``temperature_c``, that of the screw, may stand beside them; ``time``
-and ``note`` too, which are not read.
+``measured`` is the position of the nut by the instrument, ``deviation`` that less the target. Over gauge
+blocks the DRO is the control's position (``dro``); the block, at which the dial shows 0, is the position of
+the nut (``block``). ``direction`` is the direction of approach: forward, up, + or backward, down, -. ``run``
+counts from 1. For a name without its unit the units must be given. Optional columns are ``temperature_c``,
+that of the screw, and ``time`` and ``note``, which are not read.
 """
 
 from typing import Final
@@ -71,7 +70,7 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
     """Read the file.
 
     Raises:
-        TabFileError: a heading or a cell that is not grammar, or readings that do not belong together.
+        TabFileError: a heading or a cell outside the grammar, or readings that do not belong together.
     """
     worksheet = worksheet_of(source, HEADING)
     columns = _columns(source, worksheet)
@@ -94,7 +93,7 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
 
 
 def _columns(source: SourceText, worksheet: Worksheet) -> dict[str, int]:
-    """Return which cell holds what."""
+    """Return the column of each value."""
     columns: dict[str, int] = {}
     for index, name in enumerate(worksheet.names):
         parts = words(name)

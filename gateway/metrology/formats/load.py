@@ -1,4 +1,4 @@
-"""The formats of readings that can be read. A new one is one file and one entry in :data:`FORMATS`."""
+"""The readable formats of readings. A new one is one file and one entry in :data:`FORMATS`."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from gateway.tabfile.text import MAX_BYTES, SourceText, decode, listed
 
 @dataclass(frozen=True, slots=True)
 class ReadingsFormat:
-    """One file format: how to tell it and how to read it."""
+    """One file format: how to recognise and read it."""
 
     name: str
     title: str
@@ -36,8 +36,8 @@ def read_survey(path: Path, context: ReadingsContext | None = None) -> Survey:
     """Read a file of readings: whole or not at all.
 
     Raises:
-        TabFileError: the file cannot be read, is of no known format, breaks its grammar, or does not prove
-            what it means.
+        TabFileError: the file cannot be read, has no known format, breaks its grammar, or does not prove its
+            meaning.
     """
     try:
         data = read_regular_file(path, MAX_BYTES, "a file of readings")
@@ -47,10 +47,10 @@ def read_survey(path: Path, context: ReadingsContext | None = None) -> Survey:
 
 
 def parse_survey(data: bytes, name: str, context: ReadingsContext | None = None) -> Survey:
-    """Do what :func:`read_survey` does with the content of a file.
+    """Process the content of a file as :func:`read_survey` does.
 
     Raises:
-        TabFileError: see there.
+        TabFileError: see :func:`read_survey`.
     """
     context = context or ReadingsContext()
     source = _worksheet_text(data, name) if workbook.is_workbook(data) else decode(data, name, "readings")
@@ -58,7 +58,7 @@ def parse_survey(data: bytes, name: str, context: ReadingsContext | None = None)
 
 
 def is_readings(path: Path) -> bool:
-    """Whether a file exists and looks like one of readings."""
+    """Whether a file exists and looks like a file of readings."""
     try:
         data = read_regular_file(path, MAX_BYTES, "a file of readings")
         source = _worksheet_text(data, str(path)) if workbook.is_workbook(data) else decode(data, str(path))

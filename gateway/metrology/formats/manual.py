@@ -1,4 +1,4 @@
-"""The table that one writes by hand at the machine, after Centroid TB058 ("Example").
+"""The table written by hand at the machine, after Centroid TB058 ("Example").
 
 Grammar::
 
@@ -8,11 +8,11 @@ Grammar::
                unit in any of them is that of the file
     line    := as many numbers as the heading has names
 
-The DRO shows where the control believes the axis to be, the instrument measures where it is. The order of the
-DRO column is the way in which the axis went: rising is forward, falling backward. It may turn once, and
-begins its way back at the place where it turned, or at nearly that one: over a gauge block the DRO is another
-on the way back. A correction that stands beside is checked against DRO - measured, and what differs is named;
-it is not used. Neither are counts, whose scale nobody says.
+The DRO shows the control's position of the axis, the instrument measures the actual one. The order of the DRO
+column is the direction of motion: rising is forward, falling backward. The direction may change once. The way
+back begins at the position of the change, or near it: over a gauge block the DRO is different on the way
+back. A correction column is compared with DRO - measured, and differences are reported; it is not used.
+Counts are not used either, because their scale is unknown.
 """
 
 from itertools import pairwise
@@ -42,7 +42,7 @@ _COLUMNS: Final = ("dro", "measured", "correction", "count")
 
 
 def recognise(source: SourceText) -> bool:
-    """Whether the heading has a DRO in it, and no directions."""
+    """Whether the heading has a DRO, and no directions."""
     cells = heading_words(source)
     names = {name for cell in cells for name in cell}
     return "dro" in names and "direction" not in names and ("run",) not in cells
@@ -52,8 +52,8 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
     """Read the file; the directions follow from the order of the DRO column.
 
     Raises:
-        TabFileError: a heading or a cell that is not grammar, fewer than two lines, a DRO column that turns
-            more than once.
+        TabFileError: a heading or a cell outside the grammar, fewer than two lines, a DRO column that changes
+            direction more than once.
     """
     worksheet = worksheet_of(source, HEADING)
     columns = _columns(source, worksheet)
@@ -97,7 +97,7 @@ def _columns(source: SourceText, worksheet: Worksheet) -> dict[str, int]:
 
 
 def _ways(source: SourceText, table: list[tuple[int, float, float]]) -> tuple[list[Direction], list[str]]:
-    """Return the direction of each line, and what was taken for granted."""
+    """Return the direction of each line, and the assumptions."""
     if len(table) < 2:
         raise source.error(
             f"{len(table)} line(s) of readings", "at least two: their order tells the direction"
@@ -112,7 +112,7 @@ def _ways(source: SourceText, table: list[tuple[int, float, float]]) -> tuple[li
     for (line_before, before, _), (line, dro, _) in pairwise(table):
         sense = _sense(before, dro, near)
         if sense is not ways[-1]:
-            # The same position again, or nearly, is the first stop of the way back, taken after an overrun.
+            # The same position again, or nearly, is the first stop of the way back, after an overrun.
             if reversed_at is not None:
                 raise source.error(
                     f"DRO {dro:.9g} after {before:.9g}: the axis turns for the second time (first in line "

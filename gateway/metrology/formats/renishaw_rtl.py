@@ -1,6 +1,6 @@
 """Renishaw .rtl, the export of a laser's linear measurement: targets in mm, deviations in µm.
 
-Grammar, as public programs that read and write such files have it (Renishaw publishes none)::
+Grammar, from public programs that read and write such files (Renishaw publishes none)::
 
     file    := section*                         a line "NAME::" in any case, then its lines; often CRLF
     HEADER::                                    "File type : rtl" and other lines of "key: fact"
@@ -12,13 +12,13 @@ Grammar, as public programs that read and write such files have it (Renishaw pub
     ENVIRONMENT::, EQUIPMENT::                  free text
     EOF::
 
-Run and target count from 1; a deviation is measured - target. Odd runs go one way, even runs the other: the
-lines of a run stand in the order in which it was measured, so runs in both orders prove their directions.
-Where all runs have one order, the file may be of one direction or sorted by a program: that must be told.
+Run and target count from 1; a deviation is measured - target. Odd runs go one way, even runs the other. The
+lines of a run are in the order of measurement, so runs in both orders prove their directions. If all runs
+have one order, the file may be of one direction or sorted by a program: the directions must be given.
 
-The same sections hold the angles of an .rta file, or straightness, in units of their own: a ``File type``
-other than rtl is refused. So is a run of nothing but 0 beside others: some programs write one in the place of
-the way back that was never measured.
+The same sections hold the angles of an .rta file, or straightness, in their own units: a ``File type`` other
+than rtl is refused. A run of zeros only, beside other runs, is also refused: some programs write one in place
+of a way back that was not measured.
 """
 
 import re
@@ -53,7 +53,7 @@ _FREE: Final = ("ENVIRONMENT", "EQUIPMENT")
 _LINEAR: Final = ("rtl", "linear")
 _OTHER_KINDS: Final = re.compile(r"(?i)angular|straight|square|flat|rotary|dynamic")
 _FEW_TARGETS: Final = 2
-"""As many readings may all be 0 by chance."""
+"""This many readings may all be 0 by chance."""
 _MM_PER_UM: Final = 1e-3
 
 
@@ -79,8 +79,8 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
     """Read the file, each run with its direction.
 
     Raises:
-        TabFileError: a line that is not grammar, counts that do not agree, a reading that is missing or there
-            twice, runs whose direction nothing proves.
+        TabFileError: a line outside the grammar, counts that do not agree, a reading that is missing or
+            repeated, runs without a proven direction.
     """
     file = _parse(source)
     unfinished = _check_end(source, file)
@@ -142,10 +142,10 @@ def _parse(source: SourceText) -> _File:
 
 
 def _check_end(source: SourceText, file: _File) -> list[str]:
-    """Return what is to be said of a file without its end mark.
+    """Return the remarks about a file without its end mark.
 
     Raises:
-        TabFileError: it ends among the deviations, so that digits of the last one may be lost.
+        TabFileError: it ends among the deviations, so digits of the last one may be lost.
     """
     if file.last_section == "EOF":
         return []
@@ -162,7 +162,7 @@ def _check_end(source: SourceText, file: _File) -> list[str]:
 
 
 def _target_line(source: SourceText, file: _File, line: SourceLine, *, in_targets: bool) -> bool:
-    """Take a line of the target section; returns whether positions may follow."""
+    """Process a line of the target section; return whether positions may follow."""
     key, colon, fact = (part.strip() for part in line.text.partition(":"))
     if not colon and in_targets:
         file.targets.extend(
@@ -261,7 +261,7 @@ def _ways(
     runs: dict[int, list[tuple[int, int, float]]],
     given: Runs | None,
 ) -> tuple[dict[int, Direction], list[str]]:
-    """Return the direction of each run, and what a person should know about it."""
+    """Return the direction of each run, and what the user should know about it."""
     rises = {run: _rises(source, [target for _, target, _ in lines]) for run, lines in runs.items()}
     up_the_list = len(file.targets) < 2 or file.targets[-1][1] > file.targets[0][1]
     if len(set(rises.values())) > 1:

@@ -1,4 +1,4 @@
-"""What every reader of readings returns, checked in one place: lines with a target, a way and a reading."""
+"""The common result of all readers, and its checks: lines with a target, a direction and a reading."""
 
 from bisect import bisect_left
 from collections import Counter
@@ -15,21 +15,21 @@ from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.text import SourceText
 
 FAR: Final = 0.5
-"""A reading further from its target than this share of the way to the next target is another's."""
+"""A reading further from its target than this share of the way to the next belongs to another target."""
 
 LEAST_BLOCKS: Final = 3
-"""Fewer sizes may come back by chance."""
+"""Fewer sizes may be repeated by chance."""
 TOGETHER: Final = 0.03
-"""Of the way to the next block: readings of one block lie as near to each other."""
+"""Of the way to the next block: readings of one block are this close together."""
 MOST_ASTRAY: Final = 2
-"""More stops that lie beside those of their block are no slips."""
+"""More stops beside those of their block are not mistakes."""
 LEAST_STOPS: Final = 3
-"""Of two sizes for one block nobody can tell which is wrong."""
+"""With two sizes for one block it is unknown which is wrong."""
 _MOST_DECIMALS: Final = 9
 
 
 class Row(NamedTuple):
-    """One reading and the line that it stands on."""
+    """One reading and its line."""
 
     line: int
     target: float
@@ -48,11 +48,11 @@ def to_survey(
     facts: Mapping[str, str] | None = None,
     remarks: Sequence[str] = (),
 ) -> Survey:
-    """Check rows and make a survey of them; what is odd but usable becomes a remark.
+    """Check rows and make a survey of them; odd but usable values become a remark.
 
     Raises:
-        TabFileError: no reading, a target that is written in two ways, one reading twice, targets of a run
-            out of order, a reading that is another target's.
+        TabFileError: no reading, a target with two spellings, a repeated reading, targets of a run out of
+            order, a reading that belongs to another target.
     """
     if not rows:
         raise source.error("no reading", "a line for each stop: target, direction, run, reading")
@@ -76,16 +76,16 @@ def to_survey(
 
 
 def _at_blocks(source: SourceText, rows: Sequence[Row]) -> tuple[Sequence[Row], str]:
-    """Put readings over gauge blocks at their blocks, where no run stopped at quite the same number.
+    """Move readings over gauge blocks to their blocks, if the runs stopped at different numbers.
 
-    Whoever brings a gauge to 0 at each block and writes down the DRO has other targets in each run and always
-    the same few sizes; whoever moves to a block and reads the dial as well has both columns varying. A run
-    has as many stops as there are blocks, and what belongs to one lies together, far from all others. The
-    deviation stays what it is; it belongs to the block instead of to a place a few micrometres beside it.
-    Returns what was done, in words; empty where nothing was.
+    A person may set a gauge to 0 at each block and write down the DRO. The targets then differ in each run,
+    and the sizes are always the same few. A person who moves to a block and also reads the dial has two
+    varying columns. A run has one stop for each block. The stops of a block are close together and far from
+    all others. The deviation does not change; it is moved from a position a few micrometres away to the
+    block. Return a sentence about the change; empty for none.
 
     Raises:
-        TabFileError: but for one or two stops it would be so.
+        TabFileError: only one or two stops do not fit this pattern.
     """
     stops = Counter((row.direction, row.run) for row in rows)
     count = max(stops.values())
@@ -95,7 +95,7 @@ def _at_blocks(source: SourceText, rows: Sequence[Row]) -> tuple[Sequence[Row], 
     groups = _nearest(targets, count)
     between = min(after[0] - before[-1] for before, after in pairwise(groups))
     varying = sum(len(group) > 1 for group in groups)
-    # Where few of them vary, numbers were mistyped.
+    # If few of them vary, numbers were mistyped.
     if 2 * varying < count:
         return rows, ""
     if max(group[-1] - group[0] for group in groups) > TOGETHER * between:
@@ -125,7 +125,7 @@ def _at_blocks(source: SourceText, rows: Sequence[Row]) -> tuple[Sequence[Row], 
 def _check_astray(
     source: SourceText, rows: Sequence[Row], groups: Sequence[Sequence[float]], reach: float
 ) -> None:
-    """Name the stops without which those of each block lie together, where they are few."""
+    """Name the stops that keep those of each block from being close together, if they are few."""
     problems: list[FileProblem] = []
     for group in groups:
         stops = [row for row in rows if group[0] <= row.target <= group[-1]]
@@ -150,7 +150,7 @@ def _check_astray(
 def _check_sizes(
     source: SourceText, rows: Sequence[Row], groups: Sequence[Sequence[float]], reach: float
 ) -> None:
-    """Name a block that is said to be another than at its other stops."""
+    """Name a block with a size that differs from its other stops."""
     problems: list[FileProblem] = []
     for group in groups:
         stops = [row for row in rows if group[0] <= row.target <= group[-1]]
@@ -169,16 +169,16 @@ def _check_sizes(
 
 
 def _nearest(targets: Sequence[float], count: int) -> list[Sequence[float]]:
-    """Split ascending targets into so many groups, where they lie farthest apart."""
+    """Split ascending targets into ``count`` groups at the widest gaps."""
     gaps = sorted(range(1, len(targets)), key=lambda at: targets[at] - targets[at - 1], reverse=True)
     cuts = [0, *sorted(gaps[: count - 1]), len(targets)]
     return [targets[start:end] for start, end in pairwise(cuts)]
 
 
 def _roundest(targets: Sequence[float], measured: Sequence[float]) -> float:
-    """Return the number with the fewest decimals that is no farther from what was measured than the targets.
+    """Return the mean of the readings, rounded as far as targets and readings scatter about it.
 
-    What was measured is the block itself where it is one number.
+    If all measured values are one number, that number is the block itself.
 
     >>> _roundest([25.0031, 25.0095], [25.0, 25.0]), _roundest([25.4031, 25.4095], [25.3996, 25.4006])
     (25.0, 25.4)
@@ -226,7 +226,7 @@ def _check_duplicates(source: SourceText, rows: Sequence[Row]) -> None:
 
 
 def _check_order(source: SourceText, rows: Sequence[Row]) -> None:
-    """Whichever way a run is listed, its targets rise or fall all along."""
+    """In each run, in either direction, the targets must rise or fall throughout."""
     last: dict[tuple[Direction, int], tuple[Row, float]] = {}
     for row in rows:
         key = (row.direction, row.run)
@@ -281,7 +281,7 @@ def _exchanged(source: SourceText, rows: Sequence[Row]) -> list[str]:
 
 
 def _missing(source: SourceText, rows: Sequence[Row]) -> list[str]:
-    """Name what a whole measurement would have and this one has not."""
+    """Name what a complete measurement would have and this one does not."""
     targets = sorted({row.target for row in rows})
     remarks = []
     counts = {way: len({row.run for row in rows if row.direction is way}) for way in APPROACHES}

@@ -5,13 +5,12 @@ Grammar::
     file    := comment* heading line*
     heading := a name with "target" or "position" in it, then a name for each run; separated by a tab, a
                semicolon or a comma
-    run     := a way (forward, up, +, backward, down, -) and a number, in any order: "forward 1", "1 up",
-               "+1"; or "run 1" without a way, where --runs tells the ways
-    line    := a target and a reading for each run; an empty cell is a reading that is missing
+    run     := a direction (forward, up, +, backward, down, -) and a number, in any order: "forward 1",
+               "1 up", "+1"; or "run 1" without a direction, if --runs gives the directions
+    line    := a target and a reading for each run; an empty cell is a missing reading
 
-A run may name a unit. Micrometres, tenths and arc seconds are deviations. In the unit of the targets
-readings are either positions or deviations: which of both is found out from their size, and refused where
-both would do.
+A run may name a unit. Micrometres, tenths and arc seconds are deviations. In the unit of the targets readings
+are either positions or deviations. Their size decides, and readings that could be both are refused.
 """
 
 import re
@@ -42,11 +41,11 @@ _TARGET: Final = frozenset({"target", "position", "nominal"})
 _WAY: Final = re.compile(r"([+-]?)([0-9]{1,3})([+-]?)")
 _UNIT: Final = re.compile(r"\s*\(?(?:mm|um|µm|inch|tenths?|deg|arcsec)\)?\s*$")
 CLEARLY: Final = 100.0
-"""So many times nearer to its target than to 0 a reading must be, or the reverse."""
+"""A reading must be this many times nearer to its target than to 0, or the reverse."""
 
 
 def recognise(source: SourceText) -> bool:
-    """Whether the heading has a target and a run as columns; the reader names what is neither."""
+    """Whether the heading has a target and a run as columns; the reader names other columns."""
     found = heading_of(source)
     if found is None:
         return False
@@ -58,8 +57,8 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
     """Read the file.
 
     Raises:
-        TabFileError: a heading or a cell that is not grammar, runs without a way that nobody tells, readings
-            that may be positions as well as deviations.
+        TabFileError: a heading or a cell outside the grammar, runs without a given direction, readings that
+            may be positions as well as deviations.
     """
     worksheet = worksheet_of(source, HEADING)
     units = settled_units(source, context, units_of(source, worksheet), worksheet.heading.number)
@@ -88,7 +87,7 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
 
 
 def _run(name: str) -> tuple[Direction | None, int] | None:
-    """Return the way and the number in the name of a column; None where it is no run.
+    """Return the direction and the number in the name of a column; None if it is not a run.
 
     >>> [_run(name) for name in ("forward 1", "up_2_um", "Run 3", "-4", "measured_mm")]
     ... # doctest: +NORMALIZE_WHITESPACE

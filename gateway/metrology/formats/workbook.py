@@ -1,8 +1,8 @@
 """A spreadsheet (.xlsx) -> the text of each of its sheets: a line for each row, cells between tabs.
 
-From there on a sheet is what a file with tabs is, and the number of a line that of its row. openpyxl reads
-it, which comes with the extra ``xlsx``. What a person who looks at the sheet does not see is not read in
-silence: a formula without its result, a row or column that is hidden.
+A sheet is then processed like a file with tabs; the line number is that of the row. openpyxl reads it, from
+the extra ``xlsx``. Cells that are invisible on the sheet are never read silently: a formula without its
+result, a hidden row or column.
 """
 
 import zipfile
@@ -24,12 +24,12 @@ MAX_COLUMNS: Final = 1000
 _ZIP: Final = b"PK\x03\x04"
 _OLE: Final = b"\xd0\xcf\x11\xe0"
 _DIGITS: Final = 15
-"""What spreadsheets show at most of a number: more is how 0.1 is kept, and makes two targets of one."""
+"""The most digits that spreadsheets show. More are binary rounding of 0.1, and would split one target."""
 _AS_CSV: Final = "save the sheet with the readings as CSV"
 _INSTALL: Final = (
     "pip install 'pitch-gateway[xlsx]' where pitch-gateway is installed (or pip install openpyxl)"
 )
-# What openpyxl raises for a damaged file is not documented: whatever its parsers come upon.
+# The exceptions of openpyxl for a damaged file are not documented: these are those of its parsers.
 _DAMAGED: Final = (
     zipfile.BadZipFile,
     zlib.error,
@@ -45,15 +45,15 @@ _DAMAGED: Final = (
 
 
 def is_workbook(data: bytes) -> bool:
-    """Whether bytes are those of a spreadsheet and no text."""
+    """Whether bytes are a spreadsheet and not a text."""
     return data.startswith((_ZIP, _OLE))
 
 
 def sheets(data: bytes, name: str) -> tuple[SourceText, ...]:
-    """Return the sheets that have something in them, each named ``file[sheet]``.
+    """Return the sheets with content, each named ``file[sheet]``.
 
     Raises:
-        TabFileError: no .xlsx, a damaged one, openpyxl is not installed, a formula without its result, a
+        TabFileError: not an .xlsx, a damaged one, openpyxl is not installed, a formula without its result, a
             hidden row or column.
     """
     if data.startswith(_OLE):
