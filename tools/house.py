@@ -52,7 +52,7 @@ HOUSE_WORDS: Final = frozenset(
         """,
     )
 )
-"""Words that mean something else here than in the field, or nothing there (docs/glossary.md)."""
+"""Words that once had a meaning of their own here; the words of the field have replaced them in the code."""
 IDIOMS: Final = (
     "nobody",
     "whoever",

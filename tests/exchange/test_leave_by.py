@@ -24,7 +24,7 @@ ROWS: Final = (
     "the silence of its own unit id (W6)",
     "a connection that is down, or must rest",
     "writes that are held behind a renewal",
-    "a second look at where an axis stands (W8)",
+    "a second read of the actual position (W8)",
     "a dead drive of another shape (W11)",
 )
 
