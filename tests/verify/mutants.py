@@ -8,7 +8,8 @@ Verdicts are kept in ``mutants_verdicts.tsv``, by a digest of the method that wa
 stopped goes on where it was, and after a change only the mutants of changed methods are tried. Mutants are
 tried in an order that is drawn by lot from their names, so the first hundred are a sample of all. A first run
 asks some worlds of each mutant (``--most-worlds``); what survives these is tried with all of them later
-(``--again``). ``mutants_explained.toml`` has the reason for each that survives then.
+(``--again``). What all worlds let pass is shown to the tests of the exchange (``--by-tests``).
+``mutants_explained.toml`` has the reason for each that survives then.
 """
 
 import argparse
@@ -45,6 +46,7 @@ FILES: Final = (
 """What decides a move, and whether a frame leaves."""
 KEPT: Final = Path(__file__).with_name("mutants_verdicts.tsv")
 REACH: Final = ROOT / "build" / "mutants" / "reach.jsonl"
+TESTS_REACH: Final = REACH.with_name("tests.jsonl")
 EXPLAINED: Final = Path(__file__).with_name("mutants_explained.toml")
 FIRST_SECONDS: Final = 0.1
 """Of each world in a first round, which kills most mutants."""
@@ -61,6 +63,7 @@ EXAMPLES: Final = """examples:
   python -m tests.verify.mutants --minutes 140             as many as that, then go on another day
   python -m tests.verify.mutants --most-worlds 24          of each only so many worlds, the likeliest first
   python -m tests.verify.mutants --again                   then what survived, with all worlds
+  python -m tests.verify.mutants --by-tests                what the worlds let pass: does a test notice it?
   python -m tests.verify.mutants --summary                 what is known by now
   python -m tests.verify.mutants gateway/exchange/scheduler.py --list
   python -m tests.verify.mutants --named scheduler:Scheduler.take --again
@@ -86,13 +89,16 @@ class Verdict:
     seconds: float = 0.0
     misled: int = 0
     """Worlds that broke a rule, and do so without the mutant too: they count for nothing."""
+    test: str | None = None
+    """Of one that the worlds do not notice: the first test that does; "": none; None: not asked yet."""
 
     @property
     def row(self) -> str:
         """What is kept of it: one row of the file of verdicts."""
         if self.is_killed:
             return f"{self.digest}\tkilled\t{self.world}\n"
-        return f"{self.digest}\tsurvived\t{self.asked}\t{self.worlds}\t{self.walked_s:g}\n"
+        row = f"{self.digest}\tsurvived\t{self.asked}\t{self.worlds}\t{self.walked_s:g}"
+        return f"{row}\n" if self.test is None else f"{row}\t{self.test}\n"
 
     @classmethod
     def of_row(cls, row: str, name: str, line: int) -> "Verdict":
@@ -100,15 +106,17 @@ class Verdict:
         digest, fate, *rest = row.rstrip("\n").split("\t")
         if fate == "killed":
             return cls(digest, name, line, is_killed=True, world=rest[0])
-        asked, worlds, walked_s = rest
-        return cls(digest, name, line, worlds=int(worlds), asked=int(asked), walked_s=float(walked_s))
+        asked, worlds, walked_s, *test = rest
+        verdict = cls(digest, name, line, worlds=int(worlds), asked=int(asked), walked_s=float(walked_s))
+        verdict.test = test[0] if test else None
+        return verdict
 
 
-class _Finder:
-    """Gives a mutant in place of a file."""
+class BrokenFile:
+    """Gives a mutant to those who import its file."""
 
-    def __init__(self, module: str, tree: ast.Module) -> None:
-        self._module, self._tree = module, tree
+    def __init__(self, mutant: Mutant) -> None:
+        self._module, self._tree = _module_of(mutant.file), mutant.tree()
 
     def find_spec(self, name: str, path: object = None, target: object = None) -> object:
         """See importlib."""
@@ -131,8 +139,7 @@ def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, answer: Any) -> 
     whether that counts.
     """
     resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
-    module = _module_of(mutant.file)
-    sys.meta_path.insert(0, _Finder(module, mutant.tree()))  # type: ignore[arg-type]
+    sys.meta_path.insert(0, BrokenFile(mutant))  # type: ignore[arg-type]
     world = ""
     try:
         from tests.verify.running import walked
@@ -168,7 +175,7 @@ def judged(mutant: Mutant, worlds: Sequence[str], seconds: float) -> Verdict:
     process.start()
     theirs.close()
     try:
-        while (found := _heard(ours, process, SILENT_SECONDS + seconds)) is not ENDLESS:
+        while (found := heard(ours, process, SILENT_SECONDS + seconds)) is not ENDLESS:
             if found is None:
                 break
             if isinstance(found, str):
@@ -193,7 +200,7 @@ def judged(mutant: Mutant, worlds: Sequence[str], seconds: float) -> Verdict:
     return verdict
 
 
-def _heard(ours: Any, process: Any, most_s: float) -> Any:
+def heard(ours: Any, process: Any, most_s: float) -> Any:
     """Return what a process says next; ``ENDLESS``: nothing, while it computed for so long."""
     began_s = _computed_s(process.pid)
     while not ours.poll(1.0):
@@ -296,7 +303,12 @@ class Reach:
 
     def __init__(self, names: Sequence[str], path: Path, jobs: int) -> None:
         here = Path(__file__).parent.glob("*.py")
-        sources = sorted((*FILES, *(each for each in here if each.stem not in ("mutants", "breaking"))))
+        sources = sorted(
+            (
+                *FILES,
+                *(each for each in here if each.stem != "breaking" and not each.stem.startswith("mutants")),
+            )
+        )
         digest = sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()[:16]
         rows = path.read_text().splitlines() if path.exists() else []
         if rows[:1] != [digest]:
@@ -423,7 +435,9 @@ class Reasons:
         """By ``FILE:METHOD``: why no world runs through it."""
 
     def kind(self, verdict: Verdict) -> str:
-        """Return what is known of a mutant that survives; "" where nothing explains it."""
+        """Return what is known of a mutant that the worlds do not notice; "" where nothing explains it."""
+        if verdict.test:
+            return "by a test"
         if verdict.worlds == 0 and _unit_of(verdict.name) in self.units:
             return "left out"
         return self.mutants.get(verdict.name, ("", ""))[0]
@@ -432,7 +446,7 @@ class Reasons:
 def summary(mutants: Sequence[Mutant], verdicts: Mapping[str, Verdict]) -> str:
     """Return what became of the mutants of each file, as a table in Markdown."""
     reasons = Reasons()
-    kinds = ("killed", "equivalent", "left out", "open", "unexplained", "not tried")
+    kinds = ("killed", "by a test", "equivalent", "left out", "open", "unexplained", "not tried")
     rows: dict[str, Counter[str]] = {}
     for mutant in mutants:
         row = rows.setdefault(mutant.file.removeprefix("gateway/exchange/"), Counter())
@@ -472,6 +486,9 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--most-worlds", type=int, default=0, metavar="N", help="of each mutant, the likeliest first (all)"
     )
+    parser.add_argument(
+        "--by-tests", action="store_true", help="ask the tests of the exchange about those that survived"
+    )
     parser.add_argument("--summary", action="store_true", help="say what is known, and what is unexplained")
     parser.add_argument("--list", action="store_true", help="say what mutants there are")
     asked = parser.parse_args(arguments)
@@ -491,7 +508,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"{mutant.file}:{mutant.line}: {mutant.name}")
         return 0
     verdicts = kept_verdicts(mutants)
-    if not asked.summary:
+    if asked.by_tests:
+        _try_by_tests(by_lot(mutants), verdicts, asked)
+        tidy()
+        verdicts = kept_verdicts(mutants)
+    elif not asked.summary:
         drawn = by_lot(mutants)[: asked.most or None]
         left = [
             mutant
@@ -507,6 +528,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
         mutants = drawn
     print(summary(mutants, verdicts))
     return _tell_unexplained(mutants, verdicts)
+
+
+def _try_by_tests(
+    mutants: Sequence[Mutant], verdicts: Mapping[str, Verdict], asked: argparse.Namespace
+) -> None:
+    """Ask the tests about each survivor, and keep each verdict as it falls."""
+    from tests.verify.mutants_by_tests import all_tests, noticed
+
+    until = time.monotonic() + asked.minutes * 60.0 if asked.minutes else float("inf")
+    survived = [
+        mutant
+        for mutant in mutants
+        if (verdict := verdicts.get(mutant.digest)) is not None
+        and not verdict.is_killed
+        and verdict.test is None
+    ][: asked.most or None]
+    print(f"{len(survived)} survivors: do the tests of the exchange notice them?", file=sys.stderr)
+    ran = all_tests(FILES, TESTS_REACH, asked.jobs) if survived else []
+
+    def ask(mutant: Mutant) -> tuple[Mutant, str | None]:
+        return mutant, noticed(mutant, ran) if time.monotonic() < until else None
+
+    with ThreadPoolExecutor(asked.jobs) as pool, KEPT.open("a") as kept:
+        for done in as_completed([pool.submit(ask, mutant) for mutant in survived]):
+            mutant, test = done.result()
+            if test is None:
+                continue
+            verdict = verdicts[mutant.digest]
+            verdict.test = test
+            kept.write(verdict.row)
+            kept.flush()
+            print(f"{test or 'NO TEST'}: {mutant.name} (line {mutant.line})", flush=True)
 
 
 def _try_all(mutants: Sequence[Mutant], judge: Judge, asked: argparse.Namespace) -> None:

@@ -1,11 +1,13 @@
 """The mutants: each is broken in one place, and what is left of it is Python."""
 
 import ast
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
 from tests.verify.breaking import ROOT, mutants_of
 from tests.verify.mutants import FILES, Reasons, Verdict, by_lot
+from tests.verify.mutants_by_tests import Ran, noticed
 
 REGISTERS = ROOT / "gateway" / "exchange" / "axis" / "registers.py"
 KINDS = {"equivalent", "left out", "open"}
@@ -64,3 +66,27 @@ def test_a_method_is_explained_as_a_whole_only_where_no_world_runs_through_it(tm
     assert reasons.kind(Verdict("1", "axis:Axis.end:negated: y", 1)) == "left out"
     assert reasons.kind(Verdict("1", "axis:Axis.end:negated: y", 1, worlds=2)) == ""
     assert reasons.kind(Verdict("1", "axis:Axis.end:dropped: x", 1, worlds=2)) == "equivalent"
+
+
+def test_what_is_kept_of_a_verdict_is_the_verdict() -> None:
+    killed = Verdict("1", "axis:Axis.end:negated: y", 7, is_killed=True, world="s-silent")
+    survived = Verdict("1", "axis:Axis.end:negated: y", 7, worlds=9, asked=8, walked_s=0.5)
+    noticed_by_a_test = replace(survived, test="tests/exchange/test_rest.py::test_x")
+    noticed_by_none = replace(survived, test="")
+    for verdict in (killed, survived, noticed_by_a_test, noticed_by_none):
+        assert Verdict.of_row(verdict.row, verdict.name, verdict.line) == verdict
+    assert Reasons().kind(noticed_by_a_test) == "by a test"
+    assert Reasons().kind(noticed_by_none) == ""
+
+
+def test_a_mutant_in_no_world_is_noticed_by_the_tests_that_run_through_it() -> None:
+    """Writes that a new connection holds back are in no world: no world has a connection."""
+    file = ROOT / "gateway" / "exchange" / "scheduler.py"
+    name = "scheduler:Scheduler.held_read:negated: if read is None:"
+    [mutant] = [each for each in mutants_of(file) if each.name == name]
+    ran = [
+        Ran("tests/exchange/test_rest.py", 0.1, {mutant.file: {1}}),
+        Ran("tests/exchange/test_renewal.py", 2.0, {mutant.file: {mutant.line}}),
+    ]
+    assert noticed(mutant, ran).startswith("tests/exchange/test_renewal.py::")
+    assert noticed(mutant, ran[:1]) == ""
