@@ -3,14 +3,15 @@
 ``--check`` writes nothing, and ends with exit code 1 where a document is not what the code says.
 """
 
+import re
 import sys
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from itertools import groupby
 from pathlib import Path
 from typing import Final
 
 from gateway.catalogue.alarms import ALARMS, HIDES
-from gateway.catalogue.entry import NOTHING_TO_DO, AlarmEntry, entries_of
+from gateway.catalogue.entry import NOTHING_TO_DO, AlarmEntry, Severity, entries_of
 from gateway.catalogue.events import GROUPS
 from gateway.catalogue.exceptions import EXCEPTIONS, TITLES
 from gateway.catalogue.lookup import code_of, severities
@@ -27,6 +28,9 @@ from tools.diagram import LayoutError
 from tools.markers import filled, table
 
 DOCUMENTS: Final = Path(__file__).parents[1] / "docs"
+_SHORT: Final = 6
+"""A remedy of this many words is repeated, a longer one is named by the first row that has it."""
+_OF_ALARM: Final = re.compile(r"(?:see|do what) the trouble (`\S+`)(?: says)?")
 
 
 def part(name: str) -> str:
@@ -50,18 +54,46 @@ def _remedy(text: str) -> str:
     return "" if text == NOTHING_TO_DO else text
 
 
+def _severity(text: str) -> str:
+    """Return a severity; most are a warning, which is left out."""
+    return "" if text == Severity.WARNING.value else text
+
+
+def _cause_and_remedy(cause: str, remedy: str) -> tuple[str, str]:
+    """Return both, of which the remedy alone names a trouble that has both."""
+    texts = _OF_ALARM.sub(r"as trouble \1", cause), _OF_ALARM.sub(r"as trouble \1", _remedy(remedy))
+    return ("", texts[1]) if texts[0] == texts[1] else texts
+
+
+def _named_once(lines: Iterable[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    """Return rows whose last cell is written once: a later row with it names the first one."""
+
+    def each() -> Iterator[tuple[str, ...]]:
+        first: dict[str, str] = {}
+        for line in lines:
+            name = first.setdefault(line[-1], line[0])
+            is_new = name == line[0] or len(line[-1].split()) <= _SHORT
+            yield line if is_new else (*line[:-1], f"as for {name}")
+
+    return list(each())
+
+
 def events() -> str:
     """Return every event, by group."""
     texts = []
     for group in GROUPS:
-        title = (group.__doc__ or "").split(":")[0]
+        title = (group.__doc__ or "").split(":")[0].rstrip(".")
         lines = [
-            (f"`{entry.name}`", severities(entry), entry.description, entry.cause, _remedy(entry.remedy))
+            (
+                f"`{entry.name}`",
+                _severity(severities(entry)),
+                entry.description,
+                *_cause_and_remedy(entry.cause, entry.remedy),
+            )
             for entry in entries_of(group)
         ]
-        texts.append(
-            f"### {title}\n\n{table(('event', 'severity', 'means', 'usual cause', 'remedy'), lines)}"
-        )
+        head = ("event", "severity", "means", "usual cause", "remedy")
+        texts.append(f"### {title}\n\n{table(head, _named_once(lines))}")
     return "\n".join(texts)
 
 
@@ -70,14 +102,14 @@ def troubles() -> str:
     lines = [
         (
             f"`{entry.kind}`",
-            entry.severity.value,
+            _severity(entry.severity.value),
             entry.description,
             entry.cause,
             entry.remedy,
         )
         for entry in ALARMS.values()
     ]
-    return table(("trouble", "severity", "means", "usual cause", "remedy"), lines)
+    return table(("trouble", "severity", "means", "usual cause", "remedy"), _named_once(lines))
 
 
 def hidden() -> str:
@@ -104,7 +136,10 @@ def states() -> str:
         f"`{key}`:\n\n"
         + table(
             ("state", "means", "what to do"),
-            [(f"`{state.name}`", state.description, _remedy(state.remedy)) for state in found],
+            _named_once(
+                (f"`{state.name}`", state.description, _OF_ALARM.sub(r"as trouble \1", _remedy(state.remedy)))
+                for state in found
+            ),
         )
         for key, found in STATES.items()
     )
@@ -112,8 +147,16 @@ def states() -> str:
 
 def counters() -> str:
     """Return everything that is counted."""
-    lines = [(f"`{name}`", each.words, each.description, each.remedy) for name, each in COUNTERS.items()]
-    return table(("counter", "shown as", "counts", "what to do where it grows"), lines)
+    lines = [
+        (
+            f"`{name}`",
+            "" if each.words.lower() == name.replace("_", " ") else each.words,
+            each.description,
+            each.remedy,
+        )
+        for name, each in COUNTERS.items()
+    ]
+    return table(("counter", "shown as", "counts", "what to do where it grows"), _named_once(lines))
 
 
 def exceptions() -> str:
@@ -130,15 +173,15 @@ def refusals() -> str:
     for code, entries in groupby(REFUSALS, key=code_of):
         found = list(entries)
         lines = [(f"“{each.says}”" if each.says else "", each.cause, each.remedy) for each in found]
-        title = f"{code} {TITLES[found[0].code]}, by the gateway"
+        title = f"{code} {TITLES[found[0].code]}"
         texts.append(f"### {title}\n\n{table(('detail in the log', 'cause', 'remedy'), lines)}")
     return "\n".join(texts)
 
 
 def remarks() -> str:
     """Return every remark about a table."""
-    lines = [(each.code, each.description, each.severity, each.remedy) for each in REMARKS]
-    return table(("code", "what", "severity", "remedy"), lines)
+    lines = [(each.code, each.description, _severity(each.severity), each.remedy) for each in REMARKS]
+    return table(("code", "what", "severity", "remedy"), _named_once(lines))
 
 
 def starts() -> str:
