@@ -16,7 +16,7 @@ from tests.attacks.legitimate import Attack, ground_of, tried
 SECONDS = 4.0
 DOCUMENT = Path(__file__).parents[2] / "docs" / "security.md"
 PART = re.compile(r"(<!-- make attacks -->\n)(.*?)(<!-- end -->)", re.DOTALL)
-HEAD = "| attack | what it gets | in the log | p99 without | p99 meanwhile |\n|---|---|---|---|---|\n"
+HEAD = "| attack | what it gets | in the log | p99 without, ms | meanwhile, ms |\n|---|---|---|---|---|\n"
 
 
 def attacks() -> list[Attack]:
@@ -31,7 +31,7 @@ def row_of(attack: Attack, seconds: float) -> str:
         outcome = tried(attack, ground, seconds)
     outcome.check()
     calm, meanwhile = outcome.calm.p99_us / 1000, outcome.meanwhile.p99_us / 1000
-    return f"| {attack.name} | {outcome.got} | `{attack.event}` | {calm:.2f} ms | {meanwhile:.2f} ms |\n"
+    return f"| {attack.name} | {outcome.got} | `{attack.event}` | {calm:.2f} | {meanwhile:.2f} |\n"
 
 
 def written() -> dict[str, str]:
