@@ -6,7 +6,7 @@
 import re
 import sys
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from itertools import groupby
+from itertools import groupby, takewhile
 from pathlib import Path
 from typing import Final
 
@@ -46,7 +46,19 @@ def part(name: str) -> str:
 
 def keys(name: str) -> str:
     """Return the keys of a section of the configuration."""
-    lines = [(f"`{row.key}`", row.kind, row.default, row.description) for row in rows(TABLES[name])]
+    before = takewhile(lambda other: other != name, TABLES)
+    told = {(row.key, row.description): other for other in before for row in rows(TABLES[other])}
+    lines = [
+        (
+            f"`{row.key}`",
+            row.kind,
+            row.default,
+            f"as in `{told[row.key, row.description]}`"
+            if len(row.description.split()) > _SHORT and (row.key, row.description) in told
+            else row.description,
+        )
+        for row in rows(TABLES[name])
+    ]
     return table(("key", "type", "default", "meaning"), lines)
 
 
