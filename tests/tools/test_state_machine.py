@@ -166,7 +166,7 @@ def test_a_reference_shows_the_states_that_it_comes_to() -> None:
         ("referenced", "set-at-rest"): "not-referenced",
         ("referenced", "set-moving"): "not-referenced",
     }
-    assert "says it. At the start: `not-referenced`." in text
+    assert "The drive's homed bit. A person cannot declare it. At the start: `not-referenced`." in text
 
 
 def test_the_phases_and_outcomes_are_those_of_the_table() -> None:
@@ -193,4 +193,4 @@ class Tide(Enum):
 def test_a_meaning_is_the_string_below_and_where_there_is_none_its_state_is_named() -> None:
     with pytest.raises(LayoutError, match=r"tests\.tools\.test_state_machine: Tide\.HIGH has no docstring"):
         state_machine.meanings(Tide)
-    assert state_machine.meanings(MotionEvent)[MotionEvent.NOT_DONE] == "Its drive says: not done."
+    assert state_machine.meanings(MotionEvent)[MotionEvent.NOT_DONE] == "Its drive reports: not done."
