@@ -58,7 +58,7 @@ def test_the_relay_runs_alone_and_never_from_an_old_plan(site: Site) -> None:
 
 def test_a_configuration_that_is_edited_while_run_starts_its_programs_ends_neither(site: Site) -> None:
     """``run`` has compiled what it read; its two programs start from that, whatever the file says by then."""
-    _, state = compile_for_start_or_exit(site.config)
+    _, state, _ = compile_for_start_or_exit(site.config)
     compiled_into = "--state", str(state)
     site.config.write_text("[gateway\n")  # as a text editor leaves it for a moment
     relay_command = command_of("gateway.relay", site.config, LogFormat.JSON, *compiled_into)
