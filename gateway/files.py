@@ -99,7 +99,7 @@ def write_file(path: Path, content: bytes, *, force: bool, is_secret: bool = Fal
 
     Raises:
         FileExistsError: the file exists, and no ``force``.
-        FileRefusedError: what would be replaced is no regular file.
+        FileRefusedError: what would be replaced is no regular file, or the path names no file.
         OSError: it cannot be written; the old file is unchanged.
     """
     existing = None
@@ -109,6 +109,8 @@ def write_file(path: Path, content: bytes, *, force: bool, is_secret: bool = Fal
             existing = path.stat()
     if existing is not None and not stat.S_ISREG(existing.st_mode):
         raise FileRefusedError(kind_of(existing.st_mode), "give a regular file, or a new name")
+    if not path.name:  # "/", "."
+        raise FileRefusedError("a folder", "give a new name in it")
     beside = path.with_name(f".pitch-gateway-{os.urandom(8).hex()}")
     descriptor = create(beside, 0o600 if is_secret else 0o666)
     try:

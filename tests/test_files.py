@@ -84,3 +84,10 @@ def test_what_is_no_file_is_not_replaced(tmp_path: Path) -> None:
 def test_without_a_folder_nothing_is_written(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         write_file(tmp_path / "none" / "file", b"new", force=True)
+
+
+@pytest.mark.parametrize("path", ["/", ".", ""])
+@pytest.mark.parametrize("force", [False, True])
+def test_a_path_without_a_name_is_refused(path: str, force: bool) -> None:
+    with pytest.raises(FileRefusedError, match="a folder; give"):
+        write_file(Path(path), b"new", force=force)

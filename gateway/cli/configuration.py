@@ -29,10 +29,10 @@ def load_or_exit(config: Path, *, checks_times: bool = True, is_start: bool = Fa
     return loaded
 
 
-def compile_for_start_or_exit(config: Path) -> tuple[str, Path]:
+def compile_for_start_or_exit(config: Path) -> tuple[str, Path, list[str]]:
     """Write the relay's compiled configuration into the state folder, or report why not and exit with 1.
 
-    Return the name of the gateway and that folder.
+    Return the name of the gateway, that folder, and the warnings.
 
     If the file of a table is bad, an earlier good one of that name is used, and this is reported.
     """
@@ -50,17 +50,15 @@ def compile_for_start_or_exit(config: Path) -> tuple[str, Path]:
     settled = settle(loaded, last.plan if last else None, is_start=True)
     if settled.refused:
         load_or_exit(config, is_start=True)
-    for warning in loaded.warnings:
-        typer.echo(f"warning: {warning}", err=True)
+    warnings = [str(warning) for warning in loaded.warnings]
     for name, reading in loaded.readings.items():
-        for remark in (*reading.problems, *reading.findings.warnings):
-            typer.echo(f"warning: {remark}", err=True)
+        warnings += [str(remark) for remark in (*reading.problems, *reading.findings.warnings)]
         if settled.sources[name] is TableSource.KEPT:
-            typer.echo(f"warning: {reading.path}: axis {name} starts with the last good table", err=True)
+            warnings.append(f"{reading.path}: axis {name} starts with the last good table")
         elif settled.sources[name] is TableSource.ABSENT:
-            typer.echo(f"warning: {reading.path}: axis {name} starts without correction", err=True)
+            warnings.append(f"{reading.path}: axis {name} starts without correction")
     compile_or_exit(loaded, settled.plan)
-    return loaded.plan.name, loaded.state_folder
+    return loaded.plan.name, loaded.state_folder, warnings
 
 
 def compile_or_exit(loaded: "Loaded", plan: "GatewayPlan | None" = None) -> None:

@@ -1,14 +1,17 @@
 """``pitch-gateway run CONFIG``."""
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Annotated
 
 import typer
 
+from gateway.catalogue.process_events import CONFIGURATION_WARNING
 from gateway.cli.arguments import Config
 from gateway.cli.configuration import compile_for_start_or_exit
-from gateway.ipc.log import LogEntry, LogFormat
+from gateway.ipc.log import WARNING, LogEntry, LogFormat, LogLines, log_entry
+from gateway.ipc.log_thread import LogThread
 
 HowToLog = Annotated[
     LogFormat, typer.Option("--log-format", help="How the log is written; auto: console on a terminal.")
@@ -44,7 +47,8 @@ def run(config: Config, *, log_format: HowToLog = LogFormat.AUTO, status_every: 
     from gateway.ipc.log import take_standard_error
 
     take_standard_error(log_format)
-    name, state = compile_for_start_or_exit(config)
+    name, state, warnings = compile_for_start_or_exit(config)
+    _warn(warnings, log_format, name)
     compiled_into = "--state", str(state)
     code = run_both(
         command_of("gateway.relay", config, log_format, "--status-every", str(status_every), *compiled_into),
@@ -53,6 +57,21 @@ def run(config: Config, *, log_format: HowToLog = LogFormat.AUTO, status_every: 
     )
     if code:
         raise typer.Exit(code)
+
+
+def _warn(warnings: Sequence[str], log_format: LogFormat, gateway: str) -> None:
+    """Log the warnings about the configuration.
+
+    A full disk, a closed reader or a stalled one keeps no gateway from starting.
+    """
+    lines = LogLines()
+
+    def write(entry: LogEntry) -> None:
+        lines.write(entry.severity, f"{WARNING}{entry.fields['detail']}")
+
+    with LogThread(_log(log_format, gateway) if log_format.is_json else write) as log:
+        for warning in warnings:
+            log.write(log_entry(CONFIGURATION_WARNING, {"detail": warning}, time.time()))
 
 
 def _log(log_format: LogFormat, gateway: str) -> Callable[[LogEntry], None]:

@@ -7,6 +7,7 @@ full, writing blocks until its reader continues. The interpreter does not wait f
 
 import asyncio
 import contextlib
+import signal
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -60,9 +61,16 @@ class LogThread:
         await asyncio.to_thread(self.close)
 
     def start(self) -> None:
-        """Start the thread. It keeps the present signal mask and scheduling."""
+        """Start the thread. It keeps the present scheduling.
+
+        It takes no signals: a process that waits for one with all its other threads would end by it.
+        """
         self._nothing_to_do.acquire()
-        self._thread.start()
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
+        try:
+            self._thread.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
     def put(self, entry: LogEntry) -> None:
         """Take an entry, at the cost of an append; it is written after the next :meth:`wake`."""

@@ -261,3 +261,38 @@ def test_run_ends_with_its_relay_when_nobody_reads(site: Site) -> None:
         os.kill(pids["gateway.relay"], signal.SIGKILL)
         assert gateway.process.wait(SECONDS) == 1
         assert not any(map(is_alive, pids.values()))
+
+
+def starts_although(site: Site, log_fd: int, log_format: str) -> None:
+    """Start a gateway that has to warn of its table into a log that takes nothing, and move its axis."""
+    assert typed("check", "--compile", str(site.config)).returncode == 0
+    site.table.write_text("no table")  # it starts with the last good one, and says so
+    command = [*COMMAND, "run", str(site.config), "--log-format", log_format]
+    with started(command, cwd=ROOT, stderr=log_fd) as process:
+        latest_s = time.monotonic() + SECONDS
+        while not site.port_is_open():
+            assert process.poll() is None
+            assert time.monotonic() < latest_s, "it waits for its log"
+        master = site.master()
+        assert master.move(50_000) == 50_050
+        master.close()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(SECONDS) == 0
+
+
+@pytest.mark.parametrize("log_format", ["json", "console"])
+def test_a_warning_that_nobody_reads_keeps_no_gateway_from_starting(site: Site, log_format: str) -> None:
+    ours, theirs = os.pipe()
+    full = b"x" * fcntl.fcntl(theirs, fcntl.F_SETPIPE_SZ, SMALLEST_PIPE)
+    assert os.write(theirs, full) == len(full)
+    try:
+        starts_although(site, theirs, log_format)
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+@pytest.mark.parametrize("log_format", ["json", "console"])
+def test_a_warning_onto_a_full_disk_keeps_no_gateway_from_starting(site: Site, log_format: str) -> None:
+    with Path("/dev/full").open("wb") as full:
+        starts_although(site, full.fileno(), log_format)
