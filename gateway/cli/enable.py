@@ -7,13 +7,13 @@ from gateway.cli.commanding import Axes, ask_or_exit, command
 
 
 def enable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> None:
-    """Switch the compensation of axes on, in the gateway that runs CONFIG.
+    """Switch the compensation of axes on, in the running gateway of CONFIG.
 
-    Nothing moves by itself: the correction comes into force with the next different target, or is blended in
-    over the next stretch of a stream. Axes of one group change together. An axis in shadow mode stays in it,
-    and is named: its configuration and `reload` end that.
+    No axis moves because of it. The correction is applied at the next different target, or blended in along a
+    stream of setpoints. Axes of a group change together. An axis in shadow mode stays in it and is named:
+    change its configuration and run `reload`.
 
-    Exit code 1 when no gateway runs or an axis cannot be switched on.
+    Exit code 1 if no gateway runs or an axis cannot be switched on.
 
     Examples:
         pitch-gateway enable gateway.toml

@@ -85,19 +85,18 @@ COMPENSATION_REFUSAL: Final = (
 
 @takes_options
 def init(file: TargetFile = Path("gateway.toml"), *, options: InitOptions) -> None:
-    r"""Write a commented configuration for the drives on one line, to start from.
+    r"""Write a first configuration with comments, for the drives on one line.
 
-    Asks first whether the controller's own compensation is off, then for what the options leave open; serial
-    ports that are there are listed by the names that last, and chosen by their number. An answer that the
-    configuration would refuse is explained and asked for again. Then it asks for a further axis, as often as
-    there is one; Enter takes the drive of the axis before. The folder of the tables is made. The file is
-    checked when it is written; where the drives answer, their times are measured and the time-outs of the
-    line are written as they ask for (`pitch-gateway probe --timing`). What is left to fill in is said line by
-    line, then the next three commands. Each axis starts in "shadow": everything is computed and shown,
-    nothing is changed.
+    It first asks whether the controller's own compensation is off, then for missing values. It lists serial
+    ports by their lasting names; type a number to choose one. If an answer is not allowed, it says why and
+    asks again. Then it asks for further axes; Enter takes the drive of the axis before. It makes the folder
+    of the tables, writes the file and checks it. If the drives reply, it can measure their times and write
+    the time-outs of the line (as `pitch-gateway probe --timing` does). At the end it lists what you must fill
+    in, and the next three commands. Each axis starts in "shadow": corrections are computed and shown, but
+    positions pass unchanged.
 
-    Where baud rate, parity or unit ids of the drives are not known and their line is silent, --scan
-    asks each unit id for one register, at one usual setting after the other, and offers what answered.
+    If you do not know baud rate, parity or unit ids, use --scan on a silent line. It reads one register from
+    each unit id at the usual settings, and offers what replied.
 
     Examples:
         pitch-gateway init

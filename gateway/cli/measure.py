@@ -23,20 +23,19 @@ def measure(
     *,
     options: MeasureOptions,
     yes: Annotated[
-        bool, typer.Option("--yes", help="Do not ask before the axis moves: for scripts.")
+        bool, typer.Option("--yes", help="Do not ask before the axis moves; for scripts.")
     ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Say everything that happens as lines of JSON.")
-    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print each step as a line of JSON.")] = False,
 ) -> None:
-    """Measure an axis: drive it to targets through the gateway that runs CONFIG, read an instrument there.
+    """Measure an axis: move it to targets through the gateway that runs CONFIG, and read an instrument.
 
-    THE AXIS MOVES. It asks first; Ctrl-C stops it at any time. Readings come from the keyboard, from a CSV
-    that grows, or from a serial gauge, and are kept one by one. At the end: results of ISO 230-2, the table,
-    and what changes against the active one. Switch the compensation off for a first table
-    (pitch-gateway disable); with it on, the active table is refined.
+    THE AXIS MOVES. The command asks first; Ctrl-C stops the axis at any time. Readings come from the
+    keyboard, from a growing CSV file, or from a serial gauge. Each reading is saved when it is taken. At the
+    end you get the results of ISO 230-2, the table, and its differences from the active table. For a first
+    table, switch the compensation off (pitch-gateway disable). With compensation on, the active table is
+    refined.
 
-    Exit code 1 when it did not come to its end; 130 or 143 when a signal stopped it.
+    Exit code 1 if the run did not finish; 130 or 143 if a signal stopped it.
 
     Examples:
         pitch-gateway measure gateway.toml --axis x --from -290 --to -15 --step 25

@@ -16,12 +16,12 @@ def reference(
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask; for scripts.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Tell the gateway that an axis stands where its drive says, so that its table holds.
+    """Confirm that an axis is referenced: its drive counts from the machine's zero.
 
-    For axes that were homed while the gateway did not watch, or whose drive has no bit for it. If it is not
-    true, every correction is that of another place. Asks first.
+    Use it for an axis that was homed while the gateway did not run, or whose drive has no homed bit. If the
+    confirmation is wrong, every correction is wrong. The command asks first.
 
-    Exit code 1 when no gateway runs, the answer was no, or the axis cannot be referenced.
+    Exit code 1 if no gateway runs, the answer was no, or the axis cannot be referenced.
 
     Examples:
         pitch-gateway reference gateway.toml x

@@ -27,15 +27,16 @@ GONE = {
 
 
 def reload(config: Config, *, as_json: AsJson = False) -> None:
-    """Read CONFIG and its tables anew, at once, and give the gateway that runs it what changed.
+    """Read CONFIG and its tables now, and apply the changes to the gateway that runs it.
 
-    A gateway that runs watches its table files by itself; this does not wait until they stand still. Each
-    axis is for itself (a group as one): a bad table leaves what its axis had. Nothing moves by itself. Of
-    CONFIG it takes tables, gains, limits such as max_correction, the end of a dry run (compensation from
-    "shadow" to "on", while the axis stands at its target), the page and MQTT; with anything else changed
-    nothing is taken, and what needs a restart is named. Without a gateway everything is kept for its start.
+    A running gateway also finds changed table files itself, after they have stopped changing. Each axis is
+    checked separately, a group together: an axis with a bad table keeps its old one. No axis moves because of
+    it. From CONFIG it applies tables, gains, limits such as max_correction, the page, MQTT, and the end of a
+    dry run (compensation from "shadow" to "on", while the axis is at standstill at its target). If anything
+    else changed, nothing is applied, and the command names what needs a restart. If no gateway runs, all is
+    stored for its next start.
 
-    Exit code 1 when anything is wrong; each problem is one line on stderr.
+    Exit code 1 if there is a problem; each one is a line on stderr.
 
     Examples:
         pitch-gateway reload gateway.toml

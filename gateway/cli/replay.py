@@ -24,19 +24,19 @@ def replay(
     *,
     config: Annotated[
         Path | None,
-        typer.Option("--config", help="Replay it with this configuration in place of the recorded one."),
+        typer.Option("--config", help="Use this configuration in place of the recorded one."),
     ] = None,
     line: Line = None,
-    show_traffic: Annotated[bool, typer.Option("--show", help="Print the traffic, readable.")] = False,
+    show_traffic: Annotated[bool, typer.Option("--show", help="Print the traffic in words.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run a recording through the exchange again and compare every byte that comes out.
+    """Run a recording through the exchange again and compare every output byte.
 
-    The same inputs at the same times have to cause the same outputs, to the drives and to the controllers.
-    With another configuration, or another release, the differences show what it would have done instead.
+    The same inputs at the same times must give the same outputs, to drives and controllers. With another
+    configuration or release, the differences show its effect.
 
-    Exit code 0 when everything is as recorded; 1 when anything differs (the first differences are printed) or
-    the file is no recording.
+    Exit code 0 if everything is as recorded; 1 if anything differs (the first differences are printed) or the
+    file is no recording.
 
     Examples:
         pitch-gateway replay monday.jsonl

@@ -21,9 +21,7 @@ def signtest(
     config: Config,
     *,
     axis: Annotated[str, typer.Option("--axis", help="The axis.", show_default=False)],
-    at: Annotated[
-        float | None, typer.Option("--at", help="Commanded position at which both readings were taken.")
-    ] = None,
+    at: Annotated[float | None, typer.Option("--at", help="Commanded position of both readings.")] = None,
     forward_reading: Annotated[
         float | None, typer.Option("--forward-reading", help="True position, approached from below.")
     ] = None,
@@ -32,28 +30,28 @@ def signtest(
     ] = None,
     uncertainty: Annotated[
         float | None,
-        typer.Option("--uncertainty", help="Of a reading, in units of the axis; default 2 µm or 2 counts."),
+        typer.Option("--uncertainty", help="Of a reading, in units of the axis; default: 2 µm or 2 counts."),
     ] = None,
     moved: Annotated[
         float | None,
         typer.Option(
             "--moved",
-            help="Instead of readings: by how much the axis really moved when 1 mm (1 degree, 0.05 inch) "
-            "more was commanded. Judges counts_per_unit.",
+            help="In place of readings: how far the axis really moved when it was commanded 1 mm (1 "
+            "degree, 0.05 inch) further. Checks counts_per_unit.",
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Tell from two readings at one point whether a table is used the right way round.
+    """Check with two readings at one position that a table is used with the right sign.
 
-    The mistake that everybody makes: the sense of the table, its two columns, or the direction of the axis is
-    the other way round, and the machine gets twice as bad instead of good. Switch the compensation off
-    (pitch-gateway disable), go to one position from below and from above, and read a laser or a gauge each
-    time, with its zero where the table has its own. Without numbers it asks for them, and says where to
-    measure; on a terminal it first asks for a move of 1 mm, which shows a counts_per_unit that is wrong by
-    ten. --moved judges such a move by itself, also of an axis that has no table yet.
+    The most common mistake is a reversed sign: in the table, between its two columns, or in the axis
+    direction. The error then doubles. Switch the compensation off (pitch-gateway disable), go to one position
+    from below and from above, and read a laser or gauge each time. Its zero must be at the table's zero.
+    Without numbers the command says where to measure and asks for them. On a terminal it first asks for a
+    move of 1 mm, which shows a counts_per_unit that is wrong by a factor of ten. --moved checks only such a
+    move, also for an axis without a table.
 
-    Exit code 0 when the table, or the move, is right; 1 when it is not, or when it cannot be told.
+    Exit code 0 if the table or the move is right; 1 if it is wrong or cannot be judged.
 
     Examples:
         pitch-gateway signtest gateway.toml --axis x

@@ -53,9 +53,9 @@ def convert(
 ) -> None:
     """Write a table in another format, and say what that format cannot hold.
 
-    What was written is read back and compared before OUT is touched. A format that knows even grids only
-    takes a free grid with --resample. Centroid version 1 takes the counts per unit from --to-counts-per-unit
-    or --file-counts-per-unit.
+    The written text is read back and compared before OUT changes. If a format holds only even grids, use
+    --resample for an uneven table. Centroid version 1 takes the counts per unit from --to-counts-per-unit or
+    --file-counts-per-unit.
 
     Examples:
       pitch-gateway table convert CNC7Z.TAB cnc10z.tab --to centroid-3 --file-start -2.5 --axis z

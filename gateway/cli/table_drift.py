@@ -31,11 +31,11 @@ def drift(
     *,
     json: AsJson = False,
 ) -> None:
-    """Evaluate a drift test after the idea of ISO 230-3: one place, read for hours.
+    """Evaluate a drift test in the manner of ISO 230-3: one position, read for hours.
 
-    It says the range over the whole test, the largest change within an hour, the rate at the end (whether the
-    machine has settled), and what a kelvin makes where temperatures were read. Measure an axis when an hour
-    changes less than the accuracy that is wanted.
+    It shows the range over the whole test, the largest change within an hour, the rate at the end (whether
+    the machine has settled), and, with temperatures, the change per kelvin. Measure an axis when an hour
+    changes less than the required accuracy.
 
     Examples:
       pitch-gateway table drift warm-up.csv

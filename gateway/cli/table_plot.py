@@ -37,21 +37,21 @@ class PlotOptions:
         list[Path] | None,
         typer.Option(
             metavar="READINGS",
-            help="Readings that were taken WITHOUT the table, drawn with what it would leave of them; "
-            "again for more files.",
+            help="Readings taken WITHOUT the table: also draws the error that it would leave; repeat it "
+            "for more files.",
             readable=False,
         ),
     ] = None
     readings_format: Annotated[
         str | None,
-        typer.Option("--readings-format", metavar="NAME", help="Format of READINGS, where it is not plain."),
+        typer.Option("--readings-format", metavar="NAME", help="Format of READINGS, if it is not clear."),
     ] = None
     runs: Annotated[
         str | None,
         typer.Option(
             "--runs",
             metavar="alternate|forward|backward",
-            help="Directions of the runs of a file that does not prove them.",
+            help="Directions of the runs, if the file does not prove them.",
         ),
     ] = None
     force: Force = False
@@ -64,7 +64,7 @@ def plot(
         Path | None,
         typer.Argument(
             metavar="OUT",
-            help="The file to write: .png, .svg or .html; - prints SVG. Default: FILE.png beside FILE.",
+            help="File to write: .png, .svg or .html; - prints SVG. Default: FILE.png beside FILE.",
             show_default=False,
             readable=False,
         ),
@@ -73,10 +73,10 @@ def plot(
     options: PlotOptions,
     json: AsJson = False,
 ) -> None:
-    """Draw a table: forward and backward corrections, backlash, slope; with READINGS also what it does.
+    """Draw a table: forward and backward corrections, backlash, slope; with READINGS also its effect.
 
-    The suffix of OUT decides: PNG or SVG is one picture, HTML a report to hand on, in a single file that
-    needs no network. Deviations are in µm (rotary axes: arcsec), positions in the units of the table.
+    The suffix of OUT decides: PNG or SVG is one picture, HTML a report in a single file that needs no
+    network. Deviations are in µm (rotary axes: arcsec), positions in the units of the table.
 
     Examples:
       pitch-gateway table plot cnc10z.tab

@@ -27,7 +27,7 @@ class ProgramKind(Enum):
 def program(
     out: Annotated[
         Path | None,
-        typer.Argument(metavar="OUT", help="The file to write; default: standard output.", readable=False),
+        typer.Argument(metavar="OUT", help="File to write; default: standard output.", readable=False),
     ] = None,
     *,
     low: Annotated[float, typer.Option("--from", metavar="LO", help="Lowest target.")],
@@ -36,32 +36,31 @@ def program(
         ProgramKind,
         typer.Option(
             "--write",
-            help="cycle: both ways with overrun; endless: TB058's loop of one step; list: the targets, for "
-            "the software of the laser.",
+            help="cycle: both ways with overrun; endless: TB058's loop of one step; list: only targets, "
+            "for the software of the laser.",
         ),
     ] = ProgramKind.CYCLE,
-    step: Annotated[float | None, typer.Option(help="Even targets at this distance.")] = None,
+    step: Annotated[float | None, typer.Option(help="Distance between even targets.")] = None,
     targets: Annotated[
-        int | None, typer.Option(help="So many targets, moved at random against periodic errors.")
+        int | None, typer.Option(help="Number of targets, with random offsets against periodic errors.")
     ] = None,
     spread: Annotated[
         float | None,
-        typer.Option(help="How far at most a target is moved: the lead of the screw; default 0.3 intervals."),
+        typer.Option(help="Largest offset of a target: the lead of the screw; default: 0.3 intervals."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="The same number gives the same targets.")] = 1,
-    runs: Annotated[int, typer.Option(help="Runs each way.")] = 5,
+    seed: Annotated[int, typer.Option(help="The same seed gives the same targets.")] = 1,
+    runs: Annotated[int, typer.Option(help="Runs in each direction.")] = 5,
     travel: Annotated[
         tuple[float, float] | None,
-        typer.Option(
-            metavar="LO HI", help="Limits of the axis: a cycle or a list that leaves them is refused."
-        ),
+        typer.Option(metavar="LO HI", help="Travel of the axis: a cycle or list that leaves it is refused."),
     ] = None,
     overrun: Annotated[
-        float | None, typer.Option(help="How far beyond the ends it turns round; default 2 mm, or 2 degrees.")
+        float | None,
+        typer.Option(help="How far beyond the ends the axis turns round; default: 2 mm or 2 degrees."),
     ] = None,
-    dwell: Annotated[float, typer.Option(help="Pause for a reading, as the control takes G4 P.")] = 5.0,
+    dwell: Annotated[float, typer.Option(help="Pause for a reading, in the control's unit of G4 P.")] = 5.0,
     feed: Annotated[
-        float | None, typer.Option(help="Units a minute; default 500 mm, or 500 degrees.")
+        float | None, typer.Option(help="Units per minute; default: 500 mm or 500 degrees.")
     ] = None,
     axis: Annotated[str, typer.Option("--axis", metavar="LETTER", help="The axis.")] = "X",
     units: Annotated[Units, typer.Option("--units", help="Units of all lengths.")] = Units.MM,
@@ -69,9 +68,9 @@ def program(
 ) -> None:
     """Write a program for the control, or a list of targets, for a measurement.
 
-    A cycle stops at every target upwards and downwards and turns round beyond the ends, so that no target is
-    approached from the wrong side. Targets given by their number are moved at random: an even grid cannot see
-    an error that repeats with every turn of the screw.
+    A cycle stops at every target upwards and downwards, and turns round beyond the ends, so that each target
+    is approached from the right side. --targets gives random offsets: an even grid cannot show an error that
+    repeats with each turn of the screw.
 
     Examples:
       pitch-gateway table program x.cnc --from 0 --to 500 --targets 11 --spread 5 --axis X

@@ -85,9 +85,7 @@ def test_the_gap_of_the_drives_has_a_column_and_a_slow_round_its_seconds(tmp_pat
 
 def test_the_help_says_what_is_known_of_the_drives_own_time() -> None:
     said = " ".join(CliRunner().invoke(app, ["budget", "--help"]).stdout.replace("│", " ").split())
-    assert (
-        "What a drive takes itself is its response_ms; where that is not known, and for programs, 0" in said
-    )
+    assert "A drive takes its response_ms; an unknown response_ms counts as 0" in said
 
 
 def test_colours_only_on_a_terminal(tmp_path: Path) -> None:
