@@ -25,7 +25,7 @@ STANDARD_OUTPUT: Final = "-"
 COLOURS: Final = {"request": "cyan", "answered": "cyan", "sent": "green", "reply": "green"}
 """The side of the controllers, and that of the drives."""
 ERROR_COLOUR: Final = "red"
-LOST: Final = "frames were lost: they came faster than they could be looked at"
+LOST: Final = "frames were lost: they came faster than this command could read them"
 
 
 def capture(
@@ -75,13 +75,16 @@ def capture(
     from gateway.recording.capture import NoCaptureError
 
     if follow and file is not None:
-        typer.echo("--follow with FILE: use record, or --pcapng, or follow without a file", err=True)
+        typer.echo("--follow writes no FILE: use record, or --pcapng, or omit FILE", err=True)
         raise typer.Exit(2)
     loaded = load_or_exit(config)
     try:
         frames = LineFrames(loaded, line)
         if frames.is_of_another:
-            typer.echo(f"{config}: is not what the gateway was started with: names may be wrong", err=True)
+            typer.echo(
+                f"{config}: differs from the configuration that the gateway runs: names may be wrong",
+                err=True,
+            )
         with frames, _opened(pcapng) as out:
             if follow:
                 with suppress(KeyboardInterrupt):
@@ -161,7 +164,7 @@ def _opened(pcapng: str | None) -> "Iterator[BinaryIO | None]":
     try:
         descriptor = create(Path(pcapng))
     except FileExistsError:
-        raise NothingTakenError(f"{pcapng}: exists already; write into a new file, or remove it") from None
+        raise NothingTakenError(f"{pcapng}: exists already; name a new file, or remove it") from None
     except OSError as error:
         raise NothingTakenError(f"{pcapng}: cannot be written ({error.strerror or error})") from None
     with os.fdopen(descriptor, "wb") as out:

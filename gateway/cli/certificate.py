@@ -174,7 +174,7 @@ def _check_name(name: str) -> None:
 
 def _check_text(text: str, option: str, longest: int = 64) -> None:
     if not text.isprintable() or not 0 < len(text) <= longest:
-        raise typer.BadParameter(f"allowed: 1 to {longest} characters that can be seen", param_hint=option)
+        raise typer.BadParameter(f"allowed: 1 to {longest} visible characters", param_hint=option)
 
 
 def _print_written(*files: Path) -> None:

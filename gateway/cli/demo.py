@@ -35,7 +35,7 @@ class _StoppedError(Exception):
     """A signal came before the work was done."""
 
     def __init__(self, number: signal.Signals) -> None:
-        super().__init__(f"stopped by {number.name} before its end: there is no result")
+        super().__init__(f"stopped by {number.name} before the end: there is no result")
         self.exit_code = STOPPED_BY_SIGNAL + number
 
 

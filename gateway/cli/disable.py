@@ -22,7 +22,7 @@ def disable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> No
     command(
         config,
         Disable(axes=tuple(axes or ())),
-        "compensation is off; the correction goes with the next motion",
-        "nothing to change: the compensation was off already",
+        "compensation is off; the correction is removed at the next motion",
+        "nothing to change: the compensation was already off",
         as_json=as_json,
     )

@@ -60,7 +60,7 @@ def show(
       pitch-gateway drives show ./my-drive.toml --json
     """
     if as_json and as_toml:
-        raise typer.BadParameter("--json and --toml exclude each other")
+        raise typer.BadParameter("give --json or --toml, not both")
     from gateway.drives.described import ProfileShown
 
     text, profile = _found(name)

@@ -125,7 +125,7 @@ def explain(
     found = look_up(name) or _keys(name)
     if not found:
         meant = ", ".join(near(name))
-        hint = f"did you mean {meant}?" if meant else "pitch-gateway explain lists what there is"
-        typer.echo(f'nothing is called "{name}"; {hint}', err=True)
+        hint = f"did you mean {meant}?" if meant else "list all names with: pitch-gateway explain"
+        typer.echo(f'"{name}" is unknown; {hint}', err=True)
         raise typer.Exit(1)
     show(_Found(found), form)

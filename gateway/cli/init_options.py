@@ -147,7 +147,7 @@ def further_axis(text: str) -> dict[str, Any]:
         if key not in _OF_AXIS or not value:
             raise ValueError(f'found "{pair}"; allowed: KEY=VALUE with {", ".join(_OF_AXIS)}')
         if key.replace("-", "_") in found:
-            raise ValueError(f'found "{pair}"; {key} stands there twice')
+            raise ValueError(f'found "{pair}"; {key} is given twice')
         read, allowed = _OF_AXIS[key]
         try:
             found[key.replace("-", "_")] = read(value)

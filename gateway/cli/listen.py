@@ -81,7 +81,7 @@ def listen(
     if parity is not None and parity not in PARITY_LETTERS:
         raise typer.BadParameter("allowed: none, even, odd", param_hint="--parity")
     if out is not None and out.exists():
-        typer.echo(f"{out} is there already: nothing is overwritten", err=True)
+        typer.echo(f"{out} exists already and is not overwritten; name a new file", err=True)
         raise typer.Exit(1)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     if to is None:
@@ -103,15 +103,16 @@ def _print_result(heard: "Heard", out: Path | None, *, as_json: bool) -> None:
     text = heard.configuration
     show(heard, Format.JSON if as_json else Format.TEXT)
     if not heard.is_understood:
-        _print("nothing was understood: let the machine move, listen longer (--for), or exchange A and B")
+        _print("no frame was understood: move the machine, listen longer (--for), or exchange A and B")
         raise typer.Exit(1)
     if not text:
         _print(
-            "no configuration is proposed: no unit id was told a target; let the machine go to some places"
+            "no configuration is proposed: no target was written to any unit id; move the machine "
+            "to several positions"
         )
     elif out is not None:
         out.write_text(text, encoding="utf-8")
-        _print(f"written: {out}; fill in what nobody can hear, then pitch-gateway check {out}")
+        _print(f"written: {out}; replace each FILL IN, then run: pitch-gateway check {out}")
     elif not as_json:
         typer.echo("\n" + text)
 
@@ -125,7 +126,7 @@ def _listen_serial(device: str, baudrate: int | None, parity: str | None, second
 
     if baudrate is not None and not hasattr(termios, f"B{baudrate}"):
         allowed = ", ".join(str(rate) for rate in sorted(BAUDRATES))
-        raise typer.BadParameter(f"no usual rate: {allowed}", param_hint="--baudrate")
+        raise typer.BadParameter(f"not a usual rate: {allowed}", param_hint="--baudrate")
     letter = None if parity is None else PARITY_LETTERS[parity]
     try:
         return listen_serial(device, seconds or SERIAL_S, baudrate=baudrate, parity=letter, report=_print)

@@ -63,8 +63,8 @@ def measure(
         if error.took:
             path = measuring.readings_file
             typer.echo(
-                f"{error.took} readings are in {path}; go on with: pitch-gateway measure {config} "
-                f"--axis {options.choice.axis} --resume {path} and the same instrument",
+                f"{error.took} readings are in {path}; continue with the same instrument: pitch-gateway "
+                f"measure {config} --axis {options.choice.axis} --resume {path}",
                 err=True,
             )
         raise typer.Exit(1 if error.stopped_by is None else STOPPED_BY_SIGNAL + error.stopped_by) from None
@@ -78,9 +78,11 @@ def _ask(config: Path) -> None:
     from gateway.commissioning.measure.errors import AxisError
 
     if not sys.stdin.isatty():
-        raise AxisError("nobody can be asked whether it may move: run it on a terminal, or give --yes")
+        raise AxisError(
+            "cannot ask for confirmation: stdin is not a terminal; run it on a terminal, or give --yes"
+        )
     try:
-        may_move = typer.confirm("Is the way free, and may it move?", err=True)
+        may_move = typer.confirm("Is the travel free of obstacles, and may the axis move?", err=True)
     except typer.Abort as error:  # Ctrl-C, or the end of the input
         typer.echo(f"\n{config}: nothing was moved", err=True)
         is_signal = isinstance(error.__context__, KeyboardInterrupt)
@@ -110,8 +112,8 @@ def _result(config: Path, measuring: "Measuring") -> "RunResult":
     except KeyboardInterrupt:
         path = measuring.readings_file
         typer.echo(
-            f"{config}: Ctrl-C before all results were made; no reading is missing in {path}: "
-            f"--resume {path} makes the results of them",
+            f"{config}: stopped by Ctrl-C before all results were made; {path} has all readings: "
+            f"--resume {path} makes the results",
             err=True,
         )
         raise typer.Exit(STOPPED_BY_SIGNAL + SIGINT) from None

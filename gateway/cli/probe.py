@@ -62,9 +62,11 @@ def probe(
     _refuse_beside_gateway(loaded, config)
     if timing:
         if axis is not None:
-            raise typer.BadParameter("all drives of a line share its time-outs", param_hint="--axis")
+            raise typer.BadParameter(
+                "remove --axis: all drives of a line share its time-outs", param_hint="--axis"
+            )
         if scan:
-            raise typer.BadParameter("--timing measures, --scan looks: give one of them", param_hint="--scan")
+            raise typer.BadParameter("give --timing or --scan, not both", param_hint="--scan")
         found: probing.Timed | probing.Probed = asyncio.run(probing.time_drives(lines))
     else:
         found = asyncio.run(probing.probe(lines, axis, is_scanned=scan, on_scan=_print_scan))
@@ -94,9 +96,9 @@ def _refuse_beside_gateway(loaded: "Loaded", config: Path) -> None:
     except NoGatewayError:
         pass  # a gateway, perhaps of another release, is running and uses the drives
     typer.echo(
-        f"{config}: its gateway runs and has the drives. pitch-gateway status {config} says whether they "
-        f"answer, and pitch-gateway capture {config} --follow shows each frame; to probe, stop the gateway "
-        "first",
+        f"{config}: its gateway is running and uses the drives. To probe, stop the gateway first. While "
+        f"it runs: pitch-gateway status {config} shows whether they reply, pitch-gateway capture "
+        f"{config} --follow shows each frame",
         err=True,
     )
     raise typer.Exit(1)
@@ -108,6 +110,6 @@ def _print_scan(line: "LinePlan") -> None:
 
     at_most = span(LAST_UNIT_ID * line.timing.response_timeout_ms * NS_PER_MS / NS_PER_S)
     typer.echo(
-        f"line {line.name}: asks unit ids 1 to {LAST_UNIT_ID}, for {at_most} at most; Ctrl-C ends it",
+        f"line {line.name}: reads from unit ids 1 to {LAST_UNIT_ID}, for {at_most} at most; Ctrl-C ends it",
         err=True,
     )

@@ -76,10 +76,10 @@ def _open_or_exit(recorder: "Recorder") -> None:
     try:
         recorder.open()
     except FileExistsError:
-        typer.echo(f"{recorder.path}: exists already; record into a new file, or remove this one", err=True)
+        typer.echo(f"{recorder.path}: exists already; name a new file, or remove this one", err=True)
     except OSError as error:
         why = error.strerror or error
-        typer.echo(f"{recorder.path}: cannot be written ({why}); name a file in a folder of yours", err=True)
+        typer.echo(f"{recorder.path}: cannot be written ({why}); name a file in your own folder", err=True)
     else:
         return
     raise typer.Exit(1)

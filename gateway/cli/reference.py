@@ -35,8 +35,8 @@ def reference(
     command(
         config,
         SetReference(axis=axis),
-        "referenced where it stands",
-        f"nothing to change: {axis} was referenced already",
+        "referenced at its present position",
+        f"nothing to change: {axis} was already referenced",
         as_json=as_json,
     )
 
@@ -44,9 +44,10 @@ def reference(
 def _confirm(axis: str) -> None:
     if not sys.stdin.isatty():
         raise typer.BadParameter(
-            "standard input is no terminal to ask on: give --yes where a script is sure", param_hint="--yes"
+            "cannot ask for confirmation: standard input is not a terminal; in a script, give --yes",
+            param_hint="--yes",
         )
-    question = f"Has axis {axis} been homed, and does it stand where its drive says?"
+    question = f"Has axis {axis} been homed, and is it really at the position that its drive reports?"
     if not typer.confirm(question, err=True):
         typer.echo("nothing was changed", err=True)
         raise typer.Exit(1)

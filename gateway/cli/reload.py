@@ -15,13 +15,13 @@ from gateway.plain import JsonObject
 PATIENCE_S: Final = 60.0
 """For the supervisor: tables of a million points take seconds each."""
 WORDS = {
-    "next-target": "comes into force with the next different target",
-    "blended": "is blended in over the next stretch of setpoints",
-    "not-in-force": "waits until the axis is referenced and its compensation on",
+    "next-target": "is applied at the next different target",
+    "blended": "is blended in along the stream of setpoints",
+    "not-in-force": "is applied when the axis is referenced and its compensation is on",
 }
 GONE = {
-    "next-target": "goes with the next different target",
-    "blended": "fades out over the next stretch of setpoints",
+    "next-target": "is removed at the next different target",
+    "blended": "is blended out along the stream of setpoints",
     "not-in-force": "was not in force",
 }
 
@@ -80,13 +80,13 @@ class _Reloaded:
         """Yield it in words, without the problems."""
         for axis, comes in self.comes.items():
             if axis in self.gone:
-                yield f"{axis}: it has no table any more; the old correction {GONE[comes]}"
+                yield f"{axis}: it has no table now; the old correction {GONE[comes]}"
             else:
                 yield f"{axis}: its new correction {WORDS[comes]}"
         if self.changed:
-            yield f"in force now: {', '.join(self.changed)}"
+            yield f"applied now: {', '.join(self.changed)}"
         if not self.is_running:
-            yield "no gateway runs: everything is compiled for its start"
+            yield "no gateway runs: all is compiled for its next start"
         elif not self.comes and not self.changed and not self.all_problems:
             yield "nothing has changed"
 

@@ -78,7 +78,7 @@ class Fitted:
         for path, is_new in self.written.items():
             yield f"{path}: {'written' if is_new else 'fits already'}"
         if any(self.written.values()):
-            yield "it counts after: systemctl daemon-reload && systemctl restart pitch-gateway.target"
+            yield "to apply it: systemctl daemon-reload && systemctl restart pitch-gateway.target"
 
 
 def fit(folder: Path, texts: Mapping[str, str]) -> Fitted:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gateway.exchange.plan import AxisPlan
 
 NUMBERS = "--at, --forward-reading and --backward-reading"
-MISSING = f"numbers for a sign test come together: {NUMBERS}"
+MISSING = f"give all numbers of a sign test together: {NUMBERS}"
 
 
 def signtest(
@@ -68,7 +68,10 @@ def signtest(
         raise typer.BadParameter(MISSING)
     if moved is not None:
         if at is not None:
-            raise typer.BadParameter("it judges a move, the readings judge a table: give one of them")
+            raise typer.BadParameter(
+                "give a move or the readings, not both: a move checks counts_per_unit, the readings "
+                "check a table"
+            )
         _judge_move(config, _axis(config, axis), moved, as_json=as_json)
         return
     plan = _with_table(config, _axis(config, axis))
@@ -101,9 +104,7 @@ def _axis(config: Path, name: str) -> "AxisPlan":
 
 def _with_table(config: Path, plan: "AxisPlan") -> "AxisPlan":
     if plan.table is None:
-        typer.echo(
-            f"{config}: axis.{plan.name}.table: missing; name the table that is to be tested", err=True
-        )
+        typer.echo(f"{config}: axis.{plan.name}.table: missing; name the table to test", err=True)
         raise typer.Exit(1)
     return plan
 
@@ -128,8 +129,8 @@ def _ask_for_a_move(config: Path, plan: "AxisPlan") -> None:
 
     commanded, units = TRIAL_MOVE[plan.settings.units], plan.settings.units.value
     typer.echo(
-        f"Axis {plan.name}: command one move up, then {commanded:g} {units} more. Measure this last move "
-        "with a dial gauge or a rule; it is negative where the axis went down.",
+        f"Axis {plan.name}: command one move up, then {commanded:g} {units} more. Measure the last move "
+        "with a dial gauge or a rule. Type a negative number if the axis went down.",
         err=True,
     )
     _judge_move(
@@ -144,12 +145,14 @@ def _asked_for(plan: "AxisPlan") -> tuple[float, float, float]:
     units, best, approach = plan.settings.units.value, best_position(plan), approach_of(plan)
     typer.echo(
         f"Axis {plan.name}: switch its compensation off (pitch-gateway disable), home it, and set the "
-        "instrument to 0 where the table has its zero.\n"
-        f"The table tells most at {best:.6g} {units}. Go to {best - approach:.6g}, then up to {best:.6g}, "
-        f"and read. Go to {best + approach:.6g}, then down to {best:.6g}, and read again.",
+        f"instrument to 0 at the zero of the table.\nThe best position for this test is {best:.6g} "
+        f"{units}. Go to {best - approach:.6g}, then up to {best:.6g}, and read. Go to "
+        f"{best + approach:.6g}, then down to {best:.6g}, and read again.",
         err=True,
     )
     at: float = typer.prompt(f"Position [{units}]", default=best, type=float, err=True)
-    forward: float = typer.prompt(f"Reading approached from below, forward [{units}]", type=float, err=True)
-    backward: float = typer.prompt(f"Reading approached from above, backward [{units}]", type=float, err=True)
+    forward: float = typer.prompt(f"Reading, approached from below, forward [{units}]", type=float, err=True)
+    backward: float = typer.prompt(
+        f"Reading, approached from above, backward [{units}]", type=float, err=True
+    )
     return at, forward, backward

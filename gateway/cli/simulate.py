@@ -60,7 +60,7 @@ def simulate(
         str,
         typer.Option(
             "--hearing",
-            show_default="whole good frames, wherever they stand",
+            show_default="whole good frames, at any place",
             help="What serial drives accept as a frame: standard, any-length, merging, no-check.",
         ),
     ] = "",
@@ -129,9 +129,9 @@ def _warn_of_what_is_not_played(config: Path, plan: "GatewayPlan") -> None:
         if axis.drive in DRIVES or not (motion.waits_for_trigger or any(motion.modes)):
             continue
         typer.echo(
-            f"warning: {config}: axis.{axis.name}: played by a plain drive that moves as soon as a position "
-            "is written: the modes, triggers and staged targets of its map do nothing there; a profile that "
-            "comes with the gateway (pitch-gateway drives) is played as its manual says",
+            f"warning: {config}: axis.{axis.name}: simulated by a plain drive that moves as soon as a "
+            "position is written: modes, triggers and staged targets of its map do nothing; for these "
+            "use a shipped profile (pitch-gateway drives)",
             err=True,
         )
 
@@ -192,7 +192,7 @@ class _Serving:
         for line in self.served:
             yield from _described(line)
         for axis, path in (self.lasers or {}).items():
-            yield f"axis {axis}: a laser on {path}, as measure --gauge {path} reads it"
+            yield f"axis {axis}: a laser on {path}; read it with: measure --gauge {path}"
         yield "Ctrl-C ends it."
 
 
@@ -201,7 +201,7 @@ async def _show_until(ended: asyncio.Event, gauges: "tuple[VirtualGauge, ...]") 
     from gateway.simulator.gauge import DISPLAY_EVERY_S, Display
 
     def print_reading(gauge: "VirtualGauge", reading: float) -> None:
-        typer.echo(f"axis {gauge.axis} stands; its laser shows {reading:.5f} {gauge.units}")
+        typer.echo(f"axis {gauge.axis} stopped; its laser shows {reading:.5f} {gauge.units}")
 
     displays = [Display(gauge, print_reading) for gauge in gauges]
     while not ended.is_set():

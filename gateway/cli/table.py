@@ -89,7 +89,7 @@ def explain(
       pitch-gateway table explain CNC7Z.TAB --at -1.25 --travel -2.6 0 --counts-per-unit 25400 --json
     """
     if not abs(at) < MAX_POSITION:
-        raise typer.BadParameter(f"{at}: is no position of a machine", param_hint="--at")
+        raise typer.BadParameter(f"{at}: is not a machine position", param_hint="--at")
     with problems():
         loaded = inspect(file, source.context(counts_per_unit))
     found = explain_at(loaded, at, counts_per_unit)

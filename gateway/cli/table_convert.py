@@ -135,7 +135,7 @@ class _Converted:
         return [
             *self.result.written.losses,
             *(
-                f"the lost motion that {self.loaded.format} states beside the table: {line}"
+                f"the lost motion that {self.loaded.format} states outside the table: {line}"
                 for line in backlash
             ),
             *lost_modulo(self.loaded, self.result.modulo),
@@ -178,7 +178,7 @@ class _Converted:
         if self.target.suffix and self.out.suffix.lower() != self.target.suffix.lower():
             lines.append(f"files of {self.target.name} are usually called *{self.target.suffix}")
         lines.append(
-            f"largest difference of a correction after reading it back: {self.result.difference:.3g} "
+            f"largest difference of a correction when read back: {self.result.difference:.3g} "
             f"{self.units.value} (at {self.result.at:g})"
         )
         return lines

@@ -85,6 +85,6 @@ class _Drifted:
         yield f"rate in the last hour: {found.last_rate * small.factor:+.2f} {small.name}/h"
         if found.per_kelvin is not None and found.explained is not None:
             yield (
-                f"a kelvin makes {found.per_kelvin * small.factor:+.2f} {small.name}; that explains "
-                f"{found.explained:.0%} of the drift"
+                f"each kelvin changes it by {found.per_kelvin * small.factor:+.2f} {small.name}; this "
+                f"explains {found.explained:.0%} of the drift"
             )

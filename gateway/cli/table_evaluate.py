@@ -38,7 +38,7 @@ def evaluate(
     """
     if options.after and options.table is not None:
         raise typer.BadParameter(
-            "either a measurement or a prediction, not both", param_hint="--after, --table"
+            "give either a measurement or a prediction, not both", param_hint="--after, --table"
         )
     source, screw = options.source, options.screw
     context = options.readings.context(source.units, source.axis)

@@ -11,7 +11,7 @@ from gateway.tabfile.options import DECLARED
 _UNITS = {
     UnitsOf.FILE: "in the file",
     UnitsOf.AXIS: "counts: units of the axis",
-    UnitsOf.TOLD: "must be told",
+    UnitsOf.TOLD: "must be given",
 }
 
 

@@ -88,7 +88,7 @@ def plot(
       pitch-gateway table plot CNC7X.TAB - --file-counts-per-unit 64000 > x.svg
     """
     if json and out == STDOUT:
-        raise typer.BadParameter("standard output takes one of both: SVG or JSON", param_hint="--json")
+        raise typer.BadParameter("standard output takes SVG or JSON, not both", param_hint="--json")
     with problems():
         loaded = inspect(file, options.source.context(options.counts_per_unit))
         axis_data = axis_data_of(loaded, options.source.axis)
@@ -166,7 +166,9 @@ def _with_readings(axis_data: AxisData, options: PlotOptions) -> AxisData:
     context = ReadingsContext(options.readings_format, None, None, runs)
     before = merged([read_survey(file, context) for file in options.readings or ()]).in_units(axis_data.units)
     check_same_axis(before.source, before.axis, "the table", axis_data.axis)
-    check_uncorrected(before.source, before.facts, "draw the table without them, or give those before it")
+    check_uncorrected(
+        before.source, before.facts, "draw the table without them, or give readings taken before it"
+    )
     after = predicted_residue(before, table)
     return replace(
         axis_data,

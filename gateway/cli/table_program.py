@@ -138,13 +138,13 @@ def _check(
 ) -> None:
     """Refuse options that do not go together."""
     if (step is None) == (targets is None):
-        raise typer.BadParameter("one of --step and --targets is needed", param_hint="--step, --targets")
+        raise typer.BadParameter("give --step or --targets", param_hint="--step, --targets")
     if kind is ProgramKind.ENDLESS and travel is not None:
         raise typer.BadParameter(
-            "the endless program only stops at the limit of the control: --write cycle", param_hint="--travel"
+            "the endless program stops only at the limit of the control: --write cycle", param_hint="--travel"
         )
     if kind is ProgramKind.ENDLESS and step is None:
-        raise typer.BadParameter("the endless program makes even steps: --step", param_hint="--write")
+        raise typer.BadParameter("the endless program makes even steps: give --step", param_hint="--write")
 
 
 def _text(
@@ -166,20 +166,20 @@ def _warn(stops: list[float], cycle: maths.Cycle, kind: ProgramKind) -> None:
     unit = cycle.units.value
     if kind is ProgramKind.CYCLE:
         typer.echo(
-            f"note: the axis goes from {stops[0] - cycle.overrun:g} to {stops[-1] + cycle.overrun:g} {unit}; "
-            "it must be free to do so",
+            f"note: the axis goes from {stops[0] - cycle.overrun:g} to {stops[-1] + cycle.overrun:g} "
+            f"{unit}; keep this range free",
             err=True,
         )
         typer.echo(
-            "note: its positions are those of the active work offset, a table's those of the machine: cancel "
-            "work and tool offsets, so that both are one",
+            "note: its positions are those of the active work offset, a table's those of the machine: "
+            "cancel work and tool offsets, so that both are equal",
             err=True,
         )
     if kind is ProgramKind.ENDLESS:
         typer.echo("note: the program repeats itself until the software travel limit stops it", err=True)
         typer.echo(
-            f"note: the step is {unit} only if the control is set so (G20 inch, G21 mm); G91 stays in force "
-            "after it: G90 before anything else",
+            f"note: set the control to {unit} (G20 inch, G21 mm), or the step has another length; G91 "
+            "stays active after the program: command G90 first",
             err=True,
         )
     if cycle.units is not Units.DEGREE:

@@ -37,13 +37,13 @@ def token(
     try:
         write_file(file, f"{secrets.token_urlsafe(BYTES)}\n".encode(), force=force, is_secret=True)
     except FileExistsError:
-        typer.echo(f"{file}: exists already; --force puts a new token into it", err=True)
+        typer.echo(f"{file}: exists already; --force replaces its token", err=True)
         raise typer.Exit(1) from None
     except FileRefusedError as error:
         typer.echo(f"{file}: {error}", err=True)
         raise typer.Exit(1) from None
     except OSError as error:
         why = error.strerror or error
-        typer.echo(f"{file}: cannot be written ({why}); name a file in a folder of yours", err=True)
+        typer.echo(f"{file}: cannot be written ({why}); name a file in your own folder", err=True)
         raise typer.Exit(1) from None
-    typer.echo(f"{file}: a new token")
+    typer.echo(f"{file}: new token written")

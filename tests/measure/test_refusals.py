@@ -63,7 +63,7 @@ REFUSED = [
     ((*FEW, "--yes", "--out-format", "excel"), "--out-format excel: allowed are"),
     ((*FEW, "--yes", "--out", "gateway.toml"), "gateway.toml: a file of this name"),
     ((*FEW, "--yes", "--report", "report.pdf"), "a report is written as .html, .png, .svg"),
-    (FEW, "nobody can be asked whether it may move"),
+    (FEW, "cannot ask for confirmation: stdin is not a terminal"),
     (
         ("--from", "0", "--to", "100", "--targets", "6", "--out", "x.tab", "--out-format", "centroid-3"),
         "cannot be written as centroid-3: ",
@@ -139,7 +139,7 @@ async def test_a_table_that_the_configuration_now_reads_the_other_way_round_is_n
         said = await _refused(machine, *FEW, "--yes")
         assert "CONFIG reads x.txt otherwise than the gateway did" in said
         machine.configure(lines.format("actual_minus_command"))
-        assert "nobody can be asked" in await _refused(machine, *FEW)
+        assert "cannot ask for confirmation" in await _refused(machine, *FEW)
 
 
 async def test_an_axis_that_is_not_ready_is_not_moved(machine: Machine) -> None:
