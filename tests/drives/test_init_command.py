@@ -459,7 +459,7 @@ def test_axes_are_answered_for_one_after_the_other(tmp_path: Path) -> None:
     ("wrong", "said"),
     [
         ({"axis": "x\ny"}, 'found "x"; there is an axis x already'),
-        ({"unit id": "7\n8"}, "found 7; axis x has this unit id: each drive has its own"),
+        ({"unit id": "7\n8"}, "found 7; axis x has this unit id: each drive needs its own"),
         ({"travel": "0\n-40\n-40\n0"}, "allowed: [lowest, highest], the first below the second"),
     ],
 )
