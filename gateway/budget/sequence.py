@@ -40,8 +40,8 @@ class Why(Enum):
     """A frame that the gateway adds, as displayed."""
 
     DIRECTION = "position, for the direction (M6)"
-    BASE = "where a distance starts (M5)"
-    REWRITE = "target anew for its trigger (M2)"
+    BASE = "start of a distance (M5)"
+    REWRITE = "target again for its trigger (M2)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,7 +246,7 @@ def misfits(axis: AxisPlan, blocks: Blocks) -> Iterator[str]:
     """Yield why a drive would refuse these blocks."""
     least = least_target_registers(axis)
     if blocks.target_registers and blocks.target_registers < least:
-        yield f"a target of axis {axis.name} has {least} registers, not {blocks.target_registers}"
+        yield f"a target of axis {axis.name} needs at least {least} registers, not {blocks.target_registers}"
     for registers in (blocks.read_registers, blocks.target_registers):
         if registers > axis.max_registers:
             yield (

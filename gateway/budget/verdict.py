@@ -133,7 +133,7 @@ def _changes(plan: LinePlan, index: int, blocks: Blocks) -> Iterator[tuple[str, 
 # --- what is impossible, and what is close -----------------------------------------------------------------
 
 MASTER_TIMEOUTS: Final = (
-    (50.0, "minimalmodbus and the W1P controllers of Leadshine EL7 drives, as they come"),
+    (50.0, "minimalmodbus and the W1P controllers of Leadshine EL7 drives, with default settings"),
 )
 """Usual time-outs of masters in ms, and their owners."""
 
@@ -190,14 +190,14 @@ def _timeouts(plan: LinePlan, controller: ControllerBudget, blocks: Blocks) -> I
     slowest = max(controller.exchanges, key=_with_added)
     longest = max(controller.exchanges, key=_with_request)
     if slowest.with_added_ns > limit:
-        with_own = f", with frames of the gateway's own {ms(slowest.added_ns)} ms later"
+        with_own = f", with frames added by the gateway {ms(slowest.added_ns)} ms later"
         found = f"{setting}, and {_reply_to(slowest)} comes {_waited(slowest)}"
         found += with_own if slowest.added_ns else ""
         yield Judgement(Grade.CLOSE, key, found, _faster(plan, controller, blocks, _with_added))
     elif longest.legs.total_ns > limit:
         found = (
-            f"{setting}, and {_exchange(longest)} takes {ms(longest.legs.total_ns)} ms with its request: too "
-            "long for a controller that counts from the first byte it sends"
+            f"{setting}, and {_exchange(longest)} takes {ms(longest.legs.total_ns)} ms with its "
+            "request: too long for a controller that starts its timeout at the first byte it sends"
         )
         yield Judgement(Grade.CLOSE, key, found, _faster(plan, controller, blocks, _with_request))
     else:
@@ -270,7 +270,7 @@ def _faster(
         ways.append("gap_ms no longer than the drives need, or a controller that pauses as long")
     counted_ns, worst_ns = controller.longest_ns(counted), controller.longest_ns(_with_added)
     need_ms = max(counted_ns, worst_ns) // NS_PER_MS + 1
-    whose = ", with frames of the gateway's own," if worst_ns > counted_ns else ""
+    whose = ", with frames added by the gateway," if worst_ns > counted_ns else ""
     ways.append(f"let the controller wait longer than {need_ms} ms{whose or ','} if it can")
     return "; ".join((*ways[:-1], f"or {ways[-1]}"))
 
@@ -290,9 +290,9 @@ def _deadlines(line: LineBudget, axis: AxisPlan) -> Iterator[Judgement]:
     )
     before_ns = own_ns + rewriting_ns
     if before_ns > limit:
-        terms = sum_text(((own_ns, "gateway (budget_us)"), (rewriting_ns, "target anew for its trigger")))
+        terms = sum_text(((own_ns, "gateway (budget_us)"), (rewriting_ns, "target again for its trigger")))
         what = "a trigger" if rewriting_ns else "a target"
-        found = f"{setting}, but {what} of this axis may go out {ms(before_ns)} ms after it came ({terms})"
+        found = f"{setting}, but {what} of this axis may be sent {ms(before_ns)} ms after it came ({terms})"
         remedy = f"allow more than {before_ns // NS_PER_MS + 1} ms, or make the drives' side faster"
         yield Judgement(Grade.IMPOSSIBLE, key, found, remedy)
         return
@@ -300,7 +300,7 @@ def _deadlines(line: LineBudget, axis: AxisPlan) -> Iterator[Judgement]:
     if there_ns > limit:
         found = f"{setting}, and the drive has the whole target {ms(there_ns)} ms "
         found += f"after the gateway ({terms_there})"
-        remedy = "a target that is not late when it goes out is older than that when it arrives: allow more, "
+        remedy = "a target that is in time when it is sent is too old when it arrives: allow more, "
         remedy += "or make the drives' side faster"
         yield Judgement(Grade.CLOSE, key, found, remedy)
 
@@ -351,12 +351,12 @@ def _starving(plan: LinePlan) -> Iterator[Judgement]:
         yield Judgement(
             Grade.CLOSE,
             ("line", plan.name, "controllers", index, "timeout_ms"),
-            f"timeout_ms = {limit_ms:g}, and a drive that falls silent keeps what moves others for "
+            f"timeout_ms = {limit_ms:g}, and a silent drive keeps writes to others waiting for "
             f"{wait_ms + drain_ms:g} ms ({wait_ms:g} {whose} + {drain_ms:g} drain_ms), "
-            + ("three times" if timing.backs_off else "each time that it is asked"),
-            "this controller then gives up on drives that would answer: set response_timeout_ms and drain_ms "
-            f"to what the drives need, together below {limit_ms:g} (as in {EACH * limit_ms:g} each), and "
-            "timeout_ms of the other controllers no longer than response_timeout_ms",
+            + ("three times" if timing.backs_off else "for each request to it"),
+            "this controller then gives up on drives that would answer: set response_timeout_ms and "
+            f"drain_ms to what the drives need, together below {limit_ms:g} (as in {EACH * limit_ms:g} "
+            "each), and timeout_ms of the other controllers no longer than response_timeout_ms",
         )
 
 
@@ -373,9 +373,9 @@ def _forwarding_judgements(plan: LinePlan, line: LineBudget) -> Iterator[Judgeme
         yield Judgement(
             Grade.IMPOSSIBLE,
             key,
-            f"cut_through = true, and the drive of axis {careless[0]} obeys or answers frames with a wrong "
-            "check sum (checks_crc = false)",
-            "a frame that turns out to be bad has left by then and is spoilt by its check sum alone: "
+            f"cut_through = true, and the drive of axis {careless[0]} executes or answers frames with a "
+            "wrong CRC (checks_crc = false)",
+            "a bad frame is sent before the error is found, and only its CRC stops the drive: write "
             "cut_through = false",
         )
         return
@@ -384,8 +384,8 @@ def _forwarding_judgements(plan: LinePlan, line: LineBudget) -> Iterator[Judgeme
         yield Judgement(
             Grade.CLOSE,
             key,
-            "cut_through = true, but no frame of a round would be through a character sooner",
-            "take it out; pitch-gateway budget shows what each frame would gain",
+            "cut_through = true, but no frame of a round would gain as much as a character",
+            "remove it; pitch-gateway budget shows what each frame would gain",
         )
 
 

@@ -11,15 +11,13 @@ import typer
 
 Config = Annotated[
     Path,
-    typer.Argument(
-        metavar="CONFIG", help="The configuration, a TOML file.", show_default=False, readable=False
-    ),
+    typer.Argument(metavar="CONFIG", help="Configuration, a TOML file.", show_default=False, readable=False),
 ]
 TableFile = Annotated[
     Path,
     typer.Argument(
         metavar="FILE",
-        help="A table file of any format (see 'table formats').",
+        help="Table file of any format (see 'table formats').",
         show_default=False,
         readable=False,
     ),

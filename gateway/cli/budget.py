@@ -21,7 +21,7 @@ def budget(
             min=0,
             max=MOST_READ,
             show_default=False,
-            help="Registers of a block that the controller also reads from each drive in each round.",
+            help="Size of a block of registers that the controller also reads from each drive in each round.",
         ),
     ] = 0,
     target_registers: Annotated[
@@ -30,19 +30,19 @@ def budget(
             min=0,
             max=MOST_WRITTEN,
             show_default="as many as the position has",
-            help="Registers of the block in which the controller writes a target.",
+            help="Size of the block in which the controller writes a target.",
         ),
     ] = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Work out what cycle time each line can hold, before anything is wired.
+    """Compute the cycle time of each line, before anything is wired.
 
-    From baud rates, frames, silences and the gateway's own share (budget_us): each exchange leg by leg in
-    milliseconds, a round over all axes, and the same without the gateway. What a drive takes itself is its
-    response_ms; where that is not known, and for programs, 0 is reckoned with. docs/latency.md explains the
-    columns.
+    The times come from baud rates, frames, silences and the gateway's own share (budget_us). Each exchange is
+    shown step by step in milliseconds, then a round over all axes, and the same without the gateway. A drive
+    takes its response_ms; an unknown response_ms counts as 0, and so does the time of programs.
+    docs/latency.md explains the columns.
 
-    Exit code 1 when a timeout_ms or deadline_ms cannot be met.
+    Exit code 1 if a timeout_ms or deadline_ms is too short.
 
     Examples:
         pitch-gateway budget gateway.toml

@@ -56,7 +56,7 @@ def _wire_text(wire: Wire) -> str:
     if wire.is_serial:
         return f", {wire.bits_per_byte * NS_PER_S / wire.baudrate / 1000:.1f} µs/character"
     if wire.is_hidden:
-        return ", the wire behind the device server is not known, 0 assumed"
+        return ", the wire behind the device server is unknown, 0 assumed"
     return ", 0 on the wire"
 
 
@@ -74,7 +74,7 @@ def _controller(figures: LineFigures, controller: ControllerBudget) -> Iterator[
         f"{_wire_text(controller.wire)}, time-out {controller.timeout_ns / NS_PER_MS:g}"
     )
     if not controller.exchanges:
-        yield _words("  no axis on this line: nothing is known of its frames; --registers N reckons with one")
+        yield _words("  no axis on this line, so its frames are unknown; --registers N computes one")
         return
     yield _exchange_table(controller)
     cycle = controller.round
@@ -84,7 +84,9 @@ def _controller(figures: LineFigures, controller: ControllerBudget) -> Iterator[
         f"without the gateway {ms(cycle.direct_ns)}"
     )
     if cycle.added_ns:
-        yield _words(f"  frames of the gateway's own can add {ms(cycle.added_ns)} to a round, see below")
+        yield _words(
+            f"  frames added by the gateway can take {ms(cycle.added_ns)} more in a round, see below"
+        )
     others_ns = line.longest_other_ns(controller.index)
     if others_ns:
         yield _words(f"  an exchange of another controller can come first: up to {ms(others_ns)} more")
@@ -145,7 +147,7 @@ def _forwarding_rows(plan: LinePlan, controller: ControllerBudget) -> Iterator[R
         if each.forwarding and each.forwarding.saves_ns
     ]
     if not found:
-        yield _words(f"  {whose} no frame would be through a character sooner")
+        yield _words(f"  {whose} no frame would gain as much as a character")
         return
     table = _table()
     table.add_column(f"  {whose}", overflow="fold")
@@ -178,11 +180,11 @@ def _added(line: LineBudget) -> Iterator[RenderableType]:
     if not line.added:
         return
     yield ""
-    yield _words("[bold]frames of the gateway's own[/], only when they are needed")
+    yield _words("[bold]frames added by the gateway[/], only when needed")
     table = _table()
     for name in ("  axis", "what", "before"):
         table.add_column(name, overflow="fold")
-    table.add_column("holds it up by", justify="right")
+    table.add_column("delays it by", justify="right")
     for each in line.added:
         added = each.added
         table.add_row(f"  {added.axis}", added.why.value, added.before.value, ms(each.hold_ns))

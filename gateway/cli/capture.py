@@ -25,41 +25,39 @@ STANDARD_OUTPUT: Final = "-"
 COLOURS: Final = {"request": "cyan", "answered": "cyan", "sent": "green", "reply": "green"}
 """The side of the controllers, and that of the drives."""
 ERROR_COLOUR: Final = "red"
-LOST: Final = "frames were lost: they came faster than they could be looked at"
+LOST: Final = "frames were lost: they came faster than this command could read them"
 
 
 def capture(
     config: Config,
     file: Annotated[
         Path | None,
-        typer.Argument(metavar="FILE", help="A new file, which replay runs.", show_default=False),
+        typer.Argument(metavar="FILE", help="New file, for replay.", show_default=False),
     ] = None,
     *,
     pcapng: Annotated[
         str | None,
-        typer.Option(
-            "--pcapng", metavar="FILE", help="A new file that Wireshark reads; - is standard output."
-        ),
+        typer.Option("--pcapng", metavar="FILE", help="New file for Wireshark; - is standard output."),
     ] = None,
     follow: Annotated[
-        bool, typer.Option("--follow", "-f", help="Go on with what comes, until Ctrl-C.")
+        bool, typer.Option("--follow", "-f", help="Continue with new frames, until Ctrl-C.")
     ] = False,
     line: Line = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print frames, or what was written, as JSON lines.")
     ] = False,
 ) -> None:
-    """Take the last minutes of the lines out of the gateway that runs CONFIG.
+    """Save or show the last minutes of traffic on the lines of the running gateway of CONFIG.
 
-    The gateway keeps what passed on its lines in memory of a fixed size (size_mb of capture). This looks into
-    it: the gateway does nothing for that, and goes on. FILE holds it as record does, with what was known of
-    the axes, so that replay runs it. --pcapng has it for Wireshark, an interface for each controller and one
-    for the drives: Modbus/TCP as such, RTU as mbrtu, and nothing has to be set there. Without a file the
-    frames are printed, in words.
+    The gateway keeps its traffic in memory of a fixed size (key capture.size_mb). This command reads
+    that memory and does not disturb the gateway. FILE is a recording as record writes it, with the known
+    state of the axes: replay runs it. --pcapng writes a file for Wireshark, with an interface for each
+    controller and one for the drives. Wireshark decodes Modbus/TCP and RTU (as mbrtu) without settings.
+    Without a file, the frames are printed in words.
 
-    FILE holds the configuration with its passwords, so only this user may read it.
+    FILE contains the configuration with its passwords; only your user can read it.
 
-    Exit code 1 when no gateway runs, or it keeps nothing; 0 after Ctrl-C.
+    Exit code 1 if no gateway runs or it keeps no traffic; 0 after Ctrl-C.
 
     Examples:
         pitch-gateway capture gateway.toml monday.jsonl && pitch-gateway replay monday.jsonl
@@ -77,13 +75,16 @@ def capture(
     from gateway.recording.capture import NoCaptureError
 
     if follow and file is not None:
-        typer.echo("--follow with FILE: use record, or --pcapng, or follow without a file", err=True)
+        typer.echo("--follow writes no FILE: use record, or --pcapng, or omit FILE", err=True)
         raise typer.Exit(2)
     loaded = load_or_exit(config)
     try:
         frames = LineFrames(loaded, line)
         if frames.is_of_another:
-            typer.echo(f"{config}: is not what the gateway was started with: names may be wrong", err=True)
+            typer.echo(
+                f"{config}: differs from the configuration that the gateway runs: names may be wrong",
+                err=True,
+            )
         with frames, _opened(pcapng) as out:
             if follow:
                 with suppress(KeyboardInterrupt):
@@ -163,7 +164,7 @@ def _opened(pcapng: str | None) -> "Iterator[BinaryIO | None]":
     try:
         descriptor = create(Path(pcapng))
     except FileExistsError:
-        raise NothingTakenError(f"{pcapng}: exists already; write into a new file, or remove it") from None
+        raise NothingTakenError(f"{pcapng}: exists already; name a new file, or remove it") from None
     except OSError as error:
         raise NothingTakenError(f"{pcapng}: cannot be written ({error.strerror or error})") from None
     with os.fdopen(descriptor, "wb") as out:

@@ -18,19 +18,17 @@ HOST: Final = re.compile(r"(?=.{1,253}$)[A-Za-z0-9_]([A-Za-z0-9_.-]*[A-Za-z0-9])
 OWN_NAMES: Final = frozenset({"ca", "crl"})
 Folder = Annotated[
     Path,
-    typer.Argument(
-        metavar="DIR", help="The folder of the authority and of what it signs.", show_default=False
-    ),
+    typer.Argument(metavar="DIR", help="Folder of the authority and its certificates.", show_default=False),
 ]
 
 
 @app.callback()
 def certificates() -> None:
-    """Make the certificates that TLS between controllers and gateway needs, and look at them.
+    """Make and show the certificates for TLS between controllers and gateway.
 
-    DIR holds the authority. Its key, ca.key, signs whoever may move the machine: keep the folder on a
-    computer that is not on the network of the machine, and copy from it what each side needs. docs/tls.md
-    has the steps.
+    DIR is the folder of the authority. Its key, ca.key, signs everyone who may move the machine. Keep the
+    folder on a computer outside the machine's network, and copy only the files that each side needs.
+    docs/tls.md has the steps.
 
     Examples:
       pitch-gateway certificate ca machine-ca
@@ -45,9 +43,9 @@ def certificates() -> None:
 def ca(
     folder: Folder,
     *,
-    name: Annotated[str, typer.Option("--name", help="What the authority is called.")] = "pitch-gateway CA",
+    name: Annotated[str, typer.Option("--name", help="Name of the authority.")] = "pitch-gateway CA",
 ) -> None:
-    """Make an authority, good for ten years: ca.pem, its key ca.key, and an empty list crl.pem.
+    """Make an authority, valid for ten years: ca.pem, its key ca.key, and an empty list crl.pem.
 
     Examples:
       pitch-gateway certificate ca machine-ca
@@ -69,11 +67,11 @@ def server(
     *,
     hosts: Annotated[
         list[str],
-        typer.Option("--host", help="Name or address that controllers connect to; give it once for each."),
+        typer.Option("--host", help="Name or address that controllers connect to; repeat it for each."),
     ],
-    name: Annotated[str, typer.Option("--name", help="Of the files.")] = "server",
+    name: Annotated[str, typer.Option("--name", help="Name of the files.")] = "server",
 ) -> None:
-    """Make the certificate of a gateway, good for 825 days: NAME.pem and NAME.key.
+    """Make the certificate of a gateway, valid for 825 days: NAME.pem and NAME.key.
 
     Examples:
       pitch-gateway certificate server machine-ca --host mill-1.local --host 192.168.0.5
@@ -97,12 +95,13 @@ def server(
 def controller(
     folder: Folder,
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help="Of the controller, and of its files.", show_default=False)
+        str,
+        typer.Argument(metavar="NAME", help="Name of the controller and of its files.", show_default=False),
     ],
     *,
-    role: Annotated[str, typer.Option("--role", help="What stands under roles in the configuration.")],
+    role: Annotated[str, typer.Option("--role", help="A role of the key roles in the configuration.")],
 ) -> None:
-    """Make the certificate of a controller with its role, good for 825 days: NAME.pem and NAME.key.
+    """Make the certificate of a controller with its role, valid for 825 days: NAME.pem and NAME.key.
 
     Examples:
       pitch-gateway certificate controller machine-ca cnc --role Operator
@@ -124,12 +123,12 @@ def controller(
 def revoke(
     folder: Folder,
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help="Of the files of a certificate.", show_default=False)
+        str, typer.Argument(metavar="NAME", help="Name of the files of a certificate.", show_default=False)
     ],
 ) -> None:
-    """Put a certificate into crl.pem; the gateway that has the list as `revoked` lets it in no more.
+    """Add a certificate to crl.pem. A gateway with this list as `revoked` then refuses it.
 
-    A connection that is open stays: close it at the controller, or restart the gateway.
+    An open connection stays open: close it at the controller, or restart the gateway.
 
     Examples:
       pitch-gateway certificate revoke machine-ca cnc
@@ -144,11 +143,11 @@ def revoke(
 
 @app.command()
 def show(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A file in PEM.", show_default=False)],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="PEM file.", show_default=False)],
     *,
     as_json: AsJson = False,
 ) -> None:
-    """Show what is in a file: whose certificate, with which role, until when; or how many are revoked.
+    """Show the certificates in a file: owner, role and end of validity; or the number of revoked ones.
 
     Examples:
       pitch-gateway certificate show machine-ca/cnc.pem
@@ -175,7 +174,7 @@ def _check_name(name: str) -> None:
 
 def _check_text(text: str, option: str, longest: int = 64) -> None:
     if not text.isprintable() or not 0 < len(text) <= longest:
-        raise typer.BadParameter(f"allowed: 1 to {longest} characters that can be seen", param_hint=option)
+        raise typer.BadParameter(f"allowed: 1 to {longest} visible characters", param_hint=option)
 
 
 def _print_written(*files: Path) -> None:

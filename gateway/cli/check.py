@@ -25,13 +25,13 @@ def check(
         bool, typer.Option("--compile", help="Write what `relay` starts from into the state folder.")
     ] = False,
 ) -> None:
-    """Find everything that is wrong with a configuration and its tables, at once.
+    """Check a configuration and its tables; report all problems together.
 
-    Each problem is one line on stderr: file and line, key, what was found, what is allowed or what to do.
-    With --compile a good one is written into its state folder, with its tables, in the form that
-    relay starts from; a gateway that runs keeps what it has.
+    Each problem is one line on stderr: file and line, key, found value, allowed values or remedy. With
+    --compile, a good configuration and its tables are written into the state folder for relay. A running
+    gateway does not change.
 
-    Exit code 0 when the configuration can be run, 1 when it cannot.
+    Exit code 0 if the gateway can run the configuration, 1 if not.
 
     Examples:
         pitch-gateway check gateway.toml

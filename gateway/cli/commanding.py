@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 Axes = Annotated[
     list[str] | None,
-    typer.Argument(metavar="[AXIS]...", help="Names of axes; none: all of them.", show_default=False),
+    typer.Argument(metavar="[AXIS]...", help="Names of axes; none: all axes.", show_default=False),
 ]
 
 

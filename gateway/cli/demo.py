@@ -35,7 +35,7 @@ class _StoppedError(Exception):
     """A signal came before the work was done."""
 
     def __init__(self, number: signal.Signals) -> None:
-        super().__init__(f"stopped by {number.name} before its end: there is no result")
+        super().__init__(f"stopped by {number.name} before the end: there is no result")
         self.exit_code = STOPPED_BY_SIGNAL + number
 
 
@@ -43,9 +43,9 @@ class _StoppedError(Exception):
 class DemoOptions:
     """What is shown, and which files are kept."""
 
-    once: Annotated[bool, typer.Option("--once", help="One round, then end.")] = False
+    once: Annotated[bool, typer.Option("--once", help="Run one round, then end.")] = False
     json_output: Annotated[
-        bool, typer.Option("--json", help="One round; the result as JSON on stdout, progress on stderr.")
+        bool, typer.Option("--json", help="Run one round; print JSON on stdout, progress on stderr.")
     ] = False
     seed: Annotated[int, typer.Option("--seed", help="The same seed makes the same machine.")] = 1
     keep: Annotated[
@@ -56,7 +56,7 @@ class DemoOptions:
         Path | None,
         typer.Option(
             "--report",
-            help="One round, with the laser before and after; write its report: .html, .png or .svg.",
+            help="Run one round, measured before and after; write its report: .html, .png or .svg.",
             metavar="OUT",
         ),
     ] = None
@@ -65,15 +65,15 @@ class DemoOptions:
 
 @takes_options
 def demo(*, options: DemoOptions) -> None:
-    """Show a worn machine become accurate: simulated controllers, drives and laser, the real gateway between.
+    """Show how the gateway makes a worn machine accurate. Controllers, drives and laser are simulated.
 
-    Three axes with worn screws and backlash. The laser measures them, a .tab file is made of its readings,
-    and the same random moves are made without and with it. On a terminal a live screen follows new rounds
-    until Ctrl-C; otherwise, and with --once, one round is made and its result printed.
+    Three axes have worn screws and backlash. The laser measures them, its readings become a table, and the
+    same random moves run without and with it. A terminal shows new rounds until Ctrl-C. Otherwise, or with
+    --once, one round runs and its result is printed.
 
-    Progress goes to stderr, the result to stdout. Exit code 1 if a round leaves more than 1/20 of an error or
-    reads back another position than was commanded; 130 or 143 if a signal stopped it before its end. A live
-    screen has no end of its own: stopping it is good (0).
+    Progress goes to stderr, the result to stdout. Exit code 1: a round left more than 1/20 of an error, or a
+    position read back differs from the commanded one. 130 or 143: a signal stopped the round before its end.
+    Stopping the live screen gives 0.
 
     Examples:
         pitch-gateway demo

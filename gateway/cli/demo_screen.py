@@ -75,10 +75,10 @@ def _cell(share: float, cells: int) -> int:
 REFRESH_S: Final = 0.1
 UM_PER_MM: Final = 1000.0
 LEGEND: Final = (
-    "[bold]A worn machine becomes accurate.[/] The controller commands; the gateway adds what the table says "
-    "and takes it out of every reading; a laser sees where the nut truly is.\n"
-    "[yellow]measured[/] by the laser   [red]without[/] the table   [green]with[/] the table   "
-    "[dim]a new machine each round, Ctrl-C ends it[/]"
+    "[bold]A worn machine becomes accurate.[/] The controller commands positions; the gateway adds the "
+    "correction of the table and subtracts it from every position read back; a laser shows the real "
+    "position of the nut.\n[yellow]measured[/] by the laser   [red]without[/] the table   "
+    "[green]with[/] the table   [dim]a new machine each round, Ctrl-C ends it[/]"
 )
 LEGEND_ROWS: Final = 5
 PANEL_ROWS: Final = 5
@@ -178,7 +178,7 @@ def _positions(axis: AxisView) -> Text:
     added_um = (axis.commanded - axis.nominal) * axis.spec.mm * UM_PER_MM
     exact = f"{axis.inexact_readbacks} readbacks differ" if axis.inexact_readbacks else "readback exact"
     text = Text.from_markup(
-        f"told [bold]{axis.nominal:+.{decimals}f}[/] {unit} → {axis.commanded:+.{decimals}f} "
+        f"commanded [bold]{axis.nominal:+.{decimals}f}[/] {unit} → {axis.commanded:+.{decimals}f} "
         f"({added_um:+.1f} µm), nut at {axis.nut:+.{decimals}f}, {exact}",
         overflow="ellipsis",
     )

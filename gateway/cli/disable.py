@@ -5,12 +5,12 @@ from gateway.cli.commanding import Axes, command
 
 
 def disable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> None:
-    """Switch the compensation of axes off, in the gateway that runs CONFIG, until it is enabled or restarted.
+    """Switch the compensation of axes off, in the running gateway of CONFIG, until enable or a restart.
 
-    Nothing moves by itself: the correction goes with the next different target, or is blended out over the
-    next stretch of a stream. Axes of one group change together.
+    No axis moves because of it. The correction is removed at the next different target, or blended out along
+    a stream of setpoints. Axes of a group change together.
 
-    Exit code 1 when no gateway runs or an axis cannot be switched off.
+    Exit code 1 if no gateway runs or an axis cannot be switched off.
 
     Examples:
         pitch-gateway disable gateway.toml
@@ -22,7 +22,7 @@ def disable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> No
     command(
         config,
         Disable(axes=tuple(axes or ())),
-        "compensation is off; the correction goes with the next motion",
-        "nothing to change: the compensation was off already",
+        "compensation is off; the correction is removed at the next motion",
+        "nothing to change: the compensation was already off",
         as_json=as_json,
     )

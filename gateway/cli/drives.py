@@ -21,8 +21,8 @@ app = typer.Typer(
 def list_drives(context: typer.Context, *, as_json: AsJson = False) -> None:
     """List the drive profiles that come with the gateway.
 
-    Tier A: manuals and independent programs agree. Tier B: one family of sources. Take every one as a start:
-    go through its traps before the machine is run.
+    Tier A: manuals and independent programs agree. Tier B: sources of one family only. Use each profile as a
+    start: check its list of traps before the machine runs.
 
     Examples:
       pitch-gateway drives
@@ -42,17 +42,15 @@ def list_drives(context: typer.Context, *, as_json: AsJson = False) -> None:
 def show(
     name: Annotated[
         str,
-        typer.Argument(
-            metavar="NAME", help="A profile of the list, or a file of your own.", show_default=False
-        ),
+        typer.Argument(metavar="NAME", help="Profile of the list, or your own file.", show_default=False),
     ],
     *,
     as_json: AsJson = False,
     as_toml: Annotated[
-        bool, typer.Option("--toml", help="Print the profile as a file to copy and change.")
+        bool, typer.Option("--toml", help="Print the profile as a TOML file, to copy and change.")
     ] = False,
 ) -> None:
-    """Show a drive profile: its map, what frames mean, its traps, and where each value comes from.
+    """Show a drive profile: registers, meaning of frames, traps, and the source of each value.
 
     Examples:
       pitch-gateway drives show oriental-az
@@ -62,7 +60,7 @@ def show(
       pitch-gateway drives show ./my-drive.toml --json
     """
     if as_json and as_toml:
-        raise typer.BadParameter("--json and --toml exclude each other")
+        raise typer.BadParameter("give --json or --toml, not both")
     from gateway.drives.described import ProfileShown
 
     text, profile = _found(name)

@@ -7,13 +7,13 @@ from gateway.cli.commanding import Axes, ask_or_exit, command
 
 
 def enable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> None:
-    """Switch the compensation of axes on, in the gateway that runs CONFIG.
+    """Switch the compensation of axes on, in the running gateway of CONFIG.
 
-    Nothing moves by itself: the correction comes into force with the next different target, or is blended in
-    over the next stretch of a stream. Axes of one group change together. An axis in shadow mode stays in it,
-    and is named: its configuration and `reload` end that.
+    No axis moves because of it. The correction is applied at the next different target, or blended in along a
+    stream of setpoints. Axes of a group change together. An axis in shadow mode stays in it and is named:
+    change its configuration and run `reload`.
 
-    Exit code 1 when no gateway runs or an axis cannot be switched on.
+    Exit code 1 if no gateway runs or an axis cannot be switched on.
 
     Examples:
         pitch-gateway enable gateway.toml
@@ -26,8 +26,8 @@ def enable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> Non
     command(
         config,
         Enable(axes=tuple(axes or ())),
-        "compensation is on; it comes into force with the next motion",
-        "nothing to change: the compensation was on already",
+        "compensation is on; the correction is applied at the next motion",
+        "nothing to change: the compensation was already on",
         as_json=as_json,
     )
     reply = ask_or_exit(config, GetStatus())
@@ -35,8 +35,8 @@ def enable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> Non
     for name, axis in reply.status.axes.items():
         if axis.compensation == "shadow" and (not axes or name in axes):
             typer.echo(
-                f"{config}: axis {name} is in shadow mode: corrections are shown, positions pass unchanged; "
-                'for corrected ones set compensation = "on", and reload the configuration while it stands '
-                f"(pitch-gateway reload {config})",
+                f"{config}: axis {name} is in shadow mode: corrections are shown, positions pass "
+                'unchanged; for corrected positions set compensation = "on", and reload the '
+                f"configuration while the axis is at standstill (pitch-gateway reload {config})",
                 err=True,
             )

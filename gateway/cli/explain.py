@@ -78,7 +78,9 @@ def explain(
         str | None,
         typer.Argument(
             metavar="NAME",
-            help="An event, state, counter, exception, remark, log sentence, or key; none: all but the keys.",
+            help=(
+                "Event, state, counter, exception, remark, log message, or key; none: list all but the keys."
+            ),
             show_default=False,
             autocompletion=_complete,
         ),
@@ -86,18 +88,18 @@ def explain(
     *,
     as_json: AsJson = False,
 ) -> None:
-    """Say what an event, an error, a state or a counter means, what usually causes it, and what to do.
+    """Explain an event, an error, a state or a counter: meaning, usual cause, remedy.
 
-    It knows every event of the log, of MQTT and of the page; the states of an axis; every counter of the
-    status, the page and the metrics; the exceptions of Modbus, as a drive answers them and as the gateway
-    itself does, however the code is written (0x0B, 0Bh, 11, "83 0B", ILLEGAL_DATA_ADDRESS), or by their
-    sentence in the log; why a relay does not start; the remarks about tables (L8, R2); and every key of the
-    configuration. docs/messages.md, docs/tab-format.md and docs/configuration.md have the same.
+    It knows the events of log, MQTT and page; the states of an axis; the counters of status, page and
+    metrics; Modbus exceptions of drives and of the gateway, in any notation (0x0B, 0Bh, 11, "83 0B",
+    ILLEGAL_DATA_ADDRESS) or by their log message; reasons why a relay does not start; remarks about tables
+    (L8, R2); and the keys of the configuration. docs/messages.md, docs/tab-format.md and
+    docs/configuration.md have the same texts.
 
-    A remedy that names a key means the configuration: change it there, then `pitch-gateway reload CONFIG`.
-    That takes the change, or says that the gateway has to be started again.
+    If a remedy names a key, change it in the configuration, then run `pitch-gateway reload CONFIG`. It
+    applies the change, or says that the gateway needs a restart.
 
-    Exit code 1 when nothing is called so.
+    Exit code 1 if the name is unknown.
 
     Examples:
         pitch-gateway explain drive-silent
@@ -123,7 +125,7 @@ def explain(
     found = look_up(name) or _keys(name)
     if not found:
         meant = ", ".join(near(name))
-        hint = f"did you mean {meant}?" if meant else "pitch-gateway explain lists what there is"
-        typer.echo(f'nothing is called "{name}"; {hint}', err=True)
+        hint = f"did you mean {meant}?" if meant else "list all names with: pitch-gateway explain"
+        typer.echo(f'"{name}" is unknown; {hint}', err=True)
         raise typer.Exit(1)
     show(_Found(found), form)

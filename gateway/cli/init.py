@@ -57,47 +57,44 @@ AS_BEFORE: Final = ("drive", "units", "referenced", "home_approach")
 """Settings that a further axis takes from the one before, unless others are given."""
 ANOTHER_QUESTION: Final = "Another axis on the same line?"
 EXPLAINED: Final[Mapping[str, str]] = {
-    "counts_per_unit": "counts in one unit: by how much the position register changes while the axis moves "
-    "one unit; counts of a turn of the motor × gear / lead of the screw, as in 10 000 × 1 / 5 mm = 2000; "
-    "negative where it counts down while the axis goes forward",
-    "referenced": "referenced: how it is known that the drive counts from the machine's zero: it has an "
-    "absolute encoder, a bit says homed, homing is seen on the wire, or its position is set",
-    "home_approach": "last movement of homing: which branch of the table holds right after homing; forward "
-    "is towards greater positions, none where it is not known",
+    "counts_per_unit": "counts in one unit: how far the position register changes while the axis moves one "
+    "unit; counts per motor turn × gear / lead of the screw, as in 10 000 × 1 / 5 mm = 2000; negative if "
+    "it counts down while the axis goes forward",
+    "referenced": "referenced: how the gateway knows that the drive counts from the machine's zero: absolute "
+    "encoder, a bit that says homed, homing seen on the wire, or the drive's position is set",
+    "home_approach": "last movement of homing: it decides which branch of the table is valid right after "
+    "homing; forward is towards greater positions; none: not known",
 }
 """Text above a question."""
 COMPENSATION_QUESTION: Final = (
-    "Are the pitch error compensation and the backlash compensation of the controller itself switched off?"
+    "Are the pitch error compensation and the backlash compensation of the controller itself off?"
 )
 SCAN_QUESTION: Final = (
-    "Look for drives on {device}? Register {address:#06x} is read of unit ids 1 to 247 at every usual "
-    "setting; nothing is written; a minute. No controller may be on that line, and the machine must not move"
+    "Search for drives on {device}? This reads register {address:#06x} of unit ids 1 to 247 at every "
+    "usual setting; it writes nothing and takes a minute. No controller may be on that line, and the "
+    "machine must not move"
 )
-MEASURE_QUESTION: Final = (
-    "The drives are there. Measure how long they take to answer (reads only, half a minute)?"
-)
+MEASURE_QUESTION: Final = "The drives reply. Measure how long they take (reads only, half a minute)?"
 COMPENSATION_REFUSAL: Final = (
-    "nothing is written: the controller's own compensation and backlash have to be off, or the error is "
-    "taken out twice; switch them off there, then start this again and answer y (or give "
-    "--controller-compensation-off)"
+    "nothing was written: switch the controller's own compensation and backlash off, or the error is "
+    "corrected twice; then start this again and answer y (or give --controller-compensation-off)"
 )
 
 
 @takes_options
 def init(file: TargetFile = Path("gateway.toml"), *, options: InitOptions) -> None:
-    r"""Write a commented configuration for the drives on one line, to start from.
+    r"""Write a first configuration with comments, for the drives on one line.
 
-    Asks first whether the controller's own compensation is off, then for what the options leave open; serial
-    ports that are there are listed by the names that last, and chosen by their number. An answer that the
-    configuration would refuse is explained and asked for again. Then it asks for a further axis, as often as
-    there is one; Enter takes the drive of the axis before. The folder of the tables is made. The file is
-    checked when it is written; where the drives answer, their times are measured and the time-outs of the
-    line are written as they ask for (`pitch-gateway probe --timing`). What is left to fill in is said line by
-    line, then the next three commands. Each axis starts in "shadow": everything is computed and shown,
-    nothing is changed.
+    It first asks whether the controller's own compensation is off, then for missing values. It lists serial
+    ports by their lasting names; type a number to choose one. If an answer is not allowed, it says why and
+    asks again. Then it asks for further axes; Enter takes the drive of the axis before. It makes the folder
+    of the tables, writes the file and checks it. If the drives reply, it can measure their times and write
+    the time-outs of the line (as `pitch-gateway probe --timing` does). At the end it lists what you must fill
+    in, and the next three commands. Each axis starts in "shadow": corrections are computed and shown, but
+    positions pass unchanged.
 
-    Where baud rate, parity or unit ids of the drives are not known and their line is silent, --scan
-    asks each unit id for one register, at one usual setting after the other, and offers what answered.
+    If you do not know baud rate, parity or unit ids, use --scan on a silent line. It reads one register from
+    each unit id at the usual settings, and offers what replied.
 
     Examples:
         pitch-gateway init
@@ -131,7 +128,7 @@ def init(file: TargetFile = Path("gateway.toml"), *, options: InitOptions) -> No
         raise typer.BadParameter(str(error), param_hint="--another-axis") from None
     if options.scan and not asking.is_on:
         raise typer.BadParameter(
-            "it asks before it reads: run it on a terminal, or with --ask", param_hint="--scan"
+            "confirmation is needed before reading: run it on a terminal, or with --ask", param_hint="--scan"
         )
     try:
         _answer(
@@ -143,7 +140,7 @@ def init(file: TargetFile = Path("gateway.toml"), *, options: InitOptions) -> No
             is_scan=options.scan,
         )
     except typer.Abort:
-        _refuse("\nended before all was answered: nothing was written")
+        _refuse("\nstopped before all questions were answered: nothing was written")
     state = _state_of(file, is_service=options.systemd is not None)
     _write(file, draft.text(state), force=options.force)
     _make_tables(file)
@@ -220,7 +217,7 @@ def _settle_drive(asking: Prompter, draft: "Draft", given: str | None, before: s
     is_listed = asking.is_on and given is None and before is None
     for number_, line in enumerate(ProfileList().lines()) if is_listed else ():
         typer.echo(f"  {number_ or '':>2}  {line}", err=True)  # the first line has the headings
-    question = "Drive (a number or a name of the list, or a file of your own: ./my-drive.toml)"
+    question = "Drive (a number or a name of the list, or your own file: ./my-drive.toml)"
     ask = partial(_choice, question, names, before)
     given = before if given is None and not asking.is_on else given
     try:
@@ -293,7 +290,7 @@ def _scanned(asking: Prompter, draft: "Draft", unit_ids: tuple[int, ...]) -> dic
 
     device, offered = draft.answers["drives_at"], draft.serial("drives_format")
     if not device.startswith("/"):
-        typer.echo("  --scan: a network has no baud rate: nothing is looked for", err=True)
+        typer.echo("  --scan: a network has no baud rate: there is nothing to search for", err=True)
         return {}
     address = draft.read_address
     if not asking.is_yes(SCAN_QUESTION.format(device=device, address=address)):
@@ -307,20 +304,20 @@ def _scanned(asking: Prompter, draft: "Draft", unit_ids: tuple[int, ...]) -> dic
         return {}
     if found is None:
         typer.echo(
-            "  no drive answers: are the drives on, is the wire on the right plug, are D1 and D0 (A and B) "
-            "swapped? A drive with a unit id above 8 is looked for with --unit-id",
+            "  no drive replies: are the drives on, is the cable in the right socket, are D1 and D0 (A "
+            "and B) swapped? To find a drive with a unit id above 8, give --unit-id",
             err=True,
         )
         return {}
-    typer.echo(f"  unit ids that answer: {', '.join(map(str, found.unit_ids))}", err=True)
+    typer.echo(f"  unit ids that reply: {', '.join(map(str, found.unit_ids))}", err=True)
     return {"drives_format": format_words(found.serial), "unit_id": str(min(found.unit_ids))}
 
 
 def _print_before(name: str, draft: "Draft", ports: "Sequence[Found]", *, is_first: bool) -> None:
     """Print the information for a question."""
     if name.endswith("_at"):
-        listed = "  serial ports that are there (type a number to take one):"
-        typer.echo(listed if ports else "  no serial port is there", err=True)
+        listed = "  serial ports found (type a number to choose one):"
+        typer.echo(listed if ports else "  no serial port found", err=True)
         for number_, port in enumerate(ports, start=1):
             typer.echo(f"    {number_}  {port}", err=True)
     if name in EXPLAINED and is_first:
@@ -362,8 +359,8 @@ def _check_file(file: Path, *, force: bool) -> None:
     folder = file.parent
     is_folder = os.path.isdir(folder)  # noqa: PTH112
     if not is_folder or not os.access(folder, os.W_OK | os.X_OK):
-        why = "not writable" if is_folder else "no folder, or none that this user may enter"
-        _refuse(f"{file} cannot be written ({folder} is {why}); name a file in a folder of yours")
+        why = "not writable" if is_folder else "no folder, or you may not enter it"
+        _refuse(f"{file} cannot be written ({folder} is {why}); name a file in your own folder")
 
 
 def _state_of(file: Path, *, is_service: bool) -> str | None:
@@ -379,7 +376,7 @@ def _write(file: Path, text: str, *, force: bool) -> None:
     except FileRefusedError as error:
         _refuse(f"{file}: {error}")
     except OSError as error:
-        _refuse(f"{file} cannot be written ({error.strerror}); name a file in a folder of yours")
+        _refuse(f"{file} cannot be written ({error.strerror}); name a file in your own folder")
 
 
 def _fit_units(file: Path, systemd: Path, *, is_good: bool, is_quiet: bool) -> None:

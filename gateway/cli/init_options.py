@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final
 import typer
 
 Option = typer.Option
-TargetFile = Annotated[Path, typer.Argument(metavar="FILE", help="The file to write.")]
+TargetFile = Annotated[Path, typer.Argument(metavar="FILE", help="File to write.")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,70 +19,98 @@ class InitOptions:
         bool,
         Option(
             "--controller-compensation-off",
-            help="The controller's own pitch and backlash compensation are off.",
+            help="Confirm that the controller's own pitch and backlash compensation are off.",
         ),
     ] = False
-    name: Annotated[str | None, Option(help="Of this gateway; default: the name of this computer.")] = None
-    drive: Annotated[str | None, Option(help="A profile of `pitch-gateway drives`, or a file.")] = None
+    name: Annotated[str | None, Option(help="Name of this gateway; default: the name of this computer.")] = (
+        None
+    )
+    drive: Annotated[str | None, Option(help="Profile of `pitch-gateway drives`, or a file.")] = None
     drives_at: Annotated[
         str | None,
-        Option(help="Where the drives are: /dev/…, HOST:PORT, or rtu://HOST:PORT for raw RTU over TCP."),
+        Option(help="Address of the drives: /dev/…, HOST:PORT, or rtu://HOST:PORT for RTU over TCP."),
     ] = None
     controller_at: Annotated[
         str | None, Option(help="Where the controller connects: /dev/…, or HOST:PORT to listen on.")
     ] = None
-    baudrate: Annotated[int | None, Option(help="Of the drives' serial port; default: the drive's.")] = None
-    parity: Annotated[str | None, Option(help="none, even or odd; default: the drive's.")] = None
-    stop_bits: Annotated[int | None, Option(help="1 or 2; default: the drive's.")] = None
-    controller_baudrate: Annotated[
-        int | None, Option(help="Of the controller's serial port; default: as the drives' is.")
+    baudrate: Annotated[
+        int | None, Option(help="Baud rate of the drives' port; default: from the drive profile.")
     ] = None
-    controller_parity: Annotated[str | None, Option(help="The same; default: as the drives' is.")] = None
-    controller_stop_bits: Annotated[int | None, Option(help="The same; default: as the drives' is.")] = None
+    parity: Annotated[
+        str | None,
+        Option(help="Parity of the drives' port: none, even or odd; default: from the drive profile."),
+    ] = None
+    stop_bits: Annotated[
+        int | None, Option(help="Stop bits of the drives' port: 1 or 2; default: from the drive profile.")
+    ] = None
+    controller_baudrate: Annotated[
+        int | None, Option(help="Baud rate of the controller's port; default: that of the drives.")
+    ] = None
+    controller_parity: Annotated[
+        str | None, Option(help="Parity of the controller's port; default: that of the drives.")
+    ] = None
+    controller_stop_bits: Annotated[
+        int | None, Option(help="Stop bits of the controller's port; default: those of the drives.")
+    ] = None
     axis: Annotated[str | None, Option(help="Name of the axis; default: x.")] = None
     unit_id: Annotated[int | None, Option(min=0, max=255, help="Modbus unit id of the drive.")] = None
     units: Annotated[str | None, Option(help="mm, inch or degree.")] = None
     counts_per_unit: Annotated[
-        float | None, Option(help="Counts of the drive in one unit; negative where it counts down.")
+        float | None,
+        Option(
+            help="Counts of the drive in one unit; negative if it counts down while the axis goes forward."
+        ),
     ] = None
     travel: Annotated[tuple[float, float] | None, Option(help="Lowest and highest machine position.")] = None
-    table: Annotated[str | None, Option(help="Name of the table file in the tables folder.")] = None
-    referenced: Annotated[str | None, Option(help="absolute, drive-bit, homing or set-position.")] = None
-    home_approach: Annotated[str | None, Option(help="none, forward or backward.")] = None
+    table: Annotated[str | None, Option(help="Table file in the tables folder.")] = None
+    referenced: Annotated[
+        str | None,
+        Option(
+            help=(
+                "How the gateway knows that the axis is referenced: absolute, drive-bit, homing or "
+                "set-position."
+            )
+        ),
+    ] = None
+    home_approach: Annotated[
+        str | None, Option(help="Direction of the last homing move: none, forward or backward.")
+    ] = None
     another_axis: Annotated[
         list[str] | None,
         Option(
             metavar="NAME,KEY=VALUE,...",
-            help="A further axis on the same line: unit-id, counts-per-unit, travel=LOWEST:HIGHEST, and "
-            "table where it has one. drive, units, referenced and home-approach are those of the axis "
-            "before, if left out. May be given again.",
+            help="Further axis on the same line: unit-id, counts-per-unit, travel=LOWEST:HIGHEST, and "
+            "table if it has one. Default of drive, units, referenced and home-approach: those of "
+            "the axis before. Repeat it for more axes.",
         ),
     ] = None
     measure: Annotated[
         bool | None,
         Option(
             "--measure/--no-measure",
-            help="Measure how long the drives take, and write the time-outs; default: ask, where they are "
-            "there.",
+            help="Measure how long the drives take to reply, and write the time-outs; default: ask if "
+            "they reply.",
         ),
     ] = None
     scan: Annotated[
         bool,
         Option(
             "--scan",
-            help="Look for baud rate, parity and unit ids on a silent serial line; reads only, and asks "
-            "first.",
+            help="Find baud rate, parity and unit ids on a silent serial line; only reads, and asks first.",
         ),
     ] = False
     ask: Annotated[
-        bool | None, Option("--ask/--no-ask", help="Ask for what is missing; default: on a terminal.")
+        bool | None, Option("--ask/--no-ask", help="Ask for missing values; default: on a terminal.")
     ] = None
     force: Annotated[bool, Option("--force", help="Overwrite FILE.")] = False
     systemd: Annotated[
         Path | None,
-        Option(metavar="DIR", help="Fit systemd's units below DIR to it too; see `pitch-gateway service`."),
+        Option(
+            metavar="DIR",
+            help="Also write drop-ins for the units of systemd below DIR; see `pitch-gateway service`.",
+        ),
     ] = None
-    as_json: Annotated[bool, Option("--json", help="Say what is left to do as JSON.")] = False
+    as_json: Annotated[bool, Option("--json", help="Print what is left to do as JSON.")] = False
 
 
 def _range(text: str) -> tuple[float, float]:
@@ -119,7 +147,7 @@ def further_axis(text: str) -> dict[str, Any]:
         if key not in _OF_AXIS or not value:
             raise ValueError(f'found "{pair}"; allowed: KEY=VALUE with {", ".join(_OF_AXIS)}')
         if key.replace("-", "_") in found:
-            raise ValueError(f'found "{pair}"; {key} stands there twice')
+            raise ValueError(f'found "{pair}"; {key} is given twice')
         read, allowed = _OF_AXIS[key]
         try:
             found[key.replace("-", "_")] = read(value)

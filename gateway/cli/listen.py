@@ -22,7 +22,9 @@ def listen(
         str,
         typer.Argument(
             metavar="PORT",
-            help="A serial port, as in /dev/ttyUSB0; with --to where the proxy listens, as in 0.0.0.0:502.",
+            help=(
+                "Serial port, such as /dev/ttyUSB0; with --to: where the proxy listens, such as 0.0.0.0:502."
+            ),
             show_default=False,
         ),
     ],
@@ -30,42 +32,42 @@ def listen(
     to: Annotated[
         str | None,
         typer.Option(
-            "--to", metavar="HOST:PORT", help="The drive behind the proxy; rtu://HOST:PORT for RTU over TCP."
+            "--to", metavar="HOST:PORT", help="Drive behind the proxy; rtu://HOST:PORT for RTU over TCP."
         ),
     ] = None,
     baudrate: Annotated[
-        int | None, typer.Option("--baudrate", min=1, help="Do not guess the baud rate.")
+        int | None, typer.Option("--baudrate", min=1, help="Use this baud rate; do not try others.")
     ] = None,
     parity: Annotated[
-        str | None, typer.Option("--parity", help="Do not guess the parity: none, even or odd.")
+        str | None, typer.Option("--parity", help="Use this parity: none, even or odd; do not try others.")
     ] = None,
     seconds: Annotated[
         float | None,
         typer.Option(
             "--for",
             min=0.1,
-            help="Seconds to listen. A serial port: 60. A proxy: until Ctrl-C.",
+            help="Seconds to listen; default: 60 on a serial port, until Ctrl-C for a proxy.",
             show_default=False,
         ),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option("--out", help="Write the proposed configuration there; a new file.", readable=False),
+        typer.Option("--out", help="Write the proposed configuration into this new file.", readable=False),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Listen on a line that works, and propose a configuration. Nothing is ever sent.
+    """Listen on a working line and propose a configuration. It sends nothing itself.
 
-    On a serial line an adapter hangs on the bus beside controller and drives, and its port is opened for
-    reading only. Baud rates and parities are tried until whole frames come. With --to a TCP proxy stands
-    between the controller and a drive, and passes every byte on untouched; Ctrl-C ends it, and with it the
+    Serial line: connect an adapter to the bus beside controller and drives. The port is opened only for
+    reading. The command tries baud rates and parities until it receives whole frames. With --to a TCP proxy
+    runs between controller and drive and forwards every byte unchanged; Ctrl-C ends it and closes the
     connection.
 
-    Says which unit ids, function codes and registers are used how often, which of the drives that we know
-    that sounds like, and which registers hold positions: those that go where others are told to. What is
-    heard depends on what the machine does meanwhile: let it home and go to some places.
+    It reports how often each unit id, function code and register is used, which known drives use them in this
+    way, and which registers hold positions: those that follow the commanded targets. While it listens, home
+    the machine and move it to several positions.
 
-    How far it is, is said on stderr. Exit code 1 when nothing was understood.
+    Progress goes to stderr. Exit code 1 if no frame was understood.
 
     Examples:
         pitch-gateway listen /dev/ttyUSB0
@@ -79,7 +81,7 @@ def listen(
     if parity is not None and parity not in PARITY_LETTERS:
         raise typer.BadParameter("allowed: none, even, odd", param_hint="--parity")
     if out is not None and out.exists():
-        typer.echo(f"{out} is there already: nothing is overwritten", err=True)
+        typer.echo(f"{out} exists already and is not overwritten; name a new file", err=True)
         raise typer.Exit(1)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     if to is None:
@@ -101,15 +103,16 @@ def _print_result(heard: "Heard", out: Path | None, *, as_json: bool) -> None:
     text = heard.configuration
     show(heard, Format.JSON if as_json else Format.TEXT)
     if not heard.is_understood:
-        _print("nothing was understood: let the machine move, listen longer (--for), or exchange A and B")
+        _print("no frame was understood: move the machine, listen longer (--for), or exchange A and B")
         raise typer.Exit(1)
     if not text:
         _print(
-            "no configuration is proposed: no unit id was told a target; let the machine go to some places"
+            "no configuration is proposed: no target was written to any unit id; move the machine "
+            "to several positions"
         )
     elif out is not None:
         out.write_text(text, encoding="utf-8")
-        _print(f"written: {out}; fill in what nobody can hear, then pitch-gateway check {out}")
+        _print(f"written: {out}; replace each FILL IN, then run: pitch-gateway check {out}")
     elif not as_json:
         typer.echo("\n" + text)
 
@@ -123,7 +126,7 @@ def _listen_serial(device: str, baudrate: int | None, parity: str | None, second
 
     if baudrate is not None and not hasattr(termios, f"B{baudrate}"):
         allowed = ", ".join(str(rate) for rate in sorted(BAUDRATES))
-        raise typer.BadParameter(f"no usual rate: {allowed}", param_hint="--baudrate")
+        raise typer.BadParameter(f"not a usual rate: {allowed}", param_hint="--baudrate")
     letter = None if parity is None else PARITY_LETTERS[parity]
     try:
         return listen_serial(device, seconds or SERIAL_S, baudrate=baudrate, parity=letter, report=_print)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gateway.status.model import Model
 
 EVERY_S: Final = 0.5
-CTRL_C_ENDS: Final = "Ctrl-C ends it; the gateway goes on"
+CTRL_C_ENDS: Final = "Ctrl-C ends this view; the gateway goes on"
 
 
 def read_status(config: Path, state: Path) -> "Model":

@@ -23,20 +23,19 @@ def measure(
     *,
     options: MeasureOptions,
     yes: Annotated[
-        bool, typer.Option("--yes", help="Do not ask before the axis moves: for scripts.")
+        bool, typer.Option("--yes", help="Do not ask before the axis moves; for scripts.")
     ] = False,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Say everything that happens as lines of JSON.")
-    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print each step as a line of JSON.")] = False,
 ) -> None:
-    """Measure an axis: drive it to targets through the gateway that runs CONFIG, read an instrument there.
+    """Measure an axis: move it to targets through the gateway that runs CONFIG, and read an instrument.
 
-    THE AXIS MOVES. It asks first; Ctrl-C stops it at any time. Readings come from the keyboard, from a CSV
-    that grows, or from a serial gauge, and are kept one by one. At the end: results of ISO 230-2, the table,
-    and what changes against the active one. Switch the compensation off for a first table
-    (pitch-gateway disable); with it on, the active table is refined.
+    THE AXIS MOVES. The command asks first; Ctrl-C stops the axis at any time. Readings come from the
+    keyboard, from a growing CSV file, or from a serial gauge. Each reading is saved when it is taken. At the
+    end you get the results of ISO 230-2, the table, and its differences from the active table. For a first
+    table, switch the compensation off (pitch-gateway disable). With compensation on, the active table is
+    refined.
 
-    Exit code 1 when it did not come to its end; 130 or 143 when a signal stopped it.
+    Exit code 1 if the run did not finish; 130 or 143 if a signal stopped it.
 
     Examples:
         pitch-gateway measure gateway.toml --axis x --from -290 --to -15 --step 25
@@ -64,8 +63,8 @@ def measure(
         if error.took:
             path = measuring.readings_file
             typer.echo(
-                f"{error.took} readings are in {path}; go on with: pitch-gateway measure {config} "
-                f"--axis {options.choice.axis} --resume {path} and the same instrument",
+                f"{error.took} readings are in {path}; continue with the same instrument: pitch-gateway "
+                f"measure {config} --axis {options.choice.axis} --resume {path}",
                 err=True,
             )
         raise typer.Exit(1 if error.stopped_by is None else STOPPED_BY_SIGNAL + error.stopped_by) from None
@@ -79,9 +78,11 @@ def _ask(config: Path) -> None:
     from gateway.commissioning.measure.errors import AxisError
 
     if not sys.stdin.isatty():
-        raise AxisError("nobody can be asked whether it may move: run it on a terminal, or give --yes")
+        raise AxisError(
+            "cannot ask for confirmation: stdin is not a terminal; run it on a terminal, or give --yes"
+        )
     try:
-        may_move = typer.confirm("Is the way free, and may it move?", err=True)
+        may_move = typer.confirm("Is the travel free of obstacles, and may the axis move?", err=True)
     except typer.Abort as error:  # Ctrl-C, or the end of the input
         typer.echo(f"\n{config}: nothing was moved", err=True)
         is_signal = isinstance(error.__context__, KeyboardInterrupt)
@@ -111,8 +112,8 @@ def _result(config: Path, measuring: "Measuring") -> "RunResult":
     except KeyboardInterrupt:
         path = measuring.readings_file
         typer.echo(
-            f"{config}: Ctrl-C before all results were made; no reading is missing in {path}: "
-            f"--resume {path} makes the results of them",
+            f"{config}: stopped by Ctrl-C before all results were made; {path} has all readings: "
+            f"--resume {path} makes the results",
             err=True,
         )
         raise typer.Exit(STOPPED_BY_SIGNAL + SIGINT) from None

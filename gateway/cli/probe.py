@@ -21,29 +21,30 @@ def probe(
     axis: Annotated[str | None, typer.Option("--axis", help="Only this axis.")] = None,
     timing: Annotated[
         bool,
-        typer.Option("--timing", help="Measure how long the drives take instead, and propose the time-outs."),
+        typer.Option("--timing", help="Measure how long the drives take to reply, and propose time-outs."),
     ] = False,
     scan: Annotated[
-        bool, typer.Option("--scan", help="Read from each unit id from 1 to 247 too: which ones answer?")
+        bool,
+        typer.Option("--scan", help="Also read from each unit id from 1 to 247, to see which ones reply."),
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Look at the real drives before anything moves. Nothing is written.
+    """Check the real drives before anything moves. It writes nothing.
 
-    Reads the positions and bits that the register maps name, one request at a time and with the silences that
-    the drives want: does each drive answer, do the words stand in the right order, is the axis inside its
-    travel and its table, do commanded and actual position agree. Behind Modbus/TCP a unit id that nothing is
-    known of is asked too: where it is not answered for, other_units may have to name further devices. On a
-    serial line each drive gets one read with a wrong check sum, which it has to pass over in silence.
+    It reads the positions and bits of the register maps, one request at a time, with the silences that the
+    drives need. It checks that each drive replies, the word order is right, the axis is inside its travel and
+    its table, and the commanded and actual positions agree. On Modbus/TCP it also reads from a unit id
+    without an axis: if no device replies, the address may serve further devices, which other_units must name.
+    On a serial line each drive gets one read with a wrong CRC, which it must not answer.
 
-    With --scan one register is read under each unit id from 1 to 247, and the report names those that answer.
-    Where nothing answers at once that takes 247 times response_timeout_ms.
+    --scan reads one register from each unit id from 1 to 247 and lists those that reply. If none replies,
+    this takes 247 times response_timeout_ms.
 
-    With --timing each drive is read a hundred times, then fifty times with as little silence before each
-    request as it takes; what comes of it for response_timeout_ms, drain_ms and gap_ms is printed, with what
-    they cost. Only reads are measured: a drive that stores something may take longer.
+    --timing reads each drive a hundred times, then fifty times with shorter and shorter silences before each
+    request. It proposes response_timeout_ms, drain_ms and gap_ms, with their cost. Only reads are measured: a
+    drive may need longer to store a value.
 
-    Not while the gateway runs: a line belongs to one program only. Exit code 1 when anything is wrong.
+    First stop the gateway: only one program can use a line. Exit code 1 if a check fails.
 
     Examples:
         pitch-gateway probe gateway.toml
@@ -61,9 +62,11 @@ def probe(
     _refuse_beside_gateway(loaded, config)
     if timing:
         if axis is not None:
-            raise typer.BadParameter("all drives of a line share its time-outs", param_hint="--axis")
+            raise typer.BadParameter(
+                "remove --axis: all drives of a line share its time-outs", param_hint="--axis"
+            )
         if scan:
-            raise typer.BadParameter("--timing measures, --scan looks: give one of them", param_hint="--scan")
+            raise typer.BadParameter("give --timing or --scan, not both", param_hint="--scan")
         found: probing.Timed | probing.Probed = asyncio.run(probing.time_drives(lines))
     else:
         found = asyncio.run(probing.probe(lines, axis, is_scanned=scan, on_scan=_print_scan))
@@ -93,9 +96,9 @@ def _refuse_beside_gateway(loaded: "Loaded", config: Path) -> None:
     except NoGatewayError:
         pass  # a gateway, perhaps of another release, is running and uses the drives
     typer.echo(
-        f"{config}: its gateway runs and has the drives. pitch-gateway status {config} says whether they "
-        f"answer, and pitch-gateway capture {config} --follow shows each frame; to probe, stop the gateway "
-        "first",
+        f"{config}: its gateway is running and uses the drives. To probe, stop the gateway first. While "
+        f"it runs: pitch-gateway status {config} shows whether they reply, pitch-gateway capture "
+        f"{config} --follow shows each frame",
         err=True,
     )
     raise typer.Exit(1)
@@ -107,6 +110,6 @@ def _print_scan(line: "LinePlan") -> None:
 
     at_most = span(LAST_UNIT_ID * line.timing.response_timeout_ms * NS_PER_MS / NS_PER_S)
     typer.echo(
-        f"line {line.name}: asks unit ids 1 to {LAST_UNIT_ID}, for {at_most} at most; Ctrl-C ends it",
+        f"line {line.name}: reads from unit ids 1 to {LAST_UNIT_ID}, for {at_most} at most; Ctrl-C ends it",
         err=True,
     )

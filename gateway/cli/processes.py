@@ -151,7 +151,7 @@ class _Pair:
             status = _status(self._supervisor.returncode)
             self._supervisor = None
             self._supervisor_since_s = now_s
-            detail = f"the relay goes on; it is started again in {self._backoff.pause_s:g} s"
+            detail = f"the relay goes on; the supervisor is restarted in {self._backoff.pause_s:g} s"
             self._log(SUPERVISOR_ENDED, status=status, detail=detail)
 
     def _start_supervisor(self) -> None:
@@ -184,7 +184,7 @@ class _Pair:
         if self._is_stopping and -code in STOPS:
             return 0  # it was not running yet
         if not self._is_stopping and code <= 0:
-            detail = "positions pass no more: the gateway ends"
+            detail = "no more positions are forwarded: the gateway ends"
             self._log(RELAY_ENDED, status=_status(code), detail=detail)
             return 1
         return code if code >= 0 else 1

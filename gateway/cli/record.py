@@ -18,9 +18,7 @@ MEGA = 1_000_000
 
 def record(
     config: Config,
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="The recording; a new file.", show_default=False)
-    ],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording; a new file.", show_default=False)],
     *,
     max_mb: Annotated[
         int, typer.Option("--max-mb", min=1, help="Size in megabytes at which the recording ends.")
@@ -28,15 +26,16 @@ def record(
     log_format: HowToLog = LogFormat.AUTO,
     status_every: StatusEvery = 0.0,
 ) -> None:
-    """Run the gateway's relay, and record everything that passes.
+    """Run the relay of the gateway, and record all its traffic.
 
-    It moves frames and corrects as with run. Page, MQTT and new tables need supervise in a second terminal.
+    It forwards frames and corrects positions like run. For page, MQTT and new tables, run supervise in a
+    second terminal.
 
-    The recording holds every request, reply, time-out and command with its time, what the gateway made of it,
-    the configuration and the tables: replay runs it again, anywhere. Anybody who may read it can see the
-    configuration with its passwords, so only this user may.
+    The recording contains every request, reply, time-out and command with its time, the gateway's output, the
+    configuration and the tables. replay can run it on any computer. It contains the passwords of the
+    configuration; only your user can read it.
 
-    When the disk is full or too slow the recording ends with an error in the log; the gateway goes on.
+    If the disk is full or too slow, the recording ends with an error in the log, and the gateway goes on.
 
     Examples:
         pitch-gateway record gateway.toml monday.jsonl
@@ -77,10 +76,10 @@ def _open_or_exit(recorder: "Recorder") -> None:
     try:
         recorder.open()
     except FileExistsError:
-        typer.echo(f"{recorder.path}: exists already; record into a new file, or remove this one", err=True)
+        typer.echo(f"{recorder.path}: exists already; name a new file, or remove this one", err=True)
     except OSError as error:
         why = error.strerror or error
-        typer.echo(f"{recorder.path}: cannot be written ({why}); name a file in a folder of yours", err=True)
+        typer.echo(f"{recorder.path}: cannot be written ({why}); name a file in your own folder", err=True)
     else:
         return
     raise typer.Exit(1)

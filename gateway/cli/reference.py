@@ -16,12 +16,12 @@ def reference(
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask; for scripts.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Tell the gateway that an axis stands where its drive says, so that its table holds.
+    """Confirm that an axis is referenced: its drive counts from the machine's zero.
 
-    For axes that were homed while the gateway did not watch, or whose drive has no bit for it. If it is not
-    true, every correction is that of another place. Asks first.
+    Use it for an axis that was homed while the gateway did not run, or whose drive has no homed bit. If the
+    confirmation is wrong, every correction is wrong. The command asks first.
 
-    Exit code 1 when no gateway runs, the answer was no, or the axis cannot be referenced.
+    Exit code 1 if no gateway runs, the answer was no, or the axis cannot be referenced.
 
     Examples:
         pitch-gateway reference gateway.toml x
@@ -35,8 +35,8 @@ def reference(
     command(
         config,
         SetReference(axis=axis),
-        "referenced where it stands",
-        f"nothing to change: {axis} was referenced already",
+        "referenced at its present position",
+        f"nothing to change: {axis} was already referenced",
         as_json=as_json,
     )
 
@@ -44,9 +44,10 @@ def reference(
 def _confirm(axis: str) -> None:
     if not sys.stdin.isatty():
         raise typer.BadParameter(
-            "standard input is no terminal to ask on: give --yes where a script is sure", param_hint="--yes"
+            "cannot ask for confirmation: standard input is not a terminal; in a script, give --yes",
+            param_hint="--yes",
         )
-    question = f"Has axis {axis} been homed, and does it stand where its drive says?"
+    question = f"Has axis {axis} been homed, and is it really at the position that its drive reports?"
     if not typer.confirm(question, err=True):
         typer.echo("nothing was changed", err=True)
         raise typer.Exit(1)

@@ -6,12 +6,12 @@ from gateway.ipc.log import LogFormat
 
 
 def relay(config: Config, *, log_format: HowToLog = LogFormat.AUTO, status_every: StatusEvery = 0.0) -> None:
-    """Run the relay alone: Modbus and correction, from the compiled configuration. For services.
+    """Run only the relay: Modbus and correction, from the compiled configuration. For services.
 
-    It needs what check --compile or run wrote into the state folder, and says so where the
-    configuration has changed since. The supervisor may come and go meanwhile.
+    First run check --compile or run: they write what the relay needs into the state folder. The relay does
+    not start if the configuration has changed since. The supervisor may stop and start while the relay runs.
 
-    Exit code 0 after a stop; 1 when nothing is compiled, a port cannot be opened, or on a second signal.
+    Exit code 0 after a stop; 1 if nothing is compiled, a port cannot be opened, or after a second signal.
 
     Examples:
         pitch-gateway check --compile gateway.toml && pitch-gateway relay gateway.toml

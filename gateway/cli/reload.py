@@ -15,27 +15,28 @@ from gateway.plain import JsonObject
 PATIENCE_S: Final = 60.0
 """For the supervisor: tables of a million points take seconds each."""
 WORDS = {
-    "next-target": "comes into force with the next different target",
-    "blended": "is blended in over the next stretch of setpoints",
-    "not-in-force": "waits until the axis is referenced and its compensation on",
+    "next-target": "is applied at the next different target",
+    "blended": "is blended in along the stream of setpoints",
+    "not-in-force": "is applied when the axis is referenced and its compensation is on",
 }
 GONE = {
-    "next-target": "goes with the next different target",
-    "blended": "fades out over the next stretch of setpoints",
+    "next-target": "is removed at the next different target",
+    "blended": "is blended out along the stream of setpoints",
     "not-in-force": "was not in force",
 }
 
 
 def reload(config: Config, *, as_json: AsJson = False) -> None:
-    """Read CONFIG and its tables anew, at once, and give the gateway that runs it what changed.
+    """Read CONFIG and its tables now, and apply the changes to the gateway that runs it.
 
-    A gateway that runs watches its table files by itself; this does not wait until they stand still. Each
-    axis is for itself (a group as one): a bad table leaves what its axis had. Nothing moves by itself. Of
-    CONFIG it takes tables, gains, limits such as max_correction, the end of a dry run (compensation from
-    "shadow" to "on", while the axis stands at its target), the page and MQTT; with anything else changed
-    nothing is taken, and what needs a restart is named. Without a gateway everything is kept for its start.
+    A running gateway also finds changed table files itself, after they have stopped changing. Each axis is
+    checked separately, a group together: an axis with a bad table keeps its old one. No axis moves because of
+    it. From CONFIG it applies tables, gains, limits such as max_correction, the page, MQTT, and the end of a
+    dry run (compensation from "shadow" to "on", while the axis is at standstill at its target). If anything
+    else changed, nothing is applied, and the command names what needs a restart. If no gateway runs, all is
+    stored for its next start.
 
-    Exit code 1 when anything is wrong; each problem is one line on stderr.
+    Exit code 1 if there is a problem; each one is a line on stderr.
 
     Examples:
         pitch-gateway reload gateway.toml
@@ -79,13 +80,13 @@ class _Reloaded:
         """Yield it in words, without the problems."""
         for axis, comes in self.comes.items():
             if axis in self.gone:
-                yield f"{axis}: it has no table any more; the old correction {GONE[comes]}"
+                yield f"{axis}: it has no table now; the old correction {GONE[comes]}"
             else:
                 yield f"{axis}: its new correction {WORDS[comes]}"
         if self.changed:
-            yield f"in force now: {', '.join(self.changed)}"
+            yield f"applied now: {', '.join(self.changed)}"
         if not self.is_running:
-            yield "no gateway runs: everything is compiled for its start"
+            yield "no gateway runs: all is compiled for its next start"
         elif not self.comes and not self.changed and not self.all_problems:
             yield "nothing has changed"
 

@@ -24,19 +24,19 @@ def replay(
     *,
     config: Annotated[
         Path | None,
-        typer.Option("--config", help="Replay it with this configuration in place of the recorded one."),
+        typer.Option("--config", help="Use this configuration in place of the recorded one."),
     ] = None,
     line: Line = None,
-    show_traffic: Annotated[bool, typer.Option("--show", help="Print the traffic, readable.")] = False,
+    show_traffic: Annotated[bool, typer.Option("--show", help="Print the traffic in words.")] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Run a recording through the exchange again and compare every byte that comes out.
+    """Run a recording through the exchange again and compare every output byte.
 
-    The same inputs at the same times have to cause the same outputs, to the drives and to the controllers.
-    With another configuration, or another release, the differences show what it would have done instead.
+    The same inputs at the same times must give the same outputs, to drives and controllers. With another
+    configuration or release, the differences show its effect.
 
-    Exit code 0 when everything is as recorded; 1 when anything differs (the first differences are printed) or
-    the file is no recording.
+    Exit code 0 if everything is as recorded; 1 if anything differs (the first differences are printed) or the
+    file is no recording.
 
     Examples:
         pitch-gateway replay monday.jsonl
@@ -57,7 +57,7 @@ def replay(
         telling = _telling(plan) if show_traffic and not as_json else ()
         result = recorded.replay(plan, line, *telling)
     except ConfigErrors as errors:
-        typer.echo(f"{file}: its configuration is not accepted by this release:", err=True)
+        typer.echo(f"{file}: this release does not accept its configuration:", err=True)
         for problem in errors.problems:
             typer.echo(problem, err=True)
         raise typer.Exit(1) from None
@@ -93,10 +93,10 @@ def _show_event(line: str, event: "Event") -> None:
 
 def _words(file: Path, result: "ReplayResult") -> Iterator[str]:
     if result.is_truncated:
-        yield StderrLine(f"warning: {file} was cut off: it is replayed as far as it goes")
+        yield StderrLine(f"warning: {file} is truncated: only its complete part is replayed")
     if result.before:
         entries = "1 entry" if result.before == 1 else f"{result.before} entries"
-        yield StderrLine(f"{file}: {entries} from before what is known: not compared")
+        yield StderrLine(f"{file}: {entries} could not be compared: the state before them is unknown")
     if not result.different:
         yield f"{result.inputs} inputs, {result.outputs} outputs: all as recorded"
         return

@@ -14,7 +14,7 @@ from gateway.ipc.log import WARNING, LogEntry, LogFormat, LogLines, log_entry
 from gateway.ipc.log_thread import LogThread
 
 HowToLog = Annotated[
-    LogFormat, typer.Option("--log-format", help="How the log is written; auto: console on a terminal.")
+    LogFormat, typer.Option("--log-format", help="Format of the log; auto: console on a terminal.")
 ]
 StatusEvery = Annotated[
     float, typer.Option("--status-every", min=0.0, help="Seconds between status lines; 0: none.")
@@ -22,18 +22,18 @@ StatusEvery = Annotated[
 
 
 def run(config: Config, *, log_format: HowToLog = LogFormat.AUTO, status_every: StatusEvery = 0.0) -> None:
-    """Run the gateway in the foreground until it is stopped (Ctrl-C, SIGTERM).
+    """Run the gateway in the foreground until Ctrl-C or SIGTERM.
 
-    It listens, connects to the drives and corrects. The log goes to stderr; the event ready says that all
-    listeners are open, and where. Drives and serial adapters that are not there yet are waited for. A stop
-    finishes the exchange on the wire first; a second signal ends at once. SIGHUP, as from a terminal that is
-    closed, stops nothing: the tables are read anew. Commands (enable, disable,
-    reference, reload) reach it through a socket in its state folder.
+    It opens its listeners, connects to the drives and corrects positions. The log goes to stderr; the event
+    ready lists the open listeners. The gateway waits for drives and serial adapters that are missing. A stop
+    first finishes the exchange on the wire; a second signal ends immediately. SIGHUP, for example from a
+    closed terminal, only reads the tables again. The commands enable, disable, reference and reload use a
+    socket in the state folder.
 
-    There are two processes: the relay moves the frames, the supervisor gives it tables. A supervisor that
-    ends is started again, and the relay goes on meanwhile; without the relay the gateway ends.
+    The gateway has two processes: the relay forwards frames, the supervisor gives it tables. If the
+    supervisor ends, it is restarted while the relay goes on. If the relay ends, the gateway ends.
 
-    Exit code 0 after a stop; 1 when the configuration is bad, a port cannot be opened, the relay died, or on
+    Exit code 0 after a stop; 1 if the configuration is bad, a port cannot be opened, the relay died, or after
     a second signal.
 
     Examples:

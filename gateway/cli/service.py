@@ -22,19 +22,22 @@ def service(
     systemd: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="Write the drop-ins below DIR, as /etc/systemd/system; else they are shown."
+            metavar="DIR",
+            help=(
+                "Write the drop-ins below DIR, such as /etc/systemd/system; without it they are only shown."
+            ),
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Fit the units of systemd to a configuration: narrower where it can be, wider where it must be.
+    """Adapt the systemd units to a configuration: allow what it needs, and nothing else.
 
-    For each unit one drop-in: the addresses that it speaks with (IPAddressAllow), the kinds of serial ports
-    that are named (DeviceAllow), the capability for ports below 1024, what real time the relay is to
-    have, and the secrets that are called credential:NAME (LoadCredential). What is left open has its reason
-    beside it. Run it again when the configuration has changed; a file that fits already is not touched.
+    Each unit gets one drop-in: its network addresses (IPAddressAllow), kinds of serial ports (DeviceAllow),
+    the capability for ports below 1024, the real-time settings of the relay, and the secrets that are named
+    credential:NAME (LoadCredential). A comment gives the reason for each permission left open. Run it again
+    after a change of the configuration; a drop-in that is up to date is not written.
 
-    Exit code 0 when all is written or shown; 1 when CONFIG is bad, or a file cannot be written.
+    Exit code 0 if all is written or shown; 1 if CONFIG is bad or a file cannot be written.
 
     Examples:
         pitch-gateway service gateway.toml
@@ -75,7 +78,7 @@ class Fitted:
         for path, is_new in self.written.items():
             yield f"{path}: {'written' if is_new else 'fits already'}"
         if any(self.written.values()):
-            yield "it counts after: systemctl daemon-reload && systemctl restart pitch-gateway.target"
+            yield "to apply it: systemctl daemon-reload && systemctl restart pitch-gateway.target"
 
 
 def fit(folder: Path, texts: Mapping[str, str]) -> Fitted:

@@ -14,16 +14,14 @@ if TYPE_CHECKING:
     from gateway.exchange.plan import AxisPlan
 
 NUMBERS = "--at, --forward-reading and --backward-reading"
-MISSING = f"numbers for a sign test come together: {NUMBERS}"
+MISSING = f"give all numbers of a sign test together: {NUMBERS}"
 
 
 def signtest(
     config: Config,
     *,
     axis: Annotated[str, typer.Option("--axis", help="The axis.", show_default=False)],
-    at: Annotated[
-        float | None, typer.Option("--at", help="Commanded position at which both readings were taken.")
-    ] = None,
+    at: Annotated[float | None, typer.Option("--at", help="Commanded position of both readings.")] = None,
     forward_reading: Annotated[
         float | None, typer.Option("--forward-reading", help="True position, approached from below.")
     ] = None,
@@ -32,28 +30,28 @@ def signtest(
     ] = None,
     uncertainty: Annotated[
         float | None,
-        typer.Option("--uncertainty", help="Of a reading, in units of the axis; default 2 µm or 2 counts."),
+        typer.Option("--uncertainty", help="Of a reading, in units of the axis; default: 2 µm or 2 counts."),
     ] = None,
     moved: Annotated[
         float | None,
         typer.Option(
             "--moved",
-            help="Instead of readings: by how much the axis really moved when 1 mm (1 degree, 0.05 inch) "
-            "more was commanded. Judges counts_per_unit.",
+            help="In place of readings: how far the axis really moved when it was commanded 1 mm (1 "
+            "degree, 0.05 inch) further. Checks counts_per_unit.",
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Tell from two readings at one point whether a table is used the right way round.
+    """Check with two readings at one position that a table is used with the right sign.
 
-    The mistake that everybody makes: the sense of the table, its two columns, or the direction of the axis is
-    the other way round, and the machine gets twice as bad instead of good. Switch the compensation off
-    (pitch-gateway disable), go to one position from below and from above, and read a laser or a gauge each
-    time, with its zero where the table has its own. Without numbers it asks for them, and says where to
-    measure; on a terminal it first asks for a move of 1 mm, which shows a counts_per_unit that is wrong by
-    ten. --moved judges such a move by itself, also of an axis that has no table yet.
+    The most common mistake is a reversed sign: in the table, between its two columns, or in the axis
+    direction. The error then doubles. Switch the compensation off (pitch-gateway disable), go to one position
+    from below and from above, and read a laser or gauge each time. Its zero must be at the table's zero.
+    Without numbers the command says where to measure and asks for them. On a terminal it first asks for a
+    move of 1 mm, which shows a counts_per_unit that is wrong by a factor of ten. --moved checks only such a
+    move, also for an axis without a table.
 
-    Exit code 0 when the table, or the move, is right; 1 when it is not, or when it cannot be told.
+    Exit code 0 if the table or the move is right; 1 if it is wrong or cannot be judged.
 
     Examples:
         pitch-gateway signtest gateway.toml --axis x
@@ -70,7 +68,10 @@ def signtest(
         raise typer.BadParameter(MISSING)
     if moved is not None:
         if at is not None:
-            raise typer.BadParameter("it judges a move, the readings judge a table: give one of them")
+            raise typer.BadParameter(
+                "give a move or the readings, not both: a move checks counts_per_unit, the readings "
+                "check a table"
+            )
         _judge_move(config, _axis(config, axis), moved, as_json=as_json)
         return
     plan = _with_table(config, _axis(config, axis))
@@ -103,9 +104,7 @@ def _axis(config: Path, name: str) -> "AxisPlan":
 
 def _with_table(config: Path, plan: "AxisPlan") -> "AxisPlan":
     if plan.table is None:
-        typer.echo(
-            f"{config}: axis.{plan.name}.table: missing; name the table that is to be tested", err=True
-        )
+        typer.echo(f"{config}: axis.{plan.name}.table: missing; name the table to test", err=True)
         raise typer.Exit(1)
     return plan
 
@@ -130,8 +129,8 @@ def _ask_for_a_move(config: Path, plan: "AxisPlan") -> None:
 
     commanded, units = TRIAL_MOVE[plan.settings.units], plan.settings.units.value
     typer.echo(
-        f"Axis {plan.name}: command one move up, then {commanded:g} {units} more. Measure this last move "
-        "with a dial gauge or a rule; it is negative where the axis went down.",
+        f"Axis {plan.name}: command one move up, then {commanded:g} {units} more. Measure the last move "
+        "with a dial gauge or a rule. Type a negative number if the axis went down.",
         err=True,
     )
     _judge_move(
@@ -146,12 +145,14 @@ def _asked_for(plan: "AxisPlan") -> tuple[float, float, float]:
     units, best, approach = plan.settings.units.value, best_position(plan), approach_of(plan)
     typer.echo(
         f"Axis {plan.name}: switch its compensation off (pitch-gateway disable), home it, and set the "
-        "instrument to 0 where the table has its zero.\n"
-        f"The table tells most at {best:.6g} {units}. Go to {best - approach:.6g}, then up to {best:.6g}, "
-        f"and read. Go to {best + approach:.6g}, then down to {best:.6g}, and read again.",
+        f"instrument to 0 at the zero of the table.\nThe best position for this test is {best:.6g} "
+        f"{units}. Go to {best - approach:.6g}, then up to {best:.6g}, and read. Go to "
+        f"{best + approach:.6g}, then down to {best:.6g}, and read again.",
         err=True,
     )
     at: float = typer.prompt(f"Position [{units}]", default=best, type=float, err=True)
-    forward: float = typer.prompt(f"Reading approached from below, forward [{units}]", type=float, err=True)
-    backward: float = typer.prompt(f"Reading approached from above, backward [{units}]", type=float, err=True)
+    forward: float = typer.prompt(f"Reading, approached from below, forward [{units}]", type=float, err=True)
+    backward: float = typer.prompt(
+        f"Reading, approached from above, backward [{units}]", type=float, err=True
+    )
     return at, forward, backward

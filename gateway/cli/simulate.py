@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 def simulate(
     config: Config,
     speed_up: Annotated[
-        float, typer.Option("--speed-up", min=0.001, help="Machine time per real time; wire times stay real.")
+        float,
+        typer.Option("--speed-up", min=0.001, help="Machine time per real time; wire times do not change."),
     ] = 1.0,
     seed: Annotated[int, typer.Option("--seed", help="The same seed makes the same worn screws.")] = 0,
     *,
@@ -32,64 +33,65 @@ def simulate(
         bool,
         typer.Option(
             "--paced/--unpaced",
-            help="Serial bytes and the drives' replies take the time that they really take.",
+            help="Serial bytes and replies of drives take their real time.",
         ),
     ] = True,
     latency_timer_ms: Annotated[
         float,
         typer.Option(
-            "--latency-timer", min=0.0, help="ms for which the gateway's ports gather, as USB does."
+            "--latency-timer",
+            min=0.0,
+            help="ms for which the gateway's ports collect bytes, like a USB adapter.",
         ),
     ] = 0.0,
     lump_bytes: Annotated[
         int,
         typer.Option(
-            "--lump", min=0, show_default="62", help="Bytes that they hand over at once, sooner than that."
+            "--lump", min=0, show_default="62", help="They hand over earlier when they have so many bytes."
         ),
     ] = 0,
     jitter_ms: Annotated[
-        float, typer.Option("--jitter", min=0.0, help="ms by which they hand over later now and then.")
+        float, typer.Option("--jitter", min=0.0, help="Now and then they hand over up to so many ms later.")
     ] = 0.0,
     noise: Annotated[
-        float, typer.Option("--noise", min=0.0, max=1.0, help="Share of serial bytes with noise behind them.")
+        float, typer.Option("--noise", min=0.0, max=1.0, help="Share of serial bytes followed by noise.")
     ] = 0.0,
     hearing: Annotated[
         str,
         typer.Option(
             "--hearing",
-            show_default="whole good frames, wherever they stand",
-            help="What serial drives take for a frame: standard, any-length, merging, no-check.",
+            show_default="whole good frames, at any place",
+            help="What serial drives accept as a frame: standard, any-length, merging, no-check.",
         ),
     ] = "",
     gauge: Annotated[
         bool,
         typer.Option(
             "--gauge",
-            help="Put a laser at each axis: a port gauge-AXIS in this folder for measure, and a line for "
-            "each place where the axis comes to rest.",
+            help="Simulate a laser at each axis: a port gauge-AXIS in this folder for measure, and a "
+            "line of output at each position where the axis stops.",
         ),
     ] = False,
     json_output: Annotated[
-        bool, typer.Option("--json", help="Say what is served as one line of JSON.")
+        bool, typer.Option("--json", help="Print the simulated ports as one line of JSON.")
     ] = False,
 ) -> None:
-    """Simulate every drive that CONFIG names, so that it can be tried without a machine.
+    """Simulate the drives of CONFIG, to try it without a machine.
 
-    An axis with a shipped drive profile gets an endpoint that behaves as that drive does: its way of starting
-    moves, its function codes and limits, its refusals. With registers of its own it gets a plain drive, which
-    moves when a position is written.
+    An axis with a shipped drive profile gets a simulated drive of that type: how it starts moves, its
+    function codes, limits and refusals. An axis with its own register map gets a plain drive, which moves
+    when a position is written.
 
-    Local TCP addresses of drives are listened on. Serial ports that do not exist are made; where a
-    controller's port is made too, the controller opens the same path with .controller behind it. Runs until
-    Ctrl-C.
+    It listens on the drives' local TCP addresses and makes serial ports that do not exist. If it also makes a
+    controller's port, the controller opens the same path with .controller added. It runs until Ctrl-C.
 
-    Drives with --hearing standard break frames with a pause of 1.5 characters inside. any-length: they take
-    what is intact, however long. merging: that too, and only 10 ms of silence end it. no-check: whatever its
-    check sum says.
+    Drives with --hearing standard split a frame at a pause of 1.5 characters. any-length: they accept intact
+    frames of any length. merging: as any-length, but only 10 ms of silence end a frame. no-check: they ignore
+    the CRC.
 
-    With --gauge each linear axis has a laser that sees where the worn screw has really taken it. Its port
-    speaks as a Sylvac gauge does: measure --gauge gauge-x asks it. Or type into measure what the lines here
-    show.
+    --gauge adds a laser for each linear axis, which shows the real position after the error of the worn
+    screw. Its port works like a Sylvac gauge: use measure --gauge gauge-x, or type the printed readings into
+    measure.
 
     Examples:
         pitch-gateway simulate gateway.toml
@@ -127,9 +129,9 @@ def _warn_of_what_is_not_played(config: Path, plan: "GatewayPlan") -> None:
         if axis.drive in DRIVES or not (motion.waits_for_trigger or any(motion.modes)):
             continue
         typer.echo(
-            f"warning: {config}: axis.{axis.name}: played by a plain drive that moves as soon as a position "
-            "is written: the modes, triggers and staged targets of its map do nothing there; a profile that "
-            "comes with the gateway (pitch-gateway drives) is played as its manual says",
+            f"warning: {config}: axis.{axis.name}: simulated by a plain drive that moves as soon as a "
+            "position is written: modes, triggers and staged targets of its map do nothing; for these "
+            "use a shipped profile (pitch-gateway drives)",
             err=True,
         )
 
@@ -190,7 +192,7 @@ class _Serving:
         for line in self.served:
             yield from _described(line)
         for axis, path in (self.lasers or {}).items():
-            yield f"axis {axis}: a laser on {path}, as measure --gauge {path} reads it"
+            yield f"axis {axis}: a laser on {path}; read it with: measure --gauge {path}"
         yield "Ctrl-C ends it."
 
 
@@ -199,7 +201,7 @@ async def _show_until(ended: asyncio.Event, gauges: "tuple[VirtualGauge, ...]") 
     from gateway.simulator.gauge import DISPLAY_EVERY_S, Display
 
     def print_reading(gauge: "VirtualGauge", reading: float) -> None:
-        typer.echo(f"axis {gauge.axis} stands; its laser shows {reading:.5f} {gauge.units}")
+        typer.echo(f"axis {gauge.axis} stopped; its laser shows {reading:.5f} {gauge.units}")
 
     displays = [Display(gauge, print_reading) for gauge in gauges]
     while not ended.is_set():

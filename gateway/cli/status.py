@@ -14,16 +14,16 @@ def status(
     *,
     as_json: Annotated[bool, typer.Option("--json", help="Print the whole status as JSON.")] = False,
     watch: Annotated[
-        bool, typer.Option("--watch", help="Go on showing it until Ctrl-C; with --json a line each change.")
+        bool, typer.Option("--watch", help="Update until Ctrl-C; with --json: a line for each change.")
     ] = False,
 ) -> None:
-    """Show what the gateway that runs CONFIG does: a look, which changes nothing.
+    """Show the state of the running gateway of CONFIG. It changes nothing.
 
-    What is wrong and what to do about it, the gateway, its lines with their controllers, its axes with
-    positions in their units, and how long the gateway itself took for their frames (microseconds), beside the
-    budget. --json has everything; docs/operations.md and docs/latency.md explain the keys.
+    It shows alarms with their remedies, the gateway, lines with their controllers, and axes with positions in
+    their units. It also shows how long the gateway took for frames (microseconds), beside the budget. --json
+    has everything; docs/operations.md and docs/latency.md explain the keys.
 
-    Exit code 1 when no gateway runs; 0 after Ctrl-C.
+    Exit code 1 if no gateway runs; 0 after Ctrl-C.
 
     Examples:
         pitch-gateway status gateway.toml

@@ -25,7 +25,7 @@ BY_CERTIFICATE: Final = "by role"
 OF_VERDICT: Final = {"healthy": "green", "waiting": "cyan", "warning": "yellow", "error": "red"}
 OLD: Final = {
     "last-reading": "its position was last read",
-    "target": "its position was not read since it got its target",
+    "target": "its position was not read since its target was written",
 }
 """Text for a position that is not a present reading."""
 COLOURS: Final = {
@@ -85,7 +85,7 @@ def _gateway(gateway: GatewayStatus) -> Iterator[RenderableType]:
     runs = "" if gateway.uptime_s is None else f", runs for {span(gateway.uptime_s)}"
     if gateway.relay != "up":
         age_s = gateway.snapshot_age_s
-        seen = "" if age_s is None else f"; what follows is {span(age_s)} old"
+        seen = "" if age_s is None else f"; the data below is {span(age_s)} old"
         runs = f", [red]its relay is not running[/]{seen}"
     yield _words(f"[bold]gateway {escape(gateway.name)}[/] {escape(gateway.version)}{compiled}{runs}")
     scheduling = gateway.scheduling
@@ -137,7 +137,7 @@ def _unknown_ids_and_sessions(controller: ControllerStatus) -> Iterator[Renderab
         yield _words(f"  {name}: TLS with {escape(session.peer)}, {who}")
     for file in tls.certificates:
         if file.days_left is not None and file.days_left < SOON.days:
-            ends = f"is good until {escape(str(file.ends))}, days left: {file.days_left}"
+            ends = f"is valid until {escape(str(file.ends))}, days left: {file.days_left}"
             yield _words(f"  {name}: [yellow]TLS: {escape(file.file)} {ends}[/]")
     counts = {
         "connections refused": controller.refused_connections,

@@ -14,15 +14,15 @@ def supervise(
     *,
     log_format: HowToLog = LogFormat.AUTO,
     events: Annotated[
-        bool, typer.Option("--events", help="Log what happens in the relay, too; it does so itself.")
+        bool, typer.Option("--events", help="Log the events of the relay too; the relay also logs them.")
     ] = False,
 ) -> None:
-    """Run the supervisor alone: it gives the relay new tables. For services.
+    """Run only the supervisor: it gives the relay new tables. For services.
 
-    It waits for the relay and finds it again. Tables are read when the relay is reached, and on SIGHUP; a bad
-    one changes nothing and is in the log with file, line and reason.
+    It waits for the relay and reconnects to it. It reads the tables when it has connected, and on SIGHUP. A
+    bad table changes nothing; the log names file, line and reason.
 
-    Exit code 0 after a stop; 1 when CONFIG cannot be read, or another supervisor has its state folder.
+    Exit code 0 after a stop; 1 if CONFIG cannot be read, or another supervisor uses its state folder.
 
     Examples:
         pitch-gateway supervise gateway.toml

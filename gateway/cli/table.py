@@ -26,8 +26,8 @@ from gateway.tabfile.options import MAX_POSITION
 app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
-    help="Look at correction tables (Centroid .tab and those of other controls), check and convert them. "
-    "The format is found out from the text; 'table formats' lists all of them.",
+    help="Show, check and convert correction tables: Centroid .tab and other controls. The text of a "
+    "file tells its format; 'table formats' lists all.",
 )
 
 app.command("build")(table_build.build)
@@ -48,10 +48,10 @@ def show(
     *,
     source: ReadOptions,
     counts_per_unit: Counts = None,
-    limit: Annotated[int, typer.Option(min=0, help="Points to print, 0 for all.")] = 200,
+    limit: Annotated[int, typer.Option(min=0, help="Number of points to print; 0: all.")] = 200,
     json: AsJson = False,
 ) -> None:
-    """Show a table: what it is, how open questions were settled, its points.
+    """Show a table: its format, its settings and their origin, its points.
 
     Examples:
       pitch-gateway table show cnc10z.tab
@@ -76,9 +76,9 @@ def explain(
     counts_per_unit: Counts = None,
     json: AsJson = False,
 ) -> None:
-    """Say what a table adds at one position in each direction, and why.
+    """Show and explain the correction of a table at one position, in each direction.
 
-    Corrections are in the machine units of the table. What the file proves needs no option; an option that
+    Corrections are in the machine units of the table. What the file proves needs no option. An option that
     contradicts the file is an error.
 
     Examples:
@@ -89,7 +89,7 @@ def explain(
       pitch-gateway table explain CNC7Z.TAB --at -1.25 --travel -2.6 0 --counts-per-unit 25400 --json
     """
     if not abs(at) < MAX_POSITION:
-        raise typer.BadParameter(f"{at}: is no position of a machine", param_hint="--at")
+        raise typer.BadParameter(f"{at}: is not a machine position", param_hint="--at")
     with problems():
         loaded = inspect(file, source.context(counts_per_unit))
     found = explain_at(loaded, at, counts_per_unit)
@@ -111,9 +111,9 @@ def lint(
     strict: Annotated[bool, typer.Option("--strict", help="Fail on every warning.")] = False,
     json: AsJson = False,
 ) -> None:
-    """Report every sign of a mistake in a table.
+    """Check a table for mistakes.
 
-    Ends with 1 if the gateway would refuse the table, or if values were probably written in another unit
+    Exit code 1 if the gateway would refuse the table, or if values were probably written in another unit
     (L4).
 
     Examples:

@@ -24,12 +24,12 @@ def build(
     options: BuildOptions,
     json: AsJson = False,
 ) -> None:
-    """Build a correction table from readings that were taken without one.
+    """Make a correction table from readings taken without a table.
 
-    The correction is target less reading, the mean of all runs in each direction; what cannot be measured
-    where the axis turns round is estimated from its neighbour. What is odd about the readings is named. The
-    table follows what leaves least between the targets: lines, a smooth curve, or one with harmonics of the
-    lead (--lead); what it will leave there is predicted by leaving targets out.
+    The correction is target minus reading, the mean of all runs in each direction. A value that cannot be
+    measured at a turn-around point is estimated from its neighbour. Unusual readings are reported. Between
+    the targets the table follows straight lines, a smooth curve, or a curve with harmonics of the lead
+    (--lead), whichever leaves the smallest error. This error is predicted by leaving targets out.
 
     Examples:
       pitch-gateway table build z.csv cnc10z.tab --home switch-negative

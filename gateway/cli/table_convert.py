@@ -53,9 +53,9 @@ def convert(
 ) -> None:
     """Write a table in another format, and say what that format cannot hold.
 
-    What was written is read back and compared before OUT is touched. A format that knows even grids only
-    takes a free grid with --resample. Centroid version 1 takes the counts per unit from --to-counts-per-unit
-    or --file-counts-per-unit.
+    The written text is read back and compared before OUT changes. If a format holds only even grids, use
+    --resample for an uneven table. Centroid version 1 takes the counts per unit from --to-counts-per-unit or
+    --file-counts-per-unit.
 
     Examples:
       pitch-gateway table convert CNC7Z.TAB cnc10z.tab --to centroid-3 --file-start -2.5 --axis z
@@ -135,7 +135,7 @@ class _Converted:
         return [
             *self.result.written.losses,
             *(
-                f"the lost motion that {self.loaded.format} states beside the table: {line}"
+                f"the lost motion that {self.loaded.format} states outside the table: {line}"
                 for line in backlash
             ),
             *lost_modulo(self.loaded, self.result.modulo),
@@ -178,7 +178,7 @@ class _Converted:
         if self.target.suffix and self.out.suffix.lower() != self.target.suffix.lower():
             lines.append(f"files of {self.target.name} are usually called *{self.target.suffix}")
         lines.append(
-            f"largest difference of a correction after reading it back: {self.result.difference:.3g} "
+            f"largest difference of a correction when read back: {self.result.difference:.3g} "
             f"{self.units.value} (at {self.result.at:g})"
         )
         return lines

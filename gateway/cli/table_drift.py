@@ -31,11 +31,11 @@ def drift(
     *,
     json: AsJson = False,
 ) -> None:
-    """Evaluate a drift test after the idea of ISO 230-3: one place, read for hours.
+    """Evaluate a drift test in the manner of ISO 230-3: one position, read for hours.
 
-    It says the range over the whole test, the largest change within an hour, the rate at the end (whether the
-    machine has settled), and what a kelvin makes where temperatures were read. Measure an axis when an hour
-    changes less than the accuracy that is wanted.
+    It shows the range over the whole test, the largest change within an hour, the rate at the end (whether
+    the machine has settled), and, with temperatures, the change per kelvin. Measure an axis when an hour
+    changes less than the required accuracy.
 
     Examples:
       pitch-gateway table drift warm-up.csv
@@ -85,6 +85,6 @@ class _Drifted:
         yield f"rate in the last hour: {found.last_rate * small.factor:+.2f} {small.name}/h"
         if found.per_kelvin is not None and found.explained is not None:
             yield (
-                f"a kelvin makes {found.per_kelvin * small.factor:+.2f} {small.name}; that explains "
-                f"{found.explained:.0%} of the drift"
+                f"each kelvin changes it by {found.per_kelvin * small.factor:+.2f} {small.name}; this "
+                f"explains {found.explained:.0%} of the drift"
             )

@@ -25,11 +25,11 @@ def evaluate(
     options: EvaluateOptions,
     json: AsJson = False,
 ) -> None:
-    """Judge an axis by the formulas of ISO 230-2: A, R, E, M and B, for each direction and both.
+    """Evaluate an axis by the formulas of ISO 230-2: A, R, E, M and B, for each direction and both.
 
-    With --after it stands beside a second measurement, with --table beside what that table would leave of
-    READINGS: at the targets, to first order, and between them, by leaving targets out. A result that the
-    readings do not carry is not shown: one run has no scatter, one direction no reversal.
+    --after compares with a second measurement. --table compares with the error that this table would leave of
+    READINGS: at the targets, to first order, and between them, by leaving targets out. Results that need more
+    readings are not shown: one run has no scatter, one direction no reversal.
 
     Examples:
       pitch-gateway table evaluate before.csv --after after.csv
@@ -38,7 +38,7 @@ def evaluate(
     """
     if options.after and options.table is not None:
         raise typer.BadParameter(
-            "either a measurement or a prediction, not both", param_hint="--after, --table"
+            "give either a measurement or a prediction, not both", param_hint="--after, --table"
         )
     source, screw = options.source, options.screw
     context = options.readings.context(source.units, source.axis)

@@ -11,16 +11,15 @@ from gateway.tabfile.options import DECLARED
 _UNITS = {
     UnitsOf.FILE: "in the file",
     UnitsOf.AXIS: "counts: units of the axis",
-    UnitsOf.TOLD: "must be told",
+    UnitsOf.TOLD: "must be given",
 }
 
 
 def formats(*, json: AsJson = False) -> None:
-    """List the formats of table that can be read, and what has to be told about each.
+    """List the table formats that can be read, and which options each needs.
 
-    The format of a file is found out from its text. Options are those of the other commands; in a
-    configuration they stand under table_options, with _ for -. An option is needed only where the file leaves
-    open what it says.
+    The text of a file tells its format. The options are those of the other commands; in a configuration they
+    are under table_options, with _ for -. An option is needed only if the file does not state it.
 
     Examples:
       pitch-gateway table formats

@@ -15,7 +15,7 @@ from gateway.compensation.units import Units
 from gateway.tabfile import V1Layout
 
 OutFile = Annotated[
-    Path, typer.Argument(metavar="OUT", help="The file to write.", show_default=False, readable=False)
+    Path, typer.Argument(metavar="OUT", help="File to write.", show_default=False, readable=False)
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Target = Annotated[
@@ -30,9 +30,7 @@ class OutOptions:
     to_units: Annotated[Units | None, typer.Option(help="Units of OUT; default: those of FILE.")] = None
     to_axis: Annotated[
         str | None,
-        typer.Option(
-            metavar="LETTER", help="The axis that OUT is for; default: that of FILE or of a file name."
-        ),
+        typer.Option(metavar="LETTER", help="Axis of OUT; default: that of FILE or of a file name."),
     ] = None
     to_file_axis: ToFileAxis = None
     to_counts_per_unit: Annotated[

@@ -101,7 +101,7 @@ def explained(explanation: PositionExplanation) -> "Iterator[RenderableType]":
 def remarks(loaded: LoadedTable) -> Iterator[str]:
     """Yield the reader's decisions, the control's behaviour besides the table, and every lint."""
     yield from (f"decided: {decision}" for decision in loaded.source.decisions)
-    yield from (f"to do as its control did, for the axis: {line}" for line in loaded.source.behaves_as)
+    yield from (f"to behave like its control, set for the axis: {line}" for line in loaded.source.behaves_as)
     yield from (lint.line_in(loaded.file) for lint in loaded.lints)
 
 

@@ -37,21 +37,21 @@ class PlotOptions:
         list[Path] | None,
         typer.Option(
             metavar="READINGS",
-            help="Readings that were taken WITHOUT the table, drawn with what it would leave of them; "
-            "again for more files.",
+            help="Readings taken WITHOUT the table: also draws the error that it would leave; repeat it "
+            "for more files.",
             readable=False,
         ),
     ] = None
     readings_format: Annotated[
         str | None,
-        typer.Option("--readings-format", metavar="NAME", help="Format of READINGS, where it is not plain."),
+        typer.Option("--readings-format", metavar="NAME", help="Format of READINGS, if it is not clear."),
     ] = None
     runs: Annotated[
         str | None,
         typer.Option(
             "--runs",
             metavar="alternate|forward|backward",
-            help="Directions of the runs of a file that does not prove them.",
+            help="Directions of the runs, if the file does not prove them.",
         ),
     ] = None
     force: Force = False
@@ -64,7 +64,7 @@ def plot(
         Path | None,
         typer.Argument(
             metavar="OUT",
-            help="The file to write: .png, .svg or .html; - prints SVG. Default: FILE.png beside FILE.",
+            help="File to write: .png, .svg or .html; - prints SVG. Default: FILE.png beside FILE.",
             show_default=False,
             readable=False,
         ),
@@ -73,10 +73,10 @@ def plot(
     options: PlotOptions,
     json: AsJson = False,
 ) -> None:
-    """Draw a table: forward and backward corrections, backlash, slope; with READINGS also what it does.
+    """Draw a table: forward and backward corrections, backlash, slope; with READINGS also its effect.
 
-    The suffix of OUT decides: PNG or SVG is one picture, HTML a report to hand on, in a single file that
-    needs no network. Deviations are in µm (rotary axes: arcsec), positions in the units of the table.
+    The suffix of OUT decides: PNG or SVG is one picture, HTML a report in a single file that needs no
+    network. Deviations are in µm (rotary axes: arcsec), positions in the units of the table.
 
     Examples:
       pitch-gateway table plot cnc10z.tab
@@ -88,7 +88,7 @@ def plot(
       pitch-gateway table plot CNC7X.TAB - --file-counts-per-unit 64000 > x.svg
     """
     if json and out == STDOUT:
-        raise typer.BadParameter("standard output takes one of both: SVG or JSON", param_hint="--json")
+        raise typer.BadParameter("standard output takes SVG or JSON, not both", param_hint="--json")
     with problems():
         loaded = inspect(file, options.source.context(options.counts_per_unit))
         axis_data = axis_data_of(loaded, options.source.axis)
@@ -166,7 +166,9 @@ def _with_readings(axis_data: AxisData, options: PlotOptions) -> AxisData:
     context = ReadingsContext(options.readings_format, None, None, runs)
     before = merged([read_survey(file, context) for file in options.readings or ()]).in_units(axis_data.units)
     check_same_axis(before.source, before.axis, "the table", axis_data.axis)
-    check_uncorrected(before.source, before.facts, "draw the table without them, or give those before it")
+    check_uncorrected(
+        before.source, before.facts, "draw the table without them, or give readings taken before it"
+    )
     after = predicted_residue(before, table)
     return replace(
         axis_data,

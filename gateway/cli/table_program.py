@@ -27,7 +27,7 @@ class ProgramKind(Enum):
 def program(
     out: Annotated[
         Path | None,
-        typer.Argument(metavar="OUT", help="The file to write; default: standard output.", readable=False),
+        typer.Argument(metavar="OUT", help="File to write; default: standard output.", readable=False),
     ] = None,
     *,
     low: Annotated[float, typer.Option("--from", metavar="LO", help="Lowest target.")],
@@ -36,32 +36,31 @@ def program(
         ProgramKind,
         typer.Option(
             "--write",
-            help="cycle: both ways with overrun; endless: TB058's loop of one step; list: the targets, for "
-            "the software of the laser.",
+            help="cycle: both ways with overrun; endless: TB058's loop of one step; list: only targets, "
+            "for the software of the laser.",
         ),
     ] = ProgramKind.CYCLE,
-    step: Annotated[float | None, typer.Option(help="Even targets at this distance.")] = None,
+    step: Annotated[float | None, typer.Option(help="Distance between even targets.")] = None,
     targets: Annotated[
-        int | None, typer.Option(help="So many targets, moved at random against periodic errors.")
+        int | None, typer.Option(help="Number of targets, with random offsets against periodic errors.")
     ] = None,
     spread: Annotated[
         float | None,
-        typer.Option(help="How far at most a target is moved: the lead of the screw; default 0.3 intervals."),
+        typer.Option(help="Largest offset of a target: the lead of the screw; default: 0.3 intervals."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="The same number gives the same targets.")] = 1,
-    runs: Annotated[int, typer.Option(help="Runs each way.")] = 5,
+    seed: Annotated[int, typer.Option(help="The same seed gives the same targets.")] = 1,
+    runs: Annotated[int, typer.Option(help="Runs in each direction.")] = 5,
     travel: Annotated[
         tuple[float, float] | None,
-        typer.Option(
-            metavar="LO HI", help="Limits of the axis: a cycle or a list that leaves them is refused."
-        ),
+        typer.Option(metavar="LO HI", help="Travel of the axis: a cycle or list that leaves it is refused."),
     ] = None,
     overrun: Annotated[
-        float | None, typer.Option(help="How far beyond the ends it turns round; default 2 mm, or 2 degrees.")
+        float | None,
+        typer.Option(help="How far beyond the ends the axis turns round; default: 2 mm or 2 degrees."),
     ] = None,
-    dwell: Annotated[float, typer.Option(help="Pause for a reading, as the control takes G4 P.")] = 5.0,
+    dwell: Annotated[float, typer.Option(help="Pause for a reading, in the control's unit of G4 P.")] = 5.0,
     feed: Annotated[
-        float | None, typer.Option(help="Units a minute; default 500 mm, or 500 degrees.")
+        float | None, typer.Option(help="Units per minute; default: 500 mm or 500 degrees.")
     ] = None,
     axis: Annotated[str, typer.Option("--axis", metavar="LETTER", help="The axis.")] = "X",
     units: Annotated[Units, typer.Option("--units", help="Units of all lengths.")] = Units.MM,
@@ -69,9 +68,9 @@ def program(
 ) -> None:
     """Write a program for the control, or a list of targets, for a measurement.
 
-    A cycle stops at every target upwards and downwards and turns round beyond the ends, so that no target is
-    approached from the wrong side. Targets given by their number are moved at random: an even grid cannot see
-    an error that repeats with every turn of the screw.
+    A cycle stops at every target upwards and downwards, and turns round beyond the ends, so that each target
+    is approached from the right side. --targets gives random offsets: an even grid cannot show an error that
+    repeats with each turn of the screw.
 
     Examples:
       pitch-gateway table program x.cnc --from 0 --to 500 --targets 11 --spread 5 --axis X
@@ -139,13 +138,13 @@ def _check(
 ) -> None:
     """Refuse options that do not go together."""
     if (step is None) == (targets is None):
-        raise typer.BadParameter("one of --step and --targets is needed", param_hint="--step, --targets")
+        raise typer.BadParameter("give --step or --targets", param_hint="--step, --targets")
     if kind is ProgramKind.ENDLESS and travel is not None:
         raise typer.BadParameter(
-            "the endless program only stops at the limit of the control: --write cycle", param_hint="--travel"
+            "the endless program stops only at the limit of the control: --write cycle", param_hint="--travel"
         )
     if kind is ProgramKind.ENDLESS and step is None:
-        raise typer.BadParameter("the endless program makes even steps: --step", param_hint="--write")
+        raise typer.BadParameter("the endless program makes even steps: give --step", param_hint="--write")
 
 
 def _text(
@@ -167,20 +166,20 @@ def _warn(stops: list[float], cycle: maths.Cycle, kind: ProgramKind) -> None:
     unit = cycle.units.value
     if kind is ProgramKind.CYCLE:
         typer.echo(
-            f"note: the axis goes from {stops[0] - cycle.overrun:g} to {stops[-1] + cycle.overrun:g} {unit}; "
-            "it must be free to do so",
+            f"note: the axis goes from {stops[0] - cycle.overrun:g} to {stops[-1] + cycle.overrun:g} "
+            f"{unit}; keep this range free",
             err=True,
         )
         typer.echo(
-            "note: its positions are those of the active work offset, a table's those of the machine: cancel "
-            "work and tool offsets, so that both are one",
+            "note: its positions are those of the active work offset, a table's those of the machine: "
+            "cancel work and tool offsets, so that both are equal",
             err=True,
         )
     if kind is ProgramKind.ENDLESS:
         typer.echo("note: the program repeats itself until the software travel limit stops it", err=True)
         typer.echo(
-            f"note: the step is {unit} only if the control is set so (G20 inch, G21 mm); G91 stays in force "
-            "after it: G90 before anything else",
+            f"note: set the control to {unit} (G20 inch, G21 mm), or the step has another length; G91 "
+            "stays active after the program: command G90 first",
             err=True,
         )
     if cycle.units is not Units.DEGREE:

@@ -37,7 +37,7 @@ def inspect(file: Path, context: FileContext) -> LoadedTable:
     if context.units is not None:
         return inspect_table(file, context)
     loaded = inspect_table(file, replace(context, units=Units.INCH))
-    decision = "units inch: taken because the file states none and --units was not given"
+    decision = "units inch: assumed, because the file states none and --units was not given"
     source = replace(loaded.source, decisions=(decision, *loaded.source.decisions))
     return replace(loaded, source=source)
 

@@ -23,7 +23,7 @@ def refine(
         list[Path],
         typer.Argument(
             metavar="READINGS...",
-            help="Readings that were taken while FILE was in use.",
+            help="Readings taken while FILE was in use.",
             show_default=False,
             readable=False,
         ),
@@ -33,10 +33,10 @@ def refine(
     options: RefineOptions,
     json: AsJson = False,
 ) -> None:
-    """Add to a table what was left of the error while it was in use: new = old + (nominal - measured).
+    """Add the error left by a table to that table: new = old + (nominal - measured).
 
-    Do it again with readings under the new table; it says when that brings nothing more. With --home the
-    correction at home stays what it was. A turn-around point without a reading is estimated from its
+    Repeat it with readings under the new table; the command says when more readings do not help. With --home
+    the correction at home does not change. A turn-around point without a reading is estimated from its
     neighbour.
 
     Examples:

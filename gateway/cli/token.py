@@ -13,21 +13,19 @@ BYTES: Final = 32
 
 
 def token(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="The file that will hold the token.", show_default=False)
-    ],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="File for the token.", show_default=False)],
     *,
-    force: Annotated[bool, typer.Option("--force", help="Put a new token into a file that exists.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace the token in an existing file.")] = False,
 ) -> None:
-    """Write a new random token into a file that only this user may read.
+    """Write a new random token into a file that only your user can read.
 
-    With a token somebody may look at the status page: name its file in http.tokens. Programs
-    show it as "Authorization: Bearer …", people type it once. The token itself is not printed.
+    A token gives read access to the status page: name its file in http.tokens. Programs send it as
+    "Authorization: Bearer …"; people type it once. The command does not print the token.
 
-    With --force a file that exists gets another token. A gateway that runs notices that by itself: the
-    old token counts for nothing any more, and whoever logged in with it is out.
+    --force replaces the token of an existing file. A running gateway notices the change: the old token is no
+    longer valid, and its users are logged out.
 
-    Exit code 0 when it is written; 1 when the file exists, or cannot be written.
+    Exit code 0 if the token is written; 1 if the file exists or cannot be written.
 
     Examples:
         pitch-gateway token people.token
@@ -39,13 +37,13 @@ def token(
     try:
         write_file(file, f"{secrets.token_urlsafe(BYTES)}\n".encode(), force=force, is_secret=True)
     except FileExistsError:
-        typer.echo(f"{file}: exists already; --force puts a new token into it", err=True)
+        typer.echo(f"{file}: exists already; --force replaces its token", err=True)
         raise typer.Exit(1) from None
     except FileRefusedError as error:
         typer.echo(f"{file}: {error}", err=True)
         raise typer.Exit(1) from None
     except OSError as error:
         why = error.strerror or error
-        typer.echo(f"{file}: cannot be written ({why}); name a file in a folder of yours", err=True)
+        typer.echo(f"{file}: cannot be written ({why}); name a file in your own folder", err=True)
         raise typer.Exit(1) from None
-    typer.echo(f"{file}: a new token")
+    typer.echo(f"{file}: new token written")

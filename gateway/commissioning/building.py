@@ -49,19 +49,19 @@ class BuildOptions:
         "centroid-2"
     )
     home: Home = None
-    step: Annotated[float | None, Option("An even grid: multiples of this distance.")] = None
+    step: Annotated[float | None, Option("Even grid: multiples of this distance.")] = None
     travel: Annotated[
         tuple[float, float] | None,
-        Option("Lay the even grid over this range; beyond the targets it is held.", metavar="LO HI"),
+        Option("Range of the even grid; beyond the targets the end value is held.", metavar="LO HI"),
     ] = None
-    tolerance: Annotated[float | None, Option("As few of the targets as lose no more than this.")] = None
+    tolerance: Annotated[float | None, Option("Use the fewest targets that lose no more than this.")] = None
     smooth: Annotated[
-        float | None, Option("Smooth over this length; says by how much.", metavar="WINDOW")
+        float | None, Option("Smooth over this length, and say how much that changes.", metavar="WINDOW")
     ] = None
     drop_outliers: Annotated[bool, Option("Leave out outliers, and runs that are wrong as a whole.")] = False
     shape: ShapeOptions = field(default_factory=ShapeOptions)
     keep_scale: Annotated[
-        bool, Option("Make the table though the readings are wrong by more than 0.3 mm/m.")
+        bool, Option("Make the table even if the readings are wrong by more than 0.3 mm/m.")
     ] = False
     max_slope: MaxSlope = None
     counts_per_unit: Counts = None

@@ -160,8 +160,8 @@ def _head(answers: Answers) -> list[str]:
         "# Written by `pitch-gateway init`. docs/configuration.md has every key. Check it after each change",
         "# with `pitch-gateway check`.",
         "#",
-        "# The controller's own compensation and backlash are said to be off. With both at work the error of",
-        "# the screw would be taken out twice.",
+        "# The controller's own compensation and backlash must be off. With both at work the error of",
+        "# the screw would be corrected twice.",
         "",
         "[gateway]",
         f"name = {_quoted(answers.name)}",
@@ -189,8 +189,8 @@ def _line(answers: Answers) -> list[str]:
         "[[line.main.controllers]]",
         'name = "controller"',
         *_endpoint(answers.controller_at, answers.controller_serial),
-        'role = "motion"            # may do everything; a display gets "monitor", which may only read',
-        "# timeout_ms = 1000        # after this the controller gives up; take it from its program",
+        'role = "motion"            # may do everything; "monitor", for a display, may only read',
+        "# timeout_ms = 1000        # how long the controller waits; take it from its program",
         "",
         "",
     ]
@@ -204,19 +204,19 @@ def _axis(axis: AxisAnswers) -> list[str]:
         *_drive(axis),
         f"units = {_quoted(axis.units)}",
         f"# {_one_line(axis.profile.counts or 'Counts of the drive in one unit.')}",
-        "# Negative where the drive counts down while the axis goes forward.",
+        "# Negative if the drive counts down while the axis goes forward.",
         f"counts_per_unit = {axis.counts_per_unit!r}",
         "# zero_counts = 0          # count of the drive at machine position 0",
         f"travel = [{axis.travel[0]!r}, {axis.travel[1]!r}]",
-        "# In the folder named above; without a table positions pass 1:1. How to do beyond its ends and at a",
-        "# reversal what its control did: pitch-gateway table show FILE",
+        "# In the folder named above; without a table positions pass 1:1. To behave like its control beyond",
+        "# the ends and at a reversal: pitch-gateway table show FILE",
         f'# table = "{axis.name}.tab"' if axis.table is None else f"table = {_quoted(axis.table)}",
-        "# How it is known that the axis knows where it is; as long as it does not, nothing is corrected.",
+        "# How the gateway knows that the axis is referenced; until it is, nothing is corrected.",
         f"referenced = {_quoted(axis.referenced)}",
         '# Direction of the last movement of homing: "forward", "backward" or "none" (not known).',
         f"home_approach = {_quoted(axis.home_approach)}",
         "# max_speed = 200.0        # units/s",
-        '# "shadow" computes and shows everything and changes nothing; then "on".',
+        '# "shadow" computes and shows corrections, positions pass unchanged; later "on".',
         'compensation = "shadow"',
     ]
 
@@ -225,7 +225,7 @@ def _drive(axis: AxisAnswers) -> list[str]:
     profile = axis.profile
     tier = "" if profile.tier is Tier.OWN else f" (tier {profile.tier.value})"
     return [
-        f"# {_one_line(profile.title)}{tier}. Go through its traps before the machine is run:",
+        f"# {_one_line(profile.title)}{tier}. Before the machine runs, check its list of traps:",
         f"# pitch-gateway drives show {_one_line(axis.drive)}",
         f"drive = {_quoted(axis.drive)}",
     ]
@@ -363,7 +363,7 @@ class Draft:
         """Refuse a drive with several axes: each has its own registers, so that is written by hand."""
         for name, answers in self.axes.items():
             if name != self._axis and answers.get("unit_id") == unit_id:
-                raise ValueError(f"found {unit_id}; axis {name} has this unit id: each drive has its own")
+                raise ValueError(f"found {unit_id}; axis {name} has this unit id: each drive needs its own")
 
     def text(self, state: str | None = None, timing: tuple[str, ...] = ()) -> str:
         """Return the configuration with its comments. All answers are required."""

@@ -174,8 +174,6 @@ class LineFrames:
         try:
             write_recording(file, header_of(self._loaded, traffic.CAPTURED), (entry for _, entry in timed))
         except FileExistsError:
-            raise NothingTakenError(
-                f"{file}: exists already; write into a new file, or remove this one"
-            ) from None
+            raise NothingTakenError(f"{file}: exists already; name a new file, or remove this one") from None
         except OSError as error:
             raise NothingTakenError(f"{file}: cannot be written ({error.strerror or error})") from None

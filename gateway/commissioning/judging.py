@@ -30,26 +30,30 @@ class EvaluateOptions:
 
     after: Annotated[
         list[Path] | None,
-        Option("Readings with a table in use; again for more.", metavar="READINGS2", is_read_by_us=True),
+        Option(
+            "Readings with a table in use; repeat it for more files.", metavar="READINGS2", is_read_by_us=True
+        ),
     ] = None
     table: Annotated[
         Path | None,
-        Option("Predict what this table leaves of READINGS.", metavar="FILE", is_read_by_us=True),
+        Option("Predict the error that this table leaves of READINGS.", metavar="FILE", is_read_by_us=True),
     ] = None
     source: ReadOptions = field(default_factory=ReadOptions)
     readings: FormatOptions = field(default_factory=FormatOptions)
     screw: ScrewOptions = field(default_factory=ScrewOptions)
     counts_per_unit: Counts = None
-    vdi: Annotated[bool, Option("Show P, Ps, Pa and U after VDI/DGQ 3441 too.", "vdi-3441")] = False
+    vdi: Annotated[bool, Option("Also show P, Ps, Pa and U of VDI/DGQ 3441.", "vdi-3441")] = False
     limit: Annotated[
-        float | None, Option("In µm (arcsec): say whether A keeps it, with the uncertainty.")
+        float | None, Option("In µm (arcsec): say whether A is within it, with the uncertainty.")
     ] = None
-    u_instrument: Annotated[float, Option("Of the instrument over the length, k = 2, in µm (arcsec).")] = 0.0
-    u_alignment: Annotated[
-        float, Option("How far gantry or scale leave the axis over its length, in mm.")
+    u_instrument: Annotated[
+        float, Option("Uncertainty of the instrument over the length, k = 2, in µm (arcsec).")
     ] = 0.0
-    u_temperature: Annotated[float, Option("Range in which the temperature of the screw lies, in K.")] = 0.0
-    u_environment: Annotated[float, Option("What an hour of a drift test shows, in µm (arcsec).")] = 0.0
+    u_alignment: Annotated[
+        float, Option("How far gantry or scale deviate from the axis over its length, in mm.")
+    ] = 0.0
+    u_temperature: Annotated[float, Option("Possible range of the screw's temperature, in K.")] = 0.0
+    u_environment: Annotated[float, Option("Change within an hour of a drift test, in µm (arcsec).")] = 0.0
     report: Annotated[
         Path | None, Option("Write a report: .html, .png or .svg.", metavar="OUT", is_read_by_us=True)
     ] = None

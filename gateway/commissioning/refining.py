@@ -39,7 +39,7 @@ class RefineOptions:
 
     to: Annotated[str | None, Option("Format of OUT; default: that of FILE.", metavar="FORMAT")] = None
     home: Home = None
-    union: Annotated[bool, Option("Points of FILE and of the readings; default: those of FILE.")] = False
+    union: Annotated[bool, Option("Points of FILE and of the readings; default: only those of FILE.")] = False
     shape: ShapeOptions = field(default_factory=ShapeOptions)
     max_slope: MaxSlope = None
     source: ReadOptions = field(default_factory=ReadOptions)

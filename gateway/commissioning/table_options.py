@@ -41,19 +41,19 @@ ToFileAxis = Annotated[
 Counts = Annotated[
     float | None, Option("Counts of the drive per machine unit, signed.", "counts-per-unit", metavar="N")
 ]
-AxisLetter = Annotated[str | None, Option("The axis that the table is meant for.", metavar="LETTER")]
+AxisLetter = Annotated[str | None, Option("Axis of the table.", metavar="LETTER")]
 Home = Annotated[
     HomeCase | None,
     Option(
-        "Where the correction is 0. switch-positive: travel has positive positions, and the home switch is "
-        "at its negative end. switch-negative: travel has negative positions, and the switch is at its "
-        "positive end. mark: a reference mark at 0."
+        "Where the correction is 0. switch-positive: positions are positive, and the home switch is at "
+        "the negative end. switch-negative: positions are negative, and the switch is at the positive "
+        "end. mark: a reference mark at 0."
     ),
 ]
 MaxSlope = Annotated[
     float | None,
     Option(
-        "Steepest table that may be made, as max_slope of the axis. Default: the line '# max_slope' of the "
+        "Largest allowed slope, like max_slope of the axis. Default: the line '# max_slope' of the "
         "readings, or 0.01."
     ),
 ]
@@ -98,8 +98,10 @@ class ReadOptions(TableOptions):
 class FormatOptions:
     """Facts that files of readings do not contain."""
 
-    readings_format: Annotated[str | None, Option(f"Where it is not plain: {NAMES}.", metavar="NAME")] = None
-    runs: Annotated[Runs | None, Option("Directions of the runs of a file that does not prove them.")] = None
+    readings_format: Annotated[
+        str | None, Option(f"Format of the readings, if it is not clear: {NAMES}.", metavar="NAME")
+    ] = None
+    runs: Annotated[Runs | None, Option("Directions of the runs, if the file does not prove them.")] = None
 
     def context(self, units: Units | None, axis: str | None) -> ReadingsContext:
         """Return it for a reader, with the given facts about the axis."""
@@ -113,19 +115,21 @@ class ScrewOptions:
     lead: Annotated[
         float | None,
         Option(
-            "Lead of the screw, in the units of the readings: once and twice a turn the error may repeat. "
-            "Default: the line '# lead' of the readings."
+            "Lead of the screw, in the units of the readings: the error may repeat once and twice a "
+            "turn. Default: the line '# lead' of the readings."
         ),
     ] = None
     period: Annotated[
         list[float] | None,
-        Option("Another length after which it may repeat: a turn of motor or gear; again for more."),
+        Option(
+            "Another length after which the error may repeat: a turn of motor or gear; repeat it for more."
+        ),
     ] = None
     to_20c: Annotated[
         float | None,
         Option(
-            "Normalise to 20 °C: the screw grows by so many µm a metre and kelvin, 11.5 for steel. The "
-            "readings carry temperatures.",
+            "Normalise to 20 °C: expansion of the screw in µm per metre and kelvin, 11.5 for steel. "
+            "The readings need temperatures.",
             metavar="COEFFICIENT",
         ),
     ] = None
@@ -154,9 +158,9 @@ class ScrewOptions:
 class ShapeOptions:
     """How a table follows readings."""
 
-    one_way: Annotated[bool, Option("One curve for both directions, from what was measured.")] = False
+    one_way: Annotated[bool, Option("One curve for both directions, from all readings.")] = False
     fit: Annotated[
-        Fit, Option("What the table follows between the targets; auto: what leaves least there.")
+        Fit, Option("Shape between the targets; auto: the one that leaves the smallest error.")
     ] = Fit.AUTO
     screw: ScrewOptions = ScrewOptions()
 

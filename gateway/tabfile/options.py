@@ -142,7 +142,7 @@ class TableOptions:
         TableOption(
             "version 1: encoder counts per unit of the control that the file was made for, negative for its "
             "Dir Rev",
-            "Encoder counts of the OLD control per machine unit, negative where its Dir Rev was Y (files "
+            "Encoder counts of the OLD control per machine unit, negative if its Dir Rev was Y (files "
             "that hold counts).",
             "N",
         ),
@@ -151,7 +151,8 @@ class TableOptions:
         V1Layout | None,
         TableOption(
             "version 1: whether the first value belongs to home or to one interval from it",
-            "Is home the first value of a Centroid version 1 file (listed) or not in it (implicit)?",
+            "Centroid version 1: does the first value belong to home (listed) or to the first "
+            "interval (implicit)?",
         ),
     ] = None
     file_start: Annotated[
@@ -159,7 +160,7 @@ class TableOptions:
         TableOption(
             "version 2: machine position of the first point. Mint: machine position of mark A, needed where "
             "`PRECISIONOFFSET` is missing or not 0",
-            "Position of the lowest point (Mint: of mark A), where the file does not prove it.",
+            "Position of the lowest point (Mint: of mark A), if the file does not prove it.",
             "S",
         ),
     ] = None
@@ -167,7 +168,7 @@ class TableOptions:
         Distance | None,
         TableOption(
             "Mint: distance of the points, where the program does not set `PRECISIONINCREMENT`",
-            "Distance of the points of a Mint table, where the program does not set PRECISIONINCREMENT.",
+            "Distance between the points of a Mint table, if the program does not set PRECISIONINCREMENT.",
             "STEP",
         ),
     ] = None
@@ -175,14 +176,14 @@ class TableOptions:
         HomeSide | None,
         TableOption(
             "the end at which the axis of the file homes",
-            "The end at which the axis homes; checked against the file.",
+            "End of travel at which the axis homes; checked against the file.",
         ),
     ] = None
     format: Annotated[
         str | None,
         TableOption(
             "name of the format where the text fits several, such as LinuxCNC's two types",
-            "Format of the file, where its text fits several: see 'table formats'.",
+            "Format of the file, if its text fits several: see 'table formats'.",
             "NAME",
             is_for_all=True,
         ),
@@ -191,8 +192,8 @@ class TableOptions:
         Units | None,
         TableOption(
             "units of a file that states none; every length in this table stays in units of the axis",
-            "Machine units of a file that states none; a file that states others is refused. Default for "
-            "Centroid version 1: inch.",
+            "Machine units of a file that states none; a file that states others is refused. Default "
+            "for Centroid version 1: inch.",
             typed_as="units",
             is_for_all=True,
         ),
@@ -201,7 +202,7 @@ class TableOptions:
         str | None,
         TableOption(
             "what a file that holds several axes calls this one",
-            "What a file that holds several axes calls this one.",
+            "Name of this axis in a file with several axes.",
             "NAME",
         ),
     ] = None
@@ -211,7 +212,7 @@ class TableOptions:
             "what the file means by an error: where the nut was less where it should be, or the reverse. For "
             "every format whose errors have no fixed sign; ISG and TwinCAT CNC: where it is not given, "
             "actual less command",
-            "What the file calls an error, for every format that leaves it open (see 'table formats').",
+            "What the file calls an error, for formats that leave it open (see 'table formats').",
         ),
     ] = None
     fagor_sense: Annotated[

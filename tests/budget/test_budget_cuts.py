@@ -164,12 +164,12 @@ def test_what_is_said_of_a_line_that_is_to_be_cut_through() -> None:
 
     assert said(both(9600)) == []
     careless = (replace(axis(), checks_crc=False),)
-    told = "cut_through = true, and the drive of axis x obeys or answers frames with a wrong check sum"
+    told = "cut_through = true, and the drive of axis x executes or answers frames with a wrong CRC"
     assert said(both(9600, careless)) == [(Grade.IMPOSSIBLE, f"{told} (checks_crc = false)")]
     # A million baud: 9 characters of 11 µs are less than the margin.
     fast = SerialEndpoint("/dev/a", 1_000_000, "E")
     assert said(line(fast, controller(fast))) == [
-        (Grade.CLOSE, "cut_through = true, but no frame of a round would be through a character sooner")
+        (Grade.CLOSE, "cut_through = true, but no frame of a round would gain as much as a character")
     ]
 
 

@@ -127,7 +127,7 @@ def test_frames_of_the_gateways_own_keep_a_gap_as_well() -> None:
     [judgement] = judge(plan)
     assert judgement.grade is CLOSE
     assert "comes 60.0 ms after its request" in judgement.found
-    assert judgement.found.endswith(", with frames of the gateway's own 60.0 ms later")
+    assert judgement.found.endswith(", with frames added by the gateway 60.0 ms later")
     assert judgement.remedy.endswith("or let the controller wait longer than 121 ms, if it can")
 
 

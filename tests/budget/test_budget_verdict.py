@@ -66,7 +66,7 @@ def test_frames_of_the_gateways_own_can_make_a_reply_late() -> None:
     judgement = one(plan)
     assert judgement.grade is CLOSE
     assert "the reply to trigger of axis x comes 28.5 ms" in judgement.found
-    assert "with frames of the gateway's own 72.8 ms later" in judgement.found
+    assert "with frames added by the gateway 72.8 ms later" in judgement.found
     # Drives at 115200: 4.010 of silence, 9.167 back; 17, 15 and 21 bytes of 95.486 µs, 1.75 ms after each.
     # The controller at 115200: 1 + 2 × 9.167 + 0.764 + 72.760. Both: 1 + 3 × 0.764 + 10.311.
     assert judgement.remedy == (
@@ -116,8 +116,8 @@ def test_a_deadline_of_a_trigger_that_waits_for_its_target(deadline_ms: float, g
     assert [each.grade for each in found] == ([] if grade is None else [grade])
     if found:
         assert found[0].found == (
-            "deadline_ms = 29, but a trigger of this axis may go out 29.1 ms after it came "
-            "(1.00 gateway (budget_us) + 28.1 target anew for its trigger)"
+            "deadline_ms = 29, but a trigger of this axis may be sent 29.1 ms after it came "
+            "(1.00 gateway (budget_us) + 28.1 target again for its trigger)"
         )
 
 
@@ -148,14 +148,14 @@ def test_one_silent_drive_and_the_others(plan: LinePlan, said: str) -> None:
     assert len(found) == bool(said)
     for judgement in found:
         assert (judgement.grade, judgement.key[-2:]) == (CLOSE, (0, "timeout_ms"))
-        told = f"timeout_ms = 1000, and a drive that falls silent keeps what moves others for {said}, "
+        told = f"timeout_ms = 1000, and a silent drive keeps writes to others waiting for {said}, "
         assert judgement.found == told + "three times"
         assert "(as in 300 each)" in judgement.remedy
 
 
 def test_without_trials_a_silent_drive_costs_as_much_each_time() -> None:
     [judgement] = judge(two_drives(1000.0, LineTiming(retry_ms=0.0)))
-    assert judgement.found.endswith("(1000 response_timeout_ms + 1000 drain_ms), each time that it is asked")
+    assert judgement.found.endswith("(1000 response_timeout_ms + 1000 drain_ms), for each request to it")
 
 
 def test_a_silent_drive_alone_or_on_tcp_starves_nobody() -> None:

@@ -85,9 +85,7 @@ def test_the_gap_of_the_drives_has_a_column_and_a_slow_round_its_seconds(tmp_pat
 
 def test_the_help_says_what_is_known_of_the_drives_own_time() -> None:
     said = " ".join(CliRunner().invoke(app, ["budget", "--help"]).stdout.replace("│", " ").split())
-    assert (
-        "What a drive takes itself is its response_ms; where that is not known, and for programs, 0" in said
-    )
+    assert "A drive takes its response_ms; an unknown response_ms counts as 0" in said
 
 
 def test_colours_only_on_a_terminal(tmp_path: Path) -> None:
@@ -196,7 +194,7 @@ def test_a_block_in_which_the_target_is_written(tmp_path: Path) -> None:
     [
         (["--registers", "11"], "takes at most 10 registers in one frame (max_registers), not 11"),
         (["--target-registers", "11"], "takes at most 10 registers in one frame (max_registers), not 11"),
-        (["--target-registers", "1"], "a target of axis x has 2 registers, not 1"),
+        (["--target-registers", "1"], "a target of axis x needs at least 2 registers, not 1"),
     ],
 )
 def test_a_block_that_the_drive_does_not_take_is_bad_input(
@@ -238,7 +236,7 @@ def test_what_is_wrong_with_a_configuration_is_said_as_by_every_command(tmp_path
 
 def test_a_line_without_axes_says_so(tmp_path: Path) -> None:
     path = written(tmp_path, SLOW[: SLOW.index("[axis.x]")])
-    assert "nothing is known of its frames" in run(path).stdout
+    assert "no axis on this line, so its frames are unknown" in run(path).stdout
     assert "read block" in run(path, "--registers", "2").stdout
     line = data(path)["lines"]["xyz"]["controllers"]["cnc"]
     assert (line["exchanges"], line["round"]["total_ms"]) == ([], 0.0)

@@ -163,7 +163,7 @@ def test_what_was_captured_is_replayed(tmp_path: Path) -> None:
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
     result = typed("replay", str(file))
     # That the drives can be reached comes first, and is part of what holds at the first request.
-    assert result.stderr == f"{file}: 1 entry from before what is known: not compared\n"
+    assert result.stderr == f"{file}: 1 entry could not be compared: the state before them is unknown\n"
     assert result.returncode == 0
     assert re.fullmatch(r"\d+ inputs, 8 outputs: all as recorded\n", result.stdout)
 
@@ -183,7 +183,7 @@ def test_what_is_left_of_a_long_run_is_replayed_from_where_it_begins(tmp_path: P
     outputs = sum(entry.startswith((b'{"kind":"sent"', b'{"kind":"answered"')) for entry in left[5:])
     result = typed("replay", str(file))
     assert result.returncode == 0
-    assert result.stderr == f"{file}: 5 entries from before what is known: not compared\n"
+    assert result.stderr == f"{file}: 5 entries could not be compared: the state before them is unknown\n"
     assert result.stdout.endswith(f" inputs, {outputs} outputs: all as recorded\n")
     assert outputs > 1000
 

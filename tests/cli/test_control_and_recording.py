@@ -125,7 +125,7 @@ def test_a_gateway_that_runs_is_commanded(config: Path) -> None:
     with running("run", config) as (process, _):
         off = typed("disable", str(config), "x")
         assert (off.returncode, off.stderr) == (0, "")
-        assert off.stdout == "x: compensation is off; the correction goes with the next motion\n"
+        assert off.stdout == "x: compensation is off; the correction is removed at the next motion\n"
         on = typed("enable", str(config), "x", "--json")
         assert json.loads(on.stdout) == {"changed": ["x"], "problems": []}
         wrong = typed("enable", str(config), "z", "x")
@@ -265,7 +265,7 @@ def test_a_recording_that_was_cut_in_the_middle_of_a_line_is_replayed_so_far(
     cut.write_bytes(whole[:-40])
     result = typed("replay", str(cut))
     assert result.returncode == 0
-    assert "was cut off: it is replayed as far as it goes" in result.stderr
+    assert "is truncated: only its complete part is replayed" in result.stderr
 
 
 @pytest.mark.parametrize(
@@ -290,7 +290,7 @@ def test_a_recording_is_never_written_over_another_file(config: Path, tmp_path: 
     path.write_text("precious")
     result = typed_apart("record", str(config), str(path))
     assert result.returncode == 1
-    assert result.stderr == f"{path}: exists already; record into a new file, or remove this one\n"
+    assert result.stderr == f"{path}: exists already; name a new file, or remove this one\n"
     assert path.read_text() == "precious"
 
 
@@ -299,7 +299,7 @@ def test_a_recording_that_cannot_be_made_is_said_before_anything_starts(config: 
     result = typed_apart("record", str(config), str(path))
     assert result.returncode == 1
     assert result.stderr == (
-        f"{path}: cannot be written (No such file or directory); name a file in a folder of yours\n"
+        f"{path}: cannot be written (No such file or directory); name a file in your own folder\n"
     )
 
 

@@ -120,13 +120,13 @@ def test_the_large_word_of_the_page_is_told(word: str) -> None:
 def test_what_is_misspelt_is_said_with_what_was_meant() -> None:
     result = explain("drive-silence")
     assert result.exit_code == 1
-    assert result.stderr.startswith('nothing is called "drive-silence"; did you mean drive-silent, ')
+    assert result.stderr.startswith('"drive-silence" is unknown; did you mean drive-silent, ')
 
 
 def test_what_is_called_nothing_is_said() -> None:
     result = explain("xyzzy")
     assert (result.exit_code, result.stdout) == (1, "")
-    assert "pitch-gateway explain lists what there is" in result.stderr
+    assert "list all names with: pitch-gateway explain" in result.stderr
 
 
 def test_without_a_name_everything_is_listed() -> None:

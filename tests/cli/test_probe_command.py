@@ -167,7 +167,7 @@ def test_a_scan_says_which_unit_ids_answer_and_only_reads(tmp_path: Path) -> Non
     report = json.loads(result.stdout)["axes"]["x"]
     assert (result.returncode, report["answers"], report["answering_unit_ids"]) == (1, False, [1, 3])
     assert "unit ids 1, 3 answer instead" in report["findings"][0]["text"]
-    assert "asks unit ids 1 to 247, for 2 min 3 s at most; Ctrl-C ends it" in result.stderr
+    assert "reads from unit ids 1 to 247, for 2 min 3 s at most; Ctrl-C ends it" in result.stderr
     assert [frame[0] for frame in asked] == [2, 2, *range(1, 248)]
     assert {frame[1] for frame in asked} == {3}
 
@@ -274,5 +274,5 @@ def test_beside_its_own_gateway_it_does_not_probe(
         result = typed("probe", str(config))
     place.leave()
     assert result.returncode == 1
-    assert "its gateway runs and has the drives. pitch-gateway status" in result.stderr
+    assert "its gateway is running and uses the drives. To probe, stop the gateway first." in result.stderr
     assert drive[1] == []

@@ -140,7 +140,7 @@ def test_where_it_cannot_be_told_a_better_place_is_named(config: Path) -> None:
 def test_without_numbers_it_asks_and_says_where_to_measure(config: Path) -> None:
     result = typed(config, "--axis", "x", typed_in="\n98.9782\n99.0079\n")
     assert result.exit_code == 0
-    assert "The table tells most at 98.998 mm. Go to 97.996, then up to 98.998, and read." in result.stderr
+    assert "The best position for this test is 98.998 mm. Go to 97.996, then up to 98.998, " in result.stderr
     assert "Go to 100, then down to 98.998, and read again." in result.stderr
     assert "verdict: right" in result.stdout
 
@@ -156,7 +156,7 @@ def test_where_the_answers_end_the_missing_numbers_are_named(config: Path, typed
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["--axis", "x", "--at", "1"], 2, "come together: --at, --forward-reading and"),
+        (["--axis", "x", "--at", "1"], 2, "together: --at, --forward-reading and"),
         (["--axis", "q"], 1, "there is no axis q; there are x, y"),
         (["--axis", "y", *numbers(0, 0, 0)], 1, "axis.y.table: missing; name the table"),
         (["--axis", "x", *numbers(150, 0, 0)], 1, "150 is outside its table, which reaches from -100 to 100"),
@@ -166,7 +166,7 @@ def test_where_the_answers_end_the_missing_numbers_are_named(config: Path, typed
         (
             ["--axis", "x", "--moved", "1", *numbers(0, 0, 0)],
             2,
-            "it judges a move, the readings judge a table",
+            "a move checks counts_per_unit, the readings check a table",
         ),
         (["--axis", "x", "--moved", "nan"], 1, "--moved nan: it must be a finite number"),
     ],

@@ -122,8 +122,8 @@ def test_a_certificate_that_ends_soon_is_said() -> None:
     files = [("[a].pem", ends, 29), ("b.pem", ends, 30), ("c.pem", None, None), ("d.pem", ends, -1)]
     cnc["tls"] = {"certificates": [{"file": file, "ends": end, "days_left": n} for file, end, n in files]}
     assert [line for line in shown(model) if line.startswith("cnc: TLS")] == [
-        f"cnc: TLS: [a].pem is good until {ends}, days left: 29",
-        f"cnc: TLS: d.pem is good until {ends}, days left: -1",
+        f"cnc: TLS: [a].pem is valid until {ends}, days left: 29",
+        f"cnc: TLS: d.pem is valid until {ends}, days left: -1",
     ]
 
 
@@ -186,7 +186,7 @@ def test_what_is_wrong_comes_first_with_what_to_do() -> None:
 def test_a_gateway_whose_relay_is_away_says_how_old_the_rest_is() -> None:
     gone = copy.deepcopy(MODEL)
     gone["gateway"] |= {"relay": "down", "snapshot_age_s": 61.0}
-    assert shown(gone)[0] == "gateway mill 1.2.3, its relay is not running; what follows is 1 min 1 s old"
+    assert shown(gone)[0] == "gateway mill 1.2.3, its relay is not running; the data below is 1 min 1 s old"
     never = {
         "gateway": {
             "name": "mill",
@@ -230,7 +230,7 @@ def test_a_target_that_nobody_reads_is_dim_with_its_age() -> None:
     [row] = [line for line in lines if "50.1990" in line]
     assert f"{dim}50.1990" in row
     assert f"{dim}50.2490" in row
-    age = "x: its position was not read since it got its target more than 40 s ago"
+    age = "x: its position was not read since its target was written more than 40 s ago"
     assert f"  {dim}{age}\x1b[0m" in lines
 
 

@@ -33,7 +33,7 @@ def test_range_largest_hour_last_rate_and_what_a_kelvin_makes(file: Path) -> Non
     assert "range over the test: 16.00 µm" in said
     assert "largest change within an hour: 12.00 µm, from minute 0 on" in said
     assert "rate in the last hour: +1.00 µm/h" in said
-    assert "a kelvin makes +4.00 µm; that explains 100% of the drift" in said
+    assert "each kelvin changes it by +4.00 µm; this explains 100% of the drift" in said
 
 
 @pytest.mark.parametrize(

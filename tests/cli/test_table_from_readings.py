@@ -245,7 +245,7 @@ def test_a_program_says_in_which_coordinates_and_units_it_moves() -> None:
     cycle = run("program", *span)
     assert "cancel work and tool offsets" in cycle.stderr
     endless = run("program", *span, "--write", "endless")
-    assert "G91 stays in force after it: G90 before anything else" in endless.stderr
+    assert "G91 stays active after the program: command G90 first" in endless.stderr
     assert run("program", *span, "--write", "endless", "--travel", 0, 90).exit_code == 2
     listed = refused("program", *span, "--write", "list", "--travel", 0, 90)
     assert "the targets go from 0 to 100, the travel is 0 to 90" in listed

@@ -10,7 +10,7 @@ from tests.commands import typed
 def test_a_token_that_the_gateway_takes_and_nobody_else_reads(tmp_path: Path) -> None:
     file = tmp_path / "people.token"
     done = typed("token", str(file))
-    assert (done.returncode, done.stdout, done.stderr) == (0, f"{file}: a new token\n", "")
+    assert (done.returncode, done.stdout, done.stderr) == (0, f"{file}: new token written\n", "")
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
     found = read_token(("x",), "people.token", tmp_path)
     assert len(found) == 43
@@ -24,7 +24,7 @@ def test_a_file_that_exists_stays_without_force(tmp_path: Path) -> None:
     done = typed("token", str(file))
     assert (done.returncode, done.stderr) == (
         1,
-        f"{file}: exists already; --force puts a new token into it\n",
+        f"{file}: exists already; --force replaces its token\n",
     )
     assert file.read_text() == "mine\n"
     file.chmod(0o640)

@@ -143,7 +143,7 @@ NO_MACHINE: Final = (
     "no gateway runs",
     "is not there",
     "give --at, --forward-reading and --backward-reading",
-    "standard input is no terminal to ask on",
+    "cannot ask for confirmation: standard input is not a terminal",
 )
 """What is said where all of a line is right, but no gateway, drive or person is there."""
 FILES: Final = {

@@ -104,8 +104,8 @@ def test_without_the_word_that_the_controllers_compensation_is_off_nothing_is_wr
 def test_a_no_to_the_first_question_ends_it(tmp_path: Path, no: str) -> None:
     result = run(tmp_path, *options()[1:], "--ask", answers=f"{no}\n")
     assert result.exit_code == 1
-    assert "nothing is written: " in result.stderr
-    assert "switch them off there, then start this again and answer y" in result.stderr
+    assert "nothing was written: " in result.stderr
+    assert "then start this again and answer y" in result.stderr
     assert not (tmp_path / "gateway.toml").exists()
 
 
@@ -284,7 +284,7 @@ def test_where_the_answers_end_nothing_is_written(tmp_path: Path, answers: int) 
     given = "".join(f"{answer}\n" for answer in list(ANSWERS.values())[:answers])
     result = run(tmp_path, "--ask", answers=given)
     assert result.exit_code == 1
-    assert result.stderr.endswith("ended before all was answered: nothing was written\n")
+    assert result.stderr.endswith("stopped before all questions were answered: nothing was written\n")
     assert "Traceback" not in result.output
     assert not (tmp_path / "gateway.toml").exists()
 
@@ -371,7 +371,7 @@ def test_serial_ports_are_found_by_the_name_that_lasts(tmp_path: Path) -> None:
 def test_it_says_what_is_asked_for_and_what_comes_next(tmp_path: Path) -> None:
     result = asked(tmp_path, {})
     assert "serial port" in result.stderr
-    assert "counts of a turn of the motor × gear / lead of the screw" in result.stderr
+    assert "counts per motor turn × gear / lead of the screw" in result.stderr
     assert result.stdout.splitlines()[-5:] == [
         f"{tmp_path}/gateway.toml is written and good",
         "next:",
@@ -437,7 +437,7 @@ def test_axes_are_answered_for_one_after_the_other(tmp_path: Path) -> None:
     assert len(left) == 1, result.stdout
     assert "axis.y.table: there is no y.tab" in left[0]
     assert result.stderr.count("Drives at (") == 1
-    assert result.stderr.count("counts of a turn of the motor") == 1
+    assert result.stderr.count("counts per motor turn") == 1
     axes = tomllib.loads((tmp_path / "gateway.toml").read_text())["axis"]
     assert [(name, axis["unit_id"], axis["counts_per_unit"]) for name, axis in axes.items()] == [
         ("x", 7, 1000.0),
@@ -459,7 +459,7 @@ def test_axes_are_answered_for_one_after_the_other(tmp_path: Path) -> None:
     ("wrong", "said"),
     [
         ({"axis": "x\ny"}, 'found "x"; there is an axis x already'),
-        ({"unit id": "7\n8"}, "found 7; axis x has this unit id: each drive has its own"),
+        ({"unit id": "7\n8"}, "found 7; axis x has this unit id: each drive needs its own"),
         ({"travel": "0\n-40\n-40\n0"}, "allowed: [lowest, highest], the first below the second"),
     ],
 )
@@ -506,7 +506,7 @@ def test_further_axes_are_options_too(tmp_path: Path) -> None:
         ("y,unit=4", 'found "unit=4"; allowed: KEY=VALUE with drive, unit-id'),
         ("y,unit-id=four", 'found "unit-id=four"; allowed: a whole number'),
         ("y,travel=5", 'found "travel=5"; allowed: LOWEST:HIGHEST, as in travel=-300:0'),
-        ("y,unit-id=4,unit-id=5", "unit-id stands there twice"),
+        ("y,unit-id=4,unit-id=5", "unit-id is given twice"),
         ("x,unit-id=4,counts-per-unit=1,travel=0:5", "there is an axis x already"),
         ("y,unit-id=3,counts-per-unit=1,travel=0:5", "axis x has this unit id"),
         ("y,unit-id=4,counts-per-unit=0,travel=0:5", "allowed: a number other than 0"),

@@ -87,10 +87,10 @@ def test_it_finds_the_setting_and_everybody_who_answers_and_only_reads(
 ) -> None:
     code, said = answers(tmp_path, drives.port, "--ask")
     assert code == 0, said
-    assert "Register 0x0020 is read of unit ids 1 to 247" in said
+    assert "This reads register 0x0020 of unit ids 1 to 247" in said
     assert "  57600 8E2: no answer\n" in said  # how the drive is when it is new comes first
     assert "  38400 8E2: an answer from unit id 3; asking the others up to 247\n" in said
-    assert "  unit ids that answer: 3, 11\n" in said
+    assert "  unit ids that reply: 3, 11\n" in said
     assert "stop bits of the drives [38400 8E2]" in said
     assert "Modbus unit id of the drive [3]" in said
     written = tomllib.loads((tmp_path / "gateway.toml").read_text())
@@ -105,5 +105,5 @@ def test_it_finds_the_setting_and_everybody_who_answers_and_only_reads(
 def test_where_nobody_can_be_asked_nothing_is_sent(tmp_path: Path, drives: Drives) -> None:
     code, said = answers(tmp_path, drives.port, "--no-ask")
     assert code == 2
-    assert "it asks before it reads" in " ".join(said.replace("│", " ").split())
+    assert "confirmation is needed before reading" in " ".join(said.replace("│", " ").split())
     assert drives.asked == []

@@ -75,7 +75,7 @@ def test_three_lines_are_understood(tmp_path: Path) -> None:
         for sniffer in ears:
             out, errors = sniffer.communicate(timeout=120)
             assert sniffer.returncode == 0, errors
-            assert "whole frames come" in errors
+            assert "whole frames received" in errors
             heard.append(json.loads(out))
     assert [line.was_sent for line in lines] == [b"", b"", b""]
     assert [each["serial"]["baudrate"] for each in heard] == [115200, 9600, 38400]

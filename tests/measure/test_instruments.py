@@ -139,7 +139,7 @@ async def test_an_axis_that_was_pushed_away_after_it_arrived_is_not_read(
                 machine.mechanics.command(push_mm * COUNTS_PER_MM, machine.clock())
                 assert await typed.end() == 1
             assert gauge.asked == 0
-    assert f"axis x is at {push_mm:g} and no longer at 0" in typed.stderr
+    assert f"axis x is at {push_mm:g} and has left 0" in typed.stderr
     assert machine.commanded() == [-1.0, 0.0]
 
 
@@ -153,7 +153,7 @@ async def test_a_listener_on_a_serial_port_is_reached_at_the_other_end_of_its_ca
                     from_gauge = (*FEW, "--gauge", gauge.path, "--readings", "r.csv")
                     async with measuring(machine, *from_gauge) as typed:
                         assert await typed.end() == 1
-                    assert "give --port, the port of this computer" in typed.stderr
+                    assert "give this computer's port with --port" in typed.stderr
                     async with measuring(machine, *from_gauge, "--port", cable.far) as typed:
                         assert await typed.end() == 0, typed.stderr
     assert [float(row.split(",")[3]) for row in _rows(machine)[1:]] == pytest.approx(TRUE)

@@ -61,7 +61,7 @@ def test_a_pattern_belongs_to_its_kind_of_gauge() -> None:
         InstrumentOptions(gauge="/dev/x", kind=GaugeKind.PATTERN),
         InstrumentOptions(gauge="/dev/x", pattern="(?P<value>.)"),
     ):
-        with pytest.raises(InstrumentError, match="belong together"):
+        with pytest.raises(InstrumentError, match="together, or neither"):
             instrument_of(reader, Lines())
     with pytest.raises(InstrumentError, match="a group that is called value"):
         instrument_of(InstrumentOptions(gauge="/dev/x", kind=GaugeKind.PATTERN, pattern="x"), Lines())

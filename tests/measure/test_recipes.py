@@ -32,9 +32,9 @@ DRIVEN = {
     "tl-r": ("register 0x004e = 0x3", "register 0x004e = 0x20"),
 }
 REFUSED = {
-    "festo-cmmo-fhpp": "in the frame of its target",
+    "festo-cmmo-fhpp": "the frame of its target also contains the mode",
     "igus-dryve-d1": "CANopen objects",
-    "jmc-rc": "writing its mode makes it act",
+    "jmc-rc": "writing its mode starts an action",
     "kollmorgen-akd2g": "no trigger register has a value that starts it",
     "makerbase-servo42d": "part of a longer command",
     "mitsubishi-mr-je-c": "CANopen objects",
@@ -109,9 +109,9 @@ def test_a_word_that_would_do_something_else_too_is_not_written(tmp_path: Path) 
     assert start is not None
     assert (start.word(0x000F), start.rested(0x001F)) == (0x001F, 0x000F)
     recipe.check_words(0x3100, 0x001F, 0x000F, (Action.START,))
-    with pytest.raises(UndrivableError, match="would stop too"):
+    with pytest.raises(UndrivableError, match="would also stop"):
         recipe.check_words(0x3100, 0x0016, 0x0006, (Action.START,))
-    with pytest.raises(UndrivableError, match="would start too"):
+    with pytest.raises(UndrivableError, match="would also start"):
         recipe.check_words(0x3100, 0x001F, 0x000F, ())
 
 
@@ -136,8 +136,8 @@ registers.command = [{ address = 0x0100, type = "int32" }]
 @pytest.mark.parametrize(
     ("compensation", "told"),
     [
-        (Compensation("off"), ["it is to hold at 22 °C", "let it stand where x.csv is 0"]),
-        (Compensation("active", "ab"), ["as if the screw were at its reference", "without what y does"]),
+        (Compensation("off"), ["will be valid at 22 °C", "move it to where x.csv is 0"]),
+        (Compensation("active", "ab"), ["as for a screw at its reference", "without the effect of y"]),
     ],
 )
 def test_it_is_said_what_is_added_beside_the_table(

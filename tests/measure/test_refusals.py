@@ -53,17 +53,17 @@ REFUSED = [
         ("--from", "0", "--to", "10", "--step", "3", "--yes"),
         "--step 3 does not lead from 0 to 10: end at --to 9",
     ),
-    (("--from", "0", "--to", "10", "--yes"), "give one of --step"),
+    (("--from", "0", "--to", "10", "--yes"), "give --step (even targets)"),
     (("--step", "10", "--yes"), "give --from and --to"),
     ((*FEW, "--yes", "--overrun", "0"), "--overrun 0: it must be greater than the lost motion"),
     ((*FEW, "--yes", "--controller", "panel"), "line main has no controller panel; it has cnc"),
     ((*FEW, "--yes", "--gauge", "/dev/null"), "/dev/null is not a serial port"),
     ((*FEW, "--yes", "--readings", "none.csv", "--csv", "none.txt"), "none.txt: No such file"),
-    ((*FEW, "--yes", "--port", "/dev/ttyS0"), "it is reached by TCP"),
+    ((*FEW, "--yes", "--port", "/dev/ttyS0"), "reached by TCP"),
     ((*FEW, "--yes", "--out-format", "excel"), "--out-format excel: allowed are"),
     ((*FEW, "--yes", "--out", "gateway.toml"), "gateway.toml: a file of this name"),
     ((*FEW, "--yes", "--report", "report.pdf"), "a report is written as .html, .png, .svg"),
-    (FEW, "nobody can be asked whether it may move"),
+    (FEW, "cannot ask for confirmation: stdin is not a terminal"),
     (
         ("--from", "0", "--to", "100", "--targets", "6", "--out", "x.tab", "--out-format", "centroid-3"),
         "cannot be written as centroid-3: ",
@@ -110,7 +110,7 @@ async def test_a_configuration_that_the_gateway_was_not_started_with_moves_nothi
         assert old in text
         machine.config.write_text(text.replace(old, new))
         said = await _refused(machine, *FEW, "--yes")
-    assert "changed after the gateway was started" in said
+    assert "the configuration has changed since the gateway started" in said
     assert "restart the gateway" in said
     assert _leaves_no_file(machine)
 
@@ -137,9 +137,9 @@ async def test_a_table_that_the_configuration_now_reads_the_other_way_round_is_n
         await run_command("reload", str(machine.config))  # at its start it has read the file once more
         machine.configure(lines.format("command_minus_actual"))
         said = await _refused(machine, *FEW, "--yes")
-        assert "CONFIG reads x.txt otherwise than the gateway did" in said
+        assert "table_options of x.txt in CONFIG differ from those of the gateway" in said
         machine.configure(lines.format("actual_minus_command"))
-        assert "nobody can be asked" in await _refused(machine, *FEW)
+        assert "cannot ask for confirmation" in await _refused(machine, *FEW)
 
 
 async def test_an_axis_that_is_not_ready_is_not_moved(machine: Machine) -> None:
@@ -168,7 +168,7 @@ async def test_an_axis_that_somebody_else_moves_is_left_to_him(machine: Machine)
         stopping.set()
         await moving
         writer.close()
-    assert "axis x is moved by cnc (127.0.0.1): stop that program first" in moving_too.stderr
+    assert "axis x is moved by cnc (127.0.0.1): stop that program, wait" in moving_too.stderr
     assert set(machine.commanded()) == {0.0}
 
 
@@ -196,6 +196,6 @@ async def test_a_command_that_is_refused_leaves_an_axis_that_stands_and_nobody_i
     async with gateway(machine):
         told = await _refused_apart(machine, *FEW, "--yes", "--csv", "laser.txt")
     assert "the target -1: refused with exception 1 (illegal function)" in told
-    assert "axis x stands at 0 mm; its stop was refused" in told
+    assert "axis x is at standstill at 0 mm; its stop was refused" in told
     assert _leaves_no_file(machine)
     assert "EMERGENCY" not in told.upper()

@@ -32,8 +32,8 @@ def test_gain_and_limits_are_taken_over_while_it_runs(site: Site) -> None:
         done = typed("reload", config)
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout.splitlines() == [
-            "x: its new correction comes into force with the next different target",
-            "in force now: axis.x.gain, axis.x.budget_us",
+            "x: its new correction is applied at the next different target",
+            "applied now: axis.x.gain, axis.x.budget_us",
         ]
         status = axis_status(site)
         assert status["gain"] == {"forward": 0.5, "backward": 0.5}
@@ -97,7 +97,7 @@ def test_how_long_a_controller_may_be_silent_is_taken_over_while_it_runs(site: S
             site.config.write_text(text.replace('name = "cnc"', f'name = "cnc"\nsilent_after_s = {limit}'))
             done = typed("reload", config)
             assert (done.returncode, done.stderr) == (0, "")
-            assert done.stdout == "in force now: line.xyz.controllers[1].silent_after_s\n"
+            assert done.stdout == "applied now: line.xyz.controllers[1].silent_after_s\n"
             status = status_when(config, ["controller-silent"] if limit == "0.001" else [])
             [controller] = status["lines"]["xyz"]["controllers"]
             assert controller["silent_after_s"] == float(limit)
@@ -197,8 +197,8 @@ def test_a_dry_run_ends_with_a_reload_and_comes_back_with_a_restart_only(site: S
         done = typed("reload", config)
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout.splitlines() == [
-            "x: its new correction comes into force with the next different target",
-            "in force now: axis.x.compensation",
+            "x: its new correction is applied at the next different target",
+            "applied now: axis.x.compensation",
         ]
         assert axis_status(site)["compensation"] == "active"
         assert master.move(50_000) == 50_000  # the same target: nothing moves
@@ -241,7 +241,7 @@ def test_the_line_that_the_warning_of_a_missing_mode_names_can_be_written_while_
         assert 'write compensation = "on" below [axis.x]' in checked.stderr
         site.config.write_text(on)
         done = typed("reload", config)
-        assert (done.returncode, done.stdout, done.stderr) == (0, "in force now: axis.x.compensation\n", "")
+        assert (done.returncode, done.stdout, done.stderr) == (0, "applied now: axis.x.compensation\n", "")
         assert master.move(60_000) == 60_060
         assert gateway.end() == 0
     assert "missing" not in typed("check", config).stderr

@@ -19,7 +19,7 @@ def test_reload_hands_over_what_changed_and_says_what_is_wrong(site: Site) -> No
         new = typed("reload", config)
         assert (new.returncode, new.stderr) == (0, "")
         assert new.stdout in {
-            "x: its new correction comes into force with the next different target\n",
+            "x: its new correction is applied at the next different target\n",
             NOTHING,
         }
         assert master.move(50_001) == 50_101
@@ -28,8 +28,8 @@ def test_reload_hands_over_what_changed_and_says_what_is_wrong(site: Site) -> No
         gone = typed("reload", config)
         assert (gone.returncode, gone.stderr) == (0, "")
         assert gone.stdout.splitlines() == [
-            "x: it has no table any more; the old correction goes with the next different target",
-            "in force now: axis.x.table",
+            "x: it has no table now; the old correction is removed at the next different target",
+            "applied now: axis.x.table",
         ]
         assert master.move(50_000) == 50_000
         site.config.write_text(text)
@@ -57,5 +57,5 @@ def test_reload_hands_over_what_changed_and_says_what_is_wrong(site: Site) -> No
 
 def test_without_a_gateway_reload_compiles_for_its_start(site: Site) -> None:
     done = typed("reload", str(site.config))
-    assert (done.returncode, done.stdout) == (0, "no gateway runs: everything is compiled for its start\n")
+    assert (done.returncode, done.stdout) == (0, "no gateway runs: all is compiled for its next start\n")
     assert (site.config.parent / "state" / "plan.msgpack").exists()

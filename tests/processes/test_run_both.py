@@ -19,7 +19,9 @@ def test_a_supervisor_that_is_killed_costs_no_exchange_and_is_started_again(site
                 assert master.move(50_000 + 1000 * (number % 2)) == 50_050 + 1001 * (number % 2)
             ended = gateway.until("supervisor-ended")
             assert ended["status"] == "SIGKILL"
-            assert ended["detail"] == f"the relay goes on; it is started again in {0.2 * 2**round_:g} s"
+            assert (
+                ended["detail"] == f"the relay goes on; the supervisor is restarted in {0.2 * 2**round_:g} s"
+            )
             gateway.until("supervisor-started")
             gateway.until("relay-reached")
         again = children(gateway.process)

@@ -49,7 +49,7 @@ def test_the_status_of_a_gateway_that_runs(site: Site) -> None:
         # 60 mm and 0.1 % of it; nothing is mapped that says where the axis stands.
         assert "x active forward 60.0000 60.0600 – – mm" in lines
         age = re.compile(
-            "x: its position was not read since it got its target "
+            "x: its position was not read since its target was written "
             "(more than [0-9]+ s|less than 1 s|[0-9]+ s) ago"
         )
         assert any(map(age.fullmatch, lines)), lines

@@ -102,7 +102,7 @@ def test_one_round_that_a_signal_stopped_is_no_success(options: list[str], numbe
     assert process.returncode == {signal.SIGINT: 130, signal.SIGTERM: 143}[number]
     assert output == ""
     last = errors.splitlines()[-1]
-    assert last == f"demo: stopped by {number.name} before its end: there is no result"
+    assert last == f"demo: stopped by {number.name} before the end: there is no result"
 
 
 @pytest.fixture(scope="module")

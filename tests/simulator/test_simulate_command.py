@@ -113,8 +113,8 @@ async def test_a_laser_at_each_axis_is_asked_like_a_gauge_and_shown_to_who_types
         assert process.stdout is not None
         said = [process.stdout.readline().strip() for _ in range(9)]
         assert said[6:] == [
-            "axis x: a laser on gauge-x, as measure --gauge gauge-x reads it",
-            "axis y: a laser on gauge-y, as measure --gauge gauge-y reads it",
+            "axis x: a laser on gauge-x; read it with: measure --gauge gauge-x",
+            "axis y: a laser on gauge-y; read it with: measure --gauge gauge-y",
             "Ctrl-C ends it.",
         ]
         gauge = SerialGauge(
@@ -126,7 +126,7 @@ async def test_a_laser_at_each_axis_is_asked_like_a_gauge_and_shown_to_who_types
             await master.exchange(4, pack(">BHHBi", 16, 0x40, 2, 4, -5000))
         shown = process.stdout.readline()
         assert (shown.split()[:6], shown.split()[7]) == (
-            ["axis", "x", "stands;", "its", "laser", "shows"],
+            ["axis", "x", "stopped;", "its", "laser", "shows"],
             "mm",
         )
         assert 0.0 < abs(float(shown.split()[6]) + 5.0) < 1.0
@@ -187,7 +187,7 @@ def test_a_map_that_the_plain_drive_cannot_play_is_warned_of(
         process.stdout.readline()
         process.send_signal(signal.SIGINT)
         _, said = process.communicate(timeout=30)
-    assert ("axis.y: played by a plain drive that moves as soon as" in said) is warned
+    assert ("axis.y: simulated by a plain drive that moves as soon as" in said) is warned
     assert "axis.x" not in said
 
 

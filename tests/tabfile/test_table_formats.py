@@ -137,7 +137,7 @@ def test_what_the_control_did_beside_the_table_is_shown() -> None:
     assert shown.as_data()["behaves_as"] == list(behaves_as)
     assert explanation.as_data()["behaves_as"] == list(behaves_as)
     for lines in (shown.lines(), explained(explanation)):
-        assert list(lines).count('to do as its control did, for the axis: outside = "zero"') == 1
+        assert list(lines).count('to behave like its control, set for the axis: outside = "zero"') == 1
 
 
 def test_a_free_grid_goes_to_a_control_of_even_grids_only_with_a_step(tmp_path: Path) -> None:

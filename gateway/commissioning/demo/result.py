@@ -109,10 +109,10 @@ def _axis_data(axis: AxisView) -> AxisData:
         else f"{axis.inexact_readbacks} of {axis.stops} stops differ",
     }
     note = (
-        "The laser read at irregular targets, as ISO 230-2 asks; the points of the table are even, as its "
-        f"format asks. At {len(axis.without) // 2} random targets between the points, approached from both "
-        f"sides, the nut was off by up to {axis.error_without_um:.1f} µm without correction and by up to "
-        f"{axis.error_with_um:.1f} µm with it."
+        "The laser read at irregular targets, as ISO 230-2 requires; the points of the table are even, "
+        f"as its format requires. At {len(axis.without) // 2} random targets between the points, "
+        f"approached from both sides, the nut was off by up to {axis.error_without_um:.1f} µm without "
+        f"correction and by up to {axis.error_with_um:.1f} µm with it."
     )
     return AxisData(
         spec.name,

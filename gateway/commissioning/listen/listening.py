@@ -86,10 +86,10 @@ def listen_serial(
             trial, heard = find_setting(sniffer, settings, until_ns, report)
             statistics.add(heard)
             if trial is not None and trial.is_right:
-                report(f"{trial.setting}: whole frames come")
+                report(f"{trial.setting}: whole frames received")
                 _go_on(sniffer, trial, statistics, until_ns, report)
     except (OSError, termios.error) as error:
-        report(f"{device}: {error}; what was heard until then follows")
+        report(f"{device}: {error}; the traffic received before follows")
     if trial is None:
         return Heard(statistics, ListenPoint(), {"port": device, "serial": None})
     return Heard(
@@ -165,7 +165,7 @@ async def _serve(
         loop.call_later(seconds, ended.set)
     proxy = Proxy(near, far, statistics, report)
     await proxy.open()
-    report(f"connect the controller to {near.host}:{proxy.port} in place of {far}; Ctrl-C ends it")
+    report(f"connect the controller to {near.host}:{proxy.port} in place of {far}; Ctrl-C ends the proxy")
     last = ""
     try:
         while not ended.is_set():

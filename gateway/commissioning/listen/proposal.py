@@ -40,8 +40,8 @@ def proposed(listen_point: ListenPoint, units: dict[int, UnitStatistics]) -> str
     if not moving:
         return ""
     lines = [
-        "# Proposed by `pitch-gateway listen`. What stands behind FILL IN nobody can hear; then",
-        "# `pitch-gateway check`. The controller's own pitch and backlash compensation have to be off.",
+        "# Proposed by `pitch-gateway listen`. Replace each FILL IN, which listening cannot find. Then run",
+        "# `pitch-gateway check`. The controller's own pitch and backlash compensation must be off.",
         "",
         "[gateway]",
         'name = "gateway"',
@@ -65,21 +65,21 @@ def _line(listen_point: ListenPoint) -> list[str]:
             "[[line.main.controllers]]",
             'name = "controller"',
             f"{key} = {json.dumps(str(listen_point.near))}",
-            "# timeout_ms = FILL IN       # after this the controller gives up; take it from its program",
+            "# timeout_ms = FILL IN       # how long the controller waits; take it from its program",
         ]
     assert listen_point.setting is not None
     word = PARITIES[listen_point.setting.parity]
     # The standard gives a character without parity a second stop bit; most devices still have one.
     keys = f'baudrate = {listen_point.setting.baudrate}, parity = "{word}", stop_bits = 1'
     return [
-        "# Stop bits cannot be heard. Each side of the gateway has an adapter of its own.",
+        "# Stop bits cannot be found by listening. Each side of the gateway has its own adapter.",
         f"drives = {{ rtu = {json.dumps(SPLICED + 'DRIVES')}, {keys} }}",
         "",
         "[[line.main.controllers]]",
         'name = "controller"',
         f"rtu = {json.dumps(SPLICED + 'CONTROLLER')}",
         *keys.split(", "),
-        "# timeout_ms = FILL IN       # after this the controller gives up; take it from its program",
+        "# timeout_ms = FILL IN       # how long the controller waits; take it from its program",
     ]
 
 
@@ -91,7 +91,7 @@ def _axis(name: str, unit_id: int, found: list[Match], positions: list[PositionG
         head += [f"# Guessed: {library.shipped(best).title}{either}.", f'drive = "{best}"']
     tail = [
         'units = "mm"',
-        "# counts_per_unit = FILL IN  # counts of the drive in one mm, negative where it counts down",
+        "# counts_per_unit = FILL IN  # counts of the drive in one mm, negative if it counts down",
         "# travel = [FILL IN, FILL IN]",
         '# referenced = "FILL IN"     # absolute, drive-bit, homing or set-position',
         'compensation = "shadow"',
@@ -108,8 +108,8 @@ def _registers(name: str, guess: PositionGuess) -> list[str]:
 
     return [
         f"[axis.{name}.registers]",
-        f"# Guessed: {guess.met} of {guess.targets} targets were reached there. Triggers, modes and bits too",
-        "# have to be named: docs/drives.md.",
+        f"# Guessed: {guess.met} of {guess.targets} targets were reached there. Name triggers, modes",
+        "# and bits: docs/drives.md.",
         f"command = {field(guess.command)}",
         f"actual = {field(guess.actual)}",
         "",
@@ -150,7 +150,7 @@ def unit_data(unit_id: int, unit: UnitStatistics) -> JsonObject:
 
 def unit_lines(unit_id: int, unit: UnitStatistics) -> Iterator[str]:
     """Yield the traffic of a unit id in words."""
-    name = f"unit {unit_id}" if unit_id else "unit 0 (everybody; nobody answers)"
+    name = f"unit {unit_id}" if unit_id else "unit 0 (broadcast, without replies)"
     refused = ", ".join(f"{count} × exception {code}" for code, count in sorted(unit.exceptions.items()))
     alone = f", {unit.replies_alone} replies without a request" if unit.replies_alone else ""
     yield f"{name}: {unit.requests} requests, {unit.answered} answered{alone}" + (
@@ -165,7 +165,7 @@ def unit_lines(unit_id: int, unit: UnitStatistics) -> Iterator[str]:
     yield from _drive_text(unit_id, unit)
     for guess in unit.positions()[:1]:
         yield (
-            f"  {guess.actual:#06x} goes where {guess.command:#06x} is told to: int32, {guess.words.value}, "
+            f"  {guess.actual:#06x} follows {guess.command:#06x}: int32, {guess.words.value}, "
             f"{guess.met} of {guess.targets} targets reached"
         )
 
@@ -180,4 +180,4 @@ def _drive_text(unit_id: int, unit: UnitStatistics) -> Iterator[str]:
     found = likely(matches(unit_id, unit))
     if found:
         names = " or ".join(f"{match.drive} ({library.shipped(match.drive).title})" for match in found)
-        yield f"  sounds like {names}: {', '.join(found[0].kinds)}"
+        yield f"  similar to {names}: {', '.join(found[0].kinds)}"

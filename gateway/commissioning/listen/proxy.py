@@ -136,7 +136,7 @@ class Proxy:
                 ways.create_task(self._pass(to_drive, writer, conversation.from_drive))
         finally:
             from_us.close()
-            self._report(f"{peer[0]} has gone")
+            self._report(f"{peer[0]} has disconnected")
 
     async def _pass(
         self,

@@ -85,9 +85,9 @@ class DriveRecipe:
             does = trigger.operation(word, before).action
             if does not in (*allowed, Action.IGNORE):
                 raise UndrivableError(
-                    f"axis {self.plan.name}: register {trigger.address:#06x} holds {before:#06x}; writing "
-                    f"{word:#06x} there would {does.value.replace('_', ' ')} too: bring the drive into the "
-                    "state in which the controller moves it, then measure"
+                    f"axis {self.plan.name}: register {trigger.address:#06x} holds {before:#06x}; "
+                    f"writing {word:#06x} there would also {does.value.replace('_', ' ')}: bring the "
+                    "drive into the state in which its controller moves it, then measure"
                 )
 
 
@@ -109,7 +109,7 @@ def recipe_of(plan: AxisPlan) -> DriveRecipe:
     if motion.starts_on and not motion.starts_on.isdisjoint(target_words):
         return DriveRecipe(plan, target, None, stop, mode, following)
     if motion.starts_on:
-        raise _undrivable(plan, "its moves are started by writing further registers (starts_on)")
+        raise _undrivable(plan, "its moves start with writes to further registers (starts_on)")
     if not motion.is_staged:
         return DriveRecipe(plan, target, None, stop, mode, following)
     start = next((lever for lever in (_starting(each, motion) for each in levers) if lever), None)
@@ -153,22 +153,22 @@ def _check_fields(plan: AxisPlan, target: PositionField) -> None:
     if target.block is not None or target.access is FieldAccess.READ:
         raise _undrivable(plan, "its target is part of a longer command")
     if not plan.actual or not plan.actual[0].is_readable or not plan.safe_read:
-        raise _undrivable(plan, "its actual position cannot be read, and nobody would see where it is")
+        raise _undrivable(plan, "its actual position cannot be read")
     if plan.writes_with is Form.FC06 and target.words > 1 and not plan.motion.is_staged:
         raise _undrivable(plan, "its target is written word by word, and each word moves it")
 
 
 def _check_mode(plan: AxisPlan, mode: ModePlan) -> None:
     if mode.is_in_frame:
-        raise _undrivable(plan, "the mode of a move stands in the frame of its target")
+        raise _undrivable(plan, "the frame of its target also contains the mode of the move")
     acting = {*plan.motion.starts_on, *(each.address for each in plan.motion.triggers if each.mask == FULL)}
     if mode.address in acting:
-        raise _undrivable(plan, "writing its mode makes it act")
+        raise _undrivable(plan, "writing its mode starts an action")
     absolutes = [value for value, action in mode.actions.items() if action is Action.ABSOLUTE]
     if not absolutes:
         raise _undrivable(plan, "no mode of its map is absolute")
     if mode.resets_to is not None and mode.action(mode.resets_to) is not Action.ABSOLUTE:
-        raise _undrivable(plan, "its mode is not absolute again after each move")
+        raise _undrivable(plan, "its mode does not return to absolute after each move")
 
 
 def _stays(lever: Lever, levers: list[TriggerPlan]) -> bool:
@@ -202,8 +202,9 @@ def _stopping(trigger: TriggerPlan) -> Lever | None:
 
 def _undrivable(plan: AxisPlan, why: str) -> UndrivableError:
     return UndrivableError(
-        f"axis {plan.name}: {why}: measure does not drive it; move it by its controller "
-        "(pitch-gateway table program writes the moves) and build the table of the readings"
+        f"axis {plan.name}: {why}, so measure cannot move it. Move it with its controller "
+        "(pitch-gateway table program writes the moves) and make the table from the readings "
+        "(pitch-gateway table build)"
     )
 
 
@@ -296,9 +297,9 @@ class AxisLink:
             held = await self._word(trigger.address)
             if trigger.is_following(held) or trigger.holds_unknown(held):
                 raise AxisError(
-                    f"axis {self.plan.name}: register {trigger.address:#06x} holds {held:#06x}, with which "
-                    "the drive may go to each position as it is written: measure starts each move by its "
-                    "trigger; let the drive be as it is after power-up"
+                    f"axis {self.plan.name}: register {trigger.address:#06x} holds {held:#06x}, so the "
+                    "drive may move as soon as a position is written, but measure starts each move "
+                    "with its trigger: set the drive to its state after power-up"
                 )
         mode = self.recipe.mode
         if mode is None:
@@ -358,11 +359,11 @@ class AxisLink:
             starts = await self.starts()
             here = await self.position()
             await self.go(here, starts)
-            return f"commanded back to {here:.6g}, where it was then (its map names no stop)"
+            return f"commanded back to {here:.6g}, its position at that moment (its map names no stop)"
         before = await self._word(stop.trigger.address) if stop.needs_reading else 0
         await self._write(pull(self.plan, stop, stop.word(before)), "the stop")
         self._before_stop = before
-        return f"stopped by its own stop command ({stop})"
+        return f"stopped by its stop command ({stop})"
 
     async def let_go(self) -> None:
         """Clear a stop bit that stays set, once the axis is at standstill. Raises AxisError.
@@ -403,10 +404,10 @@ class AxisLink:
 
 def _refusal(reply: bytes) -> str:
     if not is_exception(reply):
-        return f"the reply is none to what was asked: {reply.hex(' ')}"
+        return f"the reply does not belong to the request: {reply.hex(' ')}"
     code = reply[1] if len(reply) > 1 else 0
     try:
         name = f" ({ExceptionCode(code).name.lower().replace('_', ' ')})"
     except ValueError:
         name = ""
-    return f"refused with exception {code}{name}; the gateway's log says why where it was the gateway"
+    return f"refused with exception {code}{name}; if the gateway refused it, its log says why"

@@ -49,15 +49,15 @@ def axis_of(lines: Sequence[LinePlan], name: str) -> tuple[LinePlan, AxisPlan]:
             if axis.name == name:
                 if axis.settings.units is Units.DEGREE or axis.settings.modulo:
                     raise AxisError(
-                        f"axis {name} is a rotary one: measure knows lengths only; move it by its controller "
-                        "and build the table of the readings (pitch-gateway table build)"
+                        f"axis {name} is rotary, and measure works only with lengths; move it with its "
+                        "controller and make the table from the readings (pitch-gateway table build)"
                     )
                 others = [other for group in line.groups if name in group for other in group if other != name]
                 if others:
                     raise AxisError(
                         f"axis {name} belongs to a group with {', '.join(others)}: moved alone it would "
-                        "twist what they carry together; move them by their controller and build the tables "
-                        "of the readings (pitch-gateway table build)"
+                        "twist the machine; move them with their controller and make the tables from "
+                        "the readings (pitch-gateway table build)"
                     )
                 return line, axis
     names = ", ".join(axis.name for line in lines for axis in line.axes)
@@ -80,8 +80,8 @@ def controller_of(line: LinePlan, name: str | None) -> ControllerLink:
         found = movers
     else:
         raise AxisError(
-            f"line {line.name} has {len(movers)} controllers that may move axes ({names}): name one with "
-            "--controller"
+            f"line {line.name} has {len(movers)} controllers that may move axes ({names}): name one "
+            "with --controller"
         )
     link = found[0]
     if link.plan.role is not Role.MOTION:
@@ -109,8 +109,7 @@ def check_same_plan(reply: Reply, shape: str) -> None:
     """
     if not isinstance(reply, Pong) or reply.shape != shape:
         raise AxisError(
-            "the configuration was changed after the gateway was started, and the gateway goes by the old "
-            "one: restart the gateway, then measure"
+            "the configuration has changed since the gateway started: restart the gateway, then measure"
         )
 
 
@@ -130,23 +129,23 @@ def compensation_of(status: RelayModel, axis: AxisPlan) -> Compensation:
     gain = found.gain
     if {gain.forward, gain.backward} != {1.0}:
         raise AxisError(
-            f"axis {axis.name} has gain {gain.forward:g} forward and {gain.backward:g} backward: "
-            "readings with a part of a table make no table; set both to 1, or pitch-gateway disable"
+            f"axis {axis.name} has gain {gain.forward:g} forward and {gain.backward:g} backward, but a "
+            "table needs the whole correction or none: set both to 1, or run pitch-gateway disable"
         )
     if not axis.table_name:
         raise AxisError(
-            f"axis {axis.name} has a backlash and no table: pitch-gateway disable, then measure; the "
-            "readings make a table that holds the lost motion"
+            f"axis {axis.name} has a backlash and no table: run pitch-gateway disable, then measure; "
+            "the new table will include the lost motion"
         )
     if found.table.sha256 != axis.table_digest:
         raise AxisError(
-            f"axis {axis.name}: the gateway runs with another table than {axis.table_name} is now: "
+            f"axis {axis.name}: {axis.table_name} has changed since the gateway read it: run "
             "pitch-gateway reload, then measure"
         )
     if found.table.compiled != _compiled_digest(axis):
         raise AxisError(
-            f"axis {axis.name}: CONFIG reads {axis.table_name} otherwise than the gateway did "
-            "(table_options): pitch-gateway reload, then measure"
+            f"axis {axis.name}: table_options of {axis.table_name} in CONFIG differ from those of the "
+            "gateway: run pitch-gateway reload, then measure"
         )
     return Compensation(state, str(found.table.sha256))
 
@@ -166,8 +165,8 @@ def check_writer(status: RelayModel, axis: AxisPlan) -> None:
     writer = _axis_status(status, axis).writer
     if writer is not None:
         raise AxisError(
-            f"axis {axis.name} is moved by {writer}: stop that program first, and try again when the axis "
-            f"has had no command for {axis.writer_hold_s:g} s"
+            f"axis {axis.name} is moved by {writer}: stop that program, wait until the axis has had no "
+            f"command for {axis.writer_hold_s:g} s, and try again"
         )
 
 
@@ -188,9 +187,7 @@ def check_range(link: AxisLink, stops: Sequence[Stop], *, is_corrected: bool) ->
     plan = link.plan
     settings, units = plan.settings, plan.settings.units.value
     if settings.travel is None:
-        raise AxisError(
-            f"axis.{plan.name}.travel: missing: measure goes nowhere without knowing how far it may"
-        )
+        raise AxisError(f"axis.{plan.name}.travel: missing: measure moves only within a known travel")
     low, high = settings.travel
     for stop in stops:
         if not low <= stop.nominal <= high:
@@ -216,8 +213,8 @@ def check_range(link: AxisLink, stops: Sequence[Stop], *, is_corrected: bool) ->
             corrected = stop.nominal + spec.map_at(share).correction(stop.nominal)
             if not lowest <= corrected <= highest:
                 raise AxisError(
-                    f"{stop.nominal:.9g} is {corrected:.9g} {units} with its correction: outside travel and "
-                    "travel_margin; give --from, --to and --overrun that fit"
+                    f"{stop.nominal:.9g} is {corrected:.9g} {units} with its correction: outside travel "
+                    "and travel_margin; change --from, --to or --overrun"
                 )
 
 
@@ -232,8 +229,8 @@ def check_overrun(plan: AxisPlan, overrun: float) -> None:
     lost = 0.0 if facts is None else facts.difference.largest
     if lost >= overrun:
         raise AxisError(
-            f"--overrun {overrun:g}: the table knows {lost:.6g} {plan.settings.units.value} of lost motion; "
-            "it must be greater"
+            f"--overrun {overrun:g}: it must be greater than {lost:.6g} {plan.settings.units.value}, "
+            "the lost motion in the table"
         )
 
 
@@ -248,7 +245,10 @@ async def check_may_move(link: AxisLink) -> float:
     if snapshot.is_alarm:
         raise AxisError(f"axis {plan.name} reports an alarm (bits.{ALARM_BIT}): clear it at the drive")
     if snapshot.is_moving:
-        raise AxisError(f"axis {plan.name} is moving: wait until it stands, and nobody else moves it")
+        raise AxisError(
+            f"axis {plan.name} is moving: wait until it is at standstill, and stop other programs that "
+            "move it"
+        )
     if plan.referenced is Reference.DRIVE_BIT and await link.is_homed() is False:
         raise AxisError(f"axis {plan.name} is not homed: home it first")
     assert plan.settings.travel is not None
@@ -256,8 +256,8 @@ async def check_may_move(link: AxisLink) -> float:
     slack = plan.settings.travel_margin
     if not low - slack <= snapshot.position <= high + slack:
         raise AxisError(
-            f"axis {plan.name} stands at {snapshot.position:.9g}, outside travel = [{low:.9g}, {high:.9g}]: "
-            "bring it inside, or correct zero_counts"
+            f"axis {plan.name} is at {snapshot.position:.9g}, outside travel = [{low:.9g}, {high:.9g}]: "
+            "move it inside, or correct zero_counts"
         )
     return snapshot.position
 
@@ -265,7 +265,5 @@ async def check_may_move(link: AxisLink) -> float:
 def _axis_status(status: RelayModel, axis: AxisPlan) -> AxisStatus:
     found = status.axes.get(axis.name)
     if found is None:
-        raise AxisError(
-            f"the gateway that runs has no axis {axis.name}: it runs from another CONFIG; restart it"
-        )
+        raise AxisError(f"the running gateway has no axis {axis.name}: it uses another CONFIG; restart it")
     return found

@@ -91,7 +91,7 @@ def plan_of(grid: Grid, axis: AxisPlan) -> MeasuringPlan:
     if grid.low is None or grid.high is None:
         raise AxisError("give --from and --to: the lowest and the highest target, as machine positions")
     if (grid.step is None) == (grid.targets is None):
-        raise AxisError("give one of --step (even targets) and --targets (so many, with random offsets)")
+        raise AxisError("give --step (even targets) or --targets (number of targets, with random offsets)")
     try:
         if grid.step is not None:
             targets = even_targets(grid.low, grid.high, grid.step)
@@ -133,13 +133,13 @@ def instrument_of(reader: InstrumentOptions, lines: Lines, unit: str = "mm") -> 
         InstrumentError: two instruments, or an invalid request.
     """
     if reader.csv is not None and reader.gauge is not None:
-        raise InstrumentError("--csv and --gauge are two instruments: give one")
+        raise InstrumentError("--csv and --gauge are two instruments: give only one")
     if reader.csv is not None:
         return GrowingCsv(reader.csv, reader.column, reader.delimiter)
     if reader.gauge is None:
         return Keyboard(lines, _prompt)
     if (reader.kind is GaugeKind.PATTERN) != (reader.pattern is not None):
-        raise InstrumentError("--gauge-kind pattern and --gauge-pattern belong together: give both or none")
+        raise InstrumentError("give --gauge-kind pattern and --gauge-pattern together, or neither")
     try:
         pattern = None if reader.pattern is None else pattern_of(reader.pattern)
     except GaugeError as error:
@@ -354,10 +354,10 @@ class Measuring:
         if resume is None:
             return plan_of(replace(self._grid, lead=self._lead), self._axis), ()
         if self._grid.is_asked or self._results.readings is not None:
-            raise FileError("--resume: the file says what is measured: leave targets and --readings away")
+            raise FileError("--resume: the file defines the measurement: remove targets and --readings")
         self._earlier = earlier = read_earlier(resume, self.units)
         if earlier.facts.get("axis") != self._axis.name:
-            raise FileError(f"{resume}: was begun for axis {earlier.facts.get('axis')}")
+            raise FileError(f"{resume}: is a measurement of axis {earlier.facts.get('axis')}")
         return earlier.plan, earlier.readings
 
     def _check_same(self, seen: StartConditions) -> None:
@@ -367,8 +367,8 @@ class Measuring:
         was = self._earlier.facts.get("compensation")
         if was != seen.compensation.fact:
             raise FileError(
-                f"{self._results.resume}: was measured with compensation {was}, and now it is "
-                f"{seen.compensation.fact}: bring it back, or measure anew"
+                f"{self._results.resume}: was measured with compensation {was}, now it is "
+                f"{seen.compensation.fact}: set it back, or start a new measurement"
             )
 
     def _choose_points(self, plan: MeasuringPlan, seen: StartConditions) -> None:
@@ -376,7 +376,7 @@ class Measuring:
         results, axis, section = self._results, self._axis, self._section
         if seen.compensation.is_active and axis.table is not None:
             if results.table_step is not None:
-                raise FileError("--table-step: the table in use is refined at its own points: leave it out")
+                raise FileError("remove --table-step: the table in use is refined at its own points")
             if results.out is not None:
                 outcome.check_writable(self._out_format, axis.table.positions, axis, section)
             return

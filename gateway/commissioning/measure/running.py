@@ -186,12 +186,12 @@ class Run:
             await self._link.let_go()
             if not self._is_near((await self._until_still()).position, snapshot.position):
                 await self._link.stop()
-                raise AxisError("it moved again when its stop was taken back, and was stopped once more")
+                raise AxisError("it moved again when its stop was released, and was stopped once more")
             self.may_move = False
         return f"{self._position_text(snapshot)}; {how}" if how else self._position_text(snapshot)
 
     def _position_text(self, snapshot: AxisSnapshot) -> str:
-        return f"axis {self._link.plan.name} stands at {snapshot.position:.6g} {self._units}"
+        return f"axis {self._link.plan.name} is at standstill at {snapshot.position:.6g} {self._units}"
 
     async def _until_still(self, looks: int = STILL) -> AxisSnapshot:
         first = await self._link.snapshot()
@@ -207,8 +207,8 @@ class Run:
                         still, first = 0, snapshot
         except TimeoutError:
             raise AxisError(
-                f"axis {self._link.plan.name} still moves {STOP_TIMEOUT_S:g} s after the stop command: press "
-                "the emergency stop"
+                f"axis {self._link.plan.name} still moves {STOP_TIMEOUT_S:g} s after the stop command: "
+                "press the emergency stop"
             ) from None
         return first
 
@@ -250,10 +250,11 @@ class Run:
         if away > self._settings.window:
             return (
                 f"axis {name} is at {snapshot.position:.9g} {limit:g} s after it was sent to "
-                f"{stop.nominal:.9g}: does it move at all? longer moves need --move-timeout; a wider "
-                f"--window than {self._settings.window:g} where it stops {away:.6g} {self._units} away"
+                f"{stop.nominal:.9g}. Check whether it moves at all. A longer move needs "
+                f"--move-timeout; if it stops {away:.6g} {self._units} away, --window must be wider "
+                f"than {self._settings.window:g}"
             )
-        return f"axis {name} is at {stop.nominal:.9g}, but its bits do not say so within {limit:g} s"
+        return f"axis {name} is at {stop.nominal:.9g}, but its bits do not report this within {limit:g} s"
 
     async def _reading(self, stop: Stop) -> Reading:
         way = stop.direction.name.lower()
@@ -274,8 +275,9 @@ class Run:
         here = await self._link.position()
         if abs(here - stop.nominal) > self._settings.window + self._slack:
             raise AxisError(
-                f"axis {self._link.plan.name} is at {here:.9g} and no longer at {stop.nominal:.9g}, where it "
-                "had arrived: somebody else moves it, or its drive lets go; no reading was taken"
+                f"axis {self._link.plan.name} is at {here:.9g} and has left {stop.nominal:.9g}, where "
+                "it had arrived: another program moves it, or its drive does not hold it; no reading "
+                "was taken"
             )
         return here
 
@@ -291,9 +293,10 @@ class Run:
         reading = Reading(stop.nominal, stop.direction, measured, stop.run)
         if abs(reading.deviation) > settings.largest_deviation:
             raise BadReadingError(
-                f"{raw:.9g} makes {measured:.9g} {self._units}, {reading.deviation:+.6g} from the target: "
-                f"more than {settings.largest_deviation:g} (--largest-deviation): a slip, the zero of the "
-                "instrument (--zero-at), its sign (--reversed) or its units (--reading-units)?"
+                f"{raw:.9g} gives {measured:.9g} {self._units}, {reading.deviation:+.6g} from the "
+                f"target: more than {settings.largest_deviation:g} (--largest-deviation). Check for a "
+                "typing mistake, and the instrument's zero (--zero-at), sign (--reversed) and units "
+                "(--reading-units)"
             )
         return reading
 
@@ -315,8 +318,8 @@ class Run:
         here = await self._link.position()
         if not self._is_near(here, before):
             raise AxisError(
-                f"axis {self._link.plan.name} moved from {before:.9g} to {here:.9g} while it was read at "
-                f"{stop.nominal:.9g}: somebody else moves it; the reading was not taken"
+                f"axis {self._link.plan.name} moved from {before:.9g} to {here:.9g} during the reading "
+                f"at {stop.nominal:.9g}: another program moves it; the reading was not taken"
             )
         if self.check_unchanged is not None:
             await self.check_unchanged()

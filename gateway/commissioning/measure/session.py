@@ -73,12 +73,13 @@ def endpoint_of(link: ControllerLink, port: str | None) -> TcpEndpoint | SerialE
     endpoint, name = link.endpoint, link.plan.name
     if isinstance(endpoint, TcpEndpoint):
         if port is not None:
-            raise AxisError(f"--port: controller {name} listens on {endpoint}: it is reached by TCP")
+            raise AxisError(f"--port: remove it: controller {name} listens on {endpoint}, reached by TCP")
         return TcpEndpoint(ANY_ADDRESSES.get(endpoint.host, endpoint.host), endpoint.port, endpoint.rtu)
     if port is None:
         raise AxisError(
-            f"controller {name} is the serial port {endpoint.device} of the gateway: give --port, the port "
-            "of this computer at the other end of that cable, in place of the controller"
+            f"controller {name} is the serial port {endpoint.device} of the gateway: connect this "
+            "computer to its cable in place of the controller, and give this computer's port with "
+            "--port"
         )
     return SerialEndpoint(
         port, endpoint.baudrate, endpoint.parity, endpoint.data_bits, endpoint.stop_bits, endpoint.echo
@@ -236,7 +237,7 @@ class MeasureSession:
             if now.fact != seen.compensation.fact:
                 raise AxisError(
                     f"the compensation of axis {axis.name} changed from {seen.compensation.fact} to "
-                    f"{now.fact} while it was measured: the last reading was not taken"
+                    f"{now.fact} during the measurement: the last reading was not taken"
                 )
 
         return check
@@ -257,20 +258,22 @@ def preview(
     use = f"{axis.table_name} is refined" if seen.compensation.is_active else "the readings make a new table"
     readings = sum(stop.measure for stop in stops)
     here = f"{seen.position:.6g} {units}"
-    yield f"Axis {axis.name} stands at {here} and WILL MOVE between {low:.9g} and {high:.9g} {units}."
+    yield f"Axis {axis.name} is at {here} and WILL MOVE between {low:.9g} and {high:.9g} {units}."
     yield f"  stops         {len(stops)}, with a reading at {readings} of them"
     yield f"  compensation  {state}: {use}"
     yield f"  instrument    {instrument}"
     yield f"  connection    controller {route.controller.plan.name} at {route.endpoint}"
     yield f"  each move     begins with {recipe.start or 'the writing of its target'}"
     yield f"  Ctrl-C        {recipe.stop or 'commands it back to where it is then: its map names no stop'}"
-    yield "  speed         the drive's own, for no register map names a speed: make it slow at the drive"
+    yield (
+        "  speed         the drive's own, because no register map names a speed: set a slow one at the drive"
+    )
     yield f"  time          {_time(route, stops, seen.position, pace)}"
     if seen.needed_mode is not None and recipe.mode is not None:
         before, after = seen.needed_mode
         yield f"  mode          register {recipe.mode.address:#06x} is set from {before:#06x} to {after:#06x}"
     if axis.referenced in (Reference.HOMING, Reference.SET_POSITION) and not seen.compensation.is_active:
-        yield "  homed?        nobody can tell while nothing is corrected: home it before"
+        yield "  homed?        unknown while nothing is corrected: home the axis first"
     yield from _terms(axis, is_active=seen.compensation.is_active)
     if axis.settings.machine_offset:
         off = -axis.settings.machine_offset
@@ -280,16 +283,16 @@ def preview(
 def _terms(axis: AxisPlan, *, is_active: bool) -> Iterator[str]:
     """Yield other corrections beside the table, present or future: the table must not include them again."""
     if axis.thermal is not None and is_active:
-        yield "  thermal       in force: the table is refined as if the screw were at its reference"
+        yield "  thermal       active: the table is refined as for a screw at its reference temperature"
     elif axis.thermal is not None:
         at = axis.thermal.reference
-        yield f"  thermal       not in force now, but on the new table: it is to hold at {at:g} °C"
+        yield f"  thermal       not active now, but used with the new table, which will be valid at {at:g} °C"
     for cross in axis.cross:
         if is_active:
-            yield f"  cross {cross.axis:7} in force: the table is refined without what {cross.axis} does"
+            yield f"  cross {cross.axis:7} active: the table is refined without the effect of {cross.axis}"
         else:
             yield (
-                f"  cross {cross.axis:7} not in force now, but on the new table: let it stand where "
+                f"  cross {cross.axis:7} not active now, but used with the new table: move it to where "
                 f"{cross.table_name} is 0"
             )
 
@@ -304,4 +307,4 @@ def _time(route: AxisRoute, stops: Sequence[Stop], position: float, pace: Pace) 
     if not 0.0 < speed < inf:
         return f"{waits_s / MINUTE_S:.1f} min of waiting, and {distance:.6g} {units} of moves (give --speed)"
     whole_s = waits_s + distance / speed
-    return f"about {whole_s / MINUTE_S:.1f} min, where it moves with {speed:g} {units}/s"
+    return f"about {whole_s / MINUTE_S:.1f} min, if it moves with {speed:g} {units}/s"

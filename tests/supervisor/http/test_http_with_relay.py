@@ -154,7 +154,7 @@ async def test_a_rejected_table_is_told_to_every_reader_and_to_the_commands(site
         mended = await said("reload", config)
         assert (mended.returncode, mended.stderr) == (0, "")
         # The supervisor watches the file too, and may have been quicker.
-        comes = "x: its new correction comes into force with the next different target\n"
+        comes = "x: its new correction is applied at the next different target\n"
         assert mended.stdout in {comes, "nothing has changed\n"}
         await reader.until(b"table-mended")
         steeper = hashlib.sha256(STEEPER.encode()).hexdigest()
