@@ -220,7 +220,7 @@ def test_a_port_in_use_is_not_listened_to() -> None:
         (["nonsense", "--to", "127.0.0.1:502"], 2, 'found "nonsense"; allowed: HOST:PORT'),
         (["127.0.0.1:0", "--to", "127.0.0.1:502", "--parity", "even"], 2, "TCP has neither"),
         (["/dev/null", "--parity", "mark"], 2, "allowed: none, even, odd"),
-        (["/dev/null", "--baudrate", "12345"], 2, "no usual rate"),
+        (["/dev/null", "--baudrate", "12345"], 2, "not a usual rate"),
     ],
 )
 def test_what_is_wrong_is_said(arguments: list[str], code: int, said: str) -> None:
@@ -236,4 +236,4 @@ def test_a_line_that_says_nothing_is_said_to() -> None:
     os.close(slave)
     assert result.exit_code == 1
     assert "9600 8N: 0 bytes, 0 whole frames" in result.output
-    assert "nothing was understood" in result.output
+    assert "no frame was understood" in result.output
