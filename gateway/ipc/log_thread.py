@@ -33,7 +33,7 @@ class LogThread:
     def __init__(self, write: Callable[[LogEntry], None]) -> None:
         self._write = write
         self._numbers = count(1)
-        self._notes: deque[tuple[int, LogEntry]] = deque(maxlen=CAPACITY)
+        self._entries: deque[tuple[int, LogEntry]] = deque(maxlen=CAPACITY)
         """Numbered: a gap shows how many were dropped, without a counter that two threads change."""
         self._last = 0
         self._nothing_to_do = threading.Lock()
@@ -74,11 +74,11 @@ class LogThread:
 
     def put(self, entry: LogEntry) -> None:
         """Take an entry, at the cost of an append; it is written after the next :meth:`wake`."""
-        self._notes.append((next(self._numbers), entry))
+        self._entries.append((next(self._numbers), entry))
 
     def wake(self) -> None:
         """Have all entries written soon."""
-        if self._notes:
+        if self._entries:
             self._let_go()
 
     def write(self, entry: LogEntry) -> None:
@@ -99,14 +99,14 @@ class LogThread:
     def _run(self) -> None:
         while True:
             is_closing = self._is_closing
-            while self._notes:
+            while self._entries:
                 self._write_oldest()
             if is_closing:
                 return
             self._nothing_to_do.acquire()
 
     def _write_oldest(self) -> None:
-        number, entry = self._notes.popleft()
+        number, entry = self._entries.popleft()
         if dropped := number - self._last - 1:
             self._write(log_entry(NOTES_DROPPED, {"count": dropped}, entry.wall_s))
         self._last = number

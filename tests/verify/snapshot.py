@@ -127,7 +127,7 @@ NOT_COMPARED: Final = {
     "up_ns": "of connections alone, which no world has",
     "down_ns": "the same",
     "has_closed_soon": "of connections alone, which no world has",
-    "_is_reported": "whether a line that is up again is told",
+    "_is_reported": "whether it was reported that the line is up again",
     "_detail": "what is told of one that is down",
 }
 """Attributes that are put back and not compared, by name."""
