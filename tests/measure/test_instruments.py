@@ -240,7 +240,7 @@ async def test_a_person_confirms_reads_and_types(tmp_path: Path) -> None:
             ):
                 person = Terminal(typed, pty)
                 await person.sees("WILL MOVE between -1 and 11 mm.")
-                await person.sees("may it move? [y/N]:")
+                await person.sees("may the axis move? [y/N]:")
                 assert machine.commanded() == []
                 person.types("y")
                 await person.sees("0 mm forward, run 1: reading (q stops): ")
@@ -272,11 +272,11 @@ async def test_a_person_who_says_no_moves_nothing_and_q_ends_it(tmp_path: Path) 
             async with gateway(machine):
                 asked = tuple(each for each in FEW if each != "--yes")
                 async with measuring(machine, *asked, stdin=slave) as typed:
-                    await Terminal(typed, pty).sees("may it move? [y/N]:")
+                    await Terminal(typed, pty).sees("may the axis move? [y/N]:")
                     os.write(pty.master_fd, b"n\n")
                     assert await typed.end() == 1
                 async with measuring(machine, *asked, stdin=slave) as typed:
-                    await Terminal(typed, pty).sees("may it move? [y/N]:")
+                    await Terminal(typed, pty).sees("may the axis move? [y/N]:")
                     typed.process.send_signal(signal.SIGINT)
                     assert await typed.end() == 130
                     assert "nothing was moved" in typed.stderr

@@ -38,4 +38,4 @@ async def test_a_drive_that_is_not_enabled_is_refused_before_anything_is_written
         async with gateway(machine), measuring(machine, *FEW, "--csv", "none") as typed:
             assert await typed.end() == 1
         assert not machine.drive.ledger.writes
-    assert "register 0x3100 holds 0x0000; writing 0x0010 there would stop too" in typed.stderr
+    assert "register 0x3100 holds 0x0000; writing 0x0010 there would also stop" in typed.stderr
