@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from gateway.exchange.cut_through.delay import write_shape
 from gateway.exchange.cut_through.frame import ForwardedFrame, ForwardEvent, ForwardState, closed, is_fit_head
-from gateway.modbus.crc import INVERTED, append_crc, ends_a_frame, is_intact, residue_after
+from gateway.modbus.crc import INVERTED, append_crc, ends_a_frame, inverted_crc, is_intact, residue_after
 from gateway.modbus.rtu_arrival import Progress, RequestArrival
 from tests.exchange.cut_bench import CHAR_NS, PACE, Adds
 from tests.soak import repeated
@@ -251,6 +251,17 @@ def test_no_prefix_of_a_filling_ends_a_frame(left: bytes, filler: bytes, data: s
             assert not ends_a_frame(residue_after(filling[:length]))
     assert not filler or not ends_a_frame(residue_after(filling))
     assert sum(a != b for a, b in zip(filling, filler, strict=False)) <= 8
+
+
+def test_a_filling_that_ends_a_frame_with_the_inverted_crc_keeps_its_length_with_another_crc() -> None:
+    """No change of a byte before the CRC helps: it changes both residues in the same way."""
+    left, filler = b"\x00", bytes.fromhex("BF 40") + bytes(11)
+    filling = closed(left, filler)
+    inside = filling[:-2]
+    assert ends_a_frame(residue_after(inside + inverted_crc(residue_after(left + inside))))
+    assert len(inside) == len(filler)
+    assert not ends_a_frame(residue_after(filling))
+    assert not ends_a_frame(residue_after(left + filling))
 
 
 def test_a_head_that_is_fit_can_stand_still_behind_each_of_its_bytes() -> None:

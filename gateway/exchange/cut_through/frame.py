@@ -261,26 +261,34 @@ def is_fit_head(head: bytes) -> bool:
 def closed(left: bytes, filler: bytes) -> bytes:
     """Return ``filler`` as it continues what was sent, with a CRC that makes the frame invalid.
 
-    A byte of it differs where the frame could end behind that byte. The same holds where the returned bytes
-    alone, after a silence on the wire, could be a frame.
+    A byte, of the filler or of the CRC, differs where the frame could end behind that byte. The same holds
+    where the returned bytes alone, after a silence on the wire, could be a frame.
 
     >>> closed(bytes.fromhex("01 10 6F 00"), bytes.fromhex("00 02 04 00 00 00 00")).hex(" ")
     '00 02 04 00 00 00 00 e5 a2'
     """
     residue, alone = residue_after(left), SEAM
     filled = bytearray()
-    for number, filler_byte in enumerate(filler):
-        is_last = number == len(filler) - 1
-        for change in range(0x100):
-            byte = bytes((filler_byte ^ change,))
-            after, after_alone = residue_after(byte, residue), residue_after(byte, alone)
-            if ends_a_frame(after) or ends_a_frame(after_alone):
-                continue
-            if not is_last or not ends_a_frame(residue_after(inverted_crc(after), after_alone)):
-                filled += byte
-                residue, alone = after, after_alone
-                break
-    return bytes(filled) + inverted_crc(residue)
+    for wanted in filler:
+        byte, residue, alone = _byte_inside(wanted, residue, alone)
+        filled.append(byte)
+    for wanted in inverted_crc(residue):
+        byte, residue, alone = _byte_inside(wanted, residue, alone)
+        filled.append(byte)
+    return bytes(filled)
+
+
+def _byte_inside(wanted: int, residue: int, alone: int) -> tuple[int, int, int]:
+    """Return the byte nearest to the wanted one behind which no frame can end, and both residues after it.
+
+    Each residue excludes at most two of the 256 bytes, so there always is one.
+    """
+    for change in range(0x100):
+        byte = bytes((wanted ^ change,))
+        after, after_alone = residue_after(byte, residue), residue_after(byte, alone)
+        if not ends_a_frame(after) and not ends_a_frame(after_alone):
+            return byte[0], after, after_alone
+    raise AssertionError("unreachable: at most four of 256 bytes end a frame")
 
 
 class ForwardedFrame:
