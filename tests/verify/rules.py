@@ -141,6 +141,8 @@ def judge_frame(world: "World", unit_id: int, pdu: bytes, stopping: Stopping = S
         if is_stopping and request.goes_again is not (stopping is Stopping.AGAIN) and twice:
             continue
         if request.axis == number and _is_frame_of(pdu, request.pdu):
+            if stopping is Stopping.AGAIN and not (request.goes_again or state.owed_stops):
+                raise BrokenRuleError("a stop is sent for the first time, and as one that goes again (M3)")
             return _sent(world, port, request, unit_id, pdu)
     if is_stop(pdu) and state.owed_stops:
         world.state = state._replace(owed_stops=state.owed_stops - 1)
