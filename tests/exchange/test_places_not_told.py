@@ -184,6 +184,14 @@ def test_w8_a_look_that_was_refused_is_asked_once_more(code: int) -> None:
     assert not unsure(bench)
 
 
+def test_m6_an_axis_that_was_moved_a_little_while_unseen_assumes_the_branch_of_a_near_target() -> None:
+    """The drive at 100.61 mm is 100.2 mm forward and 100.87 mm backward; 100.6 mm lies between both."""
+    bench = unseen(jogged_to=100_610)
+    bench.ask(write(COMMAND, 100_600))
+    assert bench.seen == [read(ACTUAL), write(COMMAND, 101_010)]
+    assert unsure(bench)
+
+
 def test_w8_busy_is_asked_once_more_for_each_target() -> None:
     bench = unseen(BUSY, BUSY, BUSY)
     bench.ask(write(COMMAND, 120_000))
