@@ -8,6 +8,7 @@ import sys
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from itertools import groupby, takewhile
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 from gateway.catalogue.alarms import ALARMS, HIDES
@@ -77,17 +78,28 @@ def _cause_and_remedy(cause: str, remedy: str) -> tuple[str, str]:
     return ("", texts[1]) if texts[0] == texts[1] else texts
 
 
-def _named_once(lines: Iterable[tuple[str, ...]]) -> list[tuple[str, ...]]:
-    """Return rows whose last cell is written once: a later row with it names the first one."""
+def _named_once(
+    lines: Iterable[tuple[str, ...]], known: Mapping[str, str] = MappingProxyType({})
+) -> list[tuple[str, ...]]:
+    """Return rows whose last cell is written once: a later row with it names the first one.
+
+    ``known`` has texts that the page has elsewhere, each with what names it.
+    """
 
     def each() -> Iterator[tuple[str, ...]]:
-        first: dict[str, str] = {}
+        places = dict(known)
         for line in lines:
-            name = first.setdefault(line[-1], line[0])
-            is_new = name == line[0] or len(line[-1].split()) <= _SHORT
-            yield line if is_new else (*line[:-1], f"as for {name}")
+            own = f"as for {line[0]}"
+            place = places.setdefault(line[-1], own)
+            yield line if place == own or len(line[-1].split()) <= _SHORT else (*line[:-1], place)
 
     return list(each())
+
+
+def _of_events() -> Mapping[str, str]:
+    """Return the remedies of all events, each with the words that name the first one that has it."""
+    entries = [entry for group in GROUPS for entry in entries_of(group)]
+    return {entry.remedy: f"as event `{entry.name}`" for entry in reversed(entries)}
 
 
 def events() -> str:
@@ -168,7 +180,8 @@ def counters() -> str:
         )
         for name, each in COUNTERS.items()
     ]
-    return table(("counter", "shown as", "counts", "what to do where it grows"), _named_once(lines))
+    head = ("counter", "shown as", "counts", "what to do where it grows")
+    return table(head, _named_once(lines, _of_events()))
 
 
 def exceptions() -> str:
