@@ -278,10 +278,9 @@ TERM_HELD: Final = EventEntry(
     "term-held",
     Severity.WARNING,
     "the source of a `thermal` or `cross` correction gives no new value: the last one is held",
-    "thermal: no temperature for `timeout_s`. Cross: the other axis is not referenced; or it was stopped "
-    "or jogged, has had no target since, and is not read",
-    "thermal: check the sensor, the broker or its address. Cross: give the other axis a target; if it "
-    "lost its reference, home it first",
+    "thermal: no temperature for `timeout_s`. Cross: see the trouble `other-axis-unknown`",
+    "thermal: check the sensor, the broker or its address. Cross: do what the trouble "
+    "`other-axis-unknown` says",
 )
 TERM_FADES: Final = EventEntry(
     "term-fades",
