@@ -428,8 +428,7 @@ class LineSection(StrictModel):
         json_schema_extra=documented(
             text=(
                 "between two serial ports, forward a known request and its reply while they arrive; "
-                "everything else is stored and forwarded. A frame that proves damaged or refused ends "
-                "with an inverted CRC: only for drives that check it "
+                "everything else is stored and forwarded. Only for drives that check the CRC "
                 "([latency](latency.md#cut-through-a-frame-leaves-while-it-still-arrives))"
             )
         ),
