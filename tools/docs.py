@@ -5,14 +5,14 @@
 
 import re
 import sys
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import groupby, takewhile
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from gateway.catalogue.alarms import ALARMS, HIDES
-from gateway.catalogue.entry import NOTHING_TO_DO, AlarmEntry, Severity, entries_of
+from gateway.catalogue.alarms import ALARMS
+from gateway.catalogue.entry import NOTHING_TO_DO, Severity, entries_of
 from gateway.catalogue.events import GROUPS
 from gateway.catalogue.exceptions import EXCEPTIONS, TITLES
 from gateway.catalogue.lookup import code_of, severities
@@ -136,24 +136,6 @@ def troubles() -> str:
     return table(("trouble", "severity", "means", "usual cause", "remedy"), _named_once(lines))
 
 
-def hidden() -> str:
-    """Return which trouble hides which others; those that hide the same share a line."""
-    causes: dict[tuple[AlarmEntry, ...], list[AlarmEntry]] = {}
-    for cause, effects in HIDES.items():
-        causes.setdefault(tuple(effects), []).append(cause)
-    lines = [(_kinds(together), _hidden(effects, together)) for effects, together in causes.items()]
-    return table(("trouble", "hides, at the same place or within it"), lines)
-
-
-def _hidden(effects: Collection[AlarmEntry], causes: Collection[AlarmEntry]) -> str:
-    others = [each for each in ALARMS.values() if each not in (*effects, *causes)]
-    return f"all but {_kinds(others)}" if len(others) < len(effects) else _kinds(effects)
-
-
-def _kinds(entries: Iterable[AlarmEntry]) -> str:
-    return ", ".join(f"`{each.kind}`" for each in entries)
-
-
 def states() -> str:
     """Return every state of the status model."""
     return "\n".join(
@@ -250,7 +232,6 @@ def decisions() -> str:
 PARTS: Final = {
     "events": events,
     "troubles": troubles,
-    "hidden troubles": hidden,
     "states": states,
     "counters": counters,
     "exceptions": exceptions,
