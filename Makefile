@@ -116,7 +116,7 @@ bench: setup ## measure it: hot path, comparison, pauses, load, memory; about 25
 bench-quick: setup ## the same in a few minutes, to see that it works; writes into bench/build
 	$(BIN)/python -m bench.run --quick
 
-attacks: setup test-programs ## every attack for some seconds, and what it costs; writes its table into docs/security.md
+attacks: setup test-programs ## every attack for some seconds, and what it costs; writes bench/attacks.md
 	$(BIN)/python -m tests.attacks --write
 
 pictures: setup test-programs ## take the pictures of the page and of reports that the documents show

@@ -5,13 +5,14 @@
 
 import re
 import sys
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import groupby, takewhile
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
-from gateway.catalogue.alarms import ALARMS, HIDES
-from gateway.catalogue.entry import NOTHING_TO_DO, AlarmEntry, Severity, entries_of
+from gateway.catalogue.alarms import ALARMS
+from gateway.catalogue.entry import NOTHING_TO_DO, Severity, entries_of
 from gateway.catalogue.events import GROUPS
 from gateway.catalogue.exceptions import EXCEPTIONS, TITLES
 from gateway.catalogue.lookup import code_of, severities
@@ -77,17 +78,28 @@ def _cause_and_remedy(cause: str, remedy: str) -> tuple[str, str]:
     return ("", texts[1]) if texts[0] == texts[1] else texts
 
 
-def _named_once(lines: Iterable[tuple[str, ...]]) -> list[tuple[str, ...]]:
-    """Return rows whose last cell is written once: a later row with it names the first one."""
+def _named_once(
+    lines: Iterable[tuple[str, ...]], known: Mapping[str, str] = MappingProxyType({})
+) -> list[tuple[str, ...]]:
+    """Return rows whose last cell is written once: a later row with it names the first one.
+
+    ``known`` has texts that the page has elsewhere, each with what names it.
+    """
 
     def each() -> Iterator[tuple[str, ...]]:
-        first: dict[str, str] = {}
+        places = dict(known)
         for line in lines:
-            name = first.setdefault(line[-1], line[0])
-            is_new = name == line[0] or len(line[-1].split()) <= _SHORT
-            yield line if is_new else (*line[:-1], f"as for {name}")
+            own = f"as for {line[0]}"
+            place = places.setdefault(line[-1], own)
+            yield line if place == own or len(line[-1].split()) <= _SHORT else (*line[:-1], place)
 
     return list(each())
+
+
+def _of_events() -> Mapping[str, str]:
+    """Return the remedies of all events, each with the words that name the first one that has it."""
+    entries = [entry for group in GROUPS for entry in entries_of(group)]
+    return {entry.remedy: f"as event `{entry.name}`" for entry in reversed(entries)}
 
 
 def events() -> str:
@@ -124,24 +136,6 @@ def troubles() -> str:
     return table(("trouble", "severity", "means", "usual cause", "remedy"), _named_once(lines))
 
 
-def hidden() -> str:
-    """Return which trouble hides which others; those that hide the same share a line."""
-    causes: dict[tuple[AlarmEntry, ...], list[AlarmEntry]] = {}
-    for cause, effects in HIDES.items():
-        causes.setdefault(tuple(effects), []).append(cause)
-    lines = [(_kinds(together), _hidden(effects, together)) for effects, together in causes.items()]
-    return table(("trouble", "hides, at the same place or within it"), lines)
-
-
-def _hidden(effects: Collection[AlarmEntry], causes: Collection[AlarmEntry]) -> str:
-    others = [each for each in ALARMS.values() if each not in (*effects, *causes)]
-    return f"all but {_kinds(others)}" if len(others) < len(effects) else _kinds(effects)
-
-
-def _kinds(entries: Iterable[AlarmEntry]) -> str:
-    return ", ".join(f"`{each.kind}`" for each in entries)
-
-
 def states() -> str:
     """Return every state of the status model."""
     return "\n".join(
@@ -168,7 +162,8 @@ def counters() -> str:
         )
         for name, each in COUNTERS.items()
     ]
-    return table(("counter", "shown as", "counts", "what to do where it grows"), _named_once(lines))
+    head = ("counter", "shown as", "counts", "what to do where it grows")
+    return table(head, _named_once(lines, _of_events()))
 
 
 def exceptions() -> str:
@@ -237,7 +232,6 @@ def decisions() -> str:
 PARTS: Final = {
     "events": events,
     "troubles": troubles,
-    "hidden troubles": hidden,
     "states": states,
     "counters": counters,
     "exceptions": exceptions,

@@ -23,8 +23,8 @@ LINE_DOWN: Final = EventEntry(
 CONNECTION_RENEWED: Final = EventEntry(
     "connection-renewed",
     Severity.WARNING,
-    "nothing came from the drives for three time-outs. The gateway connects again, after 1 s at the "
-    "earliest, then after twice as long each time, up to 60 s. The drives still count as silent",
+    "nothing came from the drives for three time-outs. The gateway connects again, at first after 1 s, "
+    "later after up to 60 s. The drives still count as silent",
     "a device server that lost the connection, or was asked too soon after accepting it; drives that are "
     "off behind a converter",
     "if it happens after each start, set `connect_delay_ms`. Otherwise check drives and converter",
@@ -51,8 +51,7 @@ DRIVE_BACKED_OFF: Final = EventEntry(
     "a drive left three requests in a row unanswered. Requests for it or its group get exception 0x0B "
     "without waiting, except occasional trials. Other drives are not delayed",
     "as for `drive-silent`",
-    "check the drive and its wiring. Any frame from it ends this. `retry_ms` sets the interval of the "
-    "trials; `retry_ms = 0` turns this off",
+    "check the drive and its wiring. Any frame from it ends this. `retry_ms` sets the interval of the trials",
 )
 CUT_THROUGH_OFF: Final = EventEntry(
     "cut-through-off",
@@ -225,7 +224,7 @@ BUDGET_OVERRUN: Final = EventEntry(
     "one exchange took longer than `budget_us` in the gateway, after many that did not. The detail names "
     "the slowest step",
     "the computer is busy with something else",
-    "check its load. `fifo` and `cpus` of `[relay]` give the gateway priority",
+    "check the load of the computer. `fifo` and `cpus` of `[relay]` give the gateway priority",
 )
 BUDGET_KEPT: Final = EventEntry(
     "budget-kept",
@@ -279,10 +278,9 @@ TERM_HELD: Final = EventEntry(
     "term-held",
     Severity.WARNING,
     "the source of a `thermal` or `cross` correction gives no new value: the last one is held",
-    "thermal: no temperature for `timeout_s`. Cross: the other axis is not referenced; or it was stopped "
-    "or jogged, has had no target since, and is not read",
-    "thermal: check the sensor, the broker or its address. Cross: give the other axis a target; if it "
-    "lost its reference, home it first",
+    "thermal: no temperature for `timeout_s`. Cross: see the trouble `other-axis-unknown`",
+    "thermal: check the sensor, the broker or its address. Cross: do what the trouble "
+    "`other-axis-unknown` says",
 )
 TERM_FADES: Final = EventEntry(
     "term-fades",

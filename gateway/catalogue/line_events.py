@@ -41,9 +41,8 @@ WRONG_UNIT: Final = EventEntry(
 ADAPTER_ECHOES: Final = EventEntry(
     "adapter-echoes",
     Severity.WARNING,
-    "an unconfigured echo. From drives: three register reads in a row came back byte for byte; the echo "
-    "of a write of one register or coil passes for its acknowledgement. From a controller: a reply came "
-    "back byte for byte, and is removed from now on. Reported once",
+    "an unconfigured echo: three register reads in a row came back from the drives byte for byte, or a "
+    "reply from a controller. Reported once",
     "see the trouble `adapter-echoes`",
     'set `echo = true` beside `rtu`, as in `drives = { rtu = "/dev/serial/by-id/…", echo = true }`, or '
     "do what the trouble `adapter-echoes` says",
@@ -86,8 +85,7 @@ CONNECTION_MALFORMED: Final = EventEntry(
     "connection was closed",
     "a scanner, a web browser, a controller that speaks RTU over TCP, or one that writes more than 123 "
     "registers at once",
-    "find out what runs at that address, and let `allow` name the controllers only. A controller may "
-    "write at most 123 registers at once",
+    "find out what runs at that address, and let `allow` name the controllers only",
 )
 WAITING_TURNED_AWAY: Final = EventEntry(
     "waiting-turned-away",

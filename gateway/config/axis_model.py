@@ -253,8 +253,7 @@ class AxisSection(StrictModel):
         json_schema_extra=documented(
             text=(
                 "`targets`: counts by which a target may differ from the last one and still be a "
-                "jittering repeat, which keeps its branch. The event `branch-hunts` reports a branch "
-                "that changes more than five times in ten seconds"
+                "jittering repeat, which keeps its branch (event `branch-hunts`)"
             ),
             kind="counts ≥ 0",
         ),
@@ -395,9 +394,8 @@ class AxisSection(StrictModel):
         json_schema_extra=documented(
             text=(
                 "a drive that left requests unanswered for longer than this, from first to last, may "
-                "have been switched off. Base, modes and registers are forgotten, and the reference must "
-                "be proved again. Its last target keeps its words only if a reading shows the axis "
-                "there. One lost reply is no silence"
+                "have been switched off: [what it forgets](wire-rules.md#when-a-link-is-lost). One lost "
+                "reply is no silence"
             )
         ),
     )

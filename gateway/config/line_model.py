@@ -313,11 +313,10 @@ class LineSection(StrictModel):
         json_schema_extra=documented(
             text=(
                 "RTU drives: silence after a time-out before its unit id is asked again, so that a late "
-                "reply answers nothing else. Reads of other unit ids go on; writes wait, unless the "
-                "silent drive is dead (`retry_ms`) and was never late. After a late reply the whole line "
-                "waits, for ten minutes. A request for the silent unit id gets 0x0B if less than half of "
-                "its controller's `timeout_ms` would be left (counter `too_late`). Refused with `tcp` "
-                "drives, whose replies are numbered"
+                "reply answers nothing else. Reads of other unit ids go on; writes wait. A request for "
+                "the silent unit id gets 0x0B if less than half of its controller's `timeout_ms` would be "
+                "left (counter `too_late`). [W6](wire-rules.md#w6-late-replies) has the exceptions. "
+                "Refused with `tcp` drives, whose replies are numbered"
             ),
             default="`response_timeout_ms`",
         ),
@@ -329,10 +328,9 @@ class LineSection(StrictModel):
         json_schema_extra=documented(
             text=(
                 "a unit id that left three requests in a row unanswered is dead: requests for it or its "
-                "group get 0x0B immediately, on RTU too. After `retry_ms`, then twice as long each time "
-                "up to 10 s, the next request is a trial; a read goes before one that might move "
-                "something. Any frame of the drive ends this. A trial read waits for "
-                "`response_timeout_ms`, and the line with it. A stop to a silent drive is repeated once "
+                "group get 0x0B immediately, on RTU too ([W11](wire-rules.md#w11-silent-drives)). After "
+                "`retry_ms`, then twice as long each time up to 10 s, the next request is a trial; the "
+                "line waits `response_timeout_ms` for a read. A stop to a silent drive is repeated once "
                 "in `retry_ms`. `0`: the drive is always asked"
             )
         ),
@@ -403,8 +401,8 @@ class LineSection(StrictModel):
         json_schema_extra=documented(
             text=(
                 "unit ids of further devices on the line; their frames pass unchanged. On Modbus/TCP "
-                "with one axis, a write to an unnamed unit id gets 0x0A if it would reach a position, "
-                "trigger, mode or limit of the axis, because many drives ignore the unit id. Between "
+                "with one axis, a write to an unnamed unit id gets 0x0A if it would reach the axis "
+                "([W7](wire-rules.md#w7-patience-and-foreign-unit-ids)). Between "
                 "serial ports such a device may also use frames of non-standard length, as some "
                 "inverters do (`05 03 01 01 30 B8`). All bytes between two silences are then one frame; "
                 "it counts as a write and is sent some 30 ms after its last byte: let the controller "
@@ -430,8 +428,7 @@ class LineSection(StrictModel):
         json_schema_extra=documented(
             text=(
                 "between two serial ports, forward a known request and its reply while they arrive; "
-                "everything else is stored and forwarded. A frame that proves damaged or refused ends "
-                "with an inverted CRC: only for drives that check it "
+                "everything else is stored and forwarded. Only for drives that check the CRC "
                 "([latency](latency.md#cut-through-a-frame-leaves-while-it-still-arrives))"
             )
         ),

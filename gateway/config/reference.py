@@ -39,8 +39,6 @@ class KeyTable:
     models: tuple[type[BaseModel], ...]
     elsewhere: frozenset[str] = frozenset()
     """Keys with the same meaning in another table; the document's text points to it."""
-    is_brief: bool = False
-    """Keys of the model's base class are also in another table, which has their long texts."""
 
     def fields(self) -> Iterator[tuple[type[BaseModel], str]]:
         """Yield every key with the model that has it."""
@@ -71,7 +69,7 @@ TABLES: Final[Mapping[str, KeyTable]] = {
     "line.drives": KeyTable((DrivesEndpoint,)),
     "line.controllers": KeyTable((ControllerSection,), _SERIAL),
     "line.controllers.tls": KeyTable((ControllerTls,)),
-    "line.controllers.roles": KeyTable((RoleKeys,), is_brief=True),
+    "line.controllers.roles": KeyTable((RoleKeys,)),
     "axis": KeyTable((AxisSection,)),
     "axis.table_options": KeyTable((TableOptionsSection,)),
     "axis.thermal": KeyTable((ThermalSpec,)),
@@ -100,14 +98,13 @@ def rows(table: KeyTable) -> list[KeyRow]:
         field = model.model_fields[key]
         extra = field.json_schema_extra
         texts: dict[str, Any] = extra if isinstance(extra, dict) else documented()
-        is_brief = table.is_brief and key not in model.__annotations__
-        description, more = ("", "") if is_brief else (texts["text"], texts["more"])
+
         found.append(
             KeyRow(
                 key,
                 texts["kind"] or kind_text(model, key),
                 texts["default"] or default_text(field),
-                description or ". ".join(filter(None, (field.description, more))),
+                texts["text"] or ". ".join(filter(None, (field.description, texts["more"]))),
             )
         )
     return found

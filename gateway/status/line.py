@@ -316,7 +316,7 @@ class LineStatus(Struct, kw_only=True):
         Counter(
             "late",
             "frames or bytes from the drives while none was expected",
-            f"{_LONGER}; check that no other master uses the line",
+            f"{_LONGER}. Check that no other master uses the line",
             is_logged=True,
             is_metric=True,
         ),
@@ -380,7 +380,8 @@ class LineStatus(Struct, kw_only=True):
         Counter(
             "withdrawn",
             "requests not sent: their controller had given up, or a stop followed",
-            "compare with `pitch-gateway budget CONFIG`. Give the controller a longer time-out",
+            "compare with `pitch-gateway budget CONFIG`. Give the controller a longer time-out or a slower "
+            "cycle",
             is_logged=True,
             is_metric=True,
         ),
@@ -432,7 +433,7 @@ class LineStatus(Struct, kw_only=True):
         Counter(
             "stray bytes",
             "RTU bytes from the drives while none were expected",
-            f"{_LONGER}; check that no other master uses the line",
+            f"{_LONGER}. Check that no other master uses the line",
         ),
     ] = UNSET
     stray_frames: Annotated[
@@ -440,7 +441,7 @@ class LineStatus(Struct, kw_only=True):
         Counter(
             "stray frames",
             "whole frames among the stray bytes: a drive answers late or twice",
-            f"{_LONGER}; check that no unit id is used twice",
+            f"{_LONGER}. Check that no unit id is used twice",
         ),
     ] = UNSET
     foreign_frames: Annotated[

@@ -1,6 +1,6 @@
 """``python -m tests.attacks``: every attack for some seconds, what it got, and what it cost the controller.
 
-Prints a table; ``--write`` puts it into ``docs/security.md`` (``make attacks``). Takes about ten seconds an
+Prints a table; ``--write`` puts it into ``bench/attacks.md`` (``make attacks``). Takes about ten seconds an
 attack, and wants a machine that does nothing else.
 """
 
@@ -14,7 +14,7 @@ from pathlib import Path
 from tests.attacks.legitimate import Attack, ground_of, tried
 
 SECONDS = 4.0
-DOCUMENT = Path(__file__).parents[2] / "docs" / "security.md"
+DOCUMENT = Path(__file__).parents[2] / "bench" / "attacks.md"
 PART = re.compile(r"(<!-- make attacks -->\n)(.*?)(<!-- end -->)", re.DOTALL)
 HEAD = "| attack | what it gets | in the log | p99 without, ms | meanwhile, ms |\n|---|---|---|---|---|\n"
 
@@ -47,7 +47,7 @@ def main() -> None:
     parser.add_argument(
         "--write",
         action="store_true",
-        help="put the table into docs/security.md; with names, those rows of it",
+        help="put the table into bench/attacks.md; with names, those rows of it",
     )
     parser.add_argument("names", nargs="*", help="parts of names of attacks; none: all")
     options = parser.parse_args()

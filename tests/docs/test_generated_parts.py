@@ -71,3 +71,10 @@ def test_bounds_and_defaults_come_from_the_model() -> None:
     assert "| `stop_bits` | 1 or 2 | `1` |" in part("keys line.drives")
     assert "| `keepalive_s` | 5 to 3600 s | `15` |" in part("keys mqtt")
     assert "| `mask` | 0 to 0xFFFF | `0xFFFF` |" in part("keys axis.registers.mode")
+
+
+def test_a_counter_whose_remedy_an_event_has_names_the_event() -> None:
+    counted = "targets and triggers that waited longer than `deadline_ms` of their axis"
+    assert f"| `late_targets` |  | {counted} | as event `late-target` |" in part("counters")
+    remedy = "compare with `pitch-gateway budget CONFIG`. Let monitors poll less often"
+    assert re.search(rf"^\| `late-target` \|.*\| {remedy} \|$", part("events"), re.MULTILINE)

@@ -6,7 +6,7 @@ places in both directions, with the drive where the table sends it. ``--drift`` 
 the noisy screws with few targets, on a scale that is wrong and on a machine that warms up while it is
 measured. Names of kinds run those alone, ``--few`` and ``--many`` only so many targets, ``--noisy`` only
 readings that scatter, ``--jobs N`` that many at a time; ``--write`` puts each row as soon as it is there into
-``docs/metrology-evidence.md``, between the comments that name the command, and sums up.
+``bench/screws.md``, between the comments that name the command, and sums up.
 """
 
 import sys
@@ -462,7 +462,7 @@ DRIFTING_HEADING: Final = (
 )
 
 
-PAGE: Final = Path(__file__).parents[2] / "docs" / "metrology-evidence.md"
+PAGE: Final = Path(__file__).parents[2] / "bench" / "screws.md"
 COMMAND: Final = "python -m tests.metrology.screws"
 
 

@@ -18,7 +18,13 @@ project = "pitch-gateway"
 version = release = __version__
 root_doc = "docs/index"
 extensions = ["myst_parser"]
-include_patterns = ["docs/**", "bench/results.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md"]
+include_patterns = [
+    "docs/**",
+    *(f"bench/{name}.md" for name in ("results", "attacks", "screws")),
+    "CONTRIBUTING.md",
+    "CHANGELOG.md",
+    "SECURITY.md",
+]
 exclude_patterns = [".*", "build", "dist"]
 """Folders in which there is much, and nothing to be found."""
 nitpicky = True

@@ -56,7 +56,7 @@ class MotionState(Enum):
     SUPERSEDED = "superseded"
     """The last target is void, but its words are kept: the reference has changed, the drive could not be
     reached, or it was silent for long. If the axis is then seen at that target, a repeat of the target gets
-    the same words and moves nothing (:class:`RepeatKind`)."""
+    the same words and moves nothing."""
     UNACKNOWLEDGED = "unacknowledged"
     """A target was sent and not acknowledged: the drive may hold it or not. It may have reported done
     since."""
