@@ -9,14 +9,14 @@ from typing import Annotated, Any, get_args
 import typer
 from typer.models import OptionInfo
 
-from gateway.commissioning.options import Option
+from gateway.options import Option
 
 
 def takes_options(command: Callable[..., None]) -> Callable[..., None]:
     """Replace a command's dataclass parameters by options for their fields.
 
     A field that is a dataclass itself is replaced by its own fields. The annotations of the others are
-    typer's, those of :mod:`gateway.commissioning.options`, or declarations about table files.
+    typer's, those of :mod:`gateway.options`, or declarations about table files.
     """
     parameters: list[inspect.Parameter] = []
     groups: dict[str, Any] = {}

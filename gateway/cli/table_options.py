@@ -9,9 +9,9 @@ from typing import Annotated
 
 import typer
 
-from gateway.commissioning.options import Option
 from gateway.commissioning.table_options import ToFileAxis, ToSense, writable_names
 from gateway.compensation.units import Units
+from gateway.options import Option
 from gateway.tabfile import V1Layout
 
 OutFile = Annotated[

@@ -4,7 +4,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-from gateway.commissioning.options import Option
 from gateway.commissioning.table_options import (
     AxisLetter,
     Counts,
@@ -28,6 +27,7 @@ from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
 from gateway.metrology.scale import check_scale
 from gateway.metrology.wrong_runs import settled
+from gateway.options import Option
 from gateway.plain import JsonObject
 from gateway.tabfile import LoadedTable, TabFileError, axis_of_name, dialect_named
 

@@ -5,7 +5,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated, Final
 
-from gateway.commissioning.options import Option
 from gateway.commissioning.table_options import Counts, FormatOptions, ReadOptions, ScrewOptions
 from gateway.metrology.doubts import json_of, notes_of
 from gateway.metrology.errors import ReadingsError
@@ -16,6 +15,7 @@ from gateway.metrology.readings import Survey, check_same_axis, check_uncorrecte
 from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
 from gateway.metrology.uncertainty import budget_of, inputs_of, limit_json, limit_line
 from gateway.metrology.vdi_3441 import vdi_json, vdi_line
+from gateway.options import Option
 from gateway.plain import JsonObject
 from gateway.report.axis_data import AxisData, Report
 from gateway.report.findings import find, other_stretch

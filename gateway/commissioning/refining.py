@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Final
 
-from gateway.commissioning.options import Option
 from gateway.commissioning.table_options import (
     Force,
     FormatOptions,
@@ -21,6 +20,7 @@ from gateway.metrology.doubts import notes_of
 from gateway.metrology.readings import Survey, check_corrected, check_same_axis, small_unit
 from gateway.metrology.refine import Points, Refined, refine_table
 from gateway.metrology.residue import left_out_json, left_out_text
+from gateway.options import Option
 from gateway.plain import JsonObject
 from gateway.tabfile import Dialect, LoadedTable, WriteOptions, axis_of_name, dialect_named
 from gateway.tabfile.conversion import is_modulo, lost_modulo

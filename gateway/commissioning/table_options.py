@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Final
 
-from gateway.commissioning.options import Option
 from gateway.compensation.settings import DEFAULT_MAX_SLOPE
 from gateway.compensation.units import Units
 from gateway.metrology.build import Fit, HomeCase
@@ -13,6 +12,7 @@ from gateway.metrology.errors import ReadingsError
 from gateway.metrology.formats import FORMATS, ReadingsContext, Runs
 from gateway.metrology.lead import Period, periods_of
 from gateway.metrology.readings import Survey
+from gateway.options import Option
 from gateway.tabfile import DIALECTS, ErrorSense, FileContext, TableOptions, WriteOptions
 from gateway.tabfile.options import DECLARED
 

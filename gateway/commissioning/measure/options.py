@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from gateway.commissioning.options import Option
 from gateway.metrology.gauge_kinds import GaugeKind
+from gateway.options import Option
 
 
 @dataclass(frozen=True, slots=True)
