@@ -8,7 +8,7 @@ larger blocks.
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 from gateway.budget.wire import READ_BIT, WRITE_WORD, PduSizes, read_frame, write_frames
 from gateway.compensation.settings import Setpoints
@@ -21,7 +21,9 @@ from gateway.exchange.cut_through.delay import (
     write_shape,
 )
 from gateway.exchange.plan import DONE_BIT, MOVING_BIT, AxisPlan, CompensationMode, writes_alone
+from gateway.modbus.pdu import MAX_READ_REGISTERS, MAX_WRITE_REGISTERS
 from gateway.modbus.registers import BitTable, PositionField
+from gateway.options import Option, Options
 
 REGISTER_READS: Final = frozenset({Form.FC03, Form.FC04})
 
@@ -45,13 +47,28 @@ class Why(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Blocks:
+class Blocks(Options):
     """Block sizes of a controller that the register map does not show, in registers; 0: as in the map."""
 
-    read_registers: int = 0
-    """A block that the controller also reads from each drive in each round."""
-    target_registers: int = 0
-    """The block in which it writes a target."""
+    read_registers: Annotated[
+        int,
+        Option(
+            "Size of a block of registers that the controller also reads from each drive in each round.",
+            "registers",
+            shown_default=False,
+            min=0,
+            max=MAX_READ_REGISTERS,
+        ),
+    ] = 0
+    target_registers: Annotated[
+        int,
+        Option(
+            "Size of the block in which the controller writes a target.",
+            shown_default="as many as the position has",
+            min=0,
+            max=MAX_WRITE_REGISTERS,
+        ),
+    ] = 0
 
 
 AS_MAPPED = Blocks()

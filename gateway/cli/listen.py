@@ -2,21 +2,21 @@
 
 import signal
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from gateway.cli.arguments import AsJson
+from gateway.cli.options import takes_options
 from gateway.cli.output import Format, show
+from gateway.commissioning.listen.options import ListenOptions
 
 if TYPE_CHECKING:
     from gateway.commissioning.listen.listening import Heard
     from gateway.transport.endpoints import TcpEndpoint
 
-SERIAL_S: Final = 60.0
-PARITY_LETTERS: Final = {"none": "N", "even": "E", "odd": "O"}
 
-
+@takes_options
 def listen(
     port: Annotated[
         str,
@@ -35,21 +35,7 @@ def listen(
             "--to", metavar="HOST:PORT", help="Drive behind the proxy; rtu://HOST:PORT for RTU over TCP."
         ),
     ] = None,
-    baudrate: Annotated[
-        int | None, typer.Option("--baudrate", min=1, help="Use this baud rate; do not try others.")
-    ] = None,
-    parity: Annotated[
-        str | None, typer.Option("--parity", help="Use this parity: none, even or odd; do not try others.")
-    ] = None,
-    seconds: Annotated[
-        float | None,
-        typer.Option(
-            "--for",
-            min=0.1,
-            help="Seconds to listen; default: 60 on a serial port, until Ctrl-C for a proxy.",
-            show_default=False,
-        ),
-    ] = None,
+    options: ListenOptions,
     out: Annotated[
         Path | None,
         typer.Option("--out", help="Write the proposed configuration into this new file.", readable=False),
@@ -78,20 +64,18 @@ def listen(
 
         pitch-gateway listen /dev/ttyUSB0 --json | jq .units
     """
-    if parity is not None and parity not in PARITY_LETTERS:
-        raise typer.BadParameter("allowed: none, even, odd", param_hint="--parity")
+    from gateway.commissioning.listen.listening import listen_serial
+    from gateway.transport.errors import TransportError
+
     if out is not None and out.exists():
         typer.echo(f"{out} exists already and is not overwritten; name a new file", err=True)
         raise typer.Exit(1)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    if to is None:
-        heard = _listen_serial(port, baudrate, parity, seconds)
-    else:
-        if baudrate is not None or parity is not None:
-            raise typer.BadParameter(
-                "TCP has neither baud rate nor parity", param_hint="--baudrate, --parity"
-            )
-        heard = _listen_proxy(port, to, seconds)
+    try:
+        heard = listen_serial(port, options, report=_print) if to is None else _proxy(port, to, options)
+    except TransportError as error:
+        _print(error.detail)
+        raise typer.Exit(1) from None
     _print_result(heard, out, as_json=as_json)
 
 
@@ -117,37 +101,14 @@ def _print_result(heard: "Heard", out: Path | None, *, as_json: bool) -> None:
         typer.echo("\n" + text)
 
 
-def _listen_serial(device: str, baudrate: int | None, parity: str | None, seconds: float | None) -> "Heard":
-    import termios
-
-    from gateway.commissioning.listen.listening import listen_serial
-    from gateway.commissioning.listen.serial_line import BAUDRATES
-    from gateway.transport.errors import TransportError
-
-    if baudrate is not None and not hasattr(termios, f"B{baudrate}"):
-        allowed = ", ".join(str(rate) for rate in sorted(BAUDRATES))
-        raise typer.BadParameter(f"not a usual rate: {allowed}", param_hint="--baudrate")
-    letter = None if parity is None else PARITY_LETTERS[parity]
-    try:
-        return listen_serial(device, seconds or SERIAL_S, baudrate=baudrate, parity=letter, report=_print)
-    except TransportError as error:
-        _print(error.detail)
-        raise typer.Exit(1) from None
-
-
-def _listen_proxy(port: str, to: str, seconds: float | None) -> "Heard":
+def _proxy(port: str, to: str, options: ListenOptions) -> "Heard":
     from gateway.commissioning.first_configuration import RTU_OVER_TCP
     from gateway.commissioning.listen.listening import listen_proxy
-    from gateway.transport.errors import TransportError
 
     is_rtu = to.startswith(RTU_OVER_TCP)
     near = _endpoint(port, "PORT", is_rtu=is_rtu)
     far = _endpoint(to.removeprefix(RTU_OVER_TCP), "--to", is_rtu=is_rtu)
-    try:
-        return listen_proxy(near, far, seconds, report=_print)
-    except TransportError as error:
-        _print(error.detail)
-        raise typer.Exit(1) from None
+    return listen_proxy(near, far, options, report=_print)
 
 
 def _endpoint(text: str, where: str, *, is_rtu: bool) -> "TcpEndpoint":

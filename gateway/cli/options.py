@@ -9,29 +9,41 @@ from typing import Annotated, Any, get_args
 import typer
 from typer.models import OptionInfo
 
-from gateway.options import Option
+from gateway.options import Option, OptionError
 
 
 def takes_options(command: Callable[..., None]) -> Callable[..., None]:
     """Replace a command's dataclass parameters by options for their fields.
 
     A field that is a dataclass itself is replaced by its own fields. The annotations of the others are
-    typer's, those of :mod:`gateway.options`, or declarations about table files.
+    typer's, those of :mod:`gateway.options`, or declarations about table files. A value that is not allowed
+    is wrong usage, whether the group, this function or the command itself refuses it.
     """
     parameters: list[inspect.Parameter] = []
     groups: dict[str, Any] = {}
+    options: dict[str, Option] = {}
     for name, parameter in inspect.signature(command, eval_str=True).parameters.items():
         if is_dataclass(parameter.annotation):
             groups[name] = parameter.annotation
-            parameters += [each.replace(kind=parameter.kind) for each in _options_of(parameter.annotation)]
+            found = [each.replace(kind=parameter.kind) for each in _options_of(parameter.annotation)]
         else:
-            parameters.append(_typed(parameter))
+            found = [parameter]
+        for each in found:
+            if (option := _option_of(each)) is not None:
+                options[each.name] = option
+            parameters.append(_typed(each))
 
     @wraps(command)
     def run(**given: Any) -> None:
-        for name, group in groups.items():
-            given[name] = _filled(group, given)
-        command(**given)
+        try:
+            for name, option in options.items():
+                option.check(name, given[name])
+            for name, group in groups.items():
+                given[name] = _filled(group, given)
+            command(**given)
+        except OptionError as error:
+            hint = _typed_name(error.field, options.get(error.field))
+            raise typer.BadParameter(error.why, param_hint=hint) from None
 
     # Typer reads this.
     run.__dict__["__signature__"] = inspect.Signature(parameters)
@@ -49,48 +61,46 @@ def _options_of(group: Any) -> Iterator[inspect.Parameter]:
             yield from _options_of(field.annotation)
             continue
         if isinstance(get_args(field.annotation)[1], OptionInfo | Option):
-            yield _typed(field)
+            yield field
         else:
             yield from _of_table(field)
 
 
+def _option_of(parameter: inspect.Parameter) -> Option | None:
+    declared = get_args(parameter.annotation)[1:]
+    return declared[0] if declared and isinstance(declared[0], Option) else None
+
+
 def _typed(parameter: inspect.Parameter) -> inspect.Parameter:
     """Return a parameter in typer's form."""
-    kind, *option = get_args(parameter.annotation) or (None,)
-    if option and isinstance(option[0], Option):
-        return parameter.replace(annotation=Annotated[kind, _of_program(parameter.name, option[0])])
-    return parameter
+    if (option := _option_of(parameter)) is None:
+        return parameter
+    kind = get_args(parameter.annotation)[0]
+    return parameter.replace(annotation=Annotated[kind, _of_program(parameter.name, option)])
+
+
+def _typed_name(field: str, option: Option | None) -> str:
+    return f"--{(option and option.name) or field.replace('_', '-')}"
 
 
 def _of_program(field: str, option: Option) -> Any:
-    name = option.name or field.replace("_", "-")
-    words = option.one_of
     return typer.Option(
-        f"--{name}",
+        _typed_name(field, option),
         help=option.help,
         metavar=option.metavar,
+        show_default=option.shown_default,
         min=option.min,
         max=option.max,
         readable=not option.is_read_by_us,
-        autocompletion=None if words is None else _completion(words),
-        callback=None if words is None else _check(words),
+        autocompletion=None if option.one_of is None else _completion(option.one_of),
     )
 
 
-def _completion(words: Callable[[], Sequence[str]]) -> Callable[[str], list[str]]:
+def _completion(allowed: Callable[[], Sequence[str | int]]) -> Callable[[str], list[str]]:
     def complete(incomplete: str) -> list[str]:
-        return [word for word in words() if word.startswith(incomplete)]
+        return [word for word in map(str, allowed()) if word.startswith(incomplete)]
 
     return complete
-
-
-def _check(words: Callable[[], Sequence[str]]) -> Callable[[str | None], str | None]:
-    def check(word: str | None) -> str | None:
-        if word is not None and word not in words():
-            raise typer.BadParameter(f"{word!r}: must be one of {', '.join(sorted(words()))}")
-        return word
-
-    return check
 
 
 def _of_table(field: inspect.Parameter) -> Iterator[inspect.Parameter]:

@@ -1,4 +1,4 @@
-"""The first steps of commands that take readings: check the options, and read the files."""
+"""The first step of commands that take readings: read the files."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from gateway.commissioning.table_options import ScrewOptions, writable_names
+from gateway.commissioning.table_options import ScrewOptions
 from gateway.metrology.formats import ReadingsContext, read_survey
 from gateway.metrology.readings import Survey, merged, understood
 
@@ -35,9 +35,3 @@ def read_all(
     if not is_quiet:
         typer.echo(f"read: {understood(survey)}")
     return screw.normalised(survey)
-
-
-def check_target(name: str) -> None:
-    """Refuse a format that cannot be written, as wrong usage."""
-    if name not in (names := writable_names()):
-        raise typer.BadParameter(f"{name!r}: must be one of {', '.join(sorted(names))}", param_hint="--to")

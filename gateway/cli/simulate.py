@@ -11,22 +11,31 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from gateway.cli.arguments import Config
+from gateway.cli.options import takes_options
 from gateway.cli.output import Format, show
+from gateway.simulator.clock import SPEED_UP
+from gateway.simulator.wire import (
+    AT_ONCE,
+    Adapter,
+    BurstBytes,
+    Cable,
+    Jitter,
+    LatencyTimer,
+    Noise,
+    WireFaults,
+)
 
 if TYPE_CHECKING:
     from gateway.simulator.ears import Hearing
     from gateway.simulator.gauge import VirtualGauge
-    from gateway.simulator.wire import Cable
     from gateway.simulator.world import ServedLine
     from gateway.state.plan import GatewayPlan
 
 
+@takes_options
 def simulate(
     config: Config,
-    speed_up: Annotated[
-        float,
-        typer.Option("--speed-up", min=0.001, help="Machine time per real time; wire times do not change."),
-    ] = 1.0,
+    speed_up: Annotated[float, SPEED_UP] = 1.0,
     seed: Annotated[int, typer.Option("--seed", help="The same seed makes the same worn screws.")] = 0,
     *,
     paced: Annotated[
@@ -36,26 +45,10 @@ def simulate(
             help="Serial bytes and replies of drives take their real time.",
         ),
     ] = True,
-    latency_timer_ms: Annotated[
-        float,
-        typer.Option(
-            "--latency-timer",
-            min=0.0,
-            help="ms for which the gateway's ports collect bytes, like a USB adapter.",
-        ),
-    ] = 0.0,
-    lump_bytes: Annotated[
-        int,
-        typer.Option(
-            "--lump", min=0, show_default="62", help="They hand over earlier when they have so many bytes."
-        ),
-    ] = 0,
-    jitter_ms: Annotated[
-        float, typer.Option("--jitter", min=0.0, help="Now and then they hand over up to so many ms later.")
-    ] = 0.0,
-    noise: Annotated[
-        float, typer.Option("--noise", min=0.0, max=1.0, help="Share of serial bytes followed by noise.")
-    ] = 0.0,
+    latency_timer_ms: LatencyTimer = AT_ONCE.latency_timer_ms,
+    burst_bytes: BurstBytes = AT_ONCE.burst_bytes,
+    jitter_ms: Jitter = AT_ONCE.jitter_ms,
+    noise: Noise = 0.0,
     hearing: Annotated[
         str,
         typer.Option(
@@ -103,11 +96,9 @@ def simulate(
     from gateway.config.load import load
     from gateway.config.problems import ConfigErrors
     from gateway.simulator.errors import SimulatorError
-    from gateway.simulator.wire import Adapter, Cable, WireFaults
 
     try:
-        gathered = {"burst_bytes": lump_bytes} if lump_bytes else {}
-        adapter = Adapter(latency_timer_ms, jitter_ms=jitter_ms, seed=seed, **gathered)
+        adapter = Adapter(latency_timer_ms, burst_bytes=burst_bytes, jitter_ms=jitter_ms, seed=seed)
         cable = Cable(adapter, WireFaults(noise=noise, seed=seed), _hearing(hearing))
         plan = load(config).plan
         _warn_of_what_is_not_played(config, plan)
@@ -150,7 +141,7 @@ async def _serve(
     plan: "GatewayPlan",
     speed_up: float,
     seed: int,
-    cable: "Cable",
+    cable: Cable,
     *,
     paced: bool,
     gauge: bool,

@@ -38,7 +38,6 @@ def build(
 
       pitch-gateway table build run1.rtl run2.rtl cnc10x.tab --to centroid-3 --axis x --home switch-positive
     """
-    given.check_target(options.to)
     context = options.readings.context(options.units, options.axis)
     with problems():
         survey = given.read_all(readings, context, options.shape.screw, is_quiet=json)

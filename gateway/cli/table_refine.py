@@ -47,8 +47,6 @@ def refine(
     source = options.source
     with problems():
         loaded = inspect(file, source.context())
-        if options.to is not None:
-            given.check_target(options.to)
         context = options.readings.context(source.units, source.axis)
         survey = given.read_all(readings, context, options.shape.screw, is_quiet=json)
         found = refining.refine(loaded, survey, out, options)

@@ -14,6 +14,7 @@ from gateway.commissioning.table_options import (
     OutOptions,
     ShapeOptions,
     steep_allowed,
+    writable_names,
 )
 from gateway.commissioning.tables import WrittenTable, refusal, steep_notes, written_table
 from gateway.compensation.table import CorrectionTable
@@ -27,7 +28,7 @@ from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
 from gateway.metrology.scale import check_scale
 from gateway.metrology.wrong_runs import settled
-from gateway.options import Option
+from gateway.options import Option, Options
 from gateway.plain import JsonObject
 from gateway.tabfile import LoadedTable, TabFileError, axis_of_name, dialect_named
 
@@ -42,12 +43,15 @@ OWN_OPTIONS: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class BuildOptions:
+class BuildOptions(Options):
     """Options for making a table from readings."""
 
-    to: Annotated[str, Option("Format of OUT; pitch-gateway table formats lists all.", metavar="FORMAT")] = (
-        "centroid-2"
-    )
+    to: Annotated[
+        str,
+        Option(
+            "Format of OUT; pitch-gateway table formats lists all.", metavar="FORMAT", one_of=writable_names
+        ),
+    ] = "centroid-2"
     home: Home = None
     step: Annotated[float | None, Option("Even grid: multiples of this distance.")] = None
     travel: Annotated[

@@ -16,6 +16,7 @@ from gateway.config.problems import Problem
 from gateway.config.values import read_name
 from gateway.drives import library
 from gateway.drives.profile import Profile, Tier
+from gateway.transport.endpoints import PARITIES
 
 DELETE: Final = "\x7f"
 RTU_OVER_TCP: Final = "rtu://"
@@ -84,7 +85,6 @@ def serial_of(asked: Serial, profile: Profile) -> Serial:
     )
 
 
-PARITIES: Final = {"N": "none", "E": "even", "O": "odd"}
 FORMAT_RULE: Final = (
     'allowed: baud rate, data bits, parity and stop bits as manuals write them, as in "115200 8E1"; or '
     '"115200 even 1"; a baud rate alone, as in "38400", leaves parity and stop bits as offered'

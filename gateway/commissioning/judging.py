@@ -15,7 +15,7 @@ from gateway.metrology.readings import Survey, check_same_axis, check_uncorrecte
 from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
 from gateway.metrology.uncertainty import budget_of, inputs_of, limit_json, limit_line
 from gateway.metrology.vdi_3441 import vdi_json, vdi_line
-from gateway.options import Option
+from gateway.options import Option, Options
 from gateway.plain import JsonObject
 from gateway.report.axis_data import AxisData, Report
 from gateway.report.findings import find, other_stretch
@@ -25,7 +25,7 @@ NO_PREDICTION: Final = "what another table would leave cannot be told from it; e
 
 
 @dataclass(frozen=True, slots=True)
-class EvaluateOptions:
+class EvaluateOptions(Options):
     """What readings are compared with, and by which standards."""
 
     after: Annotated[

@@ -14,13 +14,14 @@ from gateway.commissioning.table_options import (
     ReadOptions,
     ShapeOptions,
     steep_allowed,
+    writable_names,
 )
 from gateway.commissioning.tables import WrittenTable, refusal, steep_notes, written_table
 from gateway.metrology.doubts import notes_of
 from gateway.metrology.readings import Survey, check_corrected, check_same_axis, small_unit
 from gateway.metrology.refine import Points, Refined, refine_table
 from gateway.metrology.residue import left_out_json, left_out_text
-from gateway.options import Option
+from gateway.options import Option, Options
 from gateway.plain import JsonObject
 from gateway.tabfile import Dialect, LoadedTable, WriteOptions, axis_of_name, dialect_named
 from gateway.tabfile.conversion import is_modulo, lost_modulo
@@ -34,10 +35,12 @@ OWN_OPTIONS: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class RefineOptions:
+class RefineOptions(Options):
     """Options for refining a table."""
 
-    to: Annotated[str | None, Option("Format of OUT; default: that of FILE.", metavar="FORMAT")] = None
+    to: Annotated[
+        str | None, Option("Format of OUT; default: that of FILE.", metavar="FORMAT", one_of=writable_names)
+    ] = None
     home: Home = None
     union: Annotated[bool, Option("Points of FILE and of the readings; default: only those of FILE.")] = False
     shape: ShapeOptions = field(default_factory=ShapeOptions)

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from gateway.commissioning.first_configuration import PARITIES, Serial, format_words
+from gateway.commissioning.first_configuration import Serial, format_words
 from gateway.commissioning.listen.serial_line import settings_to_try
 from gateway.commissioning.probe.readings import LAST_UNIT_ID
 from gateway.modbus.pdu import FunctionCode
-from gateway.transport.endpoints import SerialEndpoint
+from gateway.transport.endpoints import PARITIES, SerialEndpoint
 from gateway.transport.master import GarbledError, ModbusMaster, SilentError
 
 LASTING: Final = (

@@ -12,7 +12,7 @@ from gateway.metrology.errors import ReadingsError
 from gateway.metrology.formats import FORMATS, ReadingsContext, Runs
 from gateway.metrology.lead import Period, periods_of
 from gateway.metrology.readings import Survey
-from gateway.options import Option
+from gateway.options import Option, Options
 from gateway.tabfile import DIALECTS, ErrorSense, FileContext, TableOptions, WriteOptions
 from gateway.tabfile.options import DECLARED
 
@@ -25,12 +25,12 @@ class SlopeError(ReadingsError):
 
 def format_names() -> Sequence[str]:
     """Return the name of every format of tables."""
-    return [dialect.name for dialect in DIALECTS]
+    return sorted(dialect.name for dialect in DIALECTS)
 
 
 def writable_names() -> Sequence[str]:
     """Return the name of every format of tables that can be written."""
-    return [dialect.name for dialect in DIALECTS if dialect.is_writable]
+    return sorted(dialect.name for dialect in DIALECTS if dialect.is_writable)
 
 
 Force = Annotated[bool, Option("Overwrite OUT.")]
@@ -60,7 +60,7 @@ MaxSlope = Annotated[
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReadOptions(TableOptions):
+class ReadOptions(Options, TableOptions):
     """Options for reading a table file: every declared option, and the axis.
 
     ``units`` also gives the ``file_units`` of a file that states none.
@@ -95,7 +95,7 @@ class ReadOptions(TableOptions):
 
 
 @dataclass(frozen=True, slots=True)
-class FormatOptions:
+class FormatOptions(Options):
     """Facts that files of readings do not contain."""
 
     readings_format: Annotated[
@@ -109,7 +109,7 @@ class FormatOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class ScrewOptions:
+class ScrewOptions(Options):
     """Known facts about the screw."""
 
     lead: Annotated[
@@ -155,7 +155,7 @@ class ScrewOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class ShapeOptions:
+class ShapeOptions(Options):
     """How a table follows readings."""
 
     one_way: Annotated[bool, Option("One curve for both directions, from all readings.")] = False
@@ -166,7 +166,7 @@ class ShapeOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class OutOptions:
+class OutOptions(Options):
     """Options for writing OUT, besides its format."""
 
     to_counts_per_unit: Annotated[

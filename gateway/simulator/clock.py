@@ -2,21 +2,25 @@
 
 import asyncio
 from collections.abc import Callable
+from typing import Final
 
-from gateway.simulator.errors import SimulatorError
+from gateway.options import Option
 from gateway.times import NS_PER_S
 
 SimulationClock = Callable[[], float]
 """Returns the seconds that have passed in the simulated world."""
+SPEED_UP: Final = Option("Machine time per real time; wire times do not change.", min=0.001)
 
 
 def scaled_clock(speed_up: float = 1.0) -> SimulationClock:
     """Return the clock of a world that runs at ``speed_up`` times real time; it starts at 0.
 
     Needs a running loop.
+
+    Raises:
+        OptionError: it is below 0.001, or not a finite number.
     """
-    if speed_up <= 0:
-        raise SimulatorError(f"speed-up {speed_up}: it must be above 0")
+    SPEED_UP.check("speed_up", speed_up)
     loop = asyncio.get_running_loop()
     started_s = loop.time()
     return lambda: (loop.time() - started_s) * speed_up

@@ -9,8 +9,9 @@ import random
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
+from gateway.options import Option, Options
 from gateway.simulator.clock import DeadlineTimer, loop_now_ns
 from gateway.simulator.ears import Hearing, TimedByte
 from gateway.simulator.errors import SimulatorError
@@ -18,34 +19,43 @@ from gateway.simulator.pty import FdChannel
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.endpoints import SerialEndpoint
 
+LatencyTimer = Annotated[
+    float,
+    Option("ms for which the gateway's ports collect bytes, like a USB adapter.", "latency-timer", min=0.0),
+]
+BurstBytes = Annotated[int, Option("They hand over earlier when they have so many bytes.", "lump", min=1)]
+Jitter = Annotated[float, Option("Now and then they hand over up to so many ms later.", "jitter", min=0.0)]
+Noise = Annotated[float, Option("Share of serial bytes followed by noise.", min=0.0, max=1.0)]
+_Share = Annotated[float, Option("Probability.", min=0.0, max=1.0)]
+
 
 @dataclass(frozen=True, slots=True)
-class WireFaults:
+class WireFaults(Options):
     """Faults of a wire. Probabilities are per byte, from a seeded generator."""
 
-    garble: float = 0.0
+    garble: _Share = 0.0
     """One bit of the byte is inverted."""
-    drop: float = 0.0
+    drop: _Share = 0.0
     """The byte is lost; its time passes."""
-    noise: float = 0.0
+    noise: Noise = 0.0
     """An extra byte follows that was not sent."""
     seed: int = 0
 
 
 @dataclass(frozen=True, slots=True)
-class Adapter:
+class Adapter(Options):
     """How a receiver passes on received bytes: each byte as it arrives, unless set otherwise.
 
     A burst leaves at whichever condition comes first. Bursts keep their order.
     """
 
-    latency_timer_ms: float = 0.0
+    latency_timer_ms: LatencyTimer = 0.0
     """So long after its first byte came (FTDI: 16 ms by default, often set to 1 ms)."""
-    quiet_characters: float = 0.0
+    quiet_characters: Annotated[float, Option("Silence, in characters.", min=0.0)] = 0.0
     """After a silence of so many characters (four in a UART of the kind 16550)."""
-    burst_bytes: int = 62
+    burst_bytes: BurstBytes = 62
     """At so many bytes (62 in a packet of FTDI; 8 or 14 are levels of a UART's FIFO)."""
-    jitter_ms: float = 0.0
+    jitter_ms: Jitter = 0.0
     """Random extra delay up to this: driver and machine load."""
     seed: int = 0
 

@@ -4,6 +4,9 @@ from ipaddress import IPv4Address, IPv6Address, ip_address
 
 import msgspec
 
+PARITIES = {"N": "none", "E": "even", "O": "odd"}
+"""The letters of :class:`SerialEndpoint`, with their words in the configuration."""
+
 
 class TcpEndpoint(msgspec.Struct, frozen=True, tag=True):
     """A TCP address. ``rtu`` is True for a serial device server that carries raw RTU frames."""

@@ -1,6 +1,6 @@
 """Listening on a working line, as one call: a serial line, or the path from a controller to a drive.
 
-    heard = listen_serial("/dev/ttyUSB0", 60.0)
+    heard = listen_serial("/dev/ttyUSB0", ListenOptions(seconds=600.0, baudrate=9600))
     print(heard.configuration)
 
 It never sends. The result depends on what the machine does during this time.
@@ -15,14 +15,15 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from gateway.clock import boot_ns
-from gateway.commissioning.first_configuration import PARITIES
+from gateway.commissioning.listen.options import AS_LONG_AS_USUAL, SERIAL_S, ListenOptions
 from gateway.commissioning.listen.proposal import ListenPoint, proposed, unit_data, unit_lines
 from gateway.commissioning.listen.proxy import Proxy
 from gateway.commissioning.listen.serial_line import SILENCE_MS, Sniffer, Trial, find_setting, settings_to_try
 from gateway.commissioning.listen.traffic import TrafficStatistics
+from gateway.options import OptionError
 from gateway.plain import JsonObject
 from gateway.times import NS_PER_S
-from gateway.transport.endpoints import TcpEndpoint
+from gateway.transport.endpoints import PARITIES, TcpEndpoint
 
 PROGRESS_S: Final = 5.0
 
@@ -60,29 +61,26 @@ class Heard:
 
 
 def listen_serial(
-    device: str,
-    seconds: float,
-    *,
-    baudrate: int | None = None,
-    parity: str | None = None,
-    report: Callable[[str], None] = lambda _: None,
+    device: str, options: ListenOptions = AS_LONG_AS_USUAL, *, report: Callable[[str], None] = lambda _: None
 ) -> Heard:
     """Listen on a serial port, opened for reading only, with one setting after the other.
 
-    ``parity``: N, E or O; given values are not varied. ``report`` gets a sentence for each tried setting, and
-    the progress. Ctrl-C ends it early; so does a port that is removed.
+    Settings that the options give are not varied. ``report`` gets a sentence for each tried setting, and the
+    progress. Ctrl-C ends it early; so does a port that is removed.
 
     Raises:
         TransportError: the port does not exist, is in use, or is not a serial port.
     """
     statistics = TrafficStatistics()
     trial: Trial | None = None
+    letter = next((letter for letter, word in PARITIES.items() if word == options.parity), None)
+    seconds = SERIAL_S if options.seconds is None else options.seconds
     until_ns = boot_ns() + int(seconds * NS_PER_S)
     try:
         with Sniffer(device) as sniffer, suppress(KeyboardInterrupt):
             if sniffer.is_pty:
                 report(f"{device}: a pseudo terminal has no parity: only baud rates are tried")
-            settings = settings_to_try(baudrate, parity, has_parity=not sniffer.is_pty)
+            settings = settings_to_try(options.baudrate, letter, has_parity=not sniffer.is_pty)
             trial, heard = find_setting(sniffer, settings, until_ns, report)
             statistics.add(heard)
             if trial is not None and trial.is_right:
@@ -100,20 +98,24 @@ def listen_serial(
 def listen_proxy(
     near: TcpEndpoint,
     far: TcpEndpoint,
-    seconds: float | None = None,
+    options: ListenOptions = AS_LONG_AS_USUAL,
     *,
     report: Callable[[str], None] = lambda _: None,
 ) -> Heard:
     """Listen on ``near`` in place of the drive at ``far``, and forward every byte unchanged.
 
-    ``seconds``: None means until SIGINT or SIGTERM. ``report`` gets a sentence for each connection, and the
-    progress.
+    Without ``seconds`` it ends with SIGINT or SIGTERM. ``report`` gets a sentence for each connection, and
+    the progress.
 
     Raises:
+        OptionError: the options set a serial line.
         TransportError: the address is not on this computer, or in use.
     """
+    for field, value in (("baudrate", options.baudrate), ("parity", options.parity)):
+        if value is not None:
+            raise OptionError(field, "TCP has neither baud rate nor parity; leave it out")
     statistics = TrafficStatistics()
-    asyncio.run(_serve(near, far, statistics, seconds, report))
+    asyncio.run(_serve(near, far, statistics, options.seconds, report))
     return Heard(statistics, ListenPoint(near=near, far=far), {"port": str(near), "to": str(far)})
 
 

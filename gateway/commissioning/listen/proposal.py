@@ -8,13 +8,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from gateway.commissioning.first_configuration import PARITIES
 from gateway.commissioning.listen.recognition import Match, likely, matches
 from gateway.commissioning.listen.serial_line import PortSettings
 from gateway.commissioning.listen.traffic import PositionGuess, RegisterUse, UnitStatistics, function_name
 from gateway.drives import library
 from gateway.plain import JsonObject
-from gateway.transport.endpoints import TcpEndpoint
+from gateway.transport.endpoints import PARITIES, TcpEndpoint
 
 AXIS_NAMES: Final = "xyzabcuvw"
 SPLICED: Final = "/dev/serial/by-id/THE-ADAPTER-AT-THE-"

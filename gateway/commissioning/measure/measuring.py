@@ -16,7 +16,6 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from math import isfinite
 from pathlib import Path
 from typing import Final
 
@@ -111,8 +110,6 @@ def plan_of(grid: Grid, axis: AxisPlan) -> MeasuringPlan:
         raise AxisError(str(error)) from None
     units = axis.settings.units
     overrun = units.from_mm(OVERRUN_MM) if grid.overrun is None else grid.overrun
-    if not isfinite(overrun):
-        raise AxisError(f"--overrun {overrun}: it must be a finite length")
     return MeasuringPlan(tuple(round(target, 9) for target in targets), grid.runs, overrun)
 
 
@@ -166,10 +163,8 @@ def run_settings_of(pace: Pace, reader: InstrumentOptions, axis: AxisPlan) -> Ru
     units = axis.settings.units
     window = units.from_mm(WINDOW_MM) if pace.window is None else pace.window
     largest = units.from_mm(LARGEST_MM) if reader.largest is None else reader.largest
-    if not (
-        window > 0 and largest > 0 and isfinite(window) and isfinite(largest) and isfinite(reader.zero_at)
-    ):
-        raise InstrumentError("--window and --largest-deviation: greater than 0; --zero-at: a position")
+    if not (window > 0 and largest > 0):
+        raise InstrumentError("--window and --largest-deviation: greater than 0")
     return RunSettings(
         pace,
         window=window,

@@ -1,15 +1,18 @@
-"""Options of a measuring run. Lengths are in units of the axis, positions are machine positions."""
+"""Options of a measuring run. Lengths are in units of the axis, positions are machine positions.
+
+A value outside its limits raises an ``OptionError`` here, before anything is checked or moved.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from gateway.metrology.gauge_kinds import GaugeKind
-from gateway.options import Option
+from gateway.options import Option, Options
 
 
 @dataclass(frozen=True, slots=True)
-class AxisChoice:
+class AxisChoice(Options):
     """The axis to move, and the listener of the gateway."""
 
     axis: Annotated[str, Option("The axis.")]
@@ -22,7 +25,7 @@ class AxisChoice:
 
 
 @dataclass(frozen=True, slots=True)
-class Grid:
+class Grid(Options):
     """The requested targets."""
 
     low: Annotated[float | None, Option("Lowest target, machine position.", "from")] = None
@@ -46,7 +49,7 @@ class Grid:
 
 
 @dataclass(frozen=True, slots=True)
-class Pace:
+class Pace(Options):
     """How the axis moves from stop to stop, and when it counts as arrived."""
 
     dwell_s: Annotated[float, Option("Seconds between arrival and reading.", "dwell", min=0.0)] = 2.0
@@ -62,7 +65,7 @@ class Pace:
 
 
 @dataclass(frozen=True, slots=True)
-class InstrumentOptions:
+class InstrumentOptions(Options):
     """The instrument, and how its display becomes a machine position. Default: a person reads it."""
 
     csv: Annotated[Path | None, Option("Take readings from this file; the instrument appends rows.")] = None
@@ -72,7 +75,7 @@ class InstrumentOptions:
         str | None, Option("Take readings from a gauge on this serial port.", metavar="PORT")
     ] = None
     kind: Annotated[GaugeKind, Option("Output format of the gauge.", "gauge-kind")] = GaugeKind.SYLVAC
-    baudrate: Annotated[int | None, Option("Default: 9600; 4800 for sylvac.", "gauge-baud")] = None
+    baudrate: Annotated[int | None, Option("Default: 9600; 4800 for sylvac.", "gauge-baud", min=1)] = None
     request: Annotated[
         str | None,
         Option(
@@ -108,7 +111,7 @@ class InstrumentOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class Results:
+class Results(Options):
     """The files for the readings and the results."""
 
     readings: Annotated[Path | None, Option("File of readings; default: named after axis and time.")] = None
