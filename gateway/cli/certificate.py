@@ -1,10 +1,9 @@
 """``pitch-gateway certificate``: the user's own authority for Modbus/TCP Security."""
 
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
 
 import typer
 
@@ -13,9 +12,6 @@ from gateway.cli.arguments import AsJson
 
 app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 
-NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")
-HOST: Final = re.compile(r"(?=.{1,253}$)[A-Za-z0-9_]([A-Za-z0-9_.-]*[A-Za-z0-9])?|[0-9A-Fa-f:.]{2,45}")
-OWN_NAMES: Final = frozenset({"ca", "crl"})
 Folder = Annotated[
     Path,
     typer.Argument(metavar="DIR", help="Folder of the authority and its certificates.", show_default=False),
@@ -55,7 +51,6 @@ def ca(
     from gateway.commissioning.certificates import found_authority, make_authority
     from gateway.transport.certificates import now_utc
 
-    _check_text(name, "--name")
     now = now_utc()
     with _problems():
         _print_written(*found_authority(folder, lambda: make_authority(name, now), now))
@@ -81,10 +76,6 @@ def server(
     from gateway.commissioning.certificates import make_server, read_authority, write_signed
     from gateway.transport.certificates import now_utc
 
-    _check_name(name)
-    for host in hosts:
-        if not HOST.fullmatch(host):
-            raise typer.BadParameter(f"{host!r} is neither a host name nor an address", param_hint="--host")
     now = now_utc()
     with _problems():
         signed = make_server(read_authority(folder, now), name, hosts, now)
@@ -109,10 +100,8 @@ def controller(
       pitch-gateway certificate controller machine-ca panel --role Viewer
     """
     from gateway.commissioning.certificates import make_controller, read_authority, write_signed
-    from gateway.transport.certificates import LONGEST_ROLE, now_utc
+    from gateway.transport.certificates import now_utc
 
-    _check_name(name)
-    _check_text(role, "--role", LONGEST_ROLE)
     now = now_utc()
     with _problems():
         signed = make_controller(read_authority(folder, now), name, role, now)
@@ -136,7 +125,6 @@ def revoke(
     from gateway.commissioning.certificates import revoke as revoke_in
     from gateway.transport.certificates import now_utc
 
-    _check_name(name)
     with _problems():
         _print_written(revoke_in(folder, name, now_utc()))
 
@@ -166,17 +154,6 @@ def show(
     output.show(found, output.Format.INDENTED if as_json else output.Format.TEXT)
 
 
-def _check_name(name: str) -> None:
-    if not NAME.fullmatch(name) or name in OWN_NAMES:
-        rule = "1 to 63 letters, digits, . - and _, beginning with a letter or digit; not ca or crl"
-        raise typer.BadParameter(f"{name!r}; allowed: {rule}")
-
-
-def _check_text(text: str, option: str, longest: int = 64) -> None:
-    if not text.isprintable() or not 0 < len(text) <= longest:
-        raise typer.BadParameter(f"allowed: 1 to {longest} visible characters", param_hint=option)
-
-
 def _print_written(*files: Path) -> None:
     for file in files:
         typer.echo(file)
@@ -184,11 +161,14 @@ def _print_written(*files: Path) -> None:
 
 @contextmanager
 def _problems() -> Iterator[None]:
-    """Report an impossible action in the folder, and end with exit code 1."""
+    """Report an impossible action in the folder, and end with exit code 1; a wrong name is wrong usage."""
     from gateway.commissioning.certificates import FolderError
+    from gateway.options import OptionError
 
     try:
         yield
+    except OptionError as error:
+        raise typer.BadParameter(str(error)) from None
     except FolderError as error:
         typer.echo(str(error), err=True)
         raise typer.Exit(1) from None

@@ -56,9 +56,14 @@ def probe(
         pitch-gateway probe gateway.toml --axis x --json | jq .axes.x
     """
     from gateway.commissioning.probe import probing
+    from gateway.options import OptionError
 
     loaded = load_or_exit(config)
-    lines = _lines(loaded, config, axis)
+    try:
+        lines = probing.lines_with(loaded.plan.lines, axis)
+    except OptionError as error:
+        typer.echo(f"{config}: {error.why}", err=True)
+        raise typer.Exit(1) from None
     _refuse_beside_gateway(loaded, config)
     if timing:
         if axis is not None:
@@ -74,14 +79,6 @@ def probe(
     print_lines((f"{config}: {problem}" for problem in found.problems), err=True)
     if not found.is_good:
         raise typer.Exit(1)
-
-
-def _lines(loaded: "Loaded", config: Path, axis: str | None) -> "list[LinePlan]":
-    names = [plan.name for line in loaded.plan.lines for plan in line.axes]
-    if axis is not None and axis not in names:
-        typer.echo(f"{config}: there is no axis {axis}; there are {', '.join(names)}", err=True)
-        raise typer.Exit(1)
-    return [line for line in loaded.plan.lines if any(axis in (None, plan.name) for plan in line.axes)]
 
 
 def _refuse_beside_gateway(loaded: "Loaded", config: Path) -> None:

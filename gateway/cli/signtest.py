@@ -103,9 +103,14 @@ def _axis(config: Path, name: str) -> "AxisPlan":
 
 
 def _with_table(config: Path, plan: "AxisPlan") -> "AxisPlan":
-    if plan.table is None:
-        typer.echo(f"{config}: axis.{plan.name}.table: missing; name the table to test", err=True)
-        raise typer.Exit(1)
+    from gateway.commissioning.sign_test import table_of
+    from gateway.metrology.errors import ReadingsError
+
+    try:
+        table_of(plan)
+    except ReadingsError as error:
+        typer.echo(f"{config}: {error}", err=True)
+        raise typer.Exit(1) from None
     return plan
 
 

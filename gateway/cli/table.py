@@ -21,7 +21,6 @@ from gateway.commissioning.table_options import Counts, ReadOptions
 from gateway.plain import JsonObject
 from gateway.tabfile import FileProblem, Lint, LintSeverity, TabFileError
 from gateway.tabfile import explain as explain_at
-from gateway.tabfile.options import MAX_POSITION
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -88,8 +87,6 @@ def explain(
 
       pitch-gateway table explain CNC7Z.TAB --at -1.25 --travel -2.6 0 --counts-per-unit 25400 --json
     """
-    if not abs(at) < MAX_POSITION:
-        raise typer.BadParameter(f"{at}: is not a machine position", param_hint="--at")
     with problems():
         loaded = inspect(file, source.context(counts_per_unit))
     found = explain_at(loaded, at, counts_per_unit)

@@ -5,6 +5,7 @@ TLS 1.2 implementations support it. No file in a folder is ever overwritten, exc
 """
 
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -25,10 +26,12 @@ from cryptography.hazmat.primitives.serialization import (
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from gateway.files import FileRefusedError, create, read_regular_file
+from gateway.options import OptionError
 from gateway.plain import JsonObject
 from gateway.state.folder import write_whole
 from gateway.transport.certificates import (
     LARGEST_FILE,
+    LONGEST_ROLE,
     ROLE_OID,
     Facts,
     day,
@@ -38,6 +41,8 @@ from gateway.transport.certificates import (
 )
 
 AUTHORITY_DAYS: Final = 3650
+NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")
+HOST: Final = re.compile(r"(?=.{1,253}$)[A-Za-z0-9_]([A-Za-z0-9_.-]*[A-Za-z0-9])?|[0-9A-Fa-f:.]{2,45}")
 LEAF_DAYS: Final = 825
 """The longest term that browsers and systems accepted at the time; a year more than most need."""
 SKEW: Final = timedelta(hours=1)
@@ -53,7 +58,8 @@ class Signed:
 
 
 def make_authority(name: str, now: datetime, days: float = AUTHORITY_DAYS) -> Signed:
-    """Make a self-signed authority."""
+    """Make a self-signed authority. Raises OptionError: no such name."""
+    _check_text("name", name)
     key = ec.generate_private_key(ec.SECP256R1())
     subject = _name(name)
     builder = _builder(subject, subject, key, now, now + timedelta(days=days))
@@ -66,14 +72,23 @@ def make_authority(name: str, now: datetime, days: float = AUTHORITY_DAYS) -> Si
 
 
 def make_server(authority: Signed, name: str, hosts: Sequence[str], now: datetime) -> Signed:
-    """Make the certificate of a gateway for ``hosts``, names or addresses."""
+    """Make the certificate of a gateway for ``hosts``, names or addresses. Raises OptionError: no host."""
+    for host in hosts:
+        if not HOST.fullmatch(host):
+            raise OptionError("host", f"found {host!r}; allowed: a host name or an address")
     names = x509.SubjectAlternativeName([_general_name(host) for host in hosts])
     return make_leaf(authority, name, [ExtendedKeyUsageOID.SERVER_AUTH], [names], now)
 
 
 def make_controller(authority: Signed, name: str, role: str, now: datetime) -> Signed:
-    """Make the certificate of a controller with a role."""
+    """Make the certificate of a controller with a role. Raises OptionError: no such role."""
+    _check_text("role", role, LONGEST_ROLE)
     return make_leaf(authority, name, [ExtendedKeyUsageOID.CLIENT_AUTH], [role_extension(role)], now)
+
+
+def _check_text(field: str, text: str, longest: int = 64) -> None:
+    if not text.isprintable() or not 0 < len(text) <= longest:
+        raise OptionError(field, f"found {text!r}; allowed: 1 to {longest} visible characters")
 
 
 def role_extension(role: str) -> x509.UnrecognizedExtension:
@@ -199,7 +214,7 @@ def found_authority(folder: Path, make: Callable[[], Signed], now: datetime) -> 
         raise FolderError(f"{folder} cannot be made: {error.strerror or error}") from None
     _refuse_existing(folder, LIST_NAME)
     signed = make()
-    files = write_signed(folder, AUTHORITY, signed)
+    files = _write_signed(folder, AUTHORITY, signed)
     _write_new(folder / LIST_NAME, make_list(signed, (), now), CERTIFICATE_MODE)
     return (*files, folder / LIST_NAME)
 
@@ -231,11 +246,23 @@ def read_authority(folder: Path, now: datetime) -> Signed:
 
 
 def write_signed(folder: Path, name: str, signed: Signed) -> tuple[Path, Path]:
-    """Write a certificate and its key; return both files.
+    """Write a certificate and its key as NAME.pem and NAME.key; return both files.
 
     Raises:
+        OptionError: ``name`` is no name of files in the folder, or one of the authority's own.
         FolderError: one of them exists already, or cannot be written.
     """
+    _check_name(name)
+    return _write_signed(folder, name, signed)
+
+
+def _check_name(name: str) -> None:
+    if not NAME.fullmatch(name) or name in (AUTHORITY, Path(LIST_NAME).stem):
+        rule = "1 to 63 letters, digits, . - and _, beginning with a letter or digit; not ca or crl"
+        raise OptionError("name", f"found {name!r}; allowed: {rule}")
+
+
+def _write_signed(folder: Path, name: str, signed: Signed) -> tuple[Path, Path]:
     certificate, key = folder / f"{name}.pem", folder / f"{name}.key"
     for path in (certificate, key):
         _refuse_existing(folder, path.name)
@@ -253,8 +280,10 @@ def revoke(folder: Path, name: str, now: datetime) -> Path:
     """Put a certificate into the list of the folder's authority; return the list.
 
     Raises:
+        OptionError: ``name`` is no name of files in the folder, or one of the authority's own.
         FolderError: no such certificate, another authority, or revoked already.
     """
+    _check_name(name)
     authority = read_authority(folder, now)
     path, list_path = folder / f"{name}.pem", folder / LIST_NAME
     try:

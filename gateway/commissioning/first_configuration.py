@@ -6,7 +6,7 @@ A :class:`Draft` takes answers one by one and checks each by the rules of the re
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -231,6 +231,19 @@ def _drive(axis: AxisAnswers) -> list[str]:
     ]
 
 
+NOT_ASKED: Final = frozenset({"axes", "name", "profile", "table"})
+"""Fields that come from elsewhere: the named axes, the drive, :meth:`Draft.set_table`."""
+
+
+def _required(answers: type) -> tuple[str, ...]:
+    return tuple(
+        field.name for field in fields(answers) if field.default is MISSING and field.name not in NOT_ASKED
+    )
+
+
+REQUIRED: Final = _required(Answers)
+REQUIRED_OF_AXIS: Final = _required(AxisAnswers)
+OF_AN_AXIS: Final = tuple(each.name for each in fields(AxisAnswers) if each.name not in NOT_ASKED)
 LINE: Final = "main"
 CONTROLLER: Final = "controller"
 GENERAL_KEYS: Final = {
@@ -329,8 +342,14 @@ class Draft:
         """Take an answer.
 
         Raises:
-            ValueError: the configuration would refuse it; the error says what was found and what is allowed.
+            ValueError: there is no such answer, an axis has to be named first, or the configuration would
+                refuse it; the error says what was found and what is allowed.
         """
+        if name not in GENERAL_KEYS:
+            if name not in OF_AN_AXIS:
+                allowed = ", ".join((*GENERAL_KEYS, *OF_AN_AXIS))
+                raise ValueError(f'there is no answer "{name}"; allowed: {allowed}')
+            self._check_named(name)
         if name in FORMATS:
             answer = serial_format(str(answer), self.serial(name))
         if name == "unit_id":
@@ -356,8 +375,13 @@ class Draft:
             self._profiles[self._axis] = _profile(str(answer), self._file.parent)
 
     def set_table(self, file: str | None) -> None:
-        """Set the table file of the last named axis, None for none."""
+        """Set the table file of the last named axis, None for none. Raises ValueError: no axis is named."""
+        self._check_named("table")
         self.tables[self._axis] = file
+
+    def _check_named(self, answer: str) -> None:
+        if not self.axes:
+            raise ValueError(f"{answer}: belongs to an axis; name the axis first, with begin_axis")
 
     def _refuse_same_unit(self, unit_id: object) -> None:
         """Refuse a drive with several axes: each has its own registers, so that is written by hand."""
@@ -366,7 +390,17 @@ class Draft:
                 raise ValueError(f"found {unit_id}; axis {name} has this unit id: each drive needs its own")
 
     def text(self, state: str | None = None, timing: tuple[str, ...] = ()) -> str:
-        """Return the configuration with its comments. All answers are required."""
+        """Return the configuration with its comments.
+
+        Raises:
+            ValueError: an answer without a default is missing; the error names all of them.
+        """
+        missing = [name for name in REQUIRED if name not in self.answers]
+        missing += [] if self.axes else ["an axis"]
+        for axis, its in self.axes.items():
+            missing += [f"axis {axis}: {name}" for name in REQUIRED_OF_AXIS if name not in its]
+        if missing:
+            raise ValueError(f"answers are missing: {', '.join(missing)}; take them before the text")
         given = {name: answer for name, answer in self.answers.items() if name not in FORMATS}
         answers = Answers(
             **given,

@@ -8,7 +8,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from gateway.compensation.correction_spec import spec_of_table
+from gateway.compensation.curve import Curve
 from gateway.compensation.settings import BacklashKind
+from gateway.compensation.table import CorrectionTable
 from gateway.exchange.plan import AxisPlan
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.scale import TRIAL_MOVE, fault_of_trial
@@ -237,12 +239,10 @@ def judge_readings(
     one.
 
     Raises:
-        ReadingsError: the position is outside the table, or a value is not a number.
+        ReadingsError: the axis has no table, the position is outside it, or a value is not a number.
     """
-    settings, table = plan.settings, plan.table
-    assert table is not None
-    curve = spec_of_table(table, settings).curve
-    assert curve is not None
+    settings, table = plan.settings, table_of(plan)
+    curve = _curve(plan)
     if uncertainty is None:
         uncertainty = usual_uncertainty(plan)
     offset = settings.machine_offset
@@ -271,13 +271,26 @@ def usual_uncertainty(plan: AxisPlan) -> float:
 
 
 def best_position(plan: AxisPlan) -> float:
-    """Return the most telling position for readings, on the controller's scale."""
-    assert plan.table is not None
-    curve = spec_of_table(plan.table, plan.settings).curve
-    assert curve is not None
-    return round(
-        most_telling_position(curve, _inside(plan)).position - plan.settings.machine_offset, DECIMALS
-    )
+    """Return the most telling position for readings, on the controller's scale.
+
+    Raises:
+        ReadingsError: the axis has no table.
+    """
+    position = most_telling_position(_curve(plan), _inside(plan)).position
+    return round(position - plan.settings.machine_offset, DECIMALS)
+
+
+def table_of(plan: AxisPlan) -> CorrectionTable:
+    """Return the table of an axis. Raises ReadingsError: it has none."""
+    if plan.table is None:
+        raise ReadingsError(f"axis.{plan.name}.table: missing; name the table to test")
+    return plan.table
+
+
+def _curve(plan: AxisPlan) -> Curve:
+    curve = spec_of_table(table_of(plan), plan.settings).curve
+    assert curve is not None, "of a table"
+    return curve
 
 
 def approach_of(plan: AxisPlan) -> float:
@@ -288,6 +301,5 @@ def approach_of(plan: AxisPlan) -> float:
 
 def _inside(plan: AxisPlan) -> tuple[float, float] | None:
     """Return the range for a sign test, in machine positions; None: everywhere (a rotary axis)."""
-    assert plan.table is not None
     settings = plan.settings
-    return None if settings.modulo else room(plan.table, settings.travel, approach_of(plan))
+    return None if settings.modulo else room(table_of(plan), settings.travel, approach_of(plan))

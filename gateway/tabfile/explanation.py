@@ -3,8 +3,10 @@
 from dataclasses import dataclass
 from enum import Enum
 
+from gateway.options import OptionError
 from gateway.plain import JsonObject
 from gateway.tabfile.decoded import BRANCHES, LoadedTable, SourceRow
+from gateway.tabfile.options import MAX_POSITION
 
 
 class TableSide(Enum):
@@ -64,7 +66,13 @@ class PositionExplanation:
 
 
 def explain(loaded: LoadedTable, at: float, counts_per_unit: float | None = None) -> PositionExplanation:
-    """Explain a machine position ``at``, in the units of the table; ``counts_per_unit`` is the drive's."""
+    """Explain a machine position ``at``, in the units of the table; ``counts_per_unit`` is the drive's.
+
+    Raises:
+        OptionError: ``at`` is no machine position.
+    """
+    if not abs(at) < MAX_POSITION:
+        raise OptionError("at", f"found {at}; allowed: a machine position")
     table = loaded.table
     rows = loaded.source.rows
     if at < table.first:

@@ -20,6 +20,7 @@ from gateway.commissioning.probe.readings import (
     scan,
 )
 from gateway.commissioning.probe.timing import LineTimes, measure_line
+from gateway.options import OptionError
 from gateway.plain import JsonObject
 from gateway.state.plan import LinePlan
 from gateway.transport.errors import TransportError
@@ -94,10 +95,13 @@ async def probe(
 
     ``is_scanned``: also read one register under each unit id from 1 to 247; ``on_scan`` is called with a line
     before its scan begins.
+
+    Raises:
+        OptionError: there is no such axis.
     """
     found: list[AxisReadings] = []
     problems: list[str] = []
-    for line in lines:
+    for line in lines_with(lines, axis):
         timing = line.timing
         master = ModbusMaster(line.drives, timing.response_timeout_ms, timing.gap_ms, timing.drain_ms)
         try:
@@ -117,11 +121,19 @@ async def probe(
     return Probed(tuple((each, tuple(findings_of(each))) for each in found), tuple(problems))
 
 
+def lines_with(lines: Sequence[LinePlan], axis: str | None) -> Sequence[LinePlan]:
+    """Return the lines with an axis, or the one with this axis. Raises OptionError: there is no such axis."""
+    names = [plan.name for line in lines for plan in line.axes]
+    if axis is not None and axis not in names:
+        raise OptionError("axis", f"there is no axis {axis}; there are {', '.join(names)}")
+    return [line for line in lines if any(axis in (None, plan.name) for plan in line.axes)]
+
+
 async def time_drives(lines: Sequence[LinePlan]) -> Timed:
     """Measure the response times of the drives of lines to reads."""
     found: list[LineTimes] = []
     problems: list[str] = []
-    for line in lines:
+    for line in lines_with(lines, None):
         try:
             found.append(await measure_line(line))
         except TransportError as error:
