@@ -1,5 +1,8 @@
 """The log of a process on standard error: entries, their format, and the relay's JSON writer.
 
+Several processes write into one log. A pipe keeps a line whole if one write of at most ``PIPE_BUF`` bytes
+has it, pipe(7). So longer lines are shortened, and say how long they were.
+
 Supervisor and commands write with ``ipc.structured_log``. If standard error goes to the journal, each line
 begins with its priority (sd-daemon(3)).
 """
@@ -16,6 +19,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from enum import Enum
+from math import isfinite
 from types import TracebackType
 from typing import Final, TextIO
 
@@ -24,6 +28,10 @@ from gateway.catalogue.process_events import CONFIGURATION_WARNING, STANDARD_ERR
 
 PRIORITIES: Final = {Severity.ERROR: 3, Severity.WARNING: 4, Severity.INFO: 6}
 """LOG_ERR, LOG_WARNING and LOG_INFO of syslog(3)."""
+LONGEST: Final = select.PIPE_BUF - len("<6>\n")
+"""Bytes of a line, without its priority and its end."""
+SHORTEST_FIELD: Final = 40
+"""Characters to which a field of a line in JSON is shortened at most."""
 WARNING: Final = "warning: "
 """The beginning of a text for people that is no error."""
 
@@ -75,12 +83,14 @@ class LogLines:
         self._marks = {} if sys.stderr is None else _marks(sys.stderr)
 
     def write(self, severity: Severity, text: str) -> None:
-        """Write whole lines."""
+        """Write whole lines, each with one call; one that is too long for that is cut."""
         if self._fd >= 0:
             # A full disk or a closed reader must not stop an axis, and there is no other output for the
             # error.
             with contextlib.suppress(OSError):
-                _write_all(self._fd, _marked(text, self._marks[severity]).encode(errors="backslashreplace"))
+                for line in text.split("\n"):
+                    marked = _marked(line, self._marks[severity])
+                    _write_all(self._fd, marked.encode(errors="backslashreplace"))
 
 
 def json_writer(gateway: str) -> Callable[[LogEntry], None]:
@@ -88,12 +98,13 @@ def json_writer(gateway: str) -> Callable[[LogEntry], None]:
 
     It works like ``structured_log`` without structlog, with which the relay would need a quarter more memory.
     """
+    name_standard_error(gateway)
     return _json_writer({"gateway": gateway})
 
 
 def _json_writer(context: Mapping[str, object]) -> Callable[[LogEntry], None]:
     lines = LogLines()
-    return lambda entry: lines.write(entry.severity, _json_text(entry, context))
+    return lambda entry: lines.write(entry.severity, json_text(line_of(entry, context)))
 
 
 def take_standard_error(log_format: LogFormat = LogFormat.CONSOLE) -> None:
@@ -106,10 +117,16 @@ def take_standard_error(log_format: LogFormat = LogFormat.CONSOLE) -> None:
         return
     is_json = log_format.is_json
     marks = _marks(sys.stderr)
-    if is_json:
-        sys.excepthook = _hook(_json_writer({}))
     if is_json or any(marks.values()):
-        sys.stderr = _Lines(sys.stderr, marks, is_json=is_json)
+        sys.stderr = lines = _Lines(sys.stderr, marks, is_json=is_json)
+        if is_json:
+            sys.excepthook = _hook(_json_writer(lines.context))
+
+
+def name_standard_error(gateway: str) -> None:
+    """Add the gateway's name to what this process writes to ``sys.stderr`` from now on, if that is JSON."""
+    if isinstance(sys.stderr, _Lines):
+        sys.stderr.context["gateway"] = gateway
 
 
 class _Lines(io.TextIOBase):
@@ -120,6 +137,8 @@ class _Lines(io.TextIOBase):
         self._marks = marks
         self._is_json = is_json
         self._begun = ""
+        self.context: Final[dict[str, object]] = {}
+        """Fields at the beginning of each line of JSON."""
 
     @property
     def encoding(self) -> str:  # type: ignore[override] # io.TextIOBase has an attribute
@@ -154,7 +173,8 @@ class _Lines(io.TextIOBase):
     def _pass_on(self, line: str) -> None:
         event = CONFIGURATION_WARNING if line.startswith(WARNING) else STANDARD_ERROR
         if self._is_json:
-            line = _json_text(log_entry(event, {"detail": line.removeprefix(WARNING)}, time.time()), {})
+            entry = log_entry(event, {"detail": line.removeprefix(WARNING)}, time.time())
+            line = json_text(line_of(entry, self.context))
         self._stream.write(_marked(line, self._marks[event.severity]))
 
 
@@ -189,7 +209,16 @@ def _marked(text: str, mark: str) -> str:
     >>> _marked("one\ntwo", "<3>")
     '<3>one\n<3>two\n'
     """
-    return "".join(f"{mark}{line}\n" for line in text.split("\n"))
+    return "".join(f"{mark}{_cut(line)}\n" for line in text.split("\n"))
+
+
+def _cut(line: str) -> str:
+    """Return a line of at most :data:`LONGEST` bytes."""
+    data = line.encode(errors="backslashreplace")
+    if len(data) <= LONGEST:
+        return line
+    end = f"… ({len(data)} bytes)"
+    return data[: LONGEST - len(end.encode())].decode(errors="ignore") + end
 
 
 def _write_all(log_fd: int, text: bytes) -> None:
@@ -213,5 +242,41 @@ def line_of(entry: LogEntry, context: Mapping[str, object]) -> dict[str, object]
     }
 
 
-def _json_text(entry: LogEntry, context: Mapping[str, object]) -> str:
-    return json.dumps(line_of(entry, context), default=repr)
+def json_text(line: Mapping[str, object]) -> str:
+    """Return a line in JSON, of at most :data:`LONGEST` bytes: its longest fields lose their middle.
+
+    A number that is not finite becomes null.
+    """
+    text, short = _dumps(line), dict(line)
+    kept: dict[str, int] = {}
+    while len(text) > LONGEST:
+        name = max(short, key=lambda each: len(_dumps({each: short[each]})))
+        value = line[name]
+        whole = value if isinstance(value, str) else _dumps(value)
+        before = kept.get(name, len(whole))
+        if before <= SHORTEST_FIELD:
+            del short[name]
+        else:
+            # A character can be six bytes of JSON.
+            excess = (len(text) - LONGEST) * len(whole) // len(_dumps(whole))
+            half = max(SHORTEST_FIELD, before - excess - SHORTEST_FIELD) // 2
+            kept[name] = 2 * half
+            short[name] = f"{whole[:half]} … ({len(whole)} characters) … {whole[-half:]}"
+        text = _dumps(short)
+    return text
+
+
+def _dumps(value: object) -> str:
+    """Return JSON in ASCII."""
+    try:
+        return json.dumps(value, default=repr, allow_nan=False)
+    except ValueError:
+        return json.dumps(_finite(value), default=repr)
+
+
+def _finite(value: object) -> object:
+    if isinstance(value, float):
+        return value if isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {key: _finite(each) for key, each in value.items()}
+    return [_finite(each) for each in value] if isinstance(value, list | tuple) else value

@@ -9,7 +9,15 @@ import structlog
 from structlog.typing import EventDict
 
 from gateway.catalogue.entry import Severity
-from gateway.ipc.log import LogEntry, LogFormat, LogLines, is_terminal, line_of
+from gateway.ipc.log import (
+    LogEntry,
+    LogFormat,
+    LogLines,
+    is_terminal,
+    json_text,
+    line_of,
+    name_standard_error,
+)
 
 
 class StructuredLog:
@@ -18,14 +26,16 @@ class StructuredLog:
     def __init__(self, log_format: LogFormat) -> None:
         self._is_json: Final = log_format.is_json
         render = (
-            structlog.processors.JSONRenderer(default=repr)
-            if self._is_json
-            else structlog.dev.ConsoleRenderer(colors=is_terminal(), sort_keys=False)
+            _json if self._is_json else structlog.dev.ConsoleRenderer(colors=is_terminal(), sort_keys=False)
         )
         self._log = structlog.BoundLogger(_Lines(), [_line, render], {})
 
     def name_gateway(self, gateway: str) -> None:
-        """Add the gateway's name to every later line. Not on a terminal, which shows one gateway only."""
+        """Add the gateway's name to every later line, also to what this process writes to ``sys.stderr``.
+
+        Not on a terminal, which shows one gateway only.
+        """
+        name_standard_error(gateway)
         if self._is_json:
             self._log = self._log.bind(gateway=gateway)
 
@@ -48,6 +58,10 @@ class _Lines:
 
     def error(self, text: str) -> None:
         self._lines.write(Severity.ERROR, text)
+
+
+def _json(_logger: object, _level: str, line: EventDict) -> str:
+    return json_text(line)
 
 
 def _line(_logger: object, _level: str, event: EventDict) -> EventDict:

@@ -193,6 +193,8 @@ class _Log:
 
     def __init__(self, thread: LogThread) -> None:
         self.thread = thread
+        self._lines: dict[str, str] = {}
+        """The line of each axis."""
 
     def log(self, event: EventEntry, **fields: Any) -> None:
         self.thread.write(log_entry(event, fields, time.time()))
@@ -219,6 +221,7 @@ class _Log:
             controllers = [f"{link.plan.name} ({link.plan.role.value})" for link in line.controllers]
             self.log(events.LINE, line=line.name, drives=str(line.drives), controllers=controllers)
             for axis in line.axes:
+                self._lines[axis.name] = line.name
                 self.log(
                     events.AXIS,
                     line=line.name,
@@ -228,7 +231,7 @@ class _Log:
                     table=axis.table_name or None,
                 )
                 if axis.compensation is CompensationMode.SHADOW:
-                    self.log(events.SHADOW, axis=axis.name, detail=SHADOW_MEANS)
+                    self.log(events.SHADOW, line=line.name, axis=axis.name, detail=SHADOW_MEANS)
 
     def ready(self, relay: Relay) -> None:
         addresses = {
@@ -241,7 +244,7 @@ class _Log:
 
     def status(self, status: RelayModel) -> None:
         for name, axis in status.axes.items():
-            self.log(events.STATUS, axis=name, **_picked(axis, AXIS_FIELDS))
+            self.log(events.STATUS, line=self._lines[name], axis=name, **_picked(axis, AXIS_FIELDS))
         for name, line in status.lines.items():
             heard = {each.name: _picked(each, CONTROLLER_FIELDS) for each in line.controllers}
             self.log(events.STATUS, line=name, **_picked(line, LINE_FIELDS), controllers=heard)

@@ -1,8 +1,12 @@
 """The lines of the log: the relay's own and those of structlog, which supervisor and commands write."""
 
 import json
+import math
+import re
 import sys
 from collections.abc import Callable
+from select import PIPE_BUF
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -32,6 +36,16 @@ NOTES = st.builds(
 """Also fields that no event has: the relay may be of another release."""
 
 
+def strict(line: str) -> dict[str, Any]:
+    """Read JSON as every other program does: without NaN."""
+
+    def refuse(constant: str) -> None:
+        raise ValueError(constant)
+
+    found: dict[str, Any] = json.loads(line, parse_constant=refuse)
+    return found
+
+
 def named() -> StructuredLog:
     log = StructuredLog(LogFormat.JSON)
     log.name_gateway("mill-1")
@@ -49,6 +63,48 @@ def test_a_line_of_json_says_of_which_gateway_line_and_axis_it_is(
     )
 
 
+@pytest.mark.parametrize("write", [json_writer, lambda name: named().write], ids=["relay", "structlog"])
+def test_a_long_line_of_json_is_shortened_to_one_write_of_a_pipe(
+    write: Callable[[str], Callable[[LogEntry], None]], capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Each of both fields is too long by itself; "ü" takes six bytes in JSON."""
+    fields = {"axis": "x", "traceback": "Traceback" + 5000 * "ü" + "the end", "list": 1000 * ["abc"]}
+    write("mill-1")(LogEntry(Severity.ERROR, "unexpected", fields, 0.0))
+    line = capfd.readouterr().err
+    assert len(line) <= PIPE_BUF
+    found = strict(line)
+    assert (found["gateway"], found["axis"], found["event"]) == ("mill-1", "x", "unexpected")
+    assert re.fullmatch(r"Tracebackü+ … \(5016 characters\) … ü+the end", found["traceback"])
+    assert re.fullmatch(r'\["abc", .* … \(7000 characters\) … .*"abc"\]', found["list"])
+
+
+def test_as_much_of_a_long_field_is_kept_as_a_line_has_room_for(capfd: pytest.CaptureFixture[str]) -> None:
+    json_writer("mill-1")(LogEntry(Severity.ERROR, "unexpected", {"detail": 9000 * "d"}, 0.0))
+    assert 3900 < len(capfd.readouterr().err) <= PIPE_BUF
+
+
+def test_a_line_of_very_many_fields_stays_json(capfd: pytest.CaptureFixture[str]) -> None:
+    json_writer("mill-1")(LogEntry(Severity.INFO, "many", {f"field-{n}": n for n in range(1000)}, 0.0))
+    line = capfd.readouterr().err
+    assert len(line) <= PIPE_BUF
+    assert strict(line)
+
+
+def test_a_number_that_is_not_finite_is_null(capfd: pytest.CaptureFixture[str]) -> None:
+    fields = {"a": math.nan, "b": [math.inf, 1.5], "c": {"d": -math.inf}}
+    json_writer("mill-1")(LogEntry(Severity.INFO, "odd", fields, 0.0))
+    found = strict(capfd.readouterr().err)
+    assert (found["a"], found["b"], found["c"]) == (None, [None, 1.5], {"d": None})
+
+
+def test_a_long_line_for_people_is_cut(capfd: pytest.CaptureFixture[str]) -> None:
+    log = StructuredLog(LogFormat.CONSOLE)
+    log.write(LogEntry(Severity.INFO, "ready", {"detail": 3000 * "ü"}, 0.0))
+    line = capfd.readouterr().err
+    assert len(line.encode()) <= PIPE_BUF
+    assert re.search(r"ü… \(\d+ bytes\)\n$", line)
+
+
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(NOTES)
 def test_relay_and_structlog_write_the_same_lines(capfd: pytest.CaptureFixture[str], note: LogEntry) -> None:
@@ -56,7 +112,8 @@ def test_relay_and_structlog_write_the_same_lines(capfd: pytest.CaptureFixture[s
     ours = capfd.readouterr().err
     named().write(note)
     assert capfd.readouterr().err == ours
-    assert json.loads(ours)["event"] == note.event
+    assert strict(ours)["event"] == note.event
+    assert len(ours) <= PIPE_BUF
 
 
 def test_before_a_configuration_is_read_a_line_names_no_gateway(capfd: pytest.CaptureFixture[str]) -> None:

@@ -4,6 +4,7 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -95,6 +96,41 @@ def test_relay_supervisor_and_run_name_the_gateway(site: Site) -> None:
         assert process.wait(SECONDS) == 0
     words = ("line-up", "ready", "supervising", "relay-reached", "supervisor-ended")
     assert [whose[word] for word in words] == ["trial"] * len(words)
+
+
+def test_two_processes_write_whole_lines_into_one_log() -> None:
+    """Lines of 20 000 characters, by relay's writer and by sys.stderr; a pipe tears writes above 4096."""
+    program = (
+        "import sys\n"
+        "from gateway.catalogue.entry import Severity\n"
+        "from gateway.ipc.log import LogEntry, LogFormat, json_writer, take_standard_error\n"
+        "take_standard_error(LogFormat.JSON)\n"
+        "write = json_writer(sys.argv[1])\n"
+        "for _ in range(200):\n"
+        "    write(LogEntry(Severity.INFO, 'long', {'detail': 20_000 * sys.argv[1]}))\n"
+        "    print(20_000 * sys.argv[1], file=sys.stderr)\n"
+    )
+    ours, theirs = os.pipe()
+    commands = [[sys.executable, "-c", program, name] for name in ("a", "b")]
+    with started(commands[0], cwd=ROOT, stderr=theirs), started(commands[1], cwd=ROOT, stderr=theirs):
+        os.close(theirs)
+        with os.fdopen(ours, "rb") as lines:
+            notes = [json.loads(line) for line in lines]
+    assert len(notes) == 2 * 400
+    for note in notes:
+        assert {*note["detail"]} - {*" …(20000 characters)"} <= {note["gateway"]}
+        assert "… (20000 characters) …" in note["detail"]
+
+
+def test_why_a_relay_does_not_start_names_the_gateway(site: Site) -> None:
+    assert typed("check", "--compile", str(site.config)).returncode == 0
+    with socket.create_server(("127.0.0.1", site.port)):
+        ended = typed_apart("relay", str(site.config), "--log-format", "json")
+    assert ended.returncode == 1
+    notes = [json.loads(line) for line in ended.stderr.splitlines()]
+    assert notes[-1]["event"] == "standard-error"
+    assert "in use" in notes[-1]["detail"]
+    assert {note.get("gateway") for note in notes} == {"trial"}
 
 
 @pytest.mark.parametrize("command", ["run", "relay", "supervise"])

@@ -89,7 +89,9 @@ async def test_it_says_ready_serves_and_stops_cleanly(
     port = free_port()
     config.write_text(CONFIG.format(drives=getattr(where, "port", 0), port=port))
     async with running(config, "--status-every", "0.05") as process:
-        assert "unchanged" in (await event(process, "shadow"))["detail"]
+        shadow = await event(process, "shadow")
+        assert (shadow["line"], shadow["axis"]) == ("xyz", "x")
+        assert "unchanged" in shadow["detail"]
         ready = await event(process, "ready")
         assert ready["addresses"] == {"xyz/cnc": [f"127.0.0.1:{port}"]}
         await event(process, "line-up")
@@ -97,7 +99,7 @@ async def test_it_says_ready_serves_and_stops_cleanly(
         near.write(encode_mbap(3, 1, bytes.fromhex("03 0010 0001")))
         await near.receives(encode_mbap(3, 1, reply))
         status = await event(process, "status")
-        assert status["axis"] == "x"
+        assert (status["line"], status["axis"]) == ("xyz", "x")
         assert status["compensation"] == "no-table"
         process.send_signal(number)
         await event(process, "stopped")
