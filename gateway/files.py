@@ -112,7 +112,10 @@ def write_file(path: Path, content: bytes, *, force: bool, is_secret: bool = Fal
     if not path.name:  # "/", "."
         raise FileRefusedError("a folder", "give a new name in it")
     beside = path.with_name(f".pitch-gateway-{os.urandom(8).hex()}")
-    descriptor = create(beside, 0o600 if is_secret else 0o666)
+    try:
+        descriptor = create(beside, 0o600 if is_secret else 0o666)
+    except OSError as error:  # the new file is made beside the old one
+        raise OSError(error.errno, f"folder {path.parent}: {error.strerror}") from None
     try:
         with os.fdopen(descriptor, "wb") as stream:
             if existing is not None:

@@ -1,6 +1,5 @@
 """``pitch-gateway capture CONFIG``."""
 
-import os
 import sys
 import time
 from collections.abc import Iterable, Iterator
@@ -152,7 +151,11 @@ def _print(found: "Iterable[LineEntry]", console: "Console", *, as_json: bool) -
 
 @contextmanager
 def _opened(pcapng: str | None) -> "Iterator[BinaryIO | None]":
-    """Open the file for Wireshark. Raises NothingTakenError: it exists, or cannot be written."""
+    """Open the file for Wireshark; it is removed if nothing was written to it.
+
+    Raises:
+        NothingTakenError: it exists, or cannot be written.
+    """
     from gateway.commissioning.frames import NothingTakenError
 
     if pcapng is None:
@@ -161,11 +164,17 @@ def _opened(pcapng: str | None) -> "Iterator[BinaryIO | None]":
     if pcapng == STANDARD_OUTPUT:
         yield sys.stdout.buffer
         return
+    path = Path(pcapng)
     try:
-        descriptor = create(Path(pcapng))
+        out = open(path, "wb", opener=lambda *_: create(path))  # noqa: SIM115 - it has a name, unlike that of a descriptor
     except FileExistsError:
         raise NothingTakenError(f"{pcapng}: exists already; name a new file, or remove it") from None
     except OSError as error:
         raise NothingTakenError(f"{pcapng}: cannot be written ({error.strerror or error})") from None
-    with os.fdopen(descriptor, "wb") as out:
+    try:
         yield out
+    finally:
+        with suppress(OSError):  # what could not be written was reported
+            out.close()
+        if not path.stat().st_size:
+            path.unlink()

@@ -10,6 +10,7 @@ from gateway.cli.arguments import AsJson
 from gateway.cli.options import takes_options
 from gateway.cli.output import Format, show
 from gateway.commissioning.listen.options import ListenOptions
+from gateway.files import FileRefusedError, write_file
 
 if TYPE_CHECKING:
     from gateway.commissioning.listen.listening import Heard
@@ -95,7 +96,14 @@ def _print_result(heard: "Heard", out: Path | None, *, as_json: bool) -> None:
             "to several positions"
         )
     elif out is not None:
-        out.write_text(text, encoding="utf-8")
+        try:
+            write_file(out, text.encode(), force=False)
+        except (FileRefusedError, OSError) as error:
+            why = (error.strerror if isinstance(error, OSError) else None) or error
+            _print(f"{out}: cannot be written ({why}); the configuration follows on standard output")
+            if not as_json:
+                typer.echo("\n" + text)
+            raise typer.Exit(1) from None
         _print(f"written: {out}; replace each FILL IN, then run: pitch-gateway check {out}")
     elif not as_json:
         typer.echo("\n" + text)

@@ -6,6 +6,7 @@ with LineFrames(load(path)) as frames:
 """
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -78,6 +79,17 @@ class Taken:
             yield f"{self.frames} frames of {span(self.seconds)} in {path}"
 
 
+@contextmanager
+def _naming(out: BinaryIO) -> Iterator[None]:
+    """Name the file that cannot be written, for example on a full disk; a pipe without a reader is none."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise NothingTakenError(f"{out.name}: cannot be written ({error.strerror or error})") from None
+
+
 class LineFrames:
     """The frames in a gateway's trace buffer, of one line or of all; entering it borrows them.
 
@@ -127,12 +139,13 @@ class LineFrames:
         ]
 
     def begin_packets(self, out: BinaryIO) -> None:
-        """Write the beginning of a file that Wireshark reads."""
-        out.write(self._pcapng.head())
-        out.flush()
+        """Write the beginning of a file that Wireshark reads. Raises NothingTakenError: it is not written."""
+        with _naming(out):
+            out.write(self._pcapng.head())
+            out.flush()
 
     def write_packets(self, out: BinaryIO) -> None:
-        """Write the frames since the last call to such a file."""
+        """Write the frames since the last call to such a file. Raises NothingTakenError: see above."""
         self._write_packets(out, self._new())
 
     def take(self, file: Path | None, out: BinaryIO | None, name: str | None) -> Taken:
@@ -167,8 +180,9 @@ class LineFrames:
 
     def _write_packets(self, out: BinaryIO, timed: list[Timed]) -> None:
         if timed:
-            out.writelines(self._pcapng.packet(entry, self._wall_ns(t_ns)) for t_ns, entry in timed)
-            out.flush()
+            with _naming(out):
+                out.writelines(self._pcapng.packet(entry, self._wall_ns(t_ns)) for t_ns, entry in timed)
+                out.flush()
 
     def _write_recording(self, file: Path, timed: list[Timed]) -> None:
         try:

@@ -29,6 +29,8 @@ from gateway.state.plan import GatewayPlan, as_started
 
 LONGEST_LINE: Final = 64_000_000
 """A header holds all tables: more than the largest readable one."""
+BEGIN: Final = b'{"kind":"'
+"""Each entry begins so, also one that was cut off."""
 TABLES_FOLDER: Final = "tables"
 
 
@@ -98,7 +100,7 @@ def _entries(file: Path) -> Iterator[tuple[int, Entry]]:
             number += 1
             if len(data) == LONGEST_LINE:
                 raise WrongEntryError(f"line {number}: more than {LONGEST_LINE} bytes; this is no recording")
-            if not data.endswith(b"\n") and number > 1:
+            if not data.endswith(b"\n") and number > 1 and data[: len(BEGIN)] == BEGIN[: len(data)]:
                 return
             try:
                 yield number, decode(data)

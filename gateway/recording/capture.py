@@ -134,14 +134,18 @@ def write_recording(path: Path, header: traffic.Header, entries: Iterable[traffi
     """Write a new file for ``replay``, readable by this user only; return the number of its entries.
 
     Raises:
-        OSError: it exists, or cannot be written.
+        OSError: it exists, or cannot be written whole; then there is none.
     """
     descriptor = create(path)
     number = 0
-    with os.fdopen(descriptor, "wb") as file:
-        file.write(traffic.encode(header))
-        for entry in entries:
-            file.write(traffic.encode(entry))
-            number += 1
-        file.write(traffic.encode(traffic.End(number)))
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(traffic.encode(header))
+            for entry in entries:
+                file.write(traffic.encode(entry))
+                number += 1
+            file.write(traffic.encode(traffic.End(number)))
+    except OSError:
+        path.unlink()
+        raise
     return number

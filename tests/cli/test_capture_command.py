@@ -4,6 +4,7 @@ import json
 import os
 import pty
 import re
+import resource
 import signal
 import socket
 import stat
@@ -166,6 +167,31 @@ def test_what_was_captured_is_replayed(tmp_path: Path) -> None:
     assert result.stderr == f"{file}: 1 entry could not be compared: the state before them is unknown\n"
     assert result.returncode == 0
     assert re.fullmatch(r"\d+ inputs, 8 outputs: all as recorded\n", result.stdout)
+
+
+@contextmanager
+def full_disk() -> Iterator[None]:
+    """No file of this process can grow: a write gets EFBIG where a full disk gives ENOSPC."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_full_disk_leaves_no_empty_file(tmp_path: Path) -> None:
+    taken, packets = tmp_path / "monday.jsonl", tmp_path / "monday.pcapng"
+    with site(tmp_path) as made:
+        made.ask(WRITE)
+        with full_disk():
+            of_file = typed("capture", str(made.config), str(taken))
+            of_packets = typed("capture", str(made.config), "--pcapng", str(packets))
+    assert (of_file.returncode, of_packets.returncode) == (1, 1)
+    assert of_file.stderr == f"{made.config}: {taken}: cannot be written (File too large)\n"
+    assert of_packets.stderr == f"{made.config}: {packets}: cannot be written (File too large)\n"
+    assert not taken.exists()
+    assert not packets.exists()
 
 
 def test_what_is_left_of_a_long_run_is_replayed_from_where_it_begins(tmp_path: Path) -> None:

@@ -268,6 +268,19 @@ def test_a_recording_that_was_cut_in_the_middle_of_a_line_is_replayed_so_far(
     assert "is truncated: only its complete part is replayed" in result.stderr
 
 
+@pytest.mark.parametrize("last", [b"[]", b"{}", b"no JSON", b'{"other'])
+def test_a_last_line_that_is_no_part_of_an_entry_is_refused_with_file_and_line(
+    recording: Path, tmp_path: Path, last: bytes
+) -> None:
+    path = tmp_path / "odd.jsonl"
+    whole = recording.read_bytes()
+    path.write_bytes(whole + last)
+    result = typed("replay", str(path))
+    assert result.returncode == 1
+    number = whole.count(b"\n") + 1
+    assert result.stderr.startswith(f"{path}: line {number}: no entry of a recording: ")
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [

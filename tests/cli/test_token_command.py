@@ -42,4 +42,6 @@ def test_where_nothing_can_be_written_it_says_so(tmp_path: Path) -> None:
             done = typed("token", str(file), *more)
             assert done.returncode == 1
             assert done.stderr.startswith(f"{file}: ")
+            if file != tmp_path:
+                assert f"(folder {tmp_path}/none: No such file or directory)" in done.stderr
     assert list(tmp_path.iterdir()) == []
