@@ -16,6 +16,7 @@ import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from hashlib import blake2b
+from itertools import accumulate, pairwise
 
 from gateway.compiled import is_compiled
 from tests.verify.designs import BY_NAME, CLOSES, CLOSES_LATER
@@ -130,8 +131,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def shared_out(steps: int, rates: Sequence[float]) -> list[int]:
     """Share random steps out among worlds that take so many a second: each walks for about as long."""
-    total = sum(rates)
-    return [round(steps * rate / total) for rate in rates]
+    until = list(accumulate(rates))
+    ends = [round(steps * each / until[-1]) for each in until]
+    return [end - before for before, end in pairwise((0, *ends))]
 
 
 def _tell(outcome: Outcome) -> None:

@@ -1241,7 +1241,7 @@ _CLOSE: Final = """
     b-rtu-late-size b-rtu-odd b-rtu-pairs b-rtu-replies p-answers p-back-jog p-back-status s-back
     s-before s-blind s-both s-both-near s-both-refused s-both-staged s-carry s-carry-halves s-carry-zero
     s-carry-zero-halves s-coarse s-cross s-down s-early s-falls s-falls-read s-fine s-gain s-halves
-    s-halves-moving s-jogged s-jogged-past s-jogged-refused s-killed-jogged s-killed-obeyed
+    s-halves-moving s-homing-alarm s-jogged s-jogged-past s-jogged-refused s-killed-jogged s-killed-obeyed
     s-killed-within s-late-forward s-later s-limits s-limits-refused s-mask s-mask-homing
     s-monitor-staged s-near s-obeyed s-scaled s-scaled-halves s-scaled-near s-slow s-slow-near s-staged
     s-starts s-stored s-stored-refused s-switch s-table s-torn s-two-units s-warm

@@ -317,7 +317,7 @@ def _motions(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple
             staged(referenced=Reference.HOMING, bits={**HOMED_TOO, "alarm": BITS["alarm"]}),
             menu=("home", "status"),
             targets=(9007,),
-            happenings=(*TIME, "homed", "alarm", "calm"),
+            happenings=("wait", "homed", "alarm", "calm"),
             horizon_ticks=14,
             judges_blocks=False,
             checks_way_back=False,
