@@ -120,7 +120,7 @@ attacks: setup test-programs ## every attack for some seconds, and what it costs
 	$(BIN)/python -m tests.attacks --write
 
 pictures: setup test-programs ## take the pictures of the page and of reports that the documents show
-	$(BIN)/python -m tests.pictures
+	$(BIN)/python -m tests.processes.pictures
 	$(BIN)/python -m tests.report.pictures
 
 docs: setup ## write what the documents have from the code: keys, events, errors, drives, states

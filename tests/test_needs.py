@@ -91,10 +91,10 @@ def test_what_a_file_needs_is_what_it_and_its_imports_name(file: str, needs: set
 
 def test_an_import_over_several_lines_is_followed(tmp_path: Path) -> None:
     file = tmp_path / "test_it.py"
-    file.write_text("from tests import (\n    ports,\n    child,  # it starts things\n)\n")
+    file.write_text("from tests.support import (\n    ports,\n    processes,  # it starts things\n)\n")
     assert needs_of(file) == {"another program"}
     other = tmp_path / "test_other.py"
-    other.write_text("from tests.ports import free_port\nfrom tests.child import started\n")
+    other.write_text("from tests.support.ports import free_port\nimport tests.support.processes\n")
     assert needs_of(other) == {"another program"}
 
 

@@ -13,7 +13,7 @@ from gateway.commissioning.table_options import ReadOptions, ScrewOptions
 from gateway.options import OptionError, Options
 from gateway.simulator.clock import scaled_clock
 from gateway.simulator.wire import Adapter, WireFaults
-from tests.commands import typed
+from tests.support.commands import typed
 
 
 @pytest.mark.parametrize(

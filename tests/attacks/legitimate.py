@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from tests.attacks.controller import Work
-from tests.child import started
-from tests.ports import free_port
 from tests.processes.bench import CONFIG, ROOT, TABLE, Running, running
+from tests.support.ports import free_port
+from tests.support.processes import started
 
 MOVES = 100
 """Moves of the controller without an attack, and at least during one."""

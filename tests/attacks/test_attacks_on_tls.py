@@ -19,7 +19,7 @@ from gateway.transport.handshakes import AT_ONCE_OF_A_HOST, BURST_OF_A_HOST, PER
 from tests.attacks.conftest import Strike
 from tests.attacks.controller import PATIENCE_S
 from tests.attacks.legitimate import Attack, Ground, Legitimate
-from tests.certificates import Shop, client_context
+from tests.support.certificates import Shop, client_context
 
 WRITE = bytes.fromhex("0001 0000 000b 01 10 0064 0002 04 00000000")
 TLS = """

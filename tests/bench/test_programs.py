@@ -22,7 +22,7 @@ from bench.processes import cpu_ns
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.modbus.rtu import encode_rtu
 from gateway.simulator.pty import Pty
-from tests.child import started
+from tests.support.processes import started
 
 PATIENCE_S = 20.0
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gateway.catalogue.remarks import REMARKS
-from tests.commands import typed
+from tests.support.commands import typed
 
 TABFILE = Path(__file__).parents[2] / "gateway" / "tabfile"
 

@@ -11,7 +11,7 @@ from typer.main import get_command
 from gateway.catalogue.lookup import everything
 from gateway.cli.app import app
 from gateway.config.reference import find_keys
-from tests.commands import typed
+from tests.support.commands import typed
 
 REMEDIES = {entry.remedy for entries in everything().values() for entry in entries}
 CODE = re.compile(r"`([^`]*)`")

@@ -12,8 +12,8 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from gateway.cli.app import app
-from tests.child import started
 from tests.config.config_bench import TWO_WAYS, edited, written
+from tests.support.processes import started
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "latency.md").read_text()
 SLOW = edited(

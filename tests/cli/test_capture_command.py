@@ -21,9 +21,9 @@ import pytest
 
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
-from tests.child import started
-from tests.commands import typed
-from tests.ports import free_port
+from tests.support.commands import typed
+from tests.support.ports import free_port
+from tests.support.processes import started
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()"]

@@ -11,7 +11,7 @@ from cryptography import x509
 from typer.testing import CliRunner, Result
 
 from gateway.cli.app import app
-from tests.certificates import Shop
+from tests.support.certificates import Shop
 
 
 def command(*arguments: object) -> Result:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.table_commands import good, refused, run
+from tests.support.table_commands import good, refused, run
 
 HEADING = "target_mm,direction,run,measured_mm"
 ROWS = """\

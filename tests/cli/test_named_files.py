@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.lesser import LATE, ROOT, SECONDS, Lesser, lesser
+from tests.support.lesser import LATE, ROOT, SECONDS, Lesser, lesser
 
 COMMANDS = (
     "check {}",
@@ -131,7 +131,7 @@ def test_a_table_that_a_configuration_names_is_no_other_kind_of_file(kind: str, 
     [("import wave", "import of wave"), ("open(json.__file__)", f"open of {json.__file__}")],
 )
 def test_what_another_user_may_not_be_able_to_read_ends_a_command(late: str, event: str) -> None:
-    code = f"import json; from tests.lesser import become_lesser; become_lesser(); {late}"
+    code = f"import json; from tests.support.lesser import become_lesser; become_lesser(); {late}"
     process = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=SECONDS, check=False, cwd=ROOT
     )

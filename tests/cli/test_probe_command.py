@@ -15,7 +15,7 @@ from gateway.modbus.rtu import encode_rtu
 from gateway.simulator.pty import Pty
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.serial import open_port
-from tests.commands import Typed, typed
+from tests.support.commands import Typed, typed
 
 CONFIG = """
 [line.xyz]

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from gateway.cli.app import app
 from gateway.config.load import load
 from gateway.config.service_units import drop_ins
-from tests.lesser import lesser
+from tests.support.lesser import lesser
 
 CONFIG = """
 [gateway]

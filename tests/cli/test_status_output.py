@@ -9,7 +9,7 @@ from rich.console import Console
 
 from gateway.cli.status_output import status_parts
 from gateway.status.model import Model
-from tests.status_models import model_of
+from tests.support.status_models import model_of
 
 TOOK = {"p50": 101.26, "p99": 187.4, "p999": 493.6, "max": 495.1, "max_minute": 300.0}
 NOTHING_YET = {"p50": None, "p99": None, "p999": None, "max": 0.0, "max_minute": 0.0}

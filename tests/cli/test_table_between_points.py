@@ -6,7 +6,7 @@ from random import Random
 import pytest
 
 from tests.metrology import screws
-from tests.table_commands import good, refused, run
+from tests.support.table_commands import good, refused, run
 
 ISSUE = next(each for each in screws.KINDS if "lead 5 told" in each.name)
 WIDE = {"COLUMNS": "200"}

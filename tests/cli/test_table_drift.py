@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.table_commands import good, refused, run
+from tests.support.table_commands import good, refused, run
 
 # 0, 6, 12, 15, 16, 16 µm, half an hour apart; a kelvin makes 4 µm.
 ROWS = ((0, 0, 20.0), (30, 6, 21.5), (60, 12, 23.0), (90, 15, 23.75), (120, 16, 24.0), (150, 16, 24.0))

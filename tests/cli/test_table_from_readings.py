@@ -10,7 +10,7 @@ from gateway.metrology.tables import correction_at
 from gateway.tabfile import FileContext, read_table
 from tests.metrology.iso230_readings import REPORTS
 from tests.metrology.samples import RTL, TB058_MANUAL
-from tests.table_commands import good, refused, run
+from tests.support.table_commands import good, refused, run
 
 ORACLE = "bifrost slits 11358 axis 1 (2021-11-03)"
 

@@ -7,7 +7,7 @@ import pytest
 
 from gateway.metrology.cycle import random_targets
 from tests.metrology import screws
-from tests.table_commands import good, refused, run
+from tests.support.table_commands import good, refused, run
 
 # 9 µm once in 5 mm: 2 pi * 0.009 / 5 = 0.0113.
 STEEP = screws.CurveKind(

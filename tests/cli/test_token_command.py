@@ -4,7 +4,7 @@ import stat
 from pathlib import Path
 
 from gateway.config.files import read_token
-from tests.commands import typed
+from tests.support.commands import typed
 
 
 def test_a_token_that_the_gateway_takes_and_nobody_else_reads(tmp_path: Path) -> None:

@@ -8,8 +8,8 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from gateway.config.files import read_token
 from gateway.config.load import load
-from tests.certificates import Shop, authority, signed_by
 from tests.config.config_bench import GOOD, loaded, only, refused, written
+from tests.support.certificates import Shop, authority, signed_by
 
 TOKEN = "0123456789abcdefghijklmnopqrstuv"
 OTHER = TOKEN[::-1]

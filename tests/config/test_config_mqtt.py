@@ -10,8 +10,8 @@ import pytest
 from gateway.config.load import load, reread_tables
 from gateway.config.mqtt_model import MqttSection, MqttVersion, TlsSection
 from gateway.supervisor.mqtt.settings import settings_of
-from tests.certificates import Shop, authority, signed_by
 from tests.config.config_bench import GOOD, line_of, loaded, only, refused, written
+from tests.support.certificates import Shop, authority, signed_by
 
 REFERENCE = (Path(__file__).parents[2] / "docs" / "configuration.md").read_text()
 

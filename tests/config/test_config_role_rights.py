@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.certificates import Shop
 from tests.config.config_bench import edited, loaded, only, refused
+from tests.support.certificates import Shop
 
 LISTENER = """tcp = "127.0.0.1:1502"
 

@@ -14,8 +14,8 @@ from gateway.exchange.plan import Role
 from gateway.exchange.rights import RegisterSpan, Rights
 from gateway.state.plan import RoleRights, TlsPlan, read_plan
 from gateway.transport.certificates import TlsFiles
-from tests.certificates import Shop, openssl
 from tests.config.config_bench import GOOD, edited, line_of, loaded, only, refused, written
+from tests.support.certificates import Shop, openssl
 
 TLS = """\
 tcp = "127.0.0.1:1502"

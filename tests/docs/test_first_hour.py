@@ -8,9 +8,9 @@ import sys
 from contextlib import ExitStack
 from pathlib import Path
 
-from tests.child import started
 from tests.docs.pages import assert_promised, blocks, is_promised
-from tests.ports import free_port
+from tests.support.ports import free_port
+from tests.support.processes import started
 
 _, _, _, SETUP, *STEPS = blocks("first-hour.md")
 STARTS = {

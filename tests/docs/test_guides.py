@@ -18,7 +18,7 @@ import pytest
 from typer.main import get_command
 
 from gateway.cli.app import app
-from tests.commands import typed
+from tests.support.commands import typed
 
 ROOT: Final = Path(__file__).parents[2]
 PAGES: Final = (

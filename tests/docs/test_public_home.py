@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
-from tests.commands import typed
+from tests.support.commands import typed
 from tools import pythons
 
 ROOT = Path(__file__).parents[2]

@@ -9,7 +9,7 @@ import tomllib
 from pathlib import Path
 
 from tests.docs.pages import blocks
-from tests.ports import free_port
+from tests.support.ports import free_port
 
 ROOT = Path(__file__).parents[2]
 PASTED, SAID, LOOKED, *_ = blocks("first-hour.md")

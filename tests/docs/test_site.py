@@ -10,8 +10,8 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from tests.browser import started_browser
 from tests.docs.pages import DOCS, ROOT
+from tests.support.browser import started_browser
 from tools.make_site import external_links
 from tools.make_site import main as make_site_main
 

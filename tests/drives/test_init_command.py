@@ -19,7 +19,7 @@ from gateway.cli.app import app
 from gateway.commissioning.serial_ports import serial_ports
 from gateway.config.load import load
 from gateway.drives import library
-from tests.child import started
+from tests.support.processes import started
 
 OWN = """\
 title = "A drive of mine"

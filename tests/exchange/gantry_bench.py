@@ -8,7 +8,7 @@ from gateway.exchange.status import axis_status
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from tests.exchange.line_bench import ACTUAL, COMMAND, MOVE_MS, MS, Bench, Memory, axis_plan, read, write
 from tests.exchange.staged_bench import HOMED_BIT, RUN_PDU, STATUS, STOP_PDU, StagedDrive, staged_plan
-from tests.status_models import plain
+from tests.support.status_models import plain
 
 STATUS_PDU = bytes.fromhex("03 005C 0001")
 

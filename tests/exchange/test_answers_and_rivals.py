@@ -6,7 +6,7 @@ from gateway.exchange.plan import ControllerPlan, Role
 from gateway.exchange.status import axes_status
 from gateway.status.line import UnitStatus
 from tests.exchange.line_bench import COMMAND, MS, Bench, Port, axis_plan, write
-from tests.status_models import plain
+from tests.support.status_models import plain
 
 OTHER = bytes.fromhex("03 1000 0001")
 TIME_OUT_MS = 1000.0

@@ -10,7 +10,7 @@ from gateway.exchange.control import set_temperature, switch
 from gateway.exchange.status import axis_status
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, stream_plan, write
 from tests.exchange.test_cross_terms import FLAT, TRAVEL, go_y, x_plan, y_plan
-from tests.status_models import plain
+from tests.support.status_models import plain
 
 HELD_IN_THE_MIDDLE = ThermalSettings(11.5e-6, reference=20.0, fixed_at=400.0, timeout_s=60.0, hold_s=600.0)
 

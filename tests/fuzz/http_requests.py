@@ -36,9 +36,9 @@ from gateway.supervisor.http.login import Authenticator, Sessions, Tokens
 from gateway.supervisor.http.refusals import HttpRefusals
 from gateway.supervisor.outcome import ReloadOutcome
 from tests.exchange.line_bench import LOST_MOTION
-from tests.status_models import model_of
 from tests.supervisor.http.doors import TOKEN, WRONG, write_token
 from tests.supervisor.http.http_bench import AXIS, keep_table, model, snapshot
+from tests.support.status_models import model_of
 
 SECRET: Final = b"mill-1"
 """The name of the gateway: it stands in everything that only those who may look are shown."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.child import started
+from tests.support.processes import started
 
 ROOT = Path(__file__).parents[2]
 HOLDER = """

@@ -21,8 +21,8 @@ from gateway.commissioning.listen.serial_line import PortSettings, Sniffer
 from gateway.config.load import load
 from gateway.config.problems import ConfigErrors
 from gateway.transport.errors import RefusedError
-from tests.child import started
 from tests.listen.lines import Frames, Registers, SimulatedLine
+from tests.support.processes import started
 
 COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()", "listen"]
 TARGETS = (10000, -2500, 71234, 1)

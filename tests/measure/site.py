@@ -22,8 +22,8 @@ from gateway.simulator.mechanics import Encoder, Mechanics
 from gateway.simulator.motion import Dynamics
 from gateway.simulator.screw import PeriodicError, Screw
 from gateway.simulator.server import RegisterServer
-from tests.commands import typed
-from tests.ports import free_port
+from tests.support.commands import typed
+from tests.support.ports import free_port
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()"]

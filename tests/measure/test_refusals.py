@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from gateway.modbus.mbap import encode_mbap
-from tests.commands import typed
 from tests.measure.site import Machine, gateway, measuring, run_command, supervisor_answers
+from tests.support.commands import typed
 
 FEW = ("--from", "0", "--to", "10", "--step", "10", "--runs", "1", "--dwell", "0", "--json")
 

@@ -14,7 +14,7 @@ import pytest
 import typer.main
 
 from gateway.cli.app import app
-from tests.child import started
+from tests.support.processes import started
 
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 60.0

@@ -16,8 +16,8 @@ from typing import Any
 
 from gateway.ipc.address import socket_path
 from gateway.modbus.mbap import encode_mbap
-from tests.child import started
-from tests.ports import free_port
+from tests.support.ports import free_port
+from tests.support.processes import started
 
 ROOT = Path(__file__).parents[2]
 COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
@@ -60,7 +60,7 @@ STEEPER = TABLE.replace("0.1 0.1", "0.2 0.2").replace("0.05 0.05", "0.1 0.1")
 
 
 def typed_apart(*arguments: str) -> "subprocess.CompletedProcess[str]":
-    """Type a command that becomes another program or logs, which ``tests.commands.typed`` cannot."""
+    """Type a command that becomes another program or logs, which ``tests.support.commands.typed`` cannot."""
     return subprocess.run(
         [*COMMAND, *arguments], capture_output=True, text=True, timeout=SECONDS, check=False, cwd=ROOT
     )

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Final
 
 from gateway.modbus.mbap import encode_mbap
-from tests.child import started
-from tests.ports import free_port
 from tests.processes.bench import COMMAND, ROOT, SECONDS, Running, running
+from tests.support.ports import free_port
+from tests.support.processes import started
 
 TABLES: Final = ROOT / "tables" / "demo"
 TRAVELS: Final = {"x": (-300.0, 0.0), "y": (0.0, 250.0), "z": (-200.0, 0.0)}

@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
-from tests.ports import free_port
 from tests.processes.bench import SECONDS, Running, running
+from tests.support.ports import free_port
 
 CONFIG: Final = """[gateway]
 name = "mill-1"

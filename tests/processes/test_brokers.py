@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from tests.mosquitto import PATIENCE_S, broker_in, mosquitto_passwd, payload_of, watching
-from tests.ports import free_port
 from tests.processes.bench import Master, Site, children, gateway_of, wait_until_dead
+from tests.support.mosquitto import PATIENCE_S, broker_in, mosquitto_passwd, payload_of, watching
+from tests.support.ports import free_port
 
 ROOT = "pitch-gateway/trial"
 AWAY_S = 30.0

@@ -7,9 +7,9 @@ from typing import Any
 
 from gateway.ipc.client import ask
 from gateway.ipc.messages import GetStatus, Status
-from tests.commands import typed
 from tests.processes.bench import SECONDS, Master, Site, gateway_of
-from tests.status_models import plain
+from tests.support.commands import typed
+from tests.support.status_models import plain
 
 
 def axis_status(site: Site) -> dict[str, Any]:

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.child import started
-from tests.commands import typed
 from tests.processes.bench import COMMAND, ROOT, SECONDS, Site, children, site_in, typed_apart
+from tests.support.commands import typed
+from tests.support.processes import started
 
 BAD_TABLE = "no table"
 KEPT = "axis x starts with the last good table"

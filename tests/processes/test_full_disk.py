@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from tests.child import started
 from tests.processes.bench import COMMAND, ROOT, SECONDS, TABLE, Running, Site
+from tests.support.processes import started
 
 DISK_BYTES = 200 * 1024
 POINTS = 20_001

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page
 
-from tests.browser import started_browser
-from tests.commands import typed
 from tests.processes.mill import Mill
 from tests.supervisor.http.doors import make_certificates
+from tests.support.browser import started_browser
+from tests.support.commands import typed
 
 WAIT_MS = 20_000
 LOGIN = "#form"

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from tests.browser import started_browser
 from tests.processes.mill import Controller, Mill
+from tests.support.browser import started_browser
 
 WAIT_MS = 30_000
 DIGITS = "article.axis:first-of-type .digits"

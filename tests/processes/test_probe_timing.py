@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands import typed
 from tests.processes.sick_line import Health, SickLine
+from tests.support.commands import typed
 
 
 @pytest.fixture

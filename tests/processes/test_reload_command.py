@@ -2,8 +2,8 @@
 
 import json
 
-from tests.commands import typed
 from tests.processes.bench import STEEPER, Site, gateway_of
+from tests.support.commands import typed
 
 NOTHING = "nothing has changed\n"
 """Also where the supervisor, which watches the files, has been quicker than the command."""

@@ -5,8 +5,8 @@ import signal
 
 import pytest
 
-from tests.commands import typed
 from tests.processes.bench import SECONDS, Site, children, gateway_of, is_alive, wait_until_dead
+from tests.support.commands import typed
 
 
 def test_a_supervisor_that_is_killed_costs_no_exchange_and_is_started_again(site: Site) -> None:

@@ -9,9 +9,9 @@ import pytest
 from playwright.sync_api import Page
 
 from gateway.status.model import COUNTERS
-from tests.browser import started_browser
 from tests.processes.bench import children
 from tests.processes.sick_line import GARBAGE, Client, Health, SickLine, kinds
+from tests.support.browser import started_browser
 
 WAIT_MS = 30_000
 CODE_NO_ANSWER = bytes.fromhex("83 0B")

@@ -17,8 +17,6 @@ import pytest
 from gateway.ipc.client import ask
 from gateway.ipc.log_thread import CAPACITY
 from gateway.ipc.messages import GetStatus, Status
-from tests.child import started
-from tests.commands import typed
 from tests.processes.bench import (
     COMMAND,
     ROOT,
@@ -30,6 +28,8 @@ from tests.processes.bench import (
     site_in,
     wait_until_dead,
 )
+from tests.support.commands import typed
+from tests.support.processes import started
 
 SMALLEST_PIPE = 4096
 MOVES = 1500

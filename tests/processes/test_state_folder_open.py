@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.commands import typed
 from tests.processes.bench import running, site_in
+from tests.support.commands import typed
 
 
 @pytest.mark.parametrize("mode", [0o700, 0o777])

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from gateway import __version__
-from tests.commands import typed
 from tests.processes.bench import SECONDS, Site, gateway_of
+from tests.support.commands import typed
 
 
 def until(config: str, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:

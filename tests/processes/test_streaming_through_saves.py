@@ -19,9 +19,9 @@ from gateway.ipc.address import socket_path
 from gateway.ipc.client import ask
 from gateway.ipc.messages import GetStatus, Status
 from gateway.modbus.mbap import encode_mbap
-from tests.ports import free_port
 from tests.processes.bench import Running, running
 from tests.processes.saving import in_place, old_moved_away, renamed_over, symlink_swapped
+from tests.support.ports import free_port
 
 SAVES = 50
 BAD_EVERY = 5

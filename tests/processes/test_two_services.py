@@ -15,8 +15,6 @@ from gateway.ipc.messages import Ping, Pong
 from gateway.ipc.supervisor_client import ask_supervisor
 from gateway.state.folder import PLAN_NAME
 from gateway.state.plan import VERSION, sealed, unsealed
-from tests.child import started
-from tests.commands import typed
 from tests.processes.bench import (
     ROOT,
     SECONDS,
@@ -30,6 +28,8 @@ from tests.processes.bench import (
     running,
     typed_apart,
 )
+from tests.support.commands import typed
+from tests.support.processes import started
 
 
 def test_the_relay_runs_alone_and_never_from_an_old_plan(site: Site) -> None:

@@ -3,9 +3,9 @@
 import json
 import os
 
-from tests.commands import typed
 from tests.processes.bench import STEEPER, TABLE, Running, Site, gateway_of, running, typed_apart
 from tests.processes.saving import STYLES, in_place
+from tests.support.commands import typed
 
 BAD = TABLE.replace("50.0 0.05 0.05", "50.0 0.05")
 BAD_LINE = 7

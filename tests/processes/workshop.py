@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from tests.commands import typed
-from tests.ports import free_port
 from tests.processes.bench import Drive, Master, Running, running
+from tests.support.commands import typed
+from tests.support.ports import free_port
 
 HEAD: Final = """[gateway]
 name = "trial"

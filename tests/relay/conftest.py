@@ -30,7 +30,7 @@ from gateway.transport.loop import RelayLoop
 from gateway.transport.null_modem import NullModem
 from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpConnector, TcpListener
-from tests.status_models import plain
+from tests.support.status_models import plain
 
 PATIENCE_S = 30.0
 LOOPBACK = TcpEndpoint("127.0.0.1", 0)

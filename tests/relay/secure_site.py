@@ -12,7 +12,7 @@ from gateway.relay.gateway import Relay
 from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan, RoleRights, TlsPlan
 from gateway.transport.certificates import TlsFiles
 from gateway.transport.endpoints import TcpEndpoint
-from tests.certificates import Shop, client_context
+from tests.support.certificates import Shop, client_context
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, RawEnd, Tools

@@ -17,10 +17,10 @@ import pytest
 
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import PositionField, RegisterType
-from tests.child import started
-from tests.commands import typed
 from tests.exchange.line_bench import Memory, read, write
-from tests.ports import free_port
+from tests.support.commands import typed
+from tests.support.ports import free_port
+from tests.support.processes import started
 
 ROOT = Path(__file__).parents[2]
 RELAY = [sys.executable, "-c", "from gateway.cli.main import main; main()", "relay"]

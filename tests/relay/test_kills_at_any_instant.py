@@ -24,13 +24,13 @@ from gateway.compensation.units import Units
 from gateway.exchange.commands import SetReference
 from gateway.ipc.client import ask
 from gateway.modbus.mbap import encode_mbap
-from tests.child import started
-from tests.commands import typed
 from tests.exchange.line_bench import stream_plan, write
 from tests.exchange.test_kills_in_a_stream import Follower, Line, setpoints
-from tests.ports import free_port
 from tests.relay.test_kill_and_restart import ACTUAL, COMMAND, Drive
 from tests.soak import IS_FULL
+from tests.support.commands import typed
+from tests.support.ports import free_port
+from tests.support.processes import started
 
 ROOT = Path(__file__).parents[2]
 PROGRAM = [sys.executable, "-c", "from gateway.cli.main import main; main()"]

@@ -18,8 +18,8 @@ from gateway.ipc.messages import GetStatus, Ping, Pong, Status
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.collecting import BUSY_CHECK_S, CHECK_EVERY_S
 from gateway.status.line import LatencySettings
-from tests.ports import free_port
-from tests.status_models import plain
+from tests.support.ports import free_port
+from tests.support.status_models import plain
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, Tools

@@ -16,7 +16,7 @@ from gateway.recording.writer import Recorder
 from gateway.relay.gateway import Relay
 from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import TcpEndpoint
-from tests.commands import typed
+from tests.support.commands import typed
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, Tools

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from gateway.relay.scheduling import memory_problem, numbers_text
-from tests.child import started
+from tests.support.processes import started
 
 ROOT = Path(__file__).parents[2]
 CPU = min(os.sched_getaffinity(0))

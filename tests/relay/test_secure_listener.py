@@ -17,8 +17,8 @@ from pymodbus.client import AsyncModbusTlsClient
 from gateway.modbus.mbap import encode_mbap
 from gateway.transport.certificates import ROLE_OID
 from gateway.transport.loop import RelayLoop
-from tests.certificates import Shop, client_context
 from tests.relay.secure_site import CORRECTED, READ, WRITE, WRITTEN, Site, ask
+from tests.support.certificates import Shop, client_context
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, Tools

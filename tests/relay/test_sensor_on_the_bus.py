@@ -13,7 +13,7 @@ from gateway.ipc.messages import Reply, Request
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
 from gateway.supervisor.temperatures import Temperatures
-from tests.status_models import plain
+from tests.support.status_models import plain
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, Tools

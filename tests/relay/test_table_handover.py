@@ -15,7 +15,7 @@ from gateway.recording.replay import Replay
 from gateway.recording.writer import Recorder
 from gateway.state.tables import compiled, digest_of
 from tests.relay.handover_site import STEEPER, machine, table_of, without_actual
-from tests.status_models import plain
+from tests.support.status_models import plain
 
 if TYPE_CHECKING:
     from tests.relay.conftest import Bench, Tools

@@ -12,7 +12,7 @@ from gateway.commissioning.demo.result import REPORT_RUNS, report_of
 from gateway.report.axis_data import Report
 from gateway.report.writing import write_report
 from gateway.tabfile import FileContext, inspect_table
-from tests.browser import started_browser
+from tests.support.browser import started_browser
 
 ROOT: Final = Path(__file__).parents[2]
 FOLDER: Final = ROOT / "docs" / "pictures"

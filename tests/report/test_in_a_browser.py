@@ -8,8 +8,8 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page
 
 from gateway.report.writing import write_report
-from tests.browser import started_browser
 from tests.report.stories import axis_data, report
+from tests.support.browser import started_browser
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,7 @@ from typing import Any, Final
 from paho.mqtt.client import Client, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion
 
-from tests.mosquitto import Broker
+from tests.support.mosquitto import Broker
 
 PATIENCE_S: Final = 30.0
 PROGRAM: Final = "from gateway.cli.main import main; main()"

@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from tests.child import started
+from tests.support.processes import started
 
 ROOT = Path(__file__).parents[2]
 SYSTEMD: Final = Path("/lib/systemd/systemd")

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from tests.child import started
+from tests.support.processes import started
 
 ROOT = Path(__file__).parents[2]
 SECONDS: Final = 30.0

@@ -14,7 +14,7 @@ import pytest
 
 from gateway.compensation.units import Units
 from gateway.tabfile import FileContext, read_table
-from tests.child import started
+from tests.support.processes import started
 
 COMMAND_LINE = [sys.executable, "-c", "from gateway.cli.main import main; main()", "demo"]
 PATIENCE_S = 240

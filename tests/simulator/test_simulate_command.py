@@ -17,7 +17,7 @@ from gateway.commissioning.measure.instruments import SerialGauge
 from gateway.metrology.gauge_kinds import GaugeKind
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.master import ModbusMaster
-from tests.child import started
+from tests.support.processes import started
 
 ROOT = Path(__file__).parents[2]
 COMMAND_LINE = [sys.executable, "-c", "from gateway.cli.main import main; main()", "simulate"]

@@ -8,7 +8,7 @@ from gateway.status.axis import Reading
 from gateway.status.model import RelayModel
 from gateway.supervisor.active_alarms import Alarm
 from gateway.supervisor.recent_history import LastTarget, RecentHistory
-from tests.status_models import relay_model_of
+from tests.support.status_models import relay_model_of
 
 NOON = datetime(2026, 5, 1, 12, tzinfo=UTC)
 

@@ -11,7 +11,7 @@ from gateway.ipc.messages import Happened, Pong, Request
 from gateway.ipc.server import ControlServer
 from gateway.status.model import RelayModel
 from gateway.supervisor.link import RelayLink
-from tests.status_models import relay_model_of
+from tests.support.status_models import relay_model_of
 
 PATIENCE_S = 30.0
 STATUS = relay_model_of({"gateway": {"name": "mill-1", "relay": "up", "snapshot_age_s": 0.0}})

@@ -15,7 +15,7 @@ from gateway.supervisor.model import NO_LIMITS, Limits, whole_model
 from gateway.supervisor.outcome import ReloadOutcome
 from gateway.supervisor.recent_history import RecentHistory
 from gateway.supervisor.table_files import FileState, TableFileEntry, TableFiles
-from tests.status_models import plain, relay_model_of, supervisor_of
+from tests.support.status_models import plain, relay_model_of, supervisor_of
 
 AXIS: dict[str, Any] = {
     "compensation": "active",

@@ -14,7 +14,7 @@ from gateway.supervisor import past as past_module
 from gateway.supervisor.active_alarms import Alarm
 from gateway.supervisor.past import Past
 from gateway.supervisor.recent_history import RecentHistory
-from tests.status_models import relay_model_of
+from tests.support.status_models import relay_model_of
 
 NOON_S = datetime(2026, 5, 1, 12, tzinfo=UTC).timestamp()
 

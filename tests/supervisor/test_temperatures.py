@@ -21,8 +21,8 @@ from gateway.supervisor.mqtt.interfaces import Orders
 from gateway.supervisor.mqtt.service import MqttService
 from gateway.supervisor.outcome import ReloadOutcome
 from gateway.supervisor.temperatures import Temperatures, WrongTemperatureError, read_payload
-from tests.mosquitto import PATIENCE_S, broker_in, watching
 from tests.supervisor.mqtt.mqtt_bench import settings
+from tests.support.mosquitto import PATIENCE_S, broker_in, watching
 
 
 @pytest.mark.parametrize(

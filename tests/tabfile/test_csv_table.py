@@ -16,7 +16,7 @@ from gateway.tabfile import (
     explain,
     parse_table,
 )
-from tests.commands import typed
+from tests.support.commands import typed
 from tests.tabfile.texts import Texts
 
 TABLES = Path(__file__).parents[2] / "tables" / "csv"

@@ -17,8 +17,8 @@ from gateway.tabfile import (
     explain,
     parse_table,
 )
+from tests.support.table_commands import run
 from tests.tabfile.samples import FAGOR_8065
-from tests.table_commands import run
 
 AMC = ErrorSense.ACTUAL_MINUS_COMMAND
 TEXT = FAGOR_8065.decode()

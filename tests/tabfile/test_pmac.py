@@ -14,7 +14,7 @@ from gateway.tabfile import (
     dialect_named,
     parse_table,
 )
-from tests.commands import typed
+from tests.support.commands import typed
 
 AMC, CMA = ErrorSense.ACTUAL_MINUS_COMMAND, ErrorSense.COMMAND_MINUS_ACTUAL
 TABLE = "DEFINE COMP 4,4000\n16 32 16 0\n"

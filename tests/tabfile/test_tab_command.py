@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.table_commands import good, refused, run
+from tests.support.table_commands import good, refused, run
 
 TABLES = Path(__file__).parents[2] / "tables"
 V1 = str(TABLES / "centroid-v1" / "CNC7X.TAB")

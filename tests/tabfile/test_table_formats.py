@@ -14,7 +14,7 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import DIALECTS, OPTIONS, FileContext, TabFileError, explain, read_table
 from gateway.tabfile.conversion import resample
-from tests.table_commands import good, run
+from tests.support.table_commands import good, run
 
 TABLES = Path(__file__).parents[2] / "tables"
 V3 = TABLES / "centroid-v3" / "cnc10z.tab"

@@ -10,7 +10,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 from gateway.catalogue.entry import EventEntry
 from gateway.commissioning.certificates import make_authority, make_leaf, make_list
 from gateway.transport.certificates import SOON, Endings, read_held
-from tests.status_models import plain
+from tests.support.status_models import plain
 
 BORN = datetime(2026, 3, 1, 12, tzinfo=UTC)
 """The certificate is good for 40 days from here: until 10 April, 12:00."""

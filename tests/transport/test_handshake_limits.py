@@ -10,7 +10,7 @@ from gateway.transport.channel import Channel
 from gateway.transport.handshakes import HOSTS, MADE_ROOM, HandshakeLimits
 from gateway.transport.secured import Failure, TlsServer
 from gateway.transport.tls import ServerContexts
-from tests.certificates import Shop
+from tests.support.certificates import Shop
 
 S = 1_000_000_000
 

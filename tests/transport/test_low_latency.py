@@ -27,7 +27,7 @@ from gateway.transport.low_latency import (
 )
 from gateway.transport.null_modem import NullModem
 from gateway.transport.serial import SerialPort, open_port
-from tests.status_models import plain
+from tests.support.status_models import plain
 
 NOBODY = 65534
 KEYS = ("ftdi_latency_timer_ms", "async_low_latency", "rx_trig_bytes", "rs485")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gateway.transport.certificates import TlsFileError, TlsFiles
 from gateway.transport.tls import MOST_SESSIONS, ServerContexts
-from tests.certificates import Shop, client_context
+from tests.support.certificates import Shop, client_context
 
 
 def talk(server: ssl.SSLContext, client: ssl.SSLContext) -> None:

@@ -14,9 +14,9 @@ from gateway.supervisor.acknowledged import AlarmAcknowledgement
 from gateway.supervisor.http.answers import TCP, Limits
 from gateway.transport.certificates import now_utc
 from gateway.transport.listener import HandshakesAtOnce
-from tests.certificates import authority, signed_by
-from tests.status_models import model_of
 from tests.supervisor.http.http_bench import Answer, Line, Served, model, serving, until
+from tests.support.certificates import authority, signed_by
+from tests.support.status_models import model_of
 
 TOKEN = "people-0123456789abcdefghijklmnopqrstuv"
 OTHER = "others-0123456789abcdefghijklmnopqrstuv"

@@ -8,7 +8,7 @@ from prometheus_client.parser import text_string_to_metric_families as parse_tex
 
 from gateway.supervisor.broadcast import Broadcast
 from gateway.supervisor.http.metrics import Metrics
-from tests.status_models import model_of
+from tests.support.status_models import model_of
 
 Samples = dict[tuple[str, tuple[tuple[str, str], ...]], float]
 

@@ -27,8 +27,8 @@ from gateway.supervisor.outcome import ReloadOutcome
 from gateway.supervisor.past import Noted
 from gateway.transport.certificates import now_utc
 from gateway.transport.listener import HandshakesAtOnce
-from tests.ports import free_port
-from tests.status_models import plain, relay_model_of, supervisor_of
+from tests.support.ports import free_port
+from tests.support.status_models import plain, relay_model_of, supervisor_of
 
 PATIENCE_S = 20.0
 BOUNDS_US = [5, 10, 100, 1000]

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.status_models import model_of
 from tests.supervisor.http.doors import OTHER, TOKEN, WRONG, Asking, asking, bearer, write_token
 from tests.supervisor.http.http_bench import until
+from tests.support.status_models import model_of
 
 CLOSED = ["/status", "/metrics", "/events", "/tables/x", "/tables/x.svg", "/page/page.js", "/session", "/no"]
 

@@ -10,8 +10,8 @@ import pytest
 
 from gateway.supervisor.http import listener
 from gateway.supervisor.http.answers import Limits
-from tests.status_models import model_of
 from tests.supervisor.http.http_bench import PATIENCE_S, large_model, model, serving
+from tests.support.status_models import model_of
 
 BAD_PATHS = [
     ("/tables/../../etc/passwd", 404),

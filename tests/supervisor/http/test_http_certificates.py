@@ -11,10 +11,10 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 from gateway.catalogue.tls_events import CERTIFICATE_ENDS_SOON
 from gateway.supervisor.http.listener import http_settings_of
 from gateway.transport.certificates import SOON, now_utc
-from tests.certificates import Shop
 from tests.supervisor.http.doors import asking, section
 from tests.supervisor.http.exposition import samples
 from tests.supervisor.http.http_bench import CERTIFICATE, CONTROLLER, model, snapshot, until
+from tests.support.certificates import Shop
 
 ALERTS = Path(__file__).parents[3] / "deploy" / "monitoring" / "alerts.yml"
 

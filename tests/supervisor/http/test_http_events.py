@@ -13,8 +13,8 @@ from gateway.catalogue.entry import Severity
 from gateway.ipc.log import LogEntry
 from gateway.supervisor.broadcast import EVENTS_KEPT
 from gateway.supervisor.http.answers import Limits
-from tests.status_models import model_of
 from tests.supervisor.http.http_bench import Line, Served, large_model, model, serving, until
+from tests.support.status_models import model_of
 
 
 def entry(number: int) -> LogEntry:

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from gateway.supervisor.past import Noted
-from tests.status_models import model_of
 from tests.supervisor.http.http_bench import model, serving
+from tests.support.status_models import model_of
 
 MAY_S = 1_777_636_800.0
 """2026-05-01T12:00:00Z."""

@@ -10,9 +10,9 @@ import pytest
 
 from gateway.supervisor.broadcast import Broadcast
 from gateway.supervisor.http.metrics import Metrics
-from tests.status_models import model_of
 from tests.supervisor.http.exposition import Samples, families, samples
 from tests.supervisor.http.http_bench import SICK, TERMS, model, serving, snapshot
+from tests.support.status_models import model_of
 
 
 def of(found: Samples, metric: str, /, **labels: str) -> float:

@@ -8,8 +8,8 @@ import pytest
 from gateway.config.problems import Problem
 from gateway.supervisor import page
 from gateway.supervisor.outcome import ReloadOutcome
-from tests.status_models import model_of
 from tests.supervisor.http.http_bench import WELL, model, serving, snapshot
+from tests.support.status_models import model_of
 
 CSP = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "

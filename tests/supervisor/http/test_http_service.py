@@ -15,9 +15,9 @@ from gateway.status.model import HttpStatus
 from gateway.supervisor.broadcast import Broadcast
 from gateway.supervisor.http import service as service_module
 from gateway.supervisor.http.documents import Window
-from tests.ports import free_port
-from tests.status_models import model_of
 from tests.supervisor.http.http_bench import Served, serving, until
+from tests.support.ports import free_port
+from tests.support.status_models import model_of
 
 
 async def test_a_port_that_is_taken_is_tried_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

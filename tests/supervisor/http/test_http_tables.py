@@ -12,8 +12,8 @@ from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.state.tables import table_path
 from gateway.supervisor.http.curves import thinned, ticks
-from tests.status_models import model_of
 from tests.supervisor.http.http_bench import Answer, keep_table, model, serving, snapshot
+from tests.support.status_models import model_of
 
 SVG = "{http://www.w3.org/2000/svg}"
 SMALL = make_table([0.0, 50.0, 100.0], [0.0, 0.1, -0.2], [0.0, 0.3, 0.4], Units.MM)

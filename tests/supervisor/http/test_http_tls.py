@@ -15,7 +15,6 @@ from gateway.supervisor.http.answers import Limits
 from gateway.supervisor.http.listener import http_settings_of
 from gateway.supervisor.http.refusals import ignore_refused, site_of
 from gateway.transport.listener import HandshakesAtOnce, ProtocolListener, Tls
-from tests.certificates import Shop, signed_by
 from tests.supervisor.http.doors import (
     TOKEN,
     asking,
@@ -26,6 +25,7 @@ from tests.supervisor.http.doors import (
     write_token,
 )
 from tests.supervisor.http.http_bench import PATIENCE_S, until
+from tests.support.certificates import Shop, signed_by
 
 
 @pytest.fixture(scope="module")

@@ -21,12 +21,12 @@ import pytest
 from gateway.ipc.address import SUPERVISOR_SOCKET_NAME
 from gateway.ipc.log import LogEntry
 from gateway.supervisor.supervisor import Supervisor
-from tests.child import started
-from tests.commands import typed
 from tests.processes.bench import COMMAND, ROOT, STEEPER, TABLE, Site, running, site_in, typed_apart
-from tests.status_models import plain
 from tests.supervisor.http.exposition import samples
 from tests.supervisor.http.http_bench import Served, until
+from tests.support.commands import typed
+from tests.support.processes import started
+from tests.support.status_models import plain
 
 
 @pytest.fixture

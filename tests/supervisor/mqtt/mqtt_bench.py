@@ -19,8 +19,8 @@ from gateway.supervisor.mqtt.publisher import Publisher
 from gateway.supervisor.mqtt.service import MqttService
 from gateway.supervisor.mqtt.settings import Settings, settings_of
 from gateway.supervisor.outcome import ReloadOutcome
-from tests.mosquitto import PATIENCE_S
-from tests.status_models import plain, relay_model_of, supervisor_of
+from tests.support.mosquitto import PATIENCE_S
+from tests.support.status_models import plain, relay_model_of, supervisor_of
 
 ROOT = "pitch-gateway/mill-1"
 OWN = {

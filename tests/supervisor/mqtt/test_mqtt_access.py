@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from tests.mosquitto import Broker, BrokerLeftError, broker_in, payload_of, speaking, watching
-from tests.status_models import model_of
 from tests.supervisor.mqtt.mqtt_bench import ROOT, model, publishing, settings
 from tests.supervisor.mqtt.test_mqtt_connecting import password_file
+from tests.support.mosquitto import Broker, BrokerLeftError, broker_in, payload_of, speaking, watching
+from tests.support.status_models import model_of
 
 DEPLOY = Path(__file__).parents[3] / "deploy" / "mosquitto"
 PASSWORDS = {"mill-1": "one", "mill-2": "two", "viewer": "three", "operator": "four"}

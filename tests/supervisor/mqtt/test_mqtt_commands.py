@@ -16,9 +16,9 @@ from gateway.ipc.messages import Done, Request
 from gateway.supervisor.mqtt.commands import carry_out
 from gateway.supervisor.mqtt.interfaces import Orders
 from gateway.supervisor.outcome import ReloadOutcome
-from tests.mosquitto import ANYBODY, PATIENCE_S, Watcher, broker_in, payload_of, watching
-from tests.status_models import model_of
 from tests.supervisor.mqtt.mqtt_bench import ROOT, data_of, model, publishing, settings
+from tests.support.mosquitto import ANYBODY, PATIENCE_S, Watcher, broker_in, payload_of, watching
+from tests.support.status_models import model_of
 
 VERSIONS = pytest.mark.parametrize("version", ["3.1.1", "5"])
 

@@ -16,11 +16,11 @@ from paho.mqtt.reasoncodes import ReasonCode
 from gateway.catalogue.process_events import SUPERVISING
 from gateway.supervisor.mqtt.connection import ANSWER_S, BrokerError
 from gateway.supervisor.mqtt.reasons import why
-from tests.certificates import authority, signed_by
-from tests.mosquitto import Broker, broker_in, mosquitto_passwd, watching
-from tests.ports import free_port
-from tests.status_models import model_of
 from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, model, publishing, settings
+from tests.support.certificates import authority, signed_by
+from tests.support.mosquitto import Broker, broker_in, mosquitto_passwd, watching
+from tests.support.ports import free_port
+from tests.support.status_models import model_of
 
 VERSIONS = pytest.mark.parametrize("version", ["3.1.1", "5"])
 WITH_PASSWORD = "listener {port} 127.0.0.1\nallow_anonymous false\npassword_file FOLDER/passwd\n"

@@ -17,9 +17,9 @@ from gateway.supervisor.mqtt.discovery import TABLE, UNITS, discovery_messages
 from gateway.supervisor.mqtt.interfaces import Payload
 from gateway.supervisor.mqtt.sending import moving_message, moving_topics, retained_messages
 from gateway.supervisor.mqtt.settings import Settings
-from tests.mosquitto import broker_in, payload_of, watching
-from tests.status_models import model_of
 from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, data_of, model, publishing, settings, terms
+from tests.support.mosquitto import broker_in, payload_of, watching
+from tests.support.status_models import model_of
 
 SCHEMA = json.loads((Path(__file__).parent / "homeassistant_device.schema.json").read_text())
 DEVICES = "homeassistant/device/pitch-gateway_mill-1"

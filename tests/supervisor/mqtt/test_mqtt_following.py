@@ -5,9 +5,9 @@ from pathlib import Path
 
 from gateway.catalogue.process_events import SUPERVISING
 from gateway.status.model import MqttStatus
-from tests.mosquitto import broker_in, payload_of, watching
-from tests.status_models import model_of, plain
 from tests.supervisor.mqtt.mqtt_bench import ROOT, data_of, model, publishing, settings
+from tests.support.mosquitto import broker_in, payload_of, watching
+from tests.support.status_models import model_of, plain
 
 
 async def test_other_settings_hold_at_once_and_the_same_ones_change_nothing(tmp_path: Path) -> None:

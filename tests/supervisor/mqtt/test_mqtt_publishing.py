@@ -12,10 +12,10 @@ from gateway.catalogue.entry import Severity
 from gateway.catalogue.process_events import SUPERVISING
 from gateway.ipc.log import LogEntry
 from gateway.supervisor.broadcast import EVENTS_KEPT
-from tests.child import started
-from tests.mosquitto import BrokerLeftError, broker_in, payload_of, watching
-from tests.status_models import model_of
 from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, data_of, model, publishing, settings
+from tests.support.mosquitto import BrokerLeftError, broker_in, payload_of, watching
+from tests.support.processes import started
+from tests.support.status_models import model_of
 
 VERSIONS = pytest.mark.parametrize("version", ["3.1.1", "5"])
 

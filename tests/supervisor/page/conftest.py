@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser
 
-from tests.browser import started_browser
 from tests.supervisor.page.models import curve, model
 from tests.supervisor.page.stage import Stage
 from tests.supervisor.page.visit import Visit
+from tests.support.browser import started_browser
 
 
 @pytest.fixture(scope="module")

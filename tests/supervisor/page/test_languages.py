@@ -10,9 +10,9 @@ from gateway.catalogue.text import Text, text_data
 from gateway.supervisor import page
 from gateway.supervisor.active_alarms import troubles
 from gateway.supervisor.http.answers import json_bytes
-from tests.status_models import model_of
 from tests.supervisor.http.http_bench import snapshot
 from tests.supervisor.page.stage import FOLDER
+from tests.support.status_models import model_of
 from tools.languages import english
 
 LANGUAGES = sorted(name.removesuffix(".json") for name in page.FILES if name.endswith(".json"))

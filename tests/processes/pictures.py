@@ -8,10 +8,10 @@ from typing import Final
 
 from playwright.sync_api import Browser
 
-from tests.browser import started_browser
 from tests.processes.mill import Controller, Mill
+from tests.support.browser import started_browser
 
-FOLDER: Final = Path(__file__).parents[1] / "docs" / "pictures"
+FOLDER: Final = Path(__file__).parents[2] / "docs" / "pictures"
 SIZES: Final = {390: 844, 1280: 900, 2560: 1440}
 SCHEMES: Final = ("light", "dark")
 RUNS_S: Final = 20.0

@@ -1,4 +1,4 @@
-"""A program that a test starts, and that never outlives the test."""
+"""Programs that a test starts, and that never outlive the test."""
 
 import contextlib
 import subprocess

@@ -17,7 +17,7 @@ from paho.mqtt.client import Client, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from paho.mqtt.properties import Properties
 
-from tests.ports import free_port
+from tests.support.ports import free_port
 
 PATIENCE_S = 30.0
 

@@ -5,7 +5,8 @@ of the interpreter. So a command runs twice in its process: first as we are, on 
 import what it needs; then as that user. In every checkout, closed or open, it is ended with a sentence where
 it then imports a module, or opens a file of this checkout or of the interpreter.
 
-The processes are forked from one program that has imported the command line: ``python -m tests.lesser``.
+The processes are forked from one program that has imported the command line:
+``python -m tests.support.lesser``.
 """
 
 import contextlib
@@ -21,9 +22,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
-from tests.child import started
+from tests.support.processes import started
 
-ROOT: Final = Path(__file__).parents[1]
+ROOT: Final = Path(__file__).parents[2]
 NOBODY: Final = 65534
 SECONDS: Final = 100
 """A command that hangs on what it was given is ended by SIGALRM after this."""
@@ -73,7 +74,7 @@ class Lesser:
 
 @contextlib.contextmanager
 def lesser() -> Iterator[Lesser]:
-    command = [sys.executable, "-m", "tests.lesser"]
+    command = [sys.executable, "-m", "tests.support.lesser"]
     with started(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
         yield Lesser(process)
 
