@@ -1,6 +1,7 @@
 """A drive on its own kind of cable, and controllers that speak to it."""
 
 from contextlib import AsyncExitStack
+from pathlib import Path
 from typing import Final
 
 from gateway.simulator.bus import DriveBus
@@ -14,13 +15,13 @@ from gateway.simulator.pty import Pty
 from gateway.simulator.screw import Screw
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.master import ModbusMaster
-from tests.contract import sessions_opcodes, sessions_paths, sessions_words
 from tests.contract.script import MachineClock, Session
 
 LOOPBACK: Final = "127.0.0.1"
 PATIENCE_S: Final = 10.0
 COUNTS_PER_MM: Final = 1000.0
-SESSIONS: Final = (*sessions_paths.SESSIONS, *sessions_words.SESSIONS, *sessions_opcodes.SESSIONS)
+FOLDER: Final = Path(__file__).parent / "sessions"
+SESSIONS: Final = tuple(map(Session.read, sorted(FOLDER.glob("*.toml"))))
 
 
 class DriveBench:

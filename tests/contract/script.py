@@ -1,22 +1,19 @@
 """A controller's session as a list of requests, and what becomes of it on a wire.
 
-One request on each line, in hexadecimal::
-
-    10 6200 0008 10 0001 0000 2710 0258 0032 0032 0000 0010   # a comment
-    03 1003 0001 | 0030=0030       ask again until the first register, masked, has this value
-    03 6002 0001 | =0000           ask again until the data of the reply are these
-    wait 40                        let 40 ms pass on the machine
-
-The machine's clock stands still but for ``wait`` and 10 ms before each request: the same session gives the
-same transcript however long the wires take.
+``sessions/README.md`` says how a session is written.
 """
 
+import re
+import tomllib
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from gateway.simulator.ledger import MoveKind
 from gateway.transport.master import ModbusMaster
 
+AGAIN: Final = re.compile(r"(\w{4})\*(\d+)")
+"""A word that stands there as often as it says."""
 REQUEST_S: Final = 0.010
 PATIENCE: Final = 2_000
 """Questions that are asked before a condition counts as never met."""
@@ -52,7 +49,7 @@ class Step:
         request, _, condition = line.partition("|")
         mask, _, wanted = condition.partition("=")
         return cls(
-            bytes.fromhex(request),
+            bytes.fromhex(AGAIN.sub(lambda word: word[1] * int(word[2]), request)),
             int(mask, 16) if mask.strip() else None,
             bytes.fromhex(wanted) if condition else None,
         )
@@ -78,6 +75,19 @@ class Session:
     text: str
     moves: tuple[tuple[MoveKind, int | None], ...]
     """In counts of the drive. Homing, zero and stop stand among them."""
+
+    @classmethod
+    def read(cls, path: Path) -> "Session":
+        """Read a file of ``sessions``."""
+        told = tomllib.loads(path.read_text(encoding="utf-8"))
+        moves = (line.split() for line in told["moves"].splitlines())
+        return cls(
+            path.stem,
+            told["cable"],
+            told["unit_id"],
+            told["requests"],
+            tuple((MoveKind(kind), int(counts[0]) if counts else None) for kind, *counts in moves),
+        )
 
     @property
     def steps(self) -> list[Step]:
