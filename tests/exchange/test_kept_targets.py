@@ -7,13 +7,24 @@ import pytest
 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
+from gateway.drives.motion import Action, ModePlan, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.axis.motion import REPEAT_KINDS, MotionState
 from gateway.exchange.commands import SetReference
 from gateway.exchange.plan import LineTiming, Reference
-from gateway.modbus.registers import BitField
+from gateway.exchange.status import direction_state
+from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
 from tests.exchange.connection_bench import Connection
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Memory, axis_plan, read, write
-from tests.exchange.staged_bench import RUN_PDU, STATUS, StagedBench, staged_plan
+from tests.exchange.staged_bench import (
+    COMMANDED,
+    DONE_BIT,
+    MODE,
+    RUN_PDU,
+    STATUS,
+    TRIGGER,
+    StagedBench,
+    staged_plan,
+)
 
 WORN = make_table([0, 200], [0.41, 0.41], [-0.26, -0.26], Units.MM)
 """60 000 is told as 60 410 forward and as 59 740 backward."""
@@ -459,3 +470,200 @@ def test_m9_a_declared_reference_proves_nothing_of_a_target_from_before_a_loss()
     bench.line.command(SetReference(axis="x"), bench.now_ns)
     bench.ask(write(COMMAND, 60_000))
     assert bench.memory.get(COMMAND) == 59_740  # seen at 80 mm: a new target, backward
+
+
+# --- sequences that several rules have a part in ---------------------------------------------------------
+
+
+def mode(word: int) -> bytes:
+    """FC06 that writes the mode register."""
+    return b"\x06" + MODE.to_bytes(2, "big") + word.to_bytes(2, "big")
+
+
+IGNORES = MotionPlan(modes=(ModePlan(MODE, actions={1: Action.ABSOLUTE}, otherwise=Action.IGNORE),))
+
+
+def test_a_position_that_was_written_where_it_means_nothing_is_no_repeat_afterwards() -> None:
+    """M4: in mode 9 the drive keeps 3000 and stands at 10; in mode 1 the same words are a target: 3010."""
+    bench = Bench(axis_plan(motion=IGNORES))
+    bench.ask(mode(1))
+    bench.move(-5000)
+    bench.move(0)
+    bench.actual()
+    bench.ask(mode(9))
+    bench.ask(write(COMMAND, 3000))
+    assert bench.seen[-1] == write(COMMAND, 3000)
+    bench.ask(mode(1))
+    bench.ask(write(COMMAND, 3000))
+    assert bench.seen[-1] == write(COMMAND, 3010)
+
+
+def trigger(word: int) -> bytes:
+    """FC06 that writes the trigger register."""
+    return b"\x06" + TRIGGER.to_bytes(2, "big") + word.to_bytes(2, "big")
+
+
+FOLLOW = 0xFFFB
+
+
+class FollowingDrive(Memory):
+    """Runs what its command register holds by the trigger 1, or as it is written while that says FOLLOW."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.ends: list[float] = []
+        self.words[STATUS] = 1 << DONE_BIT
+
+    def write(self, address: int, data: bytes) -> None:
+        super().write(address, data)
+        is_position = address <= COMMAND.address < address + len(data) // 2
+        if (is_position and self.words.get(TRIGGER) == FOLLOW) or (
+            address == TRIGGER and self.words[TRIGGER] == 1
+        ):
+            start = self.get(COMMANDED) if self.words.get(MODE) == 2 else 0
+            self.ends.append(start + self.get(COMMAND))
+            for place in (COMMANDED, ACTUAL):
+                self.put(place, self.ends[-1])
+
+
+FOLLOWING_DEEDS = {
+    1: Operation(Action.START),
+    5: Operation(Action.STOP),
+    0: Operation(Action.IGNORE),
+    FOLLOW: Operation(Action.FOLLOW_NEXT),
+}
+
+
+FOLLOWING = MotionPlan(
+    is_staged=True,
+    modes=(ModePlan(MODE, actions={1: Action.ABSOLUTE, 2: Action.RELATIVE_TO_COMMANDED}),),
+    triggers=(TriggerPlan(TRIGGER, deeds=FOLLOWING_DEEDS),),
+)
+
+
+def following_bench() -> Bench:
+    """An axis at 3000 (3010 on the drive), after a distance of 1000 that its drive followed from 2000."""
+    bits = {"done": BitField(STATUS, DONE_BIT)}
+    plan = axis_plan(motion=FOLLOWING, bits=bits, commanded=(COMMANDED,))
+    bench = Bench(plan, memory=FollowingDrive(), serial=False)
+    bench.ask(mode(1))
+    for pdu in (write(COMMAND, 5000), trigger(1), write(COMMAND, 2000), trigger(1)):
+        bench.ask(pdu)
+        bench.wait(1200)
+        bench.ask(bytes.fromhex("03 005C 0001"))
+        bench.actual()
+    for pdu in (mode(2), trigger(FOLLOW), write(COMMAND, 1000)):
+        bench.ask(pdu)
+    bench.wait(1200)
+    bench.ask(bytes.fromhex("03 005C 0001"))
+    assert bench.actual() == 3000
+    bench.seen.clear()
+    return bench
+
+
+@pytest.mark.parametrize("word", [1, 0xFFFC])
+def test_no_target_is_written_anew_while_the_drive_goes_to_what_is_written(word: int) -> None:
+    """M2: +1000 went out as +1020, from 1990 to 3010. Written anew for the trigger, as 1000 in the same
+    direction, it would move the drive at once, and the trigger once more. 0xFFFC means what nobody knows."""
+    bench = following_bench()
+    assert isinstance(bench.memory, FollowingDrive)
+    assert bench.memory.ends == [5010, 1990, 3010]
+    assert bench.ask(trigger(word)) == bytes.fromhex("86 04")
+    assert not [pdu for pdu in bench.seen if pdu[0] in (6, 16)]
+    assert bench.memory.ends == [5010, 1990, 3010]
+
+
+TWO_PATHS = MotionPlan(
+    is_staged=True,
+    triggers=(
+        TriggerPlan(
+            TRIGGER,
+            deeds={
+                1: Operation(Action.ABSOLUTE, 0),
+                2: Operation(Action.ABSOLUTE, 1),
+                0: Operation(Action.IGNORE),
+            },
+        ),
+    ),
+    passes_stored_moves=True,
+)
+
+
+OTHER = PositionField(0x0700, RegisterType.INT32, WordOrder.LOW_FIRST)
+
+
+def test_a_lost_target_of_one_path_does_not_run_once_another_path_has_a_new_one() -> None:
+    """M3: path 2 holds 1000 (1010), 0x7FFFFFFF for it is refused. A target for path 1 ends the block of the
+    axis; path 2 still holds what nobody means, also where stored moves may pass."""
+    plan = staged_plan(command=(COMMAND, OTHER), motion=TWO_PATHS, bits={"done": BitField(STATUS, DONE_BIT)})
+    bench = Bench(plan, serial=False)
+    bench.memory.words[STATUS] = 1 << DONE_BIT
+    for place, path in ((COMMAND, 1), (OTHER, 2), (COMMAND, 1)):
+        bench.ask(write(place, 1000 if path == 2 else 0))
+        bench.ask(trigger(path))
+        bench.memory.put(ACTUAL, bench.memory.get(place))
+        bench.wait(1200)
+        bench.ask(bytes.fromhex("03 005C 0001"))
+        bench.actual()
+    assert bench.memory.get(OTHER) == 1010
+    assert bench.ask(bytes.fromhex("10 0700 0002 04 FFFF 7FFF")) == bytes.fromhex("90 04")
+    assert bench.ask(write(COMMAND, 600)) == bytes.fromhex("10 0606 0002")
+    bench.seen.clear()
+    assert bench.ask(trigger(2)) == bytes.fromhex("86 04")
+    assert bench.seen == []
+
+
+def test_words_that_stood_in_the_register_before_prove_no_target() -> None:
+    """M7: 1000 by the other register went out as 1010 long ago; given again it is lost. What is read there is
+    what the first one left. 800 from 500 (490) may come from either side: flagged."""
+    plan = axis_plan(command=(COMMAND, OTHER), actual=(), bits={"done": BitField(STATUS, DONE_BIT)})
+    bench = Bench(plan, serial=False, tcp_drive=True)
+    bench.memory.words[STATUS] = 1 << DONE_BIT
+    for place, counts in ((COMMAND, 0), (OTHER, 1000), (COMMAND, 500)):
+        bench.ask(write(place, counts))
+        bench.wait(1200)
+        bench.ask(bytes.fromhex("03 005C 0001"))
+    bench.send(write(OTHER, 1000))
+    assert bench.link.take() == write(OTHER, 1010)
+    bench.wait(1001)
+    bench.port.replies.clear()
+    assert bench.ask(read(OTHER)) == b"\x03\x04" + OTHER.pack(1000)
+    bench.wait(1200)
+    bench.ask(bytes.fromhex("03 005C 0001"))
+    bench.ask(write(COMMAND, 800))
+    assert direction_state(bench.line.axes[0]) == "unsure"
+
+
+def test_a_target_beside_the_one_before_is_not_proven_by_the_arrival_at_that_one() -> None:
+    """M7: 1000 runs as 1010; the trigger of 1001 (1011) is lost on the way there. The axis comes to 1010,
+    which is within the hysteresis of both. It stands at 1000: to go there once more moves nothing."""
+    bench = StagedBench(staged_plan(), serial=False, tcp_drive=True)
+    bench.stage(1000)
+    bench.trigger()
+    bench.drive.pass_by(500)
+    bench.ask(read(ACTUAL))
+    bench.stage(1001)
+    bench.send(RUN_PDU)
+    assert bench.link.take() == RUN_PDU
+    bench.wait(1001)
+    bench.port.replies.clear()
+    bench.settle()
+    bench.settle()
+    assert bench.ask(read(ACTUAL)) == b"\x03\x04" + ACTUAL.pack(1000)
+    bench.stage(1000)
+    bench.trigger()
+    assert bench.drive.moves == [("absolute", 1010), ("absolute", 1010)]
+
+
+def test_the_same_target_lost_twice_is_proven_by_its_arrival() -> None:
+    """M7: 1000 (1010) is carried out twice, and not acknowledged once. Seen at 1010, the axis reads 1000."""
+    bench = Bench(axis_plan(), serial=False, tcp_drive=True)
+    bench.ask(read(ACTUAL))
+    for _ in range(2):
+        bench.send(write(COMMAND, 1000))
+        bench.serve_reads()
+        assert bench.link.take() == write(COMMAND, 1010)
+        bench.wait(1001)
+    bench.port.replies.clear()
+    bench.memory.put(ACTUAL, 1010)
+    assert bench.ask(read(ACTUAL)) == b"\x03\x04" + ACTUAL.pack(1000)

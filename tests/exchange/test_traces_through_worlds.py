@@ -1,4 +1,4 @@
-"""What ``make verify`` has found: the shortest traces to rules that were broken.
+"""The shortest traces to rules that were broken once, as ``make verify`` found them.
 
 Each plays events in a small world of ``tests.verify``; what goes over the wires stands beside them. A drive
 counts 1000 per mm on the table ``tests.verify.screw.WORN``.

@@ -2,10 +2,13 @@
 
 import pytest
 
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
+from gateway.drives.motion import Action, ModePlan, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.control import switch
 from gateway.exchange.plan import ControllerPlan, Reference
-from gateway.modbus.registers import PositionField
-from tests.exchange.line_bench import ACTUAL, COMMAND, Port, read, write
+from gateway.modbus.registers import PositionField, RegisterType, WordOrder
+from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Port, axis_plan, read, write
 from tests.exchange.staged_bench import (
     HOME_PDU,
     MODE,
@@ -13,6 +16,7 @@ from tests.exchange.staged_bench import (
     RUN_PDU,
     STOP_PDU,
     STORED_PDU,
+    TRIGGER,
     StagedBench,
     staged_plan,
     sticky,
@@ -429,3 +433,81 @@ def test_m2_a_trigger_value_that_the_map_does_not_list_runs_what_the_controller_
     bench.writes()
     assert bench.ask(bytes.fromhex("06 050E 0077")) == bytes.fromhex("06 050E 0077")
     assert bench.writes() == [write(COMMAND, 60_000).hex(" "), "06 05 0e 00 77"]
+
+
+# --- sequences that several rules have a part in ---------------------------------------------------------
+
+
+FOLLOWING = MotionPlan(
+    is_staged=True,
+    triggers=(
+        TriggerPlan(TRIGGER, deeds={1: Operation(Action.START), 0xFFFB: Operation(Action.FOLLOW_NEXT)}),
+    ),
+)
+
+
+def test_m2_what_a_drive_follows_and_cannot_be_known_passes_as_it_came() -> None:
+    bench = StagedBench(staged_plan(motion=FOLLOWING, added_frames=False))
+    bench.ask(write(COMMAND, 50_000))
+    assert bench.drive.get(COMMAND) == 50_000
+    assert bench.line.counters.unknown_modes == 1
+
+
+def test_m2_following_is_switched_on_before_any_target_and_each_is_corrected_then() -> None:
+    bench = StagedBench(staged_plan(motion=FOLLOWING))
+    follow = bytes.fromhex("06 050E FFFB")
+    assert bench.ask(follow) == follow
+    bench.ask(write(COMMAND, 50_000))
+    assert bench.drive.get(COMMAND) == 50_010
+    accepted = bench.line.axes[0].compensation.accepted
+    assert accepted is not None
+
+
+def test_m2_targets_pass_as_they_come_while_the_trigger_register_holds_something_unknown() -> None:
+    bench = StagedBench(staged_plan(motion=FOLLOWING))
+    bench.ask(bytes.fromhex("06 050E FFFC"))
+    bench.ask(write(COMMAND, 50_000))
+    assert bench.drive.get(COMMAND) == 50_000
+
+
+def test_m2_an_opcode_frame_that_is_too_short_passes_as_it_came() -> None:
+    block = PositionField(0x00F7, RegisterType.INT32, WordOrder.HIGH_FIRST, block=0x00F5)
+    bench = Bench(axis_plan(command=(block,), actual=()))
+    bench.ask(bytes.fromhex("10 00F5 0004 08 0002 012C 0000 C350"))
+    short = bytes.fromhex("10 00F5 0003 06 0002 012C 0001")
+    bench.ask(short)
+    assert bench.seen[-1] == short
+
+
+def test_m2_what_passed_untouched_reads_back_as_it_was_written() -> None:
+    mode = ModePlan(0x0605, actions={0: Action.ABSOLUTE}, is_in_frame=True)
+    bench = Bench(axis_plan(motion=MotionPlan(modes=(mode,))))
+    bench.ask(bytes.fromhex("10 0605 0003 06 0000") + COMMAND.pack(50_000))
+    bench.memory.put(ACTUAL, bench.memory.get(COMMAND))
+    bench.ask(write(COMMAND, 33))
+    assert bench.memory.get(COMMAND) == 33
+    assert COMMAND.unpack(bench.ask(read(COMMAND))[2:]) == 33
+
+
+def test_a18_after_a_broadcast_trigger_the_axis_reads_back_what_was_commanded() -> None:
+    bench = StagedBench()
+    bench.go_to(80_000)
+    bench.actual()
+    bench.stage(50_000)
+    bench.send(RUN_PDU, unit_id=0)
+    bench.serve()
+    bench.wait(100)
+    bench.drive.arrive()
+    assert bench.drive.moves[-1:] == [("absolute", 49_990)]
+    assert bench.actual() == 50_000
+
+
+def test_m3_a_trigger_whose_mode_nobody_knows_does_not_run_what_was_left_from_before_a_lost_link() -> None:
+    offset = make_table([0, 100], [0.05, 0.05], [0.05, 0.05], Units.MM)
+    bench = StagedBench(staged_plan(table=offset, motion=sticky(), safe_read=False))
+    bench.ask(bytes.fromhex("06 0700 0001"))
+    bench.go_to(50_000)
+    bench.line.link_down(bench.now_ns)
+    bench.line.link_up(bench.now_ns)
+    bench.serve()
+    assert bench.refused(RUN_PDU) == 4

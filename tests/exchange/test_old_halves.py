@@ -1,11 +1,15 @@
 """Halves that an old connection left behind: those of a newer one never complete them (M1, M3)."""
 
+from dataclasses import replace
+
 import pytest
 
+from gateway.drives.motion import Form
 from gateway.exchange.axis.registers import Completeness, FieldImage, Loss
 from gateway.exchange.plan import ControllerPlan
+from gateway.modbus.registers import FieldAccess
 from tests.exchange.line_bench import COMMAND, Bench, Port, axis_plan
-from tests.exchange.staged_bench import StagedBench
+from tests.exchange.staged_bench import ONLY_ABSOLUTE, StagedBench, staged_plan
 
 HIGH_1 = bytes.fromhex("06 0607 0001")
 LOW_4 = bytes.fromhex("06 0606 0004")
@@ -81,3 +85,30 @@ def test_a_connection_that_breaks_off_tears_what_its_drive_has_acknowledged_in_p
     }
     # Of another connection, whose request before this one came at 0 or never.
     assert image.completed(1, b"\0\4", 10, 0) == completed.get(after)
+
+
+def test_m1_half_of_a_field_that_reads_as_something_else_is_not_completed_from_there() -> None:
+    target = replace(COMMAND, access=FieldAccess.WRITE)
+    bench = Bench(axis_plan(command=(target,), actual=(replace(COMMAND, access=FieldAccess.READ),)))
+    bench.memory.put(COMMAND, 0x0005_4020)
+    assert bench.ask(bytes.fromhex("06 0606 9000")) == bytes.fromhex("86 04")
+    assert bench.seen == []
+
+
+def test_m1_halves_that_the_drive_acknowledged_may_come_slowly() -> None:
+    bench = StagedBench(staged_plan(writes_with=Form.FC06, motion=ONLY_ABSOLUTE))
+    for part in ("06 0606 FFFA", "06 0607 0000"):
+        assert bench.ask(bytes.fromhex(part)) == bytes.fromhex(part)
+        bench.wait(700)
+    bench.trigger()
+    assert bench.drive.moves == [("absolute", 65_540)]
+
+
+def test_w4_a_recast_half_is_answered_in_its_own_form_whatever_the_drive_says() -> None:
+    bench = Bench(axis_plan())
+    bench.move(50_000)
+    bench.send(bytes.fromhex("06 0606 1234"))
+    bench.serve_reads()
+    bench.link.take()
+    bench.line.reply(1, bytes.fromhex("10 0606 0000"), bench.now_ns)
+    assert bench.port.take() == bytes.fromhex("86 04")

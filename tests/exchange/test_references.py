@@ -1,11 +1,16 @@
 """References of all four kinds, lost and regained (M9), and axes that carry one beam together (M11)."""
 
+from dataclasses import replace
+
 import pytest
 
+from gateway.drives.motion import Action, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.commands import SetReference
 from gateway.exchange.control import ControlError, switch
 from gateway.exchange.plan import ControllerPlan, Reference, Role
-from tests.exchange.line_bench import ACTUAL, COMMAND, Port, read, write
+from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
+from tests.exchange import test_starting_words as starting
+from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Port, axis_plan, read, write
 from tests.exchange.staged_bench import (
     BITS,
     HOME_PDU,
@@ -257,3 +262,159 @@ def test_a16_the_end_of_a_homing_that_nobody_watches_is_read_before_the_next_tar
     bench.stage(20_000)
     bench.trigger()
     assert bench.drive.moves[-1:] == [("absolute", 20_010)]
+
+
+# --- sequences that several rules have a part in ---------------------------------------------------------
+
+
+def test_m9_a_target_staged_while_corrected_and_run_while_it_passes_is_given_back_as_it_came() -> None:
+    bench = StagedBench(staged_plan(referenced=Reference.DRIVE_BIT))
+    bench.go_to(20_000)
+    bench.stage(50_000)
+    bench.drive.set_bits(is_done=True, is_homed=False)
+    bench.poll()
+    bench.trigger()
+    assert bench.drive.moves[-1:] == [("absolute", 50_000)]
+
+
+def test_m9_after_homing_began_a_target_staged_before_is_given_back_as_it_came() -> None:
+    bench = StagedBench(staged_plan(referenced=Reference.DRIVE_BIT))
+    bench.go_to(20_000)
+    bench.stage(50_000)
+    bench.trigger(HOME_PDU)
+    bench.drive.set_bits(is_done=True, is_homed=False)
+    bench.trigger()
+    assert bench.drive.moves[-1:] == [("absolute", 50_000)]
+
+
+ONE_FRAME = bytes.fromhex("10 050C 0003 06 C350 0000 0001")
+
+
+WIDE = PositionField(0x050C, RegisterType.INT32, WordOrder.LOW_FIRST)
+
+
+def lose(bench: StagedBench, unit_id: int, pdu: bytes) -> None:
+    bench.send(pdu, unit_id=unit_id)
+    while bench.link.sent[0][1][0] == 3:
+        bench.serve_reads()
+    bench.link.take()
+    bench.line.reply(unit_id, bytes((pdu[0] | 0x80, 4)), bench.now_ns)
+    bench.port.take()
+
+
+def test_m11_a_frame_of_target_and_trigger_does_not_run_while_the_other_axis_lost_its_own() -> None:
+    bench = gantry(command=(WIDE,))
+    lose(bench, 1, ONE_FRAME)
+    assert ask(bench, 2, ONE_FRAME) == bytes.fromhex("90 04")
+    assert bench.drive.moves == []
+    for unit_id in (1, 2):  # given again, both run: the one refused for the other's sake holds up nobody
+        assert ask(bench, unit_id, ONE_FRAME) == ONE_FRAME[:5]
+
+
+def test_m11_a_drive_that_moves_at_once_waits_for_its_beam_too() -> None:
+    plans = [axis_plan(name=name, unit_id=unit) for name, unit in (("y1", 1), ("y2", 2))]
+    bench = StagedBench(*plans, groups=[["y1", "y2"]])
+    lose(bench, 1, write(COMMAND, 50_000))
+    assert ask(bench, 2, write(COMMAND, 50_000)) == bytes.fromhex("90 04")
+    assert ask(bench, 1, write(COMMAND, 50_000))[0] == 0x10
+    assert ask(bench, 2, write(COMMAND, 50_000))[0] == 0x10
+
+
+def test_a16_a_position_set_on_a_drive_without_triggers_is_noticed() -> None:
+    bench = Bench(axis_plan(settable=frozenset({0})))
+    bench.move(50_000)
+    bench.ask(write(ACTUAL, 0))
+    assert "reference-lost" in bench.kinds()
+
+
+def test_a16_a_homing_that_was_stopped_or_refused_makes_no_reference() -> None:
+    bits = {name: bit for name, bit in BITS.items() if name != "homed"}
+    for pdus in ((HOME_PDU, STOP_PDU), (None,)):
+        bench = StagedBench(staged_plan(referenced=Reference.HOMING, bits=bits))
+        for pdu in pdus:
+            if pdu is None:
+                lose(bench, 1, HOME_PDU)
+            else:
+                bench.trigger(pdu)
+        bench.drive.set_bits(is_done=True)
+        bench.wait(500)
+        bench.poll()
+        assert "axis-referenced" not in bench.kinds()
+
+
+def test_m9_an_axis_that_passes_is_never_blocked() -> None:
+    bench = StagedBench(staged_plan(table=None), serial=False)
+    bench.send(write(COMMAND, 50_000))
+    bench.link.sent.clear()
+    bench.wait(1000)
+    bench.wait(1000)
+    bench.port.replies.clear()
+    bench.trigger()
+    assert bench.ask(bytes.fromhex("06 0606 1234")) == bytes.fromhex("06 0606 1234")
+
+
+def test_m11_a_target_that_is_refused_at_its_trigger_keeps_the_other_axis_from_running() -> None:
+    bench = gantry(travel=(0.0, 100.0))
+    for unit_id, counts in ((1, 350_000), (2, 60_000)):
+        ask(bench, unit_id, write(COMMAND, counts))
+    assert ask(bench, 1, RUN_PDU) == bytes.fromhex("86 04")
+    assert ask(bench, 2, RUN_PDU) == bytes.fromhex("86 04")
+    assert bench.drive.moves == []
+
+
+def test_a_target_of_which_a_word_was_replaced_is_not_given_again_over_a_lost_reference() -> None:
+    """M4, M9: 65530 was told as 65540 = 0x0001_0004. Its high word, written alone, leaves the drive with
+    0x0000_0004 for 0x0000_FFFA; the homed bit falls and rises, and the whole target comes again: 65540, for
+    the axis stands there."""
+    plan = axis_plan(
+        command=(starting.TARGET,),
+        actual=(starting.ACTUAL,),
+        motion=starting.ON_LOW_WORD,
+        bits={"homed": BitField(0x9005, 4)},
+        referenced=Reference.DRIVE_BIT,
+    )
+    bench = Bench(plan, serial=False)
+    status = bytes.fromhex("03 9005 0001")
+    for word, requests in (
+        (16, [write(starting.TARGET, 1000), write(starting.TARGET, 65_530)]),
+        (16, [status, bytes.fromhex("06 9900 0000")]),
+        (0, [status]),
+        (16, [status]),
+    ):
+        bench.memory.words[0x9005] = word
+        for request in requests:
+            bench.ask(request)
+            if request[0] == 16:
+                bench.memory.put(starting.ACTUAL, bench.memory.get(starting.TARGET))
+                bench.wait(1000)
+                bench.ask(read(starting.ACTUAL))
+    bench.ask(write(starting.TARGET, 65_530))
+    assert bench.seen[-1] == write(starting.TARGET, 65_540)
+
+
+CONTROL_WORD = 0x3100
+
+
+BY_BITS = MotionPlan(
+    is_staged=True,
+    triggers=(
+        TriggerPlan(CONTROL_WORD, mask=0x0050, rising=0x10, deeds={0x10: Operation(Action.START)}),
+        TriggerPlan(CONTROL_WORD, mask=0x010F, deeds={0x0F: Operation(Action.IGNORE)}, otherwise=Action.STOP),
+    ),
+)
+
+
+def test_a_stop_that_moves_the_zero_too_ends_the_reference() -> None:
+    """M9: one frame switches the drive off and tells it that it stands at 0."""
+    zero = 0x3101
+    triggers = (
+        *BY_BITS.triggers,
+        TriggerPlan(zero, deeds={1: Operation(Action.SET_POSITION)}, otherwise=Action.IGNORE),
+    )
+    bench = Bench(axis_plan(motion=replace(BY_BITS, triggers=triggers)), serial=False, tcp_drive=True)
+    bench.ask(bytes.fromhex("10 3100 0002 04 000F 0000"))
+    assert bench.line.axes[0].reference.is_referenced
+    frame = bytes.fromhex("10 3100 0002 04 000E 0001")
+    assert bench.ask(frame) == frame[:5]
+    assert bench.seen[-1] == frame
+    assert bench.kinds()[-1] == "reference-lost"

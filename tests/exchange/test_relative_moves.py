@@ -7,6 +7,7 @@ import pytest
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import Action, ModePlan, MotionPlan
+from gateway.exchange.status import direction_state
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, write
 from tests.exchange.staged_bench import (
     COMMANDED,
@@ -203,3 +204,18 @@ def test_m2_in_frame_a_target_without_its_mode_is_unknown_and_passes_untouched()
     bench.ask(write(COMMAND, 20_000))
     assert bench.seen[-1] == write(COMMAND, 20_000)
     assert bench.line.counters.unknown_modes == 1
+
+
+def test_a_distance_from_a_place_whose_branch_nobody_knows_is_flagged() -> None:
+    """M5, M6: jogged to 3000 on the drive, which is 2990 or 3010: -1000 is right for one."""
+    bench = StagedBench(staged_plan(), serial=False)
+    bench.go_to(5000)
+    bench.ask(JOG_PDU)
+    bench.memory.put(ACTUAL, 3000)
+    bench.memory.put(COMMANDED, 3000)
+    bench.drive.set_bits(is_done=True)
+    bench.wait(1200)
+    bench.poll()
+    bench.stage(-1000)
+    bench.trigger(RUN_RELATIVE_PDU)
+    assert direction_state(bench.line.axes[0]) == "unsure"

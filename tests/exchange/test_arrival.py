@@ -675,3 +675,59 @@ def test_m7_a_function_that_a_drive_does_not_know_has_written_nothing() -> None:
     bench.move(60_010)
     assert told(bench) == 60_420
     assert not unsure(bench)
+
+
+# --- sequences that several rules have a part in ---------------------------------------------------------
+
+
+def test_a3_a_done_bit_that_flickers_does_not_flip_the_branch_of_the_same_target() -> None:
+    bench = Bench(axis_plan(bits=BITS))
+    bench.move(50_000)
+    told = bench.seen[-1]
+    for error, word in ((15, 1 << 4), (15, 0), (-15, 1 << 4), (-15, 0)):
+        bench.memory.put(ACTUAL, 50_010 + error)
+        bench.memory.write(0x005C, word.to_bytes(2, "big"))
+        bench.ask(bytes.fromhex("03 005C 0001"))
+        bench.wait(100)
+        bench.ask(write(COMMAND, 50_000))
+        assert bench.seen[-1] == told
+
+
+def test_m4_after_the_done_bit_dropped_a_reading_tells_whether_the_axis_was_moved_away() -> None:
+    bench = Bench(axis_plan(bits=BITS))
+    bench.move(50_000)
+    for word in (1 << 4, 0):
+        bench.memory.write(0x005C, word.to_bytes(2, "big"))
+        bench.ask(bytes.fromhex("03 005C 0001"))
+    bench.memory.put(ACTUAL, 80_000)
+    bench.wait(100)
+    bench.ask(write(COMMAND, 50_000))
+    assert bench.seen[-1] == write(COMMAND, 49_990)
+
+
+def test_a11_the_reading_does_not_jump_at_a_reversal_although_the_last_one_is_old() -> None:
+    bench = StagedBench()
+    bench.go_to(50_000)
+    bench.stage(80_000)
+    bench.trigger()
+    bench.drive.pass_by(51_000)
+    bench.actual()
+    bench.settle()  # the controller sees the done bit, and reads no position
+    bench.stage(20_000)
+    bench.trigger()
+    assert bench.actual() == 80_000  # it has not moved yet
+    bench.drive.pass_by(50_000)
+    assert bench.actual() == 50_000  # half of the way: half of the 20 counts between the branches
+
+
+def test_m4_a_repeat_whose_reply_was_lost_leaves_the_branch_as_it_is() -> None:
+    bench = Bench(axis_plan(), serial=False, tcp_drive=True)
+    bench.move(50_000)
+    told = bench.seen[-1]
+    bench.memory.put(ACTUAL, 50_025)  # 15 counts beside it, with 2 of hysteresis
+    bench.send(write(COMMAND, 50_000))
+    bench.link.sent.clear()
+    bench.wait(1000)
+    bench.port.take()
+    bench.ask(write(COMMAND, 50_000))
+    assert bench.seen[-1] == told
