@@ -21,7 +21,7 @@ ADDRESS = 100
 CYCLE_S = 0.005
 PATIENCE_S = 15.0
 LOWEST, HIGHEST, STEP = 10_000, 90_000, 1_000
-"""Counts. The table of ``tests.processes.bench`` adds a thousandth: 10 000 counts become 10 010."""
+"""Counts. ``tests.support.config.RAMP`` adds a thousandth: 10 000 counts become 10 010."""
 
 
 @dataclass

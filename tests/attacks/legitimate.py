@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from tests.attacks.controller import Work
-from tests.processes.bench import CONFIG, ROOT, TABLE, Running, running
+from tests.support.config import one_axis, written
 from tests.support.ports import free_port
-from tests.support.processes import started
+from tests.support.processes import ROOT, Running, running, started
 
 MOVES = 100
 """Moves of the controller without an attack, and at least during one."""
@@ -147,16 +147,10 @@ def ground_of(attack: Attack, folder: Path) -> Iterator[Ground]:
     """Run a gateway as an attack wants it, with a controller that is connected; at the end both are well."""
     with legitimate() as controller:
         ground = Ground(folder, free_port(), controller.drives, legitimate=controller)
-        (folder / "tables").mkdir()
-        (folder / "tables" / "x.tab").write_text(TABLE)
-        text = CONFIG.format(drives=ground.drives, port=ground.port)
-        config = folder / "gateway.toml"
-        config.write_text(attack.configuration(ground, text))
+        config = written(folder, attack.configuration(ground, one_axis(ground.drives, ground.port)))
         with running("run", str(config)) as gateway:
             ground.gateway = gateway
-            seen: set[str] = set()
-            while not {"line-up", "relay-reached"} <= seen:
-                seen.add(gateway.next()["event"])
+            gateway.until_each("line-up", "relay-reached")
             attack.connect(ground, controller)
             yield ground
             assert gateway.end() == 0, gateway.notes

@@ -15,7 +15,7 @@ from gateway.modbus.mbap import encode_mbap
 from tests.attacks.conftest import Strike
 from tests.attacks.controller import ADDRESS, PATIENCE_S, UNIT_ID
 from tests.attacks.legitimate import Attack, Ground
-from tests.processes.bench import children
+from tests.support.processes import children
 
 BYSTANDER = "127.0.0.1"
 FLOOD = 500

@@ -4,7 +4,6 @@ import json
 import os
 import pty
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from typer.testing import CliRunner, Result
 
 from gateway.cli.app import app
 from tests.config.config_bench import TWO_WAYS, edited, written
-from tests.support.processes import started
+from tests.support.processes import COMMAND, started
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "latency.md").read_text()
 SLOW = edited(
@@ -93,7 +92,7 @@ def test_colours_only_on_a_terminal(tmp_path: Path) -> None:
     ours, theirs = pty.openpty()
     environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "80"}
     environment.pop("NO_COLOR", None)
-    command = [sys.executable, "-c", "from gateway.cli.main import main; main()", "budget", str(path)]
+    command = [*COMMAND, "budget", str(path)]
     with started(command, stdout=theirs, env=environment) as process:
         os.close(theirs)
         shown = b""

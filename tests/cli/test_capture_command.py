@@ -9,7 +9,6 @@ import signal
 import socket
 import stat
 import subprocess
-import sys
 import threading
 import tty
 from collections.abc import Iterator
@@ -22,53 +21,16 @@ import pytest
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
 from tests.support.commands import typed
+from tests.support.config import Keys, axis, gateway_toml, line, registers, section, tcp, written
 from tests.support.ports import free_port
-from tests.support.processes import started
+from tests.support.processes import COMMAND, ROOT, running, started
 
-ROOT = Path(__file__).parents[2]
-COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
 SECONDS = 60
 WRITE = bytes.fromhex("10 0064 0002 04 0000 C350")
 READ = bytes.fromhex("03 006E 0002")
 COILS = bytes.fromhex("01 0000 0018")
 """24 coils: the answer is as long as the request, and Wireshark may not tell them apart by that."""
 UNKNOWN = bytes.fromhex("41 00")
-TABLE = """CNC10 TAB FILE VERSION 3
-AXIS X
-UNITS MILLIMETER
-INTERVAL 50.0
-ENTRIES 3
-0.0 0.0 0.0
-50.0 0.05 0.05
-100.0 0.1 0.1
-"""
-CONFIG = """
-[gateway]
-name = "trial"
-
-[capture]
-size_mb = 0.5
-
-[line.xyz]
-drives = {{ {drives} }}
-response_timeout_ms = 500
-
-[[line.xyz.controllers]]
-name = "cnc"
-{controller}
-
-[axis.x]
-line = "xyz"
-unit_id = 1
-units = "mm"
-counts_per_unit = 1000.0
-travel = [0.0, 100.0]
-referenced = "absolute"
-compensation = "on"
-table = "x.tab"
-registers.command = [{{ address = 100, type = "int32" }}]
-registers.actual = [{{ address = 110, type = "int32" }}]
-"""
 
 
 def reply_to(pdu: bytes) -> bytes:
@@ -101,12 +63,22 @@ def serve_rtu(device: int) -> None:
         return
 
 
+def configured(folder: Path, drives: int | Keys) -> Path:
+    """Write the configuration of an axis whose traffic is kept."""
+    text = gateway_toml(
+        section("[capture]", {"size_mb": 0.5}),
+        line(drives, {"cnc": free_port()}, response_timeout_ms=500),
+        axis(registers=registers(command=100, actual=110), compensation="on", table="x.tab"),
+    )
+    return written(folder, text)
+
+
 @dataclass
 class Site:
     """A gateway that runs, with the controller's end of its cable."""
 
     config: Path
-    port: int = 0
+    port: int
     number: int = 0
 
     def ask(self, pdu: bytes) -> bytes:
@@ -118,34 +90,23 @@ class Site:
 
 @contextmanager
 def site(folder: Path, *, serial: bool = False) -> Iterator[Site]:
-    (folder / "tables").mkdir()
-    (folder / "tables" / "x.tab").write_text(TABLE)
-    config = folder / "gateway.toml"
     device, cable = pty.openpty()
     with socket.create_server(("127.0.0.1", 0)) as drive:
-        way = f'tcp = "127.0.0.1:{drive.getsockname()[1]}"'
+        way: Keys = tcp(drive.getsockname()[1])
         if serial:
             tty.setraw(cable)
-            way = f'rtu = "{os.ttyname(cable)}", baudrate = 115200'
+            way = {"rtu": os.ttyname(cable), "baudrate": 115200}
             threading.Thread(target=serve_rtu, args=(device,), daemon=True).start()
         else:
             threading.Thread(target=serve, args=(drive,), daemon=True).start()
-        config.write_text(CONFIG.format(drives=way, controller=f'tcp = "127.0.0.1:{free_port()}"'))
+        config = configured(folder, way)
         assert typed("check", "--compile", str(config)).returncode == 0
-        arguments = [*COMMAND, "relay", str(config), "--log-format", "json"]
-        with started(arguments, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
-            made = Site(config)
-            assert process.stderr is not None
-            awaited = {"ready", "line-up"}
-            while awaited:
-                note = json.loads(process.stderr.readline())
-                awaited.discard(note["event"])
-                if note["event"] == "ready":
-                    made.port = int(note["addresses"]["xyz/cnc"][0].rpartition(":")[2])
+        with running("relay", str(config)) as program:
+            program.until_each("ready", "line-up")
             try:
-                yield made
+                yield Site(config, program.port("xyz/cnc"))
             finally:
-                process.kill()
+                program.process.kill()
                 os.close(cable)
                 os.close(device)
 
@@ -270,12 +231,7 @@ def test_who_follows_sees_what_comes_and_ends_it_with_ctrl_c(tmp_path: Path) -> 
 
 
 def test_nobody_to_look_at_and_nothing_kept(tmp_path: Path) -> None:
-    (tmp_path / "tables").mkdir()
-    (tmp_path / "tables" / "x.tab").write_text(TABLE)
-    config = tmp_path / "gateway.toml"
-    config.write_text(
-        CONFIG.format(drives='tcp = "127.0.0.1:1"', controller=f'tcp = "127.0.0.1:{free_port()}"')
-    )
+    config = configured(tmp_path, 1)
     result = typed("capture", str(config))
     assert result.returncode == 1
     assert "no gateway runs" in result.stderr

@@ -7,7 +7,6 @@ import pty
 import signal
 import socket
 import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,57 +14,12 @@ from pathlib import Path
 import pytest
 
 from gateway.modbus.mbap import encode_mbap
-from tests.processes.bench import typed_apart
 from tests.support.commands import typed
+from tests.support.config import RAMP, axis, gateway_toml, line, written
 from tests.support.ports import free_port
-from tests.support.processes import started
+from tests.support.processes import COMMAND, ROOT, SECONDS, Running, running, started, typed_apart
 
-ROOT = Path(__file__).parents[2]
-COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
-SECONDS = 30.0
 WRITE = bytes.fromhex("10 0064 0002 04 0000C350")
-CONFIG = """
-[gateway]
-name = "trial"
-tables = "{tables}"
-
-[line.xyz]
-drives = {{ tcp = "127.0.0.1:{drives}" }}
-response_timeout_ms = 500
-
-[[line.xyz.controllers]]
-name = "cnc"
-tcp = "127.0.0.1:{port}"
-
-[axis.x]
-line = "xyz"
-unit_id = 1
-units = "mm"
-counts_per_unit = 1000.0
-travel = [0.0, 100.0]
-referenced = "absolute"
-compensation = "on"
-table = "x.tab"
-registers.command = [{{ address = 100, type = "int32" }}]
-
-[axis.y]
-line = "xyz"
-unit_id = 2
-units = "mm"
-counts_per_unit = 1000.0
-travel = [0.0, 100.0]
-referenced = "absolute"
-registers.command = [{{ address = 100, type = "int32" }}]
-"""
-TABLE = """CNC10 TAB FILE VERSION 3
-AXIS X
-UNITS MILLIMETER
-INTERVAL 50.0
-ENTRIES 3
-0.0 0.0 0.0
-50.0 0.05 0.05
-100.0 0.1 0.1
-"""
 
 
 def acknowledge(drive: socket.socket) -> None:
@@ -84,35 +38,28 @@ def config(tmp_path: Path) -> Iterator[Path]:
     """A configuration, with a drive behind it and its tables somewhere else."""
     tables = tmp_path / "elsewhere"
     tables.mkdir()
-    (tables / "x.tab").write_text(TABLE)
+    (tables / "x.tab").write_text(RAMP)
     folder = tmp_path / "machine"
     folder.mkdir()
-    path = folder / "gateway.toml"
     with socket.create_server(("127.0.0.1", 0)) as drive:
-        ports = {"drives": drive.getsockname()[1], "port": free_port()}
-        path.write_text(CONFIG.format(tables=tables, **ports))
+        text = gateway_toml(
+            line(drive.getsockname()[1], {"cnc": free_port()}, response_timeout_ms=500),
+            axis(compensation="on", table="x.tab"),
+            axis("y", unit_id=2),
+            tables=str(tables),
+        )
         threading.Thread(target=acknowledge, args=(drive,), daemon=True).start()
-        yield path
+        yield written(folder, text, {})
 
 
 @contextlib.contextmanager
-def running(command: str, config: Path, *more: str) -> Iterator[tuple["subprocess.Popen[str]", int]]:
-    """Run the gateway; yields it with its controller's port when the drive is reached."""
-    arguments = [*COMMAND, command, str(config), *more, "--log-format", "json"]
-    with started(arguments, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stderr is not None
-            port = 0
-            for line in process.stderr:
-                note = json.loads(line)
-                if note["event"] == "ready":
-                    port = int(note["addresses"]["xyz/cnc"][0].rpartition(":")[2])
-                    assert note["socket"] == str(config.parent / "state" / "relay.sock")
-                if note["event"] == "line-up":
-                    break
-            yield process, port
-        finally:
-            process.kill()
+def up(command: str, config: Path, *more: str) -> Iterator[Running]:
+    """Run the gateway; yields it when the drive is reached."""
+    with running(command, str(config), *more) as program:
+        ready = program.until("ready")
+        assert ready["socket"] == str(config.parent / "state" / "relay.sock")
+        program.until("line-up")
+        yield program
 
 
 def exchange(port: int, pdu: bytes) -> bytes:
@@ -122,7 +69,7 @@ def exchange(port: int, pdu: bytes) -> bytes:
 
 
 def test_a_gateway_that_runs_is_commanded(config: Path) -> None:
-    with running("run", config) as (process, _):
+    with up("run", config) as program:
         off = typed("disable", str(config), "x")
         assert (off.returncode, off.stderr) == (0, "")
         assert off.stdout == "x: compensation is off; the correction is removed at the next motion\n"
@@ -131,14 +78,13 @@ def test_a_gateway_that_runs_is_commanded(config: Path) -> None:
         wrong = typed("enable", str(config), "z", "x")
         assert wrong.returncode == 1
         assert f"{config}: axis z: there is none of that name; there are x, y" in wrong.stderr
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(SECONDS) == 0
+        assert program.end() == 0
     assert not (config.parent / "state" / "relay.sock").exists()
 
 
 def test_an_axis_in_shadow_mode_is_named_when_it_is_enabled(config: Path) -> None:
     config.write_text(config.read_text().replace('compensation = "on"', 'compensation = "shadow"', 1))
-    with running("run", config):
+    with up("run", config):
         typed("disable", str(config), "x")
         on = typed("enable", str(config), "x", "--json")
         assert json.loads(on.stdout) == {"changed": ["x"], "problems": []}
@@ -169,13 +115,13 @@ def test_without_a_gateway_a_script_gets_its_json_too(config: Path, command: str
 
 
 def test_a_gateway_is_commanded_while_its_configuration_is_being_edited(config: Path) -> None:
-    with running("run", config):
+    with up("run", config):
         config.write_text(config.read_text() + "\n[axis.half]\nline = 1\n")
         assert typed("disable", str(config), "x").returncode == 0
 
 
 def test_a_second_gateway_on_the_same_folder_is_refused(config: Path) -> None:
-    with running("run", config):
+    with up("run", config):
         second = typed_apart("run", str(config))
         assert second.returncode == 1
         assert json.loads(second.stderr.splitlines()[-1])["detail"].startswith(
@@ -209,11 +155,11 @@ def test_on_a_terminal_a_reference_is_asked_for(config: Path, answer: bytes, sai
 def recording(config: Path, tmp_path: Path) -> Path:
     """A recording of one corrected target and of a command."""
     path = tmp_path / "record.jsonl"
-    with running("record", config, str(path)) as (process, port):
-        assert exchange(port, WRITE) == WRITE[:5]
+    with up("record", config, str(path)) as program:
+        assert exchange(program.port("xyz/cnc"), WRITE) == WRITE[:5]
         assert typed("disable", str(config)).returncode in (0, 1)
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(SECONDS) == 0
+        program.process.send_signal(signal.SIGTERM)
+        assert program.process.wait(SECONDS) == 0
     return path
 
 
@@ -318,6 +264,6 @@ def test_a_recording_that_cannot_be_made_is_said_before_anything_starts(config: 
 
 def test_a_gateway_that_cannot_start_leaves_no_recording(config: Path, tmp_path: Path) -> None:
     path = tmp_path / "record.jsonl"
-    with running("run", config):
+    with up("run", config):
         assert typed_apart("record", str(config), str(path)).returncode == 1
     assert not path.exists()

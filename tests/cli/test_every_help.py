@@ -12,6 +12,7 @@ import typer
 from typer.testing import CliRunner
 
 from gateway.cli.app import app
+from tests.support.processes import typed_apart
 
 APP: Any = typer.main.get_command(app)  # typer brings a click of its own
 
@@ -102,13 +103,7 @@ def test_the_commands_are_found() -> None:
 
 @pytest.mark.parametrize("arguments", [[], ["table"]])
 def test_without_arguments_the_help_is_shown_as_wrong_usage(arguments: list[str]) -> None:
-    process = subprocess.run(
-        [sys.executable, "-c", "from gateway.cli.main import main; main()", *arguments],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    process = typed_apart(*arguments, seconds=60.0)
     assert process.returncode == 2
     assert "Commands" in process.stdout + process.stderr
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.lesser import LATE, ROOT, SECONDS, Lesser, lesser
+from tests.support.processes import typed_apart
 
 COMMANDS = (
     "check {}",
@@ -113,14 +114,7 @@ def test_a_table_that_a_configuration_names_is_no_other_kind_of_file(kind: str, 
         table.write_bytes(b"")
         os.truncate(table, 8 * 1024**3)
         said = f"more than {16 * 1024**2} bytes"
-    process = subprocess.run(
-        [sys.executable, "-c", "from gateway.cli.main import main; main()", "check", str(config)],
-        capture_output=True,
-        text=True,
-        timeout=SECONDS,
-        check=False,
-        cwd=ROOT,
-    )
+    process = typed_apart("check", str(config), seconds=SECONDS)
     assert process.returncode == 1
     assert said in process.stderr
     assert str(table) in process.stderr

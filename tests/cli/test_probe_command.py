@@ -16,26 +16,7 @@ from gateway.simulator.pty import Pty
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.serial import open_port
 from tests.support.commands import Typed, typed
-
-CONFIG = """
-[line.xyz]
-drives = {{ {drives} }}
-response_timeout_ms = 500
-
-[[line.xyz.controllers]]
-name = "cnc"
-tcp = "127.0.0.1:1502"
-
-[axis.x]
-line = "xyz"
-unit_id = 1
-units = "mm"
-counts_per_unit = 1000.0
-travel = [0.0, 300.0]
-referenced = "absolute"
-registers.command = [{{ address = 100, type = "int32" }}]
-registers.actual = [{{ address = 110, type = "int32", words = "{words}" }}]
-"""
+from tests.support.config import axis, gateway_toml, line, registers, written
 
 
 def answer(drive: socket.socket, asked: list[bytes], counts: int, looks_at_unit_ids: bool = False) -> None:
@@ -88,9 +69,13 @@ def serial_drive(request: pytest.FixtureRequest) -> Iterator[tuple[str, list[byt
 
 
 def configured(folder: Path, drives: str, words: str = "high-first") -> Path:
-    path = folder / "gateway.toml"
-    path.write_text(CONFIG.format(drives=drives, words=words))
-    return path
+    """Write the configuration of an axis; ``drives`` and what follows are TOML."""
+    actual = [{"address": 110, "type": "int32", "words": words}]
+    text = gateway_toml(
+        line(1, {"cnc": 1502}, response_timeout_ms=500),
+        axis(registers={**registers(command=100), "actual": actual}, travel=[0.0, 300.0]),
+    )
+    return written(folder, text.replace('tcp = "127.0.0.1:1"', drives), {})
 
 
 def test_a_good_axis_is_shown_and_the_code_is_0(tmp_path: Path, drive: tuple[str, list[bytes]]) -> None:

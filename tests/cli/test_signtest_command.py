@@ -2,61 +2,33 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner, Result
 
 from gateway.cli.app import app
+from tests.support.config import axis, gateway_toml, line, tab, written
 
-CONFIG = """
-[line.xyz]
-drives = { tcp = "127.0.0.1:5020" }
 
-[[line.xyz.controllers]]
-name = "cnc"
-tcp = "127.0.0.1:1502"
+def configured(folder: Path, **keys: Any) -> Path:
+    """Write a configuration with axis x, and an axis y without a table.
 
-[axis.x]
-line = "xyz"
-unit_id = 1
-units = "mm"
-counts_per_unit = 1000.0
-machine_offset = 100.0
-travel = [0.0, 200.0]
-referenced = "absolute"
-compensation = "on"
-table = "x.tab"
-registers.command = [{ address = 100, type = "int32" }]
-
-[axis.y]
-line = "xyz"
-unit_id = 2
-units = "mm"
-counts_per_unit = 1000.0
-travel = [0.0, 200.0]
-referenced = "absolute"
-compensation = "on"
-registers.command = [{ address = 100, type = "int32" }]
-"""
-TABLE = """CNC10 TAB FILE VERSION 3
-AXIS X
-UNITS MILLIMETER
-INTERVAL 100.0
-ENTRIES 3
-0.0 0.0 0.0
-100.0 0.0 0.0
-200.0 0.02 -0.01
-"""
+    Home is at the minus end: away from home is forward. At 200 mm the table of x adds 20 µm forward and takes
+    away 10 µm.
+    """
+    table = tab(0.0, 0.0, (0.02, -0.01), interval=100.0)
+    text = gateway_toml(
+        line(5020, {"cnc": 1502}),
+        axis(machine_offset=100.0, travel=[0.0, 200.0], compensation="on", **{"table": "x.tab", **keys}),
+        axis("y", unit_id=2, travel=[0.0, 200.0], compensation="on"),
+    )
+    return written(folder, text, {"x.tab": table})
 
 
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
-    """Home at the minus end: away from home is forward. 20 µm added forward, 10 µm taken away, at 200 mm."""
-    (tmp_path / "tables").mkdir()
-    (tmp_path / "tables" / "x.tab").write_text(TABLE)
-    path = tmp_path / "gateway.toml"
-    path.write_text(CONFIG)
-    return path
+    return configured(tmp_path)
 
 
 def typed(config: Path, *arguments: str, typed_in: str | None = None) -> Result:
@@ -120,8 +92,7 @@ def test_the_remedy_names_the_file_and_what_to_change(config: Path) -> None:
 def test_a_backlash_without_a_table_is_tested_too(
     config: Path, readings: tuple[float, float], verdict: str, said: str
 ) -> None:
-    backlash = 'backlash = { width = 0.2, kind = "homed-forward" }'
-    config.write_text(CONFIG.replace('table = "x.tab"', backlash))
+    configured(config.parent, table=None, backlash={"width": 0.2, "kind": "homed-forward"})
     result = typed(config, "--axis", "x", *numbers(100.0, *readings))
     assert f"verdict: {verdict}\n" in result.stdout
     assert said in result.stdout

@@ -2,19 +2,14 @@
 
 import os
 import subprocess
-import sys
 from pathlib import Path
 
-from tests.cli.test_signtest_command import CONFIG, TABLE
-
-COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
+from tests.cli.test_signtest_command import configured
+from tests.support.processes import COMMAND
 
 
 def test_on_a_terminal_it_asks_for_the_move_first(tmp_path: Path) -> None:
-    config = tmp_path / "gateway.toml"
-    config.write_text(CONFIG)
-    (tmp_path / "tables").mkdir()
-    (tmp_path / "tables" / "x.tab").write_text(TABLE)
+    config = configured(tmp_path)
     controlling, terminal = os.openpty()
     command = [*COMMAND, "signtest", str(config), "--axis", "x"]
     with subprocess.Popen(command, stdin=terminal, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as asking:

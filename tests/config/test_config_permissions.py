@@ -12,7 +12,7 @@ import pytest
 from gateway.transport import permissions
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from tests.config.config_bench import GOOD, edited, written
-from tests.processes.bench import ROOT
+from tests.support.processes import ROOT
 
 NOBODY = 65_534
 AS_ROOT = pytest.mark.skipif(os.geteuid() != 0, reason="only root can become another user")

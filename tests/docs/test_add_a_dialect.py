@@ -27,7 +27,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a copy of what the page is about, with its dialect in it."""
     folder = tmp_path_factory.mktemp("copy")
     ignored = shutil.ignore_patterns("__pycache__", "*.so")
-    for name in ("gateway", "tables", "tests/tabfile"):
+    for name in ("gateway", "tables", "tests/support", "tests/tabfile"):
         shutil.copytree(ROOT / name, folder / name, ignore=ignored)
     for path in (ROOT / "pyproject.toml", *(ROOT / "tests").glob("*.py")):
         shutil.copy(path, folder / path.relative_to(ROOT))

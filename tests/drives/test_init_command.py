@@ -8,7 +8,6 @@ import select
 import signal
 import socket
 import subprocess
-import sys
 import tomllib
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from gateway.cli.app import app
 from gateway.commissioning.serial_ports import serial_ports
 from gateway.config.load import load
 from gateway.drives import library
-from tests.support.processes import started
+from tests.support.processes import COMMAND, started
 
 OWN = """\
 title = "A drive of mine"
@@ -384,7 +383,7 @@ def test_it_says_what_is_asked_for_and_what_comes_next(tmp_path: Path) -> None:
 
 def test_ctrl_c_at_a_question_ends_it_with_nothing_written(tmp_path: Path) -> None:
     controlling, terminal = os.openpty()
-    command = [sys.executable, "-c", "from gateway.cli.main import main; main()", "init"]
+    command = [*COMMAND, "init"]
     with started(
         command, cwd=tmp_path, stdin=terminal, stderr=subprocess.PIPE, start_new_session=True
     ) as process:

@@ -6,7 +6,6 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import tomllib
 from contextlib import ExitStack
@@ -22,9 +21,9 @@ from gateway.config.load import load
 from gateway.config.problems import ConfigErrors
 from gateway.transport.errors import RefusedError
 from tests.listen.lines import Frames, Registers, SimulatedLine
-from tests.support.processes import started
+from tests.support.processes import COMMAND, started
 
-COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()", "listen"]
+LISTEN = [*COMMAND, "listen"]
 TARGETS = (10000, -2500, 71234, 1)
 
 
@@ -64,7 +63,7 @@ def test_three_lines_are_understood(tmp_path: Path) -> None:
         ears = [
             exits.enter_context(
                 started(
-                    [*COMMAND, line.path, "--for", "12", "--json", "--out", str(tmp_path / f"{n}.toml")],
+                    [*LISTEN, line.path, "--for", "12", "--json", "--out", str(tmp_path / f"{n}.toml")],
                     stdout=subprocess.PIPE,
                     stderr=subprocess.PIPE,
                     text=True,
@@ -141,7 +140,7 @@ class DriveServer:
 def test_a_proxy_passes_everything_on_and_listens(tmp_path: Path) -> None:
     drive = DriveServer()
     out = tmp_path / "gateway.toml"
-    command = [*COMMAND, "127.0.0.1:0", "--to", f"127.0.0.1:{drive.port}", "--out", str(out), "--json"]
+    command = [*LISTEN, "127.0.0.1:0", "--to", f"127.0.0.1:{drive.port}", "--out", str(out), "--json"]
     with started(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as proxy:
         assert proxy.stderr is not None
         found = re.search(r"127\.0\.0\.1:(\d+) in place of", proxy.stderr.readline())

@@ -5,7 +5,6 @@ import contextlib
 import json
 import os
 import signal
-import sys
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any, Self
@@ -24,9 +23,8 @@ from gateway.simulator.screw import PeriodicError, Screw
 from gateway.simulator.server import RegisterServer
 from tests.support.commands import typed
 from tests.support.ports import free_port
+from tests.support.processes import COMMAND, ROOT
 
-ROOT = Path(__file__).parents[2]
-COMMAND = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
 SECONDS = 120.0
 COUNTS_PER_MM = 10_000.0
 WORN = Screw(
@@ -71,6 +69,13 @@ done = { address = 0x0204, bit = 1 }
 moving = { address = 0x0204, bit = 2 }
 alarm = { address = 0x0204, bit = 3 }
 """
+
+
+def written_alone(folder: Path, axis: str) -> Path:
+    """Write the configuration of a machine that is not there, with these lines of its axis."""
+    path = folder / "gateway.toml"
+    path.write_text(CONFIG.format(drives=5020, controller='tcp = "127.0.0.1:5021"', axis=axis))
+    return path
 
 
 class Machine:

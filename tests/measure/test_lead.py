@@ -13,14 +13,11 @@ from gateway.config.load import load
 from gateway.exchange.plan import AxisPlan
 from gateway.metrology.gauge_kinds import GaugeKind
 from gateway.metrology.lead import lead_warnings, periods_of
-from tests.measure.site import CONFIG, REGISTERS
+from tests.measure.site import REGISTERS, written_alone
 
 
 def loaded(tmp_path: Path, more: str = "") -> tuple[AxisPlan, float | None]:
-    path = tmp_path / "gateway.toml"
-    axis = f"{more}{REGISTERS}"
-    path.write_text(CONFIG.format(drives=5020, controller='tcp = "127.0.0.1:5021"', axis=axis))
-    found = load(path)
+    found = load(written_alone(tmp_path, f"{more}{REGISTERS}"))
     plan = found.plan.lines[0].axes[0]
     return plan, found.sections.axes[plan.name].lead
 

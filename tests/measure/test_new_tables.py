@@ -12,30 +12,8 @@ from gateway.config.tables import context_of
 from gateway.exchange.plan import AxisPlan
 from gateway.metrology.readings import Reading, Survey
 from gateway.tabfile import parse_table
+from tests.support.config import axis, gateway_toml, line
 
-CONFIG = """
-[gateway]
-name = "mill"
-tables = "."
-
-[line.x]
-drives = {{ tcp = "127.0.0.1:5020" }}
-
-[[line.x.controllers]]
-name = "cnc"
-tcp = "127.0.0.1:1502"
-
-[axis.x]
-line = "x"
-unit_id = 1
-units = "mm"
-counts_per_unit = 10000.0
-referenced = "absolute"
-compensation = "on"
-registers.command = [{{ address = 100, type = "int32" }}]
-table = "x.csv"
-table_options = {{ {options} }}
-"""
 READINGS = Survey(
     tuple(
         Reading(target, way, target + error, run)
@@ -53,7 +31,19 @@ READINGS = Survey(
 
 def configured(folder: Path, options: str) -> tuple[Loaded, AxisPlan]:
     (folder / "x.csv").write_text("position_mm,correction_mm\n0,0\n100,0.01\n")
-    (folder / "gateway.toml").write_text(CONFIG.format(options=options))
+    (folder / "gateway.toml").write_text(
+        gateway_toml(
+            line(5020, {"cnc": 1502}),
+            axis(
+                more=f"table_options = {{ {options} }}\n",
+                counts_per_unit=10000.0,
+                travel=None,
+                compensation="on",
+                table="x.csv",
+            ),
+            tables=".",
+        )
+    )
     loaded = load(folder / "gateway.toml")
     return loaded, loaded.plan.lines[0].axes[0]
 

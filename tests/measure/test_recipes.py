@@ -13,8 +13,10 @@ from gateway.config.load import load
 from gateway.drives.library import names
 from gateway.drives.motion import Action
 from gateway.metrology.cycle import bidirectional_cycle
-from tests.measure.site import CONFIG, REGISTERS
+from tests.measure.site import REGISTERS, written_alone
+from tests.support.config import Keys, axis, registers, section
 
+OTHER: Keys = {"line": "main", "unit_id": 2}
 # What starts a move, and what stops one: register and value, as the profiles have them from the manuals.
 DRIVEN = {
     "applied-motion-16": ("register 0x007c = 0x67", "register 0x007c = 0xd8"),
@@ -42,9 +44,7 @@ REFUSED = {
 
 
 def _recipe(tmp_path: Path, axis: str) -> DriveRecipe:
-    path = tmp_path / "gateway.toml"
-    path.write_text(CONFIG.format(drives=5020, controller='tcp = "127.0.0.1:5021"', axis=axis))
-    return recipe_of(load(path).plan.lines[0].axes[0])
+    return recipe_of(load(written_alone(tmp_path, axis)).plan.lines[0].axes[0])
 
 
 def _axis(drive: str) -> str:
@@ -78,26 +78,11 @@ def test_an_axis_that_follows_a_stream_would_jump_and_is_refused(tmp_path: Path)
 
 
 def test_an_axis_of_a_group_is_not_moved_alone(tmp_path: Path) -> None:
-    path = tmp_path / "gateway.toml"
-    other = """
-[axis.x2]
-line = "main"
-unit_id = 2
-units = "mm"
-counts_per_unit = 10000.0
-travel = [-5.0, 105.0]
-compensation = "off"
-referenced = "absolute"
-registers.command = [{ address = 0x0100, type = "int32" }]
-registers.actual = [{ address = 0x0200, type = "int32" }]
-
-[group.gantry]
-axes = ["x", "x2"]
-"""
-    text = CONFIG.format(
-        drives=5020, controller='tcp = "127.0.0.1:5021"', axis='compensation = "off"\n' + REGISTERS
+    other = axis(
+        "x2", registers(command=0x0100, actual=0x0200), **OTHER, travel=[-5.0, 105.0], compensation="off"
     )
-    path.write_text(text + other)
+    group = section("[group.gantry]", {"axes": ["x", "x2"]})
+    path = written_alone(tmp_path, f'compensation = "off"\n{REGISTERS}{other}{group}')
     with pytest.raises(AxisError, match="belongs to a group with x2"):
         axis_of(load(path).plan.lines, "x")
 
@@ -120,17 +105,6 @@ table = "x.csv"
 thermal = { alpha = 11.5e-6, reference = 22.0, source = { modbus = "127.0.0.1:5022", address = 0 } }
 cross = [{ axis = "y", table = "x.csv" }]
 """
-OTHER = """
-[axis.y]
-line = "main"
-unit_id = 2
-units = "mm"
-counts_per_unit = 1000.0
-travel = [0.0, 100.0]
-referenced = "absolute"
-compensation = "on"
-registers.command = [{ address = 0x0100, type = "int32" }]
-"""
 
 
 @pytest.mark.parametrize(
@@ -145,9 +119,8 @@ def test_it_is_said_what_is_added_beside_the_table(
 ) -> None:
     """What thermal and cross take care of would count twice if it were measured into the table too."""
     (tmp_path / "x.csv").write_text("position_mm,correction_mm\n-5,0\n105,0.01\n")
-    path = tmp_path / "gateway.toml"
-    axis = TERMS + REGISTERS + OTHER
-    path.write_text(CONFIG.format(drives=5020, controller='tcp = "127.0.0.1:5021"', axis=axis))
+    other = axis("y", registers(command=0x0100), **OTHER, compensation="on")
+    path = written_alone(tmp_path, TERMS + REGISTERS + other)
     line, plan = axis_of(load(path).plan.lines, "x")
     link = controller_of(line, None)
     route = AxisRoute(line, recipe_of(plan), link, endpoint_of(link, None))

@@ -21,16 +21,9 @@ from tests.measure.site import (
     measuring,
     run_command,
 )
+from tests.support.config import tab
 
-TABLE = """CNC10 TAB FILE VERSION 3
-AXIS X
-UNITS MILLIMETER
-INTERVAL 50.0
-ENTRIES 3
-0.0 0.0 0.0
-50.0 -0.02 -0.04
-100.0 -0.04 -0.06
-"""
+TABLE = tab(0.0, (-0.02, -0.04), (-0.04, -0.06))
 WIDE = ("--from", "0", "--to", "100", "--step", "100", "--runs", "1", "--dwell", "0", "--yes", "--json")
 FEW = ("--from", "0", "--to", "20", "--step", "10", "--runs", "1", "--dwell", "0", "--yes", "--json")
 LEADSHINE = """

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes.bench import Site, site_in
+from tests.support.gateway import Site, site_in
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 import contextlib
 import itertools
 import json
-import shutil
 import socket
 import subprocess
 import threading
@@ -12,45 +11,12 @@ from pathlib import Path
 from typing import Final
 
 from gateway.modbus.mbap import encode_mbap
-from tests.processes.bench import COMMAND, ROOT, SECONDS, Running, running
+from tests.support.config import axis, gateway_toml, line, registers, tcp, written
 from tests.support.ports import free_port
-from tests.support.processes import started
+from tests.support.processes import COMMAND, ROOT, SECONDS, Running, running, started
 
 TABLES: Final = ROOT / "tables" / "demo"
 TRAVELS: Final = {"x": (-300.0, 0.0), "y": (0.0, 250.0), "z": (-200.0, 0.0)}
-HEAD: Final = """[gateway]
-name = "mill-1"
-
-[http]
-listen = "127.0.0.1:{http}"
-
-[line.xyz]
-drives = {{ tcp = "127.0.0.1:{drives}" }}
-
-[[line.xyz.controllers]]
-name = "cnc"
-tcp = "127.0.0.1:{controller}"
-
-[[line.xyz.controllers]]
-name = "panel"
-tcp = "127.0.0.1:{panel}"
-role = "monitor"
-"""
-AXIS: Final = """
-[axis.{name}]
-line = "xyz"
-unit_id = {unit_id}
-units = "mm"
-counts_per_unit = 1000.0
-travel = [{low}, {high}]
-max_speed = 50.0
-budget_us = 1000000
-referenced = "absolute"
-compensation = "on"
-table = "cnc10{name}.tab"
-registers.command = [{{ address = 100, type = "int32" }}]
-registers.actual = [{{ address = 200, type = "int32" }}]
-"""
 
 
 class Mill:
@@ -59,15 +25,25 @@ class Mill:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.tables = folder / "tables"
-        self.tables.mkdir()
         http, drives, self.controller_port, panel = (free_port() for _ in range(4))
         self.address = f"http://127.0.0.1:{http}/"
-        text = HEAD.format(http=http, drives=drives, controller=self.controller_port, panel=panel)
-        for unit_id, (name, (low, high)) in enumerate(TRAVELS.items(), start=1):
-            shutil.copy(TABLES / f"cnc10{name}.tab", self.tables)
-            text += AXIS.format(name=name, unit_id=unit_id, low=low, high=high)
-        self.config = folder / "gateway.toml"
-        self.config.write_text(text)
+        controllers = {"cnc": tcp(self.controller_port), "panel": {**tcp(panel), "role": "monitor"}}
+        axes = [
+            axis(
+                name,
+                registers(command=100, actual=200),
+                unit_id=unit_id,
+                travel=travel,
+                max_speed=50.0,
+                budget_us=1000000,
+                compensation="on",
+                table=f"cnc10{name}.tab",
+            )
+            for unit_id, (name, travel) in enumerate(TRAVELS.items(), start=1)
+        ]
+        tables = {table.name: table.read_bytes() for table in TABLES.glob("cnc10*.tab")}
+        text = gateway_toml(line(drives, controllers), *axes, name="mill-1", http=f"127.0.0.1:{http}")
+        self.config = written(folder, text, tables)
 
     @contextlib.contextmanager
     def running(self) -> Iterator[Running]:
@@ -77,9 +53,7 @@ class Mill:
             assert drives.stdout is not None
             json.loads(drives.stdout.readline())
             with running("run", str(self.config)) as gateway:
-                seen: set[str] = set()
-                while not {"line-up", "http-ready", "relay-reached"} <= seen:
-                    seen.add(gateway.next()["event"])
+                gateway.until_each("line-up", "http-ready", "relay-reached")
                 yield gateway
 
 

@@ -16,64 +16,15 @@ from pathlib import Path
 from typing import Any, Final
 
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
-from tests.processes.bench import SECONDS, Running, running
+from tests.support.config import axis, gateway_toml, line, registers, tab, tcp, written
 from tests.support.ports import free_port
+from tests.support.processes import SECONDS, Running, running
 
-CONFIG: Final = """[gateway]
-name = "mill-1"
-
-[http]
-listen = "127.0.0.1:{http}"
-
-[line.xy]
-drives = {{ rtu = "{drives}", baudrate = 115200, parity = "even" }}
-response_timeout_ms = 300
-drain_ms = 20
-
-[[line.xy.controllers]]
-name = "cnc"
-tcp = "127.0.0.1:{cnc}"
-timeout_ms = 300
-
-[[line.xy.controllers]]
-name = "panel"
-tcp = "127.0.0.1:{panel}"
-timeout_ms = 300
-
-[[line.xy.controllers]]
-name = "plc"
-rtu = "{plc}"
-baudrate = 115200
-parity = "even"
-role = "monitor"
-"""
-AXIS: Final = """
-[axis.{name}]
-line = "xy"
-unit_id = {unit_id}
-units = "mm"
-counts_per_unit = 1000.0
-travel = [0.0, 100.0]
-referenced = "drive-bit"
-compensation = "on"
-table = "{name}.tab"
-budget_us = 1000000
-registers.command = [{{ address = 100, type = "int32" }}]
-registers.actual = [{{ address = 200, type = "int32" }}]
-registers.bits.homed = {{ address = 300, bit = 0 }}
-"""
-TABLE: Final = """CNC10 TAB FILE VERSION 3
-AXIS {axis}
-UNITS MILLIMETER
-INTERVAL 50.0
-ENTRIES 3
-0.0 0.0 0.0
-50.0 0.05 0.05
-100.0 0.1 0.1
-"""
 GARBAGE: Final = bytes.fromhex("FE 9C 38 F0 E6 80")
-TRIES: Final = 3
 """As a receiver hears that samples at another rate: no frame of six bytes has this check sum."""
+TRIES: Final = 3
+ANSWER_S: Final = 10.0
+"""So long a controller waits for an answer before it asks again."""
 
 
 class Health(Enum):
@@ -160,20 +111,34 @@ class SickLine:
         self.drives, self.plc = Drives(), Port()
         http, self.cnc_port, self.panel_port = (free_port() for _ in range(3))
         self.address = f"http://127.0.0.1:{http}/"
-        (folder / "tables").mkdir()
-        for name in "xy":
-            (folder / "tables" / f"{name}.tab").write_text(TABLE.format(axis=name.upper()))
-        text = CONFIG.format(
-            http=http,
-            drives=self.drives.port.path,
-            cnc=self.cnc_port,
-            panel=self.panel_port,
-            plc=self.plc.path,
+        serial = {"baudrate": 115200, "parity": "even"}
+        wires = line(
+            {"rtu": self.drives.port.path, **serial},
+            {
+                "cnc": {**tcp(self.cnc_port), "timeout_ms": 300},
+                "panel": {**tcp(self.panel_port), "timeout_ms": 300},
+                "plc": {"rtu": self.plc.path, **serial, "role": "monitor"},
+            },
+            name="xy",
+            response_timeout_ms=300,
+            drain_ms=20,
         )
-        for unit_id, name in enumerate("xy", start=1):
-            text += AXIS.format(name=name, unit_id=unit_id)
-        self.config = folder / "gateway.toml"
-        self.config.write_text(text)
+        axes = [
+            axis(
+                name,
+                {**registers(command=100, actual=200), "bits.homed": {"address": 300, "bit": 0}},
+                line="xy",
+                unit_id=unit_id,
+                referenced="drive-bit",
+                compensation="on",
+                table=f"{name}.tab",
+                budget_us=1000000,
+            )
+            for unit_id, name in enumerate("xy", start=1)
+        ]
+        tables = {f"{name}.tab": tab(0.0, 0.05, 0.1, name=name.upper()) for name in "xy"}
+        text = gateway_toml(wires, *axes, name="mill-1", http=f"127.0.0.1:{http}")
+        self.config = written(folder, text, tables)
 
     def close(self) -> None:
         """Take everything apart."""
@@ -184,11 +149,7 @@ class SickLine:
     def running(self) -> Iterator[Running]:
         """Start the gateway; yields it once its page is there and the line is open."""
         with running("run", str(self.config)) as gateway:
-            seen: set[str] = set()
-            while not {"line-up", "http-ready", "relay-reached"} <= seen:
-                line = gateway.line()
-                if not line.startswith("warning: "):  # a silent drive costs the others time: so it is meant
-                    seen.add(json.loads(line)["event"])
+            gateway.until_each("line-up", "http-ready", "relay-reached")
             yield gateway
 
     def get(self, path: str) -> tuple[int, bytes]:
@@ -231,7 +192,7 @@ class Client:
     """A Modbus/TCP controller that asks one thing after the other, and again where nothing comes."""
 
     def __init__(self, port: int) -> None:
-        self._connection = socket.create_connection(("127.0.0.1", port), timeout=SECONDS / TRIES)
+        self._connection = socket.create_connection(("127.0.0.1", port), timeout=ANSWER_S)
         self._number = 0
 
     def ask(self, unit_id: int, pdu: str) -> bytes:

@@ -11,9 +11,10 @@ from typing import Any
 
 import pytest
 
-from tests.processes.bench import Master, Site, children, gateway_of, wait_until_dead
+from tests.support.gateway import Master, Site, gateway_of
 from tests.support.mosquitto import PATIENCE_S, broker_in, mosquitto_passwd, payload_of, watching
 from tests.support.ports import free_port
+from tests.support.processes import children, wait_until_dead
 
 ROOT = "pitch-gateway/trial"
 AWAY_S = 30.0

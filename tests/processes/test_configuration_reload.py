@@ -7,8 +7,9 @@ from typing import Any
 
 from gateway.ipc.client import ask
 from gateway.ipc.messages import GetStatus, Status
-from tests.processes.bench import SECONDS, Master, Site, gateway_of
 from tests.support.commands import typed
+from tests.support.gateway import Master, Site, gateway_of
+from tests.support.processes import SECONDS
 from tests.support.status_models import plain
 
 

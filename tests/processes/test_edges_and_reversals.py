@@ -5,32 +5,19 @@ from collections.abc import Iterator
 import pytest
 
 from tests.processes.workshop import Workshop, workshop_in
+from tests.support.config import axis, tab
 
-AXIS = """
-[axis.{name}]
-line = "all"
-unit_id = {unit_id}
-units = "mm"
-counts_per_unit = 1000.0
-travel = [-50.0, 150.0]
-referenced = "absolute"
-compensation = "on"
-table = "{table}"
-registers.command = [{{ address = 100, type = "int32" }}]
-{settings}
-"""
-MINT = b"""DIM fwd(5) = 10.02, 20.01, 30.00, 40.01, 50.01
+MINT = """DIM fwd(5) = 10.02, 20.01, 30.00, 40.01, 50.01
 PRECISIONTABLE(0, fwd)
 PRECISIONINCREMENT.0 = 10
 PRECISIONOFFSET.0 = 0
 """
-HEADER = b"CNC10 TAB FILE VERSION 3\nAXIS X\nUNITS MILLIMETER\nINTERVAL 50\nENTRIES 3\n"
 TABLES = {
-    "bow.tab": HEADER + b"0 0 0\n50 .05 .05\n100 0 0\n",
-    "ramp.tab": HEADER + b"0 0 0\n50 .05 .05\n100 .1 .1\n",
-    "lost.tab": HEADER + b"0 .01 -.01\n50 .01 -.01\n100 .01 -.01\n",
+    "bow.tab": tab(0.0, 0.05, 0.0),
+    "ramp.tab": tab(0.0, 0.05, 0.1),
+    "lost.tab": tab((0.01, -0.01), (0.01, -0.01), (0.01, -0.01)),
     "fwd.mnt": MINT,
-    "flat.tab": HEADER + b"0 0 0\n50 .05 .05\n100 .05 .05\n",
+    "flat.tab": tab(0.0, 0.05, 0.05),
 }
 STREAM = 'setpoints = "stream"\n'
 ALONE = 'backlash = { width = 0.2, kind = "homed-forward" }'
@@ -46,8 +33,8 @@ AXES = {
         "flat.tab",
         STREAM + 'backlash = { width = 0.02, kind = "homed-forward" }\nreversal = { cycles = 2 }',
     ),
-    "alone": ("", ALONE),
-    "interval": ("", f"{STREAM}{ALONE}\nreversal = {{ cycles = 2 }}"),
+    "alone": (None, ALONE),
+    "interval": (None, f"{STREAM}{ALONE}\nreversal = {{ cycles = 2 }}"),
 }
 UNIT_IDS = {name: unit_id for unit_id, name in enumerate(AXES, start=1)}
 
@@ -55,8 +42,13 @@ UNIT_IDS = {name: unit_id for unit_id, name in enumerate(AXES, start=1)}
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Workshop]:
     axes = [
-        AXIS.format(name=name, unit_id=UNIT_IDS[name], table=table, settings=settings).replace(
-            'table = ""\n', ""
+        axis(
+            name,
+            more=f"{settings}\n",
+            unit_id=UNIT_IDS[name],
+            travel=[-50.0, 150.0],
+            compensation="on",
+            table=table,
         )
         for name, (table, settings) in AXES.items()
     ]

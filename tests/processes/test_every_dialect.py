@@ -1,6 +1,5 @@
 """One gateway with an axis for each dialect of table files: each drive is told what its file says."""
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,22 +8,9 @@ import pytest
 from gateway.tabfile import dialect_named
 from tests.processes.saving import in_place
 from tests.processes.workshop import Workshop, workshop_in
+from tests.support.config import axis
 from tests.tabfile.mutants import Sample
 from tests.tabfile.samples import SAMPLES
-
-AXIS = """
-[axis.{name}]
-line = "all"
-unit_id = {unit_id}
-units = "{units}"
-counts_per_unit = {counts_per_unit}
-travel = {travel}
-referenced = "absolute"
-compensation = "on"
-table = "{table}"
-table_options = {{ {options} }}
-registers.command = [{{ address = 100, type = "int32" }}]
-"""
 
 
 def table_name(sample: Sample) -> str:
@@ -39,14 +25,15 @@ def axis_text(sample: Sample, unit_id: int) -> str:
     context = sample.context
     assert context.units is not None
     assert context.travel is not None
-    return AXIS.format(
-        name=axis_name(sample),
+    return axis(
+        axis_name(sample),
         unit_id=unit_id,
         units=context.units.value,
         counts_per_unit=sample.counts_per_unit,
-        travel=list(context.travel),
+        travel=context.travel,
+        compensation="on",
         table=table_name(sample),
-        options=", ".join(f"{key} = {json.dumps(value)}" for key, value in sample.table_options.items()),
+        table_options=sample.table_options,
     )
 
 

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes.bench import COMMAND, ROOT, SECONDS, Site, children, site_in, typed_apart
 from tests.support.commands import typed
-from tests.support.processes import started
+from tests.support.gateway import Site, site_in
+from tests.support.processes import COMMAND, ROOT, SECONDS, children, started, typed_apart
 
 BAD_TABLE = "no table"
 KEPT = "axis x starts with the last good table"

@@ -11,8 +11,9 @@ from typing import Any
 
 import pytest
 
-from tests.processes.bench import COMMAND, ROOT, SECONDS, TABLE, Running, Site
-from tests.support.processes import started
+from tests.support.config import RAMP
+from tests.support.gateway import Site
+from tests.support.processes import COMMAND, ROOT, SECONDS, Running, started
 
 DISK_BYTES = 200 * 1024
 POINTS = 20_001
@@ -66,9 +67,7 @@ def test_a_full_disk_costs_no_move_is_told_and_is_overcome(site: Site) -> None:
     command = [*small_disk(state), *COMMAND, "run", str(site.config), "--log-format", "json"]
     with started(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
         gateway = Running(process)
-        seen: set[str] = set()
-        while not {"line-up", "relay-reached", "http-ready"} <= seen:
-            seen.add(gateway.next()["event"])
+        gateway.until_each("line-up", "relay-reached", "http-ready")
         master, status = site.master(), Status(address)
         assert master.move(50_000) == 50_050
         site.table.write_text(large(POINTS))
@@ -80,7 +79,7 @@ def test_a_full_disk_costs_no_move_is_told_and_is_overcome(site: Site) -> None:
         assert master.move(50_001) == 50_051
         gateway.process.send_signal(signal.SIGHUP)  # a reload that finds the disk full is tried again too
         gateway.until("reload-refused")
-        site.table.write_text(TABLE.replace("0.05 0.05", "0.06 0.06"))
+        site.table.write_text(RAMP.replace("0.05 0.05", "0.06 0.06"))
         gateway.until("table-handed-over")
         status.until(None)
         status.until(None, of="configuration")

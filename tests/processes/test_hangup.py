@@ -7,9 +7,10 @@ import time
 
 from gateway.ipc.client import ask
 from gateway.ipc.messages import Ping, Pong
-from tests.processes.bench import COMMAND, ROOT, SECONDS, STEEPER, Site, children, gateway_of, running
 from tests.support.commands import typed
-from tests.support.processes import started
+from tests.support.config import STEEPER
+from tests.support.gateway import Site, gateway_of
+from tests.support.processes import COMMAND, ROOT, SECONDS, children, running, started
 
 
 def test_a_relay_goes_on_with_its_exchange_after_a_hangup_and_says_so_once(site: Site) -> None:

@@ -5,9 +5,9 @@ import os
 import subprocess
 import sys
 
-from tests.processes.bench import ROOT, SECONDS, Running, Site
 from tests.support.commands import typed
-from tests.support.processes import started
+from tests.support.gateway import Site
+from tests.support.processes import ROOT, SECONDS, Running, started
 
 
 def test_a_supervisor_whose_thread_hangs_ends_when_it_is_told_to(site: Site) -> None:

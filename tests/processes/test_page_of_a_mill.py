@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Page
 
 from tests.processes.mill import Controller, Mill
-from tests.support.browser import started_browser
+from tests.support.browser import opened_page
 
 WAIT_MS = 30_000
 DIGITS = "article.axis:first-of-type .digits"
@@ -21,9 +21,7 @@ def mill(tmp_path: Path) -> Mill:
 
 @pytest.fixture(scope="module")
 def page() -> Iterator[Page]:
-    with started_browser() as browser:
-        page = browser.new_page(viewport={"width": 1280, "height": 900})
-        page.set_default_timeout(WAIT_MS)
+    with opened_page(1280, 900, WAIT_MS) as page:
         yield page
 
 

@@ -2,8 +2,9 @@
 
 import json
 
-from tests.processes.bench import STEEPER, Site, gateway_of
 from tests.support.commands import typed
+from tests.support.config import STEEPER
+from tests.support.gateway import Site, gateway_of
 
 NOTHING = "nothing has changed\n"
 """Also where the supervisor, which watches the files, has been quicker than the command."""

@@ -5,8 +5,9 @@ import signal
 
 import pytest
 
-from tests.processes.bench import SECONDS, Site, children, gateway_of, is_alive, wait_until_dead
 from tests.support.commands import typed
+from tests.support.gateway import Site, gateway_of
+from tests.support.processes import SECONDS, children, is_alive, wait_until_dead
 
 
 def test_a_supervisor_that_is_killed_costs_no_exchange_and_is_started_again(site: Site) -> None:

@@ -12,10 +12,11 @@ from pathlib import Path
 import pytest
 
 from gateway.ipc.supervisor_client import ask_supervisor
-from tests.processes.bench import SECONDS, Site, children, gateway_of, running
 from tests.supervisor.http.doors import make_certificates, trusting, write_token
 from tests.support.commands import typed
+from tests.support.gateway import Site, gateway_of
 from tests.support.mosquitto import broker_in, mosquitto_passwd, watching
+from tests.support.processes import SECONDS, children, running
 
 PASSWORD = "marker-of-the-password"
 TOKEN = "marker-of-the-token-0123456789abcdefgh"

@@ -9,9 +9,9 @@ import pytest
 from playwright.sync_api import Page
 
 from gateway.status.model import COUNTERS
-from tests.processes.bench import children
 from tests.processes.sick_line import GARBAGE, Client, Health, SickLine, kinds
-from tests.support.browser import started_browser
+from tests.support.browser import opened_page
+from tests.support.processes import children
 
 WAIT_MS = 30_000
 CODE_NO_ANSWER = bytes.fromhex("83 0B")
@@ -33,9 +33,7 @@ def sick(tmp_path: Path) -> Iterator[SickLine]:
 
 @pytest.fixture(scope="module")
 def browser_page() -> Iterator[Page]:
-    with started_browser() as browser:
-        page = browser.new_page(viewport={"width": 1920, "height": 1080})
-        page.set_default_timeout(WAIT_MS)
+    with opened_page(1920, 1080, WAIT_MS) as page:
         yield page
 
 

@@ -17,19 +17,9 @@ import pytest
 from gateway.ipc.client import ask
 from gateway.ipc.log_thread import CAPACITY
 from gateway.ipc.messages import GetStatus, Status
-from tests.processes.bench import (
-    COMMAND,
-    ROOT,
-    SECONDS,
-    Master,
-    Site,
-    children,
-    is_alive,
-    site_in,
-    wait_until_dead,
-)
 from tests.support.commands import typed
-from tests.support.processes import started
+from tests.support.gateway import Master, Site, site_in
+from tests.support.processes import COMMAND, ROOT, SECONDS, children, is_alive, started, wait_until_dead
 
 SMALLEST_PIPE = 4096
 MOVES = 1500

@@ -5,8 +5,9 @@ import shutil
 
 import pytest
 
-from tests.processes.bench import Site, running
 from tests.processes.test_full_disk import Status
+from tests.support.gateway import Site
+from tests.support.processes import running
 
 
 @pytest.mark.parametrize("how", ["taken away", "closed"])
@@ -16,9 +17,7 @@ def test_a_state_folder_that_cannot_be_used_is_told_and_costs_no_move(site: Site
     state = site.socket.parent
     address = site.serve_page()
     with running("run", str(site.config)) as gateway:
-        seen: set[str] = set()
-        while not {"line-up", "relay-reached", "http-ready"} <= seen:
-            seen.add(gateway.next()["event"])
+        gateway.until_each("line-up", "relay-reached", "http-ready")
         master, status = site.master(), Status(address)
         assert master.move(50_000) == 50_050
         if how == "closed":

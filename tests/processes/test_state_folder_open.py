@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes.bench import running, site_in
 from tests.support.commands import typed
+from tests.support.gateway import site_in
+from tests.support.processes import running
 
 
 @pytest.mark.parametrize("mode", [0o700, 0o777])

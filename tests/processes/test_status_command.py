@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 
 from gateway import __version__
-from tests.processes.bench import SECONDS, Site, gateway_of
 from tests.support.commands import typed
+from tests.support.gateway import Site, gateway_of
+from tests.support.processes import SECONDS
 
 
 def until(config: str, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:

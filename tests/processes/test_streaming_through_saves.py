@@ -19,9 +19,10 @@ from gateway.ipc.address import socket_path
 from gateway.ipc.client import ask
 from gateway.ipc.messages import GetStatus, Status
 from gateway.modbus.mbap import encode_mbap
-from tests.processes.bench import Running, running
 from tests.processes.saving import in_place, old_moved_away, renamed_over, symlink_swapped
+from tests.support.config import axis, gateway_toml, line, tab, written
 from tests.support.ports import free_port
+from tests.support.processes import Running, running
 
 SAVES = 50
 BAD_EVERY = 5
@@ -38,41 +39,12 @@ AXES: dict[str, Callable[[Path, str], None]] = {
     "c": old_moved_away,
     "d": symlink_swapped,
 }
-CONFIG = """
-[gateway]
-name = "stream"
-[http]
-listen = ""
-[line.all]
-drives = {{ tcp = "127.0.0.1:{drives}" }}
-[[line.all.controllers]]
-name = "cnc"
-tcp = "127.0.0.1:{port}"
-"""
-AXIS = """
-[axis.{name}]
-line = "all"
-unit_id = {unit_id}
-units = "mm"
-counts_per_unit = 1000.0
-referenced = "absolute"
-compensation = "on"
-setpoints = "stream"
-travel = [0.0, 100.0]
-max_speed = 60.0
-table = "{name}.tab"
-reload = {{ distance = {reload} }}
-reversal = {{ distance = {reversal} }}
-registers.command = [{{ address = 100, type = "int32" }}]
-"""
 
 
-def table(axis: str, amplitude_mm: float) -> str:
+def table(name: str, amplitude_mm: float) -> str:
     """Rise to the amplitude at 100 mm; the way back lies 10 µm lower."""
-    rows = [(x, amplitude_mm * x / 100) for x in range(0, 101, 25)]
-    lines = "\n".join(f"{x:.1f} {c:.4f} {c - BACKLASH_MM:.4f}" for x, c in rows)
-    head = f"CNC10 TAB FILE VERSION 3\nAXIS {axis.upper()}\nUNITS MILLIMETER\nINTERVAL 25.0\nENTRIES 5\n"
-    return f"{head}{lines}\n"
+    rows = [round(amplitude_mm * x / 100, 4) for x in range(0, 101, 25)]
+    return tab(*((c, round(c - BACKLASH_MM, 4)) for c in rows), name=name.upper(), interval=25.0)
 
 
 def most_off_counts() -> float:
@@ -131,9 +103,9 @@ def save_all(gateway: Running, tables: Path) -> dict[str, list[str]]:
     answers: dict[str, list[str]] = {axis: [] for axis in AXES}
     for number, amplitude_mm in enumerate(AMPLITUDES_MM):
         is_bad = number % BAD_EVERY == BAD_EVERY - 1
-        for axis, save in AXES.items():
-            content = table(axis, amplitude_mm)
-            save(tables / f"{axis}.tab", content.replace("ENTRIES 5", "ENTRIES 6") if is_bad else content)
+        for name, save in AXES.items():
+            content = table(name, amplitude_mm)
+            save(tables / f"{name}.tab", content.replace("ENTRIES 5", "ENTRIES 6") if is_bad else content)
         waiting = set(AXES)
         while waiting:
             note = gateway.next()
@@ -149,34 +121,41 @@ def save_all(gateway: Running, tables: Path) -> dict[str, list[str]]:
 async def test_fifty_saves_of_each_kind_cost_the_drive_no_step_and_the_controller_no_exchange(
     tmp_path: Path,
 ) -> None:
-    tables = tmp_path / "tables"
-    tables.mkdir()
     drives = Drives()
     async with AsyncExitStack() as stack:
         server = await stack.enter_async_context(await asyncio.start_server(drives.serve, "127.0.0.1", 0))
         port = free_port()
-        text = CONFIG.format(drives=server.sockets[0].getsockname()[1], port=port)
-        for unit_id, axis in enumerate(AXES, start=1):
-            (tables / f"{axis}.tab").write_text(table(axis, 0.1))
-            text += AXIS.format(name=axis, unit_id=unit_id, reload=RELOAD_MM, reversal=REVERSAL_MM)
-        config = tmp_path / "gateway.toml"
-        config.write_text(text)
+        axes = [
+            axis(
+                name,
+                unit_id=unit_id,
+                compensation="on",
+                setpoints="stream",
+                max_speed=60.0,
+                table=f"{name}.tab",
+                reload={"distance": RELOAD_MM},
+                reversal={"distance": REVERSAL_MM},
+            )
+            for unit_id, name in enumerate(AXES, start=1)
+        ]
+        text = gateway_toml(line(server.sockets[0].getsockname()[1], {"cnc": port}), *axes, name="stream")
+        config = written(tmp_path, text, {f"{name}.tab": table(name, 0.1) for name in AXES})
         gateway = stack.enter_context(running("run", str(config)))
         await asyncio.to_thread(gateway.until, "relay-reached")
         saved = threading.Event()
         streaming = asyncio.create_task(stream(port, saved))
         try:
-            answers = await asyncio.to_thread(save_all, gateway, tables)
+            answers = await asyncio.to_thread(save_all, gateway, tmp_path / "tables")
         finally:
             saved.set()
         sent = await streaming
         status = await asyncio.to_thread(ask, socket_path(tmp_path / "state"), GetStatus())
         assert isinstance(status, Status)
         assert await asyncio.to_thread(gateway.end) == 0
-    for unit_id, axis in enumerate(AXES, start=1):
+    for unit_id, name in enumerate(AXES, start=1):
         good, bad = "table-handed-over", "table-rejected"
         kinds = [bad if n % BAD_EVERY == BAD_EVERY - 1 else good for n in range(SAVES)]
-        assert answers[axis] == kinds
+        assert answers[name] == kinds
         nominal, told = sent[unit_id], drives.told[unit_id]
         assert len(told) == len(nominal)  # nothing lost, nothing doubled
         steps = zip(nominal, nominal[1:], told, told[1:], strict=False)
@@ -185,6 +164,6 @@ async def test_fifty_saves_of_each_kind_cost_the_drive_no_step_and_the_controlle
         offsets = [drive - own for own, drive in zip(nominal, told, strict=False) if own == MIDDLE_COUNTS]
         # More than the two branches of one table: several came into force while it streamed.
         assert max(offsets) - min(offsets) > BACKLASH_MM * COUNTS_PER_MM + 2
-        in_force = status.status.axes[axis].table.sha256
-        last_good = table(axis, AMPLITUDES_MM[SAVES - 2])
+        in_force = status.status.axes[name].table.sha256
+        last_good = table(name, AMPLITUDES_MM[SAVES - 2])
         assert in_force == hashlib.sha256(last_good.encode()).hexdigest()

@@ -11,8 +11,9 @@ import pytest
 from gateway.exchange.commands import SetTemperature
 from gateway.ipc.client import ask
 from gateway.ipc.messages import Done, GetStatus, Status
-from tests.processes.bench import Site, children, gateway_of
+from tests.support.gateway import Site, gateway_of
 from tests.support.mosquitto import broker_in, watching
+from tests.support.processes import children
 from tests.support.status_models import plain
 
 WARM = "thermal = {{ alpha = 1e-4, source = {source}, timeout_s = 60, rate_per_min = 60.0 }}\nregisters"

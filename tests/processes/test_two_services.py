@@ -15,21 +15,10 @@ from gateway.ipc.messages import Ping, Pong
 from gateway.ipc.supervisor_client import ask_supervisor
 from gateway.state.folder import PLAN_NAME
 from gateway.state.plan import VERSION, sealed, unsealed
-from tests.processes.bench import (
-    ROOT,
-    SECONDS,
-    STEEPER,
-    TABLE,
-    Master,
-    Running,
-    Site,
-    children,
-    gateway_of,
-    running,
-    typed_apart,
-)
 from tests.support.commands import typed
-from tests.support.processes import started
+from tests.support.config import RAMP, STEEPER
+from tests.support.gateway import Master, Site, gateway_of
+from tests.support.processes import ROOT, SECONDS, Running, children, running, started, typed_apart
 
 
 def test_the_relay_runs_alone_and_never_from_an_old_plan(site: Site) -> None:
@@ -125,7 +114,7 @@ def test_a_table_that_changed_is_handed_over_on_a_hangup_signal(site: Site) -> N
         assert master.move(50_000) == 50_050
         supervisor.process.send_signal(signal.SIGHUP)
         assert supervisor.until("nothing-to-reload")["detail"] == "nothing has changed"
-        site.table.write_text(TABLE.replace("50.0 0.05 0.05", "50.0 0.9 0.9"))
+        site.table.write_text(RAMP.replace("50.0 0.05 0.05", "50.0 0.9 0.9"))
         supervisor.process.send_signal(signal.SIGHUP)
         rejected = supervisor.until("table-rejected")
         assert rejected["detail"] == "the last good table stays"

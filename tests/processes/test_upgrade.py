@@ -22,8 +22,8 @@ import pytest
 import gateway
 from gateway.cli.configuration import compile_for_start_or_exit
 from gateway.modbus.mbap import encode_mbap
-from tests.processes.bench import COMMAND, ROOT, SECONDS, running
 from tests.support.ports import free_port
+from tests.support.processes import COMMAND, ROOT, SECONDS, running
 
 LEFT: Final = ROOT / "tests" / "data" / "state_of_1.0.0"
 RELEASE: Final = "cb9e670d"

@@ -3,11 +3,13 @@
 import json
 import os
 
-from tests.processes.bench import STEEPER, TABLE, Running, Site, gateway_of, running, typed_apart
 from tests.processes.saving import STYLES, in_place
 from tests.support.commands import typed
+from tests.support.config import RAMP, STEEPER
+from tests.support.gateway import Site, gateway_of
+from tests.support.processes import Running, running, typed_apart
 
-BAD = TABLE.replace("50.0 0.05 0.05", "50.0 0.05")
+BAD = RAMP.replace("50.0 0.05 0.05", "50.0 0.05")
 BAD_LINE = 7
 
 
@@ -19,7 +21,7 @@ def test_a_save_of_whatever_style_comes_into_force_by_itself(site: Site) -> None
             assert gateway.until("table-handed-over")["axis"] == "x"
             assert master.move(50_000) == 50_050  # the same target again moves nothing
             assert master.move(50_001) == 50_101
-            save(site.table, TABLE)
+            save(site.table, RAMP)
             gateway.until("table-handed-over")
             assert master.move(50_000) == 50_050
         assert gateway.end() == 0
@@ -33,7 +35,7 @@ def test_a_bad_file_changes_nothing_is_told_once_and_is_good_again_when_it_is_me
         assert (rejected["axis"], rejected["file"], rejected["line"]) == ("x", str(site.table), BAD_LINE)
         assert rejected["level"] == "error"
         assert master.move(50_001) == 50_051
-        in_place(site.table, TABLE)
+        in_place(site.table, RAMP)
         assert gateway.until("table-mended")["axis"] == "x"
         assert master.move(50_000) == 50_050
         in_place(site.table, STEEPER)
@@ -55,7 +57,7 @@ def test_a_file_that_goes_takes_the_correction_with_it_and_brings_it_back(site: 
             assert (gone["axis"], gone["comes"]) == ("x", "next-target")
             assert master.move(50_000) == 50_050  # by itself nothing moves
             assert master.move(50_001) == 50_001
-            site.table.write_text(TABLE)
+            site.table.write_text(RAMP)
             assert gateway.until("table-handed-over")["axis"] == "x"
             assert master.move(50_000) == 50_050
             put_away.unlink(missing_ok=True)
@@ -103,7 +105,7 @@ def test_a_symlink_loop_a_device_and_ten_megabytes_are_said_and_change_nothing(s
             (lambda: site.table.symlink_to(site.table.name), "symbolic links"),
             (lambda: os.mkfifo(site.table), "not a regular file"),
             (lambda: site.table.write_bytes(b"0.001 0.002\n" * 1_000_000), "1000000 lines"),
-            (lambda: site.table.write_text(TABLE.replace("AXIS X", "AXIS Y")), "AXIS Y, read for axis X"),
+            (lambda: site.table.write_text(RAMP.replace("AXIS X", "AXIS Y")), "AXIS Y, read for axis X"),
         ):
             site.table.unlink()
             make()

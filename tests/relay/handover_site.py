@@ -5,7 +5,7 @@ import gc
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
@@ -19,9 +19,7 @@ from gateway.recording.writer import Recorder
 from gateway.relay.gateway import Relay
 from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.state.tables import compiled
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, RawEnd, Tools
+from tests.support.relay import TIMING, Bench, RawEnd, axis_plan, until_up
 
 FLAT = [0.0, 100.0]
 
@@ -39,15 +37,15 @@ def answered(data: bytes) -> bytes:
     return data[:4] + bytes((0, 6)) + data[6:12]
 
 
-def without_actual(tools: "Tools", **changes: Any) -> AxisPlan:
+def without_actual(**changes: Any) -> AxisPlan:
     """The axis of the bench with nothing to read: no frame is added."""
-    return replace(tools.axis(), actual=(), **changes)
+    return replace(axis_plan(), actual=(), **changes)
 
 
 class Machine:
     """A relay with its controller's end; keeps what the drives were told, in counts by unit id."""
 
-    def __init__(self, relay: Relay, near: "RawEnd", told: list[tuple[int, int]]) -> None:
+    def __init__(self, relay: Relay, near: RawEnd, told: list[tuple[int, int]]) -> None:
         self.relay = relay
         self.near = near
         self.told = told
@@ -90,8 +88,7 @@ class Machine:
 
 
 async def machine(
-    bench: "Bench",
-    tools: "Tools",
+    bench: Bench,
     state: Path,
     *axes: AxisPlan,
     groups: tuple[tuple[str, ...], ...] = (),
@@ -105,11 +102,11 @@ async def machine(
 
     _, where = await bench.drive("tcp", script)
     link, _ = bench.controller_link("tcp")
-    line = LinePlan("line", where, (link,), axes, tools.timing, groups)
+    line = LinePlan("line", where, (link,), axes, TIMING, groups)
     relay = Relay(GatewayPlan("bench", (line,)), bench.notes.append, state=state, recorder=recorder)
     await relay.start()
     bench.stack.push_async_callback(relay.stop)
-    await tools.until_up(relay)
+    await until_up(relay)
     return Machine(relay, await bench.connect(relay.address("line", "cnc")), told)
 
 

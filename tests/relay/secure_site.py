@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import ssl
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gateway.exchange.plan import ControllerPlan, Role
 from gateway.modbus.mbap import encode_mbap
@@ -13,9 +13,7 @@ from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan, RoleRights
 from gateway.transport.certificates import TlsFiles
 from gateway.transport.endpoints import TcpEndpoint
 from tests.support.certificates import Shop, client_context
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, RawEnd, Tools
+from tests.support.relay import TIMING, Bench, RawEnd, axis_plan, eventually, first_controller, until_up
 
 WRITE = bytes.fromhex("10 0064 0002 04 0000C350")
 """50 000 counts, for which the drive has to be told 50 050."""
@@ -37,8 +35,8 @@ def answers(data: bytes) -> bytes:
 class Site:
     """A relay with a TLS listener, and who connects to it."""
 
-    def __init__(self, tools: "Tools", bench: "Bench", folder: Path) -> None:
-        self.tools, self.bench, self.folder = tools, bench, folder
+    def __init__(self, bench: Bench, folder: Path) -> None:
+        self.bench, self.folder = bench, folder
         self.shop = Shop(folder)
         certificate, key = self.shop.server()
         self.files = TlsFiles(str(certificate), str(key), str(self.shop.path), str(self.shop.revoke()))
@@ -55,11 +53,9 @@ class Site:
             TcpEndpoint("127.0.0.1", 0),
             tls=TlsPlan(files, roles),
         )
-        self.relay_plan = GatewayPlan(
-            "bench", (LinePlan("line", where, (link,), (self.tools.axis(),), self.tools.timing),)
-        )
-        self.relay = await self.bench.relay(where, (link,), (self.tools.axis(),))
-        await self.tools.until_up(self.relay)
+        self.relay_plan = GatewayPlan("bench", (LinePlan("line", where, (link,), (axis_plan(),), TIMING),))
+        self.relay = await self.bench.relay(where, (link,), (axis_plan(),))
+        await until_up(self.relay)
 
     def recorded(self, path: Path) -> list[bytes]:
         return path.read_bytes().splitlines(keepends=True)
@@ -70,7 +66,7 @@ class Site:
 
     @property
     def status(self) -> dict[str, Any]:
-        status = self.tools.first_controller(self.relay)["tls"]
+        status = first_controller(self.relay)["tls"]
         assert isinstance(status, dict)
         return status
 
@@ -114,7 +110,7 @@ class Site:
             writer.close()
             with contextlib.suppress(OSError):
                 await writer.wait_closed()
-        await self.tools.eventually(lambda: not self.tools.first_controller(self.relay)["connections"])
+        await eventually(lambda: not first_controller(self.relay)["connections"])
 
 
 async def ask(stream: tuple[asyncio.StreamReader, asyncio.StreamWriter], pdu: bytes) -> bytes:

@@ -4,7 +4,6 @@ import asyncio
 import socket
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -22,9 +21,7 @@ from gateway.relay.errors import StartError
 from gateway.relay.gateway import Relay
 from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.transport.endpoints import SerialEndpoint
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, RawEnd, Tools
+from tests.support.relay import TIMING, Bench, RawEnd, eventually, line_status, until_up
 
 READ = bytes.fromhex("03 0010 0001")
 LATE = bytes.fromhex("03 02 1111")
@@ -40,8 +37,8 @@ def leave_a_dead_socket(state: Path) -> None:
 
 
 async def pair(
-    bench: "Bench", state: Path, timing: LineTiming, drives: str = "rtu"
-) -> tuple["RawEnd", "RawEnd", Relay]:
+    bench: Bench, state: Path, timing: LineTiming, drives: str = "rtu"
+) -> tuple[RawEnd, RawEnd, Relay]:
     far, where = await bench.drive(drives)
     link, _ = bench.controller_link("tcp")
     relay = Relay(
@@ -55,10 +52,10 @@ async def pair(
 
 @pytest.mark.parametrize("drives", ["rtu", "rtu_over_tcp"])
 async def test_the_line_rests_first_and_what_comes_meanwhile_waits(
-    bench: "Bench", tools: "Tools", tmp_path: Path, drives: str
+    bench: Bench, tmp_path: Path, drives: str
 ) -> None:
     leave_a_dead_socket(tmp_path)
-    near, far, _ = await pair(bench, tmp_path, replace(tools.timing, drain_ms=FOR_EVER_MS), drives)
+    near, far, _ = await pair(bench, tmp_path, replace(TIMING, drain_ms=FOR_EVER_MS), drives)
     number = -(-2 * WAITING_BYTES // (REQUEST_BYTES + len(READ)))
     for each in range(number):
         near.write(encode_mbap(each, 1, READ))
@@ -71,13 +68,13 @@ async def test_the_line_rests_first_and_what_comes_meanwhile_waits(
 
 @pytest.mark.parametrize("drives", ["rtu", "rtu_over_tcp"])
 async def test_what_drives_say_meanwhile_is_counted_and_answers_nothing(
-    bench: "Bench", tools: "Tools", tmp_path: Path, drives: str
+    bench: Bench, tmp_path: Path, drives: str
 ) -> None:
     leave_a_dead_socket(tmp_path)
-    near, far, relay = await pair(bench, tmp_path, tools.timing, drives)
+    near, far, relay = await pair(bench, tmp_path, TIMING, drives)
     far.write(encode_rtu(1, LATE))
     late_bytes = len(encode_rtu(1, LATE))
-    await tools.eventually(lambda: tools.line_status(relay)["stray_bytes"] == late_bytes)
+    await eventually(lambda: line_status(relay)["stray_bytes"] == late_bytes)
     near.write(encode_mbap(2, 1, READ))
     await far.receives(encode_rtu(1, READ))
     far.write(encode_rtu(1, REPLY))
@@ -86,40 +83,40 @@ async def test_what_drives_say_meanwhile_is_counted_and_answers_nothing(
 
 @pytest.mark.parametrize("drives", ["rtu", "rtu_over_tcp"])
 async def test_after_a_clean_stop_the_line_is_there_at_once(
-    bench: "Bench", tools: "Tools", tmp_path: Path, drives: str
+    bench: Bench, tmp_path: Path, drives: str
 ) -> None:
-    timing = replace(tools.timing, drain_ms=FOR_EVER_MS)
+    timing = replace(TIMING, drain_ms=FOR_EVER_MS)
     _, _, relay = await pair(bench, tmp_path, timing, drives)
     await relay.stop()
     near, far, relay = await pair(bench, tmp_path, timing, drives)
-    await tools.until_up(relay)
+    await until_up(relay)
     near.write(encode_mbap(1, 1, READ))
     await far.receives(encode_rtu(1, READ))
     assert not [note for note in bench.notes if note.event == "line-rests"]
 
 
 async def test_replies_over_modbus_tcp_carry_a_number_and_need_no_silence(
-    bench: "Bench", tools: "Tools", tmp_path: Path
+    bench: Bench, tmp_path: Path
 ) -> None:
     leave_a_dead_socket(tmp_path)
-    timing = replace(tools.timing, drain_ms=FOR_EVER_MS)
+    timing = replace(TIMING, drain_ms=FOR_EVER_MS)
     near, far, relay = await pair(bench, tmp_path, timing, "tcp")
-    await tools.until_up(relay)
+    await until_up(relay)
     near.write(encode_mbap(1, 1, READ))
     await far.until(lambda end: end.data[7:] == READ)
 
 
-def rests(bench: "Bench") -> int:
+def rests(bench: Bench) -> int:
     """How often a line began with a rest."""
     return sum(note.event == "line-rests" for note in bench.notes)
 
 
 @pytest.mark.parametrize("drives", ["rtu", "rtu_over_tcp"])
 async def test_a_gateway_that_is_killed_while_it_stops_was_killed_too(
-    bench: "Bench", tools: "Tools", tmp_path: Path, drives: str
+    bench: Bench, tmp_path: Path, drives: str
 ) -> None:
-    near, far, relay = await pair(bench, tmp_path, tools.timing, drives)
-    await tools.until_up(relay)
+    near, far, relay = await pair(bench, tmp_path, TIMING, drives)
+    await until_up(relay)
     near.write(encode_mbap(1, 1, READ))
     await far.receives(encode_rtu(1, READ))
     stopping = asyncio.create_task(relay.stop())
@@ -137,38 +134,38 @@ async def test_a_gateway_that_is_killed_while_it_stops_was_killed_too(
 
 @pytest.mark.parametrize("drives", ["rtu", "rtu_over_tcp"])
 async def test_after_a_stop_that_nobody_answered_the_line_rests_first(
-    bench: "Bench", tools: "Tools", tmp_path: Path, drives: str
+    bench: Bench, tmp_path: Path, drives: str
 ) -> None:
-    near, far, relay = await pair(bench, tmp_path, tools.timing, drives)
-    await tools.until_up(relay)
+    near, far, relay = await pair(bench, tmp_path, TIMING, drives)
+    await until_up(relay)
     near.write(encode_mbap(1, 1, READ))
     await far.receives(encode_rtu(1, READ))
     await relay.stop()  # the drive has not answered within its time, and may still
     assert rests(bench) == 0
-    _, _, relay = await pair(bench, tmp_path, replace(tools.timing, drain_ms=FOR_EVER_MS), drives)
+    _, _, relay = await pair(bench, tmp_path, replace(TIMING, drain_ms=FOR_EVER_MS), drives)
     assert rests(bench) == 1
     await relay.stop()  # in the middle of its rest
-    await pair(bench, tmp_path, tools.timing, drives)
+    await pair(bench, tmp_path, TIMING, drives)
     assert rests(bench) == 2
 
 
 async def test_a_start_that_fails_after_a_kill_leaves_the_rest_to_the_next(
-    bench: "Bench", tools: "Tools", tmp_path: Path
+    bench: Bench, tmp_path: Path
 ) -> None:
     leave_a_dead_socket(tmp_path)
-    bad = LinePlan("line", SerialEndpoint("/dev/null"), (), (), tools.timing)
+    bad = LinePlan("line", SerialEndpoint("/dev/null"), (), (), TIMING)
     for _ in range(2):
         with pytest.raises(StartError, match="is not a serial port"):
             await Relay(GatewayPlan("bench", (bad,)), bench.notes.append, state=tmp_path).start()
-    await pair(bench, tmp_path, tools.timing)
+    await pair(bench, tmp_path, TIMING)
     assert rests(bench) == 3
 
 
-async def test_a_rest_is_recorded_and_replayed(bench: "Bench", tools: "Tools", tmp_path: Path) -> None:
+async def test_a_rest_is_recorded_and_replayed(bench: Bench, tmp_path: Path) -> None:
     leave_a_dead_socket(tmp_path)
     far, where = await bench.drive("rtu")
     link, _ = bench.controller_link("tcp")
-    plan = GatewayPlan("bench", (LinePlan("line", where, (link,), (), tools.timing),))
+    plan = GatewayPlan("bench", (LinePlan("line", where, (link,), (), TIMING),))
     header = traffic.Header(traffic.FORMAT, "0", "2026-01-01T00:00:00+00:00", "gateway.toml", "")
     recorder = Recorder(tmp_path / "record.jsonl", header)
     relay = Relay(plan, bench.notes.append, state=tmp_path, recorder=recorder)

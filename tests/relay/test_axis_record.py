@@ -3,7 +3,6 @@
 import os
 import resource
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -23,9 +22,7 @@ from gateway.relay.gateway import Relay
 from gateway.state.plan import GatewayPlan, LinePlan
 from tests.exchange.line_bench import ACTUAL, COMMAND, Link, Memory, axis_plan, read, write
 from tests.exchange.line_bench import Bench as LineBench
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, Tools
+from tests.support.relay import TIMING, Bench, until_up
 
 
 class Opened:
@@ -197,9 +194,7 @@ def test_a_run_that_is_recorded_begins_with_nothing(path: Path) -> None:
     opened.record.close()
 
 
-async def test_a_clean_stop_and_a_new_start_go_on_where_the_axis_stands(
-    bench: "Bench", tools: "Tools", tmp_path: Path
-) -> None:
+async def test_a_clean_stop_and_a_new_start_go_on_where_the_axis_stands(bench: Bench, tmp_path: Path) -> None:
     memory = Memory()
 
     def script(data: bytes) -> bytes:
@@ -210,12 +205,12 @@ async def test_a_clean_stop_and_a_new_start_go_on_where_the_axis_stands(
 
     _, where = await bench.drive("tcp", script)
     link, _ = bench.controller_link("tcp")
-    line = LinePlan("line", where, (link,), (axis_plan(),), tools.timing)
+    line = LinePlan("line", where, (link,), (axis_plan(),), TIMING)
 
     async def run(pdu: bytes, answer: bytes) -> None:
         relay = Relay(GatewayPlan("bench", (line,)), bench.notes.append, state=tmp_path)
         await relay.start()
-        await tools.until_up(relay)
+        await until_up(relay)
         near = await bench.connect(relay.address("line", "cnc"))
         near.write(encode_mbap(1, 1, pdu))
         await near.receives(encode_mbap(1, 1, answer))

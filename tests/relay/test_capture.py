@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -26,9 +25,7 @@ from gateway.relay.gateway import Relay
 from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import TcpEndpoint
 from tests.exchange.line_bench import Memory
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, RawEnd, Tools
+from tests.support.relay import TIMING, Bench, RawEnd, axis_plan, until_up
 
 LOOPBACK = TcpEndpoint("127.0.0.1", 0)
 COMMAND, ACTUAL, HOMED = 100, 110, 120
@@ -62,21 +59,19 @@ READ = b"\x03" + ACTUAL.to_bytes(2, "big") + b"\0\x02"
 
 
 async def running(
-    bench: "Bench", tools: "Tools", state: Path, axis: AxisPlan, memory: Memory
-) -> tuple[GatewayPlan, Relay, "RawEnd"]:
+    bench: Bench, state: Path, axis: AxisPlan, memory: Memory
+) -> tuple[GatewayPlan, Relay, RawEnd]:
     _, where = await bench.drive("tcp", drive(memory))
     link = ControllerLink(ControllerPlan("cnc"), LOOPBACK)
-    plan = GatewayPlan(
-        "bench", (LinePlan("line", where, (link,), (axis,), tools.timing, tape_bytes=SMALLEST),)
-    )
+    plan = GatewayPlan("bench", (LinePlan("line", where, (link,), (axis,), TIMING, tape_bytes=SMALLEST),))
     relay = Relay(plan, bench.notes.append, state=state)
     await relay.start()
     bench.stack.push_async_callback(relay.stop)
-    await tools.until_up(relay)
+    await until_up(relay)
     return plan, relay, await bench.connect(relay.address("line", "cnc"))
 
 
-async def ask(controller: "RawEnd", number: int, pdu: bytes) -> bytes:
+async def ask(controller: RawEnd, number: int, pdu: bytes) -> bytes:
     controller.data = b""
     controller.write(encode_mbap(number & 0xFFFF, 1, pdu))
     await controller.until(
@@ -104,8 +99,8 @@ def replayed(plan: GatewayPlan, timed: list[Timed]) -> ReplayResult:
     return replay.result
 
 
-async def test_a_capture_has_the_frames_of_both_sides(bench: "Bench", tools: "Tools", tmp_path: Path) -> None:
-    plan, relay, controller = await running(bench, tools, tmp_path, tools.axis(), Memory())
+async def test_a_capture_has_the_frames_of_both_sides(bench: Bench, tmp_path: Path) -> None:
+    plan, relay, controller = await running(bench, tmp_path, axis_plan(), Memory())
     assert await ask(controller, 7, write(50_000)) == write(50_000)[:5]
     timed = await captured(relay)
     frames = [(t_ns, entry) for t_ns, entry in timed if not isinstance(entry, traffic.Up | traffic.Beginning)]
@@ -125,10 +120,8 @@ async def test_a_capture_has_the_frames_of_both_sides(bench: "Bench", tools: "To
     assert (result.different, result.outputs, result.is_truncated) == (0, 2, False)
 
 
-async def test_what_only_a_newer_release_understands_is_told(
-    bench: "Bench", tools: "Tools", tmp_path: Path
-) -> None:
-    _, relay, _ = await running(bench, tools, tmp_path, tools.axis(), Memory())
+async def test_what_only_a_newer_release_understands_is_told(bench: Bench, tmp_path: Path) -> None:
+    _, relay, _ = await running(bench, tmp_path, axis_plan(), Memory())
     trace_buffer = relay._lines[0].trace_buffer
     assert trace_buffer is not None
     trace_buffer.put(TEXT, 7, 0, b'{"kind":"dance","line":"line","t":7}')
@@ -138,17 +131,17 @@ async def test_what_only_a_newer_release_understands_is_told(
 
 @pytest.mark.parametrize("reference", [Reference.ABSOLUTE, Reference.DRIVE_BIT, Reference.SET_POSITION])
 async def test_what_is_left_of_a_long_run_is_replayed_from_where_it_begins(
-    bench: "Bench", tools: "Tools", tmp_path: Path, reference: Reference
+    bench: Bench, tmp_path: Path, reference: Reference
 ) -> None:
     """Axes and their corrections are as they were in the middle of the run, although its start is lost."""
     memory = Memory()
     memory.words[HOMED] = 1
     # 0.05 mm forward and -0.05 mm backward: 50 counts, and the direction decides.
     table = make_table([0.0, 100.0], [0.05, 0.05], [-0.05, -0.05], Units.MM)
-    axis = replace(tools.axis(), referenced=reference, table=table)
+    axis = replace(axis_plan(), referenced=reference, table=table)
     if reference is Reference.DRIVE_BIT:
         axis = replace(axis, bits={"homed": BitField(HOMED)})
-    plan, relay, controller = await running(bench, tools, tmp_path, axis, memory)
+    plan, relay, controller = await running(bench, tmp_path, axis, memory)
     if reference is Reference.SET_POSITION:
         relay.command(SetReference(axis="x"))
     for number in range(600):
@@ -163,7 +156,7 @@ async def test_what_is_left_of_a_long_run_is_replayed_from_where_it_begins(
     assert result.outputs > 400
 
 
-async def test_a_line_that_keeps_nothing_says_so(bench: "Bench", tools: "Tools", tmp_path: Path) -> None:
+async def test_a_line_that_keeps_nothing_says_so(bench: Bench, tmp_path: Path) -> None:
     relay = Relay(GatewayPlan("bench", ()), bench.notes.append, state=tmp_path)
     await relay.start()
     bench.stack.push_async_callback(relay.stop)
@@ -172,9 +165,9 @@ async def test_a_line_that_keeps_nothing_says_so(bench: "Bench", tools: "Tools",
 
 
 async def test_what_somebody_has_changed_since_the_start_is_known_where_the_capture_begins(
-    bench: "Bench", tools: "Tools", tmp_path: Path
+    bench: Bench, tmp_path: Path
 ) -> None:
-    plan, relay, controller = await running(bench, tools, tmp_path, tools.axis(), Memory())
+    plan, relay, controller = await running(bench, tmp_path, axis_plan(), Memory())
     relay.command(SetGain(axes=("x",), forward=0.5, backward=0.5))
     for number in range(400):
         await ask(controller, number, write(number * 7919 % 100_000))
@@ -186,9 +179,9 @@ async def test_what_somebody_has_changed_since_the_start_is_known_where_the_capt
     assert told == [SetGain(axes=("x",), forward=0.5, backward=0.5)]
 
 
-async def test_only_who_may_change_something_may_look(bench: "Bench", tools: "Tools", tmp_path: Path) -> None:
+async def test_only_who_may_change_something_may_look(bench: Bench, tmp_path: Path) -> None:
     """Frames may hold what nobody else is to know; and what is lent cannot be written."""
-    _, relay, _ = await running(bench, tools, tmp_path, tools.axis(), Memory())
+    _, relay, _ = await running(bench, tmp_path, axis_plan(), Memory())
     assert relay.control_socket is not None
     reply, lent = await asyncio.to_thread(borrow, relay.control_socket, GetTapes())
     assert reply == Tapes(lines=("line",))

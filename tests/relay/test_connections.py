@@ -5,7 +5,7 @@ from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import pytest
 
@@ -17,9 +17,7 @@ from gateway.recording.writer import Recorder
 from gateway.relay.gateway import Relay
 from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.transport.endpoints import TcpEndpoint
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, RawEnd, Tools
+from tests.support.relay import Bench, RawEnd, axis_plan, eventually, line_status
 
 COMMAND: Final = 100
 ABSENT, NO_ANSWER = bytes.fromhex("90 0A"), bytes.fromhex("90 0B")
@@ -131,7 +129,7 @@ def target(counts: int) -> bytes:
     return bytes.fromhex(f"10 {COMMAND:04X} 0002 04 {counts:08X}")
 
 
-async def ask(end: "RawEnd", number: int, pdu: bytes, unit_id: int = 1) -> bytes:
+async def ask(end: RawEnd, number: int, pdu: bytes, unit_id: int = 1) -> bytes:
     """Send a request; return the PDU that answers it."""
     end.data = b""
     end.write(encode_mbap(number, unit_id, pdu))
@@ -141,12 +139,12 @@ async def ask(end: "RawEnd", number: int, pdu: bytes, unit_id: int = 1) -> bytes
 
 
 async def between(
-    bench: "Bench", tools: "Tools", server: Server, timing: LineTiming = TIMING, timeout_ms: float = 1000.0
-) -> "RawEnd":
+    bench: Bench, server: Server, timing: LineTiming = TIMING, timeout_ms: float = 1000.0
+) -> RawEnd:
     """A raw controller, a relay with one axis, and the server."""
     where = await server.start()
     link, _ = bench.controller_link("tcp", timeout_ms=timeout_ms)
-    relay = await bench.relay(where, (link,), (tools.axis(),), timing)
+    relay = await bench.relay(where, (link,), (axis_plan(),), timing)
     return await bench.connect(relay.address("line", "cnc"))
 
 
@@ -160,8 +158,7 @@ async def between(
     ],
 )
 async def test_w5_ten_of_ten_targets_pass_though_the_server_closes(
-    bench: "Bench",
-    tools: "Tools",
+    bench: Bench,
     serve: Callable[[Habit], Server],
     kind: tuple[Habit, bool, float],
 ) -> None:
@@ -169,7 +166,7 @@ async def test_w5_ten_of_ten_targets_pass_though_the_server_closes(
     server = serve(habit)
     where = await server.start()
     link, _ = bench.controller_link("tcp", timeout_ms=1000.0)
-    axis = replace(tools.axis(), added_frames=added_frames)
+    axis = replace(axis_plan(), added_frames=added_frames)
     relay = await bench.relay(where, (link,), (axis,), TIMING)
     cnc = await bench.connect(relay.address("line", "cnc"))
     for number in range(1, 11):
@@ -182,20 +179,20 @@ async def test_w5_ten_of_ten_targets_pass_though_the_server_closes(
 
 
 async def test_w5_what_was_given_to_a_socket_that_closes_is_lost_and_never_sent_again(
-    bench: "Bench", tools: "Tools", serve: Callable[[Habit], Server]
+    bench: Bench, serve: Callable[[Habit], Server]
 ) -> None:
     server = serve(Habit.CLOSES_ON_WRITE)
-    cnc = await between(bench, tools, server)
+    cnc = await between(bench, server)
     assert await ask(cnc, 1, target(50_000)) == NO_ANSWER
     assert await ask(cnc, 2, bytes.fromhex("03 00C8 0001")) == bytes.fromhex("03 02 0000")
     assert [pdu for _, pdu in server.writes] == [target(50_050)]
 
 
 async def test_w7_without_a_server_requests_are_absent_after_half_of_the_time_out(
-    bench: "Bench", tools: "Tools", serve: Callable[[Habit], Server]
+    bench: Bench, serve: Callable[[Habit], Server]
 ) -> None:
     server = serve(Habit.STAYS)
-    cnc = await between(bench, tools, server, timeout_ms=400.0)
+    cnc = await between(bench, server, timeout_ms=400.0)
     assert await ask(cnc, 1, bytes.fromhex("03 00C8 0001")) == bytes.fromhex("03 02 0000")
     await server.stop()
     began_s = asyncio.get_running_loop().time()
@@ -205,10 +202,10 @@ async def test_w7_without_a_server_requests_are_absent_after_half_of_the_time_ou
 
 
 async def test_w5_a_server_that_was_restarted_gets_what_waited_for_it_within_half_of_the_time_out(
-    bench: "Bench", tools: "Tools", serve: Callable[[Habit], Server]
+    bench: Bench, serve: Callable[[Habit], Server]
 ) -> None:
     server = serve(Habit.STAYS)
-    cnc = await between(bench, tools, server, timeout_ms=2000.0)
+    cnc = await between(bench, server, timeout_ms=2000.0)
     assert await ask(cnc, 1, bytes.fromhex("03 00C8 0001")) == bytes.fromhex("03 02 0000")
     await server.stop()
     cnc.data = b""
@@ -221,10 +218,10 @@ async def test_w5_a_server_that_was_restarted_gets_what_waited_for_it_within_hal
 
 
 async def test_a_length_that_cannot_be_is_named_with_its_bytes_once(
-    bench: "Bench", tools: "Tools", serve: Callable[[Habit], Server]
+    bench: Bench, serve: Callable[[Habit], Server]
 ) -> None:
     server = serve(Habit.MALFORMED)
-    cnc = await between(bench, tools, server)
+    cnc = await between(bench, server)
     for number in range(1, 8):
         assert (await ask(cnc, number, bytes.fromhex("03 00C8 0001")))[0] == 0x83
     told = [str(note.fields["detail"]) for note in bench.notes if note.event == "line-down"]
@@ -235,10 +232,10 @@ async def test_a_length_that_cannot_be_is_named_with_its_bytes_once(
 
 
 async def test_w11_a_server_that_forgot_its_connection_is_served_over_another_one(
-    bench: "Bench", tools: "Tools", serve: Callable[[Habit], Server]
+    bench: Bench, serve: Callable[[Habit], Server]
 ) -> None:
     server = serve(Habit.MUTE_AT_FIRST)
-    cnc = await between(bench, tools, server, timeout_ms=100.0)
+    cnc = await between(bench, server, timeout_ms=100.0)
     read = bytes.fromhex("03 00C8 0001")
     answers = [await ask(cnc, number, read) for number in range(1, 4)]
     assert answers == [bytes.fromhex("83 0B")] * 3
@@ -254,11 +251,11 @@ async def test_w11_a_server_that_forgot_its_connection_is_served_over_another_on
 
 
 async def test_w5_after_a_write_that_was_not_answered_the_new_connection_carries_named_reads_first(
-    bench: "Bench", tools: "Tools", serve: Callable[[Habit], Server]
+    bench: Bench, serve: Callable[[Habit], Server]
 ) -> None:
     server = serve(Habit.STAYS)
     timing = LineTiming(response_timeout_ms=100.0, retry_ms=0.0)
-    cnc = await between(bench, tools, server, timing, timeout_ms=100.0)
+    cnc = await between(bench, server, timing, timeout_ms=100.0)
     assert await ask(cnc, 1, target(10_000)) == target(0)[:5]
     assert await ask(cnc, 2, bytes.fromhex("03 006E 0002")) == bytes.fromhex("03 04 0000 0000")
     server.habit = Habit.MUTE_AT_FIRST
@@ -278,11 +275,11 @@ async def test_w5_after_a_write_that_was_not_answered_the_new_connection_carries
 
 @pytest.mark.parametrize("delay_ms", [0.0, 350.0])
 async def test_a_server_that_must_not_be_asked_at_once_is_served_after_connect_delay_ms(
-    bench: "Bench", tools: "Tools", serve: Callable[[Habit], Server], delay_ms: float
+    bench: Bench, serve: Callable[[Habit], Server], delay_ms: float
 ) -> None:
     server = serve(Habit.MUTE_IF_HURRIED)
     timing = LineTiming(response_timeout_ms=400.0, retry_ms=0.0, connect_delay_ms=delay_ms)
-    cnc = await between(bench, tools, server, timing, timeout_ms=1000.0)
+    cnc = await between(bench, server, timing, timeout_ms=1000.0)
     number = 1
     while await ask(cnc, number, target(50_000)) != target(0)[:5]:
         number += 1
@@ -293,11 +290,11 @@ async def test_a_server_that_must_not_be_asked_at_once_is_served_after_connect_d
 
 
 async def test_w5_a_server_killed_in_the_middle_of_a_renewal_gets_no_write_twice(
-    bench: "Bench", tools: "Tools", serve: Callable[[Habit], Server]
+    bench: Bench, serve: Callable[[Habit], Server]
 ) -> None:
     server = serve(Habit.STAYS)
     timing = LineTiming(response_timeout_ms=100.0, retry_ms=0.0)
-    cnc = await between(bench, tools, server, timing, timeout_ms=100.0)
+    cnc = await between(bench, server, timing, timeout_ms=100.0)
     assert await ask(cnc, 1, target(10_000)) == target(0)[:5]
     server.habit = Habit.MUTE_AT_FIRST
     number, renewed = 2, False
@@ -316,33 +313,33 @@ async def test_w5_a_server_killed_in_the_middle_of_a_renewal_gets_no_write_twice
 
 
 async def test_a_connection_on_demand_is_there_for_a_request_and_closed_a_second_after_its_answer(
-    bench: "Bench", tools: "Tools", serve: Callable[[Habit], Server]
+    bench: Bench, serve: Callable[[Habit], Server]
 ) -> None:
     server = serve(Habit.STAYS)
     where = await server.start()
     link, _ = bench.controller_link("tcp", timeout_ms=1000.0)
     timing = LineTiming(response_timeout_ms=100.0, connects_on_demand=True)
-    relay = await bench.relay(where, (link,), (tools.axis(),), timing)
+    relay = await bench.relay(where, (link,), (axis_plan(),), timing)
     cnc = await bench.connect(relay.address("line", "cnc"))
     await asyncio.sleep(0.1)
-    assert (server.connections, tools.line_status(relay)["state"]) == (0, "up")
+    assert (server.connections, line_status(relay)["state"]) == (0, "up")
     for number in (1, 2):
         assert await ask(cnc, number, bytes.fromhex("03 00C8 0001")) == bytes.fromhex("03 02 0000")
         assert len(server.open) == 1
-        await tools.eventually(lambda: not server.open)
+        await eventually(lambda: not server.open)
     assert server.connections == 2
-    assert tools.line_status(relay)["state"] == "up"
+    assert line_status(relay)["state"] == "up"
     assert not [note.event for note in bench.notes if note.event in ("line-down", "line-up")][1:]
 
 
 @pytest.mark.parametrize("habit", [Habit.MUTE_AT_FIRST, Habit.CLOSES_AFTER_ANSWER, Habit.CLOSES_WHEN_IDLE])
 async def test_a_run_over_connections_that_come_and_go_is_replayed_byte_for_byte(
-    bench: "Bench", tools: "Tools", serve: Callable[[Habit], Server], habit: Habit, tmp_path: Path
+    bench: Bench, serve: Callable[[Habit], Server], habit: Habit, tmp_path: Path
 ) -> None:
     server, path = serve(habit), tmp_path / "record.jsonl"
     link, _ = bench.controller_link("tcp", timeout_ms=150.0)
     timing = LineTiming(response_timeout_ms=50.0, retry_ms=100.0)
-    line = LinePlan("line", await server.start(), (link,), (tools.axis(),), timing)
+    line = LinePlan("line", await server.start(), (link,), (axis_plan(),), timing)
     plan = GatewayPlan("bench", (line,))
     header = traffic.Header(traffic.FORMAT, "0", "2026-01-01T00:00:00+00:00", "gateway.toml", "")
     relay = Relay(plan, bench.notes.append, recorder=Recorder(path, header))

@@ -2,7 +2,6 @@
 
 import asyncio
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -13,9 +12,7 @@ from gateway.modbus.mbap import encode_mbap
 from gateway.relay.errors import StartError
 from gateway.relay.gateway import Relay
 from gateway.state.plan import GatewayPlan, LinePlan
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, Tools
+from tests.support.relay import TIMING, Bench, axis_plan, eventually, until_up
 
 WRITE_50_000 = bytes.fromhex("10 0064 0002 04 0000C350")
 """50 mm at 1000 counts/mm into register 100."""
@@ -29,7 +26,7 @@ def answered(data: bytes) -> bytes:
     return data[:4] + bytes((0, 6)) + data[6:12]
 
 
-async def started(bench: "Bench", tools: "Tools", state: Path) -> tuple[Relay, list[bytes]]:
+async def started(bench: Bench, state: Path) -> tuple[Relay, list[bytes]]:
     """A relay with one axis; and all that its drive was told."""
     told: list[bytes] = []
 
@@ -39,18 +36,16 @@ async def started(bench: "Bench", tools: "Tools", state: Path) -> tuple[Relay, l
 
     _, where = await bench.drive("tcp", script)
     link, _ = bench.controller_link("tcp")
-    line = LinePlan("line", where, (link,), (tools.axis(),), tools.timing)
+    line = LinePlan("line", where, (link,), (axis_plan(),), TIMING)
     relay = Relay(GatewayPlan("bench", (line,)), bench.notes.append, state=state)
     await relay.start()
     bench.stack.push_async_callback(relay.stop)
-    await tools.until_up(relay)
+    await until_up(relay)
     return relay, told
 
 
-async def test_compensation_is_switched_off_and_on_while_it_runs(
-    bench: "Bench", tools: "Tools", tmp_path: Path
-) -> None:
-    relay, told = await started(bench, tools, tmp_path)
+async def test_compensation_is_switched_off_and_on_while_it_runs(bench: Bench, tmp_path: Path) -> None:
+    relay, told = await started(bench, tmp_path)
     assert relay.control_socket is not None
     near = await bench.connect(relay.address("line", "cnc"))
 
@@ -64,15 +59,15 @@ async def test_compensation_is_switched_off_and_on_while_it_runs(
     assert await write(WRITE_50_001) == WRITE_50_001
     assert await asyncio.to_thread(ask, relay.control_socket, Enable()) == Done(changed=("x",))
     assert await write(WRITE_50_000) == CORRECTED
-    await tools.eventually(lambda: "enabled" in [note.event for note in bench.notes])
+    await eventually(lambda: "enabled" in [note.event for note in bench.notes])
     assert [(n.event, n.fields["axes"]) for n in bench.notes if "axes" in n.fields] == [
         ("disabled", ["x"]),
         ("enabled", ["x"]),
     ]
 
 
-async def test_the_relay_says_who_it_is_and_how_it_is(bench: "Bench", tools: "Tools", tmp_path: Path) -> None:
-    relay, _ = await started(bench, tools, tmp_path)
+async def test_the_relay_says_who_it_is_and_how_it_is(bench: Bench, tmp_path: Path) -> None:
+    relay, _ = await started(bench, tmp_path)
     assert relay.control_socket is not None
     pong = await asyncio.to_thread(ask, relay.control_socket, Ping())
     assert isinstance(pong, Pong)
@@ -84,9 +79,9 @@ async def test_the_relay_says_who_it_is_and_how_it_is(bench: "Bench", tools: "To
 
 
 async def test_an_axis_that_is_not_there_is_named_and_the_others_are_commanded(
-    bench: "Bench", tools: "Tools", tmp_path: Path
+    bench: Bench, tmp_path: Path
 ) -> None:
-    relay, _ = await started(bench, tools, tmp_path)
+    relay, _ = await started(bench, tmp_path)
     assert relay.control_socket is not None
     reply = await asyncio.to_thread(ask, relay.control_socket, Disable(axes=("nope", "x")))
     assert reply == Done(changed=("x",), problems=("axis nope: there is none of that name; there are x",))
@@ -95,7 +90,7 @@ async def test_an_axis_that_is_not_there_is_named_and_the_others_are_commanded(
     assert reply.problems
 
 
-async def test_two_relays_do_not_share_a_state_folder(bench: "Bench", tools: "Tools", tmp_path: Path) -> None:
-    await started(bench, tools, tmp_path)
+async def test_two_relays_do_not_share_a_state_folder(bench: Bench, tmp_path: Path) -> None:
+    await started(bench, tmp_path)
     with pytest.raises(StartError, match=r"gateway\.state: .* belongs to a gateway that runs"):
-        await started(bench, tools, tmp_path)
+        await started(bench, tmp_path)

@@ -7,7 +7,6 @@ frame for which that was not enough is spoilt, and the next one is tried.
 
 import asyncio
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import msgspec
 import pytest
@@ -30,9 +29,7 @@ from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.serial import SerialPort
 from gateway.transport.serial_channel import character_ns
 from gateway.transport.timer import Timer
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, RawEnd, Tools
+from tests.support.relay import TIMING, Bench, RawEnd, axis_plan, until_up
 
 BAUD = 1200
 CHAR_NS = character_ns(SerialEndpoint("", BAUD))
@@ -55,7 +52,7 @@ ACKNOWLEDGED = append_crc(bytes.fromhex("01 10 00 64 00 02"))
 class Paced:
     """Writes a frame byte by byte, one in each character's time."""
 
-    def __init__(self, end: "RawEnd") -> None:
+    def __init__(self, end: RawEnd) -> None:
         self._end = end
         self._timer = Timer(self._next)
         self._left = b""
@@ -92,7 +89,7 @@ class Paced:
 class Wires:
     """A relay between a raw controller and a raw drive, both on pseudo terminals."""
 
-    def __init__(self, controller: "RawEnd", drive: "RawEnd", line: LineExchange) -> None:
+    def __init__(self, controller: RawEnd, drive: RawEnd, line: LineExchange) -> None:
         self.controller, self.drive = controller, drive
         self.paced, self.drive_paced = Paced(controller), Paced(drive)
         self.paced.other, self.drive_paced.other = drive, controller
@@ -136,7 +133,7 @@ def pieces_of(shape: FrameShape, late_ns: int) -> list[Piece]:
     return [Piece(number * CHAR_NS + late_ns * (number > 0), number + 1) for number in range(shape.length)]
 
 
-async def hears(end: "RawEnd", count: int) -> bool:
+async def hears(end: RawEnd, count: int) -> bool:
     """Return whether so many bytes come in time."""
     try:
         async with asyncio.timeout(HEARD_IN_S):
@@ -146,8 +143,8 @@ async def hears(end: "RawEnd", count: int) -> bool:
     return True
 
 
-async def wires_of(bench: "Bench", tools: "Tools", *, echo: bool = False, tape_bytes: int = 0) -> Wires:
-    drive, controller = tools.raw_end(), tools.raw_end()
+async def wires_of(bench: Bench, *, echo: bool = False, tape_bytes: int = 0) -> Wires:
+    drive, controller = RawEnd(), RawEnd()
     ends = []
     for end in (drive, controller):
         cable = bench.cable()
@@ -155,21 +152,21 @@ async def wires_of(bench: "Bench", tools: "Tools", *, echo: bool = False, tape_b
         ends.append(SerialEndpoint(cable.near, BAUD))
     link, _ = bench.controller_link("tcp")
     link = replace(link, plan=replace(link.plan, serial=True, timeout_ms=20_000.0), endpoint=ends[1])
-    plain = tools.axis()
+    plain = axis_plan()
     settings = replace(plain.settings, setpoints=Setpoints.STREAM, hysteresis=0.002)
     plan = LinePlan(
         "line",
         msgspec.structs.replace(ends[0], echo=echo),
         (link,),
         (replace(plain, settings=settings, actual=()),),
-        replace(tools.timing, response_timeout_ms=20_000.0),
+        replace(TIMING, response_timeout_ms=20_000.0),
         cut_through=True,
         tape_bytes=tape_bytes,
     )
     relay = Relay(GatewayPlan("bench", (plan,)), bench.notes.append)
     await relay.start()
     bench.stack.push_async_callback(relay.stop)
-    await tools.until_up(relay)
+    await until_up(relay)
     wires = Wires(controller, drive, relay._lines[0].exchange)
     bench.stack.callback(wires.close)
     return wires
@@ -177,9 +174,9 @@ async def wires_of(bench: "Bench", tools: "Tools", *, echo: bool = False, tape_b
 
 @pytest.mark.parametrize(("echo", "tape_bytes"), [(False, 0), (True, 1 << 16)])
 async def test_a_setpoint_and_its_reply_leave_while_they_arrive(
-    bench: "Bench", tools: "Tools", *, echo: bool, tape_bytes: int
+    bench: Bench, *, echo: bool, tape_bytes: int
 ) -> None:
-    wires = await wires_of(bench, tools, echo=echo, tape_bytes=tape_bytes)
+    wires = await wires_of(bench, echo=echo, tape_bytes=tape_bytes)
     if echo:
         wires.drive.script = lambda data: data
     await wires.settle()
@@ -226,10 +223,8 @@ async def test_a_setpoint_and_its_reply_leave_while_they_arrive(
     )
 
 
-async def test_w3_a_bad_check_sum_leaves_as_one_that_is_bad_in_both_bytes(
-    bench: "Bench", tools: "Tools"
-) -> None:
-    wires = await wires_of(bench, tools)
+async def test_w3_a_bad_check_sum_leaves_as_one_that_is_bad_in_both_bytes(bench: Bench) -> None:
+    wires = await wires_of(bench)
     await wires.settle()
     frame = frame_of(30_100)
     for _ in range(TRIES):

@@ -1,7 +1,5 @@
 """Ports and links over wires with faults: whatever happens to the bytes, no reply is invented or mixed up."""
 
-from typing import TYPE_CHECKING
-
 import pytest
 
 from gateway.exchange.line import LineExchange
@@ -14,9 +12,7 @@ from gateway.relay.drive_link import MbapDriveLink, RtuDriveLink
 from gateway.relay.pulse import Beats
 from gateway.transport import memory
 from gateway.transport.memory import NO_FAULTS, Faults
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import RawEnd, Tools
+from tests.support.relay import RawEnd
 
 REQUESTS = 20
 NO_RESPONSE = bytes([0x83, 0x0B])
@@ -42,14 +38,13 @@ def ignore(event: object) -> None:
 
 
 async def run(
-    tools: "Tools",
-    drive_side: tuple[RtuDriveLink | MbapDriveLink, "RawEnd", Faults, Faults],
+    drive_side: tuple[RtuDriveLink | MbapDriveLink, RawEnd, Faults, Faults],
     near_faults: Faults,
     timeout_ms: float,
 ) -> bytes:
     """Send numbered reads over the given wires, one after the other; return the replies."""
     link, far, to_drive, from_drive = drive_side
-    near = tools.raw_end()
+    near = RawEnd()
     timing = LineTiming(response_timeout_ms=timeout_ms, drain_ms=5.0)
     line = LineExchange((), timing, link, ignore)
     alarm = LineAlarm(line, lambda: 0)
@@ -68,21 +63,21 @@ async def run(
 
 
 @pytest.mark.parametrize("seed", range(3))
-async def test_splits_and_glue_change_nothing(tools: "Tools", seed: int) -> None:
+async def test_splits_and_glue_change_nothing(seed: int) -> None:
     drive = NumberingDrive()
     split = Faults(seed=seed, split=0.7)
     link = RtuDriveLink(0, RtuReplyDecoder())
-    data = await run(tools, (link, tools.raw_end(drive), split, Faults(split=1.0)), split, 2000.0)
+    data = await run((link, RawEnd(drive), split, Faults(split=1.0)), split, 2000.0)
     assert data == b"".join(encode_mbap(n, 1, bytes([3, 2, 0, n])) for n in range(REQUESTS))
     assert drive.asked == list(range(REQUESTS))
 
 
 @pytest.mark.parametrize("seed", range(3))
-async def test_no_damage_makes_a_reply_answer_another_request(tools: "Tools", seed: int) -> None:
+async def test_no_damage_makes_a_reply_answer_another_request(seed: int) -> None:
     drive = NumberingDrive()
     bad = Faults(seed=seed, drop=0.01, garble=0.01, split=0.3)
     link = RtuDriveLink(0, RtuReplyDecoder())
-    data = await run(tools, (link, tools.raw_end(drive), NO_FAULTS, bad), NO_FAULTS, 150.0)
+    data = await run((link, RawEnd(drive), NO_FAULTS, bad), NO_FAULTS, 150.0)
     replies = MbapDecoder().feed(data)
     assert [number for number, _, _ in replies] == list(range(REQUESTS))
     silent = [number for number, _, pdu in replies if pdu == NO_RESPONSE]
@@ -91,12 +86,12 @@ async def test_no_damage_makes_a_reply_answer_another_request(tools: "Tools", se
     assert drive.asked == list(range(REQUESTS))  # nothing was sent twice
 
 
-async def test_a_reply_that_comes_an_exchange_too_late_is_never_taken(tools: "Tools") -> None:
+async def test_a_reply_that_comes_an_exchange_too_late_is_never_taken() -> None:
     """By the transaction id; on a serial line only silence tells (a reply looks like the next one's)."""
 
     def drive(data: bytes) -> bytes:
         return data[:5] + bytes([5]) + data[6:7] + bytes([3, 2]) + data[8:10]
 
     late = Faults(delay_writes=1)
-    data = await run(tools, (MbapDriveLink(0), tools.raw_end(drive), NO_FAULTS, late), NO_FAULTS, 15.0)
+    data = await run((MbapDriveLink(0), RawEnd(drive), NO_FAULTS, late), NO_FAULTS, 15.0)
     assert data == b"".join(encode_mbap(number, 1, NO_RESPONSE) for number in range(REQUESTS))

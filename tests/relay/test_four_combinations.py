@@ -16,10 +16,10 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 
 from gateway.exchange.plan import CompensationMode, LineTiming, Role
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from tests.support.relay import Bench, axis_plan, until_up
 
 if TYPE_CHECKING:
     from gateway.relay.gateway import Relay
-    from tests.relay.conftest import Bench, Tools
 
 COMMAND, ACTUAL, OTHER = 100, 110, 200
 OTHERS = list(range(1000, 1010))
@@ -55,7 +55,7 @@ class Drive:
 
 
 @contextlib.asynccontextmanager
-async def serving(bench: "Bench", kind: str, drive: Drive) -> AsyncIterator[TcpEndpoint | SerialEndpoint]:
+async def serving(bench: Bench, kind: str, drive: Drive) -> AsyncIterator[TcpEndpoint | SerialEndpoint]:
     where: TcpEndpoint | SerialEndpoint
     server: ModbusTcpServer | ModbusSerialServer
     if kind == "rtu":
@@ -95,16 +95,16 @@ def words(counts: int) -> list[int]:
 @pytest.mark.parametrize("controller", ["tcp", "rtu"])
 @pytest.mark.parametrize("drives", ["tcp", "rtu"])
 async def test_an_axis_moves_and_reads_while_another_client_reads_other_registers(
-    bench: "Bench", tools: "Tools", controller: str, drives: str
+    bench: Bench, controller: str, drives: str
 ) -> None:
     drive = Drive()
     async with serving(bench, drives, drive) as where:
         cnc, device = bench.controller_link(controller, timeout_ms=PATIENCE_MS)
         hmi, _ = bench.controller_link("tcp", "hmi", Role.MONITOR, timeout_ms=PATIENCE_MS)
         relay = await bench.relay(
-            where, (cnc, hmi), (tools.axis(),), LineTiming(response_timeout_ms=PATIENCE_MS)
+            where, (cnc, hmi), (axis_plan(),), LineTiming(response_timeout_ms=PATIENCE_MS)
         )
-        await tools.until_up(relay)
+        await until_up(relay)
         async with client(relay, "cnc", device) as mover, client(relay, "hmi", "") as reader:
 
             async def read_others() -> None:
@@ -123,24 +123,24 @@ async def test_an_axis_moves_and_reads_while_another_client_reads_other_register
     assert drive.written == [words(50_050), words(100_100), words(20_020), words(0)]
 
 
-async def test_a_monitor_may_not_write(bench: "Bench", tools: "Tools") -> None:
+async def test_a_monitor_may_not_write(bench: Bench) -> None:
     drive = Drive()
     async with serving(bench, "tcp", drive) as where:
         hmi, _ = bench.controller_link("tcp", "hmi", Role.MONITOR)
-        relay = await bench.relay(where, (hmi,), (tools.axis(),))
-        await tools.until_up(relay)
+        relay = await bench.relay(where, (hmi,), (axis_plan(),))
+        await until_up(relay)
         async with client(relay, "hmi", "") as reader:
             reply = await reader.write_registers(COMMAND, words(50_000), device_id=1)
             assert reply.exception_code == 1
     assert drive.written == []
 
 
-async def test_shadow_writes_the_original_and_shows_the_correction(bench: "Bench", tools: "Tools") -> None:
+async def test_shadow_writes_the_original_and_shows_the_correction(bench: Bench) -> None:
     drive = Drive()
     async with serving(bench, "tcp", drive) as where:
         cnc, _ = bench.controller_link("tcp")
-        relay = await bench.relay(where, (cnc,), (tools.axis(CompensationMode.SHADOW),))
-        await tools.until_up(relay)
+        relay = await bench.relay(where, (cnc,), (axis_plan(CompensationMode.SHADOW),))
+        await until_up(relay)
         async with client(relay, "cnc", "") as mover:
             await mover.write_registers(COMMAND, words(50_000), device_id=1)
             reply = await mover.read_holding_registers(ACTUAL, count=2, device_id=1)

@@ -1,7 +1,5 @@
 """Requests in pieces and with lengths that cannot be: no byte of their data becomes a request (W5)."""
 
-from typing import TYPE_CHECKING
-
 import pytest
 
 from gateway.exchange.events import Event
@@ -14,9 +12,7 @@ from gateway.relay.controller_port import MbapControllerPort, RtuControllerPort
 from gateway.relay.pulse import Beats
 from gateway.transport.channel import Channel
 from tests.exchange.staged_bench import RUN_PDU, RUN_RELATIVE_PDU, STOP_PDU, staged_plan
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, Tools
+from tests.support.relay import Bench
 
 MS = 1_000_000
 START_NS = 10_000 * MS
@@ -163,7 +159,7 @@ async def test_a_length_that_nobody_sends_is_not_answered_and_ends_the_connectio
 
 
 async def test_over_real_sockets_a_request_that_is_too_long_is_answered_and_the_connection_ends(
-    bench: "Bench", tools: "Tools"
+    bench: Bench,
 ) -> None:
     near, far, _ = await bench.raw_pair("tcp", "tcp")
     near.write(bytes.fromhex("0002 0000 00FF 01 10 03E8 007C F8"))

@@ -1,12 +1,9 @@
 """SIGKILL in the middle of a move, of a blend and of a reversal: the gateway goes on without a step."""
 
 import contextlib
-import json
 import shutil
 import signal
 import socket
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from itertools import pairwise
@@ -19,50 +16,13 @@ from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import PositionField, RegisterType
 from tests.exchange.line_bench import Memory, read, write
 from tests.support.commands import typed
+from tests.support.config import Keys, axis, gateway_toml, line, registers, tab, written
 from tests.support.ports import free_port
-from tests.support.processes import started
+from tests.support.processes import SECONDS, Running, running
 
-ROOT = Path(__file__).parents[2]
-RELAY = [sys.executable, "-c", "from gateway.cli.main import main; main()", "relay"]
 COMMAND = PositionField(100, RegisterType.INT32)
 ACTUAL = PositionField(110, RegisterType.INT32)
-SECONDS = 20.0
-CONFIG = """
-[gateway]
-name = "trial"
-
-[line.xyz]
-drives = {{ tcp = "127.0.0.1:{drives}" }}
-
-[[line.xyz.controllers]]
-name = "cnc"
-tcp = "127.0.0.1:{port}"
-
-[axis.{axis}]
-line = "xyz"
-unit_id = 1
-units = "mm"
-counts_per_unit = {counts_per_unit}
-travel = [0.0, 100.0]
-referenced = "absolute"
-compensation = "on"
-table = "{axis}.tab"
-setpoints = "{setpoints}"
-max_speed = 200.0
-registers.command = [{{ address = 100, type = "int32" }}]
-registers.actual = [{{ address = 110, type = "int32" }}]
-{more}
-"""
-TABLE = """CNC10 TAB FILE VERSION 3
-AXIS {axis}
-UNITS MILLIMETER
-INTERVAL 50.0
-ENTRIES 3
-0.0 0.0 -0.02
-50.0 {middle} 0.03
-100.0 0.1 0.08
-"""
-STREAM = {"setpoints": "stream", "more": "reload = { distance = 1.0 }\nreversal = { distance = 1.0 }"}
+STREAM: Keys = {"setpoints": "stream", "reload": {"distance": 1.0}, "reversal": {"distance": 1.0}}
 
 
 class Drive:
@@ -119,35 +79,36 @@ class Machine:
         self.readings: list[float] = []
         self._port: int = free_port()
         self._stack = contextlib.ExitStack()
-        self._notes: list[dict[str, Any]] = []
-        self._process: subprocess.Popen[str] | None = None
+        self._program: Running | None = None
         self._connection: socket.socket | None = None
         self.configure()
 
-    def configure(self, **changes: Any) -> None:
-        values = {"axis": "x", "counts_per_unit": 1000.0, "setpoints": "targets", "more": "", "middle": 0.05}
-        values |= changes
-        (self.folder / "tables").mkdir(exist_ok=True)
-        table = TABLE.format(axis=str(values["axis"]).upper(), middle=values["middle"])
-        (self.folder / "tables" / f"{values['axis']}.tab").write_text(table)
-        config = CONFIG.format(drives=self.drive.port, port=self._port, **values)
-        (self.folder / "gateway.toml").write_text(config)
+    def configure(self, name: str = "x", middle_mm: float = 0.05, **keys: Any) -> None:
+        """Write the configuration; ``middle_mm`` is what the table adds at 50 mm on the way forward."""
+        one = axis(
+            name,
+            registers(command=100, actual=110),
+            compensation="on",
+            table=f"{name}.tab",
+            max_speed=200.0,
+            **{"setpoints": "targets", **keys},
+        )
+        table = tab((0.0, -0.02), (middle_mm, 0.03), (0.1, 0.08), name=name.upper())
+        text = gateway_toml(line(self.drive.port, {"cnc": self._port}), one)
+        written(self.folder, text, {f"{name}.tab": table})
 
     def run(self) -> None:
         config = str(self.folder / "gateway.toml")
         assert typed("check", "--compile", config).returncode == 0
-        command = [*RELAY, config, "--log-format", "json"]
-        process = started(command, stderr=subprocess.PIPE, text=True, cwd=ROOT)
-        self._process = self._stack.enter_context(process)
-        self._notes.clear()
-        self.note("line-up")
+        self._program = self._stack.enter_context(running("relay", config))
+        self._program.until("line-up")
         self._connection = socket.create_connection(("127.0.0.1", self._port), timeout=SECONDS)
 
     def kill(self) -> None:
-        assert self._process is not None
+        assert self._program is not None
         assert self._connection is not None
-        self._process.kill()
-        assert self._process.wait(SECONDS) == -signal.SIGKILL
+        self._program.process.kill()
+        assert self._program.process.wait(SECONDS) == -signal.SIGKILL
         self._connection.close()
 
     def close(self) -> None:
@@ -157,16 +118,12 @@ class Machine:
 
     def note(self, *events: str) -> dict[str, Any]:
         """Return one of these events of this run, waiting for it if need be."""
-        for note in self._notes:
-            if note["event"] in events:
-                return note
-        assert self._process is not None
-        assert self._process.stderr is not None
-        for line in self._process.stderr:
-            self._notes.append(json.loads(line))
-            if self._notes[-1]["event"] in events:
-                return self._notes[-1]
-        raise AssertionError(f"the log ended without {events}")
+        assert self._program is not None
+        while True:
+            for note in self._program.notes:
+                if note["event"] in events:
+                    return note
+            self._program.next()
 
     def ask(self, pdu: bytes) -> bytes:
         connection = self._connection
@@ -292,7 +249,7 @@ def test_a_kill_with_a_target_on_the_way_of_the_one_before_leaves_the_reading_of
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"middle": 0.06}, "the table that was in force is not the one configured now"),
+        ({"middle_mm": 0.06}, "the table that was in force is not the one configured now"),
         ({"counts_per_unit": 1001.0}, "what a count means, or a register of the axis, was changed"),
     ],
     ids=["table", "counts_per_unit"],
@@ -320,7 +277,7 @@ def test_a_table_that_changed_meanwhile_comes_into_force_with_the_next_target(tm
         each.command(40_000)
         assert each.actual() == 40_000
         each.kill()
-        each.configure(middle=0.06)
+        each.configure(middle_mm=0.06)
         each.run()
         assert each.actual() == 40_000  # a standing axis does not jump: the old table is still to be had
         each.command(45_000)
@@ -333,7 +290,7 @@ def test_an_axis_of_another_name_has_a_record_of_its_own(tmp_path: Path) -> None
         each.run()
         each.command(40_000)
         each.kill()
-        each.configure(axis="y")
+        each.configure("y")
         each.run()
         assert each.actual() == 40_040
         assert (tmp_path / "x" / "state" / "axis-x.record").exists()

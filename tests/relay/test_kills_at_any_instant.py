@@ -29,62 +29,22 @@ from tests.exchange.test_kills_in_a_stream import Follower, Line, setpoints
 from tests.relay.test_kill_and_restart import ACTUAL, COMMAND, Drive
 from tests.soak import IS_FULL
 from tests.support.commands import typed
+from tests.support.config import Keys, axis, gateway_toml, line, registers, tab, written
 from tests.support.ports import free_port
-from tests.support.processes import started
+from tests.support.processes import COMMAND as COMMAND_LINE
+from tests.support.processes import ROOT, SECONDS, started
 
-ROOT = Path(__file__).parents[2]
-PROGRAM = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
 HOMED = 120
-SECONDS = 20.0
 KILLS = 125 if IS_FULL else 3
-CONFIG = """
-[gateway]
-name = "trial"
-
-[line.x]
-drives = {{ tcp = "127.0.0.1:{drives}" }}
-
-[[line.x.controllers]]
-name = "cnc"
-tcp = "127.0.0.1:{port}"
-
-[axis.x]
-line = "x"
-unit_id = 1
-units = "mm"
-counts_per_unit = 1000.0
-travel = [0.0, 100.0]
-referenced = "{referenced}"
-compensation = "on"
-table = "x.tab"
-setpoints = "stream"
-home_approach = "forward"
-reload = {{ distance = 1.0 }}
-reversal = {{ distance = 1.0 }}
-max_speed = 200.0
-hysteresis = 0.002
-registers.command = [{{ address = 100, type = "int32" }}]
-registers.actual = [{{ address = 110, type = "int32"{settable} }}]
-{more}
-"""
-TABLE = """CNC10 TAB FILE VERSION 3
-AXIS X
-UNITS MILLIMETER
-INTERVAL 100.0
-ENTRIES 2
-0.0 0.06 -0.06
-100.0 0.06 -0.06
-"""
 REVERSAL = Reversal(ReversalKind.DISTANCE, 1.0)
-MORE: dict[str, dict[str, str]] = {
+HOMED_BIT: Keys = {"bits.homed": {"address": HOMED, "bit": 0}}
+TOLD_BY: dict[str, Keys] = {
     "absolute": {},
-    "drive-bit": {"more": "registers.bits.homed = { address = 120, bit = 0 }"},
-    "homing": {
-        "more": "registers.bits.homed = { address = 120, bit = 0 }\n"
-        "registers.trigger = [{ address = 130, home = [4], stop = [8] }]"
-    },
-    "set-position": {"settable": ", set_position = true"},
+    "drive-bit": HOMED_BIT,
+    "homing": {**HOMED_BIT, "trigger": [{"address": 130, "home": [4], "stop": [8]}]},
+    "set-position": {"actual": [{"address": 110, "type": "int32", "set_position": True}]},
 }
+"""Registers by what an axis is referenced by."""
 
 
 class RunningDrive(Drive):
@@ -123,13 +83,21 @@ class Machine:
     """A relay between a controller and that drive."""
 
     def __init__(self, folder: Path, drive: RunningDrive, referenced: str) -> None:
-        self.config, self.port, self.drive = folder / "gateway.toml", free_port(), drive
-        self.log = folder / "log"
-        (folder / "tables").mkdir()
-        (folder / "tables" / "x.tab").write_text(TABLE)
-        values: dict[str, Any] = {"settable": "", "more": ""} | MORE[referenced]
-        text = CONFIG.format(drives=drive.port, port=self.port, referenced=referenced, **values)
-        self.config.write_text(text)
+        self.port, self.drive, self.log = free_port(), drive, folder / "log"
+        x = axis(
+            registers={**registers(command=100, actual=110), **TOLD_BY[referenced]},
+            referenced=referenced,
+            compensation="on",
+            table="x.tab",
+            setpoints="stream",
+            home_approach="forward",
+            reload={"distance": 1.0},
+            reversal={"distance": 1.0},
+            max_speed=200.0,
+            hysteresis=0.002,
+        )
+        text = gateway_toml(line(drive.port, {"cnc": self.port}), x)
+        self.config = written(folder, text, {"x.tab": tab((0.06, -0.06), (0.06, -0.06), interval=100.0)})
         assert typed("check", "--compile", str(self.config)).returncode == 0
         self.must_be_told = referenced in ("homing", "set-position")
         self.process: subprocess.Popen[Any] | None = None
@@ -138,7 +106,7 @@ class Machine:
 
     def run(self) -> None:
         log = self._stack.enter_context(self.log.open("a"))
-        process = started([*PROGRAM, "relay", str(self.config)], stderr=log, cwd=ROOT)
+        process = started([*COMMAND_LINE, "relay", str(self.config)], stderr=log, cwd=ROOT)
         self.process = self._stack.enter_context(process)
         until_s = time.monotonic() + SECONDS
         while True:

@@ -1,7 +1,7 @@
 """A Modbus/TCP drive that answers with another transaction id than it was asked with (W6): refused, named."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
@@ -10,9 +10,7 @@ from gateway.exchange.ports import ControllerPort
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.drive_link import MbapDriveLink, OtherIds, ReplyUnitIds
 from gateway.transport import memory
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, RawEnd, Tools
+from tests.support.relay import TIMING, Bench, RawEnd, line_status, until_up
 
 READ = bytes.fromhex("03 0010 0001")
 REPLY = bytes.fromhex("03 02 2222")
@@ -35,7 +33,7 @@ class Controller(ControllerPort):
 class Drives:
     """A Modbus/TCP line whose drive is in the hands of the test."""
 
-    def __init__(self, far: "RawEnd", unit_ids: ReplyUnitIds = ONE_DRIVE) -> None:
+    def __init__(self, far: RawEnd, unit_ids: ReplyUnitIds = ONE_DRIVE) -> None:
         self.told: list[tuple[int, str]] = []
         self.events: list[Event] = []
         self.link = MbapDriveLink(
@@ -64,8 +62,8 @@ class Drives:
         return [int.from_bytes(data[start : start + 2], "big") for start in range(0, len(data), 12)]
 
 
-async def test_w6_id_0_is_never_asked_with_so_it_answers_nothing(tools: "Tools") -> None:
-    drives = Drives(tools.raw_end())
+async def test_w6_id_0_is_never_asked_with_so_it_answers_nothing() -> None:
+    drives = Drives(RawEnd())
     drives.link._last_id = 0xFFFE  # 65 534 requests later
     for asked in (0xFFFF, 1, 2):
         drives.ask((asked, 1))
@@ -73,8 +71,8 @@ async def test_w6_id_0_is_never_asked_with_so_it_answers_nothing(tools: "Tools")
     assert await drives.asked_ids() == [0xFFFF, 1, 2]
 
 
-async def test_w6_unanswered_ids_are_passed_over_also_where_they_go_round(tools: "Tools") -> None:
-    drives = Drives(tools.raw_end())
+async def test_w6_unanswered_ids_are_passed_over_also_where_they_go_round() -> None:
+    drives = Drives(RawEnd())
     drives.ask()  # id 1, never answered
     drives.link._last_id = 0xFFFE
     drives.ask((0xFFFF, 1))
@@ -83,8 +81,8 @@ async def test_w6_unanswered_ids_are_passed_over_also_where_they_go_round(tools:
     assert drives.controller.replies == [NO_RESPONSE, REPLY, REPLY]
 
 
-async def test_w6_a_drive_that_answers_with_id_0_is_refused_and_named(tools: "Tools") -> None:
-    drives = Drives(tools.raw_end())
+async def test_w6_a_drive_that_answers_with_id_0_is_refused_and_named() -> None:
+    drives = Drives(RawEnd())
     for _ in range(3):
         drives.ask((0, 1))
     assert drives.controller.replies == [NO_RESPONSE] * 3
@@ -99,8 +97,8 @@ async def test_w6_a_drive_that_answers_with_id_0_is_refused_and_named(tools: "To
     ]
 
 
-async def test_a_fixed_id_is_named_after_the_request_that_had_it(tools: "Tools") -> None:
-    drives = Drives(tools.raw_end())
+async def test_a_fixed_id_is_named_after_the_request_that_had_it() -> None:
+    drives = Drives(RawEnd())
     drives.ask((1, 1))  # the right one, by chance
     drives.ask((1, 1))  # may be the reply before, once more
     assert drives.told == []
@@ -109,8 +107,8 @@ async def test_a_fixed_id_is_named_after_the_request_that_had_it(tools: "Tools")
     assert drives.told == [(1, "answers, with transaction id 1 (asked with 3)")]
 
 
-async def test_late_replies_and_those_that_come_twice_are_none_of_this(tools: "Tools") -> None:
-    drives = Drives(tools.raw_end())
+async def test_late_replies_and_those_that_come_twice_are_none_of_this() -> None:
+    drives = Drives(RawEnd())
     drives.ask((1, 1), (1, 1))
     drives.ask((1, 1))  # what came twice comes once more, and no answer
     drives.ask((2, 1))  # late: of the request that was given up
@@ -119,34 +117,34 @@ async def test_late_replies_and_those_that_come_twice_are_none_of_this(tools: "T
     assert (drives.told, drives.link.other_ids) == ([], {})
 
 
-async def test_what_was_answered_after_all_counts_for_nothing(tools: "Tools") -> None:
-    drives = Drives(tools.raw_end())
+async def test_what_was_answered_after_all_counts_for_nothing() -> None:
+    drives = Drives(RawEnd())
     drives.ask((0, 1), (1, 1))
     drives.ask()  # a time-out of its own
     assert drives.controller.replies == [REPLY, NO_RESPONSE]
     assert (drives.told, drives.link.other_ids) == ([], {})
 
 
-async def test_of_several_drives_another_one_is_not_meant(tools: "Tools") -> None:
-    drives = Drives(tools.raw_end(), ReplyUnitIds(are_many=True))
+async def test_of_several_drives_another_one_is_not_meant() -> None:
+    drives = Drives(RawEnd(), ReplyUnitIds(are_many=True))
     drives.ask((0, 2))
     assert drives.told == []
     drives.ask((0, 1))
     assert drives.told == [(1, "answers, with transaction id 0 (asked with 2)")]
 
 
-async def test_status_and_event_say_it(bench: "Bench", tools: "Tools") -> None:
+async def test_status_and_event_say_it(bench: Bench) -> None:
     def script(data: bytes) -> bytes:
         return b"\0\0" + encode_mbap(0, data[6], REPLY)[2:]
 
     _, where = await bench.drive("tcp", script)
     link, _ = bench.controller_link("tcp", timeout_ms=20.0)
-    relay = await bench.relay(where, (link,), timing=replace(tools.timing, response_timeout_ms=20.0))
-    await tools.until_up(relay)
+    relay = await bench.relay(where, (link,), timing=replace(TIMING, response_timeout_ms=20.0))
+    await until_up(relay)
     near = await bench.connect(relay.address("line", "cnc"))
     near.write(encode_mbap(4, 1, READ))
     await near.receives(encode_mbap(4, 1, NO_RESPONSE))
-    unit_ids: Any = tools.line_status(relay)["unit_ids"]
+    unit_ids: Any = line_status(relay)["unit_ids"]
     drive = unit_ids["drives"]["1"]
     assert drive["answered_s"] is None
     assert drive["other_ids_in_a_row"] == drive["timeouts_in_a_row"] >= 1

@@ -3,14 +3,12 @@
 import asyncio
 import contextlib
 import gc
-import json
 import os
 import re
-import sys
 import weakref
 from collections.abc import AsyncIterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gateway.clock import boot_ns
 from gateway.ipc.client import ask
@@ -18,28 +16,13 @@ from gateway.ipc.messages import GetStatus, Ping, Pong, Status
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.collecting import BUSY_CHECK_S, CHECK_EVERY_S
 from gateway.status.line import LatencySettings
+from tests.support.config import gateway_toml, line, section, written
 from tests.support.ports import free_port
+from tests.support.processes import running
+from tests.support.relay import Bench, until_up
 from tests.support.status_models import plain
 
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, Tools
-
-ROOT = Path(__file__).parents[2]
 CPU = min(os.sched_getaffinity(0))
-CONFIG = """
-[gateway]
-name = "trial"
-
-[relay]
-{relay}
-
-[line.xyz]
-drives = {{ tcp = "127.0.0.1:1" }}
-
-[[line.xyz.controllers]]
-name = "cnc"
-tcp = "127.0.0.1:{port}"
-"""
 READ = bytes.fromhex("03 0010 0001")
 REPLY = bytes.fromhex("03 02 0007")
 
@@ -50,30 +33,18 @@ class Ring:
 
 
 @contextlib.asynccontextmanager
-async def running(folder: Path, relay: str) -> AsyncIterator[tuple[int, dict[str, list[dict[str, Any]]]]]:
-    """A gateway in a process of its own, with its log up to what it says of its scheduling."""
-    port = free_port()
-    config = folder / "gateway.toml"
-    config.write_text(CONFIG.format(relay=relay, port=port))
-    process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-c", "import typer; from gateway.cli.run import run; typer.run(run)", str(config)),
-        stderr=asyncio.subprocess.PIPE,
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )
-    assert process.stderr is not None
-    log: dict[str, list[dict[str, Any]]] = {}
-    try:
-        async with asyncio.timeout(20):
-            while "scheduling" not in log:
-                note = json.loads(await process.stderr.readline())
-                log.setdefault(note["event"], []).append(note)
+async def relay_of(folder: Path, wishes: dict[str, Any]) -> AsyncIterator[tuple[int, list[dict[str, Any]]]]:
+    """A gateway whose relay wishes this, with its log up to what it says of its scheduling."""
+    text = gateway_toml(section("[relay]", wishes), line(1, {"cnc": free_port()}))
+    with running("run", str(written(folder, text, {}))) as program:
+        await asyncio.to_thread(program.until, "scheduling")
         pong = await asyncio.to_thread(ask, folder / "state" / "relay.sock", Ping())
         assert isinstance(pong, Pong)
-        yield pong.pid, log  # run starts the relay as a process of its own
-    finally:
-        process.kill()
-        await process.communicate()
+        yield pong.pid, program.notes  # run starts the relay as a process of its own
+
+
+def of(event: str, notes: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [note for note in notes if note["event"] == event]
 
 
 def kernel_says(pid: int) -> dict[str, object]:
@@ -88,12 +59,12 @@ def kernel_says(pid: int) -> dict[str, object]:
 
 
 async def test_log_and_status_say_what_the_kernel_says(tmp_path: Path) -> None:
-    async with running(tmp_path, f"fifo = 50\ncpus = [{CPU}]\nlock_memory = true") as (pid, log):
+    async with relay_of(tmp_path, {"fifo": 50, "cpus": [CPU], "lock_memory": True}) as (pid, notes):
         truth = kernel_says(pid)
         assert truth["cpus"] == [CPU]
-        [note] = log["scheduling"]
+        [note] = of("scheduling", notes)
         assert {key: note[key] for key in truth} == truth
-        refused = {each["key"] for each in log.get("scheduling-refused", [])}
+        refused = {each["key"] for each in of("scheduling-refused", notes)}
         assert refused == ({"relay.fifo"} if truth["fifo"] != 50 else set()) | (
             set() if truth["memory_locked"] else {"relay.lock_memory"}
         )
@@ -110,22 +81,20 @@ async def test_log_and_status_say_what_the_kernel_says(tmp_path: Path) -> None:
 
 
 async def test_what_is_refused_is_an_event_with_its_remedy_and_the_gateway_runs(tmp_path: Path) -> None:
-    async with running(tmp_path, "cpus = [8191]") as (pid, log):
-        assert "ready" in log
-        [note] = log["scheduling-refused"]
+    async with relay_of(tmp_path, {"cpus": [8191]}) as (pid, notes):
+        assert of("ready", notes)
+        [note] = of("scheduling-refused", notes)
         assert (note["key"], note["asked"], note["level"]) == ("relay.cpus", [8191], "warning")
         assert note["detail"] == "no CPU 8191 for this process"
         assert "AllowedCPUs=" in note["remedy"]
-        assert log["scheduling"][0]["cpus"] == sorted(os.sched_getaffinity(pid)) != [8191]
+        assert of("scheduling", notes)[0]["cpus"] == sorted(os.sched_getaffinity(pid)) != [8191]
 
 
-async def test_garbage_is_not_looked_for_while_an_exchange_is_on_the_wire(
-    bench: "Bench", tools: "Tools"
-) -> None:
+async def test_garbage_is_not_looked_for_while_an_exchange_is_on_the_wire(bench: Bench) -> None:
     silent, where = await bench.drive("tcp")
     link, _ = bench.controller_link("tcp")
     relay = await bench.relay(where, (link,))
-    await tools.until_up(relay)
+    await until_up(relay)
     relay.take_process()
     assert not gc.isenabled()
     near = await bench.connect(relay.address("line", "cnc"))
@@ -147,7 +116,7 @@ async def test_garbage_is_not_looked_for_while_an_exchange_is_on_the_wire(
     assert gc.isenabled()
 
 
-async def test_a_relay_without_wishes_says_nothing_of_scheduling(bench: "Bench", tools: "Tools") -> None:
+async def test_a_relay_without_wishes_says_nothing_of_scheduling(bench: Bench) -> None:
     _, where = await bench.drive("tcp")
     link, _ = bench.controller_link("tcp")
     relay = await bench.relay(where, (link,))
@@ -156,7 +125,7 @@ async def test_a_relay_without_wishes_says_nothing_of_scheduling(bench: "Bench",
     assert plain(relay.status().gateway.scheduling) == kernel_says(os.getpid())
 
 
-async def test_the_port_of_a_controller_shows_its_latency_settings(bench: "Bench") -> None:
+async def test_the_port_of_a_controller_shows_its_latency_settings(bench: Bench) -> None:
     _, where = await bench.drive("tcp")
     link, _ = bench.controller_link("rtu")
     relay = await bench.relay(where, (link,))
@@ -164,7 +133,7 @@ async def test_the_port_of_a_controller_shows_its_latency_settings(bench: "Bench
     assert controller.latency == LatencySettings()
 
 
-async def test_the_port_of_the_drives_shows_its_latency_settings(bench: "Bench") -> None:
+async def test_the_port_of_the_drives_shows_its_latency_settings(bench: Bench) -> None:
     link, _ = bench.controller_link("tcp")
     for kind, shown in (("rtu", LatencySettings()), ("tcp", None)):
         _, where = await bench.drive(kind)

@@ -1,14 +1,10 @@
 """All that holds no position goes through byte for byte, between every kind of controller and drive."""
 
-from typing import TYPE_CHECKING
-
 import pytest
 
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, Tools
+from tests.support.relay import Bench, eventually, first_controller, line_status
 
 COMBINATIONS = pytest.mark.parametrize(
     ("controller", "drives"),
@@ -34,7 +30,7 @@ def reply_to(kind: str, request: bytes, reply: bytes) -> bytes:
 @COMBINATIONS
 @pytest.mark.parametrize("function", [0x41, 0x64, 0x65])
 async def test_w1_unknown_function_codes_pass_both_ways(
-    bench: "Bench", controller: str, drives: str, function: int
+    bench: Bench, controller: str, drives: str, function: int
 ) -> None:
     request, reply = bytes([function, 1, 2, 3, 4, 5]), bytes([function, 0, 0xFF, 0x0D, 0x11, 0x13, 9])
     near, far, _ = await bench.raw_pair(controller, drives, lambda data: reply_to(drives, data, reply))
@@ -45,7 +41,7 @@ async def test_w1_unknown_function_codes_pass_both_ways(
 
 @COMBINATIONS
 async def test_w1_a_vendor_exception_passes_with_its_own_code(
-    bench: "Bench", controller: str, drives: str
+    bench: Bench, controller: str, drives: str
 ) -> None:
     near, _, _ = await bench.raw_pair(
         controller, drives, lambda data: reply_to(drives, data, bytes([0x83, 0xE7]))
@@ -55,7 +51,7 @@ async def test_w1_a_vendor_exception_passes_with_its_own_code(
 
 
 @COMBINATIONS
-async def test_one_request_after_the_other_is_answered(bench: "Bench", controller: str, drives: str) -> None:
+async def test_one_request_after_the_other_is_answered(bench: Bench, controller: str, drives: str) -> None:
     count = 0
 
     def script(data: bytes) -> bytes:
@@ -70,7 +66,7 @@ async def test_one_request_after_the_other_is_answered(bench: "Bench", controlle
 
 
 @pytest.mark.parametrize("drives", ["tcp", "rtu", "rtu_over_tcp"])
-async def test_w1_pipelined_requests_are_answered_in_their_order(bench: "Bench", drives: str) -> None:
+async def test_w1_pipelined_requests_are_answered_in_their_order(bench: Bench, drives: str) -> None:
     def script(data: bytes) -> bytes:
         address = pdu_of(drives, data)[2]
         return reply_to(drives, data, bytes([3, 2, 0, address]))
@@ -83,7 +79,7 @@ async def test_w1_pipelined_requests_are_answered_in_their_order(bench: "Bench",
 
 @COMBINATIONS
 async def test_requests_and_replies_in_single_bytes_are_put_together(
-    bench: "Bench", tools: "Tools", controller: str, drives: str
+    bench: Bench, controller: str, drives: str
 ) -> None:
     near, far, _ = await bench.raw_pair(controller, drives)
     request = framed(controller, bytes.fromhex("03 0010 0001"))
@@ -96,20 +92,18 @@ async def test_requests_and_replies_in_single_bytes_are_put_together(
 
 
 @pytest.mark.parametrize("drives", ["tcp", "rtu", "rtu_over_tcp"])
-async def test_garbage_from_a_serial_controller_costs_no_good_frame(
-    bench: "Bench", tools: "Tools", drives: str
-) -> None:
+async def test_garbage_from_a_serial_controller_costs_no_good_frame(bench: Bench, drives: str) -> None:
     near, far, relay = await bench.raw_pair(
         "rtu", drives, lambda data: reply_to(drives, data, bytes([3, 2, 0, 1]))
     )
     near.write(bytes.fromhex("01 03 0010 0001 FFFF"))  # its check sum is wrong
 
     def dropped() -> bool:
-        status = tools.line_status(relay)["controllers"]
+        status = line_status(relay)["controllers"]
         assert isinstance(status, list)
         return bool(status[0]["crc_errors"])
 
-    await tools.eventually(dropped)
+    await eventually(dropped)
     near.write(framed("rtu", bytes.fromhex("03 0010 0001")))
     await near.receives(framed("rtu", bytes([3, 2, 0, 1])))
     assert pdu_of(drives, far.data) == bytes.fromhex("03 0010 0001")
@@ -117,7 +111,7 @@ async def test_garbage_from_a_serial_controller_costs_no_good_frame(
 
 @pytest.mark.parametrize("controller", ["tcp", "rtu"])
 @pytest.mark.parametrize("drives", ["rtu", "rtu_over_tcp"])
-async def test_noise_before_a_reply_is_dropped(bench: "Bench", controller: str, drives: str) -> None:
+async def test_noise_before_a_reply_is_dropped(bench: Bench, controller: str, drives: str) -> None:
     near, _, _ = await bench.raw_pair(
         controller, drives, lambda data: b"\x00\xff" + reply_to(drives, data, bytes([3, 2, 0, 1])) + b"\x00"
     )
@@ -136,22 +130,20 @@ async def test_noise_before_a_reply_is_dropped(bench: "Bench", controller: str, 
     ],
     ids=["http", "length 0", "length 1", "length 65535"],
 )
-async def test_garbage_ends_its_connection_and_no_other(
-    bench: "Bench", tools: "Tools", garbage: bytes
-) -> None:
+async def test_garbage_ends_its_connection_and_no_other(bench: Bench, garbage: bytes) -> None:
     near, far, relay = await bench.raw_pair(
         "tcp", "tcp", lambda data: reply_to("tcp", data, bytes([3, 2, 0, 1]))
     )
     other = await bench.connect(relay.address("line", "cnc"))
     near.write(garbage)
     await near.until(lambda end: end.closes == 1)
-    assert tools.first_controller(relay)["dropped_bytes"] == len(garbage)
+    assert first_controller(relay)["dropped_bytes"] == len(garbage)
     other.write(framed("tcp", bytes.fromhex("03 0010 0001")))
     await other.receives(framed("tcp", bytes([3, 2, 0, 1])))
     assert pdu_of("tcp", far.data) == bytes.fromhex("03 0010 0001")
 
 
-async def test_a_frame_of_another_protocol_costs_no_good_frame(bench: "Bench", tools: "Tools") -> None:
+async def test_a_frame_of_another_protocol_costs_no_good_frame(bench: Bench) -> None:
     near, far, relay = await bench.raw_pair(
         "tcp", "tcp", lambda data: reply_to("tcp", data, bytes([3, 2, 0, 1]))
     )
@@ -159,26 +151,22 @@ async def test_a_frame_of_another_protocol_costs_no_good_frame(bench: "Bench", t
     near.write(framed("tcp", bytes.fromhex("03 0010 0001")))
     await near.receives(framed("tcp", bytes([3, 2, 0, 1])))
     assert pdu_of("tcp", far.data) == bytes.fromhex("03 0010 0001")
-    assert tools.first_controller(relay)["dropped_bytes"] == 12
+    assert first_controller(relay)["dropped_bytes"] == 12
 
 
-async def test_a_host_that_sends_garbage_on_every_connection_is_told_of_once(
-    bench: "Bench", tools: "Tools"
-) -> None:
+async def test_a_host_that_sends_garbage_on_every_connection_is_told_of_once(bench: Bench) -> None:
     near, _, relay = await bench.raw_pair("tcp", "tcp", lambda data: reply_to("tcp", data, b"\x83\x02"))
     [where] = next(iter(relay.addresses.values()))
     ends = [near, *[await bench.connect(where) for _ in range(9)]]
     for end in ends:
         end.write(b"GET / HTTP/1.1\r\n\r\n")
-    await tools.eventually(lambda: tools.first_controller(relay)["dropped_bytes"] == 18 * len(ends))
+    await eventually(lambda: first_controller(relay)["dropped_bytes"] == 18 * len(ends))
     told = [dict(note.fields)["detail"] for note in bench.notes if note.event == "connection-malformed"]
     assert told == ["127.0.0.1: it sent a header of impossible length; its connection was closed"]
 
 
 @pytest.mark.parametrize("controller", ["tcp", "rtu"])
-async def test_a_broadcast_goes_out_once_and_the_next_request_follows(
-    bench: "Bench", controller: str
-) -> None:
+async def test_a_broadcast_goes_out_once_and_the_next_request_follows(bench: Bench, controller: str) -> None:
     def script(data: bytes) -> bytes | None:
         return reply_to("rtu", data, bytes([3, 2, 0, 1])) if data[0] else None
 

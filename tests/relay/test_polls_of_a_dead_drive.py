@@ -4,16 +4,13 @@ import asyncio
 import contextlib
 import itertools
 import time
-from typing import TYPE_CHECKING
 
 import pytest
 
 from gateway.exchange.plan import LineTiming
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.modbus.rtu import encode_rtu
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, RawEnd, Tools
+from tests.support.relay import Bench, RawEnd, line_status, until_up
 
 READ, REPLY, NO_RESPONSE = (bytes.fromhex(text) for text in ("03 0010 0001", "03 02 0007", "83 0B"))
 WELL, DEAD = 1, 2
@@ -23,13 +20,13 @@ READS_BETWEEN = 20
 """So many of unit 1 before each of unit 2: 60 ms. Twice that is what a busy machine has in hand."""
 
 
-def drive(end: "RawEnd", data: bytes) -> None:
+def drive(end: RawEnd, data: bytes) -> None:
     """Answer for unit 1, after a while."""
     if data[0] == WELL:
         asyncio.get_running_loop().call_later(TAKES_S, end.write, encode_rtu(WELL, REPLY))
 
 
-async def poll(near: "RawEnd", unit_id: int, number: int) -> tuple[bytes, float]:
+async def poll(near: RawEnd, unit_id: int, number: int) -> tuple[bytes, float]:
     """Ask a unit id and wait as long as a controller does; return the PDU of the answer and the ms it took.
 
     ``number``: its transaction id over TCP; 0 on a serial port.
@@ -43,7 +40,7 @@ async def poll(near: "RawEnd", unit_id: int, number: int) -> tuple[bytes, float]
     return answered(near, unit_id, number), 1000 * (time.monotonic() - begun)
 
 
-def answered(near: "RawEnd", unit_id: int, number: int) -> bytes:
+def answered(near: RawEnd, unit_id: int, number: int) -> bytes:
     """Return the PDU that has come for a request, and not for one that was given up; empty: none has."""
     if number:
         return b"".join(pdu for each, _, pdu in MbapDecoder().feed(near.data) if each == number)
@@ -51,24 +48,22 @@ def answered(near: "RawEnd", unit_id: int, number: int) -> bytes:
 
 
 @pytest.mark.parametrize("controller", ["tcp", "rtu"])
-async def test_w6_before_it_is_dead_the_other_one_loses_nothing(
-    bench: "Bench", tools: "Tools", controller: str
-) -> None:
+async def test_w6_before_it_is_dead_the_other_one_loses_nothing(bench: Bench, controller: str) -> None:
     serial = controller == "rtu"
     drives, where = await bench.drive("rtu")
     drives.script = lambda data: drive(drives, data)
     link, device = bench.controller_link(controller, timeout_ms=TIMEOUT_MS)
     timing = LineTiming(response_timeout_ms=TIMEOUT_MS, drain_ms=TIMEOUT_MS)
     relay = await bench.relay(where, (link,), timing=timing)
-    await tools.until_up(relay)
+    await until_up(relay)
     near = await (bench.plug(device) if serial else bench.connect(relay.address("line", "cnc")))
     of_dead: list[bytes] = []
     of_well: list[tuple[bytes, float]] = []
     numbers = itertools.repeat(0) if serial else itertools.count(1)
-    while tools.line_status(relay)["timeouts"] != 3:
+    while line_status(relay)["timeouts"] != 3:
         of_well += [await poll(near, WELL, next(numbers)) for _ in range(READS_BETWEEN)]
         of_dead.append((await poll(near, DEAD, next(numbers)))[0])
-    status = tools.line_status(relay)
+    status = line_status(relay)
     assert {pdu for pdu, _ in of_well} == {REPLY}
     assert max(took_ms for _, took_ms in of_well) < TIMEOUT_MS
     # Behind each of two time-outs two are answered at once, if the machine lets unit 1 be read so often

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -13,15 +12,13 @@ from gateway.recording.writer import Recorder
 from gateway.relay.gateway import Relay
 from gateway.state.plan import RoleRights, TlsPlan
 from tests.relay.secure_site import WRITE, WRITTEN, Site, ask
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, Tools
+from tests.support.relay import Bench, until_up
 
 
 async def test_a_recording_is_replayed_with_the_role_that_each_connection_had(
-    tools: "Tools", bench: "Bench", tmp_path: Path
+    bench: Bench, tmp_path: Path
 ) -> None:
-    site = Site(tools, bench, tmp_path)
+    site = Site(bench, tmp_path)
     await site.start()
     [line] = site.relay_plan.lines
     recorder = Recorder(
@@ -30,7 +27,7 @@ async def test_a_recording_is_replayed_with_the_role_that_each_connection_had(
     relay = Relay(site.relay_plan, recorder=recorder)
     await relay.start()
     site.relay = relay
-    await tools.until_up(relay)
+    await until_up(relay)
     monitor = await site.connect(site.shop.controller("hmi", "Beobachter Süd"))
     mover = await site.connect(site.shop.controller("mill", "Operator"))
     assert await ask(monitor, WRITE) == b"\x90\x01"

@@ -2,7 +2,6 @@
 
 import asyncio
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import msgspec
 import pytest
@@ -17,34 +16,12 @@ from gateway.relay.gateway import Relay
 from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import TcpEndpoint
 from tests.support.commands import typed
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, Tools
+from tests.support.config import axis, gateway_toml, line
+from tests.support.relay import QUICK, Bench, axis_plan, until_up
 
 LOOPBACK = TcpEndpoint("127.0.0.1", 0)
 WRITE = bytes.fromhex("10 0064 0002 04 0000 0000")
-CONFIG = """
-[line.xyz]
-drives = { tcp = "127.0.0.1:1" }
-
-[[line.xyz.controllers]]
-name = "cnc"
-tcp = "127.0.0.1:1502"
-
-[[line.xyz.controllers]]
-name = "panel"
-tcp = "127.0.0.1:1503"
-
-[axis.x]
-line = "xyz"
-unit_id = 1
-units = "mm"
-counts_per_unit = 1000.0
-travel = [0.0, 100.0]
-referenced = "absolute"
-compensation = "on"
-registers.command = [{ address = 100, type = "int32" }]
-"""
+CONFIG = gateway_toml(line(1, {"cnc": 1502, "panel": 1503}), axis(compensation="on"))
 
 
 def echo(data: bytes) -> bytes:
@@ -59,18 +36,18 @@ def different(entries: list[traffic.Entry], plan: GatewayPlan) -> int:
 
 
 async def test_two_hosts_on_one_listener_are_two_writers_in_the_replay_too(
-    bench: "Bench", tools: "Tools", tmp_path: Path
+    bench: Bench, tmp_path: Path
 ) -> None:
     path = tmp_path / "record.jsonl"
     _, where = await bench.drive("tcp", echo)
     rights = Rights(function_codes=frozenset({16}))
     link = ControllerLink(ControllerPlan("cnc", rights=rights), LOOPBACK)
-    plan = GatewayPlan("bench", (LinePlan("line", where, (link,), (tools.axis(),), tools.quick),))
+    plan = GatewayPlan("bench", (LinePlan("line", where, (link,), (axis_plan(),), QUICK),))
     header = traffic.Header(traffic.FORMAT, "0", "2026-01-01T00:00:00+00:00", "gateway.toml", "")
     relay = Relay(plan, bench.notes.append, recorder=Recorder(path, header))
     await relay.start()
     bench.stack.push_async_callback(relay.stop)
-    await tools.until_up(relay)
+    await until_up(relay)
     place = relay.address("line", "cnc")
     answers = []
     for host in ("127.0.0.1", "127.0.0.9", "127.0.0.1"):

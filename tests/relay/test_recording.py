@@ -6,7 +6,7 @@ import contextlib
 import random
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import msgspec
 import pytest
@@ -41,9 +41,7 @@ from gateway.relay.gateway import Relay
 from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.state.tables import compiled
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, RawEnd, Tools
+from tests.support.relay import QUICK, TIMING, Bench, RawEnd, axis_plan, eventually, line_status, until_up
 
 HEADER = Header(traffic.FORMAT, "0", "2026-01-01T00:00:00+00:00", "gateway.toml", "")
 ROUNDS = 120
@@ -182,10 +180,10 @@ def random_request(rng: random.Random) -> bytes:
     )
 
 
-def staged(tools: "Tools") -> AxisPlan:
+def staged() -> AxisPlan:
     """An axis on unit 2 whose targets wait for a trigger, and whose drive says whether it is homed."""
     return replace(
-        tools.axis(),
+        axis_plan(),
         name="y",
         unit_id=2,
         referenced=Reference.DRIVE_BIT,
@@ -195,8 +193,7 @@ def staged(tools: "Tools") -> AxisPlan:
 
 
 async def recorded_relay(
-    bench: "Bench",
-    tools: "Tools",
+    bench: Bench,
     kind: str,
     recorder: Recorder,
     seed: int = 1,
@@ -208,17 +205,15 @@ async def recorded_relay(
     drive.end, where = await bench.drive(kind, drive)
     plans = (ControllerPlan("cnc", timeout_ms=30.0), ControllerPlan("hmi", timeout_ms=30.0))
     links = tuple(ControllerLink(each, bench.controller_link("tcp")[0].endpoint) for each in plans)
-    plan = GatewayPlan(
-        "bench", (LinePlan("line", where, links, (axis or tools.axis(), staged(tools)), tools.quick),)
-    )
+    plan = GatewayPlan("bench", (LinePlan("line", where, links, (axis or axis_plan(), staged()), QUICK),))
     relay = Relay(plan, bench.notes.append, recorder=recorder)
     await relay.start()
     bench.stack.push_async_callback(relay.stop)
-    await tools.until_up(relay)
+    await until_up(relay)
     return relay, plan
 
 
-async def chat(bench: "Bench", relay: Relay, seed: int) -> None:
+async def chat(bench: Bench, relay: Relay, seed: int) -> None:
     """Let two controllers ask at random, one of which comes and goes."""
     rng = random.Random(seed)
     steady = await bench.connect(relay.address("line", "cnc"))
@@ -246,10 +241,10 @@ async def chat(bench: "Bench", relay: Relay, seed: int) -> None:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("kind", ["tcp", "rtu"])
 async def test_random_traffic_with_time_outs_and_reconnects_replays_to_the_same_bytes(
-    bench: "Bench", tools: "Tools", tmp_path: Path, kind: str, seed: int
+    bench: Bench, tmp_path: Path, kind: str, seed: int
 ) -> None:
     path = tmp_path / "record.jsonl"
-    relay, plan = await recorded_relay(bench, tools, kind, Recorder(path, HEADER), seed)
+    relay, plan = await recorded_relay(bench, kind, Recorder(path, HEADER), seed)
     await chat(bench, relay, seed)
     await relay.stop()
     result = replayed(path, plan)
@@ -268,23 +263,23 @@ async def test_random_traffic_with_time_outs_and_reconnects_replays_to_the_same_
         "End",
     }
     assert result.outputs > ROUNDS
-    status = tools.line_status(relay)
+    status = line_status(relay)
     assert status["timeouts"]
 
 
 @pytest.mark.parametrize("seed", [1, 2])
 async def test_temperatures_and_another_axis_replay_to_the_same_bytes(
-    bench: "Bench", tools: "Tools", tmp_path: Path, seed: int
+    bench: Bench, tmp_path: Path, seed: int
 ) -> None:
     path = tmp_path / "record.jsonl"
-    axis = tools.axis()
+    axis = axis_plan()
     warm = replace(
         axis,
         settings=replace(axis.settings, travel=(-1e5, 1e5), max_correction=1e6, travel_margin=1e9),
         thermal=ThermalSettings(1e-4, rate_per_min=60.0),
         cross=(CrossPlan("y", (-1e6, 1e6), (-100.0, 100.0)),),
     )
-    relay, plan = await recorded_relay(bench, tools, "tcp", Recorder(path, HEADER), seed, axis=warm)
+    relay, plan = await recorded_relay(bench, "tcp", Recorder(path, HEADER), seed, axis=warm)
     for celsius in (21.0, 35.0, 15.0):
         assert relay.command(SetTemperature(axis="x", celsius=celsius)) == {"x": ""}
         with pytest.raises(ControlError):
@@ -300,14 +295,14 @@ async def test_temperatures_and_another_axis_replay_to_the_same_bytes(
     assert replayed(path, GatewayPlan("bench", (cold,))).different
 
 
-def test_one_line_replays_alone_though_an_axis_of_another_one_acts_on_it(tools: "Tools") -> None:
-    plain = replace(tools.axis(), settings=replace(tools.axis().settings, max_correction=1.0))
+def test_one_line_replays_alone_though_an_axis_of_another_one_acts_on_it() -> None:
+    plain = replace(axis_plan(), settings=replace(axis_plan().settings, max_correction=1.0))
     x = replace(plain, cross=(CrossPlan("y", (0.0, 100.0), (0.0, 0.2)),), table=FLAT)
     links = (ControllerLink(ControllerPlan("cnc"), TcpEndpoint("h", 1)),)
     plan = GatewayPlan(
         "bench",
         tuple(
-            LinePlan(name, TcpEndpoint("h", 1), links, (axis,), tools.timing)
+            LinePlan(name, TcpEndpoint("h", 1), links, (axis,), TIMING)
             for name, axis in (("one", x), ("other", replace(plain, name="y", table=FLAT)))
         ),
     )
@@ -329,9 +324,9 @@ def test_one_line_replays_alone_though_an_axis_of_another_one_acts_on_it(tools: 
         assert (replay.result.outputs, replay.result.first) == (outputs, [])
 
 
-def test_an_odd_frame_of_a_serial_port_replays_to_the_same_bytes(tools: "Tools") -> None:
+def test_an_odd_frame_of_a_serial_port_replays_to_the_same_bytes() -> None:
     link = ControllerLink(ControllerPlan("cnc", serial=True), SerialEndpoint("/dev/ttyUSB0"))
-    line = LinePlan("one", SerialEndpoint("/dev/ttyUSB1"), (link,), (tools.axis(),), tools.timing)
+    line = LinePlan("one", SerialEndpoint("/dev/ttyUSB1"), (link,), (axis_plan(),), TIMING)
     entries: tuple[Entry, ...] = (
         traffic.Up("one", 1000),
         traffic.Request("one", 2000, 1, "cnc", 0, 5, "030101"),
@@ -347,11 +342,9 @@ def test_an_odd_frame_of_a_serial_port_replays_to_the_same_bytes(tools: "Tools")
         assert bool(replay.result.different) == different
 
 
-async def test_another_configuration_shows_what_it_would_have_done(
-    bench: "Bench", tools: "Tools", tmp_path: Path
-) -> None:
+async def test_another_configuration_shows_what_it_would_have_done(bench: Bench, tmp_path: Path) -> None:
     path = tmp_path / "record.jsonl"
-    relay, plan = await recorded_relay(bench, tools, "tcp", Recorder(path, HEADER))
+    relay, plan = await recorded_relay(bench, "tcp", Recorder(path, HEADER))
     near = await bench.connect(relay.address("line", "cnc"))
     near.write(encode_mbap(1, 1, bytes.fromhex("10 0064 0002 04 0000C350")))
     await near.until(lambda end: len(end.data) > 0)
@@ -367,11 +360,9 @@ async def test_another_configuration_shows_what_it_would_have_done(
     assert first.t == cause.t
 
 
-async def test_an_output_too_many_or_too_few_is_a_difference(
-    bench: "Bench", tools: "Tools", tmp_path: Path
-) -> None:
+async def test_an_output_too_many_or_too_few_is_a_difference(bench: Bench, tmp_path: Path) -> None:
     path = tmp_path / "record.jsonl"
-    relay, plan = await recorded_relay(bench, tools, "tcp", Recorder(path, HEADER))
+    relay, plan = await recorded_relay(bench, "tcp", Recorder(path, HEADER))
     await chat(bench, relay, 1)
     await relay.stop()
     entries = entries_of(path)
@@ -384,10 +375,10 @@ async def test_an_output_too_many_or_too_few_is_a_difference(
 
 
 async def test_a_recording_that_was_cut_off_is_replayed_as_far_as_it_goes(
-    bench: "Bench", tools: "Tools", tmp_path: Path
+    bench: Bench, tmp_path: Path
 ) -> None:
     path = tmp_path / "record.jsonl"
-    relay, plan = await recorded_relay(bench, tools, "tcp", Recorder(path, HEADER))
+    relay, plan = await recorded_relay(bench, "tcp", Recorder(path, HEADER))
     await chat(bench, relay, 1)
     await relay.stop()
     entries = entries_of(path)
@@ -399,12 +390,12 @@ async def test_a_recording_that_was_cut_off_is_replayed_as_far_as_it_goes(
 
 
 async def test_a_full_disk_ends_the_recording_loudly_and_not_the_gateway(
-    bench: "Bench", tools: "Tools", tmp_path: Path
+    bench: Bench, tmp_path: Path
 ) -> None:
     path = tmp_path / "record.jsonl"
-    relay, plan = await recorded_relay(bench, tools, "tcp", Recorder(path, HEADER, max_bytes=3000))
+    relay, plan = await recorded_relay(bench, "tcp", Recorder(path, HEADER, max_bytes=3000))
     await chat(bench, relay, 1)
-    await tools.eventually(lambda: any(note.event == "recording-ended" for note in bench.notes))
+    await eventually(lambda: any(note.event == "recording-ended" for note in bench.notes))
     near = await bench.connect(relay.address("line", "cnc"))
     while not near.data:  # one may wait for longer than its 30 ms, and is then withdrawn
         near.write(encode_mbap(1, 1, b"\x03\x00\x6e\x00\x02"))
@@ -433,11 +424,11 @@ async def test_a_disk_that_is_too_slow_ends_the_recording(tmp_path: Path) -> Non
     assert [type(entry) for entry in entries_of(recorder.path)] == [Header]
 
 
-async def test_a_recorder_writes_while_it_records_and_ends_in_order(tools: "Tools", tmp_path: Path) -> None:
+async def test_a_recorder_writes_while_it_records_and_ends_in_order(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path / "record.jsonl", HEADER)
     recorder.start()
     recorder.put(Tick("line", 1))
-    await tools.eventually(lambda: recorder.entries == 1)
+    await eventually(lambda: recorder.entries == 1)
     recorder.put(Tick("line", 2))
     await recorder.stop()
     recorder.put(Tick("line", 3))
@@ -445,18 +436,16 @@ async def test_a_recorder_writes_while_it_records_and_ends_in_order(tools: "Tool
     assert recorder.path.stat().st_mode & 0o777 == 0o600
 
 
-async def test_a_file_that_exists_is_not_recorded_over(
-    bench: "Bench", tools: "Tools", tmp_path: Path
-) -> None:
+async def test_a_file_that_exists_is_not_recorded_over(bench: Bench, tmp_path: Path) -> None:
     path = tmp_path / "record.jsonl"
     path.write_text("precious")
     with pytest.raises(Exception, match="exists: record into a new file, or remove this one"):
-        await recorded_relay(bench, tools, "tcp", Recorder(path, HEADER))
+        await recorded_relay(bench, "tcp", Recorder(path, HEADER))
     assert path.read_text() == "precious"
 
 
-def test_lines_and_controllers_that_a_configuration_lacks_are_named(tools: "Tools") -> None:
-    plan = GatewayPlan("bench", (LinePlan("line", TcpEndpoint("h", 1), (), (), tools.timing),))
+def test_lines_and_controllers_that_a_configuration_lacks_are_named() -> None:
+    plan = GatewayPlan("bench", (LinePlan("line", TcpEndpoint("h", 1), (), (), TIMING),))
     with pytest.raises(ReplayError, match="there is no line other; there are line"):
         Replay(plan, "other")
     with pytest.raises(ReplayError, match=r"has a line xyz, .* there are line; choose one"):

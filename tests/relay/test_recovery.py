@@ -12,10 +12,10 @@ from gateway.modbus.rtu import encode_rtu
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpListener
+from tests.support.relay import Bench, RawEnd, eventually, line_status, until_up
 
 if TYPE_CHECKING:
     from gateway.relay.gateway import Relay
-    from tests.relay.conftest import Bench, RawEnd, Tools
 
 READ = bytes.fromhex("03 0010 0001")
 REPLY = bytes.fromhex("03 02 0007")
@@ -30,31 +30,31 @@ def answer_rtu(data: bytes) -> bytes:
     return encode_rtu(data[0], REPLY)
 
 
-async def ask(near: "RawEnd", transaction_id: int, expected: bytes) -> None:
+async def ask(near: RawEnd, transaction_id: int, expected: bytes) -> None:
     near.write(encode_mbap(transaction_id, 1, READ))
     await near.receives(encode_mbap(transaction_id, 1, expected))
 
 
-async def listen(endpoint: TcpEndpoint, end: "RawEnd") -> TcpListener:
+async def listen(endpoint: TcpEndpoint, end: RawEnd) -> TcpListener:
     listener = TcpListener(endpoint, (), lambda: end, lambda host, why: None)
     await listener.open()
     return listener
 
 
-async def test_a_drive_that_restarts_is_connected_again(bench: "Bench", tools: "Tools") -> None:
-    drive = tools.raw_end(answer_tcp)
+async def test_a_drive_that_restarts_is_connected_again(bench: Bench) -> None:
+    drive = RawEnd(answer_tcp)
     listener = await listen(TcpEndpoint("127.0.0.1", 0), drive)
     where = listener.addresses[0]
     link, _ = bench.controller_link("tcp")
     relay = await bench.relay(where, (link,))
-    await tools.until_up(relay)
+    await until_up(relay)
     near = await bench.connect(relay.address("line", "cnc"))
     await ask(near, 1, REPLY)
     await listener.close()
-    await tools.eventually(lambda: tools.line_status(relay)["state"] == "down")
+    await eventually(lambda: line_status(relay)["state"] == "down")
     await ask(near, 2, PATH_UNAVAILABLE)
     listener = await listen(where, drive)
-    await tools.until_up(relay)
+    await until_up(relay)
     await ask(near, 3, REPLY)
     await relay.stop()
     await listener.close()
@@ -63,8 +63,8 @@ async def test_a_drive_that_restarts_is_connected_again(bench: "Bench", tools: "
     assert events.count("line-down") == 1
 
 
-async def test_a_drive_that_is_off_at_the_start_is_waited_for(bench: "Bench", tools: "Tools") -> None:
-    drive = tools.raw_end(answer_tcp)
+async def test_a_drive_that_is_off_at_the_start_is_waited_for(bench: Bench) -> None:
+    drive = RawEnd(answer_tcp)
     listener = await listen(TcpEndpoint("127.0.0.1", 0), drive)
     where = listener.addresses[0]
     await listener.close()
@@ -73,15 +73,13 @@ async def test_a_drive_that_is_off_at_the_start_is_waited_for(bench: "Bench", to
     near = await bench.connect(relay.address("line", "cnc"))
     await ask(near, 1, PATH_UNAVAILABLE)
     listener = await listen(where, drive)
-    await tools.until_up(relay)
+    await until_up(relay)
     await ask(near, 2, REPLY)
     await relay.stop()
     await listener.close()
 
 
-async def test_a_drive_adapter_that_is_replugged_is_opened_again(
-    bench: "Bench", tools: "Tools", tmp_path: Path
-) -> None:
+async def test_a_drive_adapter_that_is_replugged_is_opened_again(bench: Bench, tmp_path: Path) -> None:
     device = tmp_path / "by-id"
     link, _ = bench.controller_link("tcp")
     relay = await bench.relay(SerialEndpoint(str(device), 115200, "E"), (link,))
@@ -90,50 +88,48 @@ async def test_a_drive_adapter_that_is_replugged_is_opened_again(
         await ask(near, 10 * turn, PATH_UNAVAILABLE)
         cable = bench.cable()
         device.symlink_to(cable.near)
-        port = SerialPort(SerialEndpoint(cable.far), tools.raw_end(answer_rtu), lambda why: None)
+        port = SerialPort(SerialEndpoint(cable.far), RawEnd(answer_rtu), lambda why: None)
         await port.open()
-        await tools.until_up(relay)
+        await until_up(relay)
         await ask(near, 10 * turn + 1, REPLY)
         await port.close()
         if turn == 0:
             cable.close()
             device.unlink()
-            await tools.eventually(lambda: tools.line_status(relay)["state"] == "down")
+            await eventually(lambda: line_status(relay)["state"] == "down")
 
 
-async def test_a_controllers_adapter_that_is_replugged_is_opened_again(
-    bench: "Bench", tools: "Tools", tmp_path: Path
-) -> None:
+async def test_a_controllers_adapter_that_is_replugged_is_opened_again(bench: Bench, tmp_path: Path) -> None:
     device = tmp_path / "by-id"
     _, where = await bench.drive("tcp", answer_tcp)
     link, _ = bench.controller_link("rtu")
     plan = link.plan
     relay = await bench.relay(where, (type(link)(plan, SerialEndpoint(str(device), 115200)),))
-    await tools.until_up(relay)
+    await until_up(relay)
 
     def controller_state(relay: "Relay") -> object:
-        controllers = tools.line_status(relay)["controllers"]
+        controllers = line_status(relay)["controllers"]
         assert isinstance(controllers, list)
         return controllers[0]["state"]
 
     for turn in range(2):
         cable = bench.cable()
         device.symlink_to(cable.near)
-        near = tools.raw_end()
+        near = RawEnd()
         port = SerialPort(SerialEndpoint(cable.far), near, lambda why: None)
         await port.open()
-        await tools.eventually(lambda: controller_state(relay) == "up")
+        await eventually(lambda: controller_state(relay) == "up")
         near.write(encode_rtu(1, READ))
         await near.receives(encode_rtu(1, REPLY))
         await port.close()
         if turn == 0:
             cable.close()
             device.unlink()
-            await tools.eventually(lambda: controller_state(relay) == "down")
+            await eventually(lambda: controller_state(relay) == "down")
 
 
 @pytest.mark.parametrize("drives", ["tcp", "rtu", "rtu_over_tcp"])
-async def test_a_silent_drive_is_0x0b_and_the_next_request_is_answered(bench: "Bench", drives: str) -> None:
+async def test_a_silent_drive_is_0x0b_and_the_next_request_is_answered(bench: Bench, drives: str) -> None:
     seen = 0
 
     def script(data: bytes) -> bytes | None:
@@ -149,7 +145,7 @@ async def test_a_silent_drive_is_0x0b_and_the_next_request_is_answered(bench: "B
     assert seen == 2
 
 
-async def test_a_late_reply_never_answers_the_next_request_on_tcp(bench: "Bench", tools: "Tools") -> None:
+async def test_a_late_reply_never_answers_the_next_request_on_tcp(bench: Bench) -> None:
     near, far, relay = await bench.raw_pair("tcp", "tcp")
     await ask(near, 1, NO_RESPONSE)
     first = far.data
@@ -160,10 +156,10 @@ async def test_a_late_reply_never_answers_the_next_request_on_tcp(bench: "Bench"
     far.write(first[:4] + bytes([0, 5]) + first[6:7] + bytes.fromhex("03 02 DEAD"))
     far.write(answer_tcp(second))
     await near.receives(encode_mbap(2, 1, REPLY))
-    assert tools.line_status(relay)["late_replies"] == 1
+    assert line_status(relay)["late_replies"] == 1
 
 
-async def test_a_late_reply_never_answers_the_next_request_on_a_serial_line(bench: "Bench") -> None:
+async def test_a_late_reply_never_answers_the_next_request_on_a_serial_line(bench: Bench) -> None:
     near, far, _ = await bench.raw_pair("tcp", "rtu")
     await ask(near, 1, NO_RESPONSE)
     far.write(encode_rtu(1, bytes.fromhex("03 02 DEAD")))  # first: on a busy machine the silence may be over
@@ -174,7 +170,7 @@ async def test_a_late_reply_never_answers_the_next_request_on_a_serial_line(benc
     await near.receives(encode_mbap(2, 1, REPLY))
 
 
-async def test_a_serial_controller_hears_nothing_of_a_silent_drive(bench: "Bench", tools: "Tools") -> None:
+async def test_a_serial_controller_hears_nothing_of_a_silent_drive(bench: Bench) -> None:
     silent = True
 
     def script(data: bytes) -> bytes | None:
@@ -182,13 +178,13 @@ async def test_a_serial_controller_hears_nothing_of_a_silent_drive(bench: "Bench
 
     near, _, relay = await bench.raw_pair("rtu", "tcp", script)
     near.write(encode_rtu(1, READ))
-    await tools.eventually(lambda: tools.line_status(relay)["timeouts"] == 1)
+    await eventually(lambda: line_status(relay)["timeouts"] == 1)
     silent = False
     near.write(encode_rtu(1, READ))
     await near.receives(encode_rtu(1, REPLY))
 
 
-async def test_a_request_waits_for_the_gap_that_the_drives_need(bench: "Bench", tools: "Tools") -> None:
+async def test_a_request_waits_for_the_gap_that_the_drives_need(bench: Bench) -> None:
     asked_ns: list[int] = []
     answered_ns: list[int] = []
 
@@ -201,7 +197,7 @@ async def test_a_request_waits_for_the_gap_that_the_drives_need(bench: "Bench", 
     _, where = await bench.drive("rtu", drive)
     link, _ = bench.controller_link("tcp")
     relay = await bench.relay(where, (link,), timing=LineTiming(gap_ms=20.0))
-    await tools.until_up(relay)
+    await until_up(relay)
     near = await bench.connect(relay.address("line", "cnc"))
     for number in range(3):
         await ask(near, number, REPLY)

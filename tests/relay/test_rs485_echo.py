@@ -8,10 +8,10 @@ import msgspec
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from gateway.transport.endpoints import SerialEndpoint
+from tests.support.relay import TIMING, Bench, RawEnd, eventually, first_controller, line_status, until_up
 
 if TYPE_CHECKING:
     from gateway.relay.gateway import Relay
-    from tests.relay.conftest import Bench, RawEnd, Tools
 
 WRITE = bytes.fromhex("06 00C8 1234")
 READ = bytes.fromhex("03 0010 0002")
@@ -39,14 +39,14 @@ def _answer(pdu: bytes) -> bytes:
     return bytes((3, 2 * pdu[4])) + b"\0\7" * pdu[4] if pdu[0] == 3 else pdu
 
 
-async def test_the_own_request_is_taken_out_and_is_no_acknowledgement(bench: "Bench", tools: "Tools") -> None:
+async def test_the_own_request_is_taken_out_and_is_no_acknowledgement(bench: Bench) -> None:
     drive, where = await bench.drive("rtu", Echoing())
     assert isinstance(where, SerialEndpoint)
     link, _ = bench.controller_link("tcp", timeout_ms=4000.0)
     # Time for an echo to come back on a machine that is busy, also after a broadcast, which has no reply.
-    timing = replace(tools.timing, response_timeout_ms=2000.0, turnaround_ms=500.0)
+    timing = replace(TIMING, response_timeout_ms=2000.0, turnaround_ms=500.0)
     relay = await bench.relay(msgspec.structs.replace(where, echo=True), (link,), timing=timing)
-    await tools.until_up(relay)
+    await until_up(relay)
     controller = await bench.connect(relay.address("line", "cnc"))
     for number in range(3):
         controller.write(encode_mbap(number, 1, WRITE))
@@ -55,67 +55,63 @@ async def test_the_own_request_is_taken_out_and_is_no_acknowledgement(bench: "Be
     await drive.until(lambda end: end.data.endswith(encode_rtu(0, BROADCAST)))
     controller.write(encode_mbap(4, 1, WRITE))
     await controller.receives(encode_mbap(4, 1, WRITE))
-    status = tools.line_status(relay)
+    status = line_status(relay)
     assert (status["echoes"], status["late"], status["stray_bytes"]) == (5, 0, 0)
 
 
-async def test_an_echo_that_nobody_announced_is_named_as_that(bench: "Bench", tools: "Tools") -> None:
-    relay, controller = await _undeclared(bench, tools, Echoing())
+async def test_an_echo_that_nobody_announced_is_named_as_that(bench: Bench) -> None:
+    relay, controller = await _undeclared(bench, Echoing())
     for number in range(3):
         controller.data = b""
         controller.write(encode_mbap(number, 1, READ))
         await controller.receives(encode_mbap(number, 1, SEVENS))
     why = "the adapter returns what is sent: set echo = true"
-    drives: Any = tools.line_status(relay)["drives"]
+    drives: Any = line_status(relay)["drives"]
     assert drives["echo"] == why
     [note] = [note for note in bench.notes if note.event == "adapter-echoes"]
     assert note.fields["detail"] == f"{drives['address']}: {why}"
 
 
-async def test_a_drive_that_acknowledges_with_the_bytes_of_the_request_is_no_echo(
-    bench: "Bench", tools: "Tools"
-) -> None:
-    relay, controller = await _undeclared(bench, tools, Echoing(has_echo=False))
+async def test_a_drive_that_acknowledges_with_the_bytes_of_the_request_is_no_echo(bench: Bench) -> None:
+    relay, controller = await _undeclared(bench, Echoing(has_echo=False))
     for number, (asked, answer) in enumerate([(WRITE, WRITE), (READ, SEVENS)] * 4):
         controller.data = b""
         controller.write(encode_mbap(number, 1, asked))
         await controller.receives(encode_mbap(number, 1, answer))
-    drives: Any = tools.line_status(relay)["drives"]
+    drives: Any = line_status(relay)["drives"]
     assert drives["echo"] == ""
     assert [note for note in bench.notes if note.event == "adapter-echoes"] == []
 
 
-async def test_an_acknowledgement_that_comes_back_is_not_written_again(
-    bench: "Bench", tools: "Tools"
-) -> None:
-    drive, controller, relay = await _echoing_controller(bench, tools)
+async def test_an_acknowledgement_that_comes_back_is_not_written_again(bench: Bench) -> None:
+    drive, controller, relay = await _echoing_controller(bench)
     for asked, answered in ((WRITE, WRITE), (READ, SEVENS), (WRITE, WRITE)):
         controller.write(encode_rtu(1, asked))
         await controller.receives(encode_rtu(1, answered))
     assert drive.data == encode_rtu(1, WRITE) + encode_rtu(1, READ) + encode_rtu(1, WRITE)
     why = "the adapter returns what is sent: set echo = true"
-    status = tools.first_controller(relay)
+    status = first_controller(relay)
     assert (status["echo"], status["damaged"]) == (why, 0)
     [note] = [note for note in bench.notes if note.event == "adapter-echoes"]
     assert (note.fields["controller"], note.fields["detail"]) == ("cnc", f"{status['address']}: {why}")
 
 
-async def test_an_echo_of_replies_that_is_announced_is_no_trouble(bench: "Bench", tools: "Tools") -> None:
-    drive, controller, relay = await _echoing_controller(bench, tools, echo=True)
+async def test_an_echo_of_replies_that_is_announced_is_no_trouble(bench: Bench) -> None:
+    drive, controller, relay = await _echoing_controller(bench, echo=True)
     for number in range(1, 4):
         controller.write(encode_rtu(1, WRITE))
         await controller.receives(encode_rtu(1, WRITE))
-        await _until_echoes(relay, tools, number)
+        await _until_echoes(relay, number)
     assert drive.data == encode_rtu(1, WRITE) * 3
-    assert tools.first_controller(relay)["echo"] == ""
+    assert first_controller(relay)["echo"] == ""
     assert [note for note in bench.notes if note.event == "adapter-echoes"] == []
 
 
-async def test_a_controller_that_repeats_a_write_at_once_is_no_echo(bench: "Bench", tools: "Tools") -> None:
+async def test_a_controller_that_repeats_a_write_at_once_is_no_echo(bench: Bench) -> None:
     drive, where = await bench.drive("rtu", Echoing(has_echo=False))
     link, device = bench.controller_link("rtu", timeout_ms=4000.0)
-    relay = await bench.relay(where, (link,), timing=replace(tools.timing, response_timeout_ms=2000.0))
-    await tools.until_up(relay)
+    relay = await bench.relay(where, (link,), timing=replace(TIMING, response_timeout_ms=2000.0))
+    await until_up(relay)
     controller = await bench.plug(device)
     controller.write(encode_rtu(1, READ))
     await controller.receives(encode_rtu(1, SEVENS))
@@ -123,30 +119,28 @@ async def test_a_controller_that_repeats_a_write_at_once_is_no_echo(bench: "Benc
         controller.write(encode_rtu(1, WRITE))
         await controller.receives(encode_rtu(1, WRITE))
     assert drive.data == encode_rtu(1, READ) + encode_rtu(1, WRITE) * 5
-    assert tools.first_controller(relay)["echo"] == ""
+    assert first_controller(relay)["echo"] == ""
 
 
-async def _until_echoes(relay: "Relay", tools: "Tools", number: int) -> None:
-    await tools.eventually(lambda: tools.first_controller(relay)["echoes"] == number)
+async def _until_echoes(relay: "Relay", number: int) -> None:
+    await eventually(lambda: first_controller(relay)["echoes"] == number)
 
 
-async def _echoing_controller(
-    bench: "Bench", tools: "Tools", *, echo: bool = False
-) -> "tuple[RawEnd, RawEnd, Relay]":
+async def _echoing_controller(bench: Bench, *, echo: bool = False) -> "tuple[RawEnd, RawEnd, Relay]":
     """Return a drive without an echo, a controller behind an adapter that returns all, and the relay."""
     drive, where = await bench.drive("rtu", Echoing(has_echo=False))
     link, device = bench.controller_link("rtu", timeout_ms=4000.0)
     assert isinstance(link.endpoint, SerialEndpoint)
     link = replace(link, endpoint=msgspec.structs.replace(link.endpoint, echo=echo))
-    relay = await bench.relay(where, (link,), timing=replace(tools.timing, response_timeout_ms=2000.0))
-    await tools.until_up(relay)
+    relay = await bench.relay(where, (link,), timing=replace(TIMING, response_timeout_ms=2000.0))
+    await until_up(relay)
     return drive, await bench.plug(device, lambda data: data), relay
 
 
-async def _undeclared(bench: "Bench", tools: "Tools", drive: Echoing) -> "tuple[Relay, RawEnd]":
+async def _undeclared(bench: Bench, drive: Echoing) -> "tuple[Relay, RawEnd]":
     """Return a gateway that was told nothing of an echo, and its controller."""
     _, where = await bench.drive("rtu", drive)
     link, _ = bench.controller_link("tcp", timeout_ms=4000.0)
-    relay = await bench.relay(where, (link,), timing=replace(tools.timing, response_timeout_ms=2000.0))
-    await tools.until_up(relay)
+    relay = await bench.relay(where, (link,), timing=replace(TIMING, response_timeout_ms=2000.0))
+    await until_up(relay)
     return relay, await bench.connect(relay.address("line", "cnc"))

@@ -7,7 +7,7 @@ import ssl
 from collections.abc import Callable, Coroutine
 from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from cryptography import x509
@@ -19,27 +19,25 @@ from gateway.transport.certificates import ROLE_OID
 from gateway.transport.loop import RelayLoop
 from tests.relay.secure_site import CORRECTED, READ, WRITE, WRITTEN, Site, ask
 from tests.support.certificates import Shop, client_context
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, Tools
+from tests.support.relay import Bench, eventually
 
 LOOPS = {"relay": RelayLoop, "asyncio": asyncio.new_event_loop}
 Scenario = Callable[["Site"], Coroutine[Any, Any, None]]
 
 
-def on(loop: str, tools: "Tools", folder: Path, scenario: Scenario) -> None:
+def on(loop: str, folder: Path, scenario: Scenario) -> None:
     async def run() -> None:
-        bench = tools.bench()
+        bench = Bench()
         async with bench.stack:
-            await scenario(Site(tools, bench, folder))
+            await scenario(Site(bench, folder))
 
     with asyncio.Runner(loop_factory=LOOPS[loop]) as runner:
         runner.run(run())
 
 
 @pytest.fixture
-async def site(tools: "Tools", bench: "Bench", tmp_path: Path) -> Site:
-    site = Site(tools, bench, tmp_path)
+async def site(bench: Bench, tmp_path: Path) -> Site:
+    site = Site(bench, tmp_path)
     await site.start()
     return site
 
@@ -47,7 +45,7 @@ async def site(tools: "Tools", bench: "Bench", tmp_path: Path) -> Site:
 @pytest.mark.parametrize("version", [ssl.TLSVersion.TLSv1_2, ssl.TLSVersion.TLSv1_3])
 @pytest.mark.parametrize("loop", LOOPS)
 def test_a_controller_with_a_role_moves_the_corrected_drive(
-    tools: "Tools", tmp_path: Path, loop: str, version: ssl.TLSVersion
+    tmp_path: Path, loop: str, version: ssl.TLSVersion
 ) -> None:
     async def scenario(site: Site) -> None:
         await site.start()
@@ -67,13 +65,13 @@ def test_a_controller_with_a_role_moves_the_corrected_drive(
         assert site.status["handshakes"] == 1
         stream[1].close()
         await stream[1].wait_closed()
-        await site.tools.eventually(lambda: site.status["sessions"] == [])
+        await eventually(lambda: site.status["sessions"] == [])
 
-    on(loop, tools, tmp_path, scenario)
+    on(loop, tmp_path, scenario)
 
 
 @pytest.mark.parametrize("loop", LOOPS)
-def test_each_certificate_has_the_rights_of_its_own_role(tools: "Tools", tmp_path: Path, loop: str) -> None:
+def test_each_certificate_has_the_rights_of_its_own_role(tmp_path: Path, loop: str) -> None:
     async def scenario(site: Site) -> None:
         await site.start()
         monitor = await site.connect(site.shop.controller("hmi", "Beobachter Süd"))
@@ -85,7 +83,7 @@ def test_each_certificate_has_the_rights_of_its_own_role(tools: "Tools", tmp_pat
             stream[1].close()
             await stream[1].wait_closed()
 
-    on(loop, tools, tmp_path, scenario)
+    on(loop, tmp_path, scenario)
 
 
 async def test_an_independent_client_moves_and_reads_back(site: Site) -> None:
@@ -233,7 +231,7 @@ async def test_a_handshake_in_pieces_succeeds_and_garbage_behind_it_ends_the_ses
     async with asyncio.timeout(30):
         await reader.read()
     writer.close()
-    await site.tools.eventually(lambda: site.status["sessions"] == [])
+    await eventually(lambda: site.status["sessions"] == [])
 
 
 async def test_a_peer_that_hangs_up_in_a_handshake_is_counted_and_told_of_once(site: Site) -> None:
@@ -241,7 +239,7 @@ async def test_a_peer_that_hangs_up_in_a_handshake_is_counted_and_told_of_once(s
         _, writer = await site.connect_plain()
         writer.write(b"\x16\x03\x01\x02\x00\x01")
         writer.close()
-        await site.tools.eventually(lambda number=number: site.status["failed_handshakes"] == number)  # type: ignore[misc]
+        await eventually(lambda number=number: site.status["failed_handshakes"] == number)  # type: ignore[misc]
     assert site.told("handshake-failed") == ["127.0.0.1: the peer hung up"]
     assert site.told("unexpected") == []
     assert site.status["running_handshakes"] == 0
@@ -264,7 +262,7 @@ async def test_a_revoked_certificate_is_refused_with_the_next_connection(site: S
         with contextlib.suppress(OSError):
             assert await reader.read(100) == b""
         writer.close()
-    await site.tools.eventually(lambda: bool(site.told("certificate-refused")))
+    await eventually(lambda: bool(site.told("certificate-refused")))
     assert site.told("certificate-refused") == ["127.0.0.1: certificate revoked"]
     assert len(site.told("certificates-renewed")) == 1
     assert await ask(before, READ) == bytes.fromhex("03 02 0007")

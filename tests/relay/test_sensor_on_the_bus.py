@@ -2,7 +2,6 @@
 
 import asyncio
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from gateway.catalogue.entry import EventEntry, Severity
 from gateway.compensation.settings import ThermalSettings
@@ -13,10 +12,8 @@ from gateway.ipc.messages import Reply, Request
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
 from gateway.supervisor.temperatures import Temperatures
+from tests.support.relay import Bench, axis_plan, eventually, until_up
 from tests.support.status_models import plain
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, Tools
 
 TARGET = bytes.fromhex("10 0064 0002 04")
 
@@ -38,18 +35,16 @@ class Bus:
         return encode_rtu(data[0], bytes((data[1], 4)) + bytes(4))
 
 
-async def test_a_sensor_beside_the_drives_is_heard_and_the_axis_follows(
-    bench: "Bench", tools: "Tools"
-) -> None:
+async def test_a_sensor_beside_the_drives_is_heard_and_the_axis_follows(bench: Bench) -> None:
     bus = Bus()
     _, where = await bench.drive("rtu", bus)
     links = (
         bench.controller_link("tcp")[0],
         bench.controller_link("tcp", "hmi", Role.MONITOR, timeout_ms=1000.0)[0],
     )
-    warm = replace(tools.axis(), thermal=ThermalSettings(1e-4))
+    warm = replace(axis_plan(), thermal=ThermalSettings(1e-4))
     relay = await bench.relay(where, links, (warm,))
-    await tools.until_up(relay)
+    await until_up(relay)
     source = {"unit_id": 9, "address": 7, "function": 4, "scale": 0.1, "every_s": 0.5}
     raw = {
         "line": "line",
@@ -80,14 +75,14 @@ async def test_a_sensor_beside_the_drives_is_heard_and_the_axis_follows(
         return plain(relay.status().axes["x"])["terms"]["thermal"]["celsius"]
 
     try:
-        await tools.eventually(lambda: celsius() == 30.0)
+        await eventually(lambda: celsius() == 30.0)
         controller = await bench.connect(relay.address("line", "cnc"))
         controller.write(encode_mbap(1, 1, TARGET + (50_000).to_bytes(4, "big")))
         await controller.until(lambda end: len(end.data) >= 12)
         # 50 µm of the table less 1e-4 × 10 K × 50 mm.
         assert bus.told == [50_000]
         bus.tenths = 30_000
-        await tools.eventually(lambda: bool(said))
+        await eventually(lambda: bool(said))
         assert said[0].startswith("temperature-wrong: axis x: 3000 °C is no temperature within 40 K")
         assert celsius() == 30.0
     finally:

@@ -2,7 +2,6 @@
 
 import asyncio
 import socket
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -14,9 +13,7 @@ from gateway.relay.gateway import Relay
 from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.serial import open_port
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, Tools
+from tests.support.relay import Bench, eventually, first_controller, line_status
 
 READ = bytes.fromhex("03 0010 0001")
 REPLY = bytes.fromhex("03 02 0007")
@@ -33,7 +30,7 @@ def line_plan(drives: TcpEndpoint | SerialEndpoint, *controllers: ControllerLink
     return LinePlan("xyz", drives, controllers, (), LineTiming())
 
 
-async def test_every_port_that_cannot_be_opened_is_named_with_its_key(bench: "Bench") -> None:
+async def test_every_port_that_cannot_be_opened_is_named_with_its_key(bench: Bench) -> None:
     cable = bench.cable()
     taken, _ = open_port(SerialEndpoint(cable.near))
     with socket.create_server(("127.0.0.1", 0)) as other:
@@ -80,7 +77,7 @@ async def test_nothing_stays_open_after_a_start_that_failed() -> None:
     await again.stop()
 
 
-async def test_absent_drives_and_adapters_are_no_start_error(bench: "Bench") -> None:
+async def test_absent_drives_and_adapters_are_no_start_error(bench: Bench) -> None:
     relay = Relay(
         plan_of(
             line_plan(
@@ -98,7 +95,7 @@ async def test_absent_drives_and_adapters_are_no_start_error(bench: "Bench") -> 
 
 
 @pytest.mark.parametrize("controller", ["tcp", "rtu"])
-async def test_the_exchange_on_the_wire_is_finished_before_the_stop(bench: "Bench", controller: str) -> None:
+async def test_the_exchange_on_the_wire_is_finished_before_the_stop(bench: Bench, controller: str) -> None:
     near, far, relay = await bench.raw_pair(controller, "rtu")
     near.write(encode_mbap(5, 1, READ) if controller == "tcp" else encode_rtu(1, READ))
     await far.until(lambda end: end.data == encode_rtu(1, READ))
@@ -112,7 +109,7 @@ async def test_the_exchange_on_the_wire_is_finished_before_the_stop(bench: "Benc
     assert far.data == encode_rtu(1, READ)
 
 
-async def test_a_stop_waits_for_a_silent_drive_no_longer_than_its_time_out(bench: "Bench") -> None:
+async def test_a_stop_waits_for_a_silent_drive_no_longer_than_its_time_out(bench: Bench) -> None:
     near, far, relay = await bench.raw_pair("tcp", "rtu", timeout_ms=200.0)
     near.write(encode_mbap(5, 1, READ))
     await far.until(lambda end: bool(end.data))
@@ -120,7 +117,7 @@ async def test_a_stop_waits_for_a_silent_drive_no_longer_than_its_time_out(bench
         await relay.stop()
 
 
-async def test_no_connection_is_accepted_any_more_after_a_stop(bench: "Bench") -> None:
+async def test_no_connection_is_accepted_any_more_after_a_stop(bench: Bench) -> None:
     near, _, relay = await bench.raw_pair("tcp", "tcp")
     where = relay.address("line", "cnc")
     await relay.stop()
@@ -129,26 +126,24 @@ async def test_no_connection_is_accepted_any_more_after_a_stop(bench: "Bench") -
         await asyncio.open_connection(where.host, where.port)
 
 
-async def test_who_is_not_allowed_is_closed_counted_and_noted(bench: "Bench", tools: "Tools") -> None:
+async def test_who_is_not_allowed_is_closed_counted_and_noted(bench: Bench) -> None:
     link = ControllerLink(ControllerPlan("hmi"), TcpEndpoint("127.0.0.1", 0), allow=("192.0.2.0/24",))
     relay = await bench.relay(NOWHERE, (link,))
     stranger = await bench.connect(relay.address("line", "hmi"))
     await stranger.until(lambda end: end.closes == 1)
-    controllers = tools.line_status(relay)["controllers"]
+    controllers = line_status(relay)["controllers"]
     assert isinstance(controllers, list)
     assert controllers[0]["refused_connections"] >= 1
     await relay.stop()
     assert any(note.event == "connection-refused" for note in bench.notes)
 
 
-async def test_more_connections_than_a_listener_takes_have_a_reason_of_their_own(
-    bench: "Bench", tools: "Tools"
-) -> None:
+async def test_more_connections_than_a_listener_takes_have_a_reason_of_their_own(bench: Bench) -> None:
     link = ControllerLink(ControllerPlan("hmi"), TcpEndpoint("127.0.0.1", 0))
     relay = await bench.relay(NOWHERE, (link,))
     where = relay.address("line", "hmi")
     ends = [await asyncio.open_connection(where.host, where.port) for _ in range(64 + 10)]
-    await tools.eventually(lambda: tools.first_controller(relay)["refused_connections"] == 10)
+    await eventually(lambda: first_controller(relay)["refused_connections"] == 10)
     for _, writer in ends:
         writer.close()
     await relay.stop()
@@ -156,7 +151,7 @@ async def test_more_connections_than_a_listener_takes_have_a_reason_of_their_own
     assert details == ["127.0.0.1: too many connections at once (max_connections)"]
 
 
-async def test_a_second_relay_may_have_the_ports_of_the_first_once_it_stopped(bench: "Bench") -> None:
+async def test_a_second_relay_may_have_the_ports_of_the_first_once_it_stopped(bench: Bench) -> None:
     near, far = bench.cable(), bench.cable()
     plan = plan_of(
         line_plan(

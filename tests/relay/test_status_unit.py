@@ -1,7 +1,5 @@
 """The gateway's own unit id on real ports, read by pymodbus and by raw bytes."""
 
-from typing import TYPE_CHECKING
-
 import pytest
 from pymodbus.client import AsyncModbusSerialClient, AsyncModbusTcpClient
 
@@ -9,9 +7,7 @@ from gateway.exchange.plan import Role
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
 from gateway.transport.endpoints import TcpEndpoint
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, Tools
+from tests.support.relay import Bench, axis_plan, until_up
 
 OWN = 250
 PATIENCE_S = 30.0
@@ -26,12 +22,12 @@ def echo(data: bytes) -> bytes:
 
 @pytest.mark.parametrize("controller", ["tcp", "rtu"])
 async def test_a_client_reads_the_gateway_on_any_port_and_no_drive_hears_of_it(
-    bench: "Bench", tools: "Tools", controller: str
+    bench: Bench, controller: str
 ) -> None:
     drive, where = await bench.drive("tcp", echo)
     link, device = bench.controller_link(controller)
-    relay = await bench.relay(where, (link,), (tools.axis(),), status_unit=OWN)
-    await tools.until_up(relay)
+    relay = await bench.relay(where, (link,), (axis_plan(),), status_unit=OWN)
+    await until_up(relay)
     client: AsyncModbusTcpClient | AsyncModbusSerialClient
     if device:
         client = AsyncModbusSerialClient(device, baudrate=115200, timeout=PATIENCE_S, retries=0)
@@ -56,11 +52,11 @@ async def test_a_client_reads_the_gateway_on_any_port_and_no_drive_hears_of_it(
     assert axis.registers == [1, 0, 0, 50_000, 0b1011, 0, 1, 1, 0, 0]
 
 
-async def test_on_rtu_the_gateway_answers_like_a_slave(bench: "Bench", tools: "Tools") -> None:
+async def test_on_rtu_the_gateway_answers_like_a_slave(bench: Bench) -> None:
     _, where = await bench.drive("rtu")
     link, device = bench.controller_link("rtu")
-    relay = await bench.relay(where, (link,), (tools.axis(),), status_unit=OWN)
-    await tools.until_up(relay)
+    relay = await bench.relay(where, (link,), (axis_plan(),), status_unit=OWN)
+    await until_up(relay)
     controller = await bench.plug(device)
     # Worked out with the CRC of the Modbus over Serial Line specification, appendix B, low byte first.
     for asked, answered in (
@@ -73,11 +69,9 @@ async def test_on_rtu_the_gateway_answers_like_a_slave(bench: "Bench", tools: "T
         await controller.receives(encode_rtu(OWN, bytes.fromhex(answered)))
 
 
-async def test_raw_bytes_over_tcp_also_glued_and_while_the_drives_are_away(
-    bench: "Bench", tools: "Tools"
-) -> None:
+async def test_raw_bytes_over_tcp_also_glued_and_while_the_drives_are_away(bench: Bench) -> None:
     link, _ = bench.controller_link("tcp", role=Role.MONITOR)
-    relay = await bench.relay(TcpEndpoint("127.0.0.1", 1), (link,), (tools.axis(),), status_unit=OWN)
+    relay = await bench.relay(TcpEndpoint("127.0.0.1", 1), (link,), (axis_plan(),), status_unit=OWN)
     controller = await bench.connect(relay.address("line", "cnc"))
     asked = [encode_mbap(number, OWN, bytes.fromhex("03 0002 0003")) for number in (1, 2)]
     controller.write(b"".join(asked))

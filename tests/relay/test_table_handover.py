@@ -4,7 +4,7 @@ import asyncio
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from gateway.compensation.settings import Setpoints
 from gateway.exchange.commands import ClearTable, Disable, Enable, SetGain, SetLimits
@@ -15,16 +15,12 @@ from gateway.recording.replay import Replay
 from gateway.recording.writer import Recorder
 from gateway.state.tables import compiled, digest_of
 from tests.relay.handover_site import STEEPER, machine, table_of, without_actual
+from tests.support.relay import Bench, eventually
 from tests.support.status_models import plain
 
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, Tools
 
-
-async def test_a_table_is_in_force_with_the_next_different_target(
-    bench: "Bench", tools: "Tools", tmp_path: Path
-) -> None:
-    mill = await machine(bench, tools, tmp_path, without_actual(tools))
+async def test_a_table_is_in_force_with_the_next_different_target(bench: Bench, tmp_path: Path) -> None:
+    mill = await machine(bench, tmp_path, without_actual())
     assert await mill.move(50_000) == 50_050
     done = await mill.give(("x", STEEPER))
     assert done == Done(changed=("x",), comes={"x": "next-target"})
@@ -37,22 +33,20 @@ async def test_a_table_is_in_force_with_the_next_different_target(
     table = reply.status.axes["x"].table
     assert table.compiled == digest_of(compiled(STEEPER))
     assert (table.file, table.sha256, table.points) == ("new.tab", "f" * 64, 2)
-    await tools.eventually(lambda: "table-activated" in [note.event for note in bench.notes])
+    await eventually(lambda: "table-activated" in [note.event for note in bench.notes])
     [note] = [note for note in bench.notes if note.event == "table-activated"]
     assert (note.fields["axis"], note.fields["comes"], note.fields["points"]) == ("x", "next-target", 2)
 
 
-async def test_a_stream_never_steps_by_more_than_the_blend_allows(
-    bench: "Bench", tools: "Tools", tmp_path: Path
-) -> None:
+async def test_a_stream_never_steps_by_more_than_the_blend_allows(bench: Bench, tmp_path: Path) -> None:
     """From 20 to 60 counts over 10 mm in setpoints of 0.1 mm.
 
     sin² over D adds (π/2)·d/D of slope at most: (π/2)·0.04/10 = 0.0063, that is 0.63 counts on each setpoint
     of 100 counts. Rounded to whole counts a step is 100 or 101 counts, and never 102.
     """
-    axis = without_actual(tools)
+    axis = without_actual()
     settings = replace(axis.settings, setpoints=Setpoints.STREAM, reload_distance=10.0)
-    mill = await machine(bench, tools, tmp_path, replace(axis, settings=settings, table=table_of(0.02, 0.02)))
+    mill = await machine(bench, tmp_path, replace(axis, settings=settings, table=table_of(0.02, 0.02)))
     for counts in range(10_000, 22_000, 100):
         await mill.move(counts)
     assert mill.told[-1] == (1, 21_900 + 20)
@@ -72,10 +66,8 @@ async def test_a_stream_never_steps_by_more_than_the_blend_allows(
     assert offsets[1 + 99] in (59, 60)
 
 
-async def test_a_table_that_goes_takes_its_correction_along(
-    bench: "Bench", tools: "Tools", tmp_path: Path
-) -> None:
-    mill = await machine(bench, tools, tmp_path, without_actual(tools))
+async def test_a_table_that_goes_takes_its_correction_along(bench: Bench, tmp_path: Path) -> None:
+    mill = await machine(bench, tmp_path, without_actual())
     assert await mill.move(50_000) == 50_050
     assert await mill.say(ClearTable(axes=("x",))) == Done(changed=("x",), comes={"x": "next-target"})
     assert await mill.move(50_000) == 50_050
@@ -88,10 +80,8 @@ async def test_a_table_that_goes_takes_its_correction_along(
     assert await mill.move(50_000) == 50_100
 
 
-async def test_another_gain_is_in_force_with_the_next_target(
-    bench: "Bench", tools: "Tools", tmp_path: Path
-) -> None:
-    mill = await machine(bench, tools, tmp_path, without_actual(tools))
+async def test_another_gain_is_in_force_with_the_next_target(bench: Bench, tmp_path: Path) -> None:
+    mill = await machine(bench, tmp_path, without_actual())
     done = await mill.say(SetGain(forward=0.5, backward=1.0))
     assert done == Done(changed=("x",), comes={"x": "next-target"})
     await mill.move(10_000)  # on a branch that nobody knows yet
@@ -100,8 +90,8 @@ async def test_another_gain_is_in_force_with_the_next_target(
     assert await mill.say(SetGain(forward=0.5, backward=1.0)) == Done()
 
 
-async def test_other_limits_hold_from_now_on(bench: "Bench", tools: "Tools", tmp_path: Path) -> None:
-    mill = await machine(bench, tools, tmp_path, without_actual(tools))
+async def test_other_limits_hold_from_now_on(bench: Bench, tmp_path: Path) -> None:
+    mill = await machine(bench, tmp_path, without_actual())
     too_much = ("x", table_of(0.0, 0.6))
     assert "more than max_correction = 0.5" in (await mill.give(too_much)).problems[0]
     wider = SetLimits(axis="x", max_correction=0.7, max_slope=0.02, travel_margin=0.7, budget_us=300.0)
@@ -111,8 +101,8 @@ async def test_other_limits_hold_from_now_on(bench: "Bench", tools: "Tools", tmp
     assert mill.relay.status().axes["x"].latency.budget_us == 300.0
 
 
-async def test_a_table_for_an_axis_that_is_off_waits(bench: "Bench", tools: "Tools", tmp_path: Path) -> None:
-    mill = await machine(bench, tools, tmp_path, without_actual(tools))
+async def test_a_table_for_an_axis_that_is_off_waits(bench: Bench, tmp_path: Path) -> None:
+    mill = await machine(bench, tmp_path, without_actual())
     await mill.say(Disable())
     assert (await mill.give(("x", STEEPER))).comes == {"x": "not-in-force"}
     assert await mill.move(50_000) == 50_000
@@ -120,12 +110,10 @@ async def test_a_table_for_an_axis_that_is_off_waits(bench: "Bench", tools: "Too
     assert await mill.move(50_001) == 50_101
 
 
-async def test_of_a_group_all_axes_get_their_tables_or_none(
-    bench: "Bench", tools: "Tools", tmp_path: Path
-) -> None:
-    y1 = without_actual(tools, name="y1")
-    y2 = without_actual(tools, name="y2", unit_id=2)
-    mill = await machine(bench, tools, tmp_path, y1, y2, groups=(("y1", "y2"),))
+async def test_of_a_group_all_axes_get_their_tables_or_none(bench: Bench, tmp_path: Path) -> None:
+    y1 = without_actual(name="y1")
+    y2 = without_actual(name="y2", unit_id=2)
+    mill = await machine(bench, tmp_path, y1, y2, groups=(("y1", "y2"),))
     done = await mill.give(("y1", STEEPER), ("y2", table_of(0.0, 0.6)))
     assert done.changed == ()
     assert "the table for axis y2 corrects by 0.6 mm" in done.problems[0]
@@ -145,11 +133,11 @@ async def test_of_a_group_all_axes_get_their_tables_or_none(
 
 
 async def test_a_command_gives_a_group_its_gain_and_the_configuration_each_axis_its_own(
-    bench: "Bench", tools: "Tools", tmp_path: Path
+    bench: Bench, tmp_path: Path
 ) -> None:
-    y1 = without_actual(tools, name="y1")
-    y2 = without_actual(tools, name="y2", unit_id=2)
-    mill = await machine(bench, tools, tmp_path, y1, y2, groups=(("y1", "y2"),))
+    y1 = without_actual(name="y1")
+    y2 = without_actual(name="y2", unit_id=2)
+    mill = await machine(bench, tmp_path, y1, y2, groups=(("y1", "y2"),))
     await mill.move(50_000, 2)
     await mill.move(50_000, 1)  # both have gone: nothing is put off (M11)
 
@@ -170,14 +158,10 @@ async def test_a_command_gives_a_group_its_gain_and_the_configuration_each_axis_
     assert status["y1"]["configured"]["gain"] == {"forward": 0.5, "backward": 0.5}
 
 
-async def test_what_was_handed_over_is_in_a_recording_and_replayed(
-    bench: "Bench", tools: "Tools", tmp_path: Path
-) -> None:
+async def test_what_was_handed_over_is_in_a_recording_and_replayed(bench: Bench, tmp_path: Path) -> None:
     path = tmp_path / "record.jsonl"
     header = traffic.Header(traffic.FORMAT, "0", "2026-01-01T00:00:00+00:00", "gateway.toml", "")
-    mill = await machine(
-        bench, tools, tmp_path / "state", without_actual(tools), recorder=Recorder(path, header)
-    )
+    mill = await machine(bench, tmp_path / "state", without_actual(), recorder=Recorder(path, header))
     await mill.move(50_000)
     await mill.give(("x", STEEPER))
     await mill.give(("x", table_of(0.0, 0.6)))  # refused, then and now

@@ -5,7 +5,6 @@ import struct
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -13,9 +12,7 @@ from gateway.compensation.units import Units
 from gateway.ipc.sealed_memory import seal
 from gateway.state.tables import HEADER_BYTES, compiled
 from tests.relay.handover_site import STEEPER, descriptors_open, machine, table_of, without_actual
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, Tools
+from tests.support.relay import Bench, eventually
 
 
 def a_file() -> int:
@@ -74,10 +71,10 @@ def of(change: Callable[[bytes], bytes]) -> Callable[[], int]:
     ],
 )
 async def test_a_bad_table_is_refused_and_the_relay_is_unharmed(
-    bench: "Bench", tools: "Tools", tmp_path: Path, case: tuple[str, Callable[[], int], str]
+    bench: Bench, tmp_path: Path, case: tuple[str, Callable[[], int], str]
 ) -> None:
     axis, make, said = case
-    mill = await machine(bench, tools, tmp_path, without_actual(tools))
+    mill = await machine(bench, tmp_path, without_actual())
     assert await mill.move(50_000) == 50_050
     before = descriptors_open()
     for _ in range(20):
@@ -85,7 +82,7 @@ async def test_a_bad_table_is_refused_and_the_relay_is_unharmed(
         assert done.changed == ()
         [problem] = done.problems
         assert said in problem
-    await tools.eventually(lambda: descriptors_open() == before)
+    await eventually(lambda: descriptors_open() == before)
     assert await mill.move(60_000) == 60_060  # the old table
     await mill.relay.stop()
     # Once, not twenty times.
@@ -93,10 +90,8 @@ async def test_a_bad_table_is_refused_and_the_relay_is_unharmed(
     assert refused == [problem]
 
 
-async def test_tables_that_are_replaced_leave_no_descriptors_behind(
-    bench: "Bench", tools: "Tools", tmp_path: Path
-) -> None:
-    mill = await machine(bench, tools, tmp_path, without_actual(tools))
+async def test_tables_that_are_replaced_leave_no_descriptors_behind(bench: Bench, tmp_path: Path) -> None:
+    mill = await machine(bench, tmp_path, without_actual())
     counts = []
     for number in range(12):
         await mill.give(("x", table_of(0.0, 0.1 + number / 100)))

@@ -3,14 +3,11 @@
 import asyncio
 from dataclasses import replace
 from statistics import median
-from typing import TYPE_CHECKING
 
 from gateway.exchange.plan import LineTiming, Role
 from gateway.modbus.mbap import MbapDecoder, encode_mbap
 from gateway.state.plan import ControllerLink
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, RawEnd, Tools
+from tests.support.relay import Bench, RawEnd, eventually, line_status, until_up
 
 CONTROLLERS = 24
 EACH = 20
@@ -49,7 +46,7 @@ class SlowDrive:
         self.end.write(frame)
 
 
-def patient(bench: "Bench", name: str, role: Role) -> ControllerLink:
+def patient(bench: Bench, name: str, role: Role) -> ControllerLink:
     """A controller that does not give up while a slow machine gets there."""
     link, _ = bench.controller_link("tcp", name, role)
     return replace(link, plan=replace(link.plan, timeout_ms=20_000.0))
@@ -60,12 +57,12 @@ def write_of(value: int) -> bytes:
 
 
 async def test_w5_what_gone_controllers_wanted_is_not_sent_and_the_rest_once_and_in_order(
-    bench: "Bench", tools: "Tools"
+    bench: Bench,
 ) -> None:
     drive = SlowDrive()
     drive.end, where = await bench.drive("tcp", drive.take)
     relay = await bench.relay(where, (patient(bench, "cnc", Role.MOTION),), (), PATIENT)
-    await tools.until_up(relay)
+    await until_up(relay)
     ends = [await bench.connect(relay.address("line", "cnc")) for _ in range(CONTROLLERS)]
     for number, end in enumerate(ends):
         end.write(b"".join(write_of(number * EACH + i) for i in range(EACH)))
@@ -79,7 +76,7 @@ async def test_w5_what_gone_controllers_wanted_is_not_sent_and_the_rest_once_and
         channel.close()
 
     wanted = sum(1 for number in gone for i in range(EACH) if number * EACH + i != first)
-    await tools.eventually(lambda: tools.line_status(relay)["withdrawn"] == wanted)
+    await eventually(lambda: line_status(relay)["withdrawn"] == wanted)
     drive.goes_on.set()
     for end in stays:
         await end.until(lambda each: len(each.data) >= 12 * EACH)
@@ -89,19 +86,17 @@ async def test_w5_what_gone_controllers_wanted_is_not_sent_and_the_rest_once_and
         own = [value for value in drive.values if value // EACH == number]
         assert own == [number * EACH + i for i in range(EACH)]
         assert ends[number].data == b"".join(write_of(value) for value in own)  # each echo to its own request
-    assert tools.line_status(relay)["withdrawn"] == wanted
-    assert tools.line_status(relay)["exchanges"] == len(drive.values)
+    assert line_status(relay)["withdrawn"] == wanted
+    assert line_status(relay)["exchanges"] == len(drive.values)
 
 
-async def test_monitors_that_read_without_end_hold_up_no_motion_exchange_for_long(
-    bench: "Bench", tools: "Tools"
-) -> None:
+async def test_monitors_that_read_without_end_hold_up_no_motion_exchange_for_long(bench: Bench) -> None:
     drive = SlowDrive()
     drive.goes_on.set()
     drive.end, where = await bench.drive("tcp", drive.take)
     controllers = (patient(bench, "cnc", Role.MOTION), patient(bench, "hmi", Role.MONITOR))
     relay = await bench.relay(where, controllers, (), PATIENT)
-    await tools.until_up(relay)
+    await until_up(relay)
     mover = await bench.connect(relay.address("line", "cnc"))
     readers = [await bench.connect(relay.address("line", "hmi")) for _ in range(8)]
     read = encode_mbap(1, 9, bytes((3,)) + OTHER.to_bytes(2, "big") + b"\0\x01")

@@ -1,7 +1,5 @@
 """Whose reply it is (W6): on Modbus/TCP the transaction id tells, and the unit id where there are several."""
 
-from typing import TYPE_CHECKING
-
 import pytest
 
 from gateway.exchange.line import LineExchange
@@ -12,9 +10,7 @@ from gateway.relay.drive_link import MbapDriveLink, ReplyUnitIds
 from gateway.relay.gateway import Relay
 from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.transport import memory
-
-if TYPE_CHECKING:
-    from tests.relay.conftest import Bench, RawEnd, Tools
+from tests.support.relay import QUICK, Bench, RawEnd, axis_plan, until_up
 
 READ = bytes.fromhex("03 0010 0001")
 REPLY = bytes.fromhex("03 02 2222")
@@ -35,7 +31,7 @@ class Controller(ControllerPort):
 class Drives:
     """A Modbus/TCP line whose drive is in the hands of the test."""
 
-    def __init__(self, far: "RawEnd", unit_ids: ReplyUnitIds) -> None:
+    def __init__(self, far: RawEnd, unit_ids: ReplyUnitIds) -> None:
         self.wrong: list[tuple[int, int]] = []
         self.link = MbapDriveLink(0, unit_ids, lambda asked, answered: self.wrong.append((asked, answered)))
         self.line = LineExchange((), LineTiming(), self.link, lambda _: None)
@@ -51,8 +47,8 @@ class Drives:
         self.link.received(encode_mbap(transaction_id, unit_id, pdu), 2 * MS)
 
 
-async def test_w6_one_drive_may_answer_with_any_unit_id_and_is_told_of_once(tools: "Tools") -> None:
-    drives = Drives(tools.raw_end(), ReplyUnitIds())
+async def test_w6_one_drive_may_answer_with_any_unit_id_and_is_told_of_once() -> None:
+    drives = Drives(RawEnd(), ReplyUnitIds())
     for number in (1, 2):
         drives.asks(number)
         drives.answers(number, 0)
@@ -61,8 +57,8 @@ async def test_w6_one_drive_may_answer_with_any_unit_id_and_is_told_of_once(tool
     assert drives.link.counters()["wrong_units"] == 2
 
 
-async def test_w6_what_a_drive_is_known_to_answer_with_is_not_counted(tools: "Tools") -> None:
-    drives = Drives(tools.raw_end(), ReplyUnitIds(answers_as=0))
+async def test_w6_what_a_drive_is_known_to_answer_with_is_not_counted() -> None:
+    drives = Drives(RawEnd(), ReplyUnitIds(answers_as=0))
     drives.asks(1)
     drives.answers(1, 0)
     assert drives.controller.replies == [REPLY]
@@ -70,8 +66,8 @@ async def test_w6_what_a_drive_is_known_to_answer_with_is_not_counted(tools: "To
     assert drives.link.counters()["wrong_units"] == 0
 
 
-async def test_w6_of_several_drives_another_one_answers_nothing(tools: "Tools") -> None:
-    drives = Drives(tools.raw_end(), ReplyUnitIds(are_many=True))
+async def test_w6_of_several_drives_another_one_answers_nothing() -> None:
+    drives = Drives(RawEnd(), ReplyUnitIds(are_many=True))
     drives.asks(1)
     drives.answers(1, 2)
     assert drives.controller.replies == []
@@ -82,10 +78,8 @@ async def test_w6_of_several_drives_another_one_answers_nothing(tools: "Tools") 
 
 
 @pytest.mark.parametrize("length", [255, 260])
-async def test_a_reply_that_is_too_long_ends_its_exchange_and_not_the_line(
-    tools: "Tools", length: int
-) -> None:
-    drives = Drives(tools.raw_end(), ReplyUnitIds())
+async def test_a_reply_that_is_too_long_ends_its_exchange_and_not_the_line(length: int) -> None:
+    drives = Drives(RawEnd(), ReplyUnitIds())
     drives.asks(1)
     header = bytes.fromhex("0001 0000") + length.to_bytes(2, "big") + b"\1"
     drives.link.received(header + bytes((3, (length - 3) & 0xFF)) + bytes(length - 3), 2 * MS)
@@ -103,19 +97,19 @@ async def test_a_reply_that_is_too_long_ends_its_exchange_and_not_the_line(
     ids=["alone", "beside another device"],
 )
 async def test_the_configuration_says_how_many_there_are(
-    bench: "Bench", tools: "Tools", changes: dict[str, OtherUnits], expected: list[bytes]
+    bench: Bench, changes: dict[str, OtherUnits], expected: list[bytes]
 ) -> None:
     def script(data: bytes) -> bytes:
         return encode_mbap(int.from_bytes(data[:2], "big"), 0, REPLY)
 
     _, where = await bench.drive("tcp", script)
     link, _ = bench.controller_link("tcp", timeout_ms=20.0)
-    axes: tuple[AxisPlan, ...] = (tools.axis(),)
-    plan = LinePlan("line", where, (link,), axes, tools.quick, **changes)  # type: ignore[arg-type]
+    axes: tuple[AxisPlan, ...] = (axis_plan(),)
+    plan = LinePlan("line", where, (link,), axes, QUICK, **changes)  # type: ignore[arg-type]
     relay = Relay(GatewayPlan("bench", (plan,)), bench.notes.append)
     await relay.start()
     bench.stack.push_async_callback(relay.stop)
-    await tools.until_up(relay)
+    await until_up(relay)
     near = await bench.connect(relay.address("line", "cnc"))
     near.write(encode_mbap(4, 1, READ))
     await near.until(lambda end: len(end.data) >= 9)

@@ -72,6 +72,7 @@ def _lines(module: ModuleType, kind: str, name: str) -> Iterator[str]:
         seed, _, requests = name.partition("x")
         yield from module.ledger(int(seed), int(requests))
     elif kind == "commands":
+        sys.path.append(str(Path(__file__).parents[2]))  # a baseline may have no tests.support of its own
         yield from _loaded(Path(__file__).with_name("commands.py")).script()
     elif kind == "plan":
         yield from module.plan(name)

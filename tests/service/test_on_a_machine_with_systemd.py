@@ -14,16 +14,16 @@ from pathlib import Path
 import pytest
 
 from gateway.modbus.rtu import encode_rtu
-from tests.processes.bench import CONFIG, TABLE, Drive, Master
 from tests.service.machine import INSTALLED, Machine, booted, why_not
 from tests.service.wire import MOVE, moved_on_wire
+from tests.support.config import RAMP, STEEPER, one_axis
+from tests.support.gateway import Drive, Master
 
 pytestmark = pytest.mark.skipif(bool(why_not()), reason=why_not() or "never")
 RELAY, SUPERVISOR, TARGET = (
     f"pitch-gateway{each}" for each in ("-relay.service", "-supervisor.service", ".target")
 )
 TABLE_PATH = "/etc/pitch-gateway/tables/x.tab"
-STEEPER = TABLE.replace("0.1 0.1", "0.2 0.2").replace("0.05 0.05", "0.1 0.1")
 
 
 CAP_SYS_RESOURCE = 24
@@ -73,9 +73,9 @@ def mill(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mill]:
     with socket.create_server(("127.0.0.1", 0)) as listening:
         drive = Drive(listening)
         drives_at = listening.getsockname()[1]
-        config = CONFIG.format(drives=drives_at, port=port)
+        config = one_axis(drives=drives_at, port=port)
         config = config.replace('name = "trial"', 'name = "trial"\nstate = "/var/lib/pitch-gateway"')
-        files = {"/etc/pitch-gateway/gateway.toml": config, TABLE_PATH: TABLE}
+        files = {"/etc/pitch-gateway/gateway.toml": config, TABLE_PATH: RAMP}
         with booted(tmp_path_factory.mktemp("machine"), files) as machine:
             machine.run("systemd-sysusers")
             machine.run("systemd-tmpfiles", "--create", "pitch-gateway.conf")
@@ -114,7 +114,7 @@ def test_a_reload_takes_a_saved_table_and_fails_where_it_is_bad(mill: Mill) -> N
     assert "failed" in said
     assert mill.moved(50_000) == 50_100  # the last good one
     assert mill.machine.property(SUPERVISOR, "ActiveState") == "active"
-    mill.machine.write(TABLE_PATH, TABLE)
+    mill.machine.write(TABLE_PATH, RAMP)
     mill.machine.run("systemctl", "reload", SUPERVISOR)
     assert mill.moved(50_001) == 50_051
 
@@ -124,7 +124,7 @@ def test_the_journal_finds_warnings_and_errors_by_their_priority(mill: Mill) -> 
     mill.machine.write(TABLE_PATH, "no table")
     mill.machine.run("systemctl", "reload", SUPERVISOR, is_checked=False)
     mill.machine.run("systemctl", "restart", RELAY)
-    mill.machine.write(TABLE_PATH, TABLE)
+    mill.machine.write(TABLE_PATH, RAMP)
     mill.machine.run("systemctl", "reload", SUPERVISOR)
     read = ("journalctl", "--no-pager", "--output=cat", f"--unit={RELAY}", f"--unit={SUPERVISOR}")
     errors = mill.machine.run(*read, "--priority=err")
@@ -191,7 +191,7 @@ def test_what_a_configuration_needs_more_it_gets(mill: Mill) -> None:
     """On port 1023, with a real-time priority and locked memory, and behind an allow list of addresses."""
     mill.stop()
     machine = mill.machine
-    config = CONFIG.format(drives=mill.drives_at, port=1023)
+    config = one_axis(drives=mill.drives_at, port=1023)
     needs = 'name = "trial"\nstate = "/var/lib/pitch-gateway"\n\n[relay]\nfifo = 10\nlock_memory = true'
     machine.write("/etc/pitch-gateway/gateway.toml", config.replace('name = "trial"', needs))
     command = [f"{INSTALLED}/bin/pitch-gateway", "service", "/etc/pitch-gateway/gateway.toml"]
@@ -235,7 +235,7 @@ def test_a_serial_line_goes_on_over_a_restart_and_no_other_device_is_opened(mill
         tty.setraw(far_end)
         device = Path(os.ttyname(far_end))
         device.chmod(0o666)
-        text = CONFIG.format(drives=mill.drives_at, port=mill.port)
+        text = one_axis(drives=mill.drives_at, port=mill.port)
         text = text.replace('name = "trial"', 'name = "trial"\nstate = "/var/lib/pitch-gateway"')
         serial = f'drives = {{ rtu = "{device}", baudrate = 115200 }}'
         machine.write(

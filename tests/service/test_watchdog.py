@@ -14,7 +14,7 @@ from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.null_modem import NullModem
 from gateway.transport.serial import SerialPort
 from gateway.transport.tcp import TcpListener
-from tests.relay.conftest import LOOPBACK, RawEnd
+from tests.support.relay import LOOPBACK, RawEnd
 
 
 @contextlib.contextmanager

@@ -14,10 +14,10 @@ import pytest
 from gateway.ipc.client import ask
 from gateway.ipc.messages import GetStatus, Ping, Pong, Status
 from gateway.modbus.rtu import encode_rtu
-from tests.processes.bench import Master, Site, site_in
 from tests.service.manager import Manager, managing
 from tests.service.wire import MOVE, moved_on_wire
 from tests.support.commands import typed
+from tests.support.gateway import Master, Site, site_in
 
 WATCHDOG_US = 2_000_000
 SILENT_S = 2.5

@@ -5,7 +5,6 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import termios
 from pathlib import Path
 from typing import Any
@@ -14,9 +13,9 @@ import pytest
 
 from gateway.compensation.units import Units
 from gateway.tabfile import FileContext, read_table
-from tests.support.processes import started
+from tests.support.processes import COMMAND, started, typed_apart
 
-COMMAND_LINE = [sys.executable, "-c", "from gateway.cli.main import main; main()", "demo"]
+COMMAND_LINE = [*COMMAND, "demo"]
 PATIENCE_S = 240
 """A round takes seconds, and minutes where eight others are busy on the same machine."""
 pytestmark = pytest.mark.timeout(PATIENCE_S + 30)
@@ -29,8 +28,7 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def result(kept: Path) -> dict[str, Any]:
-    arguments = [*COMMAND_LINE, "--once", "--json", "--keep", str(kept)]
-    process = subprocess.run(arguments, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    process = typed_apart("demo", "--once", "--json", "--keep", str(kept), seconds=PATIENCE_S)
     assert process.returncode == 0, process.stderr
     parsed: dict[str, Any] = json.loads(process.stdout)
     return parsed
@@ -108,8 +106,7 @@ def test_one_round_that_a_signal_stopped_is_no_success(options: list[str], numbe
 @pytest.fixture(scope="module")
 def reported(tmp_path_factory: pytest.TempPathFactory) -> str:
     path = tmp_path_factory.mktemp("demo") / "report.html"
-    arguments = [*COMMAND_LINE, "--json", "--seed", "3", "--report", str(path)]
-    process = subprocess.run(arguments, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    process = typed_apart("demo", "--json", "--seed", "3", "--report", str(path), seconds=PATIENCE_S)
     assert process.returncode == 0, process.stderr
     assert json.loads(process.stdout)["report"] == str(path)
     assert (
@@ -149,8 +146,7 @@ def test_the_report_of_a_round_is_a_test_as_the_standard_asks(reported: str) -> 
 )
 def test_a_place_for_the_report_is_looked_at_before_the_round(tmp_path: Path, name: str, words: str) -> None:
     (tmp_path / "there.html").write_text("mine")
-    arguments = [*COMMAND_LINE, "--report", str(tmp_path / name)]
-    process = subprocess.run(arguments, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    process = typed_apart("demo", "--report", str(tmp_path / name), seconds=PATIENCE_S)
     assert process.returncode == 1
     assert process.stderr.startswith(f"demo: {tmp_path / name}: ")
     assert words in process.stderr

@@ -4,7 +4,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 from struct import pack
@@ -17,64 +16,24 @@ from gateway.commissioning.measure.instruments import SerialGauge
 from gateway.metrology.gauge_kinds import GaugeKind
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.master import ModbusMaster
-from tests.support.processes import started
+from tests.support.config import axis, gateway_toml, line, registers, written
+from tests.support.processes import COMMAND, ROOT, started
 
-ROOT = Path(__file__).parents[2]
-COMMAND_LINE = [sys.executable, "-c", "from gateway.cli.main import main; main()", "simulate"]
-CONFIGURATION = """
-[gateway]
-name = "trial"
-
-[line.l]
-drives = {{ rtu = "{drives}", baudrate = 115200 }}
-
-[[line.l.controllers]]
-name = "cnc"
-rtu = "{cnc}"
-
-[line.m]
-drives = {{ tcp = "127.0.0.1:{port}" }}
-
-[[line.m.controllers]]
-name = "hmi"
-tcp = "127.0.0.1:{other_port}"
-
-[axis.x]
-line = "l"
-unit_id = 4
-units = "mm"
-counts_per_unit = 1000.0
-travel = [-300.0, 0.0]
-compensation = "off"
-referenced = "absolute"
-registers.command = [{{ address = 0x40, type = "int32" }}]
-registers.actual = [{{ address = 0x50, type = "int32" }}]
-
-[axis.y]
-line = "m"
-unit_id = 1
-units = "mm"
-counts_per_unit = 500.0
-travel = [0.0, 100.0]
-compensation = "off"
-referenced = "absolute"
-registers.command = [{{ address = 0x40, type = "int32" }}]
-registers.actual = [{{ address = 0x50, type = "int32" }}]
-"""
+COMMAND_LINE = [*COMMAND, "simulate"]
 
 
 @pytest.fixture
 def configuration(tmp_path: Path, unused_tcp_port_factory: object) -> Path:
     assert callable(unused_tcp_port_factory)
-    path = tmp_path / "gateway.toml"
-    text = CONFIGURATION.format(
-        drives=tmp_path / "ttyDrives",
-        cnc=tmp_path / "ttyCnc",
-        port=unused_tcp_port_factory(),
-        other_port=unused_tcp_port_factory(),
+    serial = {"rtu": str(tmp_path / "ttyDrives"), "baudrate": 115200}
+    mapped = registers(command=0x40, actual=0x50)
+    text = gateway_toml(
+        line(serial, {"cnc": {"rtu": str(tmp_path / "ttyCnc")}}, name="l"),
+        line(unused_tcp_port_factory(), {"hmi": unused_tcp_port_factory()}, name="m"),
+        axis(registers=mapped, line="l", unit_id=4, travel=[-300.0, 0.0], compensation="off"),
+        axis("y", mapped, line="m", counts_per_unit=500.0, compensation="off"),
     )
-    path.write_text(text, encoding="utf-8")
-    return path
+    return written(tmp_path, text, {})
 
 
 async def test_every_drive_of_a_configuration_can_be_talked_to(configuration: Path) -> None:
@@ -217,30 +176,11 @@ def test_a_configuration_that_is_not_there_is_named(tmp_path: Path) -> None:
 async def test_an_axis_with_a_shipped_profile_is_played_by_that_drive(
     tmp_path: Path, unused_tcp_port: int
 ) -> None:
-    path = tmp_path / "gateway.toml"
-    path.write_text(
-        f"""
-[gateway]
-name = "trial"
-
-[line.l]
-drives = {{ tcp = "127.0.0.1:{unused_tcp_port}" }}
-
-[[line.l.controllers]]
-name = "plc"
-tcp = "127.0.0.1:1"
-
-[axis.x]
-line = "l"
-unit_id = 255
-drive = "mitsubishi-mr-je-c"
-units = "mm"
-counts_per_unit = 1000.0
-compensation = "off"
-referenced = "absolute"
-""",
-        encoding="utf-8",
+    text = gateway_toml(
+        line(unused_tcp_port, {"plc": 1}),
+        axis(registers=None, unit_id=255, travel=None, drive="mitsubishi-mr-je-c", compensation="off"),
     )
+    path = written(tmp_path, text, {})
     with started([*COMMAND_LINE, str(path)], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         lines = [process.stdout.readline().strip() for _ in range(4)]

@@ -38,54 +38,33 @@ from gateway.state.tables import (
     find_table,
     table_path,
 )
+from tests.support.config import RAMP, axis, gateway_toml, line, tcp, written
 
 ROOT = Path(__file__).parents[2]
-CONFIG = """
-[line.xyz]
-drives = { tcp = "127.0.0.1:502" }
-
-[[line.xyz.controllers]]
-name = "cnc"
-tcp = "127.0.0.1:1502"
-allow = ["127.0.0.0/8", "::1/128"]
-
-[[line.xyz.controllers]]
-name = "plc"
-rtu = "/dev/serial/by-id/usb-A"
-role = "operator"
-
-[axis.x]
-line = "xyz"
-unit_id = 1
-units = "mm"
-counts_per_unit = 1000.0
-travel = [0.0, 100.0]
-referenced = "absolute"
-compensation = "on"
-table = "x.tab"
-backlash = { width = 0.02, kind = "two-sided" }
-gain = { forward = 1.0, backward = 0.5 }
-registers.command = [{ address = 100, type = "int32", words = "low-first" }]
-registers.bits = { homed = { address = 7, bit = 3 } }
-"""
-TABLE = """CNC10 TAB FILE VERSION 3
-AXIS X
-UNITS MILLIMETER
-INTERVAL 50.0
-ENTRIES 3
-0.0 0.0 0.0
-50.0 0.05 0.05
-100.0 0.1 0.1
-"""
+CONFIG = gateway_toml(
+    line(
+        502,
+        {
+            "cnc": {**tcp(1502), "allow": ["127.0.0.0/8", "::1/128"]},
+            "plc": {"rtu": "/dev/serial/by-id/usb-A", "role": "operator"},
+        },
+    ),
+    axis(
+        registers={
+            "command": [{"address": 100, "type": "int32", "words": "low-first"}],
+            "bits": {"homed": {"address": 7, "bit": 3}},
+        },
+        compensation="on",
+        table="x.tab",
+        backlash={"width": 0.02, "kind": "two-sided"},
+        gain={"forward": 1.0, "backward": 0.5},
+    ),
+)
 
 
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
-    (tmp_path / "tables").mkdir()
-    (tmp_path / "tables" / "x.tab").write_text(TABLE)
-    path = tmp_path / "gateway.toml"
-    path.write_text(CONFIG)
-    return path
+    return written(tmp_path, CONFIG)
 
 
 def compiled_and_read(path: Path) -> Loaded:
@@ -252,7 +231,7 @@ def test_of_tables_that_no_axis_has_any_more_only_the_newest_stay(config: Path) 
     state = state_folder(config)
     digests = []
     for number in range(OTHERS_KEPT + 3):
-        (config.parent / "tables" / "x.tab").write_text(TABLE.replace("0.05", f"0.0{number + 1}"))
+        (config.parent / "tables" / "x.tab").write_text(RAMP.replace("0.05", f"0.0{number + 1}"))
         digests.append(digest_of(compile_into_state(load(config))["x"]))
         os.utime(state / "tables" / f"{digests[-1]}.doubles", (number, number))
     assert len(set(digests)) == OTHERS_KEPT + 3

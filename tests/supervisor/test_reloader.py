@@ -16,16 +16,12 @@ from gateway.supervisor.debounce import FileStamp
 from gateway.supervisor.file_stamps import scan
 from gateway.supervisor.table_files import TableFiles
 from gateway.supervisor.tables import Reloader
-from tests.processes.bench import CONFIG, STEEPER, TABLE
+from tests.support.config import RAMP, STEEPER, axis, one_axis, section, written
 
 
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
-    (tmp_path / "tables").mkdir()
-    (tmp_path / "tables" / "x.tab").write_text(TABLE)
-    config = tmp_path / "gateway.toml"
-    config.write_text(CONFIG.format(drives=1, port=2))
-    return config
+    return written(tmp_path, one_axis(drives=1, port=2))
 
 
 @pytest.fixture
@@ -39,11 +35,9 @@ def reloader(config: Path) -> Reloader:
 @pytest.fixture
 def pair(config: Path) -> Path:
     """Two axes of a group, each with its table."""
-    text = config.read_text()
-    second = text[text.index("[axis.x]") :].replace("axis.x", "axis.y").replace("x.tab", "y.tab")
-    second = second.replace("unit_id = 1", "unit_id = 2")
-    config.write_text(f'{text}{second}[group.beam]\naxes = ["x", "y"]\n')
-    table(config, "y").write_text(TABLE.replace("AXIS X", "AXIS Y"))
+    second = axis("y", unit_id=2, compensation="on", table="y.tab")
+    config.write_text(config.read_text() + second + section("[group.beam]", {"axes": ["x", "y"]}))
+    table(config, "y").write_text(RAMP.replace("AXIS X", "AXIS Y"))
     return config
 
 
@@ -270,6 +264,6 @@ def test_a_good_file_that_its_group_holds_back_is_not_called_active(pair: Path) 
     table(pair, "y").unlink()
     assert shown(reloader) == {"x": ("removed", f"{table(pair)}: {why}"), "y": ("removed", None)}
     assert largest(pair) is None
-    table(pair, "y").write_text(TABLE.replace("AXIS X", "AXIS Y"))
+    table(pair, "y").write_text(RAMP.replace("AXIS X", "AXIS Y"))
     assert shown(reloader) == {"x": ("active", None), "y": ("active", None)}
     assert largest(pair) == 0.2

@@ -10,15 +10,15 @@ from gateway.ipc.messages import Ping, Pong, Status, decode_request, encode
 from gateway.state.plan import shape_of
 from gateway.status.model import RelayModel
 from gateway.supervisor.supervisor import Supervisor
-from tests.processes.bench import CONFIG, TABLE
+from tests.support.config import RAMP, one_axis
 
 
 async def test_a_mistake_of_ours_is_told_and_ends_nothing(tmp_path: Path) -> None:
     (tmp_path / "tables").mkdir()
-    (tmp_path / "tables" / "x.tab").write_text(TABLE)
+    (tmp_path / "tables" / "x.tab").write_text(RAMP)
     (tmp_path / "state").mkdir(mode=0o700)
     config = tmp_path / "gateway.toml"
-    config.write_text(CONFIG.format(drives=1, port=2))
+    config.write_text(one_axis(drives=1, port=2))
     pong = Pong(name="trial", gateway_version="0", pid=1, shape=shape_of(load(config).plan))
 
     async def relay_of_nobodys(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

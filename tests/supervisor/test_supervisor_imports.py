@@ -5,7 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.processes.bench import CONFIG, TABLE
+from tests.support.config import RAMP, one_axis
 
 ROOT = Path(__file__).parents[2]
 UNWANTED = (
@@ -29,10 +29,10 @@ print(json.dumps(sorted(sys.modules)))
 
 def test_a_supervisor_without_broker_and_sensor_has_loaded_nothing_of_them(tmp_path: Path) -> None:
     (tmp_path / "tables").mkdir()
-    (tmp_path / "tables" / "x.tab").write_text(TABLE)
+    (tmp_path / "tables" / "x.tab").write_text(RAMP)
     (tmp_path / "state").mkdir(mode=0o700)
     config = tmp_path / "gateway.toml"
-    config.write_text(CONFIG.format(drives=1, port=2))
+    config.write_text(one_axis(drives=1, port=2))
     result = subprocess.run(
         [sys.executable, "-c", PROGRAM, str(config)],
         capture_output=True,

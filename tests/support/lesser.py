@@ -34,6 +34,19 @@ LATE: Final = 99
 """The exit code of a command that another user could not have run."""
 
 
+@contextlib.contextmanager
+def nobody() -> Iterator[None]:
+    """Be somebody whom the kernel refuses things, for a while; root opens everything."""
+    was_root = os.geteuid() == 0
+    if was_root:
+        os.seteuid(NOBODY)
+    try:
+        yield
+    finally:
+        if was_root:
+            os.seteuid(0)
+
+
 def become_lesser() -> None:
     """Be somebody whom the kernel refuses things, for good, with everything imported that is still needed."""
     if os.geteuid() == 0:

@@ -4,7 +4,6 @@ The folder tree of the kernel is built of real files under the number of a real 
 knows none of the ioctls. Values: Linux 6 sysfs and ``linux/serial.h``.
 """
 
-import contextlib
 import fcntl
 import os
 import struct
@@ -27,6 +26,7 @@ from gateway.transport.low_latency import (
 )
 from gateway.transport.null_modem import NullModem
 from gateway.transport.serial import SerialPort, open_port
+from tests.support.lesser import nobody
 from tests.support.status_models import plain
 
 NOBODY = 65534
@@ -70,18 +70,6 @@ def tree() -> Iterator[Tree]:
         yield Tree(handle, sysfs, port)
         os.close(master)
         os.close(handle)
-
-
-@contextlib.contextmanager
-def nobody() -> Iterator[None]:
-    was_root = os.geteuid() == 0
-    if was_root:
-        os.seteuid(NOBODY)
-    try:
-        yield
-    finally:
-        if was_root:
-            os.seteuid(0)
 
 
 def test_a_port_without_any_of_it_has_nothing_and_costs_nothing(tree: Tree) -> None:

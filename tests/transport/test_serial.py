@@ -5,8 +5,6 @@ import fcntl
 import os
 import tempfile
 import termios
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +16,7 @@ from gateway.transport.errors import AbsentError, RefusedError
 from gateway.transport.null_modem import NullModem
 from gateway.transport.serial import SerialPort, open_port
 from gateway.transport.serial_channel import character_ns
+from tests.support.lesser import nobody
 
 if TYPE_CHECKING:
     from tests.transport.conftest import Eventually, Recorder
@@ -85,19 +84,6 @@ def test_what_is_no_serial_port_is_named(tmp_path: Path, kind: str) -> None:
         path = Path("/dev/null")
     with pytest.raises(RefusedError, match="is not a serial port"):
         open_port(SerialEndpoint(str(path)))
-
-
-@contextmanager
-def nobody() -> Iterator[None]:
-    """Be somebody whom the kernel refuses things; root opens everything."""
-    was_root = os.geteuid() == 0
-    if was_root:
-        os.seteuid(NOBODY)
-    try:
-        yield
-    finally:
-        if was_root:
-            os.seteuid(0)
 
 
 def test_no_permission_is_named() -> None:

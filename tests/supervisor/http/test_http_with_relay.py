@@ -21,11 +21,12 @@ import pytest
 from gateway.ipc.address import SUPERVISOR_SOCKET_NAME
 from gateway.ipc.log import LogEntry
 from gateway.supervisor.supervisor import Supervisor
-from tests.processes.bench import COMMAND, ROOT, STEEPER, TABLE, Site, running, site_in, typed_apart
 from tests.supervisor.http.exposition import samples
 from tests.supervisor.http.http_bench import Served, until
 from tests.support.commands import typed
-from tests.support.processes import started
+from tests.support.config import RAMP, STEEPER
+from tests.support.gateway import Site, site_in
+from tests.support.processes import COMMAND, ROOT, running, started, typed_apart
 from tests.support.status_models import plain
 
 
@@ -160,7 +161,7 @@ async def test_a_rejected_table_is_told_to_every_reader_and_to_the_commands(site
         steeper = hashlib.sha256(STEEPER.encode()).hexdigest()
         await until(lambda: (_table(served)["status"], _table(served)["sha256"]) == ("active", steeper))
         assert (await served.ask("/tables/x")).data["forward"] == [0.0, 0.1, 0.2]
-        site.table.write_text(TABLE)
+        site.table.write_text(RAMP)
         as_json = await said("status", config, "--json")
         assert set(json.loads(as_json.stdout)) == PARTS
 
