@@ -561,6 +561,12 @@ def following_bench() -> Bench:
     return bench
 
 
+def test_w8_a_trigger_register_that_is_known_is_not_read_before_a_position() -> None:
+    bench = following_bench()
+    bench.ask(write(COMMAND, 500))
+    assert bench.seen == [write(COMMAND, 500)]
+
+
 @pytest.mark.parametrize("word", [1, 0xFFFC])
 def test_no_target_is_written_anew_while_the_drive_goes_to_what_is_written(word: int) -> None:
     """M2: +1000 went out as +1020, from 1990 to 3010. Written anew for the trigger, as 1000 in the same
