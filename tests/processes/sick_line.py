@@ -19,6 +19,7 @@ from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from tests.ports import free_port
 from tests.processes.bench import SECONDS, Running, running
 
+# The controllers may be silent: a test that opens a page on a busy machine asks nothing for seconds.
 CONFIG: Final = """[gateway]
 name = "mill-1"
 
@@ -34,11 +35,13 @@ drain_ms = 20
 name = "cnc"
 tcp = "127.0.0.1:{cnc}"
 timeout_ms = 300
+silent_after_s = 0
 
 [[line.xy.controllers]]
 name = "panel"
 tcp = "127.0.0.1:{panel}"
 timeout_ms = 300
+silent_after_s = 0
 
 [[line.xy.controllers]]
 name = "plc"
