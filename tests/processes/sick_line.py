@@ -75,8 +75,10 @@ ENTRIES 3
 100.0 0.1 0.1
 """
 GARBAGE: Final = bytes.fromhex("FE 9C 38 F0 E6 80")
-TRIES: Final = 3
 """As a receiver hears that samples at another rate: no frame of six bytes has this check sum."""
+EVERY_S: Final = 0.05
+"""Between two looks at the status, of which there is a new one five times a second."""
+TRIES: Final = 3
 
 
 class Health(Enum):
@@ -217,6 +219,7 @@ class SickLine:
             status = self.status()
             if is_so(status):
                 return status
+            time.sleep(EVERY_S)
 
     def until_trouble(self, kind: str, meanwhile: Callable[[], object]) -> dict[str, Any]:
         """Go on with something until a kind of trouble is there; returns that."""
