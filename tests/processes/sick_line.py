@@ -79,6 +79,7 @@ GARBAGE: Final = bytes.fromhex("FE 9C 38 F0 E6 80")
 EVERY_S: Final = 0.05
 """Between two looks at the status, of which there is a new one five times a second."""
 TRIES: Final = 3
+ANSWERED_S: Final = 10.0
 
 
 class Health(Enum):
@@ -234,11 +235,18 @@ def kinds(status: dict[str, Any]) -> list[str]:
 
 
 class Client:
-    """A Modbus/TCP controller that asks one thing after the other, and again where nothing comes."""
+    """A Modbus/TCP controller that asks one thing after the other, and again where nothing comes.
+
+    It connects again where its connection has ended: a gateway that stood still on a busy machine ends it.
+    """
 
     def __init__(self, port: int) -> None:
-        self._connection = socket.create_connection(("127.0.0.1", port), timeout=SECONDS / TRIES)
+        self._port = port
+        self._connection = self._connected()
         self._number = 0
+
+    def _connected(self) -> socket.socket:
+        return socket.create_connection(("127.0.0.1", self._port), timeout=ANSWERED_S)
 
     def ask(self, unit_id: int, pdu: str) -> bytes:
         """Send a request, written in hex; returns the PDU of its reply, b"" at the end of the connection."""
@@ -246,12 +254,18 @@ class Client:
             self._number = self._number % 60_000 + 1
             request, number = bytes.fromhex(pdu), self._number.to_bytes(2, "big")
             head = number + bytes(2) + (len(request) + 1).to_bytes(2, "big") + bytes((unit_id,))
-            self._connection.sendall(head + request)
-            with contextlib.suppress(TimeoutError):
+            try:
+                self._connection.sendall(head + request)
                 while reply := self._connection.recv(300):
                     if reply[:2] == number:
                         return reply[7:]
-                return b""
+            except TimeoutError:
+                continue
+            except ConnectionError:
+                self._connection.close()
+                self._connection = self._connected()
+                continue
+            return b""
         raise TimeoutError(f"no reply to {pdu} of unit id {unit_id}")
 
     def read(self, unit_id: int) -> bytes:

@@ -9,8 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from tests.mosquitto import PATIENCE_S, broker_in, mosquitto_passwd, payload_of, watching
 from tests.ports import free_port
 from tests.processes.bench import Master, Site, children, gateway_of, wait_until_dead
@@ -70,7 +68,6 @@ def test_who_comes_late_finds_what_is_retained_and_hears_the_last_will(site: Sit
             assert gateway.end() == 0
 
 
-@pytest.mark.timeout(180)
 def test_a_broker_that_is_away_for_a_while_is_found_again(site: Site, tmp_path: Path) -> None:
     with broker_in(tmp_path) as broker:
         watched = Watched(site, broker.port)

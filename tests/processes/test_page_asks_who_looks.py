@@ -11,7 +11,7 @@ from tests.commands import typed
 from tests.processes.mill import Mill
 from tests.supervisor.http.doors import make_certificates
 
-WAIT_MS = 20_000
+WAIT_MS = 100_000
 LOGIN = "#form"
 AXIS = "article.axis svg.drawing .line-forward"
 

@@ -9,7 +9,7 @@ from playwright.sync_api import Page
 from tests.browser import started_browser
 from tests.processes.mill import Controller, Mill
 
-WAIT_MS = 30_000
+WAIT_MS = 100_000
 DIGITS = "article.axis:first-of-type .digits"
 TROUBLE = "#troubles"
 
