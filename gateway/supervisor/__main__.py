@@ -22,6 +22,7 @@ def main() -> int:
     from gateway.ipc.structured_log import StructuredLog
     from gateway.supervisor.process import run_supervisor
 
+    gc.freeze()
     gc.enable()
     follow_parent(options.parent, signal.SIGKILL)
     config = options.config
