@@ -20,7 +20,7 @@ from gateway.ipc.client import ask
 from gateway.ipc.messages import GetStatus, Status
 from gateway.modbus.mbap import encode_mbap
 from tests.ports import free_port
-from tests.processes.bench import Running, running
+from tests.processes.bench import SECONDS, Running, running
 from tests.processes.saving import in_place, old_moved_away, renamed_over, symlink_swapped
 from tests.soak import IS_FULL
 
@@ -104,8 +104,8 @@ class Drives:
             writer.close()
 
 
-async def stream(port: int, until: threading.Event) -> dict[int, list[int]]:
-    """Send each axis a setpoint every 2 ms; returns what was acknowledged."""
+async def stream(port: int, until: threading.Event, passed: threading.Event) -> dict[int, list[int]]:
+    """Send each axis a setpoint every 2 ms; returns what was acknowledged. ``passed``: the middle was."""
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
     sent: dict[int, list[int]] = {unit_id: [] for unit_id in range(1, len(AXES) + 1)}
     loop = asyncio.get_running_loop()
@@ -118,6 +118,8 @@ async def stream(port: int, until: threading.Event) -> dict[int, list[int]]:
             expected = encode_mbap(number, unit_id, bytes.fromhex("10 0064 0002"))
             assert await reader.readexactly(len(expected)) == expected
             acknowledged.append(counts)
+        if counts == MIDDLE_COUNTS:
+            passed.set()
         if not LOW_COUNTS <= counts + way <= HIGH_COUNTS:
             way = -way
         counts += way
@@ -127,9 +129,19 @@ async def stream(port: int, until: threading.Event) -> dict[int, list[int]]:
     return sent
 
 
-def save_all(gateway: Running, tables: Path) -> dict[str, list[str]]:
-    """Save the tables of each axis and read what the gateway says of each; returns the answers by axis."""
+def wait_for(passed: threading.Event) -> None:
+    """Wait until the axes pass the middle."""
+    passed.clear()
+    assert passed.wait(SECONDS)
+
+
+def save_all(gateway: Running, tables: Path, passed: threading.Event) -> dict[str, list[str]]:
+    """Save the tables of each axis and read what the gateway says of each; returns the answers by axis.
+
+    The axes pass the middle on their first tables, and twice on their last: then nothing of another fades.
+    """
     answers: dict[str, list[str]] = {axis: [] for axis in AXES}
+    wait_for(passed)
     for number, amplitude_mm in enumerate(AMPLITUDES_MM):
         is_bad = number % BAD_EVERY == BAD_EVERY - 1
         for axis, save in AXES.items():
@@ -143,6 +155,8 @@ def save_all(gateway: Running, tables: Path) -> dict[str, list[str]]:
                 waiting.remove(note["axis"])
                 answers[note["axis"]].append(note["event"])
                 assert note["event"] == "table-handed-over" or note["line"], note
+    wait_for(passed)
+    wait_for(passed)
     return answers
 
 
@@ -164,10 +178,10 @@ async def test_saves_of_each_kind_cost_the_drive_no_step_and_the_controller_no_e
         config.write_text(text)
         gateway = stack.enter_context(running("run", str(config)))
         await asyncio.to_thread(gateway.until, "relay-reached")
-        saved = threading.Event()
-        streaming = asyncio.create_task(stream(port, saved))
+        saved, passed = threading.Event(), threading.Event()
+        streaming = asyncio.create_task(stream(port, saved, passed))
         try:
-            answers = await asyncio.to_thread(save_all, gateway, tables)
+            answers = await asyncio.to_thread(save_all, gateway, tables, passed)
         finally:
             saved.set()
         sent = await streaming
