@@ -72,10 +72,14 @@ def pytest_sessionfinish() -> None:
 
 FIRST = (
     "tests/package/",
-    "tests/measure/",
+    "tests/supervisor/page/test_page_for_everybody.py",
     "tests/service/",
-    "tests/verify/",
+    "tests/supervisor/page/test_page_shows.py",
     "tests/metrology/test_what_lies_between.py",
+    "tests/supervisor/page/",
+    "tests/processes/test_sick_line.py",
+    "tests/measure/",
+    "tests/verify/",
     "tests/report/test_writing.py",
     "tests/compiled/",
     "tests/tools/test_bootstrap.py",

@@ -1,6 +1,11 @@
 """How often a test repeats what it draws at random: in full in ``make soak``, a tenth of it elsewhere.
 
-And what takes minutes, and is the same each time: in ``make soak`` alone (``IS_FULL``).
+And what takes minutes, and is the same each time: in ``make soak`` alone (``IS_FULL``). Elsewhere
+
+- ``processes/test_brokers.py``: a broker stays away for 3 s, in place of 30;
+- ``processes/test_streaming_through_saves.py``: each table is saved 10 times, in place of 50;
+- ``relay/test_kills_at_any_instant.py``: a relay is killed 3 times, in place of 125;
+- ``verify/test_verify.py``: the larger worlds are left out.
 """
 
 import os

@@ -91,8 +91,7 @@ make_environment() {
             die "missing Debian package: $package (as root: apt-get install $package)"
         fi
         echo "installing the Debian package $package ..." >&2
-        said=$( (apt-get update -qq && apt-get install -y -qq "$package") 2>&1) \
-            || die "missing Debian package: $package; apt-get could not install it: $(tail -1 <<<"$said")"
+        tools/debian_packages.sh "$package" || die "missing Debian package: $package; apt-get could not install it"
     fi
     echo "setting up $venv with $("$python" --version): ${size}about $space_mb MB on the disk ..." >&2
     trap 'rm -rf "$venv"' EXIT

@@ -20,14 +20,12 @@ header='import os, sysconfig; print(os.path.exists(sysconfig.get_path("include")
 
 if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
     echo "installing for the tests: ${missing[*]} ..." >&2
-    export DEBIAN_FRONTEND=noninteractive
     # None of them is to run as a service: each test starts its own.
-    mask=
-    if [ -d /run/systemd/system ] && command -v systemctl >/dev/null; then
-        systemctl mask --runtime mosquitto.service prometheus.service >/dev/null 2>&1 && mask=yes
+    if [ -d /run/systemd/system ] && command -v systemctl >/dev/null \
+        && systemctl mask --runtime mosquitto.service prometheus.service >/dev/null 2>&1; then
+        trap 'systemctl unmask --runtime mosquitto.service prometheus.service >/dev/null 2>&1' EXIT
     fi
-    apt-get update -qq && apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
-    [ -z "$mask" ] || systemctl unmask --runtime mosquitto.service prometheus.service >/dev/null 2>&1
+    "${0%/*}/debian_packages.sh" "${missing[@]}"
 else
     echo "missing for the tests: ${missing[*]} (as root: apt-get install ${missing[*]})" >&2
     exit 1

@@ -65,4 +65,6 @@ def _writer(log_format: LogFormat, gateway: str) -> Callable[[LogEntry], None]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    code = main()
+    gc.freeze()  # the process ends: Python would search all that is loaded for garbage once more
+    sys.exit(code)

@@ -22,6 +22,7 @@ def main() -> int:
     from gateway.ipc.structured_log import StructuredLog
     from gateway.supervisor.process import run_supervisor
 
+    gc.freeze()
     gc.enable()
     follow_parent(options.parent, signal.SIGKILL)
     config = options.config
@@ -41,4 +42,6 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    code = main()
+    gc.freeze()  # the process ends: Python would search all that is loaded for garbage once more
+    sys.exit(code)

@@ -22,6 +22,8 @@ from tests.support.processes import SECONDS, Running, running
 
 GARBAGE: Final = bytes.fromhex("FE 9C 38 F0 E6 80")
 """As a receiver hears that samples at another rate: no frame of six bytes has this check sum."""
+EVERY_S: Final = 0.05
+"""Between two looks at the status, of which there is a new one five times a second."""
 TRIES: Final = 3
 ANSWER_S: Final = 10.0
 """So long a controller waits for an answer before it asks again."""
@@ -114,9 +116,10 @@ class SickLine:
         serial = {"baudrate": 115200, "parity": "even"}
         wires = line(
             {"rtu": self.drives.port.path, **serial},
+            # Controllers may be silent: a test that opens a page on a busy machine asks nothing for seconds.
             {
-                "cnc": {**tcp(self.cnc_port), "timeout_ms": 300},
-                "panel": {**tcp(self.panel_port), "timeout_ms": 300},
+                "cnc": {**tcp(self.cnc_port), "timeout_ms": 300, "silent_after_s": 0},
+                "panel": {**tcp(self.panel_port), "timeout_ms": 300, "silent_after_s": 0},
                 "plc": {"rtu": self.plc.path, **serial, "role": "monitor"},
             },
             name="xy",
@@ -175,6 +178,7 @@ class SickLine:
             status = self.status()
             if is_so(status):
                 return status
+            time.sleep(EVERY_S)
 
     def until_trouble(self, kind: str, meanwhile: Callable[[], object]) -> dict[str, Any]:
         """Go on with something until a kind of trouble is there; returns that."""
@@ -189,11 +193,18 @@ def kinds(status: dict[str, Any]) -> list[str]:
 
 
 class Client:
-    """A Modbus/TCP controller that asks one thing after the other, and again where nothing comes."""
+    """A Modbus/TCP controller that asks one thing after the other, and again where nothing comes.
+
+    It connects again where its connection has ended: a gateway that stood still on a busy machine ends it.
+    """
 
     def __init__(self, port: int) -> None:
-        self._connection = socket.create_connection(("127.0.0.1", port), timeout=ANSWER_S)
+        self._port = port
+        self._connection = self._connected()
         self._number = 0
+
+    def _connected(self) -> socket.socket:
+        return socket.create_connection(("127.0.0.1", self._port), timeout=ANSWER_S)
 
     def ask(self, unit_id: int, pdu: str) -> bytes:
         """Send a request, written in hex; returns the PDU of its reply, b"" at the end of the connection."""
@@ -201,12 +212,18 @@ class Client:
             self._number = self._number % 60_000 + 1
             request, number = bytes.fromhex(pdu), self._number.to_bytes(2, "big")
             head = number + bytes(2) + (len(request) + 1).to_bytes(2, "big") + bytes((unit_id,))
-            self._connection.sendall(head + request)
-            with contextlib.suppress(TimeoutError):
+            try:
+                self._connection.sendall(head + request)
                 while reply := self._connection.recv(300):
                     if reply[:2] == number:
                         return reply[7:]
-                return b""
+            except TimeoutError:
+                continue
+            except ConnectionError:
+                self._connection.close()
+                self._connection = self._connected()
+                continue
+            return b""
         raise TimeoutError(f"no reply to {pdu} of unit id {unit_id}")
 
     def read(self, unit_id: int) -> bytes:

@@ -11,7 +11,7 @@ from tests.supervisor.http.doors import make_certificates
 from tests.support.browser import started_browser
 from tests.support.commands import typed
 
-WAIT_MS = 20_000
+WAIT_MS = 100_000
 LOGIN = "#form"
 AXIS = "article.axis svg.drawing .line-forward"
 

@@ -9,7 +9,7 @@ from playwright.sync_api import Page
 from tests.processes.mill import Controller, Mill
 from tests.support.browser import opened_page
 
-WAIT_MS = 30_000
+WAIT_MS = 100_000
 DIGITS = "article.axis:first-of-type .digits"
 TROUBLE = "#troubles"
 

@@ -78,7 +78,7 @@ def test_init_measures_and_writes_what_the_drive_asks_for(sick: SickLine, tmp_pa
     assert result.returncode == 0, result.stderr
     assert "axis x, unit id 1: 100 answers" in result.stderr
     line = tomllib.loads(target.read_text())["line"]["main"]
-    assert 120 <= line["response_timeout_ms"] < 1000  # four times 30 ms, at least
+    assert line["response_timeout_ms"] >= 120  # four times 30 ms, at least
     assert 60 <= line["drain_ms"] < line["response_timeout_ms"]
     assert typed("check", str(target)).returncode == 0
 

@@ -13,7 +13,7 @@ from tests.processes.sick_line import GARBAGE, Client, Health, SickLine, kinds
 from tests.support.browser import opened_page
 from tests.support.processes import children
 
-WAIT_MS = 30_000
+WAIT_MS = 100_000
 CODE_NO_ANSWER = bytes.fromhex("83 0B")
 CONTROLLERS = (
     "[...document.querySelectorAll('.controller-state')].map((one) => one.textContent.split(',')[0])"

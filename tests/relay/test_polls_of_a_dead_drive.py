@@ -16,8 +16,10 @@ READ, REPLY, NO_RESPONSE = (bytes.fromhex(text) for text in ("03 0010 0001", "03
 WELL, DEAD = 1, 2
 TIMEOUT_MS = 1000.0
 TAKES_S = 0.003
-READS_BETWEEN = 20
-"""So many of unit 1 before each of unit 2: 60 ms. Twice that is what a busy machine has in hand."""
+READS_BETWEEN = 5
+"""So many of unit 1 before each of unit 2: 15 ms. A poll of unit 2 within 500 ms is too late."""
+SOON_MS = 1250.0
+"""From the first poll of unit 2 to the next: 250 ms behind its time-out, 250 ms more for a busy machine."""
 
 
 def drive(end: RawEnd, data: bytes) -> None:
@@ -58,16 +60,23 @@ async def test_w6_before_it_is_dead_the_other_one_loses_nothing(bench: Bench, co
     await until_up(relay)
     near = await (bench.plug(device) if serial else bench.connect(relay.address("line", "cnc")))
     of_dead: list[bytes] = []
+    begun_ms: list[float] = []
     of_well: list[tuple[bytes, float]] = []
     numbers = itertools.repeat(0) if serial else itertools.count(1)
     while line_status(relay)["timeouts"] != 3:
         of_well += [await poll(near, WELL, next(numbers)) for _ in range(READS_BETWEEN)]
+        begun_ms.append(1000 * time.monotonic())
         of_dead.append((await poll(near, DEAD, next(numbers)))[0])
     status = line_status(relay)
     assert {pdu for pdu, _ in of_well} == {REPLY}
     assert max(took_ms for _, took_ms in of_well) < TIMEOUT_MS
     # Behind each of two time-outs two are answered at once, if the machine lets unit 1 be read so often
     # before half of the silence is over; the poll behind these goes.
-    assert 1 <= int(str(status["too_late"])) <= 4
+    too_late = int(str(status["too_late"]))
+    assert too_late <= 4
     assert status["withdrawn"] == 0
-    assert of_dead[1] == NO_RESPONSE
+    # A time-out itself may be told before a controller on TCP has given up.
+    assert of_dead.count(NO_RESPONSE) >= too_late
+    if begun_ms[1] - begun_ms[0] < SOON_MS:
+        assert of_dead[1] == NO_RESPONSE
+        assert too_late >= 1

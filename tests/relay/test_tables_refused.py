@@ -100,4 +100,5 @@ async def test_tables_that_are_replaced_leave_no_descriptors_behind(bench: Bench
         await mill.move(60_000)
         counts.append(descriptors_open())
     # The table in force keeps one, and at times the one before, for a reading that is still fading.
-    assert max(counts[2:]) <= counts[2]
+    # Were one left behind by each, the last nine would have nine more than the third.
+    assert max(counts[2:]) - min(counts[2:]) <= 1

@@ -81,6 +81,15 @@ def _ready(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(name="program", scope="module")
+def _program(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A checkout with the program alone, and what was said as that was made."""
+    folder = small_checkout(tmp_path_factory.mktemp("program"))
+    code, said = bootstrap(folder, "--editable", ".")
+    assert code == 0, said
+    return folder, said
+
+
 def bootstrap(folder: Path, *packages: str, **environment: str) -> tuple[int, str]:
     """Run it where no index answers; returns its exit code and what it said."""
     known = {
@@ -110,10 +119,9 @@ def test_what_is_ready_is_left_alone(ready: Path) -> None:
     assert (ready / ".venv" / "pyvenv.cfg").stat().st_mtime_ns == made
 
 
-def test_the_part_that_runs_comes_first_and_the_tools_are_added_to_it(checkout: Path) -> None:
+def test_the_part_that_runs_comes_first_and_the_tools_are_added_to_it(program: tuple[Path, str]) -> None:
     """So `make demo` takes a quarter of what `make test` does, and what it has made is kept."""
-    code, said = bootstrap(checkout, "--editable", ".")
-    assert code == 0, said
+    checkout, _ = program
     venv = checkout / ".venv"
     made = (venv / "pyvenv.cfg").stat().st_mtime_ns
     assert bootstrap(checkout, "--editable", ".") == (0, "")
@@ -126,9 +134,8 @@ def test_the_part_that_runs_comes_first_and_the_tools_are_added_to_it(checkout: 
     assert bootstrap(checkout) == (0, "")
 
 
-def test_it_says_what_it_does_line_by_line(checkout: Path) -> None:
-    code, said = bootstrap(checkout, "--editable", ".")
-    assert code == 0, said
+def test_it_says_what_it_does_line_by_line(program: tuple[Path, str]) -> None:
+    _, said = program
     first, installing, last = said.splitlines()
     assert first.startswith("setting up .venv with Python 3.")
     assert first.endswith(": about 55 MB to fetch, about 210 MB on the disk ...")

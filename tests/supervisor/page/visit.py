@@ -8,7 +8,7 @@ from playwright.sync_api import Browser, Locator
 
 from tests.supervisor.page.stage import Stage
 
-WAIT_MS: Final = 20_000
+WAIT_MS: Final = 100_000
 SIZE: Final = {"width": 1280, "height": 800}
 ALONG: Final = """(() => {
   const svg = document.querySelector("article.axis svg.drawing");
