@@ -109,7 +109,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     step, per_unit = _scale(source, table, units)
     if context.file_start is None:
         raise source.error(
-            f"{size} values, {step:g} {units.value} apart, and nothing that says where the first one lies",
+            f"{size} values, {step:g} {units.value} apart; the file does not state where the first one is",
             "file_start = the position of the lowest value (the file counts from home)",
             line=table.line,
         )
@@ -133,13 +133,17 @@ def _decoded(
     rule = "value is added" if per_unit > 0 else "NEGCOR: value is subtracted"
     homing = [f"{key}={table.words[key][0]}" for key in _PAIRED[4:] if key in table.words]
     reach = f"{len(rows)} values from file_start {rows[0].position:g} up to {rows[-1].position:g} {unit}"
-    decisions = [f"{reach}; that they run upwards is assumed, the file does not state it"]
+    decisions = [f"{reach}; assumed to ascend: the file does not state it"]
     if homing:
         decisions.append(
-            f"made for {', '.join(homing)}: a table holds for the homing that it was measured with"
+            f"made for {', '.join(homing)}: check that the axis homes like this, because a table is valid "
+            "only with the homing of its measurement"
         )
     if _SERIAL in table.words:
-        decisions.append(f"made for the stage with {_SERIAL}={table.words[_SERIAL][0]}: is it this one?")
+        decisions.append(
+            f"check that this is the stage with {_SERIAL}={table.words[_SERIAL][0]}: the table was "
+            "made for it"
+        )
     return Decoded(
         rows,
         context.units,
@@ -159,8 +163,8 @@ def _uncounted(size: int, line: int) -> Lint:
     return Lint(
         "R10",
         LintSeverity.WARNING,
-        f"{size} values, and nothing in the file says how many there must be; a lost line would move all "
-        f"that follow: count them, then add the comment '; points: {size}' above the table",
+        f"count the {size} values, then add the comment '; points: {size}' above the table. The file does "
+        "not state their number, and a lost line would move all values after it",
         line,
     )
 
@@ -243,7 +247,7 @@ def _parse_start(
         if not is_known:
             raise source.error(f"{shown(field)} after :START", _ALLOWED, line=line.number)
         if key in words:
-            raise source.error(f"a second {key}", f"it once (line {words[key][1]})", line=line.number)
+            raise source.error(f"a second {key}", f"only one (line {words[key][1]})", line=line.number)
         words[key] = (value, line.number)
     if not is_first and not fields:
         raise source.error(":START and nothing else", _ALLOWED, line=line.number)
@@ -256,7 +260,7 @@ def _pick(source: SourceText, tables: Sequence[_Table], context: FileContext) ->
         fitting = [table for table in tables if table.axis.upper() == context.file_axis.upper()]
         if not fitting:
             raise source.error(
-                f"tables of {names}, told file_axis {context.file_axis}", f"file_axis = one of {names}"
+                f"tables of {names}, but file_axis = {context.file_axis}", f"file_axis = one of {names}"
             )
     else:
         fitting = list(tables)
@@ -265,7 +269,7 @@ def _pick(source: SourceText, tables: Sequence[_Table], context: FileContext) ->
     table = fitting[0]
     if len(fitting) > 1:
         raise source.error(
-            f"a second table of axis {table.axis}, whose values would add to those of the first",
+            f"a second table of axis {table.axis}: its values would be added to those of the first",
             "one table: add them up",
             line=fitting[1].line,
         )
@@ -357,7 +361,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         f"values have {DECIMALS} decimals of {unit}",
         *lost_motion,
         f"units and start are not in the file: {hint}",
-        "HOMEDIRECTION and HOMEOFFSET are not in the file: add them as the axis homes",
+        "HOMEDIRECTION and HOMEOFFSET are not in the file: add those of the axis",
     )
     context = FileContext(
         axis=options.axis, file_units=table.units, file_start=table.first, file_axis=options.file_axis

@@ -37,8 +37,8 @@ LEAST, MOST = 0.5, 1.5
 _UM_PER_MM: Final = 1000.0
 _LINE: Final = re.compile(r"([XYZ])\s+(\S+)\s+(\S+)")
 _OUTSIDE: Final = (
-    "outside its points the firmware goes on with the multiplier of the last one, which no setting does "
-    "here: a point at either end of the travel makes both the same"
+    "add a point at each end of the travel: beyond its points the firmware continues with the last "
+    "multiplier, and no setting here does that"
 )
 _RULE: Final = "value is a multiplier: the integral of (value - 1) from 0 on is added, in both directions"
 
@@ -73,13 +73,13 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         if after.position == before.position:
             raise source.error(
                 f"a second point of {axis} at {after.position:.9g} (the first is on line {before.line})",
-                "one of both",
+                "only one of them",
                 line=after.line,
             )
     if len(points) < 2:
         raise source.error(
             f"{len(points)} point of {axis}",
-            "at least 2: one multiplier for the whole axis belongs into counts_per_unit",
+            "at least 2: put one multiplier for the whole axis into counts_per_unit",
             line=points[0].line,
         )
     context = context_in_file_units(source, context, Units.MM)
@@ -116,7 +116,7 @@ def _parse(source: SourceText) -> dict[str, list[_Point]]:
             allowed = f"X, Y or Z, a position and a multiplier, each {DECIMAL_ALLOWED}"
             problems.append(source.problem(shown(line.text), allowed, line=line.number))
         elif not LEAST <= multiplier <= MOST:
-            allowed = f"{LEAST:g} to {MOST:g}, as the firmware takes it"
+            allowed = f"{LEAST:g} to {MOST:g}, the firmware's limits"
             problems.append(source.problem(f"multiplier {multiplier:g}", allowed, line=line.number))
         else:
             axes.setdefault(found[1], []).append(_Point(position, multiplier, line.number))
@@ -129,7 +129,7 @@ def _choose(source: SourceText, axes: dict[str, list[_Point]], context: FileCont
     given = context.file_axis.upper() if context.file_axis else None
     if given is not None and given not in axes:
         raise source.error(
-            f"points of {listed(axes)}, told file_axis {given!r}", f"file_axis = {listed(axes, ' or ')}"
+            f"points of {listed(axes)}, but file_axis = {given!r}", f"file_axis = {listed(axes, ' or ')}"
         )
     if given is None and len(axes) > 1:
         raise source.error(
@@ -155,8 +155,8 @@ def _about_parabolas(points: list[_Point]) -> str:
         for a, b in pairwise(points)
     )
     return (
-        "the same at each point; between them the firmware's correction is a parabola, here a straight line, "
-        f"at most {away * _UM_PER_MM:.2g} µm from it, near {middle:.6g}"
+        "equal at each point. Between the points the firmware's correction is a parabola, here a straight "
+        f"line: they differ by at most {away * _UM_PER_MM:.2g} µm, near {middle:.6g}"
     )
 
 
@@ -184,6 +184,6 @@ def write(table: CorrectionTable, _: WriteOptions) -> Written:
     """
     raise unwritable(
         NAME,
-        f"a table of {len(table.positions)} points to be written",
-        "another format (csv holds everything): the firmware's multipliers are no corrections",
+        f"a table of {len(table.positions)} points to write",
+        "another format, such as csv: the firmware's multipliers are not corrections",
     )

@@ -94,7 +94,7 @@ def _parse(source: SourceText) -> _Counts:
     if size < 1 or total == 0:
         raise source.error(
             f"header {shown(header.text)}",
-            "number of values >= 1, then a total travel other than 0",
+            "the number of values (1 or more), then the total travel (not 0)",
             line=header.number,
         )
     values, problems = [], []
@@ -121,12 +121,12 @@ def _bad_value(source: SourceText, line: SourceLine) -> FileProblem:
 
 def _scale(source: SourceText, context: FileContext) -> tuple[float, Units]:
     if context.units is None:
-        raise source.error("a version 1 file, which states no units", "units of the axis: mm, inch or degree")
+        raise source.error("a version 1 file, without units", "units of the axis: mm, inch or degree")
     if context.file_counts_per_unit is None:
         raise source.error(
-            "a version 1 file, which holds encoder counts, and no file_counts_per_unit",
+            "a version 1 file holds encoder counts, and file_counts_per_unit is missing",
             f"file_counts_per_unit = counts of the OLD control per {context.units.value} (counts per "
-            "revolution x revolutions per unit), negative where its Dir Rev was Y",
+            "revolution x revolutions per unit), negative if its Dir Rev was Y",
         )
     return context.file_counts_per_unit, context.units
 
@@ -159,10 +159,12 @@ def _decide_layout(
     size = len(counts.values)
     if context.v1_layout is not None:
         if context.v1_layout is V1Layout.LISTED and size == 1:
-            raise source.error("one value, told v1_layout listed", "at least 2 values, or v1_layout implicit")
-        return context.v1_layout, f"layout {context.v1_layout.value}: told by v1_layout"
+            raise source.error(
+                "one value, with v1_layout = listed", "at least 2 values, or v1_layout implicit"
+            )
+        return context.v1_layout, f"layout {context.v1_layout.value}: from v1_layout"
     if size == 1:
-        return V1Layout.IMPLICIT, "layout implicit: one value makes no interval unless home stands beside it"
+        return V1Layout.IMPLICIT, "layout implicit: one value needs home as the other end of its interval"
     length = abs(counts.total / scale)
     tolerance = max(1 / abs(scale), ROUND_TOLERANCE * length)
     listed_round = _is_round(length, size - 1, tolerance, units)
@@ -172,28 +174,28 @@ def _decide_layout(
     if counts.values[0] != 0:
         if listed_round and not implicit_round:
             raise source.error(
-                f"a first value of {counts.values[0]}, which home itself would not have, while only the "
-                f"interval with home listed is round ({listed_step}; without {implicit_step})",
+                f"a first value of {counts.values[0]}, so it is not home; but only with home in the list "
+                f"is the interval a round number ({listed_step}; without home {implicit_step})",
                 f"{choices('v1_layout')}, or 0 as the value of home",
                 line=counts.lines[0],
                 readings=describe_both(*readings),
             )
         return V1Layout.IMPLICIT, (
-            f"layout implicit: the first value is {counts.values[0]}, and home itself has no correction"
+            f"layout implicit: the first value is {counts.values[0]}, and home has no correction"
         )
     if listed_round and not implicit_round:
         return (
             V1Layout.LISTED,
-            f"layout listed: an interval of {listed_step} is round, {implicit_step} is not",
+            f"layout listed: an interval of {listed_step} is a round number, {implicit_step} is not",
         )
     if implicit_round and not listed_round:
         return (
             V1Layout.IMPLICIT,
-            f"layout implicit: an interval of {implicit_step} is round, {listed_step} is not",
+            f"layout implicit: an interval of {implicit_step} is a round number, {listed_step} is not",
         )
     raise source.error(
-        f"a layout that nothing proves: intervals of {listed_step} (first value is home) and "
-        f"{implicit_step} (home not listed) are {'both' if listed_round else 'neither'} round",
+        f"the layout is not clear: {'both' if listed_round else 'neither'} of the intervals {listed_step} "
+        f"(first value is home) and {implicit_step} (home not listed) are round numbers",
         choices("v1_layout"),
         readings=describe_both(*readings),
     )
@@ -225,7 +227,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     """
     scale = options.file_counts_per_unit
     if scale is None:
-        raise unwritable(NAME, "no counts per unit of the old control", NEEDS_SCALE)
+        raise unwritable(NAME, "the old control's counts per unit are missing", NEEDS_SCALE)
     even_step(table, NAME)
     home_first = home_side(table, NAME) > 0
     total = round((table.last if home_first else table.first) * scale)

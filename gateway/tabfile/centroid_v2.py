@@ -122,7 +122,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     )
     check_home(source, rows, context)
     unused = ("file_counts_per_unit",) if header.counts == 1 else ()
-    rule = "value = target - measured, added as it stands; {} list (towards {} positions)"
+    rule = "value = target - measured, added unchanged; {} list (towards {} positions)"
     return Decoded(
         rows,
         header.units,
@@ -146,9 +146,9 @@ def _ends(rows: Sequence[SourceRow]) -> tuple[Lint, ...]:
     if not first or not last:
         return ()
     message = (
-        f"the first forward value is {first:g} and the last backward value {last:g}: TB058 says that both "
-        '"must be zero. It is impossible to acquire meaningful data for these points"; they are used as they '
-        "stand"
+        f"the first forward value is {first:g} and the last backward value {last:g}; they are used "
+        'unchanged, but TB058 says that both "must be zero. It is impossible to acquire meaningful data '
+        'for these points"'
     )
     return (Lint("R12", LintSeverity.INFO, message, rows[0].forward_line),)
 
@@ -255,10 +255,10 @@ def _decide_start(
 ) -> _Start:
     _check_encoder_counts(source, header, context)
     if context.file_start is not None:
-        return _Start(context.file_start, f"start {context.file_start:g}: told by file_start")
+        return _Start(context.file_start, f"start {context.file_start:g}: from file_start")
     if header.counts != 1:
         return _Start(
-            header.position, f"start {header.position:g}: field 6, because field 5 holds encoder counts"
+            header.position, f"start {header.position:g}: from field 6, because field 5 holds encoder counts"
         )
     if header.position != 0:
         candidates = [header.position, -header.intervals * header.step]
@@ -267,7 +267,7 @@ def _decide_start(
             header,
             lists,
             candidates,
-            f"fields 5 and 6 of '1 {header.position:g}', which no source describes",
+            f"fields 5 and 6 are '1 {header.position:g}', which no manual describes",
         )
     if context.travel is None:
         candidates = [-header.intervals * header.step, 0.0]
@@ -276,7 +276,8 @@ def _decide_start(
             header,
             lists,
             candidates,
-            "fields 5 and 6 of '1 0', which do not say where the first point lies, and no travel limits",
+            "fields 5 and 6 are '1 0', which does not state the first position, and there are no travel "
+            "limits",
         )
     return _start_from_travel(source, header, lists, context)
 
@@ -291,14 +292,14 @@ def _check_encoder_counts(source: SourceText, header: _Header, context: FileCont
     given = context.file_counts_per_unit
     if given is not None and abs(found - abs(given)) > COUNTS_TOLERANCE * abs(given):
         raise source.error(
-            f"field 5 of {header.counts:.10g} counts over {length:g} {unit}: {found:.8g} counts per {unit}, "
-            f"told file_counts_per_unit {given:.8g}",
+            f"field 5, {header.counts:.10g} counts over {length:g} {unit}, gives {found:.8g} counts per "
+            f"{unit}, but file_counts_per_unit = {given:.8g}",
             f"the same within {COUNTS_TOLERANCE:.2%}",
             line=header.line,
         )
     if given is None and context.file_start is None and found <= 1:
         raise source.error(
-            f"field 5 of {header.counts:.10g} over {length:g} {unit}, too small for encoder counts",
+            f"field 5, {header.counts:.10g} over {length:g} {unit}, is too small for encoder counts",
             f"1, or more than 1 count per {unit}; or file_start = position of the first point",
             line=header.line,
         )
@@ -318,17 +319,19 @@ def _start_from_travel(
     if high == 0:
         fitting = floor(-low / header.step + GRID_TOLERANCE)
         if header.intervals != fitting:
-            found = f"{header.intervals} intervals of {header.step:g} for {travel}, into which {fitting} fit"
+            found = (
+                f"{header.intervals} intervals of {header.step:g} for {travel}, which has room for {fitting}"
+            )
             raise _ambiguous_start(source, header, lists, [-length, -fitting * header.step], found)
         return _Start(-length, f"start {-length:g}: multiples of the step down from 0, {travel}")
     if low == 0:
         return _Start(0.0, f"start 0: {travel}")
     if length < (high - low) - header.step * (1 + GRID_TOLERANCE):
-        found = f"{header.intervals} intervals of {header.step:g}, which do not reach across {travel}"
+        found = f"{header.intervals} intervals of {header.step:g}, too few for {travel}"
         raise _ambiguous_start(source, header, lists, [low, high - length], found)
     message = (
-        f"start {low:g} is inferred from {travel}: check it, and tell file_start = "
-        f"{context.as_given(low):.9g} if it is right"
+        f"check the start {low:g}, which comes from {travel}; if it is right, set file_start = "
+        f"{context.as_given(low):.9g}"
     )
     return _Start(low, f"start {low:g}: lower end of {travel}", (Lint("R2", LintSeverity.WARNING, message),))
 
@@ -360,7 +363,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     """
     step = even_step(table, NAME)
     if table.units not in _CODES:
-        raise unwritable(NAME, f"a table in {table.units.value}", "inch or mm")
+        raise unwritable(NAME, f"a table in {table.units.value}", "a table in inch or mm")
     intervals = len(table.positions) - 1
     if intervals < MIN_INTERVALS:
         raise unwritable(NAME, f"{intervals} interval", f"at least {MIN_INTERVALS}")
@@ -392,7 +395,9 @@ def _origin(table: CorrectionTable, options: WriteOptions) -> tuple[int, str]:
         or abs(counts - length * scale) > COUNTS_TOLERANCE * abs(length * scale) / 2
         or counts == 1
     ):
-        found = f"{length * scale:.6g} counts over the table, too few to be recognised as counts"
+        found = (
+            f"{length * scale:.6g} counts over the table: too few, a reader would not take them for counts"
+        )
         raise unwritable(NAME, found, f"{LARGER_SCALE}, or none")
     return counts, f"{table.first:.6f}"
 

@@ -104,7 +104,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     check_stated(source, rows, header.units, context)
     away, toward = ("backward", "forward") if side is HomeSide.PLUS else ("forward", "backward")
     columns = {away: "column 2, away from home", toward: "column 3, towards home"}
-    rule = f"value is added as it stands; {{}} (home is at the {side.value} end)"
+    rule = f"value is added unchanged; {{}} (home is at the {side.value} end)"
     return Decoded(
         rows,
         header.units,
@@ -207,7 +207,7 @@ def _check_order(source: SourceText, rows: Sequence[_Row]) -> None:
     for before, after in itertools.pairwise(rows):
         if sign * (after.position - before.position) <= 0:
             found = f"position {after.position:g} after {before.position:g}"
-            allowed = f"positions that {'ascend' if sign > 0 else 'descend'} all the way from home"
+            allowed = f"positions that always {'ascend' if sign > 0 else 'descend'} from home"
             problems.append(source.problem(found, allowed, line=after.line, code="L11"))
     if problems:
         raise TabFileError(*problems[:MAX_PROBLEMS])
@@ -218,18 +218,18 @@ def _two_sided(source: SourceText, header: _Header, rows: Sequence[_Row]) -> Tab
     by_position = sorted(rows)
     readings = describe_both(
         Interpretation(
-            "columns change their direction at home",
+            "columns change direction at home",
             [_directed(row, away_is_forward=row.position >= 0) for row in by_position],
             header.units,
         ),
         Interpretation(
-            "columns keep their direction all along",
+            "columns keep their direction everywhere",
             [_directed(row, away_is_forward=is_rising) for row in by_position],
             header.units,
         ),
     )
     return source.error(
-        "positions on both sides of home, for which no source says which column holds",
+        "positions on both sides of home: no manual says which column applies",
         "positions on one side of home: split the table there",
         line=rows[0].line,
         readings=readings,

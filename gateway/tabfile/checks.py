@@ -12,7 +12,7 @@ from gateway.tabfile.text import SourceText
 
 # --- Two meanings of one file, described and compared, so that a person can choose
 
-AS_THEY_STAND: Final = "positions as they stand"
+AS_THEY_STAND: Final = "positions unchanged"
 """The assumption of the plain meaning, for a file that states positions."""
 _SHOWN_POINTS: Final = 4
 
@@ -89,14 +89,16 @@ def context_in_file_units(source: SourceText, context: FileContext, file_units: 
     if context.file_units not in (None, file_units):
         assert context.file_units is not None
         raise source.error(
-            f"units {file_units.value}, told file_units {context.file_units.value}",
+            f"units {file_units.value}, but file_units = {context.file_units.value}",
             f"file_units = {file_units.value!r}, or none",
         )
     if context.units in (None, file_units):
         return context.in_units(file_units)
     assert context.units is not None
     if context.same_units:
-        raise source.error(f"units {file_units.value}, told {context.units.value}", f"{file_units.value}")
+        raise source.error(
+            f"units {file_units.value}, but the given units are {context.units.value}", f"{file_units.value}"
+        )
     try:
         return context.in_units(file_units)
     except ValueError:
@@ -135,16 +137,18 @@ def check_range(
     limits = f"travel {low:g} to {high:g} {reading.units.value}"
     first, last = _ends(reading)
     if _overlap(first, last, low, high) <= TOUCH * (high - low):
-        found = f"a table from {first:g} to {last:g} {reading.units.value}, which misses {limits}"
+        found = f"a table from {first:g} to {last:g} {reading.units.value}, outside {limits}"
         if _overlap(*_ends(mirror), low, high) > TOUCH * (high - low):
             raise source.error(
-                found + " while its mirror meets it", remedy, readings=describe_both(reading, mirror)
+                found + ", but overlapping it with opposite signs",
+                remedy,
+                readings=describe_both(reading, mirror),
             )
         raise source.error(found, f"a table of this axis; {remedy}")
     excess = max(0.0, low - first) + max(0.0, last - high)
     if excess > MAX_EXCESS * (high - low) * (1 + TOUCH):
         raise source.error(
-            f"a table from {first:g} to {last:g} {reading.units.value}, which exceeds {limits} by "
+            f"a table from {first:g} to {last:g} {reading.units.value}, beyond {limits} by "
             f"{excess / (high - low):.0%}",
             f"at most {MAX_EXCESS:.0%} beyond the travel; {remedy}",
         )
@@ -171,7 +175,7 @@ def check_home(source: SourceText, rows: Sequence[SourceRow], context: FileConte
     if context.file_home is not None and proven not in (None, context.file_home):
         assert proven is not None
         raise source.error(
-            f"positions from {rows[0].position:g} to {rows[-1].position:g}, which prove home at the "
+            f"positions from {rows[0].position:g} to {rows[-1].position:g}, so home is at the "
             f"{proven.value} end, but file_home is {context.file_home.value}",
             f"file_home = {proven.value!r}, or none",
         )
@@ -204,9 +208,7 @@ def proven_home(rows: Sequence[SourceRow]) -> HomeSide | None:
 def unused_options(context: FileContext, format_name: str, names: Iterable[str]) -> tuple[Lint, ...]:
     """Return a remark for each given option that this dialect does not use."""
     return tuple(
-        Lint(
-            "R3", LintSeverity.WARNING, f"{name} has no meaning for {format_name} and was not used: remove it"
-        )
+        Lint("R3", LintSeverity.WARNING, f"remove {name}: it has no effect for {format_name}")
         for name in names
         if getattr(context, name) is not None
     )
@@ -224,9 +226,11 @@ def under_new_names(
     for old, new, given in context.given_under_old_names(format_name):
         now = getattr(context, new)
         if now not in (None, given):
-            raise source.error(f"{old} {given.value} and {new} {now.value}", f"{new} alone, as it is meant")
+            raise source.error(
+                f"{old} {given.value} and {new} {now.value}", f"only {new}, with the right value"
+            )
         context = replace(context, **{old: None, new: given})
-        message = f"{old} is the old name of {new}, and stays accepted: {new} = {given.value!r}"
+        message = f"write {new} = {given.value!r}: {old} is its old name, which is still accepted"
         remarks.append(Lint("R14", LintSeverity.INFO, message))
     return context, tuple(remarks)
 
@@ -263,12 +267,12 @@ def is_closed(rows: Sequence[SourceRow]) -> bool:
 
 RULES: Final = {
     ErrorSense.ACTUAL_MINUS_COMMAND: "error = actual - commanded: subtracted",
-    ErrorSense.COMMAND_MINUS_ACTUAL: "error = commanded - actual: added as it stands",
+    ErrorSense.COMMAND_MINUS_ACTUAL: "error = commanded - actual: added unchanged",
 }
 """How an error becomes the amount to add, in words."""
 _READINGS: Final = (
-    "actual_minus_command: an error of +0.01 means that the nut stands 0.01 too far, so 0.01 is taken off",
-    "command_minus_actual: an error of +0.01 means that the nut stands 0.01 short, so 0.01 is added",
+    "actual_minus_command: an error of +0.01 means that the nut is 0.01 too far, so 0.01 is subtracted",
+    "command_minus_actual: an error of +0.01 means that the nut is 0.01 short, so 0.01 is added",
 )
 
 
@@ -276,7 +280,7 @@ def required_sense(
     source: SourceText,
     context: FileContext,
     what: str,
-    why: str = "no manual says which sign its errors have",
+    why: str = "no manual states the sign of its errors",
 ) -> ErrorSense:
     """Return the sense of the errors in a file that does not prove it.
 

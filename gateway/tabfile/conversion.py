@@ -80,7 +80,7 @@ def lost_modulo(loaded: LoadedTable, modulo: float | None) -> list[str]:
         return []
     revolution, unit = f"{loaded.source.modulo:.10g}", loaded.table.units.value
     remedy = f"set it on the control (modulo = {revolution} for an axis of the gateway)"
-    return [f"that the table begins again after {revolution} {unit}: {remedy}"]
+    return [f"the table repeats every {revolution} {unit}: {remedy}"]
 
 
 def write_text(table: CorrectionTable, target: Dialect, options: WriteOptions) -> Written:
@@ -91,7 +91,7 @@ def write_text(table: CorrectionTable, target: Dialect, options: WriteOptions) -
     """
     written = target.write(table, options)
     unused = [
-        f"{option}: {target.name} has no place for it"
+        f"{option}: {target.name} cannot hold it"
         for name, option in WRITE_OPTIONS.items()
         if name not in target.writes and getattr(options, name) is not None
     ]
@@ -114,7 +114,7 @@ def reader_lines(written: Written, target: Dialect) -> list[str]:
         f"{DECLARED[name].typed if name in DECLARED else f'--{name}'} {fact}"
         for name, fact in sorted(reader_options(written, target).items())
     )
-    return [f"to be told when it is read: {options}"] if options else []
+    return [f"to read it, give: {options}"] if options else []
 
 
 def _rows(table: CorrectionTable) -> list[SourceRow]:
@@ -133,13 +133,15 @@ def write(out: Path, text: str, *, force: bool, encoding: str = "utf-8") -> None
     try:
         write_file(out, text.encode(encoding), force=force)
     except FileExistsError:
-        raise TabFileError(FileProblem(str(out), "a file of this name", "a new name, or --force")) from None
+        raise TabFileError(
+            FileProblem(str(out), "a file of this name exists", "a new name, or --force")
+        ) from None
     except FileRefusedError as error:
         replaced = os.path.realpath(out)  # the target of a link
         raise TabFileError(FileProblem(replaced, error.found, "a regular file, or a new name")) from None
     except OSError as error:
         raise TabFileError(
-            FileProblem(str(out), error.strerror or str(error), "a place to write to")
+            FileProblem(str(out), error.strerror or str(error), "a path that can be written")
         ) from error
 
 
@@ -180,7 +182,7 @@ def resample(table: CorrectionTable, step: float, name: str) -> Resampled:
             FileProblem(
                 name,
                 f"a step of {step:g} for a table of {length:g} {unit}",
-                f"--resample from {length / MAX_POINTS:g} to {length:g} {unit}",
+                f"--resample with a step from {length / MAX_POINTS:g} to {length:g} {unit}",
             )
         )
     origin = 0.0 if table.first - ON_GRID * step <= 0 <= table.last + ON_GRID * step else table.first

@@ -100,7 +100,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     axis = axis_letter(source, csv, context)
     check_home(source, rows, context)
     check_stated(source, rows, header.units, context)
-    rule = "value is added as it stands" if header.per_unit > 0 else "error = actual - commanded: subtracted"
+    rule = "value is added unchanged" if header.per_unit > 0 else "error = actual - commanded: subtracted"
     return Decoded(
         rows,
         header.units,
@@ -119,7 +119,7 @@ def _parse_header(source: SourceText, csv: CsvText) -> _Header:
     for index, cell in enumerate(first.cells):
         match = _COLUMN.fullmatch(cell)
         if match is None:
-            remedy = "" if cell else ": take the empty columns out"
+            remedy = "" if cell else ": remove the empty columns"
             raise source.error(
                 f"a column {shown(cell)}", f"{EXAMPLE}; nothing else{remedy}", line=first.number
             )
@@ -181,7 +181,7 @@ def _rows(
     problems = [
         source.problem(
             f"position {after.position:.9g} after {before.position:.9g}",
-            f"positions that {'ascend' if sign > 0 else 'descend'} all the way",
+            f"positions that always {'ascend' if sign > 0 else 'descend'}",
             line=after.forward_line,
             code="L11",
         )

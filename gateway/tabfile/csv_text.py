@@ -184,7 +184,7 @@ def numbers(source: SourceText, csv: CsvText, rows: Sequence[CsvRow]) -> list[tu
                 )
                 what = shown(cell)
                 if not any(row.cells):
-                    what, allowed = "a row of empty cells", "a point in every row: take this one out"
+                    what, allowed = "a row of empty cells", "a point in every row: remove this one"
                 problems.append(source.problem(what, allowed, line=row.number))
                 break
             values.append(value)

@@ -88,7 +88,7 @@ class Dialect:
             raise unwritable(
                 self.name,
                 f"a slope of {slope:.4g} between {before.position:g} and {after.position:g}, in its digits",
-                "a slope below 1, or the position could not be read back",
+                "a slope below 1: from 1 on, two positions would get the same corrected position",
             )
         return written
 
@@ -248,11 +248,11 @@ def choose(source: SourceText, given: str | None) -> Dialect:
         if dialect in candidates:
             return dialect
         if candidates:
-            raise source.error(f"a text of {names}, told format {given!r}", f"format = {names}, or none")
+            raise source.error(f"a text of {names}, but format = {given!r}", f"format = {names}, or none")
         # The text is not quoted: a link in the place of a table may lead to a password.
         size = len(source.lines[0].text)
         raise source.error(
-            f"a first line of {size} characters, and nothing of format {given!r} in the file",
+            f"a first line of {size} characters, and no sign of format {given!r} in the file",
             f"a file of {dialect.title}",
             line=source.lines[0].number,
         )
@@ -261,7 +261,7 @@ def choose(source: SourceText, given: str | None) -> Dialect:
     first = source.lines[0]
     if candidates:
         raise source.error(
-            f"a text that fits {names}: they differ in what the numbers mean",
+            f"a text that fits {names}, in which the numbers have different meanings",
             option_hint("format", names),
             line=first.number,
         )
@@ -271,14 +271,14 @@ def choose(source: SourceText, given: str | None) -> Dialect:
         header = "position_mm,forward_mm,backward_mm", "position_mm,correction_mm"
         two_ways, one_way = (each.replace(",", ";") if ";" in first.text else each for each in header)
         raise source.error(
-            f"a CSV whose first line, {what}, is no header of a table",
+            f"a CSV whose first line, {what}, is not the header of a table",
             f"the first line {two_ways}, or {one_way} for both directions; units are mm, inch or degree, of "
             "corrections also um and arcsec (pitch-gateway table template prints such a file); or a file of "
             "one of the other formats: pitch-gateway table formats",
             line=first.number,
         )
     raise source.error(
-        f"an unknown first line {what}{'' if is_shown else ', which is of no table'}",
+        f"the first line {what} is unknown{'' if is_shown else ', and belongs to no table'}",
         "'CNC10 TAB FILE VERSION 3', or six numbers that begin with 2 (version 2), or two whole numbers "
         "(version 1), or a file of one of the other formats: pitch-gateway table formats",
         line=first.number,
@@ -330,17 +330,17 @@ UNSUPPORTED: Final = (
         r"(#[0-9]+[ \t]*)?DEF(INE)?[ \t]+BLCOMP\b.*",
         "it belongs to a DEFINE COMP table: "
         + CSV.format("forward_um,backward_um")
-        + "; an entry is 1/16 count, taken off in the negative direction only",
+        + "; an entry is 1/16 count, subtracted in the negative direction only",
     ),
     _unsupported(
         "a PMAC torque table (DEFINE TCOMP)",
         r"(#[0-9]+[ \t]*)?DEF(INE)?[ \t]+TCOMP\b.*",
-        "it corrects torque and no position: take it out of the file; DEFINE COMP tables are read",
+        "remove it from the file: it corrects torque, not positions. DEFINE COMP tables are read",
     ),
     _unsupported(
         "a list of a Heidenhain display unit (ND)",
         r"[#*]?[ \t]*(ND[ -]?[0-9]{3}\b.*|(COMP\. ?NO\.|[A-Z][ \t]+NR\.)[ \t]*[0-9]+[ \t]*=.*)",
-        "it corrects what a scale reads, spaced by a power of two from a datum; measure the axis, and "
+        "it corrects the readings of a scale, at steps of a power of two from a datum; measure the axis, and "
         + CSV.format(BOTH),
     ),
     _unsupported(
@@ -351,22 +351,22 @@ UNSUPPORTED: Final = (
     _unsupported(
         "a COMP.ERR of PC-DMIS (Hexagon, STARTW)",
         r"START[A-Z]",
-        "each line is what the scale reads = what the laser reads: "
+        "each line is: reading of the scale = reading of the laser; "
         + CSV.format("error_mm")
         + "; position_degree,error_degree of a rotary table"
-        + "; the error is the right number less the left one",
+        + "; the error is the right number minus the left one",
     ),
     _unsupported(
         "a look-up table of ecmc (PREC=)",
         r"PREC[ \t]*=[ \t]*[0-9]+",
-        "it holds position and correction of an encoder, in units of the axis; the program that uses it "
-        "decides on the sign: " + CSV.format("correction_mm"),
+        "it holds positions and corrections of an encoder, in units of the axis; their sign depends on the "
+        "program that uses them: " + CSV.format("correction_mm"),
     ),
     _unsupported(
         "a screw map of Mach3 or Mach4",
         r".*\bscrew ?map.*",
-        "its guide does not say which of expected and actual position is taken from the other: make one test "
-        "move, and " + CSV.format(BOTH),
+        "its guide does not state whether expected or actual position is subtracted: make one test move, "
+        "and " + CSV.format(BOTH),
     ),
 )
 

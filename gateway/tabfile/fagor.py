@@ -108,7 +108,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         axis=axis if context.file_axis is None else None,
         file_axis=context.file_axis,
         plausible=(0.0, _MAX_PLAUSIBLE[units]),
-        decisions=(f"sense {sense.value}: told", f"units {units.value}: told by file_units", decision),
+        decisions=(f"sense {sense.value}: as given", f"units {units.value}: from file_units", decision),
         behaves_as=(f"modulo = {REVOLUTION:g}",) if _is_revolution(rows, units) else ('outside = "hold"',),
         modulo=REVOLUTION if _is_revolution(rows, units) else None,
     )
@@ -134,13 +134,13 @@ def _parse(source: SourceText) -> list[_Row]:
     odd = next((row for row in rows if (row.negative is None) is not (rows[0].negative is None)), None)
     if odd is not None:
         found = "2 fields after lines of 3" if odd.negative is None else "3 fields after lines of 2"
-        raise source.error(found, "as many in all lines", line=odd.line)
+        raise source.error(found, "the same number in all lines", line=odd.line)
     for before, after in pairwise(rows):
         if after.position <= before.position:
             problems.append(
                 source.problem(
                     f"position {after.position:g} after {before.position:g}",
-                    "positions that begin with the most negative one and ascend",
+                    "positions that ascend from the most negative one",
                     line=after.line,
                     code="L11",
                 )
@@ -163,7 +163,10 @@ def _parse_row(line: SourceLine, number: int, digits: int) -> _Row | tuple[str, 
         return (shown(line.text) if line.text else "a blank line"), _GRAMMAR
     point, axis, sign, position, one_axis, one_sign, one, other_axis, other_sign, other = match.groups()
     if point != f"{number:0{digits}d}":
-        return f"point P{point}", f"P{number:0{digits}d}: points are numbered through from P{1:0{digits}d}"
+        return (
+            f"point P{point}",
+            f"P{number:0{digits}d}: points are numbered from P{1:0{digits}d} without gaps",
+        )
     numbers = [
         None if text is None else _signed(mark, text)
         for mark, text in ((sign, position), (one_sign, one), (other_sign, other))
@@ -196,7 +199,7 @@ def _check_axes(source: SourceText, found: Sequence[_Row], context: FileContext)
                     line=row.line,
                 )
         if row.axis != axis:
-            raise source.error(f"axis {row.axis} after axis {axis}", "one axis in a file", line=row.line)
+            raise source.error(f"axis {row.axis} after axis {axis}", "only one axis in a file", line=row.line)
     given = context.file_axis or context.axis
     if given is not None and given.upper() != axis:
         raise source.error(
@@ -222,11 +225,11 @@ def _check_values(source: SourceText, found: Sequence[_Row], units: Units) -> No
 def _directions(found: Sequence[_Row]) -> tuple[bool, str]:
     """Return whether the positive errors hold in both directions, and why."""
     if found[0].negative is None:
-        return True, "no third field: the positive errors hold in both directions"
+        return True, "no third field: the positive errors apply in both directions"
     if any(row.negative for row in found):
         return False, "third field: errors in the negative direction"
     return True, (
-        "the negative errors are all 0: on this control the positive ones then hold in both directions"
+        "the negative errors are all 0: on this control the positive errors then apply in both directions"
     )
 
 
@@ -267,7 +270,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     if axis is None or not re.fullmatch("[A-Za-z]", axis):
         raise unwritable(NAME, f"axis {axis!r}", "one letter for its lines: --to-axis LETTER")
     if options.sense is None:
-        found = "no sense of its errors: no manual says which one the control expects"
+        found = "the sense of its errors is missing: no manual states which one the control expects"
         raise unwritable(NAME, found, "--to-sense actual_minus_command or command_minus_actual")
     if len(table.positions) > MAX_POINTS:
         raise unwritable(NAME, f"{len(table.positions)} points", f"at most {MAX_POINTS}")
@@ -285,8 +288,8 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     elif any(forward) and not any(backward):
         backward[0] = 10**-decimals
         losses.append(
-            "negative errors that are all 0 would mean 'as the positive ones' to the control: the first one "
-            f"is written as {backward[0]:.{decimals}f}"
+            f"the first negative error is written as {backward[0]:.{decimals}f}: if all are 0, the control "
+            "uses the positive errors in both directions"
         )
     lines = []
     for index, (position, *errors) in enumerate(zip(*columns, strict=True), start=1):

@@ -99,7 +99,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
             raise source.error(found, "positions that ascend", line=after.forward_line, code="L11")
     check_stated(source, rows, units, context)
     directions = (
-        "BIDIR 0: POSERROR holds in both directions" if is_both_ways else "BIDIR 1: an error for each"
+        "BIDIR 0: POSERROR applies in both directions" if is_both_ways else "BIDIR 1: an error for each"
     )
     return Decoded(
         tuple(rows),
@@ -111,7 +111,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         axis=axis if len(axis) == 1 and context.file_axis is None else None,
         file_axis=context.file_axis,
         plausible=(0.0, _PLAUSIBLE[units]),
-        decisions=(f"sense {sense.value}: told", f"units {units.value}: second line", directions),
+        decisions=(f"sense {sense.value}: as given", f"units {units.value}: second line", directions),
         behaves_as=('outside = "hold"',),
     )
 
@@ -121,7 +121,7 @@ def _head(source: SourceText) -> tuple[str, Units]:
     if found is None:
         raise source.error(
             shown(source.lines[0].text),
-            "'X AXIS ;...' on the first line: the whole file, as the control saves it",
+            "'X AXIS ;...' on the first line: give the whole file, as the control saved it",
             line=source.lines[0].number,
         )
     units = _UNITS.fullmatch(source.lines[1].text) if len(source.lines) > 1 else None
@@ -170,7 +170,9 @@ def _parse(source: SourceText) -> tuple[dict[str, SourceLine], dict[tuple[str, i
 
 def _fact(source: SourceText, facts: dict[str, SourceLine], name: str, what: str) -> str:
     if name not in facts:
-        raise source.error(f"no line /LSCRWDATA/{name}", f"it is needed ({what}): the whole file, as saved")
+        raise source.error(
+            f"no line /LSCRWDATA/{name}", f"this line ({what}): give the whole file, as the control saved it"
+        )
     return facts[name].text
 
 
@@ -184,14 +186,14 @@ def _check_whole(
     ]
     if missing:
         raise source.error(
-            f"NPOINTS {size}, and no {', '.join(missing[:3])}",
-            "three values of each point",
+            f"NPOINTS {size}, but no {', '.join(missing[:3])}",
+            "three values for each point",
             line=stated.number,
         )
     beyond = next((key for key in points if not 1 <= key[1] <= size), None)
     if beyond is not None:
         raise source.error(
-            f"{beyond[0]} {beyond[1]}, and NPOINTS {size}", f"points 1 to {size}", line=points[beyond][1]
+            f"{beyond[0]} {beyond[1]}, but NPOINTS {size}", f"points 1 to {size}", line=points[beyond][1]
         )
 
 
@@ -205,7 +207,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     if axis is None or not re.fullmatch("[A-Za-z][0-9]*", axis):
         raise unwritable(NAME, f"axis {axis!r}", "a name such as X or X1: --to-axis LETTER")
     if options.sense is None:
-        found = "no sense of its errors: no manual says which one the control expects"
+        found = "the sense of its errors is missing: no manual states which one the control expects"
         raise unwritable(NAME, found, "--to-sense actual_minus_command or command_minus_actual")
     if table.units not in DECIMALS:
         raise unwritable(NAME, f"a table in {table.units.value}", "a table of a linear axis")
@@ -234,7 +236,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     ]
     losses = (
         f"positions and values are rounded to {decimals} decimals ({table.units.value})",
-        "it has the leadscrew lines only: put them in the place of those in the file that the control saved",
+        "replace the leadscrew lines of the file that the control saved with these: this file has no others",
     )
     context = FileContext(axis=options.axis, file_axis=options.file_axis, error_sense=options.sense)
     return Written("".join(f"{line}\n" for line in lines), losses, context, ENCODING)

@@ -56,7 +56,7 @@ TITLE: Final = "Fanuc pitch error compensation as CSV, one direction, increments
 USES: Final = frozenset({"file_counts_per_unit", "file_start", "file_home"})
 MAX_NUMBER: Final = 1023
 """Highest point number. General knowledge, like the range of -7 to 7 and the magnification of 1 to 100."""
-_BIDIRECTIONAL: Final = "bidirectional compensation (3605#0), of which nothing tells us how its values count"
+_BIDIRECTIONAL: Final = "bidirectional compensation (3605#0): no manual at hand states how its values count"
 SYSTEM: Final = System(
     title="Fanuc CSV",
     parameters=("3620", "3621", "3622", "3623", "3624"),
@@ -68,8 +68,13 @@ SYSTEM: Final = System(
 )
 _CONVENTION: Final = Convention(
     1,
-    "values x magnification / file_counts_per_unit, summed up from the reference point: added",
-    ("assumed: a point is the section below it, its value a step upwards, on both sides of the reference",),
+    "values x magnification / file_counts_per_unit, summed from the reference point: added",
+    (
+        (
+            "assumed on both sides of the reference point: the value of a point is the change of the "
+            "correction over the section below it, moving upwards"
+        ),
+    ),
 )
 
 
@@ -97,7 +102,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     if not first - 1 <= file.reference <= last:
         raise source.error(
             f"reference point {file.reference}, points {first} to {last}",
-            f"3620 from {first - 1} to {last}: sums begin there",
+            f"3620 from {first - 1} to {last}: the sums begin at this point",
             line=file.reference_line,
         )
     sums = sum_up([(point.number - 1 - file.reference, point) for point in points])
@@ -112,8 +117,8 @@ def _without_the_double(source: SourceText, context: FileContext, file: Incremen
         return file.points
     if first.value != last.value:
         raise source.error(
-            f"{first.value} at point {first.number}, but {last.value} at point {last.number}, a turn later",
-            "the same value at both: they are one point",
+            f"{first.value} at point {first.number}, but {last.value} at point {last.number}, one turn later",
+            "the same value at both: they are the same point",
             line=first.line,
         )
     return file.points[1:]

@@ -120,7 +120,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         axis=columns.axis if len(columns.axis) == 1 and context.file_axis is None else None,
         file_axis=columns.axis,
         plausible=(0.0, _MAX_PLAUSIBLE[units]),
-        decisions=(f"sense {sense.value}: told", unit_decision, *_column_decisions(columns)),
+        decisions=(f"sense {sense.value}: as given", unit_decision, *_column_decisions(columns)),
     )
 
 
@@ -135,7 +135,7 @@ def _units(source: SourceText, context: FileContext) -> tuple[Units, str]:
             )
         if _OLDER.match(line.text):
             raise source.error(
-                "a .COM file of the older layout (DATUM and DISTANCE), which states no units and no AXISPOS",
+                "a .COM file of the older layout (DATUM and DISTANCE), without units and AXISPOS",
                 "BEGIN NAME .COM MM (or INCH), a line 'NR AXISPOS X' above the rows, with X for the axis, "
                 "and [END] below them; or its positions and values as plain CSV, with units and sign",
                 line=line.number,
@@ -143,7 +143,7 @@ def _units(source: SourceText, context: FileContext) -> tuple[Units, str]:
         raise source.error(shown(line.text), "BEGIN NAME .COM MM (or INCH)", line=line.number)
     stated = _UNITS[match[2].upper()]
     if Units.DEGREE in (context.file_units, context.units) and context.file_units in (None, Units.DEGREE):
-        return Units.DEGREE, f"units degree: the axis is a rotary one, whatever {match[2]} says"
+        return Units.DEGREE, f"units degree: the axis is rotary, so {match[2]} does not count"
     return stated, f"units {stated.value}: line {line.number}"
 
 
@@ -155,8 +155,9 @@ def _columns(source: SourceText, context: FileContext, names: Names, grid: Colum
     has_negative = NEGATIVE in grid.filled
     if has_negative and len(grid.axes) > 1:
         raise source.error(
-            f"{NEGATIVE} beside the columns {', '.join(grid.axes)}: nothing says which one it belongs to",
-            f"a file with {POSITION}, {axis} and its {NEGATIVE} only",
+            f"{NEGATIVE} beside the columns {', '.join(grid.axes)}: the file does not state which one it "
+            "belongs to",
+            f"a file with only {POSITION}, {axis} and its {NEGATIVE}",
             line=line,
         )
     others = tuple(name for name in grid.axes if name != axis)
@@ -168,13 +169,13 @@ def _choose_axis(source: SourceText, context: FileContext, axes: Sequence[str], 
     if given is not None:
         if given not in axes:
             raise source.error(
-                f"columns {', '.join(axes)}, told file_axis {given}", "one of the columns", line=line
+                f"columns {', '.join(axes)}, but file_axis = {given}", "one of the columns", line=line
             )
         return given
     if len(axes) > 1:
         raise source.error(
-            f"{len(axes)} axes ({', '.join(axes)}): the errors of one by its own position, the others by the "
-            "position of the first, and nothing says which is which",
+            f"{len(axes)} axes ({', '.join(axes)}): the positions belong to one of them, and the file does "
+            "not state to which",
             f"file_axis = {axes[0]!r} or another: the axis whose positions are in {POSITION}",
             line=line,
         )
@@ -188,11 +189,9 @@ def _choose_axis(source: SourceText, context: FileContext, axes: Sequence[str], 
 
 
 def _column_decisions(columns: _Columns) -> tuple[str, ...]:
-    decisions = [
-        f"positions: taken as those of {columns.axis} itself; only the .CMA file says whose they are"
-    ]
+    decisions = [f"positions: assumed to be those of {columns.axis}; only the .CMA file states this"]
     if columns.others:
-        decisions.append(f"not used: {', '.join(columns.others)}, cross compensation by these positions")
+        decisions.append(f"not used: {', '.join(columns.others)}, a cross compensation over these positions")
     if columns.blank:
         decisions.append(f"not filled in: {', '.join(columns.blank)}")
     return tuple(decisions)
@@ -230,10 +229,10 @@ def _check_negative(source: SourceText, columns: _Columns, rows: Sequence[_Row])
         return
     raise source.error(
         f"a {NEGATIVE} column of zeros",
-        f"for the first: no column {NEGATIVE}; for the second: one value in it that differs from 0",
+        f"for reading 1: no column {NEGATIVE}; for reading 2: one value in it that differs from 0",
         line=columns.line,
         readings=(
-            f"not filled in: the values of {columns.axis} hold in both directions",
+            f"an empty column: the values of {columns.axis} apply in both directions",
             "no correction in the negative direction",
         ),
     )
@@ -268,7 +267,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
             NAME, f"axis {axis!r}", "a letter, and up to two digits, for its column: --to-file-axis NAME"
         )
     if options.sense is None:
-        found = "no sense of its errors: no manual says which one the control expects"
+        found = "the sense of its errors is missing: no manual states which one the control expects"
         raise unwritable(NAME, found, "--to-sense actual_minus_command or command_minus_actual")
     to_error, unit = options.sense.to_correction, table.units.value
     positions, forward, backward = (
@@ -285,7 +284,8 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
         if any(forward) and not any(backward):
             backward[0] = 10**-DECIMALS
             losses.append(
-                f"a {NEGATIVE} column of zeros has two meanings: its first value is {backward[0]:f}"
+                f"the first value of {NEGATIVE} is written as {backward[0]:f}, because a column of zeros "
+                "has two meanings"
             )
         names.append(NEGATIVE)
         columns.append(backward)

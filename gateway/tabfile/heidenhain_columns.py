@@ -66,8 +66,8 @@ def parse_names(source: SourceText) -> Names:
     if names.names[:1] != ("NR",) or POSITION not in names.names or not names.axes or odd:
         raise source.error(
             f"column {shown(odd[0])} in {shown(line.text)}" if odd else shown(line.text),
-            f"NR first, then {POSITION}, a column for each axis (X, Y, C, Z2 ...) and {NEGATIVE} if there "
-            "is one, each once",
+            f"first NR, then {POSITION}, a column for each axis (X, Y, C, Z2 ...) and {NEGATIVE} if it "
+            "exists, each once",
             line=line.number,
         )
     return names
@@ -119,15 +119,15 @@ def _cells(line: SourceLine, number: int, names: Names) -> dict[str, str] | tupl
             found = f"{len(fields)} fields in {shown(line.text)}" if fields else "a blank line"
             return found, (
                 f"{len(names.names)}, one for each column of line {names.line.number}; or fewer, each "
-                "beginning below the first letter of its column"
+                "starting below the first letter of its column"
             )
     if "NR" not in cells:
         return (
             f"no number in column NR in {shown(line.text)}",
-            f"NR {number}: rows are numbered through from 0",
+            f"NR {number}: rows are numbered from 0 without gaps",
         )
     if cells["NR"] != str(number):
-        return f"row {shown(cells['NR'])}", f"NR {number}: rows are numbered through from 0"
+        return f"row {shown(cells['NR'])}", f"NR {number}: rows are numbered from 0 without gaps"
     return cells
 
 
@@ -139,5 +139,5 @@ def _partly_blank(
         blank = [line for cells, line in rows if name not in cells]
         if blank and (len(blank) < len(rows) or name == POSITION):
             found = f"no number in column {name}"
-            problems.append(source.problem(found, "one in each row, or in none", line=blank[0]))
+            problems.append(source.problem(found, "a number in each row, or in none", line=blank[0]))
     return problems

@@ -129,7 +129,7 @@ def parse_increments(source: SourceText, system: System) -> Increments:
     if interval is None or interval <= 0:
         raise source.error(
             f"{system.parameters[4]} {shown(text)}",
-            "the distance of two points, above 0, with a decimal point",
+            "the distance between two points, above 0, with a decimal point",
             line=rows[4].number,
         )
     start, low, high = 5, system.lowest_value, system.highest_value
@@ -186,7 +186,9 @@ def _cell(source: SourceText, rows: Sequence[CsvRow], index: int, system: System
 
 def _refused(source: SourceText, row: CsvRow, system: System) -> TabFileError:
     name = row.cells[0].lower()
-    return source.error(f"parameter {name}: {system.refused[name]}", "a table without it", line=row.number)
+    return source.error(
+        f"parameter {name}: {system.refused[name]}", "a table without this parameter", line=row.number
+    )
 
 
 def _whole(
@@ -229,7 +231,7 @@ def _points(
         elif pair[0] != expected or expected > highest:
             allowed = f"point {expected}: every point once, {numbers[0]} to {highest}"
             if expected > highest:
-                allowed = f"nothing after point {highest}, the highest"
+                allowed = f"no more points after {highest}, the highest"
             raise source.error(f"point {pair[0]}", allowed, line=row.number)
         elif not values[0] <= pair[1] <= values[1]:
             allowed = f"a value from {values[0]} to {values[1]}"
@@ -296,8 +298,8 @@ def decode(
     remedy = "a table of this axis; the right file_units, file_start and travel"
     check_own_range(source, Interpretation(AS_THEY_STAND, rows, units), context, remedy)
     revolution = REVOLUTION_DEGREES if is_revolution(units, len(rows) - 1, file.interval) else None
-    reference_text = f"the reference point {file.reference} is {offset:g} {units.value}"
-    origin = "as file_start tells" if start is not None else "the zero of the machine (file_start moves it)"
+    reference_text = f"the reference point {file.reference} is at {offset:g} {units.value}"
+    origin = "from file_start" if start is not None else "the zero of the machine (file_start moves it)"
     return Decoded(
         rows,
         units,
@@ -316,11 +318,11 @@ def _scale(source: SourceText, context: FileContext, units: Units) -> float:
     """Return the counts of the old control in one unit of the file."""
     scale = context.file_counts_per_unit
     if scale is None or scale <= 0:
-        found = "no file_counts_per_unit" if scale is None else f"file_counts_per_unit {scale:g}"
+        found = "file_counts_per_unit is missing" if scale is None else f"file_counts_per_unit = {scale:g}"
         raise source.error(
-            f"a table of increments, which holds counts, and {found}",
-            f"file_counts_per_unit = counts of the OLD control per {context.option_units(units).value}, the "
-            "unit of the axis, above 0 (1000 where it counts in 0.001 of that)",
+            f"a table of increments holds counts, but {found}",
+            f"file_counts_per_unit = counts of the OLD control per {context.option_units(units).value}, "
+            "the unit of the axis, above 0 (1000 if it counts in 0.001 of that)",
         )
     return scale
 
@@ -330,7 +332,7 @@ def _given_scale(context: FileContext, scale: float, units: Units) -> tuple[str,
     given = context.option_units(units)
     if given is units:
         return ()
-    rule = f"file_counts_per_unit is told per {given.value}, the unit of the axis"
+    rule = f"file_counts_per_unit is given per {given.value}, the unit of the axis"
     return (f"{scale:.9g} counts per {units.value}: {rule}",)
 
 
@@ -340,7 +342,7 @@ def _check_revolution(source: SourceText, units: Units, file: Increments, sums: 
         total = sums[-1].total - sums[0].total
         if total:
             raise source.error(
-                f"values that sum up to {total} over a turn: the error would grow with every turn",
+                f"the sum of the values over a turn is {total}, so the error would grow with every turn",
                 "a sum of 0 over 360 degrees",
                 line=sums[-1].line,
             )
@@ -377,7 +379,9 @@ def round_steps(table: CorrectionTable, options: WriteOptions, system: System, p
     """
     dialect, scale = system.title, options.file_counts_per_unit
     if scale is None or scale <= 0:
-        found = "no counts per unit of the old control" if scale is None else f"{scale:g} counts per unit"
+        found = (
+            "the old control's counts per unit are missing" if scale is None else f"{scale:g} counts per unit"
+        )
         raise unwritable(dialect, found, f"{NEEDS_SCALE}, above 0")
     step = even_step(table, dialect)
     zero = min(range(len(table.positions)), key=lambda index: abs(table.positions[index]))
@@ -385,7 +389,7 @@ def round_steps(table: CorrectionTable, options: WriteOptions, system: System, p
         raise unwritable(
             dialect,
             f"no point at 0 (nearest: {table.positions[zero]:g})",
-            "a table that has one: its sums begin there",
+            "a table with a point at 0, where its sums begin",
         )
     means, _ = one_curve(table)
     steps = Steps(step, 1, zero, ())
@@ -410,7 +414,9 @@ def round_steps(table: CorrectionTable, options: WriteOptions, system: System, p
         )
     is_closed = steps.totals[0] == steps.totals[-1]
     if is_revolution(table.units, len(steps.totals) - 1, step) and not is_closed:
-        raise unwritable(dialect, "a turn whose ends differ", "the same correction at both ends")
+        raise unwritable(
+            dialect, "a turn with different corrections at its ends", "the same correction at both ends"
+        )
     return steps
 
 
@@ -445,7 +451,7 @@ def written(table: CorrectionTable, options: WriteOptions, system: System, rows:
     unit, scale = table.units.value, options.file_counts_per_unit
     hint = f"read it with file_units {unit} and file_counts_per_unit {scale:g}"
     losses = (
-        f"sums are whole values: a resolution of {rows.resolution:.6g} {unit}",
+        f"sums are whole numbers: a resolution of {rows.resolution:.6g} {unit}",
         *lost_motion,
         f"units and counts are not in the file: {hint}",
     )

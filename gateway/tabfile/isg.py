@@ -94,8 +94,8 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         first, last = rows[0], rows[-1]
         is_forward = first.forward_value != last.forward_value
         raise source.error(
-            f"a modulo table whose first and last {'pos' if is_forward else 'neg'} values differ",
-            "the same values at both ends: they are one position",
+            f"a modulo table with different first and last {'pos' if is_forward else 'neg'} values",
+            "the same values at both ends: they are the same position",
             line=last.forward_line if is_forward else last.backward_line,
         )
     forward_rule, backward_rule = _rules(sense, shape)
@@ -129,7 +129,7 @@ def _shape(keys: Keys) -> _Shape:
         raise keys.source.error(
             f"kw_nr_max {size}",
             f"at most {room} points ({'max_points' if 'max_points' in keys.settings else 'the default'}); "
-            "newer kernels take more where kw.ssfk.max_points says so",
+            "newer kernels accept more if kw.ssfk.max_points allows it",
             line=keys.settings["kw_nr_max"].line,
         )
     is_metric = keys.flag("unit")
@@ -145,18 +145,18 @@ def _units(source: SourceText, shape: _Shape, context: FileContext) -> tuple[Uni
         units = given or context.units
         if units is None:
             raise source.error(
-                "a list in increments (unit 0), for an axis of unknown units",
+                "a list in increments (unit 0) for an axis of unknown units",
                 option_hint("file_units"),
             )
-        return units, f"units {units.value}: {'told by file_units' if given else 'those of the axis'}"
+        return units, f"units {units.value}: {'from file_units' if given else 'those of the axis'}"
     if given is Units.INCH:
-        raise source.error("unit 1 (0.1 µm or 0.0001 degree), told file_units inch", "'mm' or 'degree'")
+        raise source.error("unit 1 (0.1 µm or 0.0001 degree), but file_units = inch", "'mm' or 'degree'")
     if given is not None:
-        return given, f"units {given.value}: told by file_units"
+        return given, f"units {given.value}: from file_units"
     if context.units is Units.DEGREE:
         raise source.error(
-            "a list in unit 1 for an axis in degree, in which it is 0.0001 degree; nothing in the list says "
-            "that it is of a rotary one",
+            "a list in unit 1 for an axis in degree: unit 1 is 0.0001 degree for a rotary axis, but the "
+            "list does not state that its axis is rotary",
             "file_units = 'degree'",
         )
     if shape.is_modulo:
@@ -170,9 +170,9 @@ def _units(source: SourceText, shape: _Shape, context: FileContext) -> tuple[Uni
 def _scale(source: SourceText, context: FileContext) -> float:
     scale = context.file_counts_per_unit
     if scale is None or scale < 0:
-        found = "no file_counts_per_unit" if scale is None else f"file_counts_per_unit {scale:g}"
+        found = "file_counts_per_unit is missing" if scale is None else f"file_counts_per_unit = {scale:g}"
         raise source.error(
-            f"a list in increments (unit 0), and {found}",
+            f"a list in increments (unit 0), but {found}",
             "file_counts_per_unit = increments of the OLD control's encoder per unit of the axis, above 0",
         )
     return scale
@@ -218,7 +218,7 @@ def _check_indices(keys: Keys, shape: _Shape, fields: Iterable[str]) -> None:
             problems.append(
                 keys.source.problem(
                     f"no table[i].{field} for {missing} of {shape.size} points: i = {indices}",
-                    f"0 to {shape.size - 1} all, as kw_nr_max on line {size_line} says",
+                    f"all from 0 to {shape.size - 1}, as kw_nr_max on line {size_line} says",
                     line=size_line,
                 )
             )
@@ -268,10 +268,10 @@ def _rules(sense: ErrorSense | None, shape: _Shape) -> tuple[str, str]:
 
 def _sense_decision(sense: ErrorSense | None) -> str:
     if sense is not None:
-        return f"sense {sense.value}: told"
+        return f"sense {sense.value}: as given"
     return (
-        "sense actual_minus_command: the manuals call the values position errors, actual - commanded; "
-        "confirm it by one test move, error_sense turns it round"
+        "sense actual_minus_command, because the manuals call the values position errors, actual - "
+        "commanded: confirm it by one test move; error_sense changes it"
     )
 
 
@@ -293,7 +293,7 @@ def _other_decisions(keys: Keys, shape: _Shape) -> tuple[str, ...]:
             sections[section] = sections.get(section, 0) + 1
     if sections:
         listed = ", ".join(f"{section} ({count})" for section, count in sections.items())
-        decisions.append(f"no part of the table, by section and number of lines: {listed}")
+        decisions.append(f"not part of the table, by section and number of lines: {listed}")
     return tuple(decisions)
 
 
@@ -307,7 +307,8 @@ def _remarks(keys: Keys) -> tuple[Lint, ...]:
         Lint(
             "R4",
             LintSeverity.WARNING,
-            f"{section} is no leadscrew table and was not used: check the key, or leave it out of this file",
+            f"check the key {section}, or remove it from this file: it is not of a leadscrew table and was "
+            "not used",
             line,
         )
         for section, line in firsts.items()
@@ -410,12 +411,15 @@ def _settings(
 def _losses(positions: Sequence[float], scale: float | None) -> tuple[str, ...]:
     unit = "0.1 µm (0.0001 degree)" if scale is None else "an increment"
     losses = [
-        f"positions and values are rounded to 0.01 of {unit}; kernels before V3.1.3132 take whole numbers"
+        (
+            f"positions and values are rounded to 0.01 of {unit}; kernels before V3.1.3132 accept only whole "
+            "numbers"
+        )
     ]
     if len(positions) > DEFAULT_MAX_POINTS:
         losses.append(
-            f"{len(positions)} points need a kernel that knows max_points (from V3.1.3079.06), others take "
-            f"{DEFAULT_MAX_POINTS}"
+            f"{len(positions)} points need a kernel with max_points (V3.1.3079.06 or newer); older kernels "
+            f"accept {DEFAULT_MAX_POINTS}"
         )
     return tuple(losses)
 

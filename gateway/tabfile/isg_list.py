@@ -232,7 +232,7 @@ def _refuse_other_tables(keys: Keys) -> None:
     if cross is not None and not keys.settings:
         section = ".".join(cross.key.split(".", 2)[:2])
         raise keys.source.error(
-            f"a list of {section}, which corrects one axis by the position of another",
-            "a leadscrew table (kw.ssfk) here; a cross compensation belongs into the 'cross' key of the axis",
+            f"a list of {section}, which corrects one axis over the position of another",
+            "a leadscrew table (kw.ssfk); put a cross compensation into the 'cross' key of the axis",
             line=cross.line,
         )

@@ -96,9 +96,9 @@ def _slope(subject: _Subject) -> Iterator[Lint]:
     slope, before, after = steepest(subject.rows)
     if abs(slope) > limit:
         message = (
-            f"slope of {slope:.4g} between {before.position:g} and {after.position:g} {subject.unit}, above "
-            f"max_slope {limit:g}: correct the values there, or raise max_slope if the screw is really that "
-            "bad"
+            f"slope of {slope:.4g} between {before.position:g} and {after.position:g} {subject.unit}, "
+            f"above max_slope {limit:g}: correct the values there, or raise max_slope if the screw is "
+            "really so bad"
         )
         yield Lint("L1", LintSeverity.ERROR, message, after.forward_line)
 
@@ -127,9 +127,8 @@ def _swapped(subject: _Subject) -> Iterator[Lint]:
     if mean < -noise and negative > positive:
         yield _warning(
             "L2",
-            f"forward - backward is {mean:.6g} {subject.unit} on average: lost motion makes it positive, so "
-            "the columns are probably swapped; swap them, or check the direction and the sign of the "
-            "measurement",
+            "swap the columns, or check the direction and the sign of the measurement: forward - backward "
+            f"is {mean:.6g} {subject.unit} on average, but lost motion makes it positive",
         )
 
 
@@ -141,9 +140,9 @@ def _reversed(subject: _Subject) -> Iterator[Lint]:
     if as_reversed < REVERSED_ROUGHNESS * as_given and as_given > NOISE * subject.table.max_correction():
         yield _warning(
             "L3",
-            f"forward - backward is {as_given / as_reversed if as_reversed else float('inf'):.2g} times "
-            "smoother with the backward list turned round: a list logged from the other end? Put both lists "
-            "in the same order",
+            "put both lists in the same order: forward - backward is "
+            f"{as_given / as_reversed if as_reversed else float('inf'):.2g} times smoother with the "
+            "backward list reversed, so it was probably logged from the other end",
         )
 
 
@@ -166,8 +165,8 @@ def _unit_slip(subject: _Subject) -> Iterator[Lint]:
             if 0 < abs(value) < SLIP_VALUE:
                 yield _warning(
                     "L4",
-                    f"value {value:g} among values of {SLIP_MEDIAN:g} and more, in {unit}: "
-                    "written in another unit? Correct it",
+                    f"check the unit of value {value:g} and correct it: the other values are "
+                    f"{SLIP_MEDIAN:g} {unit} or more",
                     line,
                 )
     smallest, largest = subject.source.plausible
@@ -179,8 +178,8 @@ def _unit_slip(subject: _Subject) -> Iterator[Lint]:
         bound = f"at least {smallest:g}" if abs(worst) < smallest else f"at most {largest:g}"
         yield _warning(
             "L4",
-            f"largest value {worst:g} {unit}, expected {bound}: the values were probably written in another "
-            f"unit; write them in {unit}",
+            f"write the values in {unit}: the largest is {worst:g} {unit}, expected {bound}, so they are "
+            "probably in another unit",
             line,
         )
 
@@ -194,8 +193,8 @@ def _home(subject: _Subject) -> Iterator[Lint]:
     if abs(home.correction) > NOISE * max(subject.table.max_correction(), NOISE):
         yield _warning(
             "L5",
-            f"{home.value} correction at home is {home.correction:.6g} {subject.unit}, not 0: the axis "
-            "shifts by it; subtract it from all values unless the zero of the machine is meant to move",
+            f"{home.value} correction at home is {home.correction:.6g} {subject.unit}, not 0, and shifts "
+            "the whole axis: subtract it from all values, unless this shift is intended",
             line_of(row, home.branch),
         )
 
@@ -267,8 +266,8 @@ def _long_outliers(subject: _Subject, branch: str) -> Iterator[tuple[SourceRow, 
             row,
             _warning(
                 "L6",
-                f"{branch} correction {values[index]:.6g} at {row.position:g} {subject.unit} stands out "
-                f"(bend {bend:.4g}, limit {limit:.4g}): measure there again",
+                f"measure again at {row.position:g} {subject.unit}: {branch} correction "
+                f"{values[index]:.6g} does not fit its neighbours (bend {bend:.4g}, limit {limit:.4g})",
                 line_of(row, branch),
             ),
         )
@@ -319,9 +318,9 @@ def _short_outliers(subject: _Subject, branch: str) -> Iterator[tuple[SourceRow,
             row,
             _warning(
                 "L6",
-                f"{branch} correction {value:.6g} at {row.position:g} {subject.unit} stands out: the "
-                f"others lead to {_between(others, branch, row.position):.4g} there. A "
-                "digit or a decimal point slipped? Look at the sheet, or measure there again",
+                f"check {branch} correction {value:.6g} at {row.position:g} {subject.unit} for a wrong "
+                "digit or decimal point, or measure there again: the other values lead to "
+                f"{_between(others, branch, row.position):.4g}",
                 line_of(row, branch),
             ),
         )
@@ -382,9 +381,9 @@ def _odd_reversal(subject: _Subject, named: AbstractSet[float]) -> Iterator[Lint
         if row.position not in named:
             yield _warning(
                 "L15",
-                f"forward - backward at {row.position:g} {subject.unit} is {differences[index]:.6g}, at the "
-                f"others {usual:.6g}: one of both corrections there is a slip? Look at the sheet, or "
-                "measure there again",
+                f"check both corrections at {row.position:g} {subject.unit} for a typing mistake, or "
+                f"measure there again: forward - backward is {differences[index]:.6g}, at the other points "
+                f"{usual:.6g}",
                 row.forward_line,
             )
 
@@ -412,8 +411,9 @@ def _resolution(subject: _Subject) -> Iterator[Lint]:
     if scale is not None and 0 < largest * abs(scale) < 1:
         yield _warning(
             "L7",
-            f"largest correction {largest:.4g} {subject.unit} is {largest * abs(scale):.2g} counts of the "
-            "drive: the table moves nothing; check its units and counts_per_unit",
+            f"check the units of the table and counts_per_unit: the largest correction, {largest:.4g} "
+            f"{subject.unit}, is only {largest * abs(scale):.2g} counts of the drive, so the table moves "
+            "nothing",
         )
 
 
@@ -429,24 +429,24 @@ def _coverage(subject: _Subject) -> Iterator[Lint]:
         if end - start > UNCOVERED * (high - low):
             yield _warning(
                 "L8",
-                f"travel {start:g} to {end:g} {subject.unit} is not covered: what 'outside' says applies "
-                f"there; hold (the default) gives {forward:.6g} forward, {backward:.6g} backward",
+                f"travel {start:g} to {end:g} {subject.unit} is not covered, so 'outside' applies there; "
+                f"hold (the default) gives {forward:.6g} forward, {backward:.6g} backward",
             )
 
 
 def _empty_column(subject: _Subject) -> Iterator[Lint]:
     empty = [branch for branch in BRANCHES if not any(corrections(subject.rows, branch))]
     if len(empty) == len(BRANCHES):
-        yield _warning("L9", "all corrections are 0: the table does nothing; fill it or remove it")
+        yield _warning("L9", "fill in the table or remove it: all corrections are 0")
     elif empty == ["backward"]:
         yield _warning(
             "L9",
-            "all backward corrections are 0: on some controls (Fagor) this means 'as the other "
-            "direction', here it means none; copy the other column if that is meant",
+            "all backward corrections are 0, which means no correction here; on some controls (Fagor) it "
+            "means the same as forward: if so, copy the other column",
         )
     elif empty:
         yield _warning(
-            "L9", "all forward corrections are 0: was this direction measured? Fill the column if it was"
+            "L9", "all forward corrections are 0: if this direction was measured, fill in the column"
         )
 
 
@@ -464,7 +464,7 @@ def _axis(subject: _Subject) -> Iterator[Lint]:
     for (what, letter), (other, other_letter) in pairwise(stated):
         if letter != other_letter:
             yield _warning(
-                "L10", f"{what} and {other} name different axes: check that this is the right file"
+                "L10", f"check that this is the right file: {what} and {other} name different axes"
             )
 
 
@@ -479,8 +479,8 @@ def _hole(subject: _Subject) -> Iterator[Lint]:
         before, after = subject.rows[index : index + 2]
         yield _warning(
             "L13",
-            f"points at {before.position:.8g} and {after.position:.8g} {subject.unit} lie "
-            f"{distances[index]:.6g} apart, most others {step:.6g}: a line lost, a position mistyped?",
+            f"check for a lost line or a mistyped position: points at {before.position:.8g} and "
+            f"{after.position:.8g} {subject.unit} are {distances[index]:.6g} apart, most others {step:.6g}",
             after.forward_line or after.backward_line,
         )
 
@@ -499,8 +499,9 @@ def _beyond(subject: _Subject) -> Iterator[Lint]:
         if is_beyond:
             yield _warning(
                 "L14",
-                f"points at {row.position:.8g} and {inner.position:.8g} {subject.unit} lie at the end of "
-                f"travel {low:g} to {high:g} or beyond, where the axis never gets: a line too many?",
+                f"check for an extra line: points at {row.position:.8g} and {inner.position:.8g} "
+                f"{subject.unit} are at the end of travel {low:g} to {high:g} or beyond it, where the axis "
+                "never goes",
                 row.forward_line or row.backward_line,
             )
 

@@ -51,8 +51,8 @@ _LIKE_POSITIONS: Final = 0.5
 _COMMENT: Final = re.compile("[#;].*")
 _WORD: Final = re.compile("[A-Za-z]{2}|[:%$(]")
 _RULES: Final = {
-    NAME_0: "value is where the nut stood: the nominal position minus it is added; column {}",
-    NAME_1: "value is a trim, added as it stands; column {}",
+    NAME_0: "value is the actual position: nominal - value is added; column {}",
+    NAME_1: "value is a trim, added unchanged; column {}",
 }
 
 
@@ -112,7 +112,7 @@ def _read(source: SourceText, context: FileContext, name: str) -> Decoded:
         _RULES[name].format("2, forward"),
         _RULES[name].format("3, reverse"),
         plausible=(0.0, _PLAUSIBLE_TRIM[units]),
-        decisions=(f"type {name[-1]}: told by format", f"units {units.value}: told by file_units"),
+        decisions=(f"type {name[-1]}: from format", f"units {units.value}: from file_units"),
         remarks=_where_linuxcnc_stops(file_rows),
         behaves_as=('outside = "hold"',),
         are_positions=is_absolute,
@@ -168,14 +168,15 @@ def _check_type(source: SourceText, rows: Sequence[_Row], name: str) -> None:
     )
     if name == NAME_0 and growth < _LIKE_POSITIONS:
         raise source.error(
-            f"columns that do not follow the nominal position (they grow by {growth:.3g} per unit), "
-            "told as positions",
+            f"columns that do not follow the nominal position (they grow by {growth:.3g} per unit), so "
+            "they are not positions",
             f"actual positions, or format = {NAME_1!r} if they are trims",
             line=rows[0].line,
         )
     if name == NAME_1 and growth > _LIKE_POSITIONS:
         raise source.error(
-            f"columns that follow the nominal position (they grow by {growth:.3g} per unit), told as trims",
+            f"columns that follow the nominal position (they grow by {growth:.3g} per unit), so they are "
+            "not trims",
             f"trims, or format = {NAME_0!r} if they are positions",
             line=rows[0].line,
         )
@@ -193,15 +194,15 @@ def _where_linuxcnc_stops(rows: Sequence[_Row]) -> tuple[Lint, ...]:
     last_used = rows[min(len(rows), MAX_POINTS) - 1].line
     # Blank lines above the first line with text are not in the source, but they stop LinuxCNC, too.
     stop = next((number for number in range(1, last_used) if number not in points), None)
-    why = "is no point"
+    why = "is not a point"
     if stop is None and len(rows) > MAX_POINTS:
         stop, why = rows[MAX_POINTS].line, f"is beyond its {MAX_POINTS} points"
     if stop is None:
         return ()
     before = sum(number < stop for number in points)
     message = (
-        f"line {stop} {why}, so LinuxCNC itself reads only {before} of the {len(rows)} points, without a "
-        "word; here all of them count: if the machine ran well with what LinuxCNC used, delete the others"
+        f"line {stop} {why}, so LinuxCNC reads only {before} of the {len(rows)} points, without a message. "
+        "Here all points count: if the machine ran well with LinuxCNC, delete the others"
     )
     return (Lint("R7", LintSeverity.WARNING, message, stop),)
 

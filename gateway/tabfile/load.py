@@ -96,8 +96,7 @@ def _table(source: SourceText, decoded: Decoded) -> CorrectionTable:
         raise source.error(
             f"the correction changes with a slope of {slope:.4g} between {before.position:g} and "
             f"{after.position:g} {decoded.units.value}",
-            "a slope below 1, or the position could not be read back: a missing sign, a value in the wrong "
-            "unit?",
+            "a slope below 1: check for a missing sign or a value in the wrong unit",
             line=after.forward_line,
             code="L1",
         )

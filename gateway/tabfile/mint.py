@@ -61,8 +61,8 @@ _SIGN: Final = re.compile(
     r"(?i)\bPRECISION(TABLE|MODE|INCREMENT|OFFSET)\b|^DIM\s+\w+\s*\(\s*[0-9]+\s*\)\s*(AS\s+FLOAT\s*)?="
 )
 _RULE: Final = (
-    "value is where the nut stands, from mark A, when theory says i x increment: i x increment - value is "
-    "added (exact inverse); {}"
+    "value i is the actual position from mark A at the theoretical position i x increment: i x increment - "
+    "value is added (exact inverse); {}"
 )
 
 
@@ -132,7 +132,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
             f"mark A at {start:g} {units.value}: {from_where}",
             *reversal.decisions,
             at_the_ends,
-            f"{program.others} other statements, none of which mentions a table or its settings",
+            f"{program.others} other statements, without a table or its settings",
         ),
         remarks=(*screw.remarks, *reversal.remarks),
         behaves_as=(*outside, *_reversal_lines(reversal, units, axis_units)),
@@ -146,7 +146,7 @@ def _choose_axis(source: SourceText, program: Program, context: FileContext) -> 
     given = context.file_axis
     if given is not None and given not in names:
         raise source.error(
-            f"tables of axis {listed(names)}, told file_axis {given!r}",
+            f"tables of axis {listed(names)}, but file_axis = {given!r}",
             f"file_axis = {listed(names, ' or ')}",
         )
     if given is None and len(names) > 1:
@@ -167,7 +167,7 @@ def _screw_of(source: SourceText, program: Program, axis: int, context: FileCont
     if sizes[0] != sizes[1]:
         raise source.error(
             f"{sizes[0]} forward and {sizes[1]} reverse positions of axis {axis}",
-            "as many in both tables",
+            "the same number in both tables",
             line=table.line,
         )
     decisions = (decision, f"increment {distance:g}{says}, {sizes[0]} positions from mark A")
@@ -180,17 +180,17 @@ def _increment_of(source: SourceText, program: Program, axis: int, context: File
     if setting is None:
         if given is None:
             raise source.error(
-                f"a table of axis {axis} without its {INCREMENT}",
-                f"{INCREMENT}.{axis} = a distance, or increment told ({typed('increment')})",
+                f"a table of axis {axis} without {INCREMENT}",
+                f"{INCREMENT}.{axis} = a distance, or give increment ({typed('increment')})",
                 line=program.tables[axis].line,
             )
-        return given, " (told by increment)"
+        return given, " (from increment)"
     distance = float(setting.value)
     if not distance > 0:
         raise source.error(f"{INCREMENT} {distance:g}", "a distance above 0", line=setting.line)
     if given is not None and abs(given - distance) > SAME_POSITION:
         raise source.error(
-            f"{INCREMENT} {distance:g}, told increment {given:g}",
+            f"{INCREMENT} {distance:g}, but increment = {given:g}",
             f"increment = {context.as_given(distance):.9g}, or none",
             line=setting.line,
         )
@@ -207,8 +207,8 @@ def _is_dual(source: SourceText, program: Program, axis: int) -> tuple[bool, str
     word = str(setting.value) if isinstance(setting.value, str) else f"{setting.value:g}"
     if word in {"0", "_LSOFF"}:
         message = (
-            f"the program leaves {MODE} of axis {axis} off, so the control itself did not use this table: "
-            "make sure that it is the right one"
+            f"make sure that this is the right table: the program leaves {MODE} of axis {axis} off, so the "
+            "control did not use it"
         )
         return (
             has_two,
@@ -218,7 +218,7 @@ def _is_dual(source: SourceText, program: Program, axis: int) -> tuple[bool, str
     if (word == "_LSDUAL_TABLE" and has_two) or (word in {"1", "_LSSINGLE_TABLE"} and not has_two):
         return has_two, f"{both}: {MODE} says so", ()
     if word == "_LSSINGLE_TABLE":
-        return False, f"one table for both directions: {MODE} leaves the reverse table aside", ()
+        return False, f"one table for both directions: with {MODE} the reverse table is not used", ()
     if word == "2" and has_two:
         return True, f"{both}: {MODE} says so", ()
     raise source.error(
@@ -249,25 +249,25 @@ def _start_of(source: SourceText, program: Program, screw: _Screw, context: File
     if setting is None:
         if given is None:
             raise source.error(
-                f"no {OFFSET} of axis {screw.axis}: nothing says where mark A of the screw is",
+                f"no {OFFSET} of axis {screw.axis}, so the position of mark A of the screw is unknown",
                 option_hint("file_start", "the machine position of mark A"),
                 line=program.tables[screw.axis].line,
             )
-        return given, "told by file_start"
+        return given, "from file_start"
     offset = float(setting.value)
     if given is None and offset == 0:
         return offset, OFFSET
-    ways = (offset, "it is the position of A"), (-offset, "it is added to a position to look it up")
+    ways = (offset, "it is the position of A"), (-offset, "it is added to a position to find it in the table")
     for start, way in ways:
         if given is not None and abs(given - start) <= SAME_START:
             return start, f"file_start; so {OFFSET} {offset:g} means: {way}" if offset else OFFSET
-    found = f"but file_start is {given:g}" if given is not None else "and Mint's guide reads it in two ways"
+    found = f"but file_start is {given:g}" if given is not None else "and Mint's guide gives it two meanings"
     positions = " or ".join(
         dict.fromkeys(f"file_start = {context.as_given(start) + 0.0:.9g}" for start, _ in ways)
     )
     raise source.error(
         f"{OFFSET} {offset:g}, {found}",
-        f"{positions} ({typed('file_start')}): look where mark A of the screw is on the machine",
+        f"{positions} ({typed('file_start')}): check where mark A of the screw is on the machine",
         line=setting.line,
         code="R9",
         readings=(_reading(screw, start, way, context) for start, way in ways) if offset else (),
@@ -279,13 +279,13 @@ def _reading(screw: _Screw, start: float, way: str, context: FileContext) -> str
     assert context.units is not None, "the context is in units of the file"
     target = abs(start) + screw.increment / 5
     position = target - start
-    out = "as it is: Mint adds nothing there"
+    out = "unchanged: Mint adds nothing there"
     if position <= screw.forward[-1].position:
         out = f"as {target + _at(screw.forward, position):.5f}"
     end = start + max(screw.forward[-1].position, screw.backward[-1].position)
     return (
-        f"{way}: mark A at {start:g} {context.units.value}, the table from there to {end:g}; moving forward, "
-        f"{target:g} goes out {out}"
+        f"{way}: mark A at {start:g} {context.units.value}, the table from there to {end:g}; moving "
+        f"forward, {target:g} is sent {out}"
     )
 
 
@@ -329,8 +329,9 @@ def _outside(rows: Sequence[SourceRow], units: Units) -> tuple[tuple[str, ...], 
     if step <= NOTHING:
         return ('outside = "zero"',), "both ends are 0: outside, Mint adds nothing"
     return (), (
-        f"outside, Mint adds nothing: the axis would jump by {step:.6g} {units.value} at the end of the "
-        "table; the gateway refuses that and holds, or goes to 0 over a length: outside = { fade = LENGTH }"
+        f"Mint adds nothing outside, so the axis would jump by {step:.6g} {units.value} at the end of the "
+        "table. The gateway does not allow this: it holds the last correction, or fades it: outside = { "
+        "fade = LENGTH }"
     )
 
 
@@ -368,13 +369,14 @@ def _reversal_of(source: SourceText, program: Program, axis: int, *, has_two_tab
         return _Reversal(0.0, cycles, (f"{BACKLASH} {width:g} does not count: {BACKLASH_MODE} is off",), ())
     if has_two_tables:
         raise source.error(
-            f"{BACKLASH} {width:g} beside a forward and a reverse table, which hold the lost motion already",
+            f"{BACKLASH} {width:g} beside a forward and a reverse table, which already contain the lost "
+            "motion",
             f"{BACKLASH_MODE}.{axis} = _blOFF, or one table",
             line=setting.line,
         )
     message = (
         f"{BACKLASH} {width:g} is not in the table: the control added {abs(width):g} while moving "
-        f"{'forward' if width > 0 else 'back'}, which the gateway does only with 'backlash' of the axis set"
+        f"{'forward' if width > 0 else 'back'}; for the same, set 'backlash' of the axis"
     )
     return _Reversal(width, cycles, (), (Lint("R8", LintSeverity.WARNING, message, setting.line),))
 
@@ -456,7 +458,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     fit = table.units.from_mm(_FIT_MM)
     best = next((plan for plan in plans if plan.difference <= fit), plans[0] if plans else None)
     if best is None or (not _is_even(table) and best.difference > fit):
-        found = "points that are not evenly spaced and fit no even increment"
+        found = "points that are not evenly spaced and do not fit an even increment"
         if best is not None:
             found += f" (off by {best.difference:.3g} {table.units.value} at {best.position:g})"
         raise unwritable(NAME, found, "an even grid: --resample STEP")
@@ -570,7 +572,7 @@ def _program(table: CorrectionTable, plan: _Plan, axis: str) -> str:
     if table.is_unidirectional:
         lines.append(f"' Switch it on with the single table mode of axis {axis}")
     else:
-        lines.append(f"BACKLASHMODE.{axis} = _blOFF : REM the tables hold the lost motion")
+        lines.append(f"BACKLASHMODE.{axis} = _blOFF : REM the tables contain the lost motion")
         lines.append(f"PRECISIONMODE.{axis} = _lsDUAL_TABLE")
     return "".join(f"{line}\n" for line in lines)
 
@@ -582,19 +584,19 @@ def _number(value: float) -> str:
 def _losses(table: CorrectionTable, plan: _Plan, options: WriteOptions) -> tuple[str, ...]:
     unit = table.units.value
     between = (
-        f"Mint draws straight lines between even motor positions {plan.increment:.10g} apart: the curve "
-        f"differs by up to {plan.difference:.3g} {unit} (at {plan.position:g})"
+        f"Mint uses straight lines between motor positions {plan.increment:.10g} apart: the curve differs "
+        f"by up to {plan.difference:.3g} {unit} (at {plan.position:g})"
     )
     losses = [
         between,
         f"positions are rounded to {DECIMALS} decimals; units ({unit}) are not in the file",
-        "check the sign of PRECISIONOFFSET on the control: its guide describes both",
+        "check the sign of PRECISIONOFFSET on the control: its guide describes both signs",
     ]
     if plan.start < table.first:
         losses.append(
-            f"mark A has no correction, so it is put at {plan.start:g}, and the first one grows up to "
-            f"{table.first:g}"
+            f"mark A has no correction, so it is placed at {plan.start:g}; from there the correction grows "
+            f"to that of the first point, {table.first:g}"
         )
     if options.file_axis is None:
-        losses.append("no axis was told: the program is for axis 0")
+        losses.append("no axis was given: the program is for axis 0")
     return tuple(losses)

@@ -246,7 +246,7 @@ def _used_arrays(source: SourceText, statements: Sequence[Statement]) -> set[str
     calls = [statement for statement in statements if statement[0].text.upper() == TABLE]
     if not calls:
         raise source.error(
-            f"a Mint program in which no statement begins with {TABLE}",
+            f"a Mint program without a statement that begins with {TABLE}",
             f"DIM fwd(5) = ... and {TABLE}(axis, fwd) or {TABLE}(axis, fwd, rev)",
         )
     return {word for statement in calls for word in words_of(statement[1:])}
@@ -257,15 +257,17 @@ def _check_other(source: SourceText, statement: Statement, used: set[str]) -> No
     first, line = statement[0].text.upper(), statement[0].line
     if not WORD.fullmatch(first) and first not in _MARKS:
         found = f"a statement that begins with {shown(first)}"
-        raise source.error(found, "a word: is the line above it, or before ':', whole?", line=line)
+        raise source.error(
+            found, "a word: check that the line above it, or the part before ':', is complete", line=line
+        )
     meant = get_close_matches(first, _KEYWORDS, n=1, cutoff=_CLOSE) if len(first) <= _LONGEST else []
     if meant:
-        raise source.error(f"{shown(first)}, which is almost {meant[0]}", f"{meant[0]}", line=line)
+        raise source.error(f"{shown(first)}, which is nearly {meant[0]}", f"{meant[0]}", line=line)
     mentioned = sorted(words_of(statement) & (used | _KEYWORDS))
     if mentioned:
         raise source.error(
-            f"a statement with {mentioned[0]} that is not read: {shown(text_of(statement))}",
-            f"DIM, {TABLE} and assignments of numbers only: what this does cannot be worked out",
+            f"a statement with {mentioned[0]} that this reader does not know: {shown(text_of(statement))}",
+            f"only DIM, {TABLE} and assignments of numbers: other statements are not computed",
             line=line,
         )
     if _ABBREVIATION.fullmatch(first) and len(statement) > 1 and statement[1].text[0] in ".[(=":
@@ -305,8 +307,8 @@ class _Blocks:
         if self._depth or self._has_goto or self._conditional_line == line:
             where = "a program with GOTO" if self._has_goto else "an IF, a loop or an EVENT"
             raise self._source.error(
-                f"{shown(text_of(statement))} in {where}: nobody knows whether it runs",
-                "tables and their settings where they run once, always",
+                f"{shown(text_of(statement))} in {where}, so it may not run",
+                "tables and their settings outside of it, where they always run once",
                 line=line,
             )
 
@@ -341,7 +343,7 @@ def _add_table(cursor: Cursor, arrays: dict[str, Array], program: Program) -> No
     cursor.end()
     for name in names:
         if name not in arrays:
-            raise cursor.error(f"DIM {name}(n) = ... above it", f"an array {name} that has no values")
+            raise cursor.error(f"DIM {name}(n) = ... above it", f"an array {name} without values")
     if axis in program.tables:
         raise cursor.error(f"one {TABLE} for each axis", f"a second {TABLE} of axis {axis}")
     reverse = arrays[names[1]] if len(names) > 1 else None

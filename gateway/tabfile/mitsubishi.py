@@ -51,11 +51,11 @@ SYSTEM: Final = System(
     highest_value=127,
     max_magnification=99,
     highest_limit=0,
-    refused={"absolute": "the absolute system, whose values are not increments"},
+    refused={"absolute": "the absolute system: its values are not increments"},
 )
 _CONVENTION: Final = Convention(
     VALUES_PER_COUNT,
-    "values x magnification / 2 / file_counts_per_unit, summed up from the reference point: added",
+    "values x magnification / 2 / file_counts_per_unit, summed from the reference point: added",
 )
 
 
@@ -79,7 +79,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     if file.reference not in numbers or len(numbers) < 2:
         raise source.error(
             f"reference point {file.reference}, points {numbers[0]} to {numbers[-1]}",
-            "at least 2 points, the reference one of them: sums begin there",
+            "at least 2 points, and the reference point must be one of them: the sums begin there",
             line=file.reference_line,
         )
     home = file.points[numbers.index(file.reference)]

@@ -91,7 +91,9 @@ def _matches(folder: Path, lowered: str) -> Path | None:
     found = sorted(name for name in _names(folder) if name.lower() == lowered)
     if len(found) > 1:
         names = ", ".join(found)
-        raise TabFileError(FileProblem(str(folder), f"{names}, which differ by case only", "one of them"))
+        raise TabFileError(
+            FileProblem(str(folder), f"{names}, which differ only in upper and lower case", "one of them")
+        )
     return folder / found[0] if found else None
 
 

@@ -41,7 +41,7 @@ SUFFIX: Final = ".pmc"
 USES: Final = frozenset({"file_counts_per_unit", "file_axis", "error_sense"})
 PER_COUNT: Final = 16
 _WHAT: Final = "a PMAC compensation table"
-_WHY: Final = "by its manual an entry is added (command_minus_actual), and nothing in the file proves it"
+_WHY: Final = "by its manual an entry is added (command_minus_actual), but the file does not prove it"
 _ALLOWED: Final = (
     "DEFINE COMP entries,#source,#target,length: 'DEFINE COMP 4,#1,#1,4000', or 'DEFINE COMP 4,4000'"
 )
@@ -99,16 +99,16 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     scale = context.file_counts_per_unit
     if scale is None:
         raise source.error(
-            f"{_WHAT}, which holds counts, and no file_counts_per_unit",
-            f"file_counts_per_unit = counts of the motor per {context.option_units(units).value} on the OLD "
-            "control, negative where they fall while the axis goes up",
+            f"{_WHAT} holds counts, and file_counts_per_unit is missing",
+            f"file_counts_per_unit = counts of the motor per {context.option_units(units).value} on the "
+            "OLD control, negative if they decrease while the axis goes up",
         )
     sense = required_sense(source, context, _WHAT, _WHY)
     if table.values[-1]:
         raise source.error(
-            f"a last entry of {table.values[-1]}, which also stands for the zero of the motor, where the "
-            "correction is 0 by definition",
-            "0; where the control did correct at zero, the table as CSV: position_mm,correction_mm",
+            f"a last entry of {table.values[-1]}, but it is also the entry for the zero of the motor, "
+            "where the correction is 0 by definition",
+            "0; if the control did correct at zero, write the table as CSV: position_mm,correction_mm",
             line=table.lines[-1],
         )
     size = len(table.values)
@@ -135,10 +135,10 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         rule,
         file_axis=motor,
         decisions=(
-            f"sense {sense.value}: told",
-            f"{'the addressed motor' if motor is None else f'motor {motor}'}: its zero is that of the axis",
-            f"entries lie {step:.9g} {units.value} apart; below zero of the motor they count from the end",
-            *((f"other commands, no part of the table: {file.commands}",) if file.commands else ()),
+            f"sense {sense.value}: as given",
+            (f"{'the addressed motor' if motor is None else f'motor {motor}'}: its zero is that of the axis"),
+            (f"entries are {step:.9g} {units.value} apart; below zero of the motor they count from the end"),
+            *((f"other commands, not part of the table: {file.commands}",) if file.commands else ()),
         ),
         remarks=_remarks(file, table, used),
         behaves_as=() if revolution is None else (f"modulo = {revolution:g}",),
@@ -158,7 +158,7 @@ def _parse(source: SourceText) -> _File:
             addressed = head[1] or addressed
             tables.append(_table(source, number, head[2], addressed, texts))
         elif _NUMBER.match(text):
-            allowed = "as many entries as DEFINE COMP says, and only below it"
+            allowed = "the number of entries that DEFINE COMP states, all below it"
             raise source.error(f"{shown(text)} outside of a table", allowed, line=number)
         else:
             commands += 1
@@ -209,7 +209,7 @@ def _choose(source: SourceText, tables: Sequence[_Table], context: FileContext) 
         if motor is None and (table.source is not None or len(tables) > 1):
             number = table.source or "1"
             raise source.error(
-                "a table for the motor that was addressed, which nothing in the file names",
+                "a table for the addressed motor, but the file does not name it",
                 f"'#{number}' on a line above it if it is motor {number}, or file_axis = '{number}'",
                 line=table.line,
             )
@@ -217,7 +217,7 @@ def _choose(source: SourceText, tables: Sequence[_Table], context: FileContext) 
     fitting = [index for index, motor in enumerate(motors) if given in (None, motor)]
     if not fitting:
         raise source.error(
-            f"tables of motor {names}, told file_axis {shown(given or '')}", f"file_axis = one of {names}"
+            f"tables of motor {names}, but file_axis = {shown(given or '')}", f"file_axis = one of {names}"
         )
     if len(fitting) > 1:
         first, second, *_ = fitting
@@ -230,7 +230,8 @@ def _choose(source: SourceText, tables: Sequence[_Table], context: FileContext) 
     table, motor = tables[fitting[0]], motors[fitting[0]]
     if (table.source or table.addressed or motor) != motor:
         raise source.error(
-            f"a table that corrects motor {motor} by the position of motor {table.source or table.addressed}",
+            f"a table that corrects motor {motor} over the position of motor "
+            f"{table.source or table.addressed}",
             "a table of one motor; for the 'cross' key of the axis write this one as CSV: "
             "position_mm,correction_mm",
             line=table.line,
@@ -247,9 +248,9 @@ def _steps(
         if is_revolution(units, size, step):
             return 0, size
         raise source.error(
-            f"{_WHAT}, whose end holds what is needed below zero, and no travel",
-            "travel = [lowest, highest] of the axis (--travel LO HI on the command line): it says which "
-            f"entries lie below zero (only a table of {REVOLUTION_DEGREES:g} degrees needs none)",
+            f"{_WHAT} without travel: its last entries are for positions below zero, and travel shows which",
+            "travel = [lowest, highest] of the axis (--travel LO HI on the command line); only a table of "
+            f"{REVOLUTION_DEGREES:g} degrees needs none",
             line=table.line,
         )
     low, high = context.travel
@@ -257,10 +258,10 @@ def _steps(
         unit = context.option_units(units).value
         long, covered = context.as_given(high - low), context.as_given(size * step)
         raise source.error(
-            f"a length of {table.length} counts, which is {covered:.9g} {unit}, for a travel of {long:.9g}: "
-            "the control would begin the table again",
-            "a table as long as the travel, and the right file_counts_per_unit and travel; a table that is "
-            "meant to repeat, as CSV over the whole travel",
+            f"a length of {table.length} counts, that is {covered:.9g} {unit}, for a travel of {long:.9g}: "
+            "the control would repeat the table",
+            "a table as long as the travel, with the right file_counts_per_unit and travel; if the table "
+            "is meant to repeat, write it as CSV over the whole travel",
             line=table.line,
         )
     first = floor(low / step + TOUCH)
@@ -271,15 +272,15 @@ def _remarks(file: _File, table: _Table, used: AbstractSet[int]) -> tuple[Lint, 
     remarks = []
     if file.off is not None:
         message = (
-            "the file leaves compensation off (I51 = 0), so the control itself did not use this table: make "
-            "sure that it is the right one"
+            "make sure that this is the right table: the file leaves compensation off (I51 = 0), so the "
+            "control did not use it"
         )
         remarks.append(Lint("R11", LintSeverity.WARNING, message, file.off))
     left = [index + 1 for index, value in enumerate(table.values) if value and index not in used]
     if left:
         message = (
-            f"{len(left)} entries other than 0, from {left[0]} to {left[-1]}, lie where the travel never "
-            "gets: check the length of the table, file_counts_per_unit and travel"
+            f"check the length of the table, file_counts_per_unit and travel: {len(left)} entries other "
+            f"than 0, from {left[0]} to {left[-1]}, are outside travel"
         )
         remarks.append(Lint("R13", LintSeverity.WARNING, message, table.line))
     return tuple(remarks)
@@ -293,6 +294,6 @@ def write(table: CorrectionTable, _: WriteOptions) -> Written:
     """
     raise unwritable(
         NAME,
-        f"a table of {len(table.positions)} points to be written",
-        "another format (csv holds everything): PMAC tables are only read",
+        f"a table of {len(table.positions)} points to write",
+        "another format, such as csv: PMAC tables are only read",
     )

@@ -70,11 +70,11 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     scale = context.file_counts_per_unit
     if scale is None:
         raise source.error(
-            "a Renishaw table, which states neither the unit nor the sign of its values, and no "
-            "file_counts_per_unit",
-            f"file_counts_per_unit = how many of its values make one {context.option_units(units).value}, "
-            "the unit of the axis, negative if they are errors (actual - commanded) to be taken off: 1000 or "
-            "-1000 for micrometres and an axis in mm",
+            "a Renishaw table without file_counts_per_unit: the file states neither the unit nor the sign "
+            "of its values",
+            f"file_counts_per_unit = steps of its values in one {context.option_units(units).value}, the "
+            "unit of the axis, negative if the values are errors (actual - commanded), which are "
+            "subtracted: 1000 or -1000 for micrometres and an axis in mm",
         )
     rows = [
         SourceRow(
@@ -93,7 +93,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     check_start(source, ascending, context)
     remedy = "a table of this axis; the right file_units and travel"
     check_own_range(source, Interpretation(AS_THEY_STAND, ascending, units), context, remedy)
-    sign = "added" if scale > 0 else "told as errors (actual - commanded): subtracted"
+    sign = "added" if scale > 0 else "errors (actual - commanded), as given: subtracted"
     rule = f"column {{}}: value / {abs(scale):g} is {sign}"
     columns = ("Combined", "Combined") if values_per_row == 1 else ("Forward", "Reverse")
     return Decoded(
@@ -122,13 +122,13 @@ def _parse_head(source: SourceText) -> tuple[dict[str, tuple[float, int]], int, 
         setting = _SETTING.fullmatch(line.text)
         if setting is None:
             allowed = (
-                f"Compensation start, end or spacing, or the columns {_HEADINGS}; a title may be taken out, "
-                "a setting too once you know that it leaves sign and unit of the values as you tell them"
+                f"Compensation start, end or spacing, or the columns {_HEADINGS}. Remove a title line; "
+                "remove another setting only if it does not change the sign or unit of the values"
             )
             raise source.error(shown(line.text), allowed, line=line.number)
         name, number = setting[1].lower(), to_decimal(setting[2] or "")
         if name in settings:
-            allowed = f"it once (line {settings[name][1]})"
+            allowed = f"only one (line {settings[name][1]})"
             raise source.error(f"a second Compensation {name}", allowed, line=line.number)
         if number is None or (name == "spacing" and number <= 0):
             allowed = "a distance above 0" if name == "spacing" else DECIMAL_ALLOWED
@@ -199,6 +199,6 @@ def write(table: CorrectionTable, _: WriteOptions) -> Written:
     """
     raise unwritable(
         NAME,
-        f"a table of {len(table.positions)} points to be written",
-        "another format (csv holds everything): only the laser's software makes these files",
+        f"a table of {len(table.positions)} points to write",
+        "another format, such as csv: only the laser's software makes these files",
     )

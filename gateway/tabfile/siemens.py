@@ -101,7 +101,9 @@ def assign(
         raise TabFileError(*problems[:_MAX_PROBLEMS])
     if end == len(lines):
         raise source.error(
-            "the end of the file without M17", "M17 at the end: is the file whole?", line=source.last_line
+            "the end of the file without M17",
+            "M17 at the end: check that the file is complete",
+            line=source.last_line,
         )
     if is_above:
         raise source.error("no compensation values", allowed)
@@ -140,9 +142,7 @@ def check_there(source: SourceText, name: str, missing: Iterable[str]) -> None:
     """
     names = ", ".join(missing)
     if names:
-        raise source.error(
-            f"{name}: no {names}", "each once: the control would go on with what it was loaded with before"
-        )
+        raise source.error(f"{name}: no {names}", "each once: the control would keep its older value")
 
 
 def check_grid(
@@ -173,7 +173,7 @@ def check_grid(
     if missing:
         raise source.error(
             f"{len(missing)} of {last + 1} points of {name} missing: {_listed(missing)}",
-            f"every point from 0 to {last}, which is MAX: the control would keep older values in a gap",
+            f"every point from 0 to {last}, which is MAX: in a gap the control would keep older values",
             line=high.line,
         )
     beyond = sorted(index for index in values if index > last)
@@ -211,7 +211,7 @@ def revolution_of(
     if not is_closed(rows):
         raise source.error(
             f"IS_MODULO 1, but {rows[0].forward_value:g} at MIN and {rows[-1].forward_value:g} at MAX: the "
-            "axis would jump where the table begins again",
+            "axis would jump where the table repeats",
             "the same value at both, or IS_MODULO 0",
             line=rows[-1].forward_line,
         )
@@ -289,7 +289,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         if _CEC.search(line.text):
             raise source.error(
                 f"a sag compensation (CEC) table: {shown(line.text)}",
-                "encoder error compensation, $AA_ENC_COMP, or the CEC tables in a file of their own",
+                "encoder error compensation, $AA_ENC_COMP, or the CEC tables in a separate file",
                 line=line.number,
             )
     units = required_units(source, context, "a Siemens compensation file")
@@ -312,7 +312,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         decisions=(
             f"axis {name[1]}, measuring system {name[0]}",
             f"{len(rows)} points, all from 0 to {len(rows) - 1} and each once",
-            *((f"one turn of {revolution:.10g}, then it begins again",) if revolution is not None else ()),
+            *((f"one turn of {revolution:.10g}, then the table repeats",) if revolution is not None else ()),
         ),
         behaves_as=edges(revolution),
         modulo=revolution,
@@ -354,14 +354,15 @@ def _choose(source: SourceText, tables: _Tables, context: FileContext) -> tuple[
         name = (full | names).get(given.upper().replace(" ", ""))
         if name is None:
             raise source.error(
-                f"tables of {listed(names)}, told file_axis {given!r}", f"file_axis = {listed(names, ' or ')}"
+                f"tables of {listed(names)}, but file_axis = {given!r}",
+                f"file_axis = {listed(names, ' or ')}",
             )
         return name, tables[name]
     if len(names) > 1:
         raise source.error(
             f"tables of {listed(names)}",
-            option_hint("file_axis", f"{next(iter(names))!r}, for example") + "; with two "
-            "measuring systems their number comes first, as in the file",
+            option_hint("file_axis", f"{next(iter(names))!r}, for example")
+            + "; with two measuring systems put their number first, as in the file",
         )
     name = next(iter(tables))
     return name, tables[name]

@@ -119,7 +119,11 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         axis=siemens.letter_of(axis),
         file_axis=axis,
         plausible=(0.0, siemens.PLAUSIBLE[units]),
-        decisions=(f"axis {axis}: {which}", f"sense {sense.value}: told", f"{len(rows)} points, each once"),
+        decisions=(
+            f"axis {axis}: {which}",
+            f"sense {sense.value}: as given",
+            f"{len(rows)} points, each once",
+        ),
         behaves_as=siemens.edges(revolution),
         modulo=revolution,
     )
@@ -146,7 +150,7 @@ def _add(tables: dict[int, _Table], line: SourceLine, text: str) -> str:
     if key in _AXES:
         name = _AXIS.fullmatch(value)
         if name is None:
-            return f"{shown(value)}, which is no axis in brackets such as (X1),"
+            return f"{shown(value)}, which is not an axis in brackets such as (X1),"
         entry = (name[1].upper(), line.number)
         return siemens.twice(table.axes.setdefault(key, entry), entry)
     number = siemens.number_of(value)
@@ -169,8 +173,8 @@ def _check(source: SourceText, table: _Table) -> None:
     one, two = (table.axes[key] for key in _AXES)
     if one[0] != two[0]:
         raise source.error(
-            f"{name}: {two[0]} moved by the position of {one[0]}",
-            "one axis as both; for the 'cross' key of another axis write it with one axis",
+            f"{name}: {two[0]} corrected over the position of {one[0]}",
+            "the same axis for both; also for the 'cross' key of another axis",
             line=two[1],
         )
     direction, line = table.numbers["DIRECTION"]
@@ -186,7 +190,7 @@ def _choose(source: SourceText, tables: list[_Table], context: FileContext) -> t
     given = context.file_axis
     if given is not None and given.upper() not in axes:
         raise source.error(
-            f"tables of {listed(axes)}, told file_axis {given!r}", f"file_axis = {listed(axes, ' or ')}"
+            f"tables of {listed(axes)}, but file_axis = {given!r}", f"file_axis = {listed(axes, ' or ')}"
         )
     if given is None and len(axes) > 1:
         raise source.error(
@@ -206,14 +210,14 @@ def _directions(source: SourceText, axis: str, tables: list[_Table]) -> tuple[_T
         found = ", ".join(f"{table.direction:+d} (table {table.number})" for table in tables)
         raise source.error(
             f"axis {axis} with tables of DIRECTION {found}",
-            "one of 0, or one of 1 and one of -1: more of them would be added, and a direction without one "
-            "is not compensated",
+            "one of 0, or one of 1 and one of -1: the control adds several, and does not compensate a "
+            "direction without a table",
             line=tables[-1].numbers["DIRECTION"].line,
         )
     forward, backward = by_direction[1], by_direction[-1]
     if forward.grid != backward.grid:
         raise source.error(
-            f"tables {forward.number} and {backward.number} of axis {axis} with other points",
+            f"tables {forward.number} and {backward.number} of axis {axis} with different points",
             "the same MIN, MAX, STEP and IS_MODULO in both",
             line=backward.numbers["MIN"].line,
         )
@@ -249,7 +253,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     if options.sense is None:
         raise unwritable(
             NAME,
-            "no sense of its values: no manual at hand says which one the control expects",
+            "the sense of its values is missing: no manual at hand states which one the control expects",
             "--to-sense actual_minus_command or command_minus_actual",
         )
     factor = options.sense.to_correction

@@ -229,7 +229,7 @@ def stated_facts(source: SourceText, comments: Iterable[SourceLine], marks: str)
             continue
         key = fact[1].lower()
         if key in facts:
-            raise source.error(f"'{key}' a second time", f"it once (line {facts[key][1]})", line=line.number)
+            raise source.error(f"'{key}' a second time", f"only one (line {facts[key][1]})", line=line.number)
         facts[key] = (fact[2], line.number)
     return facts
 
@@ -246,7 +246,7 @@ def check_points(source: SourceText, facts: Facts, points: int) -> None:
     if to_integer(value) != points:
         raise source.error(
             f"{points} points",
-            f"{shown(value)}, as 'points' on line {line} says: is a row lost?",
+            f"{shown(value)}, as 'points' on line {line} says: check for a lost row",
             line=source.last_line,
         )
 
@@ -264,8 +264,8 @@ def check_sum(source: SourceText, body: Iterable[SourceLine], facts: Facts) -> N
         raise source.error(f"'sha256' of {shown(value)}", "64 digits 0-9 a-f, or no such line", line=line)
     if value != _sum_of(row.text for row in body):
         raise source.error(
-            "rows that were changed since 'sha256' was written",
-            "the file as it was; or, if the change is meant, the file without this line",
+            "rows that changed after 'sha256' was written",
+            "the original file; or, if the change is intended, the file without this line",
             line=line,
         )
 

@@ -77,7 +77,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
         file_axis=axis,
         plausible=(0.0, _PLAUSIBLE_MM),
         remarks=tuple(_gap(line) for line in gaps if first < line.number < last),
-        decisions=(f"axis {axis} of {listed(tables)}", f"sense {sense.value}: told"),
+        decisions=(f"axis {axis} of {listed(tables)}", f"sense {sense.value}: as given"),
     )
 
 
@@ -85,8 +85,8 @@ def _gap(line: SourceLine) -> Lint:
     return Lint(
         "R10",
         LintSeverity.WARNING,
-        "this line between two points holds none, and nothing in the file says how many there must be: was "
-        "one lost here, or left out?",
+        "check whether a point was lost here: this line between two points has none, and the file does not "
+        "state their number",
         line.number,
     )
 
@@ -133,7 +133,7 @@ def _add(source: SourceText, points: _Points, line: SourceLine) -> list[FileProb
         return [source.problem(shown(line.text), allowed, line=line.number)]
     x, forward, backward = (number or 0.0 for number in numbers)
     if points and not x > points[-1][0]:
-        found = f"position {x:.9g} behind {points[-1][0]:.9g}"
+        found = f"position {x:.9g} after {points[-1][0]:.9g}"
         return [source.problem(found, "ascending positions", line=line.number, code="L11")]
     points.append((x, forward, backward, line.number))
     return []
@@ -143,7 +143,7 @@ def _choose(source: SourceText, tables: dict[str, _Points], context: FileContext
     given = context.file_axis.upper() if context.file_axis else None
     if given is not None and given not in tables:
         raise source.error(
-            f"tables of {listed(tables)}, told file_axis {given!r}", f"file_axis = {listed(tables, ' or ')}"
+            f"tables of {listed(tables)}, but file_axis = {given!r}", f"file_axis = {listed(tables, ' or ')}"
         )
     if given is None and len(tables) > 1:
         raise source.error(
@@ -170,14 +170,14 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     if options.sense is None:
         raise unwritable(
             NAME,
-            "no sense of its errors: the manual's formula and its example disagree",
+            "the sense of its errors is missing: the manual's formula and its example disagree",
             "--to-sense actual_minus_command or command_minus_actual",
         )
     if table.units is Units.DEGREE:
         raise unwritable(NAME, "a table in degrees", "a table of a linear axis")
     table = table.in_units(Units.MM)
     if min(after - before for before, after in pairwise(table.positions)) < 2 * 10.0**-DECIMALS:
-        raise unwritable(NAME, f"points nearer than {2 * 10.0**-DECIMALS:g} mm", "--resample STEP")
+        raise unwritable(NAME, f"points closer than {2 * 10.0**-DECIMALS:g} mm", "--resample STEP")
     factor = options.sense.to_correction
     lines = ["unit = mm", f"[{axis}]"]
     lines += [
@@ -186,7 +186,7 @@ def write(table: CorrectionTable, options: WriteOptions) -> Written:
     ]
     losses = (
         f"numbers are rounded to {DECIMALS} decimals; the manual shows 3",
-        "one axis: put the tables of the others into the same file, which the control reads as a whole",
+        "put the tables of the other axes into the same file: the control reads only one file",
     )
     context = FileContext(file_axis=axis, error_sense=options.sense)
     return Written("".join(f"{line}\n" for line in lines), losses, context)

@@ -10,7 +10,7 @@ from gateway.tabfile.options import ErrorSense, FileContext, V1Layout
 EVEN_TOLERANCE: Final = 1e-4
 """Every point must be within this fraction of a step of its even position, the readers' tolerance."""
 HOME_TOLERANCE: Final = 1e-6
-NEEDS_SCALE: Final = "a file of counts needs them: --to-counts-per-unit N"
+NEEDS_SCALE: Final = "counts per unit for this file: --to-counts-per-unit N"
 LARGER_SCALE: Final = "a larger scale: --to-counts-per-unit N"
 """Remedy for a scale that is missing or too small; only the option can state it."""
 
@@ -72,7 +72,7 @@ def one_curve(table: CorrectionTable) -> tuple[list[float], tuple[str, ...]]:
     if table.is_unidirectional:
         return means, ()
     loss = (
-        "one correction for both directions: the mean is written, lost motion of up to "
+        "one correction for both directions: the mean is written; lost motion of up to "
         f"{table.max_reversal():.6g} {table.units.value} is not in the file"
     )
     return means, (loss,)

@@ -69,7 +69,7 @@ def test_a_refined_file_is_read_as_the_one_before(
     assert result.exit_code == 0, result.stderr
     lines = [" ".join(line.split()) for line in (tmp_path / "new").read_text().splitlines()]
     assert expected in lines
-    assert "to be told when it is read:" in result.stdout
+    assert "to read it, give:" in result.stdout
     assert to_tell in result.stdout
 
 
@@ -85,7 +85,7 @@ kw.ssfk.table[2].pos 40
 kw.ssfk.table[3].pos 20
 kw.ssfk.table[4].pos 0
 """
-AGAIN: Final = "not in the file: that the table begins again after 360 degree"
+AGAIN: Final = "not in the file: the table repeats every 360 degree"
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_a_turn_stays_a_turn_where_the_format_knows_turns(
     old, new = str(tmp_path / "old.lis"), str(tmp_path / "new")
     result = CliRunner().invoke(app, ["convert", old, new, "--units", "degree", "--to", *options])
     assert result.exit_code == 0, result.stderr
-    assert "begins again" not in result.stdout
+    assert "repeats every" not in result.stdout
     told = {"fagor-8055": ["--error-sense", "actual_minus_command"], "isg": [], "siemens-eec": []}
     facts = told.get(options[0], ["--file-counts-per-unit", "10000"])
     shown = CliRunner().invoke(app, ["show", new, "--units", "degree", *facts])

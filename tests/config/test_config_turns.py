@@ -33,7 +33,7 @@ def rotary(travel: str, options: str = TOLD) -> str:
 @pytest.mark.parametrize("travel", ["travel = [-720.0, 720.0]", ""])
 def test_a_table_that_repeats_on_an_axis_that_does_not_is_warned_of(tmp_path: Path, travel: str) -> None:
     warnings = loaded(tmp_path, rotary(travel), {"c.lis": LIST}).warnings
-    [warning] = [warning for warning in warnings if "begins again" in warning.found]
+    [warning] = [warning for warning in warnings if "repeats after" in warning.found]
     assert warning.key == "axis.x.table"
     assert "after 360 degree" in warning.found
     assert "the correction of the end holds" in warning.found
@@ -43,7 +43,7 @@ def test_a_table_that_repeats_on_an_axis_that_does_not_is_warned_of(tmp_path: Pa
 @pytest.mark.parametrize("travel", ["travel = [0.0, 360.0]", "modulo = 360.0"])
 def test_an_axis_that_stays_in_one_turn_or_repeats_is_not_warned(tmp_path: Path, travel: str) -> None:
     warnings = loaded(tmp_path, rotary(travel), {"c.lis": LIST}).warnings
-    assert not [warning for warning in warnings if "begins again" in warning.found]
+    assert not [warning for warning in warnings if "repeats after" in warning.found]
 
 
 def test_a_list_for_an_axis_in_degree_says_what_to_tell(tmp_path: Path) -> None:

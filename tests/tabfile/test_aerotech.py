@@ -89,7 +89,7 @@ def test_several_tables_need_a_told_axis() -> None:
     assert parse(TWO, file_axis="y", **TOLD).table.forward[1] == pytest.approx(-0.0099)
     assert parse(TWO, file_axis="X", axis="Z", **TOLD).table.forward[1] == pytest.approx(-0.0012)
     assert "told file_axis 3" in str(refused(TWO, file_axis="3", **TOLD))
-    assert "would add to those of the first" in str(refused(SAMPLE + SAMPLE, **TOLD))
+    assert "would be added to those of the first" in str(refused(SAMPLE + SAMPLE, **TOLD))
 
 
 def test_axis_must_be_the_one_it_is_read_for() -> None:
@@ -162,7 +162,10 @@ def test_blanks_around_an_equals_sign_and_a_serial_number() -> None:
     assert loose.count(" = ") == 1
     loaded = parse(loose, **TOLD)
     assert loaded.table == parse(SAMPLE, **TOLD).table
-    assert loaded.source.decisions[-1] == 'made for the stage with SERIALNUMBER="1-47": is it this one?'
+    assert (
+        loaded.source.decisions[-1]
+        == 'check that this is the stage with SERIALNUMBER="1-47": the table was made for it'
+    )
     # a value that is missing does not take the next word
     error = refused(SAMPLE.replace("SAMPLEDIST=25", "SAMPLEDIST ="), format="aerotech-cal", **TOLD)
     assert "'SAMPLEDIST' after :START" in str(error)

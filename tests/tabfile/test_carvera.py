@@ -43,8 +43,8 @@ def test_by_how_much_straight_lines_leave_the_parabola_is_said() -> None:
     # The parabola is 1e-6 x^2: 10 µm at 100 and 2.5 µm at 50, where the line has 5.
     assert Curve(found.table).forward(50.0) == pytest.approx(0.005)
     (said,) = [each for each in found.source.decisions if "parabola" in each]
-    assert "at most 2.5 µm from it, near 50" in said
-    assert any("goes on with the multiplier of the last one" in each for each in found.source.decisions)
+    assert "at most 2.5 µm, near 50" in said
+    assert any("continues with the last multiplier" in each for each in found.source.decisions)
 
 
 def test_an_axis_of_several_is_told() -> None:
@@ -75,9 +75,9 @@ def test_what_the_firmware_would_pass_over_is_refused_with_its_line(old: str, ne
 
 
 def test_one_multiplier_is_a_scale_and_no_table() -> None:
-    assert "belongs into counts_per_unit" in refused("X 0 1.0001\n", format="carvera")
+    assert "into counts_per_unit" in refused("X 0 1.0001\n", format="carvera")
 
 
 def test_it_is_read_only() -> None:
-    with pytest.raises(TabFileError, match="the firmware's multipliers are no corrections"):
+    with pytest.raises(TabFileError, match="the firmware's multipliers are not corrections"):
         dialect_named("carvera").write(load(CARVERA.decode()).table, WriteOptions(axis="X"))

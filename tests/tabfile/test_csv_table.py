@@ -34,7 +34,7 @@ def test_corrections_are_added_as_they_stand_on_a_free_grid() -> None:
     # half way between 10 and 30: (0.002 + 0.003) / 2 and (-0.001 + 0.0005) / 2
     assert explained.forward.correction == pytest.approx(0.0025, abs=1e-15)
     assert explained.backward.correction == pytest.approx(-0.00025, abs=1e-15)
-    assert "forward_mm: value is added as it stands" in explained.forward.rule
+    assert "forward_mm: value is added unchanged" in explained.forward.rule
 
 
 def test_measured_errors_in_micrometres_with_decimal_commas_are_subtracted() -> None:
@@ -187,7 +187,7 @@ def test_told_facts_that_contradict_the_file_are_refused() -> None:
     assert "lowest position of 0" in str(refused(SMALL, file_start=-30.0))
     assert "file_home is plus" in str(refused(SMALL, file_home=HomeSide.PLUS))
     assert "misses travel" in str(refused(SMALL, travel=(-40.0, 0.0), units=Units.MM))
-    assert "told file_units inch" in str(refused(SMALL, file_units=Units.INCH))
+    assert "but file_units = inch" in str(refused(SMALL, file_units=Units.INCH))
     assert "axis in degree" in str(refused(SMALL, units=Units.DEGREE))
 
 
@@ -229,8 +229,8 @@ def test_text_of_the_writer() -> None:
 
 def test_what_a_spreadsheet_adds_is_named_with_what_to_do() -> None:
     plain = "position_mm;forward_mm;backward_mm\n0;0;0\n10;0.01;0.02\n"
-    assert "take the empty columns out" in str(refused(plain.replace("\n", ";;\n")))
-    assert "take this one out" in str(refused(plain + ";;\n"))
+    assert "remove the empty columns" in str(refused(plain.replace("\n", ";;\n")))
+    assert "remove this one" in str(refused(plain + ";;\n"))
 
 
 @pytest.mark.parametrize(
@@ -247,7 +247,7 @@ def test_what_a_spreadsheet_adds_is_named_with_what_to_do() -> None:
 )
 def test_a_csv_without_our_header_is_told_the_header(text: str, shown: str, header: str) -> None:
     said = str(refused(text))
-    assert f"table.csv:1: a CSV whose first line, {shown}, is no header of a table" in said
+    assert f"table.csv:1: a CSV whose first line, {shown}, is not the header of a table" in said
     assert f"allowed: the first line {header}" in said
     assert "pitch-gateway table template prints such a file" in said
 

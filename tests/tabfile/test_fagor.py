@@ -56,12 +56,12 @@ def test_the_example_of_the_manual_by_hand(text: str) -> None:
 def test_sense_turns_every_value_round() -> None:
     loaded = parse(PRINTED, error_sense=COMMAND)
     assert explain(loaded, -20.0).forward.correction == 0.001
-    assert loaded.source.forward_rule == "error = commanded - actual: added as it stands; second field"
+    assert loaded.source.forward_rule == "error = commanded - actual: added unchanged; second field"
     assert explain(parse(PRINTED, error_sense=COMMAND), 160.0).forward.correction == -0.003
 
 
 def test_sense_is_never_guessed() -> None:
-    with pytest.raises(TabFileError, match="no manual says which sign") as caught:
+    with pytest.raises(TabFileError, match="no manual states the sign") as caught:
         parse(PRINTED, error_sense=None)
     assert len(caught.value.readings) == 2
     assert caught.value.allowed.startswith("error_sense = 'actual_minus_command' or 'command_minus_actual'")
@@ -275,7 +275,7 @@ def test_what_a_table_cannot_hold() -> None:
     write = dialect_named("fagor-8055").write
     with pytest.raises(TabFileError, match="axis None"):
         write(table, WriteOptions(sense=ACTUAL))
-    with pytest.raises(TabFileError, match="no sense of its errors"):
+    with pytest.raises(TabFileError, match="the sense of its errors is missing"):
         write(table, WriteOptions(axis="x"))
     zeros = [0.0] * 1001
     with pytest.raises(TabFileError, match="1001 points"):
@@ -302,7 +302,7 @@ def test_four_digits_are_read_as_three_are() -> None:
 @pytest.mark.parametrize(
     ("text", "line", "words"),
     [
-        ("P0001 X-20 EX 0.001\nP002 X0 EX -0.001\n", 2, "P0002: points are numbered through from P0001"),
+        ("P0001 X-20 EX 0.001\nP002 X0 EX -0.001\n", 2, "P0002: points are numbered from P0001 without gaps"),
         ("P0001 X-20 EX 0.001\nP0003 X0 EX -0.001\n", 2, "P0002"),
         ("P0002 X-20 EX 0.001\nP0003 X0 EX -0.001\n", 1, "P0001"),
     ],

@@ -67,9 +67,9 @@ def test_an_error_in_inches_is_converted_for_an_axis_in_mm() -> None:
             "NPOINTS          ;4",
             "NPOINTS          ;5",
             3,
-            "NPOINTS 5, and no POSITION 5, POSERROR 5, NEGERROR 5",
+            "NPOINTS 5, but no POSITION 5, POSERROR 5, NEGERROR 5",
         ),
-        ("NPOINTS          ;4", "NPOINTS          ;3", 8, "POSITION 4, and NPOINTS 3"),
+        ("NPOINTS          ;4", "NPOINTS          ;3", 8, "POSITION 4, but NPOINTS 3"),
         ("NPOINTS          ;4", "NPOINTS          ;1", 3, "NPOINTS '1'"),
         ("/LSCRWDATA/NPOINTS", "/LSCRWDATA/NPOINT", None, "no line /LSCRWDATA/NPOINTS"),
         ("/LSCRWDATA/BIDIR", "/LSCRWDATA/BIDI", None, "no line /LSCRWDATA/BIDIR"),
@@ -91,7 +91,7 @@ def test_what_is_not_whole_is_refused_by_line(old: str, new: str, line: int | No
 
 
 def test_sense_and_axis_are_asked_for() -> None:
-    with pytest.raises(TabFileError, match="no manual says which sign"):
+    with pytest.raises(TabFileError, match="no manual states the sign"):
         parse(TEXT, error_sense=None)
     with pytest.raises(TabFileError, match="parameters of axis X, read for axis Y"):
         parse(TEXT, axis="y")

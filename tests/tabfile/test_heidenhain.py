@@ -55,7 +55,7 @@ def test_one_column_holds_in_both_directions() -> None:
     loaded = parse(ONE, error_sense=COMMAND)
     assert list(loaded.table.forward) == list(loaded.table.backward) == [0.01, -0.02, 0.0]
     assert loaded.source.backward_rule.endswith("one value for both directions")
-    assert "only the .CMA file says whose they are" in loaded.source.decisions[2]
+    assert "only the .CMA file states this" in loaded.source.decisions[2]
 
 
 def test_lost_motion_speaks_against_the_wrong_sense() -> None:
@@ -64,7 +64,7 @@ def test_lost_motion_speaks_against_the_wrong_sense() -> None:
 
 
 def test_sense_is_never_guessed() -> None:
-    with pytest.raises(TabFileError, match="no manual says which sign") as caught:
+    with pytest.raises(TabFileError, match="no manual states the sign") as caught:
         parse(SAMPLE, error_sense=None)
     assert len(caught.value.readings) == 2
     assert caught.value.allowed.startswith("error_sense = 'actual_minus_command' or 'command_minus_actual'")
@@ -76,7 +76,7 @@ def test_one_of_several_axes_must_be_told() -> None:
     assert (caught.value.line, "file_axis = 'Z'" in caught.value.allowed) == (2, True)
     loaded = parse(SEVERAL, file_axis="y")
     assert list(loaded.table.forward) == [-0.01, 0.02]
-    assert loaded.source.decisions[3] == "not used: Z, cross compensation by these positions"
+    assert loaded.source.decisions[3] == "not used: Z, a cross compensation over these positions"
     with pytest.raises(TabFileError, match="columns Z, Y, told file_axis X"):
         parse(SEVERAL, file_axis="X")
 
@@ -130,7 +130,7 @@ def test_columns_that_are_blank_in_all_rows_are_not_there() -> None:
 def test_a_number_belongs_to_the_column_that_begins_where_it_does() -> None:
     in_y = WIDE.replace(" " * 14 + "+0.00", "+0.00").replace(" " * 14 + "-0.00", "-0.00")
     loaded = parse(in_y)
-    assert loaded.source.decisions[2].startswith("positions: taken as those of Y")
+    assert loaded.source.decisions[2].startswith("positions: assumed to be those of Y")
     # backlash beside one axis that is filled in, the others blank
     both = in_y.replace(" " * 14 + " " * 14 + "+", "+0.0055       " + " " * 14 + "+")
     both = both.replace(" " * 14 + " " * 14 + "-0.0010", "+0.0005       " + " " * 14 + "-0.0010")
@@ -171,12 +171,12 @@ def test_the_older_layout_is_refused_with_a_way_out() -> None:
 def test_numbers_of_a_rotary_axis_are_degrees(key: str) -> None:
     loaded = parse(ONE, **{key: Units.DEGREE})
     assert loaded.table.units is Units.DEGREE
-    assert loaded.source.decisions[1] == "units degree: the axis is a rotary one, whatever MM says"
+    assert loaded.source.decisions[1] == "units degree: the axis is rotary, so MM does not count"
 
 
 def test_told_units_must_agree() -> None:
     assert parse(ONE, units=Units.INCH).table.units is Units.MM
-    with pytest.raises(TabFileError, match="units mm, told file_units inch"):
+    with pytest.raises(TabFileError, match="units mm, but file_units = inch"):
         parse(ONE, file_units=Units.INCH)
     with pytest.raises(TabFileError, match="a table in mm for an axis in degree"):
         parse(ONE, file_units=Units.MM, units=Units.DEGREE)
@@ -271,7 +271,7 @@ def test_what_is_written_is_read_back(table: CorrectionTable, sense: ErrorSense,
     else:
         # a column of zeros has two meanings: one unit of the last place is written instead
         assert [abs(error) for error in again.table.backward] == [1e-6, *[0.0] * (len(table.positions) - 1)]
-        assert "its first value is 0.000001" in written.losses[1]
+        assert "is written as 0.000001" in written.losses[1]
 
 
 def test_what_a_table_cannot_hold() -> None:
@@ -279,7 +279,7 @@ def test_what_a_table_cannot_hold() -> None:
     write = dialect_named("heidenhain-com").write
     with pytest.raises(TabFileError, match="axis ''"):
         write(table, WriteOptions(sense=ACTUAL))
-    with pytest.raises(TabFileError, match="no sense of its errors"):
+    with pytest.raises(TabFileError, match="the sense of its errors is missing"):
         write(table, WriteOptions(axis="x"))
     close = make_table([0, 2e-7], [0, 0], [0, 0], Units.MM)
     with pytest.raises(TabFileError, match="closer than 1e-06 mm"):

@@ -85,7 +85,7 @@ def test_fanuc_turn_has_its_first_point_twice_and_sums_up_to_nothing() -> None:
     assert (table.first, table.last) == (0.0, 360.0)
     assert list(table.forward) == in_micrometres([0, 1, 3, 2, 2, 5, 3, 2, 0])
     error = refused(revolution.replace("60,-2", "60,-3"), **DEGREES)
-    assert (error.line, error.found) == (7, "-3 at point 60, but -2 at point 68, a turn later")
+    assert (error.line, error.found) == (7, "-3 at point 60, but -2 at point 68, one turn later")
     error = refused(revolution.replace("65,3", "65,4"), **DEGREES)
     assert "sum up to 1 over a turn" in error.found
     assert "at most one turn" in str(refused(fanuc("0 1 3 1 121", "0 0 0", 1), **DEGREES))
@@ -117,7 +117,7 @@ def test_mitsubishi_scale_factor_and_reference() -> None:
     ("facts", "message"),
     [
         ({"file_counts_per_unit": 1000.0}, "states no units"),
-        ({"file_units": Units.MM}, "no file_counts_per_unit"),
+        ({"file_units": Units.MM}, "file_counts_per_unit is missing"),
         ({"file_units": Units.MM, "file_counts_per_unit": -1000.0}, "file_counts_per_unit -1000"),
         ({**MM, "units": Units.DEGREE}, "axis in degree"),
         ({**MM, "travel": (3000.0, 4000.0)}, "misses travel"),
@@ -237,14 +237,19 @@ _FLAT = [0.0, 0.0, 0.0]
 @pytest.mark.parametrize(
     ("points", "units", "scale", "found"),
     [
-        (([0, 1, 2], _FLAT), Units.MM, None, "no counts per unit"),
+        (([0, 1, 2], _FLAT), Units.MM, None, "counts per unit are missing"),
         (([0, 1, 2], _FLAT), Units.MM, -1000.0, "above 0"),
         (([0, 1, 3], _FLAT), Units.MM, 1000.0, "not evenly spaced"),
         (([0.5, 1.5, 2.5], _FLAT), Units.MM, 1000.0, "no point at 0"),
         (([1, 2, 3], _FLAT), Units.MM, 1000.0, "no point at 0"),
         (([0, 1, 2], [0.01, 0, 0]), Units.MM, 1000.0, "0.01 mm at 0"),
         (([0, 1, 2], [0, 0, 0.9]), Units.MM, 1e6, "between 1 and 2"),
-        (([0, 180, 360], [0, 0.001, 0.001]), Units.DEGREE, 1000.0, "a turn whose ends differ"),
+        (
+            ([0, 180, 360], [0, 0.001, 0.001]),
+            Units.DEGREE,
+            1000.0,
+            "a turn with different corrections at its ends",
+        ),
     ],
 )
 def test_what_increments_cannot_hold_is_refused(

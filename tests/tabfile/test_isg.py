@@ -67,8 +67,8 @@ def test_the_published_example_says_how_it_was_read() -> None:
     assert source.comment_axis == "Y"
     assert source.forward_rule == "error = actual - commanded: subtracted; pos"
     assert source.behaves_as == ('outside = "hold"',)
-    assert "error_sense turns it round" in source.decisions[0]
-    assert source.decisions[3] == "no part of the table, by section and number of lines: kopf (2)"
+    assert "error_sense changes it" in source.decisions[0]
+    assert source.decisions[3] == "not part of the table, by section and number of lines: kopf (2)"
 
 
 def test_increments_with_an_interval_by_hand() -> None:
@@ -92,7 +92,7 @@ def test_scale_of_increments_is_per_unit_of_the_axis() -> None:
 
 
 def test_increments_need_a_scale_and_units() -> None:
-    with pytest.raises(TabFileError, match="and no file_counts_per_unit"):
+    with pytest.raises(TabFileError, match="file_counts_per_unit is missing"):
         parse(EVEN, units=Units.MM)
     with pytest.raises(TabFileError, match="file_counts_per_unit -1000"):
         parse(EVEN, units=Units.MM, file_counts_per_unit=-1000.0)
@@ -161,7 +161,7 @@ def test_rotary_list_and_wrong_units() -> None:
     assert parse(ONE_WAY, units=Units.DEGREE, file_units=Units.DEGREE).table.units is Units.DEGREE
     with pytest.raises(TabFileError, match="a list in unit 1 for an axis in degree"):
         parse(ONE_WAY, units=Units.DEGREE)
-    with pytest.raises(TabFileError, match="told file_units inch"):
+    with pytest.raises(TabFileError, match="but file_units = inch"):
         parse(ONE_WAY, file_units=Units.INCH)
 
 
@@ -189,7 +189,7 @@ def test_other_parameters_of_an_axis_list_are_named() -> None:
     text = "kopf.achs_nr 1\ngetriebe[0].weg_z 10\ngetriebe[0].weg_n 1 # gear\nlr_param.ssfk 1\n" + ONE_WAY
     source = parse(text).source
     assert source.decisions[-1] == (
-        "no part of the table, by section and number of lines: kopf (1), getriebe (2), lr_param (1)"
+        "not part of the table, by section and number of lines: kopf (1), getriebe (2), lr_param (1)"
     )
 
 

@@ -44,7 +44,7 @@ def test_type_0_adds_nominal_minus_actual() -> None:
     explained = explain(loaded, 1.0, counts_per_unit=2000.0).backward
     assert explained.correction == pytest.approx(-0.0025, abs=1e-12)
     assert (explained.nominal_counts, explained.counts) == (2000, 1995)
-    assert "minus it is added" in explained.rule
+    assert "- value is added" in explained.rule
 
 
 def test_shipped_typo_is_an_error_and_named_as_outlier() -> None:
@@ -82,9 +82,9 @@ def test_text_does_not_tell_its_type() -> None:
 
 
 def test_type_told_wrong_is_refused() -> None:
-    with pytest.raises(TabFileError, match=r"told as trims.*linuxcnc-0"):
+    with pytest.raises(TabFileError, match=r"so they are not trims.*linuxcnc-0"):
         parse(CORRECTED, 1)
-    with pytest.raises(TabFileError, match=r"told as positions.*linuxcnc-1"):
+    with pytest.raises(TabFileError, match=r"so they are not positions.*linuxcnc-1"):
         parse("0 -0.002 0.003\n1 -0.003 0.002\n", 0)
 
 

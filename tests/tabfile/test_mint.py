@@ -130,18 +130,18 @@ def test_an_increment_that_stands_only_in_a_figure_is_told() -> None:
     # told in mm for a program in inches
     told = parse(text, file_start=0.0, increment=254.0, file_units=Units.INCH, units=Units.MM)
     assert told.table.positions[1] == 10.02
-    assert "told by increment" in str(told.source.decisions)
+    assert "from increment" in str(told.source.decisions)
 
 
 def test_an_increment_that_contradicts_the_program_is_refused() -> None:
     error = refused(SINGLE, file_start=0.0, increment=5.0)
-    assert "PRECISIONINCREMENT 10, told increment 5" in error.found
+    assert "PRECISIONINCREMENT 10, but increment = 5" in error.found
     assert error.line == 3
     assert single(increment=10.0).table.last == 30.0
 
 
 def test_mark_a_must_be_known() -> None:
-    with pytest.raises(TabFileError, match="nothing says where mark A"):
+    with pytest.raises(TabFileError, match="the position of mark A"):
         single(file_start=None)
     assert single(file_start=-30.0).table.first == -30.0
 
@@ -202,11 +202,16 @@ def test_values_know_their_own_lines() -> None:
         ("30.00", "30:00", 1, "a statement that begins with '00'"),
         ("20.01", "", 1, "decimal number"),
         ("DIM fwd(3) =", "DIM fwd(3)", 1, "allowed: ="),
-        ("DIM fwd", "DIM rev", 2, "an array FWD that has no values"),
+        ("DIM fwd", "DIM rev", 2, "an array FWD without values"),
         ("PRECISIONTABLE(0, fwd)", "PRECISIONTABLE(x, fwd)", 2, "the number of an axis"),
         ("PRECISIONTABLE(0, fwd)", "PRECISIONTABLE(0, fwd", 2, "allowed: , or )"),
         ("PRECISIONTABLE(0, fwd)", "PRECISIONTABLE(0, fwd) 1", 2, "end of the statement"),
-        ("PRECISIONTABLE(0, fwd)", "PRECISIONTABL(0, fwd)", None, "no statement begins with PRECISIONTABLE"),
+        (
+            "PRECISIONTABLE(0, fwd)",
+            "PRECISIONTABL(0, fwd)",
+            None,
+            "without a statement that begins with PRECISIONTABLE",
+        ),
         ("PRECISIONTABLE(0, fwd)", "PRECISIONTABLE(1, fwd)", 2, "axis 1 without its PRECISIONINCREMENT"),
         ("PRECISIONINCREMENT.0 = 10", "", 2, "without its PRECISIONINCREMENT"),
         ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = -10", 3, "a distance above 0"),
@@ -319,7 +324,7 @@ def test_backlash_of_the_guide_names_several_axes() -> None:
 
 
 def test_backlash_beside_two_tables_is_refused() -> None:
-    with pytest.raises(TabFileError, match="hold the lost motion already") as caught:
+    with pytest.raises(TabFileError, match="already contain the lost motion") as caught:
         parse(SAMPLE.replace("_blOFF", "_blON") + "BACKLASH.0 = 0.02\n")
     assert caught.value.line == 8
     parse(SAMPLE + "BACKLASH.0 = 0.02\n")

@@ -79,7 +79,7 @@ def test_two_directions_make_two_tables() -> None:
         "PRECISIONTABLE",
         "PRECISIONINCREMENT.0 = 10",
         "PRECISIONOFFSET.0 = -20",
-        "BACKLASHMODE.0 = _blOFF : REM the tables hold the lost motion",
+        "BACKLASHMODE.0 = _blOFF : REM the tables contain the lost motion",
         "PRECISIONMODE.0 = _lsDUAL_TABLE",
     ]
     assert any("axis 0" in loss for loss in written.losses)
@@ -120,7 +120,7 @@ def test_first_correction_grows_from_mark_a_below_the_table() -> None:
 
 def test_uneven_points_are_refused_unless_an_increment_fits() -> None:
     table = make_table([0, 1, 3.7, 9.1], [0, 0.001, -0.002, 0.001], [0, 0.001, -0.002, 0.001], Units.MM)
-    with pytest.raises(TabFileError, match="fit no even increment"):
+    with pytest.raises(TabFileError, match="do not fit an even increment"):
         write(table)
 
 

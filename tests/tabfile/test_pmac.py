@@ -128,7 +128,7 @@ def test_of_several_motors_one_is_told() -> None:
     assert read(both, file_axis="#1") == [(0.0, 0.0), (2.0, 0.001), (4.0, 0.0)]
     assert "told file_axis '3'" in refused(both, file_axis="3")
     assert "x.pmc:4: a second table of motor 1" in refused(f"#1\n{TABLE}DEFINE COMP 4,4000\n0 0 0 0\n")
-    assert "x.pmc:1: a table for the motor that was addressed" in refused(TABLE + TABLE)
+    assert "x.pmc:1: a table for the addressed motor" in refused(TABLE + TABLE)
 
 
 def test_a_source_alone_corrects_the_addressed_motor_which_must_be_known() -> None:
@@ -149,7 +149,11 @@ def test_a_source_alone_corrects_the_addressed_motor_which_must_be_known() -> No
         ("32", "32.5", "x.pmc:2: '16 32.5 16 0' after 0 entries"),
         ("32", "x", "x.pmc:2: '16 x 16 0' after 0 entries"),
         ("16 0", "16\nI51=1", "x.pmc:3: 'I51=1' after 3 entries"),
-        ("16 0\n", "16 8\n", "x.pmc:2: a last entry of 8, which also stands for the zero of the motor"),
+        (
+            "16 0\n",
+            "16 8\n",
+            "x.pmc:2: a last entry of 8, but it is also the entry for the zero of the motor",
+        ),
         ("4,4000", "4", "x.pmc:1: 'DEFINE COMP 4'"),
         ("4,4000", "0,4000", "x.pmc:1: 'DEFINE COMP 0,4000'"),
         ("4,4000", "4,0", "x.pmc:1: 'DEFINE COMP 4,0'"),
@@ -185,7 +189,7 @@ def test_what_the_file_does_not_say_is_asked_for(told: dict[str, object], words:
 def test_the_error_that_asks_for_the_sense_says_what_the_manual_says() -> None:
     said = refused(TABLE, error_sense=None)
     assert "by its manual an entry is added (command_minus_actual)" in said
-    assert "no manual says" not in said
+    assert "no manual states" not in said
 
 
 def test_a_table_of_backlash_in_the_same_file_is_refused() -> None:

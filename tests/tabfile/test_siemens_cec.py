@@ -33,7 +33,7 @@ def test_each_direction_has_its_table() -> None:
 def test_the_sense_is_told_for_no_manual_at_hand_says_it() -> None:
     other = parse(TEXT, error_sense=AMC).table
     assert list(other.forward) == [0.0, -0.003, -0.005, -0.004]
-    assert "no manual says which sign" in refused(TEXT, error_sense=None)
+    assert "no manual states the sign" in refused(TEXT, error_sense=None)
     assert "states no units" in refused(TEXT, file_units=None)
 
 
@@ -55,7 +55,7 @@ def test_several_axes_need_a_name() -> None:
 @pytest.mark.parametrize(
     ("before", "after", "words"),
     [
-        ("OUTPUT_AXIS[1]=(X1)", "OUTPUT_AXIS[1]=(Z1)", "Z1 moved by the position of X1"),
+        ("OUTPUT_AXIS[1]=(X1)", "OUTPUT_AXIS[1]=(Z1)", "Z1 corrected over the position of X1"),
         ("DIRECTION[1]=-1", "DIRECTION[1]=1", "DIRECTION +1 (table 0), +1 (table 1)"),
         ("DIRECTION[1]=-1", "DIRECTION[1]=2", "DIRECTION 2; allowed: 0, 1 or -1"),
         ("$AN_CEC_DIRECTION[1]=-1\n", "", "sag compensation (CEC) table 1: no $AN_CEC_DIRECTION[1]"),
@@ -66,13 +66,13 @@ def test_several_axes_need_a_name() -> None:
         (
             "$AN_CEC_MIN[1]=0\n$AN_CEC_MAX[1]=300",
             "$AN_CEC_MIN[1]=10\n$AN_CEC_MAX[1]=310",
-            "with other points",
+            "with different points",
         ),
         ("-0.012", "-0,012", "cec.ini:15"),
         ("M17\n", "", "cec.ini:25"),
-        ("M0\nM17\n", "", "M17 at the end: is the file whole?"),
+        ("M0\nM17\n", "", "M17 at the end: check that the file is complete"),
         ("IS_MODULO[1]='H0'", "IS_MODULO[1]='H2'", "IS_MODULO 2"),
-        ("(X1)", "X1", "no axis in brackets"),
+        ("(X1)", "X1", "not an axis in brackets"),
         ("$AN_CEC_STEP[1]", "$AN_CEC_STOP[1]", "an unknown parameter"),
         ("$AN_CEC_STEP[1]=100", "$AN_CEC_STEP[1]=100\n$AN_CEC_MULT_BY_TABLE[1]=2", "a product of two tables"),
     ],

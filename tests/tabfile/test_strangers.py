@@ -16,7 +16,7 @@ from gateway.tabfile import FileContext, TabFileError, parse_table
         ("%\nN3620P40\nN3621P33\n", 2, "Fanuc", "fanuc-csv"),
         ("%\nN10033Q1P-2\n", 2, "Fanuc", "3620 to 3624"),
         ("# encoder\nPREC=5\n-10 -10.1\n0 0.1\n", 2, "ecmc", "correction_mm"),
-        ("STARTW\n0.0=0.0\n10.0=10.002\nEND\n", 1, "COMP.ERR", "right number less the left"),
+        ("STARTW\n0.0=0.0\n10.0=10.002\nEND\n", 1, "COMP.ERR", "right number minus the left"),
         ("[ScrewMap0]\nPoints=3\n", 1, "Mach3 or Mach4", "one test move"),
     ],
 )

@@ -112,7 +112,7 @@ def test_c11_what_the_table_does_not_cover_is_named_and_hold_is_shown() -> None:
 
 
 def test_c12_constants_1_0_are_not_a_start() -> None:
-    with pytest.raises(TabFileError, match="do not say where the first point lies"):
+    with pytest.raises(TabFileError, match="does not state the first position"):
         parse(TB058_V2)
 
 

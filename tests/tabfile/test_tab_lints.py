@@ -216,7 +216,7 @@ def test_l6_two_rows_with_digits_exchanged() -> None:
     forward[2], forward[4] = 0.0481, 0.0829  # 0.0148 and 0.0289
     found = [lint for lint in microns(forward, BACK).lints if lint.code == "L6"]
     assert [lint.line for lint in found] == [8, 10]
-    assert "the others lead to 0.01435 there" in found[0].message  # half way from 0.0071 to 0.0216
+    assert "the other values lead to 0.01435" in found[0].message  # half way from 0.0071 to 0.0216
 
 
 @pytest.mark.parametrize("count", [12, 18, 19, 31])

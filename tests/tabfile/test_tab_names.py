@@ -70,7 +70,7 @@ def test_names_that_differ_by_case_only_are_refused(tmp_path: Path) -> None:
     (tmp_path / "CNC10X.TAB").touch()
     if len(list(tmp_path.iterdir())) == 1:
         pytest.skip("the file system does not tell cases apart")
-    with pytest.raises(TabFileError, match="differ by case only"):
+    with pytest.raises(TabFileError, match="differ only in upper and lower case"):
         find_table(tmp_path, "cnc10x.tab")
 
 

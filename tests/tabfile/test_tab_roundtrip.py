@@ -159,7 +159,7 @@ def _table(
 @pytest.mark.parametrize(
     ("dialect", "table", "options", "found"),
     [
-        ("centroid-1", _table(), WriteOptions(), "no counts per unit"),
+        ("centroid-1", _table(), WriteOptions(), "counts per unit are missing"),
         (
             "centroid-1",
             _table([1.0, 2.0, 3.0]),

@@ -66,12 +66,12 @@ def test_lines_are_counted_from_the_top_of_the_file() -> None:
         (b"\x7fELF\x02\x01\x01\x00", "binary"),
         (bytes(range(256)), "binary"),
         (GOOD + b"\x1a20 0.002 0", "text after an end-of-file mark"),
-        (b"# a note\n0 0\n", "unknown first line of 8 characters, which is of no table"),
-        (b"3 9 0.5 20 1 0\n", "unknown first line"),
-        (b"24\n", "unknown first line '24'"),
-        (b"CNC11 TABLE\n", "unknown first line 'CNC11 TABLE'"),
-        (b"0123456789abcdefghijklmnopqrstuv\n", "unknown first line of 32 characters, which is of no table"),
-        (b"24 1.5\n", "unknown first line"),
+        (b"# a note\n0 0\n", "is unknown of 8 characters, which is of no table"),
+        (b"3 9 0.5 20 1 0\n", "is unknown"),
+        (b"24\n", "is unknown '24'"),
+        (b"CNC11 TABLE\n", "is unknown 'CNC11 TABLE'"),
+        (b"0123456789abcdefghijklmnopqrstuv\n", "is unknown of 32 characters, which is of no table"),
+        (b"24 1.5\n", "is unknown"),
         (b"CNC10 TAB FILE VERSION 2\n", "version 2"),
     ],
 )
@@ -95,7 +95,7 @@ def test_a_text_that_is_none_of_a_told_format_is_not_quoted(name: str, text: str
     with pytest.raises(TabFileError) as caught:
         parse(text.encode(), format=name, file_start=0.0, file_units=Units.MM)
     assert caught.value.line == 1
-    assert f"nothing of format {name!r}" in caught.value.found
+    assert f"no sign of format {name!r}" in caught.value.found
     assert "hunter2" not in str(caught.value)
 
 

@@ -81,7 +81,7 @@ def test_first_value_against_a_round_interval_is_refused_with_both_readings() ->
         parse(text, file_counts_per_unit=64000.0)
     assert caught.value.line == 2
     assert [reading.split(":")[0] for reading in caught.value.readings] == [
-        "v1_layout listed",
+        "v1_layout = listed",
         "v1_layout implicit",
     ]
     assert len(parse(text, file_counts_per_unit=64000.0, v1_layout=V1Layout.LISTED).table.positions) == 24
@@ -177,8 +177,8 @@ def test_range_far_from_travel_on_either_side_is_refused() -> None:
         ("3 120000\n0\n\n1\n2", 3, "whole number"),
         ("3 120000\n0\n1 ; x\n2", 3, "whole number"),
         ("3 120000\n0\nabc\n2", 3, "whole number"),
-        ("0 120000", 1, "values >= 1"),
-        ("3 0\n1\n2\n3", 1, "other than 0"),
+        ("0 120000", 1, "number of values (1 or more)"),
+        ("3 0\n1\n2\n3", 1, "(not 0)"),
     ],
 )
 def test_what_is_not_grammar_is_named_with_its_line(text: str, line: int, allowed: str) -> None:

@@ -110,7 +110,7 @@ def test_travel_on_both_sides_begins_at_its_lower_end_with_a_warning() -> None:
 
 def test_travel_on_both_sides_must_be_spanned_but_for_one_step() -> None:
     parse(TB058, travel=(-1.5, 1.5))
-    with pytest.raises(TabFileError, match="do not reach across"):
+    with pytest.raises(TabFileError, match="too few for"):
         parse(TB058, travel=(-1.5, 1.6))
 
 
@@ -145,7 +145,7 @@ def test_travel_in_millimetres_is_converted_for_an_inch_file() -> None:
 
 def test_told_home_side_that_the_positions_contradict_is_an_error() -> None:
     parse(TB058, file_start=-2.5, file_home=HomeSide.PLUS)
-    with pytest.raises(TabFileError, match="prove home at the plus end"):
+    with pytest.raises(TabFileError, match="so home is at the plus end"):
         parse(TB058, file_start=-2.5, file_home=HomeSide.MINUS)
 
 

@@ -41,9 +41,9 @@ def test_home_minus_axis_takes_away_for_motion_in_the_positive_direction() -> No
 
 def test_told_home_side_must_agree_with_the_order_of_positions() -> None:
     parse(SAMPLE, file_home=HomeSide.PLUS)
-    with pytest.raises(TabFileError, match="prove home at the plus end"):
+    with pytest.raises(TabFileError, match="so home is at the plus end"):
         parse(SAMPLE, file_home=HomeSide.MINUS)
-    with pytest.raises(TabFileError, match="prove home at the minus end"):
+    with pytest.raises(TabFileError, match="so home is at the minus end"):
         parse(HEADER + "0 0 0\n10 0 0\n20 0 0", file_home=HomeSide.PLUS)
 
 
@@ -60,7 +60,7 @@ def test_positions_on_both_sides_of_home_are_refused_with_both_readings(
 ) -> None:
     with pytest.raises(TabFileError, match="both sides of home") as caught:
         parse(HEADER + rows, file_home=home)
-    assert "change their direction at home" in caught.value.readings[0]
+    assert "change direction at home" in caught.value.readings[0]
     assert "keep their direction" in caught.value.readings[1]
     # the columns differ by 3 mm everywhere
     assert "at most 3 mm" in caught.value.readings[1]

@@ -38,7 +38,7 @@ def test_a_scale_is_asked_for_per_unit_of_the_axis(text: str) -> None:
 def test_what_a_scale_per_unit_of_the_axis_makes_is_said() -> None:
     loaded = parse(FANUC, file_units=Units.INCH, file_counts_per_unit=1000.0)
     assert (
-        "25400 counts per inch: file_counts_per_unit is told per mm, the unit of the axis"
+        "25400 counts per inch: file_counts_per_unit is given per mm, the unit of the axis"
         in loaded.source.decisions
     )
     same = parse(FANUC, file_units=Units.MM, file_counts_per_unit=1000.0)

@@ -61,7 +61,7 @@ def test_the_unit_stands_with_and_without_the_semicolon_of_the_examples(unit: st
         (";unit=mm", ";unit=inch", "axeserr.dat:1: unit 'inch'"),
         (";unit=mm\n", "[Y]\n1,0,0\n", "no unit"),
         ("[X]", "[X", "axeserr.dat"),
-        ("-200.020", "-310.020", "axeserr.dat:5: L11 position -310.02 behind -300.025"),
+        ("-200.020", "-310.020", "axeserr.dat:5: L11 position -310.02 after -300.025"),
         ("-200.020, 0.0250, 0.0770", "-200.020, 0.0250", "axeserr.dat:5: '-200.020, 0.0250'"),
         ("0.0250", "0,0250", "axeserr.dat:5: "),
         ("; measured with a laser", "measured with a laser", "axeserr.dat:2: 'measured with a laser'"),
@@ -99,7 +99,7 @@ def test_what_is_written_says_axis_and_unit_and_comes_back_in_its_sense() -> Non
     written = dialect.write(table, WriteOptions(axis="X", sense=CMA))
     assert written.text.startswith("unit = mm\n[X]\n-300.025000, -0.027000, -0.083000\n")
     assert read(written.text, error_sense=CMA) == read(WEIHONG.decode())
-    with pytest.raises(TabFileError, match="no sense of its errors"):
+    with pytest.raises(TabFileError, match="the sense of its errors is missing"):
         dialect.write(table, WriteOptions(axis="X"))
     with pytest.raises(TabFileError, match="axis ''"):
         dialect.write(table, WriteOptions(sense=AMC))
