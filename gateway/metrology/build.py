@@ -82,8 +82,8 @@ class HomeCase(Enum):
         if self is HomeCase.MARK:
             if not low - near_low <= 0.0 <= high + near_high:
                 raise ReadingsError(
-                    f"the reference mark is at 0, outside the targets {low:.9g} to {high:.9g}: measure at 0 "
-                    "too, or choose switch-positive or switch-negative"
+                    "measure also at 0, where the reference mark is, or choose switch-positive or "
+                    f"switch-negative: the targets are {low:.9g} to {high:.9g}"
                 )
             return HomeReference(min(max(0.0, low), high), Direction.FORWARD)
         is_positive = self is HomeCase.SWITCH_POSITIVE
@@ -91,9 +91,9 @@ class HomeCase(Enum):
             side, end = ("positive", "negative") if is_positive else ("negative", "positive")
             other = HomeCase.SWITCH_NEGATIVE if is_positive else HomeCase.SWITCH_POSITIVE
             raise ReadingsError(
-                f"home {self.value} means {side} positions, with the switch at the {end} end of travel, and "
-                f"the targets are {low:.9g} to {high:.9g}; choose {other.value} if the switch is at the "
-                f"{side} end, or mark if home is a mark between them"
+                f"home {self.value} means {side} positions, with the switch at the {end} end of travel, "
+                f"but the targets are {low:.9g} to {high:.9g}; choose {other.value} if the switch is at "
+                f"the {side} end, or mark if home is a mark between them"
             )
         if is_positive:
             return HomeReference(low, Direction.FORWARD)
@@ -207,9 +207,9 @@ def _complete(
         )
         where = "at all" if len(missing) == len(targets) > _LISTED else f"at {where}"
         raise ReadingsError(
-            f"no {direction.name.lower()} reading {where}: measure every target in both directions (only the "
-            "first and the last can be estimated, from a neighbour that has both), or make one curve of what "
-            "was measured for both directions (--one-way)"
+            f"no {direction.name.lower()} reading {where}: measure every target in both directions, or "
+            "make one curve for both directions (--one-way). Only the first and the last target can be "
+            "estimated, from a neighbour with both"
         )
     return [value for value in values if value is not None]
 
@@ -221,10 +221,10 @@ def referenced(table: CorrectionTable, home: HomeReference) -> CorrectionTable:
         ReadingsError: home is outside the table, or has no direction of approach.
     """
     if home.direction not in APPROACHES:
-        raise ReadingsError("home was approached in an unknown direction: give forward or backward")
+        raise ReadingsError("give the direction in which home was approached: forward or backward")
     if not table.first <= home.position <= table.last:
         raise ReadingsError(
-            f"home at {home.position:.9g} lies outside the targets {table.first:.9g} to {table.last:.9g}"
+            f"home at {home.position:.9g} is outside the targets {table.first:.9g} to {table.last:.9g}"
         )
     at_home = correction_at(table, home.position, home.direction)
     return make_table(

@@ -44,7 +44,7 @@ def even_targets(low: float, high: float, step: float) -> list[float]:
     count = int((high - low) / step + 1e-6) + 1 if step > 0.0 else 0
     if not 2 <= count <= MAX_TARGETS:
         raise ReadingsError(
-            f"a step of {step:g} from {low:g} to {high:g}: it must make 2 to {MAX_TARGETS} targets"
+            f"a step of {step:g} from {low:g} to {high:g}: it must give 2 to {MAX_TARGETS} targets"
         )
     return [low + index * step for index in range(count)]
 
@@ -68,8 +68,8 @@ def random_targets(
     interval = (high - low - spread) / (count - 1)
     if not 0.0 <= spread < interval:
         raise ReadingsError(
-            f"a spread of {spread:g} with {count} targets from {low:g} to {high:g}: it must be smaller than "
-            f"the interval that it leaves, {interval:.6g}; fewer targets, or less"
+            f"a spread of {spread:g} with {count} targets from {low:g} to {high:g}: give fewer targets or "
+            f"a smaller spread; it must be smaller than the remaining interval, {interval:.6g}"
         )
     random = Random(seed)
     targets = [round(low + i * interval + random.random() * spread, decimals) for i in range(count)]
@@ -92,12 +92,12 @@ def check_targets(targets: Sequence[float], units: Units, travel: tuple[float, f
     for low, high in pairwise(stops):
         if round(low, decimals) == round(high, decimals):
             raise ReadingsError(
-                f"targets {low:.9g} and {high:.9g} are one with {decimals} decimals: fewer targets"
+                f"give fewer targets: with {decimals} decimals {low:.9g} and {high:.9g} are the same"
             )
     if travel is not None and not travel[0] <= stops[0] <= stops[-1] <= travel[1]:
         raise ReadingsError(
-            f"the targets go from {stops[0]:g} to {stops[-1]:g}, the travel is {travel[0]:g} to "
-            f"{travel[1]:g}: targets further inside"
+            f"the targets go from {stops[0]:g} to {stops[-1]:g}, but the travel is {travel[0]:g} to "
+            f"{travel[1]:g}: choose targets further inside"
         )
 
 
@@ -198,7 +198,7 @@ class Cycle:
             if not (isfinite(number) and round(number, decimals) > 0.0):
                 raise ReadingsError(f"{name} {number:g}: it must be above 0, with {decimals} decimals")
         if self.runs < 1:
-            raise ReadingsError(f"{self.runs} runs: at least one each way")
+            raise ReadingsError(f"{self.runs} runs: give at least 1 (each run goes both ways)")
 
 
 def endless_steps(axis: str, step: float, dwell: float, decimals: int) -> str:
@@ -216,8 +216,8 @@ def endless_steps(axis: str, step: float, dwell: float, decimals: int) -> str:
         raise ReadingsError(f"a step of {step:g}: it must not be 0; its sign is the direction")
     if abs(step - round(step, decimals)) > ROUNDING * abs(step):
         raise ReadingsError(
-            f"a step of {step:.9g}: it repeats, so what {decimals} decimals lose of it adds up; a step with "
-            "fewer, or --write cycle"
+            f"give a step with at most {decimals} decimals, or --write cycle: the rounding of step "
+            f"{step:.9g} would add up with each move"
         )
     return f"G91{axis.upper()}{_short(step, decimals)}\nG4P{_short(dwell, WORD_DECIMALS)}\nM102\n"
 
@@ -234,8 +234,8 @@ def cycle_program(targets: Sequence[float], cycle: Cycle, travel: tuple[float, f
     low, high = min(targets) - cycle.overrun, max(targets) + cycle.overrun
     if travel is not None and not travel[0] <= low < high <= travel[1]:
         raise ReadingsError(
-            f"the cycle goes from {low:g} to {high:g} with its overrun of {cycle.overrun:g}, the travel is "
-            f"{travel[0]:g} to {travel[1]:g}: targets further inside, or a smaller overrun"
+            f"the cycle goes from {low:g} to {high:g} with its overrun of {cycle.overrun:g}, but the "
+            f"travel is {travel[0]:g} to {travel[1]:g}: choose targets further inside, or a smaller overrun"
         )
     return "".join(f"{line}\n" for line in _cycle_lines(targets, cycle))
 

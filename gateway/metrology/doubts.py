@@ -40,7 +40,7 @@ def _unit(readings: Sequence[Reading], units: Units) -> list[str]:
     if not 0.0 < largest < units.from_mm(TINY_MM) and largest <= units.from_mm(HUGE_MM):
         return []
     difference = f"{largest:.3g} {units.value}"
-    return [f"the deviations differ by {difference} in all: are the numbers in the unit that is said?"]
+    return [f"check the unit of the numbers: all deviations together differ by {difference}"]
 
 
 def _ends(means: MeanCorrections, units: Units) -> list[str]:
@@ -59,8 +59,8 @@ def _ends(means: MeanCorrections, units: Units) -> list[str]:
         least = min(map(abs, others))
         if abs(reversals[end]) < LOST_AT_AN_END * least:
             found.append(
-                f"at {end:.9g} both directions lie {abs(reversals[end]):.3g} {units.value} apart, elsewhere "
-                f"at least {least:.3g}: did the axis turn round there without going beyond it? Then both "
+                f"at {end:.9g} both directions differ by {abs(reversals[end]):.3g} {units.value}, "
+                f"elsewhere by at least {least:.3g}. If the axis reversed there without going beyond, both "
                 "readings are of one direction: measure with an overrun larger than the lost motion"
             )
     return found
@@ -93,10 +93,10 @@ def _scale_notes(survey: Survey, counts_per_unit: float | None, lead: float | No
         return [scale.describe(counts_per_unit)] if is_worth_it else []
     if survey.units is Units.DEGREE or not is_short(survey, lead):
         return []
-    hint = "" if lead is not None else ", or tell the lead (--lead) if that is so many turns"
+    hint = "" if lead is not None else ", or give the lead (--lead) if the range is that long"
     text = (
-        f"the readings span {survey.span:.6g} {survey.units.value}, a few turns of the screw: they tell no "
-        f"scale. For it, measure over {LEAST_TURNS} turns and more{hint}"
+        f"to find the scale, measure over {LEAST_TURNS} turns or more{hint}. These readings cover "
+        f"{survey.span:.6g} {survey.units.value}, only a few turns of the screw"
     )
     return [text]
 

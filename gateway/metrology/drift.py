@@ -55,8 +55,8 @@ class Drift:
         parts = []
         if self.is_growing:
             parts.append(
-                f"{self.growth * _PER_METRE_UM:+.3g} µm/m over the runs, as {self.kelvin_of_steel:+.2g} K of "
-                "steel make"
+                f"{self.growth * _PER_METRE_UM:+.3g} µm/m over the runs, as steel grows in "
+                f"{self.kelvin_of_steel:+.2g} K"
             )
         if self.is_shifting:
             parts.append(
@@ -145,8 +145,8 @@ def drift_line(survey: Survey, drift: Drift) -> str:
     small = small_unit(survey.units)
     was, steady = e_with_and_without(survey, drift)
     return (
-        f"the readings drift: {drift.describe(small)}. E {small.text(was)} with it, {small.text(steady)} "
-        "without: warm the axis up and measure again, or measure faster"
+        f"the readings drift: {drift.describe(small)}. E is {small.text(was)} with the drift, "
+        f"{small.text(steady)} without. Warm up the axis and measure again, or measure faster"
     )
 
 
@@ -166,11 +166,11 @@ def at_20_degrees(survey: Survey, expansion_um: float) -> Survey:
         ReadingsError: a reading without a temperature, a coefficient that no material has, or an angle.
     """
     if survey.units is Units.DEGREE:
-        raise ReadingsError(f"{survey.source}: an angle does not grow with temperature: leave --to-20c away")
+        raise ReadingsError(f"{survey.source}: remove --to-20c: an angle does not grow with temperature")
     if not 0.0 < expansion_um < MOST_EXPANSION:
         raise ReadingsError(
-            f"--to-20c {expansion_um:g}: µm a metre and kelvin, above 0 and below "
-            f"{MOST_EXPANSION:g}; steel has 11.5"
+            f"--to-20c {expansion_um:g}: it must be above 0 and below {MOST_EXPANSION:g} µm per metre and "
+            "kelvin; steel has 11.5"
         )
     stated = _stated(survey)
     cold = []
@@ -178,18 +178,18 @@ def at_20_degrees(survey: Survey, expansion_um: float) -> Survey:
         warm = stated if each.temperature_c is None else each.temperature_c
         if warm is None:
             raise ReadingsError(
-                f"{survey.source}: no temperature at {each.target:.9g}, run {each.run}: a column "
-                "temperature_c, or a line # temperature: 23.1 for all; or leave --to-20c away"
+                f"{survey.source}: no temperature at {each.target:.9g}, run {each.run}: add a column "
+                "temperature_c, or a line # temperature: 23.1 for all, or remove --to-20c"
             )
         grown = expansion_um / _PER_METRE_UM * (warm - REFERENCE_C) * each.target
         cold.append(replace(each, measured=each.measured - grown))
     return replace(
         survey,
         readings=tuple(cold),
-        facts={**survey.facts, "normalised to 20 °C": f"with {expansion_um:g} µm a metre and kelvin"},
+        facts={**survey.facts, "normalised to 20 °C": f"with {expansion_um:g} µm per metre and kelvin"},
         remarks=(
             *survey.remarks,
-            f"normalised to 20 °C with {expansion_um:g} µm a metre and kelvin, from machine position 0",
+            f"normalised to 20 °C with {expansion_um:g} µm per metre and kelvin, from machine position 0",
         ),
     )
 
@@ -201,7 +201,7 @@ def _stated(survey: Survey) -> float | None:
             found = _NUMBER.search(fact)
             if found is None or "f" in fact.lower():
                 raise ReadingsError(
-                    f"{survey.source}: # {name}: {fact}: a number in °C, as in # temperature: 23.1"
+                    f"{survey.source}: # {name}: {fact}: give a number in °C, as in # temperature: 23.1"
                 )
             return float(found[0])
     return None

@@ -229,7 +229,7 @@ def missing_of(found: Evaluation) -> tuple[str, ...]:
         missing += _targets(targets, length_mm, found.units, is_long=is_long)
     one_sided = sum(each.forward is None or each.backward is None for each in found.targets)
     if one_sided == len(targets) and not any(each.forward and each.backward for each in found.targets):
-        missing.append("one direction only, of both")
+        missing.append("one direction only, both are required")
     elif one_sided:
         missing.append(f"{one_sided} of {len(targets)} targets approached from one side only")
     fewest = min(
@@ -237,11 +237,9 @@ def missing_of(found: Evaluation) -> tuple[str, ...]:
     )
     least = 1 if is_long else RUNS
     if fewest < least:
-        missing.append(f"{fewest} run{'s' * (fewest != 1)} in each direction, of {least}")
+        missing.append(f"{fewest} run{'s' * (fewest != 1)} in each direction, {least} are required")
     if found.units is not Units.DEGREE and len(targets) > 2 and (step := even_step(targets)):
-        missing.append(
-            f"even intervals of {step:.6g} {found.units.value}, where irregular ones are asked for"
-        )
+        missing.append(f"even intervals of {step:.6g} {found.units.value}, but irregular ones are required")
     return tuple(missing)
 
 
@@ -250,11 +248,14 @@ def _targets(targets: list[float], length_mm: float, units: Units, *, is_long: b
         widest = max(high - low for low, high in pairwise(targets))
         if widest > units.from_mm(LONG_INTERVAL_MM) * (1 + 1e-9):
             return [
-                f"an interval of {widest:.6g} {units.value}, of at most {units.from_mm(LONG_INTERVAL_MM):g}"
+                (
+                    f"an interval of {widest:.6g} {units.value}, at most {units.from_mm(LONG_INTERVAL_MM):g} "
+                    "is allowed"
+                )
             ]
         return []
     needed = enough_targets(length_mm)
-    return [f"{len(targets)} targets, of {needed} on this length"] if len(targets) < needed else []
+    return [f"{len(targets)} targets, {needed} are required on this length"] if len(targets) < needed else []
 
 
 def title_of(found: Evaluation) -> str:
@@ -265,4 +266,4 @@ def title_of(found: Evaluation) -> str:
 def missing_line(found: Evaluation) -> str:
     """Return what is missing in one sentence; empty if nothing is."""
     missing = missing_of(found)
-    return f"no test after ISO 230-2: {'; '.join(missing)}" if missing else ""
+    return f"not a test after ISO 230-2: {'; '.join(missing)}" if missing else ""

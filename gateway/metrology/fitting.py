@@ -77,12 +77,12 @@ class FitEvidence:
         chosen, small = self.chosen, small_unit(units)
         where = "its points at the targets"
         if chosen.at_nut:
-            where = "its points where the nut stood, not where it was sent"
+            where = "its points at the measured positions of the nut, not at the commanded ones"
         elif chosen.step is not None:
             where = f"a point every {chosen.step:.6g} {units.value}"
         missed = ", ".join(f"{each.shape.words} {small.text(each.misses)}" for each in self.candidates)
         first = (
-            f"the {subject} follows {chosen.shape.words}, {where}; by so much each misses a target that is "
+            f"the {subject} follows {chosen.shape.words}, {where}; error of each shape at a target that is "
             f"left out (root mean square): {missed}"
         )
         notes = [first]
@@ -92,8 +92,8 @@ class FitEvidence:
             if self.has_left_out:
                 less = f"E = {small.text(other.left_out)} instead of {small.text(chosen.left_out)}"
             notes.append(
-                f"{other.shape.words} in {len(other.table.positions)} points would leave {less}, but cannot "
-                f"be written: {other.refused}"
+                f"{other.shape.words} with {len(other.table.positions)} points would leave {less}, but "
+                f"cannot be written: {other.refused}"
             )
         notes.extend(f"{each.period.name}: {_of_harmonic(each, units)}" for each in self.harmonics)
         return notes
@@ -157,7 +157,7 @@ def choose(screw: MeasuredScrew, lines: CorrectionTable, recipe: Recipe) -> FitE
 
 def _of_harmonic(harmonic: Harmonic, units: Units) -> str:
     if harmonic.amplitude is None or harmonic.phase_deg is None:
-        return "its size is not known, for these targets show it in part only, or as another period"
+        return "its size is unknown, because these targets show only a part of it, or another period"
     found = "not significant"
     # An amplitude that scatter can also produce is not used: with few targets it would be any number.
     if harmonic.is_significant:
@@ -178,10 +178,10 @@ def _jump_warning(jump: Jump, units: Units) -> str:
     """Return where the error jumps, and what to measure."""
     fine = (jump.high - jump.low) / JUMP_PARTS
     return (
-        f"between {jump.low:.9g} and {jump.high:.9g} {units.value} the error jumps by "
-        f"{small_unit(units).text(abs(jump.size))}, as where two racks or scales meet: a table goes straight "
-        f"from one target to the other and leaves the jump. Measure there finely, --from {jump.low:.9g} "
-        f"--to {jump.high:.9g} --step {fine:.6g}, and give both files"
+        f"measure finely between {jump.low:.9g} and {jump.high:.9g} {units.value}, with --from "
+        f"{jump.low:.9g} --to {jump.high:.9g} --step {fine:.6g}, and give both files. The error jumps "
+        f"there by {small_unit(units).text(abs(jump.size))}, as at a joint of two racks or scales, and a "
+        "table with these targets cannot follow it"
     )
 
 

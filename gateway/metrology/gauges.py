@@ -49,8 +49,8 @@ _MILLIMAR: Final = re.compile(
 _MILLIMAR_ERROR: Final = re.compile(r"1 ERR\d+.*")
 _SYLVAC: Final = re.compile(r"([+ -])(\d{1,8}\.\d{1,6})([<=>]?)")
 _REMEDY: Final = (
-    "the sign in front, a decimal point, no unit; set its output so, choose the other --gauge-kind, or type "
-    "the readings (without --gauge)"
+    "a sign in front, a decimal point, no unit; set its output to this, choose another --gauge-kind, or "
+    "type the readings (without --gauge)"
 )
 _SYLVAC_ERROR: Final = re.compile(r"ERR ?\d+")
 
@@ -67,10 +67,10 @@ def pattern_of(text: str) -> re.Pattern[str]:
     try:
         pattern = re.compile(text, re.ASCII)
     except re.error as error:
-        raise GaugeError(f"--gauge-pattern {text!r}: no regular expression: {error}") from None
+        raise GaugeError(f"--gauge-pattern {text!r}: not a regular expression: {error}") from None
     if VALUE not in pattern.groupindex:
         raise GaugeError(
-            f"--gauge-pattern {text!r}: the number must be a group that is called value, as in "
+            f"--gauge-pattern {text!r}: the number must be a group with the name value, as in "
             r"'X(?P<value>[+-]?\d+\.\d+)'"
         )
     return pattern
@@ -95,7 +95,7 @@ def reading_of(
     try:
         text = line.decode("ascii")
     except UnicodeDecodeError:
-        raise _unreadable(kind, line, "bytes that are no ASCII: check baud rate, parity and bits") from None
+        raise _unreadable(kind, line, "bytes that are not ASCII: check baud rate, parity and bits") from None
     if kind is GaugeKind.MITUTOYO:
         return _mitutoyo(text)
     if kind is GaugeKind.PATTERN:
@@ -111,7 +111,10 @@ def _mitutoyo(text: str) -> float:
     if found is not None:
         return float(found[2] + found[3])
     if _MITUTOYO_ERROR.fullmatch(text):
-        raise GaugeError(f"the interface says {text!r}: no reading from the gauge; is it on and plugged in?")
+        raise GaugeError(
+            f"the interface reports {text!r}, no reading from the gauge: check that the gauge is on "
+            "and plugged in"
+        )
     raise _unreadable(GaugeKind.MITUTOYO, text.encode(), f"it must be as in 01A+0012.345, {_REMEDY}")
 
 
@@ -120,7 +123,7 @@ def _sylvac(text: str) -> float:
     if found is not None:
         return float((found[1].strip() or "+") + found[2])
     if _SYLVAC_ERROR.fullmatch(text):
-        raise GaugeError(f"the gauge says {text!r}: look at its display")
+        raise GaugeError(f"the gauge reports {text!r}: look at its display")
     raise _unreadable(GaugeKind.SYLVAC, text.encode(), f"it must be as in +12.345, {_REMEDY}")
 
 
@@ -128,31 +131,31 @@ def _millimar(text: str, unit: str) -> float:
     if _MILLIMAR.fullmatch(text):
         return _matching(text, _MILLIMAR, unit)
     if _MILLIMAR_ERROR.fullmatch(text):
-        raise GaugeError(f"the instrument says {text[:SHOWN]!r}: is feature 1 on?")
+        raise GaugeError(f"the instrument reports {text[:SHOWN]!r}: check that feature 1 is on")
     raise _unreadable(GaugeKind.MILLIMAR, text.encode(), f"it must be as in 1 +012.345 um, {_REMEDY}")
 
 
 def _matching(text: str, pattern: re.Pattern[str], unit: str) -> float:
     found = pattern.fullmatch(text)
     if found is None:
-        raise GaugeError(f"the line {text[:SHOWN]!r} is not what --gauge-pattern {pattern.pattern!r} says")
+        raise GaugeError(f"the line {text[:SHOWN]!r} does not match --gauge-pattern {pattern.pattern!r}")
     number = to_decimal((found[VALUE] or "").replace(" ", "").replace(",", "."))
     if number is None:
         raise GaugeError(
-            f"the line {text[:SHOWN]!r}: the value {found[VALUE]!r} of --gauge-pattern is no number"
+            f"the line {text[:SHOWN]!r}: the value {found[VALUE]!r} of --gauge-pattern is not a number"
         )
     shown = found[UNIT] if UNIT in pattern.groupindex else None
     if shown is not None and _UNIT_NAMES.get(shown, shown) != unit:
         raise GaugeError(
-            f"the line {text[:SHOWN]!r} is in {shown}, and readings are taken in {unit}: --reading-units "
-            f"{_UNIT_NAMES.get(shown, shown)}, or set the instrument to {unit}"
+            f"the line {text[:SHOWN]!r} is in {shown}, but the reading units are {unit}: give "
+            f"--reading-units {_UNIT_NAMES.get(shown, shown)}, or set the instrument to {unit}"
         )
     return number
 
 
 def _unreadable(kind: GaugeKind, line: bytes, why: str) -> GaugeError:
     shown = line[:SHOWN].decode("latin-1")
-    return GaugeError(f"the line {shown!r} is no reading of a {kind.value} gauge: {why}")
+    return GaugeError(f"the line {shown!r} is not a reading of a {kind.value} gauge: {why}")
 
 
 class GaugeLines:
@@ -177,7 +180,5 @@ class GaugeLines:
         if len(self.rest) > LONGEST_LINE:
             shown = self.rest[:SHOWN].decode("latin-1")
             self.rest = b""
-            raise GaugeError(
-                f"{shown!r}… and no end of the line: check baud rate, parity and the kind of gauge"
-            )
+            raise GaugeError(f"{shown!r}… and no end of the line: check baud rate, parity and --gauge-kind")
         return [line for line in lines if line]

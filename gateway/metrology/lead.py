@@ -258,13 +258,13 @@ def aliased_warning(targets: Sequence[float], aliased: Sequence[Period], unit: s
     longest = max(aliased, key=lambda each: each.length)
     names = " and ".join(each.name for each in aliased)
     step = even_step(targets)
-    where = f"the targets lie {step:.6g} {unit} apart" if step else "nearly all distances of the targets are"
+    where = f"the targets are {step:.6g} {unit} apart" if step else "nearly all distances of the targets are"
     how = "a multiple, or near one, of" if step else "whole turns of"
     low, high, fine = fine_run(targets, longest.length)
     return (
-        f"{where}, {how} {names}: an error that repeats so looks the same at each of them (aliased) and "
-        f"was not seen. Measure two turns finely, --from {low:.9g} --to {high:.9g} --step {fine:.6g}, and "
-        f"give both files; or take random targets with --spread {longest.length:g}"
+        f"{where}, {how} {names}: an error that repeats with this length is equal at all targets and was "
+        f"not seen (aliasing). Measure two turns finely, with --from {low:.9g} --to {high:.9g} --step "
+        f"{fine:.6g}, and give both files; or use random targets with --spread {longest.length:g}"
     )
 
 
@@ -277,9 +277,9 @@ def slow_warning(targets: Sequence[float], slow: Sequence[Period], unit: str) ->
         looks.append(f"{each.name} like one of {step / abs(periods_apart - round(periods_apart)):.4g} {unit}")
     spread = max(each.length for each in slow)
     return (
-        f"the targets lie {_about(targets, step)} {unit} apart: there an error that repeats looks like a "
-        f"slower wave, {' and '.join(looks)}, and is told from it only as long as it is the same all along "
-        f"the screw. Take random targets with --spread {spread:g}"
+        f"use random targets with --spread {spread:g}: with targets {_about(targets, step)} {unit} apart "
+        f"an error that repeats looks like a slower wave, {' and '.join(looks)}. The two can be separated "
+        "only if the error is the same along the whole screw"
     )
 
 
@@ -302,10 +302,10 @@ def lead_warnings(targets: Sequence[float], periods: Iterable[Period], units: Un
 
 def step_warning(targets: Sequence[float], step: float, unit: str, *, is_given: bool) -> str:
     """Return which errors a grid does not show, and the remedy; ``is_given``: a lead is given."""
-    remedy = f"Take random targets with --spread {step:.6g}"
+    remedy = f"Use random targets with --spread {step:.6g}"
     if not is_given:
-        remedy += ", and tell the lead of the screw: --lead"
+        remedy += ", and give the lead of the screw: --lead"
     return (
-        f"the targets lie {_about(targets, step)} {unit} apart: an error that repeats every {step:.6g}, "
-        f"{step / 2:.6g}, {step / 3:.6g}… {unit} looks the same at each of them and was not seen. {remedy}"
+        f"the targets are {_about(targets, step)} {unit} apart: an error that repeats every {step:.6g}, "
+        f"{step / 2:.6g}, {step / 3:.6g}… {unit} is equal at all targets and was not seen. {remedy}"
     )

@@ -49,8 +49,8 @@ class Outlier:
         reading = self.reading
         return (
             f"{reading.direction.name.lower()} run {reading.run} at {reading.target:.9g}: deviation "
-            f"{reading.deviation:+.6g} {unit} where its {self.against} have {self.expected:+.6g} "
-            f"(score {self.score:.3g})"
+            f"{reading.deviation:+.6g} {unit}, but its {self.against} have {self.expected:+.6g} (score "
+            f"{self.score:.3g})"
         )
 
 

@@ -221,8 +221,8 @@ def merged(surveys: Sequence[Survey]) -> Survey:
         ):
             if not is_same:
                 raise ReadingsError(
-                    f"{first.source} is of {what} {one}, {other.source} of {what} {two}: "
-                    "only readings of one axis in one unit go together"
+                    f"{first.source} is of {what} {one}, {other.source} of {what} {two}: give only "
+                    "readings of one axis in one unit together"
                 )
         check_together(first.source, first.facts, other.source, other.facts)
         # A fine run of two revolutions may be beside a grid: its targets are closer than those of the grid.
@@ -258,15 +258,15 @@ def _check_targets(readings: Sequence[Reading], other: Survey, nearer: float) ->
         for near in targets[max(at - 1, 0) : at + 1]:
             if 0.0 < abs(near - spelt) < nearer < inf:
                 raise ReadingsError(
-                    f"{other.source} has target {spelt:.9g}, which is {near:.9g} in the files before: "
-                    "the same number for one target in all"
+                    f"{other.source} has target {spelt:.9g}, but the files before have {near:.9g}: use the "
+                    "same number for one target in all files"
                 )
 
 
 def _doubled(surveys: Sequence[Survey]) -> list[str]:
     return [
-        f"{other.source}: the same readings as {one.source}: if that is one measurement, name it once, or "
-        "its scatter looks smaller than it is"
+        f"{other.source}: the same readings as {one.source}: if this is one measurement, name it only "
+        "once, or its scatter looks smaller than it is"
         for index, other in enumerate(surveys)
         for one in surveys[:index]
         if one.readings == other.readings
@@ -322,9 +322,9 @@ def check_uncorrected(name: str, facts: Mapping[str, str], instead: str) -> None
     """
     if was_corrected(facts):
         raise ReadingsError(
-            f"{name}: was measured with a table in use (# {COMPENSATION}: {facts[COMPENSATION]}), so it "
-            f"shows what that table left, not the error of the axis: {instead}; or "
-            "correct that line if it is wrong"
+            f"{name}: measured with an active table (# {COMPENSATION}: {facts[COMPENSATION]}), so it shows "
+            f"the remaining error, not the error of the axis: {instead}; or correct that line if it is "
+            "wrong"
         )
 
 
@@ -336,15 +336,15 @@ def check_corrected(name: str, facts: Mapping[str, str], table: str, digest: str
     """
     if was_corrected(facts) is False:
         raise ReadingsError(
-            f"{name}: was measured without a table (# {COMPENSATION}: {facts[COMPENSATION]}), so it shows "
-            f"the whole error, and {table} with it would correct twice: make a table of these readings with "
-            "table build; or correct that line if it is wrong"
+            f"{name}: measured without a table (# {COMPENSATION}: {facts[COMPENSATION]}), so it shows the "
+            f"whole error, and with {table} the error would be corrected twice: make a table from these "
+            "readings with table build; or correct that line if it is wrong"
         )
     stated = table_digest(facts)
     if stated is not None and stated != digest:
         raise ReadingsError(
-            f"{name}: was measured with the table of SHA-256 {stated[:12]}…, and {table} has {digest[:12]}…: "
-            "give the table that was in use, as it was; or take that line out if it is the same in "
+            f"{name}: measured with the table of SHA-256 {stated[:12]}…, but {table} has {digest[:12]}…: "
+            "give the unchanged table that was active; or remove that line if it is the same table in "
             "another file"
         )
 
@@ -362,5 +362,5 @@ def check_together(name: str, facts: Mapping[str, str], other: str, other_facts:
     ):
         raise ReadingsError(
             f"{name} was measured with {COMPENSATION} {facts[COMPENSATION]}, {other} with "
-            f"{other_facts[COMPENSATION]}: their readings have no mean in common"
+            f"{other_facts[COMPENSATION]}, so their readings have no common mean: give them separately"
         )

@@ -71,7 +71,7 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
     done = "left out" if recipe.drop_outliers else "kept; table build --drop-outliers leaves it out"
     notes = [*survey.remarks, *remarks, *(f"outlier, {done}: {each.describe(unit)}" for each in outliers)]
     notes.extend(
-        f"{target:.9g}: left out in both directions, for the outlier was the only reading of one"
+        f"{target:.9g}: left out in both directions, because the outlier was the only reading in one of them"
         for target in emptied
     )
     try:
@@ -87,8 +87,9 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
     if recipe.smooth is not None:
         table, change = smoothed(table, recipe.smooth)
         notes.append(
-            f"smoothed over {recipe.smooth:g} {unit}: by {change.rms:.3g} {unit} (root mean square), by "
-            f"{change.largest:.3g} at most, {change.direction.name.lower()} at {change.position:.9g}"
+            f"smoothed over {recipe.smooth:g} {unit}: changed by {change.rms:.3g} {unit} (root mean "
+            f"square), by at most {change.largest:.3g}, {change.direction.name.lower()} at "
+            f"{change.position:.9g}"
         )
     home = recipe.reference(table)
     measured = table
@@ -136,8 +137,8 @@ def _with_home(survey: Survey, recipe: Recipe) -> tuple[Survey, list[str]]:
     runs = sorted({reading.run for reading in survey.readings})
     at_home = tuple(Reading(0.0, way, 0.0, run) for run in runs)
     note = (
-        f"no row at home: 0 is home, one step from {first:.9g}, and its correction is 0 by definition, for "
-        "the instrument was set to 0 there; leave --home out if it was set to 0 elsewhere"
+        f"no row at home: home is 0, one step from {first:.9g}. Its correction is 0 by definition, because "
+        "the instrument was set to 0 there; remove --home if it was set to 0 elsewhere"
     )
     return replace(survey, readings=(*at_home, *survey.readings)), [note]
 
@@ -154,7 +155,7 @@ def _screw(
     except ReadingsError as error:
         if recipe.fit in (Fit.SMOOTH, Fit.HARMONICS):
             raise ReadingsError(f"{survey.source}: {error}" if survey.source else str(error)) from None
-        notes.append(f"{error}: nothing is said about what this table leaves between its points")
+        notes.append(f"{error}: the error that this table leaves between its points is unknown")
         return None
 
 
@@ -167,7 +168,7 @@ def _choose(screw: "MeasuredScrew", table: CorrectionTable, recipe: Recipe) -> "
     from gateway.metrology.fitting import choose, warnings_of
 
     if recipe.fit is Fit.HARMONICS and Shape.HARMONICS not in screw.shapes:
-        why = "; ".join(warnings_of(screw)) if screw.aliased else "tell the lead of the screw: --lead"
+        why = "; ".join(warnings_of(screw)) if screw.aliased else "give the lead of the screw: --lead"
         raise ReadingsError(f"harmonics: nothing to fit: {why}")
     return choose(screw, table, recipe)
 
@@ -175,10 +176,11 @@ def _choose(screw: "MeasuredScrew", table: CorrectionTable, recipe: Recipe) -> "
 def _check(recipe: Recipe) -> None:
     """Refuse a recipe that contradicts itself."""
     if recipe.step is not None and recipe.tolerance is not None:
-        raise ReadingsError("a step and a tolerance: an even grid or the fewest points, not both")
+        raise ReadingsError("give a step (even grid) or a tolerance (fewest points), not both")
     if recipe.travel is not None and recipe.step is None:
         raise ReadingsError(
-            "travel without step: only an even grid covers the travel; give --step too, or leave --travel out"
+            "travel without step: give --step as well, or remove --travel: only an even grid covers the "
+            "travel"
         )
     if recipe.travel is not None and not recipe.travel[0] < recipe.travel[1]:
         raise ReadingsError(
@@ -203,8 +205,8 @@ def _estimated(survey: Survey) -> list[str]:
     means = mean_corrections(survey.readings)
     filled = with_estimated_ends(means)
     return [
-        f"{way.name.lower()} at {target:.9g}: not measured (the axis turns round there); estimated from its "
-        f"neighbour's reversal, {new:+.6g} {survey.units.value} before the home reference"
+        f"{way.name.lower()} at {target:.9g}: not measured (the axis reverses there); estimated from the "
+        f"reversal of its neighbour, {new:+.6g} {survey.units.value} before the home reference"
         for way, olds, news in zip(
             APPROACHES, (means.forward, means.backward), (filled.forward, filled.backward), strict=True
         )
@@ -216,12 +218,13 @@ def _estimated(survey: Survey) -> list[str]:
 def _uncovered(measured: CorrectionTable, table: CorrectionTable) -> list[str]:
     unit = table.units.value
     return [
-        f"measured from {low:.9g} to {high:.9g} {unit}, but no multiple of the step lies there: the table "
-        "does not cover it: lay the grid further with --travel LO HI, or take a step that divides both ends"
+        f"measured from {low:.9g} to {high:.9g} {unit}, but the table does not cover this, because no "
+        "multiple of the step is there: extend the grid with --travel LO HI, or give a step that divides "
+        "both ends"
         for low, high in ((measured.first, table.first), (table.last, measured.last))
         if high > low
     ] + [
-        f"no reading from {low:.9g} to {high:.9g} {unit}: the correction at the nearest target is held there"
+        f"no reading from {low:.9g} to {high:.9g} {unit}: the correction of the nearest target is held there"
         for low, high in ((table.first, measured.first), (measured.last, table.last))
         if high > low
     ]

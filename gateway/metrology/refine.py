@@ -109,8 +109,8 @@ def refine_table(
     notes.extend(f"outlier, kept: {each.describe(unit)}" for each in find_outliers(survey))
     if was_corrected(survey.facts) is None and _looks_uncorrected(old, survey):
         notes.append(
-            "these readings look as if they were taken WITHOUT the table: it would take away most of what "
-            "they show. Then the new table corrects twice: make it with table build instead"
+            "use table build instead if these readings were taken WITHOUT the table: they look like it, "
+            "because the table would remove most of their error. Then the new table would correct twice"
         )
     notes.extend(remarks)
     before = after = None
@@ -118,12 +118,12 @@ def refine_table(
         before, after = screw.left_out(_less(old, old)), screw.left_out(_less(new, old))
         if screw.leaves(_less(new, old)) > DONE * screw.leaves(_less(old, old)):
             notes.append(
-                "another round of readings at such targets brings nothing: what is left is the scatter of "
-                "the readings, or shorter than the distance of the targets: tell the lead (--lead), or "
-                "measure more finely"
+                "give the lead (--lead), or measure more finely: another round at such targets does not "
+                "help. The remaining error is the scatter of the readings, or shorter than the distance "
+                "between the targets"
             )
     if home is None:
-        notes.append("no home reference: what was read at home went into the table like any other reading")
+        notes.append("no home reference: the reading at home is in the table like any other reading")
     return Refined(new, change(old, new), tuple(notes), before, after)
 
 
@@ -139,7 +139,7 @@ def _followed(
     except ReadingsError as error:
         if fit in (Fit.SMOOTH, Fit.HARMONICS):
             raise
-        return rest, None, [f"{error}: nothing is said about what this table leaves between its points"]
+        return rest, None, [f"{error}: the error that this table leaves between its points is unknown"]
     evidence = choose(screw, rest, Recipe(fit=fit, one_way=one_way))
     return evidence.chosen.table, screw, [*evidence.warnings, *evidence.described(survey.units, "change")]
 
@@ -163,13 +163,13 @@ def _at_points(
     refused = None if refusal is None else refusal(wider)
     if refused is not None:
         remarks = (
-            f"the points of the old table lie too far apart for what repeats, and {len(wider.positions)} "
-            f"points cannot be written: {refused}"
+            "the points of the old table are too far apart for the error that repeats, and "
+            f"{len(wider.positions)} points cannot be written: {refused}"
         )
         return new, [remarks]
     remarks = (
-        f"{len(wider.positions)} points instead of {len(new.positions)}: those of the old table lie too far "
-        "apart for what repeats"
+        f"{len(wider.positions)} points instead of {len(new.positions)}: those of the old table are too "
+        "far apart for the error that repeats"
     )
     return wider, [remarks]
 
@@ -219,7 +219,7 @@ def _union(points: Sequence[float], targets: Sequence[float]) -> list[float]:
 def _unmeasured(old: CorrectionTable, rest: CorrectionTable) -> list[str]:
     unit = old.units.value
     return [
-        f"no reading from {low:.9g} to {high:.9g} {unit}: the change at the nearest target is carried on"
+        f"no reading from {low:.9g} to {high:.9g} {unit}: the change at the nearest target continues there"
         for low, high in ((old.first, rest.first), (rest.last, old.last))
         if high > low
     ]

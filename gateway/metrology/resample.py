@@ -38,8 +38,8 @@ def smoothed(table: CorrectionTable, window: float) -> tuple[CorrectionTable, Ch
     surroundings = [_surroundings(table.positions, at, window / 2.0) for at in table.positions]
     if all(len(near) < LEAST_POINTS for near in surroundings):
         raise ReadingsError(
-            f"a smoothing window of {window:g} {table.units.value} holds fewer than {LEAST_POINTS} points "
-            "everywhere: make it wider than twice the distance of the targets"
+            f"a smoothing window of {window:g} {table.units.value} never holds {LEAST_POINTS} points: make "
+            "it wider than twice the distance between the targets"
         )
     forward, backward = (
         [_value(table.positions, curve, i, near) for i, near in enumerate(surroundings)]
@@ -99,8 +99,8 @@ def grid_positions(step: float, span: tuple[float, float], units: Units) -> list
     high = floor(last / step + GRID_TOLERANCE)
     if not 1 <= high - low < MAX_POINTS:
         raise ReadingsError(
-            f"a step of {step:g} {units.value}: {max(high - low + 1, 0)} multiples of it lie in "
-            f"{first:.9g} to {last:.9g}; from 2 to {MAX_POINTS} must"
+            f"a step of {step:g} {units.value}: {max(high - low + 1, 0)} multiples of it are in "
+            f"{first:.9g} to {last:.9g}; give a step with 2 to {MAX_POINTS}"
         )
     return [round(index * step, DIGITS) + 0.0 for index in range(low, high + 1)]
 

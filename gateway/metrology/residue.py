@@ -11,7 +11,7 @@ from gateway.metrology.readings import Small, Survey, small_unit
 from gateway.metrology.tables import correction_at
 from gateway.plain import JsonObject
 
-NOT_JUDGED: Final = "not known from these readings: too few targets, or more than tell anything"
+NOT_JUDGED: Final = "not known from these readings: too few or too many targets"
 
 
 # --- At the targets
@@ -51,8 +51,8 @@ def _uncovered(survey: Survey, table: CorrectionTable) -> list[str]:
     if not outside:
         return []
     remark = (
-        f"outside the table, {table.first:.9g} to {table.last:.9g} {table.units.value}, lie targets from "
-        f"{min(outside):.9g} to {max(outside):.9g}: predicted with its end values held there"
+        f"targets from {min(outside):.9g} to {max(outside):.9g} are outside the table, {table.first:.9g} "
+        f"to {table.last:.9g} {table.units.value}: predicted with its end values held"
     )
     return [remark]
 
@@ -84,8 +84,8 @@ class LeftOut(NamedTuple):
         if not names:
             return ""
         return (
-            f"not known from these readings: their targets do not tell what repeats with {names} from a "
-            "slower curve"
+            "not known from these readings: their targets cannot separate an error that repeats with "
+            f"{names} from a slower curve"
         )
 
 
@@ -132,7 +132,7 @@ def left_out_text(small: Small, left_out: LeftOut) -> str:
     if left_out.unsettled:
         return f"an E that is {left_out.unknown}"
     if left_out.e is None or left_out.high is None:
-        return f"at least E = {small.text(left_out.low)}; how much it is, is {left_out.unknown}"
+        return f"at least E = {small.text(left_out.low)}; its full size is {left_out.unknown}"
     return (
         f"E = {small.text(left_out.e)} (predicted by leaving out; {small.text(left_out.low)} to "
         f"{small.text(left_out.high)} in nine of ten cases)"

@@ -86,9 +86,12 @@ def fault_of_trial(moved: float, counts_per_unit: float, units: Units) -> str:
     if abs(ratio - 1.0) <= ROUGHLY:
         return ""
     if abs(ratio) < LEAST_MOVED:
-        return f"{text}: is the drive enabled? is counts_per_unit, {counts_per_unit:.9g}, large enough?"
+        return (
+            f"{text}: check that the drive is enabled, and that counts_per_unit, "
+            f"{counts_per_unit:.9g}, is large enough"
+        )
     if abs(ratio + 1.0) <= ROUGHLY:
-        return f"{text}: turn the sign of counts_per_unit, {-counts_per_unit:.9g}"
+        return f"{text}: change the sign of counts_per_unit: {-counts_per_unit:.9g}"
     right = counts_per_unit * ScaleError(ratio - 1.0).counts_factor
     return f"{text}: counts_per_unit should be about {right:.6g}, not {counts_per_unit:.9g}"
 
@@ -160,11 +163,10 @@ def _one_reading(readings: Sequence[Reading]) -> str | None:
         return None
     _, each, expected = worst
     return (
-        f"the readings together rise by more than 0.3 mm/m, but most of them by "
-        f"{median(usual) * _PER_METRE_UM:+.4g} µm/m: {each.measured:.9g} at target {each.target:.9g}, "
-        f"{each.direction.name.lower()}, is {each.deviation:+.6g} away, where the others lead to "
-        f"{expected:+.4g}. A digit slipped? Correct it, or measure there again; --keep-scale makes the table "
-        "all the same"
+        f"check {each.measured:.9g} at target {each.target:.9g}, {each.direction.name.lower()}, for a "
+        f"wrong digit and correct it, or measure there again: it is {each.deviation:+.6g} away, but the "
+        f"others lead to {expected:+.4g}. All readings together rise by more than 0.3 mm/m, but most of "
+        f"them by {median(usual) * _PER_METRE_UM:+.4g} µm/m. --keep-scale makes the table anyway"
     )
 
 
@@ -179,7 +181,7 @@ def check_scale(survey: Survey, counts_per_unit: float | None = None, lead: floa
         if (fault := _one_reading(survey.readings)) is not None:
             raise ReadingsError(f"{survey.source}: {fault}")
         raise ReadingsError(
-            f"{survey.source}: {found.describe(counts_per_unit)}. More than 0.3 mm/m is no screw but a wrong "
-            "scale: put it right first and measure again, or --keep-scale where the screw is really so long "
-            "or short"
+            f"{survey.source}: {found.describe(counts_per_unit)}. More than 0.3 mm/m is a wrong scale, not "
+            "a screw error: correct it first and measure again, or give --keep-scale if the screw is "
+            "really so long or short"
         )

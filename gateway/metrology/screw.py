@@ -287,7 +287,8 @@ def screw_of(readings: Iterable[Reading], units: Units, periods: Iterable[Period
     count = len(means.targets)
     if not LEAST_TARGETS <= count <= MOST_TARGETS:
         raise ReadingsError(
-            f"{count} targets: what lies between targets is judged with {LEAST_TARGETS} to {MOST_TARGETS}"
+            f"{count} targets: the error between targets can be judged with {LEAST_TARGETS} to "
+            f"{MOST_TARGETS} targets"
         )
     wrong = wrong_runs(Survey(all_readings, units))
     unsettled = "; ".join(each.describe(units) for each in wrong)

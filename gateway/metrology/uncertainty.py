@@ -146,7 +146,7 @@ def _accuracy(found: Evaluation, limit_um: float) -> float:
         raise ReadingsError(f"--limit {limit_um:g}: it must be above 0")
     if found.accuracy is None:
         raise ReadingsError(
-            "--limit: these readings carry no A of both directions: two runs and both approaches at every "
-            "target"
+            "--limit: these readings give no A of both directions: measure two runs, from both sides at "
+            "every target"
         )
     return found.accuracy

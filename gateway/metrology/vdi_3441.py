@@ -60,7 +60,7 @@ def vdi_line(found: Evaluation) -> str:
     """Return the results of VDI/DGQ 3441 in one line."""
     results, small = vdi_3441(found), small_unit(found.units)
     if results is None:
-        return "VDI/DGQ 3441: needs both directions and two runs at every target"
+        return "VDI/DGQ 3441: measure both directions and two runs at every target"
     return (
         f"VDI/DGQ 3441: P {small.text(results.positional_uncertainty)}, "
         f"Pa {small.text(results.positional_deviation)}, Ps {small.text(results.scatter)} "

@@ -97,7 +97,7 @@ def read_samples(source: SourceText) -> tuple[list[Sample], Units]:
             fewer than three readings.
     """
     if heading_of(source) is None:
-        raise source.error("no heading with a separator in it", HEADING, line=source.lines[0].number)
+        raise source.error("no heading with a separator", HEADING, line=source.lines[0].number)
     worksheet = worksheet_of(source, HEADING)
     columns = {(words(name) or ("",))[0]: index for index, name in enumerate(worksheet.names)}
     value = "measured" if "measured" in columns else "deviation"

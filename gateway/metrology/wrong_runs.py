@@ -68,10 +68,10 @@ class WrongRun:
         """
         small = small_unit(units)
         if self.fault is RunFault.OFFSET:
-            return f"{self.named}: {small.text(abs(self.away))} aside of the other runs"
+            return f"{self.named}: {small.text(abs(self.away))} beside the other runs"
         return (
-            f"{self.named}: {self.fault.value} ({small.text(self.away)} from the other runs as it stands, "
-            f"{small.text(self.fits)} once that is put right)"
+            f"{self.named}: {self.fault.value} ({small.text(self.away)} from the other runs now, "
+            f"{small.text(self.fits)} after this correction)"
         )
 
 
@@ -102,9 +102,9 @@ def settled(survey: Survey, *, drop: bool = False) -> Survey:
     is_open = any(each.other is not None for each in mistaken)
     if mistaken and (is_open or not drop):
         text = "; ".join(each.describe(survey.units) for each in mistaken)
-        remedy = "Put that right in the file, or measure again"
+        remedy = "Correct this in the file, or measure again"
         if not is_open:
-            remedy += "; table build --drop-outliers leaves that run out"
+            remedy += "; table build --drop-outliers leaves this run out"
         raise ReadingsError(f"{survey.source}: {text}. {remedy}" if survey.source else f"{text}. {remedy}")
     if not drop or not wrong:
         return survey
@@ -115,8 +115,8 @@ def settled(survey: Survey, *, drop: bool = False) -> Survey:
 def offset_notes(survey: Survey) -> list[str]:
     """Return the possible reason and the remedy for each offset run."""
     return [
-        f"{each.describe(survey.units)}: the instrument moved or was set to 0 anew, or the axis was colder "
-        "or warmer. Measure again, or leave that run out (table build --drop-outliers)"
+        f"{each.describe(survey.units)}: the instrument moved or was set to 0 again, or the axis was "
+        "colder or warmer. Measure again, or leave this run out (table build --drop-outliers)"
         for each in wrong_runs(survey)
         if each.fault is RunFault.OFFSET
     ]

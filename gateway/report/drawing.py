@@ -206,7 +206,7 @@ def thinning_text(count: int) -> str:
     """Return a note that a curve of ``count`` points was thinned; empty if it was not."""
     if count <= MOST_POINTS:
         return ""
-    return f" Of each {stretch_of(count)} of the {count} points the smallest and the largest are drawn."
+    return f" Of each {stretch_of(count)} of the {count} points only the smallest and the largest are drawn."
 
 
 # --- Bytes

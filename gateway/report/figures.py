@@ -105,7 +105,7 @@ def _readings_panel(
         )
         about += ", the band two standard deviations (2s) to either side." if _has_bands(evaluation) else "."
     if when == "after" and found.axis_data.is_predicted:
-        about += " These readings are predicted: nobody measured them."
+        about += " These readings are predicted, not measured."
     is_half = found.before is not None and found.after is not None
     return Panel(f"readings-{when}", title, about, draw, is_half)
 
@@ -206,11 +206,11 @@ def residue_panel(found: AxisResults) -> Panel | None:
     about = f"What is left after compensation ({found.after_word}), magnified."
     if accuracy is not None:
         about += (
-            f" The dashed lines hold all means with their 2s: they lie {found.scale.rounded(accuracy)} "
-            "apart, the accuracy A."
+            " All means with their 2s lie between the dashed lines. Their distance, "
+            f"{found.scale.rounded(accuracy)}, is the accuracy A."
         )
     if limits is not None and not limits[0] <= 0.0 <= limits[1]:
-        about += " That all of it lies to one side of 0 is the choice of the zero, at home, and no error."
+        about += " All of it is on one side of 0 because the zero is at home; this is not an error."
     return Panel("residue", f"Residue after compensation, magnified ({found.after_word})", about, draw)
 
 
@@ -254,8 +254,8 @@ def correction_panel(found: AxisResults) -> Panel | None:
 
     largest = found.scale.rounded(table.max_correction())
     about = (
-        f"What the gateway adds to a commanded position, at {len(table.positions)} points; between them it "
-        f"is a straight line. The largest correction is {largest}."
+        f"What the gateway adds to a commanded position, at {len(table.positions)} points, with straight "
+        f"lines between them. The largest correction is {largest}."
     )
     if table.is_unidirectional:
         about += " The table is the same for both directions."
@@ -288,10 +288,10 @@ def backlash_panel(found: AxisResults) -> Panel | None:
             curve(axes, *_points_shown(left, found), "after", label=words, **_AFTER)
         legend(axes)
 
-    about = "How far the nut stays behind when the axis turns round."
+    about = "How far the nut stays behind when the axis reverses."
     if table is not None:
         largest = found.scale.rounded(table.max_reversal())
-        about += f" In the table it is the forward less the backward correction, and reaches {largest}."
+        about += f" In the table it is the forward minus the backward correction, and reaches {largest}."
         about += thinning_text(len(table.positions))
     return Panel("backlash", "Backlash", about, draw, is_half=True)
 
@@ -334,9 +334,9 @@ def slope_panel(found: AxisResults) -> Panel | None:
         legend(axes)
 
     about = (
-        f"By how much the correction changes per {found.axis_data.units.value} of travel. The steepest is "
+        f"Change of the correction per {found.axis_data.units.value} of travel. The steepest is "
         f"{table.max_slope() * found.scale.factor:.3g}{GAP}{unit}: there the drive moves "
-        f"{table.max_slope() * 100:.2g}{GAP}% faster or slower than it was commanded."
+        f"{table.max_slope() * 100:.2g}{GAP}% faster or slower than commanded."
     )
     about += thinning_text(len(table.positions))
     return Panel("slope", "Slope of the corrections", about, draw, is_half=True)

@@ -101,7 +101,7 @@ def find(axis_data: AxisData) -> AxisResults:
     """
     if axis_data.table is None and axis_data.before is None and axis_data.after is None:
         raise ReportError(
-            f"axis {axis_data.axis or NONE}: neither a table nor readings: there is nothing to show"
+            f"axis {axis_data.axis or NONE}: give a table or readings: without them there is nothing to show"
         )
     parts = (
         ("table", axis_data.table),
@@ -111,8 +111,8 @@ def find(axis_data: AxisData) -> AxisResults:
     for name, part in parts:
         if part is not None and part.units is not axis_data.units:
             raise ReportError(
-                f"axis {axis_data.axis or NONE}: its {name} are in {part.units.value}, the axis in "
-                f"{axis_data.units.value}: convert them first"
+                f"axis {axis_data.axis or NONE}: convert its {name} first: they are in {part.units.value}, "
+                f"but the axis is in {axis_data.units.value}"
             )
     before, after = (_evaluated(axis_data.axis, survey) for survey in (axis_data.before, axis_data.after))
     return AxisResults(axis_data, scale_of(axis_data.units), before, after)
@@ -140,10 +140,10 @@ def sentence(found: AxisResults) -> str:
                 return _predicted(found, words, left, numbers[0], numbers[1])
             return _change(found, words, numbers[0], numbers[1])
         if before is not None:
-            return f"{found.subject} is {words} {show(numbers[0])} as it was measured."
+            return f"{found.subject} is {words} {show(numbers[0])}, as measured."
         where = " at the targets" if found.axis_data.is_predicted else ""
         now = f"{_is(found)}{words} {show(numbers[0])}{where}"
-        return f"{found.subject} is {now}, with the correction in force."
+        return f"{found.subject} is {now}, with the correction active."
     return _about_table(found)
 
 
@@ -154,11 +154,11 @@ def _left_between(found: AxisResults) -> str:
         return ""
     show = found.scale.rounded
     if left_out.unsettled:
-        return f"what it leaves between the targets is {left_out.unknown}"
+        return f"the error between the targets is {left_out.unknown}"
     if left_out.e is None or left_out.high is None:
         return (
-            f"it leaves a systematic deviation E of at least {show(left_out.low)} between the targets; how "
-            f"much it is, is {left_out.unknown}"
+            f"it leaves a systematic deviation E of at least {show(left_out.low)} between the targets; its "
+            f"full size is {left_out.unknown}"
         )
     return (
         f"it is predicted to leave a systematic deviation E of {show(left_out.e)} between the targets, in "
@@ -192,7 +192,7 @@ def _change(found: AxisResults, words: str, before: float, after: float) -> str:
     if found.other_stretch:
         return f"{first}, but {found.other_stretch}."
     if after >= before:
-        return f"{first}: it did not become better."
+        return f"{first}: it is not better."
     if found.axis_data.is_predicted or found.scale.of(after) < LEAST_LEFT or before / after < 1.05:
         return f"{first}."
     ratio = before / after
@@ -212,17 +212,17 @@ def other_stretch(before: Evaluation, after: Evaluation) -> str:
         return ""
     was, now = (f"{shortest(one)} to {shortest(two)}" for one, two in ((low, high), (low_now, high_now)))
     unit = scale_of(before.units).position
-    return f"over {now} {unit} instead of {was} {unit}: these do not compare"
+    return f"over {now} {unit} instead of {was} {unit}, so they cannot be compared"
 
 
 def _about_table(found: AxisResults) -> str:
     table, show = found.axis_data.table, found.scale.rounded
     if table is None:
-        return f"{found.subject} was measured, but not often enough for a result."
+        return f"{found.subject} was not measured often enough for a result."
     first = f"The table of {found.named} changes a position by up to {show(table.max_correction())}"
     if table.is_unidirectional:
         return f"{first}, the same in both directions."
-    return f"{first}; between the two directions lie up to {show(table.max_reversal())}."
+    return f"{first}; the two directions differ by up to {show(table.max_reversal())}."
 
 
 def runs_of(evaluation: Evaluation) -> tuple[int, int]:

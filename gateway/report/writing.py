@@ -36,14 +36,14 @@ def render(report: Report, suffix: str) -> bytes:
         ReportError: there is nothing to show, or readings cannot be evaluated.
     """
     if not report.axes:
-        raise ReportError("a report of no axis: there is nothing to show")
+        raise ReportError("no axis: there is nothing to show")
     found = [find(axis_data) for axis_data in report.axes]
     if suffix == ".html":
         from gateway.report.html import html_page
 
         return html_page(report, found).encode()
     if len(found) > MOST_SHEETS:
-        raise ReportError(f"{len(found)} axes: one picture shows {MOST_SHEETS} at most; write .html")
+        raise ReportError(f"{len(found)} axes: write .html, because one picture shows at most {MOST_SHEETS}")
     from gateway.report.page import draw_page
 
     return draw_page(report, found, suffix.removeprefix("."))
@@ -56,19 +56,19 @@ def check_path(path: Path, *, force: bool) -> None:
         ReportError: another suffix, an existing file, no such folder.
     """
     if path.suffix.lower() not in SUFFIXES:
-        raise ReportError(f"{path}: a report is written as {', '.join(SUFFIXES)}: choose by the suffix")
+        raise ReportError(f"{path}: end the name with {', '.join(SUFFIXES)}, the formats of a report")
     try:
         found = path.stat()
     except FileNotFoundError:
         if not path.parent.is_dir():
-            raise ReportError(f"{path}: there is no folder {path.parent}: make it first") from None
+            raise ReportError(f"{path}: make the folder {path.parent} first: it does not exist") from None
         return
     except OSError as error:
-        raise ReportError(f"{path}: {error.strerror or error}; give a place to write to") from None
+        raise ReportError(f"{path}: {error.strerror or error}; give a path that can be written") from None
     if not stat.S_ISREG(found.st_mode):
         raise ReportError(f"{path}: {kind_of(found.st_mode)}; give a regular file, or a new name")
     if not force:
-        raise ReportError(f"{path}: a file of this name; give a new name, or --force")
+        raise ReportError(f"{path}: a file of this name exists; give a new name, or --force")
 
 
 def put_file(path: Path, content: bytes, *, force: bool) -> None:
@@ -80,8 +80,8 @@ def put_file(path: Path, content: bytes, *, force: bool) -> None:
     try:
         write_file(path, content, force=force)
     except FileExistsError:
-        raise ReportError(f"{path}: a file of this name; give a new name, or --force") from None
+        raise ReportError(f"{path}: a file of this name exists; give a new name, or --force") from None
     except FileRefusedError as error:
         raise ReportError(f"{path}: {error}") from None
     except OSError as error:
-        raise ReportError(f"{path}: {error.strerror or error}; give a place to write to") from None
+        raise ReportError(f"{path}: {error.strerror or error}; give a path that can be written") from None

@@ -319,10 +319,10 @@ class _MbapConnection(_Connection):
 def _why(error: OSError) -> str:
     """Return why an address cannot be opened, and what to do about it."""
     if is_no_address_here(error):
-        return "not an address of this machine; give the drives one that is, such as 127.0.0.1"
+        return "not an address of this machine; give the drives an address of this machine, such as 127.0.0.1"
     match error.errno:
         case errno.EADDRINUSE:
-            return "the port is in use; stop what uses it or give the drives another one"
+            return "the port is in use; stop the program that uses it, or give the drives another port"
         case errno.EACCES:
             return "no permission; give the drives a port above 1023"
     return f"{error.strerror or error}; give the drives an address of this machine, such as 127.0.0.1"

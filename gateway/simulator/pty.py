@@ -67,8 +67,8 @@ class PortLinks:
             _attempt(path, path.unlink)  # Left by a killed simulation: a dangling link.
         if path.exists():
             raise SimulatorError(
-                f"{path} exists: the simulator makes a port only where there is none. Stop what made it, or "
-                "name another path in the configuration"
+                f"{path} exists already: stop the program that made it, or name another path in the "
+                "configuration"
             )
         self._make_folders(path)
         pty = Pty()

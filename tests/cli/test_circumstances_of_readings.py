@@ -36,7 +36,7 @@ def test_readings_with_a_table_in_use_make_no_first_table(tmp_path: Path) -> Non
     after = write(tmp_path / "after.csv", REST, "compensation: on, the table of March")
     out = tmp_path / "new.csv"
     said = refused("build", after, out, "--to", "csv")
-    assert "after.csv: was measured with a table in use (# compensation: on, the table of March)" in said
+    assert "after.csv: measured with an active table (# compensation: on, the table of March)" in said
     assert "table refine adds it to that table" in said
     assert not out.exists()
 
@@ -46,7 +46,7 @@ def test_readings_without_a_table_refine_none(tmp_path: Path, table: Path) -> No
     out = tmp_path / "new.tab"
     said = refused("refine", table, before, out)
     assert "before.csv: was measured without a table (# compensation: off)" in said
-    assert "cnc10x.tab with it would correct twice" in said
+    assert "with cnc10x.tab the error would be corrected twice" in said
     assert "table build" in said
     assert not out.exists()
 
@@ -74,20 +74,20 @@ def test_files_with_a_table_and_without_make_no_mean(tmp_path: Path) -> None:
     after = write(tmp_path / "after.csv", REST, "compensation: on")
     said = refused("evaluate", before, after)
     assert "before.csv was measured with compensation off" in said
-    assert "after.csv with on: their readings have no mean in common" in said
+    assert "after.csv with on, so their readings have no common mean" in said
 
 
 def test_two_statements_in_one_file_are_refused_with_their_line(tmp_path: Path) -> None:
     both = write(tmp_path / "both.csv", ROWS, "compensation: off", "axis: x", "compensation: on")
     said = refused("evaluate", both)
-    assert "both.csv:3: compensation 'on', which is 'off' in a line before" in said
+    assert "both.csv:3: compensation 'on', but 'off' in an earlier line" in said
 
 
 def test_a_prediction_needs_readings_without_a_table(tmp_path: Path, table: Path) -> None:
     after = write(tmp_path / "after.csv", REST, "compensation: on")
-    assert "was measured with a table in use" in refused("evaluate", after, "--table", table)
+    assert "measured with an active table" in refused("evaluate", after, "--table", table)
     picture = tmp_path / "x.svg"
-    assert "was measured with a table in use" in refused("plot", table, picture, "--readings", after)
+    assert "measured with an active table" in refused("plot", table, picture, "--readings", after)
     assert not picture.exists()
 
 
@@ -97,7 +97,7 @@ def test_before_and_after_exchanged_or_one_file_twice_are_named(tmp_path: Path) 
     (scale,) = good("evaluate", before, "--after", after)["notes"]
     assert scale == "linear part +150 µm/m: counts_per_unit times 0.99985002 would remove it"  # 1 / 1.00015
     [note] = good("evaluate", after, "--after", before)["notes"]
-    assert "exchange them" in note
+    assert "exchange " in note
     note, _ = good("evaluate", before, "--after", before)["notes"]
     assert "the same readings" in note
 

@@ -81,10 +81,10 @@ def test_an_even_grid_on_whole_turns_is_warned_of_with_what_to_measure(
     grid = written(tmp_path / "grid.csv", [10.0 * index for index in range(41)], screw)
     data = good("build", grid, tmp_path / "t.tab", "--lead", 5)
     (warning,) = data["fit"]["warnings"]
-    assert "the targets lie 10 mm apart, a multiple, or near one, of lead 5" in warning
+    assert "the targets are 10 mm apart, a multiple, or near one, of lead 5" in warning
     assert "--from 200 --to 210 --step 0.625" in warning
     untold = good("build", grid, tmp_path / "u.tab")
-    assert any("tell the lead of the screw: --lead" in note for note in untold["notes"])
+    assert any("give the lead of the screw: --lead" in note for note in untold["notes"])
 
 
 def test_there_is_no_figure_of_what_no_target_showed(tmp_path: Path, screw: screws.Screw) -> None:
@@ -96,15 +96,15 @@ def test_there_is_no_figure_of_what_no_target_showed(tmp_path: Path, screw: scre
     assert 0 < told["left_out_e_low_um"] < 1
     assert told["left_out_unseen_periods"] == [5.0, 2.5, 20.0]
     why = (
-        "not known from these readings: their targets do not tell what repeats with lead 5 and half of lead "
-        "5 and the step of 20 and its whole fractions from a slower curve"
+        "not known from these readings: their targets cannot separate an error that repeats with lead 5 "
+        "and half of lead 5 and the step of 20 and its whole fractions from a slower curve"
     )
     assert told["left_out_unknown"] == why
     good("evaluate", grid, "--table", out, "--lead", 5, "--report", page)
     assert page.read_text().count(why) == 2  # the sentence and the row
     assert f"<td>≥\N{NO-BREAK SPACE}{told['left_out_e_low_um']:.2f}</td>" in page.read_text()
     said = run("build", grid, out, "--to", "csv", "--lead", 5, "--force").stdout
-    assert f"will leave at least E = {told['left_out_e_low_um']:.2f} µm; how much it is, is {why}" in said
+    assert f"will leave at least E = {told['left_out_e_low_um']:.2f} µm; its full size is {why}" in said
     (row,) = [line for line in said.splitlines() if "between the targets" in line]
     assert f"≥ {told['left_out_e_low_um'] / 1000:.5f}" in row
     untold = good("build", grid, tmp_path / "u.csv", "--to", "csv")["predicted"]
@@ -118,7 +118,7 @@ def test_there_is_no_figure_of_what_no_target_showed(tmp_path: Path, screw: scre
     few = written(tmp_path / "few.csv", [0.0, 31.0, 60.0, 95.0], screw)
     unjudged = good("build", few, tmp_path / "f.csv", "--to", "csv")["predicted"]
     assert unjudged["left_out_e_um"] is None
-    assert "too few targets" in unjudged["left_out_unknown"]
+    assert "too few or too many targets" in unjudged["left_out_unknown"]
 
 
 def test_refine_says_when_another_round_brings_nothing(
@@ -142,7 +142,7 @@ def test_refine_says_when_another_round_brings_nothing(
                 rows.append(f"{x},{way.name.lower()},{run_number},{measured:.6f}")
     again.write_text("\n".join(["target_mm,direction,run,measured_mm", *rows]))
     data = good("refine", table, again, tmp_path / "better.csv")
-    assert any("another round of readings at such targets brings nothing" in note for note in data["notes"])
+    assert any("another round at such targets does not help" in note for note in data["notes"])
     assert data["left_out_e_um"] > 0.8 * data["left_out_e_before_um"]
     assert data["left_out_e_low_before_um"] < data["left_out_e_before_um"] < data["left_out_e_high_before_um"]
     told = good("refine", table, again, tmp_path / "best.csv", "--lead", 5)

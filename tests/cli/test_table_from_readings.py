@@ -71,7 +71,7 @@ def test_build_takes_the_recording_of_version_7_17_as_it_is_printed(tmp_path: Pa
     data = good("build", sheet, out, "--home", "switch-positive", *told)
     # 7 entries over 7 x 0.5 inch at 40000 counts an inch; 40000 x (DRO - measured), the last -2.8 is -3
     assert out.read_text().split() == ["7", "140000", "20", "12", "4", "-4", "-12", "-16", "-3"]
-    assert any("its correction is 0 by definition" in note for note in data["notes"])
+    assert any("Its correction is 0 by definition" in note for note in data["notes"])
     # without --home nothing is added: 0.5 is the first point
     data = good("build", sheet, tmp_path / "x.tab", "--to", "csv", *told[2:5])
     assert data["points"] == 7
@@ -87,7 +87,7 @@ def test_build_writes_the_table_of_tb058_and_says_what_it_estimated(manual: Path
         *("3.0000", "2.0000", "1.0000", "0.0000", "-1.0000", "0.0000"),
     ]
     assert data["read_with"] == {"file_start": -2.5}
-    assert any("estimated from its neighbour's reversal" in note for note in data["notes"])
+    assert any("estimated from the reversal of its neighbour" in note for note in data["notes"])
     # One approach is missing at 0: what is left is said of each direction, not of both.
     assert data["predicted"]["both"]["E"] is None
     assert data["predicted"]["forward"]["E"] == pytest.approx(0.0, abs=1e-12)
@@ -107,7 +107,7 @@ def test_the_other_meaning_of_a_home_case_is_named(manual: Path, tmp_path: Path)
     result = run("build", manual, tmp_path / "cnc10z.tab", "--home", "switch-positive")
     assert result.exit_code == 1
     assert (
-        "home switch-positive means positive positions, with the switch at the negative end of travel, and "
+        "home switch-positive means positive positions, with the switch at the negative end of travel, but "
         "the targets are -2.5 to 0; choose switch-negative if the switch is at the positive end, or mark"
     ) in result.stderr
 
@@ -142,7 +142,7 @@ def test_build_refuses_in_one_line(manual: Path, rtl: Path, tmp_path: Path) -> N
     assert "not both" in refused("build", manual, out, "--step", 0.5, "--tolerance", 0.1)
     assert "no such file" in refused("build", tmp_path / "no.csv", out).lower()
     manual.write_text(TB058_MANUAL.replace("-1.0003", "-1,0003"))
-    assert "a decimal comma would explain" in refused("build", manual, out)
+    assert "perhaps because of a decimal comma" in refused("build", manual, out)
     assert not out.exists()
     assert run("build", manual, out, "--to", "centroid-9").exit_code == 2
 
@@ -291,7 +291,7 @@ def test_a_table_that_cannot_be_used_names_no_line_of_a_file_that_is_not_there(t
     result = run("build", wide, tmp_path / "x.csv", "--to", "csv", "--keep-scale")
     assert result.exit_code == 1
     first, *others = result.stderr.splitlines()
-    assert first == "note: the deviations differ by 50 mm in all: are the numbers in the unit that is said?"
+    assert first == "note: check the unit of the numbers: all deviations together differ by 50 mm"
     assert all(line.startswith("error: the new table: L") for line in others)
     assert [line for line in others if "max_correction" in line]
     assert not (tmp_path / "x.csv").exists()

@@ -86,10 +86,10 @@ def test_options_of_the_file_are_those_of_show(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("out", "words"),
     [
-        ("z.gif", "a report is written as .html, .png, .svg: choose by the suffix"),
-        ("nowhere/z.png", "make it first"),
-        ("cnc10z.tab", "a report is written as"),
-        ("there.png", "a file of this name; give a new name, or --force"),
+        ("z.gif", "end the name with .html, .png, .svg, the formats of a report"),
+        ("nowhere/z.png", "it does not exist"),
+        ("cnc10z.tab", "the formats of a report"),
+        ("there.png", "a file of this name exists; give a new name, or --force"),
     ],
 )
 def test_a_place_that_is_none_is_one_line_and_code_1(

@@ -90,7 +90,7 @@ def test_without_estimation_a_missing_end_is_named() -> None:
 
 
 def test_home_outside_the_targets_is_refused() -> None:
-    with pytest.raises(ReadingsError, match=r"home at 1 lies outside the targets -2.5 to 0"):
+    with pytest.raises(ReadingsError, match=r"home at 1 is outside the targets -2.5 to 0"):
         build_table(tb058_readings(), Units.INCH, home=HomeReference(1.0, UP))
 
 

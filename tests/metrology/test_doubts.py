@@ -36,7 +36,7 @@ def test_readings_in_another_unit_than_they_are_said_to_be_in() -> None:
 
 def test_an_end_without_overrun_is_named_with_what_is_lost_elsewhere() -> None:
     [warning] = plausibility_warnings(readings(end=0.001), Units.MM)
-    assert "at 400 both directions lie 0.001 mm apart, elsewhere at least 0.02" in warning
+    assert "at 400 both directions differ by 0.001 mm, elsewhere by at least 0.02" in warning
     assert "overrun" in warning
     assert plausibility_warnings(readings(end=0.006), Units.MM) == []
 

@@ -46,7 +46,7 @@ def test_a_screw_that_warms_up_is_named_with_e_with_and_without() -> None:
     assert not found.is_shifting
     # At 400 mm the mean of the runs back is 2.5 × 7 µm/m × 0.4 m = 7 µm; at 0 it is 0.
     said = drift_line(warming(), found)
-    assert "+28 µm/m over the runs, as +2.4 K of steel make" in said
+    assert "+28 µm/m over the runs, as steel grows in +2.4 K" in said
     assert "E 7.00 µm with it, 0.00 µm without" in said
     drift = json_of(warming())["drift"]
     assert isinstance(drift, dict)
@@ -127,8 +127,8 @@ def test_a_run_of_a_few_turns_tells_no_scale() -> None:
     assert json_of(fine)["scale"] is None
     [said] = notes_of(fine)
     assert said == (
-        "the readings span 2 mm, a few turns of the screw: they tell no scale. For it, measure over 10 turns "
-        "and more, or tell the lead (--lead) if that is so many turns"
+        "to find the scale, measure over 10 turns or more, or give the lead (--lead) if the range is that "
+        "long. These readings cover 2 mm, only a few turns of the screw"
     )
     # With the grid that it completes they tell it, and where the lead is told ten turns of it do.
     both = merged([measured([20.0 * index for index in range(21)]), fine])
@@ -143,7 +143,7 @@ def test_a_run_of_a_few_turns_tells_no_scale() -> None:
 
 def test_a_scale_that_no_turn_explains_is_refused_however_short_the_run() -> None:
     """A gear of 1:2 makes 1 mm over 2 mm."""
-    with pytest.raises(ReadingsError, match="is no screw but a wrong scale"):
+    with pytest.raises(ReadingsError, match="is a wrong scale"):
         check_scale(said_by("x.csv", [Reading(x, UP, 1.5 * x) for x in (0.0, 1.0, 2.0)]))
 
 
@@ -162,7 +162,7 @@ def test_a_slip_is_not_taken_for_a_wrong_scale() -> None:
     assert "300.421 at target 300, forward, is +0.421 away, where the others lead to +0.04" in said
     check_scale(said_by("hand.csv", [*slipped[:6], Reading(300.0, UP, 300.0421)]))
     steep = [Reading(50.0 * index, UP, 50.02 * index) for index in range(7)]
-    with pytest.raises(ReadingsError, match="is no screw but a wrong scale"):
+    with pytest.raises(ReadingsError, match="is a wrong scale"):
         check_scale(said_by("hand.csv", steep))
 
 
@@ -173,7 +173,7 @@ def test_readings_carry_their_temperature_and_are_normalised_when_asked() -> Non
     cold = at_20_degrees(survey, 11.5)
     # 11.5 µm/m × 4 K × 0.5 m = 23 µm, and half as much at 22 °C.
     assert [round(each.deviation, 9) for each in cold.readings] == [0.0, 0.007, 0.0185]
-    assert cold.facts["normalised to 20 °C"] == "with 11.5 µm a metre and kelvin"
+    assert cold.facts["normalised to 20 °C"] == "with 11.5 µm per metre and kelvin"
 
 
 def test_one_temperature_may_hold_for_a_file() -> None:
@@ -216,13 +216,13 @@ def whole(targets: list[float], runs: int = 5, ways: tuple[Direction, ...] = (UP
     ("survey", "missing"),
     [
         (whole(TARGETS), ()),
-        (whole(TARGETS, runs=3), ("3 runs in each direction, of 5",)),
-        (whole(TARGETS, ways=(UP,)), ("one direction only, of both",)),
+        (whole(TARGETS, runs=3), ("3 runs in each direction, 5 are required",)),
+        (whole(TARGETS, ways=(UP,)), ("one direction only, both are required",)),
         # 1.2 m: six targets; these four are at least uneven.
-        (whole([0.0, 401.0, 777.0, 1200.0]), ("4 targets, of 6 on this length",)),
+        (whole([0.0, 401.0, 777.0, 1200.0]), ("4 targets, 6 are required on this length",)),
         (
             whole([0.0, 100.0, 200.0, 300.0, 400.0]),
-            ("even intervals of 100 mm, where irregular ones are asked for",),
+            ("even intervals of 100 mm, but irregular ones are required",),
         ),
         (
             whole([0.0, 301.0, 520.0, 760.0, 1000.0, 1240.0, 1480.0, 1720.0, 1960.0, 2100.0], runs=1),
@@ -236,7 +236,7 @@ def test_what_the_standard_asks_for_is_held_against_the_readings(
     found = evaluate(survey)
     assert missing_of(found) == missing
     assert title_of(found) == ("by the formulas of ISO 230-2" if missing else "ISO 230-2")
-    assert missing_line(found) == (f"no test after ISO 230-2: {'; '.join(missing)}" if missing else "")
+    assert missing_line(found) == (f"not a test after ISO 230-2: {'; '.join(missing)}" if missing else "")
 
 
 def test_a_missing_approach_leaves_no_result_of_both_directions() -> None:

@@ -166,7 +166,7 @@ def test_an_outlier_that_was_the_only_reading_takes_its_target_with_it() -> None
     built = build_from(Survey(tuple(readings), Units.MM), Recipe(drop_outliers=True))
     assert list(built.table.positions) == [0.0, 10.0, 20.0, 30.0, 50.0, 60.0, 70.0, 80.0]
     assert built.table.max_correction() == 0.0
-    words = "40: left out in both directions, for the outlier was the only reading of one"
+    words = "40: left out in both directions, because the outlier was the only reading in one of them"
     assert words in built.notes
 
 
@@ -206,7 +206,7 @@ def test_a_prediction_outside_the_table_is_named() -> None:
     survey = Survey(tuple(Reading(x, UP, x) for x in (9.0, 10.0, 20.0, 22.0)), Units.MM)
     found = predicted_residue(survey, table)
     assert found.remarks == (
-        "outside the table, 10 to 20 mm, lie targets from 9 to 22: predicted with its end values held there",
+        "targets from 9 to 22 are outside the table, 10 to 20 mm: predicted with its end values held",
     )
     inside = Survey(survey.readings[1:3], Units.MM)
     assert predicted_residue(inside, table.in_units(Units.INCH)).remarks == ()
@@ -294,7 +294,7 @@ def test_a_grid_over_the_travel_holds_what_was_not_measured() -> None:
     assert list(built.table.forward) == pytest.approx([0.003, 0.010, 0.018])
     assert any("no reading from 0 to 3 mm" in note for note in built.notes)
     assert any("no reading from 18 to 20 mm" in note for note in built.notes)
-    with pytest.raises(ReadingsError, match=r"travel without step: .* --step too, or leave --travel"):
+    with pytest.raises(ReadingsError, match=r"travel without step: .* --step as well, or remove --travel"):
         build_from(Survey(tuple(readings), Units.MM), Recipe(travel=(0.0, 25.0)))
     with pytest.raises(ReadingsError, match="a travel from 25 to 0: the lower end first"):
         build_from(Survey(tuple(readings), Units.MM), Recipe(step=10.0, travel=(25.0, 0.0)))

@@ -39,8 +39,8 @@ def test_a_reading_is_the_number_that_the_gauge_shows(kind: GaugeKind, line: byt
         (MITUTOYO, b"01A+12,345", "as in 01A"),
         (MITUTOYO, b"01A12.345", "as in 01A"),
         (MITUTOYO, b"01A+12.34501A+12.345", "as in 01A"),
-        (MILLIMAR, b"1 ERR6", "is feature 1 on"),
-        (MILLIMAR, b"1 +000.25 um", "is in um, and readings are taken in mm: --reading-units um"),
+        (MILLIMAR, b"1 ERR6", "check that feature 1 is on"),
+        (MILLIMAR, b"1 +000.25 um", "is in um, but the reading units are mm: give --reading-units um"),
         (MILLIMAR, b"2 +000.25 mm", "as in 1"),
         (MILLIMAR, b"1 000.25 mm", "as in 1"),
         (MILLIMAR, b"1 +000.25 mm;2 +000.25 mm", "as in 1"),
@@ -67,7 +67,7 @@ def test_a_unit_in_the_line_is_held_against_that_of_the_readings() -> None:
     assert reading_of(MILLIMAR, b"1 +012.5 um =", unit="um") == 12.5
     own = pattern_of(r"X=(?P<value>[+-]\d+\.\d+)(?P<unit>mm|in)")
     assert reading_of(GaugeKind.PATTERN, b"X=+1.5in", own, "inch") == 1.5
-    with pytest.raises(GaugeError, match="is in in, and readings are taken in mm: --reading-units inch"):
+    with pytest.raises(GaugeError, match="is in in, but the reading units are mm: give --reading-units inch"):
         reading_of(GaugeKind.PATTERN, b"X=+1.5in", own, "mm")
 
 
@@ -83,12 +83,12 @@ def test_a_pattern_of_ones_own_says_where_the_number_is(line: bytes, value: floa
 
 @pytest.mark.parametrize("line", [b"X +12.345", b"12.345 mm", b"X 12 mm", b"", b"X 1.0 mmX 2.0 mm"])
 def test_a_line_that_does_not_match_as_a_whole_is_refused_and_shown(line: bytes) -> None:
-    with pytest.raises(GaugeError, match="is not what --gauge-pattern"):
+    with pytest.raises(GaugeError, match="does not match --gauge-pattern"):
         reading_of(GaugeKind.PATTERN, line, DRO)
 
 
 @pytest.mark.parametrize(
-    ("pattern", "words"), [("X(", "no regular expression"), (r"X(\d+)", "a group that is called value")]
+    ("pattern", "words"), [("X(", "not a regular expression"), (r"X(\d+)", "a group that is called value")]
 )
 def test_a_pattern_that_names_no_number_is_refused(pattern: str, words: str) -> None:
     with pytest.raises(GaugeError, match=words):
@@ -96,7 +96,7 @@ def test_a_pattern_that_names_no_number_is_refused(pattern: str, words: str) -> 
 
 
 def test_a_value_that_is_no_number_is_refused() -> None:
-    with pytest.raises(GaugeError, match="the value 'on' of --gauge-pattern is no number"):
+    with pytest.raises(GaugeError, match="the value 'on' of --gauge-pattern is not a number"):
         reading_of(GaugeKind.PATTERN, b"on", pattern_of("(?P<value>.*)"))
 
 

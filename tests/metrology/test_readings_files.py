@@ -56,7 +56,7 @@ def test_an_iso_csv_is_read_with_facts_and_axis() -> None:
 def test_directions_that_every_run_contradicts_are_named() -> None:
     exchanged = ISO.replace("forward", "~").replace("backward", "forward").replace("~", "backward")
     [remark] = read(exchanged).remarks
-    assert "as if the directions were exchanged" in remark
+    assert "exchange the directions" in remark
     # Sorted by a program, both ways alike: the order of the lines says nothing.
     heading, lines = ISO.splitlines()[:3], ISO.splitlines()[3:]
     assert read("\n".join([*heading, *lines[2::-1], *lines[3:]])).remarks == ()
@@ -65,7 +65,7 @@ def test_directions_that_every_run_contradicts_are_named() -> None:
 def test_more_runs_one_way_than_the_other_are_named() -> None:
     again = "".join(f"{target},forward,2,{target}\n" for target in (0, 50, 100))
     [remark] = read(ISO + again).remarks
-    assert "2 forward and 1 backward runs: measure as many both ways" in remark
+    assert "2 forward and 1 backward runs: measure the same number in both directions" in remark
 
 
 def test_columns_in_another_order_with_semicolons_and_deviations_in_um() -> None:
@@ -105,9 +105,9 @@ def test_line_ends_a_byte_order_mark_and_blanks_change_nothing(end: str) -> None
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("target_mm", "target_inch", "mixed units: 'target_inch' is of inch, 'measured_mm' of mm"),
+        ("target_mm", "target_inch", "mixed units: 'target_inch' is in inch, 'measured_mm' in mm"),
         ("_mm", "", "no units"),
-        ("50.003", "50,003", "laser.csv:5: 5 cells, which a decimal comma would explain"),
+        ("50.003", "50,003", "laser.csv:5: 5 cells, perhaps because of a decimal comma"),
         ("50.003", "5O.003", "laser.csv:5: measured '5O.003'"),
         ("50,forward", "50,sideways", "direction 'sideways'"),
         ("50,forward,1", "50,forward,one", "run 'one'"),
@@ -163,9 +163,12 @@ def test_the_manual_table_of_tb058_takes_its_directions_from_the_order_of_the_dr
         *((at, DOWN) for at in (-0.5, -1.0, -1.5, -2.0, -2.5)),
     ]
     assert survey.remarks == (
-        "laser.csv:3: -2.5 is the first stop: taken as approached forward; come from beyond it",
-        "laser.csv:8: the axis turned round at 0, backward from there",
-        "laser.csv: no backward reading at 0, an end: a table estimates it from its neighbour",
+        (
+            "laser.csv:3: -2.5 is the first stop: assumed to be approached forward; next time "
+            "approach it from further outside"
+        ),
+        "laser.csv:8: the axis reversed at 0, backward from there",
+        "laser.csv: no backward reading at 0, an end: a table estimates it from the neighbour",
     )
 
 
@@ -178,7 +181,7 @@ def test_the_typo_in_the_simulated_table_of_tb058_is_named() -> None:
     survey = read(TB058_SIMULATED)
     slips = [remark for remark in survey.remarks if "correction" in remark]
     assert [slip.partition(";")[0] for slip in slips] == [
-        "laser.csv:4: correction 4 at 1.5, but DRO - measured is 1: a slip in the sheet"
+        "laser.csv:4: check this line: correction 4 at 1.5, but DRO - measured is 1"
     ]
 
 
@@ -214,7 +217,7 @@ def test_targets_that_fall_make_the_odd_runs_backward() -> None:
     survey = read(text)
     assert deviations_um(survey)[1] == (-20, DOWN, 1, 1.5)
     assert deviations_um(survey)[6] == (-100, UP, 1, -2.5)
-    assert "the targets fall, so odd runs are backward" in survey.remarks[0]
+    assert "the targets descend, so odd runs are backward" in survey.remarks[0]
 
 
 def one_order() -> str:
@@ -226,7 +229,7 @@ def one_order() -> str:
 
 
 def test_runs_of_one_order_prove_no_direction() -> None:
-    assert "nothing proves their directions; allowed: --runs alternate" in refused(one_order())
+    assert "this does not prove their directions; allowed: --runs alternate" in refused(one_order())
     alternate = read(one_order(), runs=Runs.ALTERNATE)
     assert sorted(deviations_um(alternate), key=str) == sorted(deviations_um(read(RTL)), key=str)
     forward = read(one_order(), runs=Runs.FORWARD)
@@ -292,8 +295,8 @@ def test_a_run_that_was_filled_in_with_zeros_is_no_way_back() -> None:
         + rest[rest.index("\r\nENV") :]
     )
     text = refused(filled)
-    assert "laser.csv:28: nothing but 0 in run 2" in text
-    assert "tell --runs forward" in text
+    assert "laser.csv:28: only 0 in run 2" in text
+    assert "give --runs forward" in text
     way_out = filled.replace("Run-count: 2", "Run-count: 1")
     way_out = "\r\n".join(line for line in way_out.split("\r\n") if not line.startswith("  2 "))
     assert len(read(way_out, runs=Runs.FORWARD).readings) == 6
@@ -304,9 +307,7 @@ def test_a_run_that_was_filled_in_with_zeros_is_no_way_back() -> None:
 def test_an_rtl_without_its_end_mark_is_named_or_refused() -> None:
     assert RTL.endswith("\r\nAir temp: 20.1\r\nEOF::\r\n")
     (said,) = read(RTL.replace("EOF::\r\n", "")).remarks
-    assert said == (
-        "laser.csv: no EOF:: at its end, so it was cut short: behind the readings, which are all there"
-    )
+    assert said == ("laser.csv: no EOF:: at its end, so the file was cut short; all readings are there")
     # Cut among the deviations: 2.0 may have been 2.04.
     cut = RTL.partition("\r\n\r\nENVIRONMENT::")[0]
     assert (
@@ -387,8 +388,8 @@ def test_decimal_commas_are_read_where_commas_separate_nothing(separator: str) -
 def test_commas_beside_points_are_refused_with_both_lines() -> None:
     text = ISO.replace(",", ";").replace("50.003", "50,003")
     said = refused(text)
-    assert "laser.csv:5: '50,003' with a decimal comma, and '0.001' with a point in line 4" in said
-    assert "a decimal comma would explain" in refused(ISO.replace("50.003", "50,003"))
+    assert "laser.csv:5: '50,003' with a decimal comma, but '0.001' with a point in line 4" in said
+    assert "perhaps because of a decimal comma" in refused(ISO.replace("50.003", "50,003"))
 
 
 def test_a_column_that_is_no_run_is_named_also_where_the_format_is_told() -> None:
@@ -400,13 +401,13 @@ def test_a_column_that_is_no_run_is_named_also_where_the_format_is_told() -> Non
 def test_target_and_reading_alone_lack_the_directions() -> None:
     said = refused("target_mm,measured_mm\n0,0\n25,25.01\n")
     assert "laser.csv:1: no direction and no run in the heading" in said
-    assert "or dro_mm,measured_mm, where the order of the lines tells the directions" in said
+    assert "or dro_mm,measured_mm: then the order of the lines gives the directions" in said
 
 
 def test_commas_that_may_group_thousands_are_refused_where_nothing_proves_them_decimal() -> None:
     """Targets of 1 m, 2 m and 3 m as a spreadsheet shows them; as decimals they were 1, 2 and 3 mm."""
     text = "target_mm;direction;run;deviation_um\n1,000;up;1;12\n2,000;up;1;15\n3,000;up;1;11\n"
-    assert "laser.csv:2: '1,000', which is 1.000 or 1000; allowed: decimal points, or one" in refused(text)
+    assert "laser.csv:2: '1,000', which means 1.000 or 1000; allowed: decimal points, or at" in refused(text)
     proven = read(text.replace("12", "12,5"))
     assert [each.target for each in proven.readings] == [1.0, 2.0, 3.0]
 
@@ -502,13 +503,13 @@ def test_stops_that_lie_nowhere_together_are_no_blocks() -> None:
 
 def test_a_slip_over_gauge_blocks_is_named_in_its_own_line() -> None:
     assert refused(BLOCKS.replace("25.0040,up,2", "26.0040,up,2")) == (
-        "laser.csv:9: 26.004, where the other stops at this block lie at 25.0031 to 25.0095; allowed: stops "
-        "of one block near together: a digit slipped, or it is another block's"
+        "laser.csv:9: 26.004, but the other stops at this block are at 25.0031 to 25.0095; allowed: stops "
+        "close to each other at one block: check the digits, or it belongs to another block"
     )
     two = refused(BLOCKS.replace("25.0040,up,2", "26.0040,up,2").replace("50.0046,up,2", "49.0046,up,2"))
     assert "laser.csv:9: 26.004" in two
-    assert "laser.csv:10: 49.0046, where the other stops at this block lie at 50.0044 to 50.0104" in two
-    assert "laser.csv:9: 26 at a stop at 25.004, where the others say 25" in refused(
+    assert "laser.csv:10: 49.0046, but the other stops at this block are at 50.0044 to 50.0104" in two
+    assert "laser.csv:9: 26 at the stop at 25.004, but the others have 25" in refused(
         BLOCKS.replace("25.0040,up,2,25", "25.0040,up,2,26")
     )
 
@@ -545,8 +546,8 @@ def test_readings_in_utf_16_are_read(encoding: str) -> None:
 
 
 def test_told_units_and_axis_that_contradict_the_file_are_refused() -> None:
-    assert "positions in mm, told units inch" in refused(ISO, units=Units.INCH)
-    assert "readings of axis x, told axis y" in refused(ISO, axis="y")
+    assert "positions in mm, but units = inch" in refused(ISO, units=Units.INCH)
+    assert "readings of axis x, but axis = y" in refused(ISO, axis="y")
     assert "a text of no known format" in refused("a b c\n1 2 3\n")
     assert "format 'rtl'" in refused(ISO, format="rtl")
 
@@ -603,7 +604,7 @@ def test_a_fine_run_of_two_turns_goes_beside_the_grid_that_it_completes() -> Non
 
 def test_the_same_readings_twice_are_named() -> None:
     [remark] = merged([read(ISO), read(ISO)]).remarks
-    assert "the same readings as laser.csv: if that is one measurement, name it once" in remark
+    assert "the same readings as laser.csv: if this is one measurement, name it only once" in remark
     assert merged([read(ISO), read(ISO.replace("50.003", "50.004"))]).remarks == ()
 
 

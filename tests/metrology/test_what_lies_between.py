@@ -80,11 +80,11 @@ def test_the_warning_names_what_to_measure() -> None:
     assert [each.name for each in aliased] == ["lead 5", "half of lead 5"]
     said = aliased_warning(targets, aliased, "mm")
     # Two turns of 5 mm from the middle target, in eighths of a turn.
-    assert "the targets lie 10 mm apart, a multiple, or near one, of lead 5 and half of lead 5" in said
+    assert "the targets are 10 mm apart, a multiple, or near one, of lead 5 and half of lead 5" in said
     assert "--from 150 --to 160 --step 0.625" in said
     assert "--spread 5" in said
     (told,) = lead_warnings(targets, (), Units.MM)
-    assert "the targets lie 10 mm apart: an error that repeats every 10, 5, 3.33333… mm" in told
+    assert "the targets are 10 mm apart: an error that repeats every 10, 5, 3.33333… mm" in told
     assert lead_warnings(RANDOM_TARGETS, (), Units.MM) == []
 
 
@@ -202,7 +202,7 @@ def test_what_a_grid_hides_makes_the_prediction_unknown(step: float) -> None:
     assert 0 < left_out.low < screw.leaves_um(chosen.table, 0.0, targets[-1]) / 1000
     assert "lead 5" in [each.name for each in left_out.unseen]
     assert left_out.unknown.startswith(
-        "not known from these readings: their targets do not tell what repeats"
+        "not known from these readings: their targets cannot separate an error that repeats"
     )
 
 
@@ -250,9 +250,7 @@ def test_a_harmonic_that_even_targets_show_in_part_or_as_another_has_no_amplitud
     found = built.screw.harmonics
     for harmonic, amplitude in zip(found, known, strict=True):
         assert harmonic.amplitude == (None if amplitude is None else pytest.approx(amplitude, rel=0.01))
-        is_said = any(
-            note.startswith(f"{harmonic.period.name}: its size is not known") for note in built.notes
-        )
+        is_said = any(note.startswith(f"{harmonic.period.name}: its size is unknown") for note in built.notes)
         assert is_said == (amplitude is None)
 
 
@@ -300,7 +298,7 @@ def test_few_targets_stay_in_the_table_as_they_were_read() -> None:
     assert list(built.table.positions) == six
     four = build_from(survey(six[:4], lambda x: 0.003 * sin(x / 7)), Recipe(fit=Fit.AUTO))
     assert four.screw is None
-    assert any("4 targets" in note and "nothing is said" in note for note in four.notes)
+    assert any("4 targets" in note and "is unknown" in note for note in four.notes)
 
 
 def test_points_lie_where_the_nut_stood_where_that_matters() -> None:
@@ -338,9 +336,9 @@ def test_a_format_of_few_points_says_what_it_costs() -> None:
 def test_harmonics_that_were_not_seen_are_not_made_up() -> None:
     grid = [10.0 * index for index in range(31)]
     aliased = survey(grid, lambda x: 0.003 * sin(2 * pi * x / 5 + 1))
-    with pytest.raises(ReadingsError, match=r"harmonics: nothing to fit: the targets lie 10 mm apart"):
+    with pytest.raises(ReadingsError, match=r"harmonics: nothing to fit: the targets are 10 mm apart"):
         build_from(aliased, Recipe(fit=Fit.HARMONICS, periods=periods_of(5.0)))
-    with pytest.raises(ReadingsError, match="tell the lead"):
+    with pytest.raises(ReadingsError, match="give the lead"):
         build_from(aliased, Recipe(fit=Fit.HARMONICS))
     built = build_from(aliased, Recipe(fit=Fit.AUTO, periods=periods_of(5.0)))
     assert built.evidence is not None

@@ -70,9 +70,9 @@ def test_a_sheet_is_read_as_a_file_with_tabs_would_be() -> None:
 def test_the_sheet_with_the_readings_is_found_by_its_heading() -> None:
     notes: list[list[object]] = [["measured by", "somebody"], ["on", date(2026, 3, 2)]]
     assert read(workbook(notes, PLAIN)).source == "x.xlsx[S2]"
-    assert "2 sheets of readings: [S1], [S2]" in refused(workbook(PLAIN, PLAIN))
-    assert "no sheet that looks like readings: [S1], [S2]" in refused(workbook(notes, notes))
-    assert "nothing in it" in refused(workbook([]))
+    assert "2 sheets with readings: [S1], [S2]" in refused(workbook(PLAIN, PLAIN))
+    assert "no sheet with readings: [S1], [S2]" in refused(workbook(notes, notes))
+    assert "an empty spreadsheet" in refused(workbook([]))
 
 
 def test_an_error_names_the_sheet_and_the_row() -> None:

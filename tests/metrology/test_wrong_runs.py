@@ -88,7 +88,7 @@ def test_a_run_that_lies_aside_is_named_and_nothing_is_promised(run: int, per_ru
     [found] = wrong_runs(bad)
     assert found.away == pytest.approx(0.005, abs=0.0008)
     assert any(
-        note.startswith(f"run {run}: ") and " µm aside of the other runs" in note for note in notes_of(bad)
+        note.startswith(f"run {run}: ") and " µm beside the other runs" in note for note in notes_of(bad)
     )
     assert find_outliers(bad) == ()
     made = build_from(bad, Recipe(fit=Fit.AUTO))

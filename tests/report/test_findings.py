@@ -56,7 +56,7 @@ def test_nothing_left_is_not_so_many_times_better(is_predicted: bool) -> None:
 def test_a_part_of_the_axis_does_not_compare_with_the_whole() -> None:
     half = [replace(each, target=each.target / 2, measured=each.measured / 2) for each in survey().readings]
     found = find(axis_data(after=Survey(tuple(half), Units.MM)))
-    words = "accurate to 10.8 µm, but over 0 to 50 mm instead of 0 to 100 mm: these do not compare."
+    words = "accurate to 10.8 µm, but over 0 to 50 mm instead of 0 to 100 mm, so they cannot be compared."
     assert sentence(found).replace("\N{NO-BREAK SPACE}", " ").endswith(words)
     assert results_table(found).count("<td>–</td>") == len(FIGURES)
     moved = [
@@ -71,13 +71,13 @@ def test_an_axis_without_a_name_has_none() -> None:
 
 
 def test_an_axis_that_became_worse_is_told_so() -> None:
-    words = "Axis x was accurate to 2.2 µm and is now accurate to 21.7 µm: it did not become better."
+    words = "Axis x was accurate to 2.2 µm and is now accurate to 21.7 µm: it is not better."
     assert said(before=survey(0.1), after=survey()) == words
 
 
 def test_readings_of_one_run_have_no_accuracy_so_the_means_are_told() -> None:
     # E of the first runs: 10 - -4 = 14 µm
-    words = "Axis x is on average within a band of 14.0 µm as it was measured."
+    words = "Axis x is on average within a band of 14.0 µm, as measured."
     assert said(before=survey(runs=1), after=None) == words
 
 
@@ -89,12 +89,12 @@ def test_before_and_after_are_told_in_the_same_number() -> None:
 
 def test_inches_are_told_in_micrometres() -> None:
     inches = survey(units=Units.INCH)
-    words = "Axis z is accurate to 21.7 µm as it was measured."
+    words = "Axis z is accurate to 21.7 µm, as measured."
     assert said(axis="z", units=Units.INCH, table=None, before=inches, after=None) == words
 
 
 def test_a_table_alone_tells_what_it_changes() -> None:
-    words = "The table of axis x changes a position by up to 20.0 µm; between the two directions lie up to"
+    words = "The table of axis x changes a position by up to 20.0 µm; the two directions differ by up to"
     assert said(before=None, after=None) == f"{words} 20.0 µm."
     one = make_table([0, 90], [0.0, 0.001], [0.0, 0.001], Units.DEGREE)
     words = "The table of axis x changes a position by up to 3.6 arcsec, the same in both directions."
@@ -104,7 +104,7 @@ def test_a_table_alone_tells_what_it_changes() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"table": None, "before": None, "after": None}, "axis x: neither a table nor readings"),
+        ({"table": None, "before": None, "after": None}, "axis x: give a table or readings"),
         ({"after": survey(units=Units.INCH)}, "its readings after are in inch, the axis in mm"),
         ({"before": Survey((), Units.MM)}, "axis x: no readings"),
         (
@@ -122,16 +122,16 @@ def test_fewer_runs_than_the_standard_asks_for_are_named() -> None:
     found = find(axis_data())
     assert found.before is not None
     words = (
-        "2 targets, 2 runs in each direction; no test after ISO 230-2: 2 targets, of 5 on this length; "
-        "2 runs in each direction, of 5"
+        "2 targets, 2 runs in each direction; not a test after ISO 230-2: 2 targets, 5 are required on "
+        "this length; 2 runs in each direction, 5 are required"
     )
     assert about_readings(found.before) == words
     one_sided = tuple(each for each in survey().readings if each.direction is Direction.FORWARD)
     found = find(axis_data(before=Survey(one_sided * 3, Units.MM)))
     assert found.before is not None
     assert about_readings(found.before) == (
-        "2 targets, 6 runs forward only; no test after ISO 230-2: 2 targets, of 5 on this length; "
-        "one direction only, of both"
+        "2 targets, 6 runs forward only; not a test after ISO 230-2: 2 targets, 5 are required on this "
+        "length; one direction only, both are required"
     )
     gap = tuple(each for each in survey().readings if (each.target, each.run) != (0.0, 1))
     gap = tuple(each for each in gap if each.direction is Direction.FORWARD or each.target != 0.0)

@@ -123,8 +123,8 @@ def test_the_points_of_the_table_can_be_unfolded(page: Page) -> None:
 
 
 FEW = (
-    "2 targets, 2 runs in each direction; no test after ISO 230-2: 2 targets, of 5 on this length; 2 runs in "
-    "each direction, of 5"
+    "2 targets, 2 runs in each direction; not a test after ISO 230-2: 2 targets, 5 are required on this "
+    "length; 2 runs in each direction, 5 are required"
 )
 
 
@@ -137,8 +137,8 @@ def test_it_tells_everything_that_was_given(page: Page) -> None:
         "the laser was warm",
         f"Before: {FEW}.",
         f"After (measured): {FEW}.",
-        "The dashed lines hold all means with their 2s: they lie 2.2 µm apart, the accuracy A.",
-        "The steepest is 2.5 µm/mm: there the drive moves 0.25 % faster or slower than it was commanded.",
+        "All means with their 2s lie between the dashed lines. Their distance, 2.2 µm, is the accuracy A.",
+        "The steepest is 2.5 µm/mm: there the drive moves 0.25 % faster or slower than commanded.",
         f"Made by pitch-gateway {__version__}.",
     ):
         assert words in page.text
@@ -151,7 +151,7 @@ def test_a_prediction_is_marked_wherever_it_stands() -> None:
     for words in (
         "After (predicted): 2 targets",
         "Residue after compensation, magnified (predicted)",
-        "These readings are predicted: nobody measured them.",
+        "These readings are predicted, not measured.",
         "it is computed from the readings before and the table",
     ):
         assert words in predicted.text

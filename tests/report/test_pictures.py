@@ -80,7 +80,7 @@ def test_every_picture_is_there_with_its_curves(drawing: Drawing) -> None:
 
 def test_a_long_sentence_is_told_to_its_end() -> None:
     lines = sentence_lines(find(axis_data(before=survey(runs=1), after=survey(runs=1), axis="a name " * 9)))
-    assert " ".join(lines).endswith("it did not become better.")
+    assert " ".join(lines).endswith("it is not better.")
     assert [len(line) <= 106 for line in lines] == [True, True]
 
 

@@ -41,7 +41,7 @@ def test_the_suffix_decides(tmp_path: Path, suffix: str) -> None:
 
 @pytest.mark.parametrize("name", ["report.pdf", "report", "report.htm", ".html"])
 def test_another_suffix_names_those_that_can_be_written(tmp_path: Path, name: str) -> None:
-    with pytest.raises(ReportError, match=r"a report is written as \.html, \.png, \.svg"):
+    with pytest.raises(ReportError, match=r"end the name with \.html, \.png, \.svg"):
         write_report(report(), tmp_path / name)
     assert names_in(tmp_path) == []
 
@@ -50,7 +50,7 @@ def test_an_existing_file_is_replaced_only_by_force_and_keeps_its_mode(tmp_path:
     path = tmp_path / "report.svg"
     path.write_text("mine")
     path.chmod(0o600)
-    with pytest.raises(ReportError, match="a file of this name; give a new name, or --force"):
+    with pytest.raises(ReportError, match="a file of this name exists; give a new name, or --force"):
         write_report(report(), path)
     assert path.read_text() == "mine"
     link = tmp_path / "link.svg"
@@ -86,7 +86,7 @@ def test_a_disk_that_is_full_leaves_what_was_there(tmp_path: Path, force: bool) 
         cwd=ROOT,
         timeout=60,
     ).stdout
-    assert said == f"{path}: File too large; give a place to write to\n"
+    assert said == f"{path}: File too large; give a path that can be written\n"
     assert names_in(tmp_path) == (["report.svg"] if force else [])
     assert not force or path.read_text() == "mine"
 
@@ -108,7 +108,7 @@ def test_a_stick_that_knows_no_links_takes_a_report_too(
 
 
 def test_places_that_are_none_are_named(tmp_path: Path) -> None:
-    with pytest.raises(ReportError, match=r"there is no folder .*nowhere: make it first"):
+    with pytest.raises(ReportError, match=r"make the folder .*nowhere first: it does not exist"):
         write_report(report(), tmp_path / "nowhere" / "report.html")
     os.mkfifo(tmp_path / "fifo.html")
     with pytest.raises(ReportError, match="a FIFO"):
@@ -126,7 +126,7 @@ def test_a_report_of_nothing_is_none(tmp_path: Path) -> None:
 
 def test_more_axes_than_a_picture_can_show_are_for_a_page() -> None:
     many = report(*[axis_data(axis=f"a{index}") for index in range(MOST_SHEETS + 1)])
-    with pytest.raises(ReportError, match=r"25 axes: one picture shows 24 at most; write \.html"):
+    with pytest.raises(ReportError, match=r"25 axes: write \.html, because one picture shows at most 24"):
         render(many, ".png")
 
 

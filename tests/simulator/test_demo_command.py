@@ -135,7 +135,7 @@ def test_the_report_of_a_round_is_a_test_as_the_standard_asks(reported: str) -> 
         about = f"{targets} targets, 5 runs in each direction"
         assert f"<b>Before</b>: {about}.<br>" in reported
         assert f"<b>After (measured)</b>: {about}.</p>" in reported
-    assert "no test after" not in reported
+    assert "not a test after" not in reported
     assert reported.count("At 60 random targets between the points") == 3
     assert reported.count("<dt>read back</dt><dd>exactly what was commanded</dd>") == 3
     assert "predicted" not in reported.partition("<body>")[2]

@@ -168,7 +168,7 @@ def test_ess_has_a_bit_for_each_command() -> None:
 def test_a_command_that_nobody_knows_is_told(caplog: pytest.LogCaptureFixture) -> None:
     drive = Drive("stepperonline-ess-rs")
     drive.does("06 002D 0099")
-    said = "unit 1: 0x0099 in 0x002d means nothing to this simulated drive"
+    said = "unit 1: this simulated drive does not know 0x0099 in 0x002d"
     assert list(drive.unit.ledger.unheard_of) == [said]
     assert caplog.messages == [said]
 

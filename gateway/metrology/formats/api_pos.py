@@ -129,8 +129,8 @@ def _parse(source: SourceText) -> _File:
                 before = facts.setdefault(key, (fact, line.number))
                 if before[0] != fact:
                     raise source.error(
-                        f"{key} {shown(fact)}, which is {shown(before[0])} in line {before[1]}",
-                        "one of both",
+                        f"{key} {shown(fact)}, but {shown(before[0])} in line {before[1]}",
+                        "only one of them",
                         line=line.number,
                     )
         elif not cells or to_decimal(cells[0]) is None:
@@ -144,7 +144,9 @@ def _parse(source: SourceText) -> _File:
                 and (value := decimal(source, line.number, cells[at], name)) > _NO_SENSOR_BELOW
             ]
     if not names:
-        raise source.error("no rows", f"{' '.join(_HEADING)} …, and a row for each stop: is the file whole?")
+        raise source.error(
+            "no rows", f"{' '.join(_HEADING)} …, and a row for each stop: check that the file is complete"
+        )
     return _File(facts, tuple(stops), tuple(material))
 
 
@@ -161,8 +163,8 @@ def _stop(source: SourceText, line: SourceLine, cells: Sequence[str], names: Seq
     if status != 0:
         status_text = _STATUS.get(status or 0, "unknown")
         raise source.error(
-            f"status {shown(cells[3])} ({status_text}): the laser did not vouch for this reading",
-            "readings of status 0: measure this run again, or take its rows out and correct NumofPoints",
+            f"status {shown(cells[3])} ({status_text}): the laser marks this reading as not valid",
+            "readings of status 0: measure this run again, or remove its rows and correct NumofPoints",
             line=line.number,
         )
     target, laser, error = (
@@ -174,7 +176,7 @@ def _stop(source: SourceText, line: SourceLine, cells: Sequence[str], names: Seq
 
 def _fact(source: SourceText, file: _File, key: str) -> tuple[str, int]:
     if key not in file.facts:
-        raise source.error(f"no {key}", f"{key}: above the rows: is the file whole?")
+        raise source.error(f"no {key}", f"{key} above the rows: check that the file is complete")
     return file.facts[key]
 
 
@@ -182,7 +184,7 @@ def _count(source: SourceText, file: _File, key: str, found: int, what: str) -> 
     fact, line = _fact(source, file, key)
     if to_integer(fact) != found:
         raise source.error(
-            f"{key} {fact}, but {found} {what}", f"{fact} {what}: lines are lost or doubled", line=line
+            f"{key} {fact}, but {found} {what}", f"{fact} {what}: check for lost or doubled lines", line=line
         )
 
 
@@ -200,10 +202,9 @@ def _check_against_laser(source: SourceText, stops: Sequence[_Stop]) -> None:
     if wrong:
         stop = wrong[0]
         raise source.error(
-            f"position {stop.target:.9g}, laser {stop.laser:.9g} and error {stop.error:.9g}, which do not "
-            "agree",
-            "an error that is the laser's reading less the position, the laser counting one way all along: "
-            "the row as the laser's program wrote it",
+            f"position {stop.target:.9g}, laser {stop.laser:.9g} and error {stop.error:.9g} do not agree",
+            "the row as the laser's program wrote it: error = laser reading - position, with one counting "
+            "direction in the whole file",
             line=stop.line,
         )
 
@@ -222,7 +223,7 @@ def _rows(source: SourceText, file: _File) -> Iterator[Row]:
         found = "both ways" if both else "one way"
         raise source.error(
             f"TestType {shown(kind)}, but the positions go {found}",
-            "Unidirection with runs of one way, Bidirection with runs of both",
+            "Unidirection with runs in one direction, Bidirection with runs in both",
             line=line,
         )
     for at, (way, run) in enumerate(zip(ways, runs, strict=True)):
@@ -239,8 +240,8 @@ def _way(source: SourceText, run: Sequence[_Stop], count: int) -> Direction:
         if targets == sorted(set(targets), reverse=True):
             return Direction.BACKWARD
     raise source.error(
-        f"a run from {targets[0]:.9g} to {targets[-1]:.9g} that is not from one end to the other",
-        f"runs of {count} positions, rising or falling all along",
+        f"a run from {targets[0]:.9g} to {targets[-1]:.9g}, which does not go from one end to the other",
+        f"runs of {count} positions, always ascending or always descending",
         line=run[0].line,
     )
 
@@ -258,10 +259,11 @@ def _about_temperature(source: SourceText, file: _File, units: Units) -> list[st
     expansion_text = ""
     if expansion is not None:
         per_kelvin = expansion * 1.8 if is_fahrenheit else expansion
-        expansion_text = f", expansion {per_kelvin:.4g} µm a metre and kelvin"
+        expansion_text = f", expansion {per_kelvin:.4g} µm per metre and kelvin"
     remark = (
-        f"{source.name}: material at {celsius:.1f} °C{expansion_text}: whether the laser's program has taken "
-        "that out already the file does not say; look in the program before anything is normalised to 20 °C"
+        f"{source.name}: material at {celsius:.1f} °C{expansion_text}: check in the laser's program "
+        "whether the readings are already normalised to 20 °C, before you normalise them; the file does "
+        "not state it"
     )
     return [remark]
 
@@ -272,12 +274,13 @@ def _read_means(source: SourceText, context: ReadingsContext) -> Survey:
     if not lines or tuple(lines[0].text.split()) != _SHORT_HEADING:
         raise source.error(
             shown(lines[0].text if lines else ""),
-            f"{' '.join(_SHORT_HEADING)!r}: the whole file, of both directions too, is read from its rows",
+            f"{' '.join(_SHORT_HEADING)!r}: give the whole file: its rows are read, also those of two "
+            "directions",
             line=lines[0].number if lines else source.last_line,
         )
     if context.runs not in {Runs.FORWARD, Runs.BACKWARD}:
         raise source.error(
-            "means of one direction, and nothing that says which",
+            "means of one direction, but the file does not state which",
             "--runs forward or backward, or the whole .pos file",
             line=lines[0].number,
         )

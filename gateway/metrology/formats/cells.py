@@ -34,7 +34,7 @@ SMALL_UNITS: Final = {
     "arcsec": (Units.DEGREE, 1 / 3600),
 }
 """Units of deviations only, each with its size in units of the positions."""
-NO_COMMA: Final = f"{DECIMAL_ALLOWED}: replace the commas, or set the program so that saves it"
+NO_COMMA: Final = f"{DECIMAL_ALLOWED}: replace the commas, or change the setting in the program that saves it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ def worksheet_of(source: SourceText, allowed: str) -> Worksheet:
     """
     found = heading_of(source)
     if found is None:
-        raise source.error("no heading with a separator in it", allowed, line=source.lines[0].number)
+        raise source.error("no heading with a separator", allowed, line=source.lines[0].number)
     heading, separator = found
     names = split_cells(heading.text, separator)
     while names and not names[-1]:
@@ -115,14 +115,14 @@ def _with_points(
         return tuple(lines)
     if point is not None:
         raise source.error(
-            f"{shown(comma[1])} with a decimal comma, and {shown(point[1])} with a point in line {point[0]}",
-            "one of both in a file: the other may separate thousands",
+            f"{shown(comma[1])} with a decimal comma, but {shown(point[1])} with a point in line {point[0]}",
+            "only one of them in a file: the other may separate thousands",
             line=comma[0],
         )
     if all(GROUPED.fullmatch(text) for _, text in commas):
         raise source.error(
-            f"{shown(comma[1])}, which is {comma[1].replace(',', '.')} or {comma[1].replace(',', '')}",
-            "decimal points, or one number at least that cannot be grouped by thousands, such as 0,5",
+            f"{shown(comma[1])}, which means {comma[1].replace(',', '.')} or {comma[1].replace(',', '')}",
+            "decimal points, or at least one number whose comma cannot separate thousands, such as 0,5",
             line=comma[0],
         )
     return tuple(
@@ -149,8 +149,8 @@ def _state(source: SourceText, line: SourceLine, separator: str, facts: dict[str
         return
     if key in STATED and facts.get(key, fact) != fact:
         raise source.error(
-            f"{key} {shown(fact)}, which is {shown(facts[key])} in a line before",
-            "readings of one axis, all with the same table or all without, in one file",
+            f"{key} {shown(fact)}, but {shown(facts[key])} in an earlier line",
+            "in one file only readings of one axis, all with the same table or all without",
             line=line.number,
         )
     facts[key] = fact
@@ -159,7 +159,7 @@ def _state(source: SourceText, line: SourceLine, separator: str, facts: dict[str
 def _wrong_count(
     source: SourceText, line: SourceLine, found: int, expected: int, separator: str
 ) -> FileProblem:
-    comma = ", which a decimal comma would explain" if separator == "," and found > expected else ""
+    comma = ", perhaps because of a decimal comma" if separator == "," and found > expected else ""
     return source.problem(
         f"{found} cells{comma}",
         f"{expected}, as in the heading; numbers with a decimal point",
@@ -217,8 +217,8 @@ def units_of(source: SourceText, worksheet: Worksheet) -> Units | None:
     stated = [(name, unit[0]) for name in worksheet.names if (unit := unit_of(name)) is not None]
     for name, units in _others(stated):
         raise source.error(
-            f"mixed units: {shown(stated[0][0])} is of {stated[0][1].value}, {shown(name)} of {units.value}",
-            "one unit for target and reading (µm go with mm, tenths with inches)",
+            f"mixed units: {shown(stated[0][0])} is in {stated[0][1].value}, {shown(name)} in {units.value}",
+            "one unit for target and reading (µm are allowed with mm, tenths with inches)",
             line=worksheet.heading.number,
         )
     return stated[0][1] if stated else None

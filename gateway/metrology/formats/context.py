@@ -43,12 +43,12 @@ def settled_units(
         if context.units is not None:
             return context.units
         raise source.error(
-            "no units: nothing in the file says what its numbers are",
+            "no units: the file does not state the unit of its numbers",
             "a heading such as target_mm or dro_inch, or --units mm, inch or degree",
             line=line,
         )
     if context.units is not None and context.units is not stated:
-        found = f"positions in {stated.value}, told units {context.units.value}"
+        found = f"positions in {stated.value}, but units = {context.units.value}"
         raise source.error(
             found,
             f"--units {stated.value} (or none), or a heading that says {context.units.value}",
@@ -65,7 +65,7 @@ def settled_axis(source: SourceText, context: ReadingsContext, stated: str | Non
     """
     if context.axis and stated and len(stated) == 1 and stated.casefold() != context.axis.casefold():
         raise source.error(
-            f"readings of axis {stated}, told axis {context.axis}",
+            f"readings of axis {stated}, but axis = {context.axis}",
             f"the readings of axis {context.axis}, or --axis {stated}",
         )
     return context.axis or stated or None

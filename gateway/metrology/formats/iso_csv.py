@@ -102,7 +102,7 @@ def _columns(source: SourceText, worksheet: Worksheet) -> dict[str, int]:
             if (other := _OVER_BLOCKS[what]) in columns:
                 raise source.error(
                     f"{shown(name)} beside {shown(worksheet.names[columns[other]])} in the heading",
-                    "the DRO as dro_mm, and the gauge block, or what the instrument shows, as block_mm",
+                    "the DRO as dro_mm, and the gauge block or the instrument's reading as block_mm",
                     line=worksheet.heading.number,
                 )
             what = other
@@ -131,7 +131,7 @@ def _columns(source: SourceText, worksheet: Worksheet) -> dict[str, int]:
     missing = [what for what in ("target", "direction", "run") if what not in columns]
     if missing or ("measured" in columns) == ("deviation" in columns):
         found = f"no {' and no '.join(missing)}" if missing else "not one of measured and deviation"
-        in_order = "; or dro_mm,measured_mm, where the order of the lines tells the directions"
+        in_order = "; or dro_mm,measured_mm: then the order of the lines gives the directions"
         raise source.error(
             f"{found} in the heading",
             f"{HEADING}{in_order if missing else ''}",

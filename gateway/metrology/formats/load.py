@@ -84,7 +84,7 @@ def _worksheet_text(data: bytes, name: str) -> SourceText:
         return recognized[0]
     if len(found) == 1:
         return found[0]
-    what = f"{len(recognized)} sheets of readings" if recognized else "no sheet that looks like readings"
+    what = f"{len(recognized)} sheets with readings" if recognized else "no sheet with readings"
     names = listed(each.name.removeprefix(name) for each in recognized or found)
     raise TabFileError(
         FileProblem(

@@ -66,7 +66,7 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
     rows = [Row(line, dro, way, 1, measured) for (line, dro, measured), way in zip(table, ways, strict=True)]
     if "count" in columns:
         remarks.append(
-            f"{source.name}: {shown(worksheet.names[columns['count']])} is not used: nothing says its scale"
+            f"{source.name}: {shown(worksheet.names[columns['count']])} is not used: its scale is unknown"
         )
     if "correction" in columns:
         remarks += _differing(source, worksheet, rows, units)
@@ -100,7 +100,7 @@ def _ways(source: SourceText, table: list[tuple[int, float, float]]) -> tuple[li
     """Return the direction of each line, and the assumptions."""
     if len(table) < 2:
         raise source.error(
-            f"{len(table)} line(s) of readings", "at least two: their order tells the direction"
+            f"{len(table)} line(s) of readings", "at least two: their order gives the direction"
         )
     near = TOGETHER * median(abs(after - before) for (_, before, _), (_, after, _) in pairwise(table))
     first = _sense(table[0][1], table[1][1], near)
@@ -115,26 +115,27 @@ def _ways(source: SourceText, table: list[tuple[int, float, float]]) -> tuple[li
             # The same position again, or nearly, is the first stop of the way back, after an overrun.
             if reversed_at is not None:
                 raise source.error(
-                    f"DRO {dro:.9g} after {before:.9g}: the axis turns for the second time (first in line "
-                    f"{reversed_at})",
-                    "one sweep, or one there and one back; more runs as iso-csv: target, direction, run, "
-                    "measured",
+                    f"DRO {dro:.9g} after {before:.9g}: the axis reverses for the second time (first in "
+                    f"line {reversed_at})",
+                    "one sweep, or one forth and one back; write more runs as iso-csv: target, direction, "
+                    "run, measured",
                     line=line,
                 )
             reversed_at = line if sense is None else line_before
             sense = Direction.BACKWARD if first is Direction.FORWARD else Direction.FORWARD
         ways.append(sense)
     start = f"{source.name}:{table[0][0]}: {table[0][1]:.9g} is the first stop"
-    remarks = [f"{start}: taken as approached {first.name.lower()}; come from beyond it"]
+    remarks = [
+        f"{start}: assumed to be approached {first.name.lower()}; next time approach it from further outside"
+    ]
     if reversed_at is not None:
         at = next(dro for line, dro, _ in table if line == reversed_at)
         back = ways[-1].name.lower()
-        remarks.append(f"{source.name}:{reversed_at}: the axis turned round at {at:.9g}, {back} from there")
+        remarks.append(f"{source.name}:{reversed_at}: the axis reversed at {at:.9g}, {back} from there")
         if sum(dro == at for _, dro, _ in table) > 1:
             remarks.append(
                 f"{source.name}:{reversed_at}: {at:.9g} is there twice, the second time as approached "
-                f"{back}: right if the axis went beyond it and came back; a line that is "
-                "doubled must be deleted"
+                f"{back}: delete one line, unless the axis went further and came back"
             )
     return ways, remarks
 
@@ -156,7 +157,7 @@ def _differing(source: SourceText, worksheet: Worksheet, rows: list[Row], units:
         decimals = len(cells[index].partition(".")[2])
         if abs(written - right) > 0.51 * 10**-decimals:
             remarks.append(
-                f"{source.name}:{line}: correction {cells[index]} at {row.target:.9g}, but DRO - measured is "
-                f"{round(right, 6) + 0.0:.6g}: a slip in the sheet; the readings are used"
+                f"{source.name}:{line}: check this line: correction {cells[index]} at {row.target:.9g}, "
+                f"but DRO - measured is {round(right, 6) + 0.0:.6g}; the readings are used"
             )
     return remarks

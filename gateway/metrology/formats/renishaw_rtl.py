@@ -152,13 +152,11 @@ def _check_end(source: SourceText, file: _File) -> list[str]:
     if file.last_section == "DEVIATIONS":
         raise source.error(
             "the end of the file among the deviations",
-            "EOF:: as the last line: the file is cut short, and digits of its last number may be lost; copy "
-            "it again, or end it so where you know that it is whole",
+            "EOF:: as the last line: copy the file again, because it is cut short and digits of its last "
+            "number may be lost; add the line only if you know that the file is complete",
             line=source.last_line,
         )
-    return [
-        f"{source.name}: no EOF:: at its end, so it was cut short: behind the readings, which are all there"
-    ]
+    return [f"{source.name}: no EOF:: at its end, so the file was cut short; all readings are there"]
 
 
 def _target_line(source: SourceText, file: _File, line: SourceLine, *, in_targets: bool) -> bool:
@@ -220,7 +218,9 @@ def _runs(source: SourceText, file: _File) -> dict[int, list[tuple[int, int, flo
         file.targets, file.targets[1:], file.targets[2:], strict=False
     ):
         if (after - middle) * (middle - before) <= 0:
-            raise source.error(f"target {after:.9g} after {middle:.9g}: out of order", "one order", line=line)
+            raise source.error(
+                f"target {after:.9g} after {middle:.9g}, out of order", "one order in all runs", line=line
+            )
     runs: dict[int, list[tuple[int, int, float]]] = {}
     last_run = 0
     for line, run, target, deviation in file.deviations:
@@ -248,8 +248,8 @@ def _check_zeros(source: SourceText, runs: dict[int, list[tuple[int, int, float]
     zeros = [run for run, lines in runs.items() if not any(deviation for _, _, deviation in lines)]
     if 0 < len(zeros) < len(runs) and len(runs[zeros[0]]) > _FEW_TARGETS:
         raise source.error(
-            f"nothing but 0 in run {', '.join(map(str, zeros))}: filled in, not measured?",
-            "runs that were measured: take the lines of the others out, number the rest through, and tell "
+            f"only 0 in run {', '.join(map(str, zeros))}: check whether it was measured",
+            "only measured runs: remove the lines of the others, number the rest without gaps, and give "
             "--runs forward or backward",
             line=runs[zeros[0]][0][0],
         )
@@ -268,16 +268,19 @@ def _ways(
         odd = [run for run in runs if rises[run] is not (run % 2 == 1)]
         if odd and len(odd) != len(runs):
             raise source.error(
-                f"runs {', '.join(map(str, odd))} out of turn", "one way in odd runs, back in even ones"
+                f"runs {', '.join(map(str, odd))} go the wrong way",
+                "odd runs in one direction, even runs in the other",
             )
         if given is not None and given is not Runs.ALTERNATE:
-            raise source.error(f"runs in both directions, told {given.value}", "alternate, or nothing")
+            raise source.error(
+                f"runs in both directions, but --runs is {given.value}", "--runs alternate, or no --runs"
+            )
         ways = {run: _way(rise is up_the_list) for run, rise in rises.items()}
-        note = "" if up_the_list else f"{source.name}: the targets fall, so odd runs are backward"
+        note = "" if up_the_list else f"{source.name}: the targets descend, so odd runs are backward"
         return ways, [note] if note else []
     if given is None:
         raise source.error(
-            f"{len(runs)} run(s), all in one order of the targets: nothing proves their directions",
+            f"{len(runs)} run(s), all with the same order of targets: this does not prove their directions",
             "--runs alternate (odd runs in the order of the targets, even runs back), forward or backward",
             line=file.run_count[0] if file.run_count else None,
         )
@@ -290,7 +293,8 @@ def _rises(source: SourceText, numbers: Sequence[int]) -> bool:
     steps = {after - before for before, after in pairwise(numbers)}
     if len(steps) > 1:
         raise source.error(
-            f"targets in the order {', '.join(map(str, numbers[:12]))}", "up or down, all along"
+            f"targets in the order {', '.join(map(str, numbers[:12]))}",
+            "always ascending or always descending",
         )
     return steps != {-1}
 

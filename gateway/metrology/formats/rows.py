@@ -112,13 +112,13 @@ def _at_blocks(source: SourceText, rows: Sequence[Row]) -> tuple[Sequence[Row], 
     ]
     sizes = sorted(set(blocks.values()))
     remark = (
-        f"readings over {len(sizes)} gauge blocks from {sizes[0]:.9g} to {sizes[-1]:.9g}: the blocks "
-        "are the targets, and each reading is of the nearest"
+        f"readings over {len(sizes)} gauge blocks from {sizes[0]:.9g} to {sizes[-1]:.9g}: the blocks are "
+        "the targets, and each reading belongs to the nearest block"
     )
     first = {row.run: row.target for row in sorted(rows, key=lambda row: row.line, reverse=True)}
     starts = sorted(first.values())
     if starts[0] < starts[-1]:
-        remark += f"; the runs begin at {starts[0]:.9g} to {starts[-1]:.9g}, which counts as scatter"
+        remark += f"; the runs begin at {starts[0]:.9g} to {starts[-1]:.9g}, which adds to the scatter"
     return moved, remark
 
 
@@ -135,9 +135,9 @@ def _check_astray(
             return
         problems.extend(
             source.problem(
-                f"{row.target:.9g}, where the other stops at this block lie at {min(sound):.9g} to "
+                f"{row.target:.9g}, but the other stops at this block are at {min(sound):.9g} to "
                 f"{max(sound):.9g}",
-                "stops of one block near together: a digit slipped, or it is another block's",
+                "stops close to each other at one block: check the digits, or it belongs to another block",
                 line=row.line,
             )
             for row in stops
@@ -157,8 +157,8 @@ def _check_sizes(
         usual = median(row.measured for row in stops)
         problems.extend(
             source.problem(
-                f"{row.measured:.9g} at a stop at {row.target:.9g}, where the others say {usual:.9g}",
-                "one size for one block",
+                f"{row.measured:.9g} at the stop at {row.target:.9g}, but the others have {usual:.9g}",
+                "the same size for one block everywhere",
                 line=row.line,
             )
             for row in stops
@@ -204,9 +204,9 @@ def _check_spelling(source: SourceText, rows: Sequence[Row]) -> None:
         if high - low < NEAR * max(usual, (targets[-1] - targets[0]) / len(first)):
             one, two = sorted((first[low], first[high]), key=lambda row: row.line)
             raise source.error(
-                f"target {two.target:.9g}, which is {one.target:.9g} in line {one.line}",
-                "the same number for one target in every run: a rounding makes two targets of one; or, over "
-                "gauge blocks, no more places than a run has stops, and the stops of one block near together",
+                f"target {two.target:.9g}, but {one.target:.9g} in line {one.line}",
+                "the same number for one target in every run, because rounding makes two targets of one; "
+                "over gauge blocks, not more stops than in one run, close to each other at each block",
                 line=two.line,
             )
 
@@ -219,7 +219,8 @@ def _check_duplicates(source: SourceText, rows: Sequence[Row]) -> None:
             raise source.error(
                 f"a second reading of {row.direction.name.lower()} run {row.run} at {row.target:.9g}; "
                 f"the first is in line {seen[key]}",
-                "one reading of a target in a run: give the second run a number of its own, or delete one",
+                "one reading for a target in a run: give the second run its own number, or delete one "
+                "reading",
                 line=row.line,
             )
         seen[key] = row.line
@@ -238,8 +239,8 @@ def _check_order(source: SourceText, rows: Sequence[Row]) -> None:
         if step * sense < 0.0:
             raise source.error(
                 f"target {row.target:.9g} after {before.target:.9g} (line {before.line}) in "
-                f"{row.direction.name.lower()} run {row.run}: out of order",
-                "the targets of a run in one order, rising or falling",
+                f"{row.direction.name.lower()} run {row.run}, out of order",
+                "the targets of a run in order, ascending or descending",
                 line=row.line,
             )
         last[key] = (row, step)
@@ -272,9 +273,9 @@ def _exchanged(source: SourceText, rows: Sequence[Row]) -> list[str]:
     }
     if senses == {Direction.FORWARD: {False}, Direction.BACKWARD: {True}}:
         remark = (
-            f"{source.name}: every forward run falls and every backward run rises, as if the directions were "
-            "exchanged: forward is towards greater machine positions; exchange them, or ignore this where "
-            "the lines were sorted"
+            f"{source.name}: exchange the directions, or ignore this if the lines were sorted: every "
+            "forward run descends and every backward run ascends, but forward is towards greater machine "
+            "positions"
         )
         return [remark]
     return []
@@ -288,7 +289,8 @@ def _missing(source: SourceText, rows: Sequence[Row]) -> list[str]:
     if all(counts.values()) and len(set(counts.values())) > 1:
         one, two = (f"{count} {way.name.lower()}" for way, count in counts.items())
         remarks.append(
-            f"{source.name}: {one} and {two} runs: measure as many both ways; a mean is of those there"
+            f"{source.name}: {one} and {two} runs: measure the same number in both directions; a mean uses "
+            "the runs that exist"
         )
     for way in APPROACHES:
         of_runs: dict[int, set[float]] = {}
@@ -298,7 +300,7 @@ def _missing(source: SourceText, rows: Sequence[Row]) -> list[str]:
         name = way.name.lower()
         if not of_runs:
             remarks.append(
-                f"{source.name}: no {name} reading at all: measure the other way too, or build a table of "
+                f"{source.name}: no {name} reading: measure also in this direction, or build a table of "
                 "one direction (--one-way)"
             )
             continue
@@ -306,8 +308,8 @@ def _missing(source: SourceText, rows: Sequence[Row]) -> list[str]:
         ends = [target for target in sorted({targets[0], targets[-1]}) if target not in measured]
         if ends:
             remarks.append(
-                f"{source.name}: no {name} reading at {_listed(ends)}, an end: a table estimates it from its "
-                "neighbour"
+                f"{source.name}: no {name} reading at {_listed(ends)}, an end: a table estimates it from "
+                "the neighbour"
             )
         inner = [target for target in targets[1:-1] if target not in measured]
         if inner:
@@ -317,8 +319,8 @@ def _missing(source: SourceText, rows: Sequence[Row]) -> list[str]:
             if lacking:
                 remarks.append(
                     f"{source.name}: {name} run {run} has {len(found)} of {len(measured)} readings, none "
-                    f"at {_listed(lacking)}: measure it again, or delete the run; the mean there is of the "
-                    "others"
+                    f"at {_listed(lacking)}: measure it again, or delete the run; the mean there uses the "
+                    "other runs"
                 )
     return remarks
 

@@ -114,7 +114,7 @@ def _runs(source: SourceText, worksheet: Worksheet, given: Runs | None) -> dict[
         if way is None:
             if given is None:
                 raise source.error(
-                    f"{shown(name)} in the heading, without a way",
+                    f"{shown(name)} in the heading, without a direction",
                     "--runs alternate (odd runs forward, even runs back), forward or backward; or forward 1, "
                     "backward 1 in the heading",
                     line=worksheet.heading.number,

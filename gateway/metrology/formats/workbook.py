@@ -83,13 +83,13 @@ def sheets(data: bytes, name: str) -> tuple[SourceText, ...]:
         raise TabFileError(
             FileProblem(
                 name,
-                "no spreadsheet that can be read: damaged, locked or of another format",
+                "a spreadsheet that cannot be read: damaged, locked or of another format",
                 f"an .xlsx; {_AS_CSV}",
             )
         ) from None
     sources = tuple(_sources(values, formulas, name))
     if not sources:
-        raise TabFileError(FileProblem(name, "a spreadsheet with nothing in it", "a sheet with readings"))
+        raise TabFileError(FileProblem(name, "an empty spreadsheet", "a sheet with readings"))
     return sources
 
 
@@ -111,7 +111,12 @@ def _lines(worksheet: "Worksheet", formulas: "Worksheet", where: str) -> Iterato
         if is_hidden or (hidden and any(texts)):
             what = "row" if is_hidden else f"column {listed(hidden)}"
             raise TabFileError(
-                FileProblem(where, f"a hidden {what}", "rows and columns that are shown, or deleted", number)
+                FileProblem(
+                    where,
+                    f"a hidden {what}",
+                    "only visible rows and columns: show or delete the hidden ones",
+                    number,
+                )
             )
         for cell in cells:
             if cell.value is None and formulas[cell.coordinate].data_type == "f":
@@ -119,7 +124,7 @@ def _lines(worksheet: "Worksheet", formulas: "Worksheet", where: str) -> Iterato
                     FileProblem(
                         where,
                         f"a formula without its result in {cell.coordinate}",
-                        f"open and save it in the spreadsheet program, or {_AS_CSV}",
+                        f"open and save the file in the spreadsheet program, or {_AS_CSV}",
                         number,
                     )
                 )

@@ -180,8 +180,8 @@ class MotorDrive(RegisterServer):
         super().__init__(unit_id)
         if not 1 <= len(motors) <= self.most_motors:
             raise SimulatorError(
-                f"unit {unit_id}: this drive moves {self.most_motors} axis, but {len(motors)} axes of the "
-                "configuration have its unit id; give each axis a unit id of its own"
+                f"unit {unit_id}: give each axis its own unit id: this drive moves {self.most_motors} "
+                f"axis, but {len(motors)} axes of the configuration have its unit id"
             )
         self.axes: tuple[Motor, ...] = tuple(motors)
         self.motor = self.axes[0]
@@ -194,7 +194,7 @@ class MotorDrive(RegisterServer):
 
     def unheard_of(self, address: int, value: int) -> None:
         """Record and log a command that this simulated drive does not know; it has no effect."""
-        text = f"unit {self.unit_id}: {value:#06x} in {address:#06x} means nothing to this simulated drive"
+        text = f"unit {self.unit_id}: this simulated drive does not know {value:#06x} in {address:#06x}"
         self.ledger.unheard_of.append(text)
         LOG.warning(text)
 
