@@ -238,7 +238,7 @@ def read_authority(folder: Path, now: datetime) -> Signed:
     except (ValueError, TypeError) as error:
         raise FolderError(f"{folder}: its authority cannot be read: {error}") from None
     if not isinstance(key, ec.EllipticCurvePrivateKey):
-        raise FolderError(f"{paths[1]}: not a key that this command made; use the tool that made it")
+        raise FolderError(f"{paths[1]}: this command did not make this key; use the tool that made it")
     if certificate.not_valid_after_utc <= now:
         ended = day(certificate.not_valid_after_utc)
         raise FolderError(f"{paths[0]} expired on {ended}; make a new authority in another folder")
@@ -295,7 +295,7 @@ def revoke(folder: Path, name: str, now: datetime) -> Path:
     except (ValueError, TypeError, InvalidSignature) as error:
         raise FolderError(f"{path}: not a certificate of the authority of {folder} ({error})") from None
     if certificate.serial_number in (serial for serial, _ in before):
-        raise FolderError(f"{path}: is in {list_path} already")
+        raise FolderError(f"{path}: is already in {list_path}")
     content = make_list(authority, [*before, (certificate.serial_number, now)], now)
     try:
         write_whole(list_path, content)
@@ -315,7 +315,7 @@ def _revoked(path: Path) -> list[tuple[int, datetime]]:
 def _refuse_existing(folder: Path, name: str) -> None:
     if os.path.lexists(folder / name):
         raise FolderError(
-            f"{folder / name} exists already, and is not overwritten; move it away, or take another name"
+            f"{folder / name} exists already and is not overwritten; move it away, or choose another name"
         )
 
 
@@ -353,7 +353,7 @@ class FileContent:
         """Yield it in words."""
         if self.revoked is not None:
             until = None if self.until is None else self.until.isoformat()
-            yield f"a list of revoked certificates: {self.revoked}, good until {str(until)[:10]}"
+            yield f"a list of revoked certificates: {self.revoked}, valid until {str(until)[:10]}"
         for number, each in enumerate(self.certificates):
             if number:
                 yield ""
@@ -386,7 +386,7 @@ def _lines(facts: Facts, now: datetime) -> Iterator[str]:
     if facts.hosts:
         yield f"  hosts   {', '.join(facts.hosts)}"
     days = f"{left} days left" if left >= 0 else "expired"
-    yield f"  good    from {day(facts.begins)} until {day(facts.ends)} ({days})"
+    yield f"  valid   from {day(facts.begins)} until {day(facts.ends)} ({days})"
     yield f"  key     {facts.key}{', too weak: ' + facts.weakness if facts.weakness else ''}"
     yield f"  serial  {facts.serial}"
     yield f"  signed  by {facts.issuer}"

@@ -21,7 +21,7 @@ from gateway.report.axis_data import AxisData, Report
 from gateway.report.findings import find, other_stretch
 from gateway.tabfile import LoadedTable
 
-NO_PREDICTION: Final = "what another table would leave cannot be told from it; evaluate it without a table"
+NO_PREDICTION: Final = "evaluate it without a table: it cannot show what another table would leave"
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +175,7 @@ def _between(
     try:
         screw = screw_of(survey.readings, survey.units, periods)
     except ReadingsError as error:
-        return None, (f"{error}: nothing is said about what the table leaves between its points",)
+        return None, (f"{error}: the error that the table leaves between its points is unknown",)
     return screw.left_out(loaded.table), warnings_of(screw)
 
 
@@ -202,11 +202,11 @@ def _notes(before: Survey, after: Survey | None) -> tuple[str, ...]:
         unit = survey.units.value
         notes.extend(f"{survey.source}: outlier: {each.describe(unit)}" for each in find_outliers(survey))
     if after is not None and after.readings == before.readings:
-        notes.append(f"{after.source}: the same readings as {before.source}: nothing was measured in between")
+        notes.append(f"{after.source}: the same readings as {before.source}: measure again, then compare")
     elif after is not None and was_corrected(before.facts) and was_corrected(after.facts) is False:
         notes.append(
-            f"{before.source} was measured with a table and {after.source} without: exchange them, --after "
-            "is what was measured last"
+            f"exchange {before.source} and {after.source}: the first was measured with a table, the second "
+            "without; --after is the later measurement"
         )
     return tuple(notes)
 

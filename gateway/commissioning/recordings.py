@@ -46,7 +46,7 @@ class RecordedFile:
         self._entries = _entries(file)
         self._first = next(self._entries, None)
         if self._first is None or not isinstance(self._first[1], Header):
-            raise ReplayError("no recording: it does not begin with a header")
+            raise ReplayError("not a recording: it does not begin with a header")
         self.header = self._first[1]
 
     def plan(self, other: GatewayPlan | None = None) -> GatewayPlan:
@@ -86,8 +86,8 @@ class RecordedFile:
                 on_entry(entry, again.result.different > different)
         if again.result.before and not again.result.inputs:
             raise ReplayError(
-                "nothing in this capture says what held while its line was idle, and no replay can begin; "
-                "look at the frames with capture --pcapng, or let size_mb in [capture] be larger"
+                "this capture has no snapshot of an idle line, so no replay can begin: look at the frames "
+                "with capture --pcapng, or raise size_mb in [capture]"
             )
         return again.result
 
@@ -99,7 +99,9 @@ def _entries(file: Path) -> Iterator[tuple[int, Entry]]:
         while data := lines.readline(LONGEST_LINE):
             number += 1
             if len(data) == LONGEST_LINE:
-                raise WrongEntryError(f"line {number}: more than {LONGEST_LINE} bytes; this is no recording")
+                raise WrongEntryError(
+                    f"line {number}: more than {LONGEST_LINE} bytes, so this is not a recording"
+                )
             if not data.endswith(b"\n") and number > 1 and data[: len(BEGIN)] == BEGIN[: len(data)]:
                 return
             try:
@@ -117,8 +119,8 @@ def plan_of(header: Header) -> GatewayPlan:
     """
     if header.format not in (FORMAT, CAPTURED, WITHOUT_PEERS):
         raise ReplayError(
-            f"a recording of format {header.format}, made by release {header.gateway_version}; "
-            f"this release replays formats {WITHOUT_PEERS} to {CAPTURED}"
+            f"a recording of format {header.format}, made by release {header.gateway_version}: replay it "
+            f"with that release; this one replays formats {WITHOUT_PEERS} to {CAPTURED}"
         )
     with tempfile.TemporaryDirectory(prefix="pitch-gateway-replay-") as name:
         folder = Path(name)
@@ -165,7 +167,6 @@ def _portable(text: str, moved: dict[str, str]) -> str:
         changed = changed.replace(f'"{old}"', f'"{new}"').replace(f"'{old}'", f'"{new}"')
     if tomllib.loads(changed) != expected:
         raise ReplayError(
-            f"the files of its configuration cannot be laid out here (tables = {tables!r}); "
-            "give the configuration with --config"
+            f"give the configuration with --config: its files cannot be written here (tables = {tables!r})"
         )
     return changed

@@ -117,8 +117,8 @@ class RefinedTable:
         refined = self.refined
         change, unit = refined.change, refined.table.units.value
         yield (
-            f"changed by {change.rms:.3g} {unit} (root mean square), by {change.largest:.3g} at "
-            f"most, {change.direction.name.lower()} at {change.position:.9g}"
+            f"changed by {change.rms:.3g} {unit} (root mean square), by at most {change.largest:.3g}, "
+            f"{change.direction.name.lower()} at {change.position:.9g}"
         )
         yield from self.written.lines(self.out)
         if refined.left_out is not None and refined.left_out_before is not None:

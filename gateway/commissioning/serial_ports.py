@@ -91,7 +91,7 @@ async def scan(
     for serial in dict.fromkeys((offered, *usual)):
         found = await _answering(device, serial, address, first)
         if found:
-            text = f"an answer from unit id {found[0]}; asking the others up to {LAST_UNIT_ID}"
+            text = f"unit id {found[0]} answers; trying the others up to {LAST_UNIT_ID}"
             report(f"{format_words(serial)}: {text}")
             others = [each for each in range(1, LAST_UNIT_ID + 1) if each not in first]
             found += await _answering(device, serial, address, others)

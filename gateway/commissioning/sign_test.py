@@ -34,24 +34,24 @@ DECIMALS = 6
 APPROACH_MM = 1.0
 """In addition to the hysteresis; the same as the overrun of measure."""
 COLUMNS = {
-    "centroid-2": "exchange its two lists: the first is forward, the one behind the comment backward",
+    "centroid-2": "exchange its two lists: the first is forward, the one after the comment backward",
     "centroid-3": "exchange its second and third column: away from home, towards home",
 }
 SENSE = (
-    "turn the sign of every correction in {file}: it has to hold target less measured, the amount to add, "
-    "and holds measured less target"
+    "change the sign of every correction in {file}: it must contain target - measured (the amount to add), "
+    "but contains measured - target"
 )
 DIRECTION = (
-    "the axis goes the other way: turn the sign of counts_per_unit (with zero_counts as it is), or the "
-    "instrument counts the other way: turn its sign and measure again"
+    "the axis or the instrument counts the other way: change the sign of counts_per_unit (not "
+    "zero_counts), or change the sign of the instrument and measure again"
 )
 HOMED = {
     BacklashKind.HOMED_FORWARD: BacklashKind.HOMED_BACKWARD,
     BacklashKind.HOMED_BACKWARD: BacklashKind.HOMED_FORWARD,
 }
 NEGATIVE = (
-    "the readings ask for a lost motion below 0, which no screw has: take both again, each one approached "
-    "from its own side"
+    "take both readings again, each approached from its own side: they give a lost motion below 0, which "
+    "no screw has"
 )
 OF_A_TABLE = frozenset({SignVerdict.SENSE_INVERTED, SignVerdict.COLUMNS_SWAPPED, SignVerdict.BOTH})
 WIDTH = 50
@@ -100,7 +100,7 @@ class SignReport:
         corrected_by = f"table {self.plan.table_name}" if self.plan.table_name else "backlash alone"
         yield f"axis {self.plan.name} at {self.nominal_position:.6g} {units}, {corrected_by}"
         yield f"{'':<{WIDTH}} {'forward':>12} {'backward':>12}   off by"
-        yield _row("the readings ask for", test.measured.forward, test.measured.backward)
+        yield _row("the readings require", test.measured.forward, test.measured.backward)
         yield _row(
             "the table adds" if self.plan.table_name else "the backlash adds",
             test.table.forward,
@@ -113,7 +113,7 @@ class SignReport:
         if self.remedy:
             yield f"  {self.remedy}"
         if test.is_right and not test.tells_direction:
-            yield "  this near its zero nothing tells whether the axis itself goes the right way"
+            yield "  so near its zero the readings do not show whether the axis itself goes the right way"
 
     def as_data(self) -> JsonObject:
         """Return everything for scripts."""
@@ -144,15 +144,17 @@ class SignReport:
 
     def _better_position(self) -> str:
         best, units = self.test.best, self.plan.settings.units.value
-        wrong = "" if TableUse.RIGHT in self.test.candidates else "the table is used wrongly; to tell how: "
+        wrong = (
+            "" if TableUse.RIGHT in self.test.candidates else "the table is used wrongly; to find out how: "
+        )
         if best.separation <= 2.0 * self.uncertainty:
             return (
-                f"{wrong}nowhere does this table differ by more than {best.separation:.4g} {units} from "
-                "itself used wrongly: the readings have to be better than "
-                f"±{best.separation / 2.0:.4g} {units} (--uncertainty)"
+                f"{wrong}the readings must be better than ±{best.separation / 2.0:.4g} {units} "
+                "(--uncertainty): right and wrong use of this table differ nowhere by more than "
+                f"{best.separation:.4g} {units}"
             )
         return (
-            f"{wrong}measure at {self._best_nominal():.6g} {units}, where the ways differ by "
+            f"{wrong}measure at {self._best_nominal():.6g} {units}, where right and wrong use differ by "
             f"{best.separation:.4g} {units}, or with a smaller --uncertainty"
         )
 
@@ -161,17 +163,17 @@ class SignReport:
         shift = test.measured.forward - test.table.forward
         if abs(shift - (test.measured.backward - test.table.backward)) <= 2.0 * self.uncertainty:
             return (
-                f"both readings are off by the same {shift:.6g} {units}: the instrument's zero is not the "
-                "table's; set it to the position where the table is 0, approached in that direction"
+                "set the zero of the instrument at the position where the table is 0, approached in that "
+                f"direction: both readings are off by the same {shift:.6g} {units}"
             )
         if self._is_scaled():
             return (
-                f"the readings are about {test.share:.3g} times what the table says: check its units and "
-                "file_counts_per_unit"
+                "check the units of the table and file_counts_per_unit: the readings are about "
+                f"{test.share:.3g} times its values"
             )
         return (
-            "the screw is not the one that the table was made for, or the readings were not taken with the "
-            "compensation off, approached from far enough on either side"
+            "check that the table was made for this screw, that the compensation was off, and that each "
+            "reading was approached from far enough on its side"
         )
 
     def _is_scaled(self) -> bool:
@@ -258,8 +260,8 @@ def judge_readings(
     )
     if not curve.covers(position):
         raise ReadingsError(
-            f"{at:g} is outside its table, which reaches from {table.first - offset:g} to "
-            f"{table.last - offset:g}: measure inside it"
+            f"{at:g} is outside its table, {table.first - offset:g} to {table.last - offset:g}: measure "
+            "inside it"
         )
     return SignReport(plan, at, uncertainty, sign_test(curve, measurement, _inside(plan)))
 

@@ -204,6 +204,6 @@ def _number(source: str, name: str, stated: str, what: str, option: str) -> floa
         return float(stated)
     except ValueError:
         raise ReadingsError(
-            f"{source}: # {name}: {stated}: it must be a number, {what}; correct that line, or take it out "
+            f"{source}: # {name}: {stated}: it must be a number, {what}; correct this line, or remove it "
             f"and give --{option}"
         ) from None

@@ -114,7 +114,7 @@ def written_table(
 def _steep(table: CorrectionTable, limit: float) -> FileProblem:
     slope = table.max_slope()
     remedy = (
-        f"--max-slope {_up(slope):g}, if the screw is really so steep, and max_slope = {_up(slope):g} for "
+        f"--max-slope {_up(slope):g}, if the screw is really so bad, and max_slope = {_up(slope):g} for "
         "the axis that uses the table"
     )
     return FileProblem("the new table", f"its slope is {slope:.4g}, above {limit:g}", remedy, code=STEEP)
@@ -157,8 +157,8 @@ def steep_notes(table: CorrectionTable) -> list[str]:
         return []
     return [
         (
-            f"a slope of {slope:.4g}: the axis takes this table with max_slope = {_up(slope):g} in its "
-            f"configuration; it is {DEFAULT_MAX_SLOPE:g} by default"
+            f"a slope of {slope:.4g}: set max_slope = {_up(slope):g} in the configuration of the axis; the "
+            f"default is {DEFAULT_MAX_SLOPE:g}"
         )
     ]
 

@@ -78,7 +78,7 @@ def test_nothing_is_overwritten(tmp_path: Path, arguments: tuple[str, ...], file
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
     result = command(arguments[0], folder, *arguments[1:])
     assert result.exit_code == 1
-    assert result.stderr.startswith(f"{folder / file} exists already, and is not overwritten; ")
+    assert result.stderr.startswith(f"{folder / file} exists already and is not overwritten; ")
     assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
 
 
@@ -117,7 +117,7 @@ def test_a_certificate_is_shown_to_people_and_to_programs(tmp_path: Path) -> Non
     [
         (("server", "EMPTY", "--host", "x"), "no authority (ca.pem, ca.key): no such file; "),
         (("revoke", "FOLDER", "nobody"), "/nobody.pem: no such file; give the path of a certificate"),
-        (("show", "FOLDER/ca.key"), "/ca.key: a private key, and no certificate;"),
+        (("show", "FOLDER/ca.key"), "/ca.key: a private key, not a certificate;"),
         (("revoke", "FOLDER", "foreign"), "not a certificate of the authority of "),
     ],
 )

@@ -230,9 +230,9 @@ def test_a_last_line_that_is_no_part_of_an_entry_is_refused_with_file_and_line(
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"", "no recording: it does not begin with a header"),
-        (b"no JSON\n", "line 1: no entry of a recording"),
-        (b'{"kind":"tick","line":"x","t":1}\n', "no recording: it does not begin with a header"),
+        (b"", "not a recording: it does not begin with a header"),
+        (b"no JSON\n", "line 1: not an entry of a recording"),
+        (b'{"kind":"tick","line":"x","t":1}\n', "not a recording: it does not begin with a header"),
     ],
 )
 def test_a_file_that_is_no_recording_is_refused(tmp_path: Path, content: bytes, said: str) -> None:

@@ -83,7 +83,7 @@ def test_a_good_axis_is_shown_and_the_code_is_0(tmp_path: Path, drive: tuple[str
     assert (result.returncode, result.stderr) == (0, "")
     assert "axis x, unit id 1: answers" in result.stdout
     assert "actual     raw 50000, machine position 50 mm; nominal 50 forward, 50 backward" in result.stdout
-    assert "nothing that was read is wrong" in result.stdout
+    assert "all values that were read are plausible" in result.stdout
     assert "Before the first move:" in result.stdout
     assert {frame[1] for frame in drive[1]} == {3}
 
@@ -99,7 +99,7 @@ def test_a_drive_that_does_not_look_at_unit_ids_is_told_of(
 ) -> None:
     result = typed("probe", str(configured(tmp_path, drive[0])))
     assert result.returncode == 0
-    assert "note: the drive answers for unit id 247 too, which it was not given" in result.stdout
+    assert "note: the drive answers also for unit id 247: it ignores unit ids" in result.stdout
     assert [frame.hex() for frame in drive[1]][-1] == "f703006e0002"
 
 
@@ -111,8 +111,8 @@ def test_where_unit_ids_are_looked_at_other_units_is_proposed(tmp_path: Path) ->
         result = typed("probe", str(configured(tmp_path, place)), "--json")
     findings = json.loads(result.stdout)["axes"]["x"]["findings"]
     assert (result.returncode, [finding["weight"] for finding in findings]) == (0, ["note", "note"])
-    assert "nobody answers for unit id 245" in findings[1]["text"]
-    assert "Name their unit ids in the line, as in other_units = [7, 8]" in findings[1]["text"]
+    assert "Unit id 245, which has no axis, does not answer" in findings[1]["text"]
+    assert "name their unit ids in the line, as in other_units = [7, 8]" in findings[1]["text"]
     assert [frame[0] for frame in asked] == [1, 1, 1, 245]
 
 
@@ -143,7 +143,7 @@ def test_behind_a_converter_a_wrong_unit_id_is_said_to_be_nobody(tmp_path: Path)
     assert result.returncode == 1
     assert result.stdout.startswith("axis x, unit id 2: no answer\n")
     assert "error: no drive answers as unit id 2 here: exception 11" in result.stdout
-    assert "pitch-gateway probe --scan tells which unit ids do" in result.stdout
+    assert "find the unit ids that do with pitch-gateway probe --scan" in result.stdout
     assert {frame[0] for frame in asked} == {2}
 
 
@@ -174,11 +174,11 @@ FORBIDDEN = "\nregisters.checks_crc = false\n"
     ("serial_drive", "mapped", "did", "said"),
     [
         (b"", "", "silent", ""),
-        (b"", FORBIDDEN, "silent", "note: it is silent where a check sum is wrong, although its map says"),
-        (b"\x83\x08", "", "refused", "error: it answers a read with a wrong check sum, where the standard"),
+        (b"", FORBIDDEN, "silent", "note: it does not answer frames with a wrong CRC, although its map says"),
+        (b"\x83\x08", "", "refused", "error: it answers a read with a wrong CRC, but the standard"),
         (b"\x83\x08", FORBIDDEN, "refused", ""),
-        (OBEYS, "", "answered", "error: it obeys a read with a wrong check sum: noise can move it; write"),
-        (OBEYS, FORBIDDEN, "answered", "warning: it obeys a read with a wrong check sum: noise can move it"),
+        (OBEYS, "", "answered", "error: it executes a read with a wrong CRC: noise can move it; write"),
+        (OBEYS, FORBIDDEN, "answered", "warning: it executes a read with a wrong CRC: noise can move it"),
     ],
     indirect=["serial_drive"],
 )

@@ -111,12 +111,12 @@ async def test_a_good_axis_has_no_findings_and_is_placed_on_both_branches() -> N
 async def test_an_adapter_that_returns_what_is_sent_is_named_first() -> None:
     plan = axis()
     found = await read_axis(Memory(plan), plan)
-    found.echoes = "the adapter returns what is sent: set echo = true"
+    found.echoes = "set echo = true: the adapter returns what is sent"
     first, *others = findings_of(found)
     assert (first.weight, {other.weight for other in others}) == (Weight.ERROR, {Weight.NOTE})
     assert first.text == (
-        "the adapter returns what is sent: set echo = true; else the return of a write is taken for its "
-        "acknowledgement"
+        "set echo = true: the adapter returns what is sent; otherwise the gateway takes the returned write "
+        "for its acknowledgement"
     )
 
 
@@ -126,7 +126,7 @@ async def test_a_drive_that_answers_with_another_transaction_id_is_not_called_of
     memory.has_other_ids = True
     found, errors, warnings = await look(plan, memory)
     assert (found.answers, len(memory.asked)) == (True, 2)
-    said = "unit id 7 answers, with transaction id 0 (asked with 1): such a reply answers nothing; "
+    said = "unit id 7 answers, with transaction id 0 (asked with 1), so its replies cannot be used:  "
     assert [error.startswith(said) for error in errors] == [True]
     assert "is on" not in errors[0]
     assert warnings == []
@@ -151,8 +151,8 @@ async def test_words_in_the_wrong_order_are_found_by_the_travel() -> None:
     # 50 000 = 0x0000C350; with its words turned 0xC3500000 = -1 018 167 296 counts.
     [error] = errors
     assert error == (
-        "actual (0x0110): the word order looks wrong: it is at -1018167.296 mm as mapped and at 50 mm "
-        'with the other; try words = "low-first"'
+        "actual (0x0110): the word order looks wrong: it is at -1018167.296 mm as mapped, but at 50 mm "
+        'with the other word order; try words = "low-first"'
     )
 
 
@@ -183,8 +183,8 @@ async def test_where_both_word_orders_are_good_that_is_said(raw: int, said: str)
     assert errors == []
     [warning] = warnings
     assert warning == (
-        f"the word order cannot be told here: {said}, and a good position with the words the other way round "
-        "too; jog the axis and probe again"
+        "jog the axis and probe again: the word order is not clear, because both word orders give a "
+        f"plausible position ({said})"
     )
 
 
@@ -207,8 +207,8 @@ async def test_jitter_in_the_high_word_gives_the_order_away() -> None:
     # Three counts up are 3 × 65536 with the words the other way round.
     [error] = errors
     assert error == (
-        "actual (0x0110): the word order looks wrong: it jumps by 196608 between two readings, and by 3 "
-        'with the other; try words = "high-first"'
+        "actual (0x0110): the word order looks wrong: it jumps by 196608 between two readings, but by 3 "
+        'with the other word order; try words = "high-first"'
     )
 
 
@@ -228,8 +228,8 @@ async def test_outside_its_table_an_axis_is_told_what_holds() -> None:
     assert errors == []
     [warning] = warnings
     assert warning == (
-        "actual (0x0110) is at machine position 50, outside its table (100 to 200): "
-        "there outside = hold holds"
+        "actual (0x0110) is at machine position 50, outside its table (100 to 200), where outside = hold "
+        "applies"
     )
 
 
@@ -258,9 +258,9 @@ async def test_a_converter_that_reaches_no_drive_is_not_taken_for_one(code: int,
     assert not found.answers
     [error] = errors
     assert error == (
-        f"no drive answers as unit id 7 here: {said}; pitch-gateway probe --scan tells which unit ids do; "
-        "check that the drive is on, its unit id, and on a serial line baud rate, parity, wiring A/B and "
-        "termination"
+        f"no drive answers as unit id 7 here: {said}; find the unit ids that do with pitch-gateway probe "
+        "--scan; check that the drive is on, its unit id, and on a serial line baud rate, parity, wiring "
+        "A/B and termination"
     )
 
 
@@ -269,9 +269,9 @@ async def test_a_position_is_held_against_the_travel_in_counts() -> None:
     found, _, _ = await look(axis(), Memory(axis()))
     [note] = [finding.text for finding in findings_of(found) if finding.weight is Weight.NOTE]
     assert note == (
-        "actual (0x0110) reads 50000 counts, and travel is 0 to 300000 counts: is the axis really at 50 mm? "
-        "A counts_per_unit that is wrong by ten looks good here too; prove it by a move of 1 mm, which "
-        "pitch-gateway signtest --moved judges"
+        "check that the axis is really at 50 mm: actual (0x0110) reads 50000 counts, and travel is 0 to "
+        "300000 counts. Even a counts_per_unit that is wrong by ten looks good here: move by 1 mm and "
+        "check with pitch-gateway signtest --moved"
     )
 
 
@@ -280,9 +280,7 @@ async def test_a_register_that_the_drive_does_not_have_is_named() -> None:
     memory = Memory(plan)
     del memory.words[COMMANDED]
     _, errors, _ = await look(plan, memory)
-    assert errors == [
-        "commanded (0x0120): the drive refuses to be read there: exception 2 (illegal data address)"
-    ]
+    assert errors == ["commanded (0x0120): the drive refuses to read it: exception 2 (illegal data address)"]
 
 
 async def test_a_drive_that_refuses_to_tell_its_actual_position_is_named() -> None:
@@ -292,9 +290,9 @@ async def test_a_drive_that_refuses_to_tell_its_actual_position_is_named() -> No
     _, errors, _ = await look(plan, memory)
     [error] = errors
     assert error == (
-        "actual (0x0110): the drive refuses to be read there: exception 2 (illegal data address). So the "
-        "gateway cannot look where the axis is before it moves: it assumes the direction, flagged, and "
-        "refuses distances with exception 6; map another register, or take this one out of the map"
+        "actual (0x0110): the drive refuses to read it: exception 2 (illegal data address). Map another "
+        "register, or remove this one from the map: without it the gateway cannot read the position before "
+        "a move. It then assumes the direction, with a flag, and refuses distances with exception 6"
     )
 
 
@@ -323,8 +321,8 @@ async def test_a_drive_that_is_busy_is_asked_once_more(code: int) -> None:
     [
         (0b0010, "warning", "the drive is not homed: positions pass 1:1 until it is"),
         (0b1011, "error", "the drive reports an alarm"),
-        (0b0111, "error", "moving and done at once"),
-        (0b0101, "warning", "the axis moves: look again while it stands"),
+        (0b0111, "error", "moving and done together"),
+        (0b0101, "warning", "the axis moves: probe again at standstill"),
     ],
 )
 async def test_bits_are_judged(status: int, weight: str, said: str) -> None:
@@ -385,8 +383,8 @@ async def test_fields_that_cannot_be_read_or_are_too_long_are_left_out() -> None
     plan = axis(command=(write_only,), actual=(PositionField(ACTUAL, RegisterType.INT64),), max_registers=2)
     memory = Memory(axis())
     _, _, warnings = await look(plan, memory)
-    assert "command: it can only be written" in warnings
-    assert "actual (0x0110): it fills 4 registers, and the drive takes 2" in warnings
+    assert "command: it is write-only" in warnings
+    assert "actual (0x0110): it has 4 registers, but the drive accepts only 2" in warnings
     assert not [pdu for pdu in memory.asked if pdu[1:3] in (b"\x01\x00", b"\x01\x10")]
 
 
@@ -398,7 +396,7 @@ async def test_a_position_that_stands_only_in_frames_from_its_own_address_is_rea
     _, _, warnings = await look(axis(command=(inside,), actual=(alone,)), memory)
     assert [pdu for pdu in memory.asked if pdu[1:3] == b"\x01\x10"] == [bytes.fromhex("03 0110 0002")] * 2
     assert not [pdu for pdu in memory.asked if pdu[1:3] == b"\x01\x00"]
-    assert "command: it stands in longer frames only" in warnings
+    assert "command: it is only part of longer frames" in warnings
 
 
 async def test_a_float_that_is_none_is_no_position() -> None:
@@ -406,4 +404,4 @@ async def test_a_float_that_is_none_is_no_position() -> None:
     memory = Memory(axis())
     memory.words |= {ACTUAL: 0x7FC0, ACTUAL + 1: 0}
     _, errors, _ = await look(plan, memory)
-    assert errors == ["actual (0x0110): 7f c0 00 00 is no finite float32: check its type"]
+    assert errors == ["actual (0x0110): 7f c0 00 00 is not a finite float32: check its type"]

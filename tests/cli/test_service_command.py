@@ -92,10 +92,9 @@ def test_a_controller_from_anywhere_and_drives_by_name_leave_it_open(tmp_path: P
     config = config_in(tmp_path, drives='tcp = "drives.local:502"', controller='tcp = "0.0.0.0:1502"')
     relay, _ = fitted(config)
     assert relay.startswith(
-        "# IPAddressDeny= is left open:\n"
-        "#   the drives of line xyz: their address is a host name, drives.local, which systemd takes for no "
-        "address\n"
-        "#   controller cnc of line xyz has no `allow`: it may come from anywhere\n"
+        "# IPAddressDeny= is left open:\n#   the drives of line xyz: their address is a host name, "
+        "drives.local, not an address for systemd\n#   controller cnc of line xyz has no `allow`: it may "
+        "come from anywhere\n"
     )
 
 

@@ -70,14 +70,14 @@ def test_the_remedy_names_the_file_and_what_to_change(config: Path) -> None:
     swapped = typed(config, "--axis", "x", *numbers(100.0, 100.01, 99.98))
     assert "in x.tab exchange its second and third column: away from home, towards home" in swapped.stdout
     mirrored = typed(config, "--axis", "x", *numbers(100.0, -100.02, -99.99))
-    assert "turn the sign of counts_per_unit" in mirrored.stdout
+    assert "change the sign of counts_per_unit" in mirrored.stdout
     shifted = typed(config, "--axis", "x", *numbers(100.0, 100.28, 100.31))
-    assert (
-        "both readings are off by the same -0.3 mm: the instrument's zero is not the table's"
-        in shifted.stdout
-    )
+    assert "approached in that direction: both readings are off by the same -0.3 mm" in shifted.stdout
     scaled = typed(config, "--axis", "x", *numbers(100.0, 99.8, 100.1))
-    assert "the readings are about 10 times what the table says: check its units" in scaled.stdout
+    assert (
+        "check the units of the table and file_counts_per_unit: the readings are about 10 times its values"
+        in scaled.stdout
+    )
 
 
 @pytest.mark.parametrize(
@@ -103,9 +103,9 @@ def test_where_it_cannot_be_told_a_better_place_is_named(config: Path) -> None:
     assert result.exit_code == 1
     assert "verdict: cannot tell: right or sense inverted or columns swapped" in result.stdout
     # At the controller's 100, where travel ends: 0.04, 0.03 and 0.01; the smallest is 1 % less at 98.998.
-    assert "measure at 98.998 mm, where the ways differ by 0.0099 mm" in result.stdout
+    assert "measure at 98.998 mm, where right and wrong use differ by 0.0099 mm" in result.stdout
     rough = typed(config, "--axis", "x", *numbers(0.0, 0.0, 0.0), "--uncertainty", "0.005")
-    assert "the readings have to be better than ±0.00495 mm" in rough.stdout
+    assert "the readings must be better than ±0.00495 mm" in rough.stdout
 
 
 def test_without_numbers_it_asks_and_says_where_to_measure(config: Path) -> None:
@@ -130,7 +130,7 @@ def test_where_the_answers_end_the_missing_numbers_are_named(config: Path, typed
         (["--axis", "x", "--at", "1"], 2, "together: --at, --forward-reading and"),
         (["--axis", "q"], 1, "there is no axis q; there are x, y"),
         (["--axis", "y", *numbers(0, 0, 0)], 1, "axis.y.table: missing; name the table"),
-        (["--axis", "x", *numbers(150, 0, 0)], 1, "150 is outside its table, which reaches from -100 to 100"),
+        (["--axis", "x", *numbers(150, 0, 0)], 1, "150 is outside its table, -100 to 100"),
         (["--axis", "x", *numbers(float("nan"), 0, 0)], 1, "is nan: it must be a finite number"),
         (["--axis", "x", *numbers(0, 0, 0), "--uncertainty", "0"], 1, "must be a number above 0"),
         ([], 2, "Missing option '--axis'"),
@@ -154,8 +154,14 @@ def test_what_cannot_be_tested_is_said(config: Path, arguments: list[str], code:
         ("0.97", ""),
         ("10", "it moved by 10 mm, not by 1 mm: counts_per_unit should be about 100, not 1000"),
         ("0.1", "it moved by 0.1 mm, not by 1 mm: counts_per_unit should be about 10000, not 1000"),
-        ("-1", "it moved by -1 mm, not by 1 mm: turn the sign of counts_per_unit, -1000"),
-        ("0", "it moved by 0 mm, not by 1 mm: is the drive enabled? is counts_per_unit, 1000, large enough?"),
+        ("-1", "it moved by -1 mm, not by 1 mm: change the sign of counts_per_unit: -1000"),
+        (
+            "0",
+            (
+                "it moved by 0 mm, not by 1 mm: check that the drive is enabled, and that counts_per_unit, "
+                "1000, is large enough"
+            ),
+        ),
     ],
 )
 def test_a_move_of_a_millimetre_tells_a_wrong_scale_of_an_axis_without_a_table(

@@ -217,7 +217,7 @@ def asked(folder: Path, wrong: dict[str, str]) -> Result:
         ("drives at", "banana", 'found "banana"; allowed: "HOST:PORT"'),
         ("drives at", "rtu://10.0.0.5:99999", "allowed: a port from 1 to 65535"),
         ("controller at", "ttyUSB1", "or the full path of a serial port"),
-        ("controller at", "/dev/ttyUSB0", "/dev/ttyUSB0 is in use by line.main.drives.rtu already"),
+        ("controller at", "/dev/ttyUSB0", "/dev/ttyUSB0 is already used by line.main.drives.rtu"),
         ("unit id", "one", 'found "one"; allowed: a whole number'),
         ("unit id", "0", "unit_id = 0 on a serial line; allowed: 1 to 255"),
         ("unit id", "300", "found 300; allowed: at least 0, at most 255"),

@@ -89,7 +89,7 @@ def test_it_finds_the_setting_and_everybody_who_answers_and_only_reads(
     assert code == 0, said
     assert "This reads register 0x0020 of unit ids 1 to 247" in said
     assert "  57600 8E2: no answer\n" in said  # how the drive is when it is new comes first
-    assert "  38400 8E2: an answer from unit id 3; asking the others up to 247\n" in said
+    assert "  38400 8E2: unit id 3 answers; trying the others up to 247\n" in said
     assert "  unit ids that reply: 3, 11\n" in said
     assert "stop bits of the drives [38400 8E2]" in said
     assert "Modbus unit id of the drive [3]" in said

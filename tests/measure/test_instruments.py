@@ -83,9 +83,9 @@ async def test_a_row_that_came_while_the_axis_moved_is_not_taken(tmp_path: Path)
         async with gateway(machine), measuring(machine, *FEW, *csv) as typed:
             await typed.until("standing", append_too_early)
             (why,) = [event["error"] for event in typed.events if event["event"] == "stopping"]
-            assert "1 rows came before the axis stood at its target" in why
+            assert "1 rows came before the axis was at its target" in why
             assert await typed.end() == 1
-    assert "1 rows came before the axis stood at its target" in typed.stderr
+    assert "1 rows came before the axis was at its target" in typed.stderr
     assert machine.commanded() == [-1.0, 0.0]
     assert not (tmp_path / "r.csv").exists()
 
@@ -117,7 +117,7 @@ async def test_a_file_that_is_written_anew_gives_no_old_row_for_a_new_one(tmp_pa
     await csv.open()
     csv.arm()
     laser.write_text("position\n1.51\n2.5\n")
-    with pytest.raises(InstrumentError, match="it was written anew"):
+    with pytest.raises(InstrumentError, match="another program wrote it again"):
         await csv.read("next")
 
 
@@ -161,7 +161,7 @@ async def test_a_listener_on_a_serial_port_is_reached_at_the_other_end_of_its_ca
 
 BAD_LINES: list[tuple[Callable[[float], bytes], str]] = [
     (lambda value: b"ERR1\r", "the gauge says 'ERR1'"),
-    (lambda value: f"{value:+.3f}\r".replace(".", ",").encode(), "is no reading of a sylvac gauge"),
+    (lambda value: f"{value:+.3f}\r".replace(".", ",").encode(), "is not a reading of a sylvac gauge"),
     (lambda value: f"{value:+.3f}\r{value:+.3f}\r".encode(), "several lines for one stop"),
     (lambda value: b"+25.400\r", "more than 1 (--largest-deviation)"),
     (lambda value: b"+12.", "no reading within 0.5 s"),

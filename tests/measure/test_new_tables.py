@@ -69,7 +69,7 @@ def test_a_new_table_is_read_by_its_configuration_as_it_was_built(
     section = loaded.sections.axes["x"]
     outcome = outcome_of(READINGS, axis, is_active=False)
     notes = write_table(outcome, tmp_path / "new", form, axis, section, force=False)
-    assert not [note for note in notes if "not for table_options" in note]
+    assert not [note for note in notes if "change table_options" in note]
     data = (tmp_path / "new").read_bytes()
     table = parse_table(data, "new", context_of(section, "x")).table
     # What was measured too far is taken back: -0.01 at 50 forward, less what there is at home.
@@ -83,5 +83,5 @@ def test_options_with_which_it_would_be_another_table_are_said(tmp_path: Path) -
     outcome = outcome_of(READINGS, axis, is_active=False)
     section = loaded.sections.axes["x"]
     notes = write_table(outcome, tmp_path / "new", "linuxcnc-1", axis, section, force=False)
-    [note] = [note for note in notes if "not for table_options" in note]
+    [note] = [note for note in notes if "change table_options" in note]
     assert "linuxcnc-0" in note

@@ -24,7 +24,7 @@ READINGS_FILE = "target_mm,direction,run,measured_mm\n0,forward,1,0\n100,forward
 def test_a_table_never_takes_the_place_of_readings(tmp_path: Path) -> None:
     out = tmp_path / "x.readings.csv"
     out.write_text(READINGS_FILE)
-    with pytest.raises(FileError, match="a file of readings; give another name for --out"):
+    with pytest.raises(FileError, match="give another name for --out: this is a file of readings"):
         check_outputs(out, None, force=True)
     loaded, axis = configured(tmp_path, "")
     found = outcome_of(READINGS, axis, is_active=False)
@@ -36,7 +36,7 @@ def test_a_table_never_takes_the_place_of_readings(tmp_path: Path) -> None:
 
 def test_a_folder_that_takes_no_file_is_named_before_anything_moves() -> None:
     # the files of the kernel: nobody may make one there, root neither
-    with pytest.raises(FileError, match="nothing can be written to folder /proc"):
+    with pytest.raises(FileError, match="the folder /proc cannot be written"):
         check_outputs(Path("/proc/x.csv"), None, force=False)
 
 
@@ -62,7 +62,7 @@ def test_before_is_what_was_measured_without_a_table(tmp_path: Path) -> None:
     _, axis = configured(tmp_path, "")
     path = tmp_path / "before.csv"
     path.write_text(f"# compensation: active {'0' * 64}\n{READINGS_FILE}")
-    with pytest.raises(FileError, match="--before what was measured without a table"):
+    with pytest.raises(FileError, match="--before readings that were measured without a table"):
         survey_before(path, axis)
     path.write_text(f"# compensation: off\n{READINGS_FILE}")
     assert len(survey_before(path, axis).readings) == 2
@@ -87,7 +87,7 @@ def test_a_report_shows_the_table_that_was_in_use_and_not_the_next_one(tmp_path:
     ("is_active", "said"),
     [
         (False, "With the table it is predicted to leave a systematic deviation E of"),
-        (True, "the next table, made of these readings, will leave between its points E = "),
+        (True, "the next table, made from these readings, will leave between its points E = "),
     ],
 )
 def test_text_json_and_report_say_what_the_new_table_leaves(

@@ -68,7 +68,7 @@ def test_readings_come_back_as_they_were(tmp_path: Path, errors: list[int], unit
         ("10.0,forward", "10.0;forward", "line 9: .* as in 50.0,forward,1,50.0123"),
         ("forward,1,9.998", "up,1,9.998", "line 9"),
         ("1,9.998", "1,nan", "numbers must be finite"),
-        ("10.0,forward,1", "20.0,forward,1", "reading 2: at 20 forward, run 1; by its plan it is 10 forward"),
+        ("10.0,forward,1", "20.0,forward,1", "reading 2: at 20 forward, run 1, but the plan has 10 forward"),
         ("0.0,forward,1,0.001\n", "", "reading 1: at 10 forward"),
         ("# runs: 2\n", "", "# targets, # runs and # overrun"),
         ("# targets: 0.0 10.0 20.0", "# targets: 0.0 x", "# targets, # runs and # overrun"),
@@ -86,7 +86,7 @@ def test_a_changed_file_is_not_gone_on_with(tmp_path: Path, old: str, new: str, 
 def test_a_file_that_is_there_is_not_written_over(tmp_path: Path) -> None:
     path = tmp_path / "r.csv"
     path.write_text(TEXT)
-    with pytest.raises(FileError, match="is there already"):
+    with pytest.raises(FileError, match="exists already"):
         ReadingsFile(path, Units.MM).create({})
     assert path.read_text() == TEXT
     file = ReadingsFile(path, Units.MM)

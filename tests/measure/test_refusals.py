@@ -62,7 +62,7 @@ REFUSED = [
     ((*FEW, "--yes", "--port", "/dev/ttyS0"), "reached by TCP"),
     ((*FEW, "--yes", "--out-format", "excel"), "--out-format excel: allowed are"),
     ((*FEW, "--yes", "--out", "gateway.toml"), "gateway.toml: a file of this name"),
-    ((*FEW, "--yes", "--report", "report.pdf"), "a report is written as .html, .png, .svg"),
+    ((*FEW, "--yes", "--report", "report.pdf"), "end the name with .html, .png, .svg"),
     (FEW, "cannot ask for confirmation: stdin is not a terminal"),
     (
         ("--from", "0", "--to", "100", "--targets", "6", "--out", "x.tab", "--out-format", "centroid-3"),

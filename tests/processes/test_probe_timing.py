@@ -58,8 +58,8 @@ def test_the_silence_that_a_drive_needs_is_found(sick: SickLine) -> None:
     assert [line.split()[0] for line in lost] == ["0", "1", "2", "5", "10", "20"]
     assert all("3 answers lost" in line for line in lost[:5])
     assert "nothing lost" in lost[5]
-    assert "gap_ms = 30 is configured or stands in the register map" in result.stdout
-    assert "a drive that falls silent keeps others waiting three times: " in result.stdout
+    assert "gap_ms = 30 is configured or in the register map" in result.stdout
+    assert "a silent drive makes others wait three times: " in result.stdout
 
 
 def test_init_measures_and_writes_what_the_drive_asks_for(sick: SickLine, tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ class Columns:
         self._delimiter = "\t" if delimiter in TAB else delimiter
         if len(self._delimiter) != 1 or self._delimiter in '"\r\n':
             raise InstrumentError(
-                f"--delimiter {delimiter!r}: the one character that stands between columns, such as ; or tab"
+                f"--delimiter {delimiter!r}: give the one character between columns, such as ; or tab"
             )
         if column.isdecimal() and int(column) < 1:
             raise InstrumentError("--column 0: columns count from 1")
@@ -66,8 +66,8 @@ class Columns:
             if names.count(self._column) != 1:
                 raise InstrumentError(
                     f"{self._path}: --column {self._column}: its first row has "
-                    f"{', '.join(names) or 'nothing'}; give one of these names, or a number from 1, and with "
-                    "--delimiter what stands between columns"
+                    f"{', '.join(names) or 'nothing'}; give one of these names, or a number from 1, and "
+                    "with --delimiter the character between columns"
                 )
             self._index = names.index(self._column)
         heads = [row for row in above if any(row) and not any(_CELL.fullmatch(cell) for cell in row)]
@@ -84,7 +84,7 @@ class Columns:
         cells = self._cells(row.decode("utf-8", "replace"))
         if self._width is not None and len(cells) != self._width:
             raise BadReadingError(
-                f"{shown} has {len(cells)} column(s), the names above {self._width}; {self._remedy()}"
+                f"{shown} has {len(cells)} column(s), but the heading has {self._width}; {self._remedy()}"
             )
         if self._index >= len(cells):
             raise BadReadingError(f"{shown} has no column {self._index + 1}; {self._remedy()}")
@@ -99,7 +99,7 @@ class Columns:
 
     def _remedy(self) -> str:
         return (
-            "--delimiter is what stands between columns, and the instrument must write numbers with a "
+            "give with --delimiter the character between columns; the instrument must write numbers with a "
             "decimal point"
         )
 
@@ -156,7 +156,7 @@ def number_of(text: str) -> float:
     stripped = text.strip()
     if not _NUMBER.fullmatch(stripped):
         hint = "; write a decimal point" if "," in stripped else ""
-        raise BadReadingError(f"{text[:SHOWN]!r} is no number{hint}")
+        raise BadReadingError(f"{text[:SHOWN]!r} is not a number{hint}")
     value = float(stripped)
     if not isfinite(value):
         raise BadReadingError(f"{text[:SHOWN]!r} is too large")
@@ -234,7 +234,7 @@ class Keyboard:
         if early := self._lines.early():
             if early == "q":
                 raise StoppedError("q on the keyboard")
-            self._show(f"  {early!r} was typed before the axis stood: not taken\n")
+            self._show(f"  {early!r} was typed before the axis was at standstill: not used\n")
 
     async def read(self, stop: str) -> float:
         """See :class:`Instrument`. Asks until it is a number; ``q`` ends the run."""
@@ -242,7 +242,7 @@ class Keyboard:
             self._show(f"{stop}: reading (q stops): ")
             line = await self._lines.line()
             if line is None:
-                raise InstrumentError("standard input has ended: nobody types readings any more")
+                raise InstrumentError("standard input has ended, so no more readings can come")
             if line == "q":
                 raise StoppedError("q on the keyboard")
             try:
@@ -275,7 +275,7 @@ class GrowingCsv:
         whole, _, part = data.rpartition(b"\n")
         if part:
             raise InstrumentError(
-                f"{self._path}: its last row {part[:SHOWN]!r} has no end yet: let the instrument finish it"
+                f"{self._path}: its last row {part[:SHOWN]!r} is not complete: let the instrument finish it"
             )
         self._at = len(data)
         self._columns.settle(whole)
@@ -287,8 +287,8 @@ class GrowingCsv:
             self._at += sum(len(row) + 1 for row in early)
             what = f"{len(early)} rows" if early else f"the beginning of a row, {begun[:SHOWN]!r},"
             raise BadReadingError(
-                f"{self._path}: {what} came before the axis stood at its target: let the "
-                "instrument write one row for each stop, after the axis has come to rest"
+                f"{self._path}: {what} came before the axis was at its target: let the instrument write "
+                "one row for each stop, after the axis has come to standstill"
             )
 
     async def read(self, stop: str) -> float:
@@ -297,7 +297,9 @@ class GrowingCsv:
             await asyncio.sleep(POLL_S)
         self._at += sum(len(row) + 1 for row in rows)
         if len(rows) > 1:
-            raise BadReadingError(f"{self._path}: {len(rows)} rows at once for one stop")
+            raise BadReadingError(
+                f"{self._path}: {len(rows)} rows for one stop; let the instrument write one"
+            )
         try:
             return number_of(self._columns.reading(rows[0]))
         except BadReadingError as error:
@@ -312,13 +314,15 @@ class GrowingCsv:
             with self._path.open("rb") as stream:
                 size = stream.seek(0, os.SEEK_END)
                 if size < self._at:
-                    raise InstrumentError(f"{self._path}: is shorter than it was: it was begun anew")
+                    raise InstrumentError(
+                        f"{self._path}: is shorter than before: another program started it again"
+                    )
                 stream.seek(max(0, self._at - 1))
                 before, data = stream.read(min(1, self._at)), stream.read()
         except OSError as error:
             raise InstrumentError(f"{self._path}: {error.strerror or error}") from None
         if before not in (b"", b"\n"):
-            raise InstrumentError(f"{self._path}: its rows are other ones than before: it was written anew")
+            raise InstrumentError(f"{self._path}: its rows have changed: another program wrote it again")
         *rows, begun = data.split(b"\n")
         return rows, begun
 
@@ -364,7 +368,7 @@ class SerialGauge:
         if self._came or self._wrong or self._lines.rest:
             shown = self._wrong or repr((b" ".join(self._came) or self._lines.rest)[:SHOWN].decode("latin-1"))
             self._came, self._wrong, self._lines = [], "", GaugeLines()
-            raise BadReadingError(f"{self.title}: {shown} came before the axis stood at its target")
+            raise BadReadingError(f"{self.title}: {shown} came before the axis was at its target")
 
     async def read(self, stop: str) -> float:
         """See :class:`Instrument`."""
@@ -378,8 +382,8 @@ class SerialGauge:
                 line = await self._line()
         except TimeoutError:
             raise BadReadingError(
-                f"{self.title}: no reading within {self._timeout_s:g} s; is it on? does it want another "
-                "--gauge-request?"
+                f"{self.title}: no reading within {self._timeout_s:g} s; check that it is on, and "
+                "--gauge-request"
             ) from None
         try:
             return reading_of(self._kind, line, self._pattern, self._unit)

@@ -120,12 +120,13 @@ def outcome_of(
     active = axis.table
     if active is not None and axis.settings.backlash is not None:
         active = with_backlash(active, axis.settings.backlash)
-        notes.append("the new table holds the backlash too: take the key backlash away when you use it")
+        notes.append("remove the key backlash when you use the new table: it contains the backlash")
     longest_period = longest(periods)
     notes += notes_of(survey, axis.settings.counts_per_unit, with_scale=not is_active, lead=longest_period)
     if not is_active and (scale := reliable_scale(survey, longest_period)) and scale.is_large:
         notes.append(
-            "more than 0.3 mm/m is no screw but a wrong scale: put it right first, and measure again"
+            "correct the scale first and measure again: more than 0.3 mm/m is a wrong scale, not a screw "
+            "error"
         )
     try:
         evaluation = evaluate(survey)
@@ -192,16 +193,16 @@ def check_format(given: str | None, axis: AxisPlan) -> str:
 def check_outputs(out: Path | None, report: Path | None, *, force: bool) -> None:
     """Check before the run that the results can be written to their paths. Raises FileError."""
     if out is not None and out.exists() and not force:
-        raise FileError(f"{out}: a file of this name; give a new name, or --force")
+        raise FileError(f"{out}: a file of this name exists; give a new name, or --force")
     if out is not None:
         _check_no_readings(out)
         if not out.parent.is_dir():
-            raise FileError(f"{out}: there is no folder {out.parent}: make it first")
+            raise FileError(f"{out}: make the folder {out.parent} first: it does not exist")
         try:
             TemporaryFile(dir=out.parent).close()
         except OSError as error:
             raise FileError(
-                f"{out}: nothing can be written to folder {out.parent} ({error.strerror}): give another place"
+                f"{out}: the folder {out.parent} cannot be written ({error.strerror}): give another path"
             ) from None
     if report is not None:
         from gateway.report.errors import ReportError
@@ -216,7 +217,7 @@ def check_outputs(out: Path | None, report: Path | None, *, force: bool) -> None
 def _check_no_readings(out: Path) -> None:
     """Refuse to overwrite readings, even with ``--force``: they are irreplaceable. Raises FileError."""
     if is_readings(out):
-        raise FileError(f"{out}: a file of readings; give another name for --out")
+        raise FileError(f"{out}: give another name for --out: this is a file of readings")
 
 
 def check_writable(
@@ -271,7 +272,9 @@ def refusal(format_name: str, table: CorrectionTable, axis: AxisPlan, section: A
         ("max_slope", table.max_slope(), settings.max_slope),
     ):
         if found > limit:
-            return f"{found:.4g} is above {key} = {limit:g} of axis {axis.name}: raise it if that is right"
+            return (
+                f"{found:.4g} is above {key} = {limit:g} of axis {axis.name}: if this is right, raise the key"
+            )
     try:
         dialect_named(format_name).write(table, write_options_of(section, axis.name, format_name))
     except TabFileError as error:
@@ -301,8 +304,8 @@ def write_table(
     except (TabFileError, TableError) as error:
         command = "table refine" if outcome.is_refined else "table build"
         raise FileError(
-            f"{error}; the readings are kept: pitch-gateway {command} makes the table of them, in another "
-            "place or format"
+            f"{error}; the readings are kept: make the table from them with pitch-gateway {command}, with "
+            "another path or format"
         ) from None
     factor, unit = SMALL[outcome.table.units]
     return [
@@ -324,10 +327,10 @@ def _as_configured(
         change = largest_change(table.in_units(units), read.in_units(units), axis)
         if abs(change.amount) <= 0.5 * axis.settings.step:
             return []
-        why = "it would be read as another table"
+        why = "they would change how it is read"
     except (TabFileError, TableError, ValueError) as error:
         why = str(error)
-    return [f"not for table_options as they are in the configuration ({why}): change them with the table"]
+    return [f"change table_options in the configuration together with the table ({why})"]
 
 
 def survey_of(path: Path, axis: AxisPlan) -> Survey:
@@ -345,7 +348,9 @@ def survey_before(path: Path, axis: AxisPlan) -> Survey:
     """Read the "before" readings of a report. Raises FileError: a table was in use already."""
     survey = survey_of(path, axis)
     try:
-        check_uncorrected(str(path), survey.facts, "give with --before what was measured without a table")
+        check_uncorrected(
+            str(path), survey.facts, "give with --before readings that were measured without a table"
+        )
     except ReadingsError as error:
         raise FileError(str(error)) from None
     return survey
@@ -356,7 +361,7 @@ def _report_notes(outcome: RunOutcome) -> tuple[str, ...]:
     if not outcome.is_refined or outcome.left_out is None:
         return outcome.notes
     left = left_out_text(small_unit(outcome.survey.units), outcome.left_out)
-    return (*outcome.notes, f"the next table, made of these readings, will leave between its points {left}")
+    return (*outcome.notes, f"the next table, made from these readings, will leave between its points {left}")
 
 
 def write_report(outcome: RunOutcome, path: Path, axis: str, before: Survey | None, *, force: bool) -> None:

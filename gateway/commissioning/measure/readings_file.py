@@ -68,8 +68,8 @@ class ReadingsFile:
             self._stream = self.path.open("x", encoding="utf-8", newline="")
         except FileExistsError:
             raise FileError(
-                f"{self.path}: is there already; give another name with --readings, or go on "
-                f"with it: --resume {self.path}"
+                f"{self.path}: exists already; give another name with --readings, or continue it: --resume "
+                f"{self.path}"
             ) from None
         except OSError as error:
             raise FileError(f"{self.path}: {error.strerror or error}") from None
@@ -148,10 +148,7 @@ def read_earlier(path: Path, units: Units) -> Earlier:
         where = f"{path}, line {number}"
         row = line.rstrip("\n")
         if row == line:
-            raise FileError(
-                f"{where}: {row!r} has no end: a row that was not written whole; delete it and "
-                "measure its stop again"
-            )
+            raise FileError(f"{where}: {row!r} is not a complete row: delete it and measure its stop again")
         if row.startswith("#") and not has_header:
             name, _, fact = row[1:].partition(":")
             facts[name.strip()] = fact.strip()
@@ -180,8 +177,8 @@ def check_order(path: Path, stops: Sequence[Stop], readings: Sequence[Reading]) 
         if not is_near or (stop.direction, stop.run) != (reading.direction, reading.run):
             raise FileError(
                 f"{path}, reading {index}: at {reading.target:.9g} {reading.direction.name.lower()}, run "
-                f"{reading.run}; by its plan it is {stop.nominal:.9g} {stop.direction.name.lower()}, run "
-                f"{stop.run}: rows were lost or changed; measure anew"
+                f"{reading.run}, but the plan has {stop.nominal:.9g} {stop.direction.name.lower()}, run "
+                f"{stop.run}: rows were lost or changed; start a new measurement"
             )
 
 
@@ -204,11 +201,13 @@ def _plan(path: Path, facts: Mapping[str, str]) -> MeasuringPlan:
         plan = MeasuringPlan(targets, int(facts["runs"]), float(facts["overrun"]))
     except (KeyError, ValueError):
         raise FileError(
-            f"{path}: its lines # targets, # runs and # overrun do not say what was to be measured: only a "
-            "file that measure has begun can be gone on with"
+            f"{path}: give a file that measure has begun: the lines # targets, # runs and # overrun of "
+            "this one do not state the plan"
         ) from None
     if len(plan.targets) < 2 or plan.runs < 1 or not isfinite(plan.overrun):
-        raise FileError(f"{path}: # targets, # runs or # overrun: a run has two targets or more, and runs")
+        raise FileError(
+            f"{path}: # targets, # runs or # overrun: give two or more targets, and one or more runs"
+        )
     return plan
 
 

@@ -19,10 +19,13 @@ from gateway.exchange.plan import ALARM_BIT, DONE_BIT, HOMED_BIT, MOVING_BIT, Ax
 from gateway.metrology.scale import TRIAL_MOVE
 from gateway.modbus.registers import PositionField, WordOrder
 
-FORBID: Final = "write checks_crc = false into its registers, so that nothing is cut through to it"
+FORBID: Final = (
+    "write checks_crc = false into its registers, so that the gateway does not use cut-through to it"
+)
 UNSEEN: Final = (
-    "So the gateway cannot look where the axis is before it moves: it assumes the direction, flagged, and "
-    "refuses distances with exception 6; map another register, or take this one out of the map"
+    "Map another register, or remove this one from the map: without it the gateway cannot read the "
+    "position before a move. It then assumes the direction, with a flag, and refuses distances with "
+    "exception 6"
 )
 HIGH_WORD: Final = 0x10000
 
@@ -101,12 +104,12 @@ def _check_sums(found: AxisReadings) -> Iterator[ProbeFinding]:
     """Whether the map gives the drive's reaction to a wrong CRC."""
     did, is_mapped = found.on_wrong_crc, found.plan.checks_crc
     if did is OnWrongCrc.ANSWERED:
-        text = "it obeys a read with a wrong check sum: noise can move it"
+        text = "it executes a read with a wrong CRC: noise can move it"
         yield _warning(text) if not is_mapped else _error(f"{text}; {FORBID}")
     elif did is OnWrongCrc.REFUSED and is_mapped:
-        yield _error(f"it answers a read with a wrong check sum, where the standard wants silence; {FORBID}")
+        yield _error(f"it answers a read with a wrong CRC, but the standard requires silence; {FORBID}")
     elif did is OnWrongCrc.SILENT and not is_mapped:
-        yield _remark("it is silent where a check sum is wrong, although its map says checks_crc = false")
+        yield _remark("it does not answer frames with a wrong CRC, although its map says checks_crc = false")
 
 
 def _remark(text: str) -> ProbeFinding:
@@ -123,15 +126,17 @@ def _warning(text: str) -> ProbeFinding:
 
 def _echoes(found: AxisReadings) -> Iterator[ProbeFinding]:
     if found.echoes:
-        yield _error(f"{found.echoes}; else the return of a write is taken for its acknowledgement")
+        yield _error(
+            f"{found.echoes}; otherwise the gateway takes the returned write for its acknowledgement"
+        )
 
 
 def _answers(found: AxisReadings) -> Iterator[ProbeFinding]:
     if found.instead:
         yield _error(
-            f"unit id {found.plan.unit_id} {found.instead}: such a reply answers nothing; bring the firmware "
-            "of the drive or its converter up to date, or put a converter in its place that returns the "
-            "transaction id; where it speaks RTU over TCP, use rtu_over_tcp"
+            f"unit id {found.plan.unit_id} {found.instead}, so its replies cannot be used: update the "
+            "firmware of the drive or its converter, or use a converter that returns the transaction id; "
+            "if it speaks RTU over TCP, use rtu_over_tcp"
         )
         return
     if found.readings and not found.answers:
@@ -154,9 +159,9 @@ def _answers(found: AxisReadings) -> Iterator[ProbeFinding]:
 
 def _who_answers(found: AxisReadings) -> str:
     if found.answering is None:
-        return "pitch-gateway probe --scan tells which unit ids do"
+        return "find the unit ids that do with pitch-gateway probe --scan"
     if not found.answering:
-        return "no other does either"
+        return "no other unit id answers either"
     return f"{ids_text(found.answering)} instead"
 
 
@@ -169,7 +174,7 @@ def ids_text(answering: Sequence[int]) -> str:
     if len(answering) == 1:
         return f"unit id {answering[0]} answers"
     if len(answering) == LAST_UNIT_ID:
-        return f"all unit ids from 1 to {LAST_UNIT_ID} answer, for the drive does not look at them"
+        return f"all unit ids from 1 to {LAST_UNIT_ID} answer, because the drive ignores them"
     return f"unit ids {', '.join(map(str, answering))} answer"
 
 
@@ -181,9 +186,9 @@ def _bits(found: AxisReadings) -> Iterator[ProbeFinding]:
     if found.plan.referenced is Reference.DRIVE_BIT and homed is False:
         yield _warning("the drive is not homed: positions pass 1:1 until it is")
     if moving and done:
-        yield _error("the drive is moving and done at once: bits.moving or bits.done is another bit")
+        yield _error("the drive reports moving and done together: correct bits.moving or bits.done")
     if moving:
-        yield _warning("the axis moves: look again while it stands")
+        yield _warning("the axis moves: probe again at standstill")
 
 
 def _is_inside(settings: AxisSettings, position: float) -> bool:
@@ -200,7 +205,7 @@ def _position_findings(found: AxisReadings, reading: RegisterReading) -> Iterato
     here = machine_position(settings, field, raw)
     if settings.travel is None:
         if _looks_swapped(field, raw):
-            yield _swapped(reading, "is a whole number of 65536 as mapped")
+            yield _swapped(reading, "is a multiple of 65536 as mapped")
         return
     low, high = settings.travel
     units = settings.units.value
@@ -211,7 +216,9 @@ def _position_findings(found: AxisReadings, reading: RegisterReading) -> Iterato
         swapped = machine_position(settings, field, other_order(field).unpack(reading.words))
         if _is_inside(settings, swapped):
             yield _swapped(
-                reading, f"is at {here:.10g} {units} as mapped and at {swapped:.10g} {units} with the other"
+                reading,
+                f"is at {here:.10g} {units} as mapped, but at {swapped:.10g} {units} with the "
+                "other word order",
             )
             return
     text = (
@@ -230,8 +237,8 @@ def _word_order_unclear(found: AxisReadings) -> Iterator[ProbeFinding]:
     ]
     if unclear:
         yield _warning(
-            f"the word order cannot be told here: {', '.join(unclear)}, and a good position with the words "
-            "the other way round too; jog the axis and probe again"
+            "jog the axis and probe again: the word order is not clear, because both word orders give a "
+            f"plausible position ({', '.join(unclear)})"
         )
 
 
@@ -271,7 +278,7 @@ def _outside_table(plan: AxisPlan, register: ProbedRegister, here: float) -> Ite
         return
     yield _warning(
         f"{register} is at machine position {here:.10g}, outside its table ({table.first:g} to "
-        f"{table.last:g}): there outside = {plan.settings.outside.kind.value} holds"
+        f"{table.last:g}), where outside = {plan.settings.outside.kind.value} applies"
     )
 
 
@@ -290,7 +297,7 @@ def _agreement(found: AxisReadings) -> Iterator[ProbeFinding]:
         there = position_of(found.plan, reading).corrected
         if abs(there - here) > near:
             hint = (
-                "after homing, a jog or power-up that is as it should be; else check its address and scale"
+                "this is normal after homing, a jog or power-up; otherwise check its address and scale"
                 if name == "command"
                 else "check its address, its word order and its scale"
             )
@@ -306,7 +313,7 @@ def _steadiness(found: AxisReadings) -> Iterator[ProbeFinding]:
     if first is None or second is None or found.bit(MOVING_BIT):
         return
     if second.problem:
-        yield _error(f"{second.register}, read once more: {second.problem}")
+        yield _error(f"{second.register}, read again: {second.problem}")
         return
     field = first.register.field
     assert field is not None
@@ -318,7 +325,8 @@ def _steadiness(found: AxisReadings) -> Iterator[ProbeFinding]:
         small = swapped.unpack(second.words) - swapped.unpack(first.words)
         if abs(small) < HIGH_WORD:
             yield _swapped(
-                first, f"jumps by {jump:.0f} between two readings, and by {small:.0f} with the other"
+                first,
+                f"jumps by {jump:.0f} between two readings, but by {small:.0f} with the other word order",
             )
             return
     moved = abs(counts_of(field, jump) / found.plan.settings.counts_per_unit)
@@ -342,10 +350,10 @@ def _scale(found: AxisReadings) -> Iterator[ProbeFinding]:
     field = actual.register.field
     assert field is not None
     yield _remark(
-        f"{actual.register} reads {counts_of(field, actual.raw):.10g} counts, and travel is {low:.10g} to "
-        f"{high:.10g} counts: is the axis really at {here:.6g} {units}? A counts_per_unit that is wrong by "
-        f"ten looks good here too; prove it by a move of {TRIAL_MOVE[settings.units]:g} {units}, which "
-        "pitch-gateway signtest --moved judges"
+        f"check that the axis is really at {here:.6g} {units}: {actual.register} reads "
+        f"{counts_of(field, actual.raw):.10g} counts, and travel is {low:.10g} to {high:.10g} counts. Even "
+        f"a counts_per_unit that is wrong by ten looks good here: move by {TRIAL_MOVE[settings.units]:g} "
+        f"{units} and check with pitch-gateway signtest --moved"
     )
 
 
@@ -356,13 +364,13 @@ def _unit_ids(found: AxisReadings) -> Iterator[ProbeFinding]:
     unused, own = found.unused.unit_id, found.plan.unit_id
     if found.unused.is_answered:
         yield _remark(
-            f"the drive answers for unit id {unused} too, which it was not given: it does not look at unit "
-            f"ids, and what a controller sends to another one than {own} reaches it. What would move it is "
-            "refused there, as long as other_units does not name that unit id"
+            f"the drive answers also for unit id {unused}: it ignores unit ids, so requests to other unit "
+            f"ids than {own} reach it. The gateway refuses those that would move it, unless other_units "
+            "names their unit id"
         )
     else:
         yield _remark(
-            f"nobody answers for unit id {unused}, which has no axis: unit ids are looked at here. Has this "
-            "address further devices? Name their unit ids in the line, as in other_units = [7, 8]; else "
-            "writes to them are refused where they look like positions of this axis"
+            "if this address has further devices, name their unit ids in the line, as in other_units = [7, "
+            "8]; otherwise writes to them are refused if they look like positions of this axis. Unit id "
+            f"{unused}, which has no axis, does not answer, so the drive checks unit ids"
         )

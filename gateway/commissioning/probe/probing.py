@@ -28,9 +28,9 @@ from gateway.transport.framing import endpoint_key, returns_requests
 from gateway.transport.master import ModbusMaster
 
 BEFORE_THE_FIRST_MOVE: Final = (
-    "is the controller's own pitch and backlash compensation off?",
-    "is counts_per_unit right, in size and sign? move by 1 mm: pitch-gateway signtest --moved tells",
-    "are the table's sense and its columns right? pitch-gateway signtest tells",
+    "check that the controller's own pitch and backlash compensation are off",
+    "check size and sign of counts_per_unit: move by 1 mm, then pitch-gateway signtest --moved",
+    "check sense and columns of the table with pitch-gateway signtest",
     "make the first moves slow and short, in the middle of the travel",
 )
 
@@ -195,7 +195,7 @@ def _axis_lines(found: AxisReadings, findings: Sequence[ProbeFinding]) -> Iterat
     if found.answering:
         yield f"  scan: {ids_text(found.answering)}"
     if all(finding.weight is Weight.NOTE for finding in findings):
-        yield "  nothing that was read is wrong"
+        yield "  all values that were read are plausible"
 
 
 def _raw(raw: float) -> str:

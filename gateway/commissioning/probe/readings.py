@@ -152,7 +152,7 @@ async def read_axis(master: ProbeMaster, plan: AxisPlan) -> AxisReadings:
         found.readings[register.name] = await _read(master, axis, register)
         silent = [reading for reading in found.readings.values() if reading.is_silent or reading.instead]
         if len(silent) >= SILENT_READS and len(silent) == len(found.readings):
-            found.left_out.append("it does not answer: the rest was not asked for")
+            found.left_out.append("it does not answer, so the rest was not read")
             return found
     actual = found.of("actual")
     if actual is not None:
@@ -248,13 +248,14 @@ def _registers(found: AxisReadings) -> Iterator[ProbedRegister]:
         readable = [f for f in fields if f.is_readable]
         if fields and not readable:
             is_written = all(f.access is FieldAccess.WRITE for f in fields)
-            why = "it can only be written" if is_written else "it stands in longer frames only"
+            why = "it is write-only" if is_written else "it is only part of longer frames"
             found.left_out.append(f"{role}: {why}")
         for number, field_ in enumerate(readable[:1] if role == "command" else readable, start=1):
             register = ProbedRegister(role if number == 1 else f"{role} {number}", field_)
             if field_.words > plan.max_registers:
                 found.left_out.append(
-                    f"{register}: it fills {field_.words} registers, and the drive takes {plan.max_registers}"
+                    f"{register}: it has {field_.words} registers, but the drive accepts only "
+                    f"{plan.max_registers}"
                 )
             else:
                 yield register
@@ -273,14 +274,16 @@ async def _read(master: ProbeMaster, axis: Axis, register: ProbedRegister) -> Re
     if _is_nobody(reply):
         return RegisterReading(register, problem=_exception(reply), is_silent=True)
     if is_exception(reply):
-        why = f"the drive refuses to be read there: {_exception(reply)}"
+        why = f"the drive refuses to read it: {_exception(reply)}"
         return RegisterReading(register, problem=why, is_refused=True)
     words = frame.words_of(reply)
     if words is None:
-        return RegisterReading(register, problem=f"the reply is none to what was asked: {reply.hex(' ')}")
+        return RegisterReading(
+            register, problem=f"the reply does not belong to the request: {reply.hex(' ')}"
+        )
     if register.field is not None and not isfinite(register.field.unpack(words)):
         return RegisterReading(
-            register, problem=f"{words.hex(' ')} is no finite {register.field.type.value}: check its type"
+            register, problem=f"{words.hex(' ')} is not a finite {register.field.type.value}: check its type"
         )
     return RegisterReading(register, words)
 

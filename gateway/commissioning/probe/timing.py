@@ -73,13 +73,13 @@ class LineTimes:
         if silent:
             within = f"within response_timeout_ms = {self.line.timing.response_timeout_ms:g}"
             return (
-                f"unit id {', '.join(silent)} did not answer {within}: nothing is proposed before it does; "
-                "where it is on and wired, raise response_timeout_ms and measure again"
+                f"unit id {', '.join(silent)} did not answer {within}, so there is no proposal: check that "
+                "it is on and wired, raise response_timeout_ms and measure again"
             )
         if not self.units:
-            return "nothing may be read: nothing is proposed"
+            return "no register may be read, so there is no proposal"
         if self.gap_ms is None:
-            return f"answers are lost even with {GAPS_MS[-1]:g} ms of silence before each: mend the wire"
+            return f"answers are lost even with {GAPS_MS[-1]:g} ms of silence before each: repair the wiring"
         return ""
 
     @property
@@ -154,7 +154,7 @@ class LineTimes:
         yield f"  proposed: {_keys(proposed)}"
         cost_ms, now_ms = self.cost_ms(proposed), self.cost_ms(self.now)
         times = "three times" if line.timing.backs_off else "each time"
-        yield f"  a drive that falls silent keeps others waiting {times}: {cost_ms:g} ms; now {now_ms:g} ms"
+        yield f"  a silent drive makes others wait {times}: {cost_ms:g} ms; now {now_ms:g} ms"
         yield from (f"  note: {note}" for note in _notes(self, proposed))
 
 
@@ -231,7 +231,7 @@ def _asked(line: LinePlan, found: LineTimes) -> list[tuple[Axis, ProbedRegister]
     for plan in line.axes:
         registers = registers_of(plan)
         if not registers:
-            found.left_out.append(f"axis {plan.name}: its register map lets nothing be read")
+            found.left_out.append(f"axis {plan.name}: its register map allows no reads")
             continue
         register = next((each for each in registers if each.name == "actual"), registers[0])
         asked.setdefault(plan.unit_id, (Axis(plan), register))
@@ -289,13 +289,13 @@ def _keys(of: Proposal) -> str:
 
 def _notes(found: LineTimes, proposed: Proposal) -> Iterator[str]:
     yield (
-        "only reads were measured: a drive that stores what it is told may need longer; raise "
-        "response_timeout_ms where writes are not answered in time"
+        "only reads were measured: a drive that stores written values may need longer; raise "
+        "response_timeout_ms if writes are not answered in time"
     )
     if found.gap_ms is not None and found.gap_ms < proposed.gap_ms:
         yield (
-            f"nothing was lost with {found.gap_ms:g} ms of silence; gap_ms = {proposed.gap_ms:g} is "
-            "configured or stands in the register map of a drive: shorten it only where no manual asks for it"
+            f"nothing was lost with {found.gap_ms:g} ms of silence, but gap_ms = {proposed.gap_ms:g} is "
+            "configured or in the register map of a drive: shorten it only if no manual requires it"
         )
     patient = [
         f"{controller.plan.name} ({controller.plan.timeout_ms:g})"
@@ -305,7 +305,7 @@ def _notes(found: LineTimes, proposed: Proposal) -> Iterator[str]:
     if patient:
         shortest_ms = proposed.response_timeout_ms + (proposed.drain_ms or 0.0)
         yield (
-            f"a drive is waited for as long as the most patient controller waits: timeout_ms of "
-            f"{', '.join(patient)}; with {proposed.response_timeout_ms:g} there a silent drive costs "
+            "the gateway waits for a drive as long as its slowest controller: timeout_ms of "
+            f"{', '.join(patient)}; with {proposed.response_timeout_ms:g} there, a silent drive costs "
             f"{shortest_ms:g} ms"
         )
