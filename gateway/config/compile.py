@@ -62,7 +62,7 @@ def sources_of(loaded: Loaded) -> dict[str, str]:
         for cross in (each for crosses in loaded.crosses.values() for each in crosses):
             sources[str(cross.path.resolve())] = cross.plan.table_digest
     except OSError as error:
-        raise StateError(f"{error.filename}: {error.strerror or error}; it was there a moment ago") from None
+        raise StateError(f"{error.filename}: {error.strerror or error}; it existed a moment ago") from None
     return sources
 
 

@@ -58,7 +58,7 @@ def _read(
         return None
     if found.state is TableState.OFF:
         findings.refuse(
-            key, f"{cross.table} was renamed to {found.path.name}", "rename it back, or leave cross out"
+            key, f"{cross.table} was renamed to {found.path.name}", "rename it back, or remove cross"
         )
         return None
     try:
@@ -80,7 +80,7 @@ def _read(
     table = read.table.in_units(axis.units)
     modulo = (partner.modulo or 0.0) * scale
     if not table.is_unidirectional:
-        findings.refuse(key, f"{cross.table} knows two directions", "allowed: one column, or two equal ones")
+        findings.refuse(key, f"{cross.table} has two directions", "allowed: one column, or two equal ones")
         return None
     if len(table.positions) > MOST_POINTS:
         findings.refuse(key, f"{len(table.positions)} points", f"allowed: {MOST_POINTS} or less")

@@ -71,7 +71,9 @@ def near_names(drive: str) -> str:
         drive.lower(), names, n=3, cutoff=0.5
     )
     meant = f"did you mean {' or '.join(near[:3])}? " if near else ""
-    return f'{meant}`pitch-gateway drives` lists them all; a file of your own is named "./my-drive.toml"'
+    return (
+        f'{meant}`pitch-gateway drives` lists them all; write the path of your own file as "./my-drive.toml"'
+    )
 
 
 def _read_file(findings: Findings, name: str, path: Path) -> Profile | None:

@@ -67,7 +67,7 @@ def warn_out_of_reach(findings: Findings, key: KeyPath, name: str) -> None:
     """Warn that a credential was not checked."""
     findings.warn(
         key,
-        f"{name} was not looked at: only the service that is given it can",
+        f"{name} was not checked: only the service receives it",
         f"give it with LoadCredential={name.removeprefix(CREDENTIAL)}:PATH in the unit of the supervisor",
     )
 
@@ -102,7 +102,7 @@ def read_secret_line(key: KeyPath, name: str, folder: Path, what: str) -> str:
         raise NamedFileError(key, f"{path}: not UTF-8", "save it as UTF-8 text") from None
     if not secret or any(character in secret for character in "\r\n\0"):
         found = "empty" if not secret else "more than one line"
-        remedy = f"write the {what} into it, on one line, and nothing else"
+        remedy = f"write only the {what} into it, on one line"
         raise NamedFileError(key, f"{path}: {found}", remedy)
     return secret
 
@@ -249,7 +249,7 @@ def warn_of_times(findings: Findings, key: KeyPath, path: Path, now: datetime) -
     try:
         certificates = read_facts(path)
     except FileRefusedError as error:
-        findings.warn(key, f"{path}: until when it is good could not be read ({error.found})", error.remedy)
+        findings.warn(key, f"{path}: its last day could not be read ({error.found})", error.remedy)
         return
     for facts in certificates:
         problem = time_problem(facts, now)
@@ -262,7 +262,7 @@ def warn_of_list(findings: Findings, key: KeyPath, path: Path, now: datetime) ->
     try:
         _, ends = list_ends(path)
     except FileRefusedError as error:
-        findings.warn(key, f"{path}: until when it is good could not be read ({error.found})", error.remedy)
+        findings.warn(key, f"{path}: its last day could not be read ({error.found})", error.remedy)
         return
     problem = list_problem(str(path), ends, now)
     if problem is not None:

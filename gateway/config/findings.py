@@ -27,7 +27,7 @@ _SYNTAX_ERROR: Final = re.compile(
 )
 DEEPEST: Final = 50
 """No key is nested so deep. Copying or comparing a deeper document would exhaust the stack."""
-TOO_DEEP: Final = ("tables or arrays nested beyond reason", "write the keys that the reference lists")
+TOO_DEEP: Final = ("tables or arrays nested too deeply", "write the keys that the reference lists")
 _PART: Final = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
 _DOTTED: Final = re.compile(
     rf"(?:^|[{{,])[ \t\[]*{_PART}(?:[ \t]*\.[ \t]*{_PART}){{{DEEPEST}}}", re.MULTILINE

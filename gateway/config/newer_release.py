@@ -25,5 +25,7 @@ def with_newer_release(errors: ConfigErrors, document: Document) -> ConfigErrors
 def _with_release(problem: Problem, release: str) -> Problem:
     if problem.found != UNKNOWN_KEY:
         return problem
-    hint = f"or a key of release {release}, which ran here before: install that again, or take the key out"
+    hint = (
+        f"or a key of release {release}, which ran here before: install that release again, or remove the key"
+    )
     return replace(problem, remedy=f"{problem.remedy}; {hint}")

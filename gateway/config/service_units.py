@@ -48,7 +48,7 @@ class Addresses:
         try:
             address = ip_address(host.partition("%")[0])
         except ValueError:
-            self.open_because.append(f"{who} is a host name, {host}, which systemd takes for no address")
+            self.open_because.append(f"{who} is a host name, {host}, not an address for systemd")
             return
         if isinstance(address, IPv6Address) and address.ipv4_mapped is not None:
             address = address.ipv4_mapped

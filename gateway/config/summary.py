@@ -243,7 +243,7 @@ def _table_lines(table: TableSummary, unit: str, max_speed: float) -> Iterator[s
     )
     step = f"  can cause a step of {cause.largest_step:.4g} {unit} at a reversal"
     if not max_speed:
-        yield f"{step}; without max_speed it is not known what speed it adds"
+        yield f"{step}; give max_speed to see how much speed it adds"
         return
     yield (
         f"{step}, {cause.added_speed:.4g} {unit}/s of speed and {cause.added_acceleration:.4g} "

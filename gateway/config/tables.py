@@ -117,7 +117,7 @@ def table_in(
 def _backlash_of(loaded: LoadedTable) -> str:
     """Return what to do about lost motion that a file states beside its table."""
     lines = [line for line in loaded.source.behaves_as if line.startswith("backlash")]
-    return f"if nothing else takes it up now, add to the axis: {'; '.join(lines)}"
+    return f"if nothing else corrects it now, add to the axis: {'; '.join(lines)}"
 
 
 def _numbered(readings: tuple[str, ...]) -> list[str]:

@@ -21,6 +21,6 @@ def what_is_strange(loaded: Loaded, before: TablesFolder | None) -> str:
     if {reading.state for reading in loaded.readings.values()} != {TableState.MISSING}:
         return ""
     return (
-        f"{now.path} holds none of the tables and is not the folder that held them (a share that is not "
-        "mounted?): mount it, or put the tables there; to go on without them restart the gateway"
+        f"mount the share, or put the tables into {now.path}: it is not the folder that had them, and "
+        "holds none of them. To continue without them, restart the gateway"
     )

@@ -243,7 +243,7 @@ def in_words(line: str, column: int | None) -> str:
     if opened := re.search(r"""([\w.\-]+)[ \t]*=[ \t]*(["'])([^"']*)$""", line):
         return f"a text ends with the quote that it begins with, on the same line: {_whole(opened)}"
     if "\\" in line and '"' in before:
-        return "a text with backslashes stands in single quotes, as in 'C:\\tables'"
+        return "put a text with backslashes into single quotes, as in 'C:\\tables'"
     assigned = _ASSIGNED.search(before)
     if assigned is not None:
         value = (assigned["begun"] + re.split(r"[\n#}\]]", rest, maxsplit=1)[0]).strip()
@@ -262,11 +262,11 @@ def _of_value(key: str, value: str) -> str:
         return f"a number has nothing between its digits: {key} = {plain}"
     if re.fullmatch(r"[+-]?\.\d+|[+-]?\d+\.", first):
         number = re.sub(r"\.$", ".0", re.sub(r"^([+-]?)\.", r"\g<1>0.", first))
-        return f"a digit stands on both sides of the decimal point: {key} = {number}"
+        return f"write a digit on both sides of the decimal point: {key} = {number}"
     if re.fullmatch(r"[+-]?0\d+", first):
         return f"a number does not begin with 0, and text needs quotes: {key} = {_quoted(first)}"
     if unit := re.fullmatch(rf"({_NUMBER}(?:\.\d+)?)\s*([A-Za-zµ°%/]+)", first):
-        return f"a number stands without its unit, and text needs quotes: {key} = {unit[1]}"
+        return f"write a number without its unit, and text in quotes: {key} = {unit[1]}"
     if first.lower() in _BOOLEANS:
         return f"true and false are written small, without quotes: {key} = {_BOOLEANS[first.lower()]}"
     return f"text needs quotes: {key} = {_quoted(first.strip(';'))}"
@@ -278,14 +278,14 @@ def _of_line(line: str, before: str) -> str:
             f"the name of a table ends with ]: {line.strip()}{']]' if line.strip().startswith('[[') else ']'}"
         )
     if (colon := _COLON.fullmatch(line)) is not None:
-        return f"= stands between a key and its value: {colon['key']} = {colon['value']}"
+        return f"write = between a key and its value: {colon['key']} = {colon['value']}"
     if before.count("{") > before.count("}"):
-        return "what stands in { } is separated by commas and ends with } on the same line"
+        return "separate the items in { } by commas, and write } on the same line"
     if before.count("[") > before.count("]"):
-        return "what stands in [ ] is separated by commas and ends with ]"
+        return "separate the items in [ ] by commas, and end the list with ]"
     if (naked := _NAKED.fullmatch(line)) is not None and "=" not in line:
-        return f"= stands between a key and its value; a comment begins with #: {naked['value'].strip()}"
-    return f"a key, = and a value stand on a line, or the name of a table in [ ]; {GRAMMAR}"
+        return f"write = between a key and its value, and # before a comment: {naked['value'].strip()}"
+    return f"write a key, = and a value on a line, or the name of a table in [ ]; {GRAMMAR}"
 
 
 def _whole(opened: re.Match[str]) -> str:

@@ -48,7 +48,7 @@ def check_counts_per_unit(scale: float) -> float:
     if not SMALLEST_COUNTS_PER_UNIT <= abs(scale) <= LARGEST_COUNTS_PER_UNIT:
         raise ValueError(
             f"allowed: a number other than 0, its size from {SMALLEST_COUNTS_PER_UNIT:g} to "
-            f"{LARGEST_COUNTS_PER_UNIT:g}, negative where the drive counts the other way"
+            f"{LARGEST_COUNTS_PER_UNIT:g}, negative if the drive counts the other way"
         )
     return scale
 
@@ -102,7 +102,7 @@ def _ip_v6(text: str) -> str:
     try:
         return str(IPv6Address(text))
     except ValueError:
-        raise ValueError(f'"{text}" is no IPv6 address; {ADDRESS_RULE}') from None
+        raise ValueError(f'"{text}" is not an IPv6 address; {ADDRESS_RULE}') from None
 
 
 def _check_ip_v4(text: str) -> None:
@@ -110,7 +110,7 @@ def _check_ip_v4(text: str) -> None:
         ip_address(text)
     except ValueError:
         raise ValueError(
-            f'"{text}" is no IPv4 address: it has four numbers from 0 to 255; {ADDRESS_RULE}'
+            f'"{text}" is not an IPv4 address: it needs four numbers from 0 to 255; {ADDRESS_RULE}'
         ) from None
 
 

@@ -144,8 +144,8 @@ class SocketFile:
 
     def _in_use(self) -> SocketError:
         return SocketError(
-            f"{starts.GATEWAY_RUNS.begin(place=self.path)}: stop it first, or give this one a folder of its "
-            "own with [gateway] state"
+            f"{starts.GATEWAY_RUNS.begin(place=self.path)}: stop it first, or give this one its own folder "
+            "with [gateway] state"
         )
 
 

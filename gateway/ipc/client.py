@@ -125,7 +125,7 @@ def check_owner(path: Path, connection: socket.socket) -> None:
     uid, own = peer_uid(connection), os.geteuid()
     if own != ROOT_UID and uid not in (own, ROOT_UID):
         raise NoGatewayError(
-            f"{path} is held by user {uid}, and this is user {own}: nothing was said to it; run this as the "
+            f"{path} belongs to user {uid}, but this is user {own}, so nothing was sent: run this as the "
             "user that the gateway runs as, or name another folder with [gateway] state"
         )
 

@@ -17,7 +17,7 @@ LONGEST_WAIT_S: Final = 0.25
 
 
 async def _no_tables(_request: SetTable, _descriptors: Sequence[int]) -> Reply:
-    return Done(problems=("tables are not taken here",))
+    return Done(problems=("tables are not accepted here",))
 
 
 def _never() -> bool:

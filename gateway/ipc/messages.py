@@ -152,7 +152,7 @@ def decode_request(line: bytes) -> Request:
     try:
         request: Request = _request_decoder.decode(line)
     except msgspec.MsgspecError as error:
-        raise WrongMessageError(f"no request of version {VERSION}: {error}") from None
+        raise WrongMessageError(f"not a request of version {VERSION}: {error}") from None
     return request
 
 
@@ -162,7 +162,7 @@ def decode_reply(line: bytes) -> Reply:
     try:
         reply: Reply = _reply_decoder.decode(line)
     except msgspec.MsgspecError as error:
-        raise WrongMessageError(f"no reply of version {VERSION}: {error}") from None
+        raise WrongMessageError(f"not a reply of version {VERSION}: {error}") from None
     return reply
 
 

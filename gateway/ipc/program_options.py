@@ -47,7 +47,7 @@ def options_of(words: Sequence[str]) -> ProgramOptions:
             Path(given.pop("--state")) if "--state" in given else None,
         )
     except ValueError as error:
-        sys.exit(f"not as a program of pitch-gateway is started: {error}")
+        sys.exit(f"not how a program of pitch-gateway is started: {error}")
     if given:
-        sys.exit(f"no option of a program of pitch-gateway: {', '.join(given)}")
+        sys.exit(f"not an option of a program of pitch-gateway: {', '.join(given)}")
     return options

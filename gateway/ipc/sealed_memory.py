@@ -44,7 +44,7 @@ def map_sealed(descriptor: int, largest: int) -> memoryview:
     try:
         seals = fcntl.fcntl(descriptor, fcntl.F_GET_SEALS)
     except OSError:
-        raise NotSealedError("the descriptor is no memory of the system's (memfd)") from None
+        raise NotSealedError("the descriptor is not a memfd") from None
     if seals & SEALS != SEALS:
         raise NotSealedError("the memory is not sealed: its sender could change it or cut it short")
     size = os.fstat(descriptor).st_size

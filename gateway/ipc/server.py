@@ -14,8 +14,7 @@ from gateway.ipc.session import MAX_CLIENTS, Clients, Session
 from gateway.transport.listener import Listener
 
 ALL_TAKEN: Final = (
-    f"all {MAX_CLIENTS} places are taken, by listeners and by requests under way; try again in a moment, or "
-    "end one of the programs that are connected"
+    f"all {MAX_CLIENTS} connections are in use; try again in a moment, or end one of the connected programs"
 )
 IDLE_S: Final = 30.0
 """A client that sends no whole request for this time, or does not take its replies, is dropped."""

@@ -40,7 +40,7 @@ MAX_LISTENERS: Final = MAX_CLIENTS // 2
 READ_BYTES: Final = 4096
 UNTAKEN_BYTES: Final = 65536
 """Replies that wait for a client; beyond that its requests are not read."""
-GAVE_WAY: Final = "all places were taken, and this client was silent longest: connect again"
+GAVE_WAY: Final = "all connections were in use, and this client was silent longest: connect again"
 _DESCRIPTOR_BYTES: Final = array.array("i").itemsize
 _ANCILLARY_BYTES: Final = socket.CMSG_SPACE((MAX_TABLES + 1) * _DESCRIPTOR_BYTES)
 """Room for one too many; the system closes any further ones itself."""
@@ -116,7 +116,7 @@ class Session:
 
     def give_way(self) -> None:
         """Send the reason, and close in favour of another client."""
-        self._complain("place", "it was silent longest, and another one wanted its place")
+        self._complain("place", "it was silent longest, and its place was needed for another client")
         if not self._is_ending:
             self._send(Refused(reason=GAVE_WAY))
         self.drop()
@@ -178,7 +178,7 @@ class Session:
 
     def _end_of_data(self) -> None:
         if self._data or self._descriptors:
-            self._complain("half", "went away in the middle of a message")
+            self._complain("half", "disconnected in the middle of a message")
         self.drop()
 
     def _next(self) -> None:
@@ -226,7 +226,7 @@ class Session:
             not isinstance(request, Ping | GetStatus | Subscribe)
             and self._uid not in self._clients.handlers.masters
         ):
-            self._refuse("user", f"user {self._uid} may look, and change nothing")
+            self._refuse("user", f"user {self._uid} may read, but not change anything")
             return
         expected = len(request.tables) if isinstance(request, SetTable) else 0
         if len(self._descriptors) != expected:
@@ -256,7 +256,7 @@ class Session:
     def _lend(self, tapes: Mapping[str, int]) -> None:
         """Give it trace buffers to read: their descriptors go with the first byte of the reply."""
         if self._outbox.waiting_bytes:
-            self._refuse("tapes", "take the reply before this one first")
+            self._refuse("tapes", "read the previous reply first")
             return
         data = encode(Tapes(lines=tuple(tapes)))
         try:
@@ -297,7 +297,7 @@ class Session:
             self._send(Subscribed(interval_s=request.interval_s))
             self.listener.follow(request.interval_s)
         elif not self._clients.has_room_for_listener:
-            self._refuse("subscribe", "as many listeners as there may be are subscribed")
+            self._refuse("subscribe", "the largest number of listeners is already subscribed")
         else:
             self._idle.cancel()  # it may be silent from now on
             self._send(Subscribed(interval_s=request.interval_s))

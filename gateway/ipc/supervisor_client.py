@@ -59,7 +59,7 @@ def ask_supervisor(state: Path, target: str, method: str = "GET", timeout_s: flo
     except OSError as error:
         raise NoSupervisorError(f"{path}: {error.strerror or error}") from None
     except (http.client.HTTPException, ValueError) as error:
-        raise NoSupervisorError(f"{path}: answered with what is not understood: {error}") from None
+        raise NoSupervisorError(f"{path}: the answer was not understood: {error}") from None
     if response.status != http.client.OK:
         what = data.get("problem") if isinstance(data, dict) else None
         raise NoSupervisorError(f"{path}: {what or response.status}")

@@ -72,7 +72,7 @@ class _Line:
                 try:
                     entry = traffic.decode(raw.data)
                 except traffic.WrongEntryError as error:
-                    of_another = "command and gateway have to be of the same release"
+                    of_another = "command and gateway must be of the same release"
                     raise NoCaptureError(f"{error}; {of_another}") from None
                 if isinstance(entry, traffic.Port):
                     self._ports[entry.port] = entry.controller, entry.peer, entry.role
@@ -97,9 +97,11 @@ class Capture:
         reply, descriptors = borrow(socket, GetTapes())
         try:
             if not isinstance(reply, Tapes) or len(reply.lines) != len(descriptors):
-                raise NoGatewayError(f"the gateway at {socket} answered with something else than its tapes")
+                raise NoGatewayError(f"the gateway at {socket} did not answer with its trace buffers")
             if not reply.lines:
-                raise NoCaptureError("the gateway keeps no frames: set size_mb in [capture], and restart it")
+                raise NoCaptureError(
+                    "set size_mb in [capture] and restart the gateway: it keeps no frames now"
+                )
             if only is not None and only not in reply.lines:
                 raise NoCaptureError(f"there is no line {only}; there are {', '.join(reply.lines)}")
             chosen = zip(reply.lines, descriptors, strict=True)

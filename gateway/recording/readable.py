@@ -23,7 +23,7 @@ ARROWS: Final = {
 
 PLAIN: Final[Mapping[type, str]] = {
     traffic.Abandoned: "          × the reply is not waited for any longer",
-    traffic.RestFirst: "the gateway before left something unanswered: the line rests first",
+    traffic.RestFirst: "the previous gateway left a request unanswered: the line rests first",
     traffic.Up: "the drives can be reached",
     traffic.Down: "the drives cannot be reached",
     traffic.Unframed: "          ← bytes of which no frame was made yet",
@@ -105,11 +105,9 @@ class Reader:
             case traffic.Answered():
                 return self._frame("answered", entry, "front")
             case traffic.Gone():
-                return f"{self._controller(entry.line, entry.port)} has gone"
+                return f"{self._controller(entry.line, entry.port)} has disconnected"
             case traffic.Stray():
-                return "          ← bytes that answer nothing" + (
-                    " (a whole frame)" if entry.is_frame else ""
-                )
+                return "          ← bytes that are no reply" + (" (a whole frame)" if entry.is_frame else "")
             case traffic.Commanded(command=command):
                 return f"command {_command_words(command)}"
             case _:

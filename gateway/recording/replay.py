@@ -245,14 +245,15 @@ class _Line(DriveLink):
             link = self._controllers.get(entry.controller)
             if link is None:
                 raise ReplayError(
-                    f"line {self.plan.name} has no controller {entry.controller}, which the recording has: "
-                    f"there are {', '.join(self._controllers)}; replay it with a configuration that names it"
+                    f"line {self.plan.name} has no controller {entry.controller}, but the recording has: "
+                    f"there are {', '.join(self._controllers)}; replay it with a configuration that names "
+                    "it"
                 )
             plan = link.plan_of(entry.role)
             if plan is None:
                 raise ReplayError(
-                    f"controller {entry.controller} has no role {entry.role!r}, which the recording has: "
-                    "replay it with a configuration that has the same roles"
+                    f"controller {entry.controller} has no role {entry.role!r}, but the recording has: "
+                    "replay it with a configuration with the same roles"
                 )
             port = self._ports[entry.port] = _Port(plan, entry.peer, entry.port, self)
             port.ends_by_silence = isinstance(link.endpoint, SerialEndpoint)
@@ -399,8 +400,8 @@ class Replay:
         line = self._lines.get(name)
         if line is None and self._only is None:
             raise ReplayError(
-                f"the recording has a line {name}, and the configuration has none of that name: there are "
-                f"{', '.join(self._lines)}; choose one of the recording's with --line"
+                f"the configuration has no line {name}, but the recording has: there are "
+                f"{', '.join(self._lines)}; choose a line with --line"
             )
         return line
 

@@ -144,13 +144,13 @@ class RingReader:
         """
         size = os.fstat(descriptor).st_size
         if size < PAGE + SEGMENTS * PAGE:
-            raise NoTraceBufferError(f"memory of {size} bytes is no tape")
+            raise NoTraceBufferError(f"memory of {size} bytes is not a trace buffer")
         self._map = mmap.mmap(descriptor, size, flags=mmap.MAP_SHARED, prot=mmap.PROT_READ)
         magic, self._segment_size, self._ns, self._wall_ns = _WHOLE.unpack_from(self._map)
         if magic not in (MAGIC, BEFORE) or size != PAGE + SEGMENTS * self._segment_size:
             self._map.close()
             raise NoTraceBufferError(
-                "it is no tape of this release: command and gateway have to be of the same"
+                "it is not a trace buffer of this release: command and gateway must be of the same release"
             )
         self._number = self._read = 0
         """The segment that was read last, and how far."""

@@ -198,12 +198,12 @@ def as_command(entry: "Commanded | _Old") -> Commanded:
         case Commanded(command=SetTable(tables=tables)):
             if len(tables) != len(entry.tables):
                 found = f"{len(tables)} tables and holds {len(entry.tables)}"
-                raise WrongEntryError(f"no entry of a recording: set-table names {found}")
+                raise WrongEntryError(f"not an entry of a recording: set-table names {found}")
             return entry
         case Commanded(command=command):
             if (count := len(axes_of(command))) != 1:
-                what = f"{kind_of(command)} names {count} axes; each has an entry of its own"
-                raise WrongEntryError(f"no entry of a recording: {what}")
+                what = f"{kind_of(command)} names {count} axes; each must have its own entry"
+                raise WrongEntryError(f"not an entry of a recording: {what}")
             return entry
         case _OldTables(tables=tables):
             named = tuple(TableFor(each.axis, each.file, each.format, each.sha256) for each in tables)
@@ -226,7 +226,7 @@ def as_command(entry: "Commanded | _Old") -> Commanded:
         case _OldControl(command=name, axis=axis) if name in _OLD_NAMES:
             command = _OLD_NAMES[name](axes=(axis,))
         case _OldControl(command=name):
-            raise WrongEntryError(f"the command {name!r} is not known; replay it with a newer release")
+            raise WrongEntryError(f"the command {name!r} is unknown; replay it with a newer release")
     return Commanded(entry.line, entry.t, command)
 
 
@@ -341,5 +341,5 @@ def decode(line: bytes) -> Entry:
     try:
         entry: Entry | _Old = _decoder.decode(line)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise WrongEntryError(f"no entry of a recording: {error}") from None
+        raise WrongEntryError(f"not an entry of a recording: {error}") from None
     return as_command(entry) if isinstance(entry, _Old | Commanded) else entry

@@ -159,8 +159,8 @@ class Recorder:
             self._is_on = False
             self._waiting = []
             self.on_lost(
-                f"{self.path}: {why}; it holds the first {self.entries} entries and can be replayed so far. "
-                "The gateway goes on without it"
+                f"{self.path}: {why}; it has the first {self.entries} entries, which can be replayed. The "
+                "gateway continues without it"
             )
 
 

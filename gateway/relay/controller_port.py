@@ -24,7 +24,7 @@ from gateway.transport.endpoints import host_of
 from gateway.transport.timer import Timer
 
 TOO_SLOW: Final = "it came in pieces for longer than its controller's timeout_ms"
-STOOD_STILL: Final = "it waited longer than its controller's timeout_ms while the relay stood still"
+STOOD_STILL: Final = "it waited longer than its controller's timeout_ms while the relay was stopped"
 HAS_GONE: Final = "its controller closed the connection"
 SENT_ANOTHER: Final = "its controller sent another request"
 NO_OTHERS: Final[list[Adu]] = []

@@ -77,8 +77,8 @@ def _lock(state: Path) -> int:
         return take_lock(path)
     except BlockingIOError:
         raise StateError(
-            f"{starts.SUPERVISOR_RUNS.begin(place=path)}: stop it first (run has one of its "
-            "own), or give this one a folder of its own with [gateway] state"
+            f"{starts.SUPERVISOR_RUNS.begin(place=path)}: stop it first (run starts its own), or give this "
+            "one its own folder with [gateway] state"
         ) from None
     except OSError as error:
         raise StateError(f"gateway.state: {problem_of(error, state)}") from None

@@ -256,9 +256,10 @@ class Supervisor:
         except Exception as error:  # noqa: BLE001 - a table must not stop the status
             frame = traceback.extract_tb(error.__traceback__)[-1]
             where = f"{Path(frame.filename).name}:{frame.lineno}"
-            what = f"the supervisor made a mistake: {type(error).__name__}: {error} ({where})"
+            what = f"an error in the supervisor: {type(error).__name__}: {error} ({where})"
             return ReloadOutcome(
-                problems=(f"{self._config}: {what}; what was in force stays",), has_read=False
+                problems=(f"{self._config}: {what}; the previous configuration and tables stay active",),
+                has_read=False,
             )
 
     def _configure(self, loaded: Loaded) -> None:
@@ -281,7 +282,7 @@ class Supervisor:
         self._watch.follow(folder, self._reloader.names)
 
     def _cannot_watch(self, why: str) -> None:
-        detail = f"{why}; the folder is looked at every second all the same"
+        detail = f"{why}; the folder is still read every second"
         self._log(WATCHING_BY_LOOKS, folder=str(self._watch.folder), detail=detail)
 
     def _report(self, outcome: ReloadOutcome, *, is_asked: bool) -> None:
@@ -292,7 +293,7 @@ class Supervisor:
             self._log(CONFIGURATION_CHANGED, keys=list(outcome.changed))
         reported = self._refused if outcome.is_refused else self._problems
         if outcome.problems and (is_asked or outcome.problems != reported):
-            detail = "what was in force stays"
+            detail = "the previous configuration and tables stay active"
             self._log(RELOAD_REFUSED, problems=list(outcome.problems), detail=detail)
         elif is_asked and not outcome.comes and not outcome.changed and not outcome.all_problems:
             there = "nothing has changed" if outcome.is_running else "no gateway runs: kept for its start"

@@ -245,14 +245,12 @@ def _check_same(path: Path, loaded: Loaded, before: CompiledPlan | None) -> bool
         return False
     if not isinstance(pong, Pong) or pong.shape != shape_of(loaded.plan):
         need = [] if before is None else _need_restart(loaded, before)
-        what = ", ".join(need) or "more than a gateway that runs can be given"
-        raise NeedsRestartError(
-            f"changed since the gateway was started: {what}; restart the gateway to take it over"
-        )
+        what = ", ".join(need) or "keys that only a restart applies"
+        raise NeedsRestartError(f"restart the gateway: these keys changed since its start: {what}")
     if into_shadow := _into_shadow(path, loaded):
         raise NeedsRestartError(
-            f"{', '.join(into_shadow)}: only a restart takes an axis into shadow: restart the gateway, "
-            "or leave it on and pitch-gateway disable it"
+            f"{', '.join(into_shadow)}: restart the gateway, because only a restart sets an axis to "
+            "shadow; or leave it on and run pitch-gateway disable"
         )
     return True
 
@@ -312,7 +310,8 @@ def _found(loaded: Loaded, settled: Settled, waiting: Collection[str], *, is_run
         if name not in rejected and name not in waiting
     ]
     missing += [
-        f"{loaded.readings[name].path}: it is being saved; what was asked for is done when it stands still"
+        f"{loaded.readings[name].path}: the file is being saved; the gateway applies it when it no longer "
+        "changes"
         for name in settled.refused
         if name in waiting
     ]
@@ -348,7 +347,7 @@ def _held(
                 if others and name not in outcome.waiting:
                     files = ", ".join(loaded.readings[one].name for one in others)
                     what = f"not used: {files} of its group is missing or bad"
-                    remedy = "mend that: axes of a group are corrected together or not at all"
+                    remedy = "repair this table: axes of a group are corrected together or not at all"
                     problem = Problem(str(loaded.readings[name].path), f"axis.{name}.table", what, remedy)
                     held[name] = (problem,)
     return held

@@ -172,13 +172,13 @@ def time_problem(life: Life, now: datetime) -> TimeProblem | None:
     """Return the problem with a certificate's validity, None if there is none."""
     if life.ends < now:
         found = f"{life.subject} expired on {day(life.ends)}"
-        return TimeProblem(found, "give one that is good; if this is, set the clock", is_good_now=False)
+        return TimeProblem(found, "give a valid one; if this one is valid, set the clock", is_good_now=False)
     if life.begins > now:
-        found = f"{life.subject} is good from {day(life.begins)} on only"
+        found = f"{life.subject} is not valid before {day(life.begins)}"
         return TimeProblem(found, "wait until then, or set the clock if it is wrong", is_good_now=False)
     if life.ends < now + SOON:
         found = f"{life.subject} expires on {day(life.ends)}"
-        return TimeProblem(found, "have it renewed before", is_good_now=True)
+        return TimeProblem(found, "have it renewed before that day", is_good_now=True)
     return None
 
 
@@ -257,7 +257,7 @@ def _read(path: Path, take: Callable[["Certificate"], Taken]) -> tuple[Taken, ..
     try:
         return tuple(map(take, x509.load_pem_x509_certificates(content)))
     except ValueError:  # its message is for programmers
-        found = "a private key, and no certificate" if b"PRIVATE KEY-----" in content else "no certificates"
+        found = "a private key, not a certificate" if b"PRIVATE KEY-----" in content else "no certificates"
         raise FileRefusedError(found, PEM_REMEDY) from None
 
 
@@ -315,7 +315,7 @@ def _key_of(certificate: "Certificate") -> tuple[str, str]:
     try:
         key = certificate.public_key()
     except UnsupportedAlgorithm as error:
-        return "?", f"a key of a kind that is not known ({error})"
+        return "?", f"a key of an unknown kind ({error})"
     if isinstance(key, rsa.RSAPublicKey):
         weakness = f"RSA of {key.key_size} bits, fewer than {SMALLEST_RSA}"
         return f"RSA {key.key_size}", weakness if key.key_size < SMALLEST_RSA else ""
@@ -324,7 +324,7 @@ def _key_of(certificate: "Certificate") -> tuple[str, str]:
         return key.curve.name, weakness if key.key_size < SMALLEST_CURVE else ""
     if isinstance(key, ed25519.Ed25519PublicKey | ed448.Ed448PublicKey):
         return "Ed25519" if isinstance(key, ed25519.Ed25519PublicKey) else "Ed448", ""
-    return type(key).__name__, "a key of a kind that TLS has no use for"
+    return type(key).__name__, "a kind of key that TLS does not support"
 
 
 def list_ends(path: Path) -> tuple[int, datetime | None]:
@@ -340,7 +340,7 @@ def list_ends(path: Path) -> tuple[int, datetime | None]:
         found = x509.load_pem_x509_crl(content)
     except ValueError as error:
         remedy = "give the authority's list (CRL) in PEM"
-        raise FileRefusedError(f"no list of revoked certificates ({error})", remedy) from None
+        raise FileRefusedError(f"not a list of revoked certificates ({error})", remedy) from None
     return len(found), found.next_update_utc
 
 

@@ -48,10 +48,10 @@ def longest(
 class Closing(Enum):
     """Why a connection was closed."""
 
-    IDLE = "it asked for nothing (idle_timeout_s)"
+    IDLE = "it sent no request (idle_timeout_s)"
     HALF_FRAME = "it did not finish a request"
-    VANISHED = "its peer acknowledged nothing for timeout_ms, and its host came again (max_connections)"
-    MADE_ROOM = "it was quiet, and all places were taken: it made room for another one (max_connections)"
+    VANISHED = "its peer acknowledged nothing for timeout_ms, and its host connected again (max_connections)"
+    MADE_ROOM = "it was idle, and its place was needed for another connection (max_connections)"
 
 
 @runtime_checkable

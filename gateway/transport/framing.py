@@ -42,7 +42,7 @@ def reply_decoder(
     return RtuReplyDecoder(TCP_SILENCE_NS, TCP_GIVE_UP_NS, refused_reads=refused_reads)
 
 
-RETURNS: Final = "the adapter returns what is sent: set echo = true"
+RETURNS: Final = "set echo = true: the adapter returns what is sent"
 """The problem of a serial port that echoes although the configuration does not say so."""
 
 
@@ -50,7 +50,7 @@ def returns_requests(endpoint: TcpEndpoint | SerialEndpoint) -> str:
     """Return problem and remedy if requests to drives are echoed and the configuration does not say so."""
     if isinstance(endpoint, SerialEndpoint):
         return RETURNS
-    return "the device server returns what is sent: switch its echo off"
+    return "switch off the echo of the device server: it returns what is sent"
 
 
 def endpoint_key(endpoint: TcpEndpoint | SerialEndpoint) -> str:

@@ -11,7 +11,7 @@ from gateway.limits import TokenBucket, bucket_of
 from gateway.transport.limits import PerHost
 
 AT_ONCE: Final = 32
-MADE_ROOM: Final = f"it was the longest of {AT_ONCE} handshakes, and made room for another one"
+MADE_ROOM: Final = f"it was the longest of {AT_ONCE} handshakes, and its place was needed for another one"
 AT_ONCE_OF_A_HOST: Final = 8
 PER_S: Final = 20
 """Per second, on average, over all hosts; as many may begin at the same time."""

@@ -221,9 +221,9 @@ def why_no_handshake(error: OSError) -> str:
     if isinstance(error, ssl.SSLCertVerificationError):
         return f"its certificate: {error.verify_message}"
     if isinstance(error, ssl.SSLError) and error.reason in _DISTRUST:
-        return "the other side did not take the certificate of the page"
+        return "the client did not accept the certificate of the page"
     if isinstance(error, ssl.SSLError):
         return f"no TLS: {(error.reason or 'not understood').lower().replace('_', ' ')}"
     if isinstance(error, ConnectionAbortedError):
-        return "the TLS handshake never ended"
-    return "no TLS: the other side went away"
+        return "the TLS handshake did not end in time"
+    return "no TLS: the client disconnected"

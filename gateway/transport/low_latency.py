@@ -107,7 +107,7 @@ def remarks(
         )
     rule = f'SUBSYSTEM=="tty", KERNEL=="{name}", ATTR{{rx_trig_bytes}}="1"'
     if trigger is None and trigger_refused:
-        yield "rx_trig_bytes is not known, 8 by default" + _remedy(trigger_refused, rule)
+        yield "rx_trig_bytes is unknown; the default is 8" + _remedy(trigger_refused, rule)
     elif trigger is not None and trigger > LEAST_BYTES:
         yield (
             f"rx_trig_bytes is {trigger}: the end of a reply waits for four characters of silence in the UART"
@@ -116,8 +116,8 @@ def remarks(
     rs485 = settings.rs485
     if rs485 is not None and rs485.enabled and rs485.delay_after_send_ms:
         yield (
-            f"the kernel keeps the RS-485 line for {rs485.delay_after_send_ms} ms after each frame: "
-            "what answers sooner is not heard; shorten delay_rts_after_send (device tree: rs485-rts-delay)"
+            "shorten delay_rts_after_send (device tree: rs485-rts-delay): the kernel keeps the RS-485 line "
+            f"for {rs485.delay_after_send_ms} ms after each frame, and earlier answers are lost"
         )
 
 
@@ -128,7 +128,7 @@ def flag_note(settings: LatencySettings) -> str:
 
 def _remedy(refused: str, rule: str) -> str:
     if not refused:
-        return " (the driver takes nothing lower)"
+        return " (the driver accepts no lower value)"
     return f' (setting it: {refused}); let udev set it: ACTION=="add|change", {rule}'
 
 

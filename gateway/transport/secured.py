@@ -163,7 +163,7 @@ class SecuredConnection(Channel):
         was_open = self._channel is not None
         self._channel = None
         if was_open and self._receiver is None:
-            self._failed("the peer hung up")
+            self._failed("the peer disconnected")
         self._end_handshake()
         self._leave(reason, now_ns)
 
@@ -219,7 +219,7 @@ class SecuredConnection(Channel):
 
     def _next_step(self) -> None:
         if self._waiting[0] != HANDSHAKE_RECORD and not self._steps:
-            self._failed("no TLS: what came in is no handshake")
+            self._failed("no TLS: the data received is not a handshake")
             return
         if len(self._waiting) > MOST_WAITING or self._steps > MOST_STEPS:
             self._failed("a handshake that is too long")
@@ -288,7 +288,7 @@ class SecuredConnection(Channel):
         if isinstance(error, ssl.SSLCertVerificationError):
             self._failed(error.verify_message, is_certificate=True)
         elif error.reason == NO_CERTIFICATE:
-            self._failed("it showed no certificate", is_certificate=True)
+            self._failed("it sent no certificate", is_certificate=True)
         else:
             self._failed(reason_of(error))
 

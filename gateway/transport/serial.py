@@ -28,8 +28,8 @@ from gateway.transport.reconnector import Reconnector
 from gateway.transport.serial_channel import PTY_MAJORS, SerialChannel, is_pty
 
 NO_RS485: Final = (
-    "the driver of {} has no RS-485 mode; an adapter that switches by itself, as most over USB do, needs "
-    "none: leave rs485 out; else use a port whose driver has one (a UART of the board)"
+    "the driver of {} has no RS-485 mode: remove rs485 if the adapter switches automatically, as most USB "
+    "adapters do; otherwise use a port with an RS-485 driver (a UART of the board)"
 )
 _IFLAG, _CC = 0, 6
 """Indices in the list of ``termios.tcgetattr``."""
@@ -230,7 +230,8 @@ def why_not_opened(endpoint: SerialEndpoint, error: Exception) -> TransportError
     device = endpoint.device
     if number in (errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.EIO):
         return AbsentError(
-            f"{starts.ABSENT.begin(device=device)}; is the adapter plugged in? (ls -l /dev/serial/by-id)"
+            f"{starts.ABSENT.begin(device=device)}; check that the adapter is plugged in (ls -l "
+            "/dev/serial/by-id)"
         )
     if number in (errno.EACCES, errno.EPERM):
         return RefusedError("; ".join(no_device(endpoint)))

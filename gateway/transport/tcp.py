@@ -549,10 +549,10 @@ def why_not_reached(endpoint: TcpEndpoint, error: OSError) -> str:
     found = starts.NOT_REACHED.begin(endpoint=endpoint)
     if isinstance(error, socket.gaierror):
         return (
-            f"{found}: the host name {endpoint.host} is not known ({error.strerror}); "
-            "correct it, enter it in /etc/hosts or the name service, or write the IP address in its place"
+            f"{found}: the host name {endpoint.host} is unknown ({error.strerror}); correct it, enter it "
+            "in /etc/hosts or the name service, or write the IP address instead"
         )
-    why = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error) or "nobody answers"
+    why = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error) or "no answer"
     return f"{found}: {why}"
 
 
@@ -602,7 +602,7 @@ def _why_not_listening(endpoint: TcpEndpoint, error: OSError) -> str:
     if is_permission(error):
         return "; ".join(no_port(endpoint))
     if is_no_address_here(error):
-        return f"{starts.NO_ADDRESS_HERE.begin(endpoint=endpoint)}; `ip address` lists those it has"
+        return f"{starts.NO_ADDRESS_HERE.begin(endpoint=endpoint)}; `ip address` lists its addresses"
     if isinstance(error, socket.gaierror):
         found = starts.UNKNOWN_HOST.begin(host=endpoint.host)
         return f"{found} ({error.strerror}); use an address of this machine"

@@ -152,7 +152,7 @@ def _load_own(context: ssl.SSLContext, paths: dict[str, Path]) -> None:
         raise TlsFileError(
             "certificate",
             f"{paths['certificate']} and {paths['key']} cannot be used ({reason_of(error)})",
-            "give a certificate, with those of authorities between behind it, and its own key, both in PEM",
+            "give a certificate, followed by the intermediate ones, and its own key, both in PEM",
         ) from None
 
 
@@ -176,10 +176,10 @@ def load_revoked(context: ssl.SSLContext, path: Path) -> None:
     try:
         context.load_verify_locations(os.fspath(path))
     except (ssl.SSLError, OSError) as error:
-        found = f"{path}: no list of revoked certificates ({reason_of(error)})"
+        found = f"{path}: not a list of revoked certificates ({reason_of(error)})"
         raise TlsFileError("revoked", found, "give the authority's list (CRL) in PEM") from None
     if context.cert_store_stats()["crl"] == lists_before:
-        found = f"{path}: no list of revoked certificates"
+        found = f"{path}: not a list of revoked certificates"
         raise TlsFileError("revoked", found, "give the authority's list (CRL) in PEM")
     context.verify_flags |= ssl.VERIFY_CRL_CHECK_LEAF
 

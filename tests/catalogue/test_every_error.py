@@ -20,7 +20,7 @@ from gateway.supervisor.table_files import FileState
 from gateway.supervisor.verdict import Health
 from tests.catalogue.sentences import begins, raised, trees
 
-PASSED_ON = {"…: …; …", "…: …", "gateway.state: …", "…: …; it was there a moment ago"}
+PASSED_ON = {"…: …; …", "…: …", "gateway.state: …", "…: …; it existed a moment ago"}
 """What another part of the gateway or the system has said, with the file in front."""
 
 

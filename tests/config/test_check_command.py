@@ -37,7 +37,7 @@ def test_a_good_configuration_is_summed_up(tmp_path: Path) -> None:
 def test_speed_that_nobody_knows_is_not_said_to_be_nothing(tmp_path: Path) -> None:
     result = run(written(tmp_path, edited(("max_speed = 200.0\n", ""))))
     assert (
-        "  can cause a step of 0.01 mm at a reversal; without max_speed it is not known what speed it adds\n"
+        "  can cause a step of 0.01 mm at a reversal; give max_speed to see how much speed it adds\n"
         in result.stdout
     )
     assert "0 mm/s" not in result.stdout

@@ -84,7 +84,7 @@ def test_a_serial_port_used_twice_names_both_keys(tmp_path: Path) -> None:
     text = edited(("/dev/serial/by-id/usb-A", "/dev/serial/by-id/usb-B"))
     problem = only(refused(tmp_path, text), "line.xyz.controllers[1].rtu")
     assert problem.line == line_of(text, 'rtu = "/dev/serial/by-id/usb-B"\n')
-    assert "/dev/serial/by-id/usb-B is in use by line.xyz.drives.rtu already" in problem.found
+    assert "/dev/serial/by-id/usb-B is already used by line.xyz.drives.rtu" in problem.found
 
 
 def test_a_link_to_a_serial_port_is_that_port(tmp_path: Path) -> None:
@@ -101,7 +101,7 @@ def test_an_address_is_listened_on_once(tmp_path: Path, other: str) -> None:
     text = GOOD + SECOND_LINE.replace("127.0.0.1:1503", other)
     problem = only(refused(tmp_path, text), "line.b.controllers[1].tcp")
     assert problem.line == line_of(text, 'name = "plc"') + 1
-    assert f"{other} is listened on by line.xyz.controllers[2].tcp already" in problem.found
+    assert f"{other} is already the listener of line.xyz.controllers[2].tcp" in problem.found
 
 
 def test_the_same_port_on_another_address_is_another_listener(tmp_path: Path) -> None:
@@ -112,7 +112,7 @@ def test_the_same_port_on_another_address_is_another_listener(tmp_path: Path) ->
 def test_the_gateway_does_not_talk_to_itself(tmp_path: Path) -> None:
     text = GOOD + SECOND_LINE.replace("192.168.0.20:502", "localhost:1502")
     problem = only(refused(tmp_path, text), "line.xyz.controllers[2].tcp")
-    assert "line.b.drives.tcp: the gateway would talk to itself" in problem.found
+    assert "line.b.drives.tcp: the gateway would connect to itself" in problem.found
 
 
 def test_drives_behind_one_address_belong_to_one_line(tmp_path: Path) -> None:
@@ -401,7 +401,7 @@ def test_the_unit_id_of_the_gateway_is_that_of_no_drive(
     assert problem.line == line_of(text, "[status_unit]") + 1
     assert problem.found == f"250 is the unit id of a drive: {key} has it"
     assert problem.remedy == (
-        "choose an id that no device of any line has, as 250: what is asked there never reaches one"
+        "choose an id that no device of any line has, as 250: requests to it never reach a device"
     )
 
 

@@ -52,13 +52,13 @@ def test_what_is_no_address_is_refused(tmp_path: Path, address: str) -> None:
 def test_a_controller_and_the_page_do_not_share_an_address(tmp_path: Path, address: str) -> None:
     problem, *_ = refused(tmp_path, listening(address))
     assert problem.key == "http.listen"
-    assert problem.found == f"{address} is listened on by line.xyz.controllers[2].tcp already"
+    assert problem.found == f"{address} is already the listener of line.xyz.controllers[2].tcp"
     assert '"" for none' in problem.remedy
 
 
 def test_a_controller_at_the_address_that_the_page_has_by_itself(tmp_path: Path) -> None:
     problem = only(refused(tmp_path, edited(("127.0.0.1:1502", "127.0.0.1:8480"))), "http.listen")
-    assert problem.found == "127.0.0.1:8480 is listened on by line.xyz.controllers[2].tcp already"
+    assert problem.found == "127.0.0.1:8480 is already the listener of line.xyz.controllers[2].tcp"
 
 
 def test_a_page_on_all_ipv6_addresses_is_on_no_ipv4_address(tmp_path: Path) -> None:

@@ -94,7 +94,7 @@ def test_tokens_as_plain_text_over_a_network_are_refused(tmp_path: Path) -> None
     token(tmp_path)
     problem = only(refused(tmp_path, page(ONE)), "http.listen")
     assert problem.found == (
-        "whoever listens to the network at 0.0.0.0:8480 could read the tokens and use them himself"
+        "anyone who reads the network traffic of 0.0.0.0:8480 could copy and use the tokens"
     )
     assert problem.remedy.startswith("add [http.tls] with certificate and key, or listen on 127.0.0.1")
 
@@ -158,9 +158,9 @@ def test_two_tokens_are_two(tmp_path: Path) -> None:
         ({"certificate": "text.pem"}, "certificate", "cannot be used together"),
         ({"clients": "text.pem"}, "clients", "no certificates"),
         ({"clients": "none.pem"}, "clients", "no such file"),
-        ({"clients": "ca.crt", "revoked": "ca.crt"}, "revoked", "no list of revoked certificates"),
+        ({"clients": "ca.crt", "revoked": "ca.crt"}, "revoked", "not a list of revoked certificates"),
         ({"clients": "ca.crt", "revoked": "none.pem"}, "revoked", "no such file"),
-        ({"revoked": "text.pem"}, "revoked", "without clients"),
+        ({"revoked": "text.pem"}, "revoked", "but no clients"),
     ],
 )
 def test_certificates_that_cannot_be_used(
@@ -195,7 +195,7 @@ def test_a_credential_of_another_service_is_not_looked_at_and_that_is_said(
     found = {warning.key: warning for warning in loaded(tmp_path, text).warnings}
     assert found.keys() == {"http.tokens[1].file", "mqtt.password_file"}
     assert found["mqtt.password_file"].found == (
-        "credential:mqtt was not looked at: only the service that is given it can"
+        "credential:mqtt was not checked: only the service receives it"
     )
     assert "LoadCredential=page.token:PATH" in found["http.tokens[1].file"].remedy
 

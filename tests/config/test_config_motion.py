@@ -70,16 +70,16 @@ def test_words_may_be_written_one_by_one_where_a_trigger_or_one_word_is_all(
 @pytest.mark.parametrize(
     ("text", "lack"),
     [
-        (edited(NEVER, ABSOLUTE) + DISTANCES, 'added_frames = "never" forbids to read'),
-        (edited(ABSOLUTE) + "safe_read = false\n" + DISTANCES, "safe_read = false forbids to read"),
+        (edited(NEVER, ABSOLUTE) + DISTANCES, 'added_frames = "never" does not allow'),
+        (edited(ABSOLUTE) + "safe_read = false\n" + DISTANCES, "safe_read = false does not allow"),
         (edited(WITHOUT_ACTUAL) + DISTANCES, "neither commanded nor actual is mapped"),
         (
             edited((ACTUAL, ACTUAL.replace(" }]", ', access = "write" }]'))) + DISTANCES,
-            "no read of its own registers brings commanded or actual",
+            "commanded and actual cannot be read with a request of their own",
         ),
         (
             edited((ACTUAL, ACTUAL.replace(" }]", ", block = 0x051F }]"))) + DISTANCES,
-            "no read of its own registers brings commanded or actual",
+            "commanded and actual cannot be read with a request of their own",
         ),
         (edited(*STANDS) + DISTANCES, "neither bits.done nor bits.moving is mapped"),
     ],
@@ -91,7 +91,7 @@ def test_distances_from_a_place_that_nothing_tells_are_warned_of(
     assert warning.key == "axis.x.registers.mode.relative_to_commanded"
     assert warning.line == line_of(text, "mode =")
     assert lack in warning.found
-    assert "refused until an absolute move was accepted" in warning.remedy
+    assert "refused until an absolute move is accepted" in warning.remedy
 
 
 @pytest.mark.parametrize(
@@ -141,7 +141,7 @@ def test_staged_targets_that_may_not_be_written_anew_are_warned_of(tmp_path: Pat
     text = edited(NEVER, ABSOLUTE) + STAGED
     [warning] = loaded(tmp_path, text).warnings
     assert (warning.key, warning.line) == ("axis.x.added_frames", line_of(text, "added_frames"))
-    assert "whenever the correction has changed since its target was written" in warning.remedy
+    assert "if the correction has changed since its target was written" in warning.remedy
     assert loaded(tmp_path, edited(NEVER, ABSOLUTE, WITHOUT_TABLE) + STAGED).warnings == ()
 
 
@@ -150,7 +150,7 @@ def test_a_stream_that_needs_a_trigger_for_each_setpoint_is_warned_of(tmp_path: 
     text = stream + STAGED
     [warning] = loaded(tmp_path, text).warnings
     assert (warning.key, warning.line) == ("axis.x.setpoints", line_of(text, "setpoints"))
-    assert "every setpoint needs a trigger of its own" in warning.remedy
+    assert "every setpoint needs its own trigger" in warning.remedy
     assert loaded(tmp_path, stream + STAGED.replace("start =", "follow =")).warnings == ()
     assert loaded(tmp_path, stream).warnings == ()
 

@@ -26,8 +26,8 @@ def test_a_baud_rate_that_is_none_is_named_with_the_nearest(tmp_path: Path, wher
     wrong = where.replace("115200", "115000").replace("38400", "115000")
     [warning] = [each for each in loaded(tmp_path, edited((where, wrong))).warnings if "baudrate" in each.key]
     assert warning.key == key
-    assert warning.found == "115000 is no baud rate that devices have"
-    assert warning.remedy == "look in the manual of the device; the nearest usual one is 115200"
+    assert warning.found == "115000 is not a baud rate of any device"
+    assert warning.remedy == "see the manual of the device; the nearest usual one is 115200"
 
 
 @pytest.mark.parametrize("name", library.names())
@@ -61,7 +61,7 @@ def test_a_unit_id_that_the_drive_cannot_have_is_named(tmp_path: Path, unit_id: 
     assert len(found) == is_told
     if is_told:
         assert found[0].line == line_of(text, "unit_id = 32")
-        assert found[0].found == "oriental-az takes unit ids 1 to 31, not 32"
+        assert found[0].found == "oriental-az accepts unit ids 1 to 31, not 32"
 
 
 @pytest.mark.parametrize("name", library.names())
@@ -99,7 +99,7 @@ def test_one_that_cannot_move_it_or_where_all_are_meant_to_is_none(
     assert two_movers(tmp_path, changes, axis) == []
 
 
-ALONE = "takes IPv6 connections alone"
+ALONE = "accepts only IPv6 connections"
 
 
 def listening_at(*addresses: str) -> str:

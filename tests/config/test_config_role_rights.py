@@ -39,7 +39,7 @@ def certificates(tmp_path: Path) -> None:
         ),
         (('role = "monitor"', "writable = [1]"), "writable", "addresses that may be written beside role"),
         (('writable = ["0x0606"]',), "writable[1]", "0x0606-0x0606 holds a part of a command position"),
-        (("read_only = true", "function_codes = [6]"), "function_codes", "function codes that only write"),
+        (("read_only = true", "function_codes = [6]"), "function_codes", "only function codes that write"),
     ],
 )
 def test_rights_of_a_role_that_cannot_be_meant_are_refused(
@@ -59,5 +59,5 @@ def test_a_role_that_may_move_nothing_is_warned_of(tmp_path: Path) -> None:
     [warning] = loaded(tmp_path, with_role("function_codes = [3]")).warnings
     assert (warning.key, warning.found) == (
         f"{ROLE}.role",
-        'role = "motion", and its rights let it move no axis of this line',
+        'role = "motion", but its rights allow it to move no axis of this line',
     )

@@ -65,7 +65,9 @@ def test_a_table_is_a_name_without_a_path(tmp_path: Path, name: str) -> None:
 
 def test_names_that_differ_by_case_only_are_refused(tmp_path: Path) -> None:
     tables = {"cnc10x.tab": TWO_WAYS, "CNC10x.tab": TWO_WAYS}
-    assert "differ by case only" in only(refused(tmp_path, GOOD, tables), "axis.x.table").found
+    assert (
+        "differ only in upper and lower case" in only(refused(tmp_path, GOOD, tables), "axis.x.table").found
+    )
 
 
 def test_a_table_renamed_to_bak_is_off_and_that_is_said(tmp_path: Path) -> None:
@@ -247,7 +249,7 @@ def test_hysteresis_is_shorter_than_the_table(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("setpoints", "said"),
-    [("stream", "a reversal shorter than that"), ("targets", "a measured position as far away as that")],
+    [("stream", "a shorter reversal"), ("targets", "measured positions within this distance")],
 )
 def test_hysteresis_longer_than_an_interval_is_warned_of(tmp_path: Path, setpoints: str, said: str) -> None:
     changed = f'hysteresis = 151.0\nsetpoints = "{setpoints}"'
@@ -291,7 +293,7 @@ def test_a_blend_that_would_turn_the_axis_round_is_warned_of(tmp_path: Path) -> 
         w for w in loaded(tmp_path, text, {"cnc10x.tab": swapped}).warnings if w.key == "axis.x.reversal"
     ]
     # Backward lies 0.02 mm above forward at home: 4 × 0.02 = 0.08 mm.
-    assert [warning.remedy for warning in warnings] == ["it is made 0.08 mm long"]
+    assert [warning.remedy for warning in warnings] == ["the gateway uses a blend of 0.08 mm"]
 
 
 FAGOR = "P001 X-300 EX 0.012\nP002 X-150 EX 0.002\nP003 X0 EX 0\n"
@@ -316,7 +318,7 @@ def test_check_warns_of_the_old_name_of_an_option(tmp_path: Path) -> None:
     old = loaded(tmp_path, f"{told}fagor_sense{sense}", {"ML1": FAGOR}).warnings
     [warning] = [each for each in old if each not in now]
     assert warning.key == "axis.x.table"
-    assert warning.found.startswith("R14 fagor_sense is the old name of error_sense")
+    assert warning.found.startswith("R14 write error_sense =")
 
 
 def test_a_sense_that_nobody_told_is_asked_for_with_both_readings(tmp_path: Path) -> None:
@@ -342,7 +344,7 @@ def test_lost_motion_that_a_file_states_is_warned_of_unless_the_axis_has_a_backl
     warnings = [w for w in loaded(tmp_path, told, {"x.mnt": MINT}).warnings if "R8" in w.found]
     assert [warning.line for warning in warnings] == [5]
     setting = 'backlash = { width = 0.02, kind = "homed-forward" }'
-    assert warnings[0].remedy == f"if nothing else takes it up now, add to the axis: {setting}"
+    assert warnings[0].remedy == f"if nothing else corrects it now, add to the axis: {setting}"
     settled = edited(("max_speed = 200.0", setting), text=told)
     assert not [w for w in loaded(tmp_path, settled, {"x.mnt": MINT}).warnings if "R8" in w.found]
 
@@ -350,7 +352,7 @@ def test_lost_motion_that_a_file_states_is_warned_of_unless_the_axis_has_a_backl
 def test_why_a_table_is_refused_has_the_code_that_explain_knows(tmp_path: Path) -> None:
     told = edited(("cnc10x.tab", "x.mnt")) + '[axis.x.table_options]\nfile_units = "mm"\n'
     problem = only(refused(tmp_path, told, {"x.mnt": MINT}), "axis.x.table")
-    assert problem.found.startswith("R9 PRECISIONOFFSET -300, and Mint's guide reads it in two ways")
+    assert problem.found.startswith("R9 PRECISIONOFFSET -300, and Mint's guide gives it two meanings")
 
 
 ALONE = ('table = "cnc10x.tab"', 'backlash = { width = 0.2, kind = "homed-forward" }')

@@ -91,10 +91,10 @@ def test_the_relay_reads_the_same_out_of_the_state_folder(tmp_path: Path, shop: 
         (
             ('"ca.pem"', '"server.key"'),
             f"{PLACE}.clients",
-            "server.key: a private key, and no certificate",
+            "server.key: a private key, not a certificate",
             "in PEM",
         ),
-        (('"ca.pem"', '"ca.pem"\nrevoked = "ca.pem"'), f"{PLACE}.revoked", "no list of", "(CRL) in PEM"),
+        (('"ca.pem"', '"ca.pem"\nrevoked = "ca.pem"'), f"{PLACE}.revoked", "not a list of", "(CRL) in PEM"),
         (("controllers.tls]", "controllers.tsl]"), "line.xyz.controllers[2].tsl", "unknown key", "tls?"),
     ],
 )
@@ -242,7 +242,7 @@ def test_a_key_that_the_service_manager_hands_over_is_looked_at_where_it_is(
     monkeypatch.delenv("CREDENTIALS_DIRECTORY", raising=False)
     taken = loaded(tmp_path, text)
     assert warnings_of(taken) == [
-        f"{PLACE}.key: credential:modbus-key was not looked at: it is handed over to the service alone"
+        f"{PLACE}.key: credential:modbus-key was not checked: only the service receives it"
     ]
     tls = taken.plan.lines[0].controllers[1].tls
     assert tls is not None

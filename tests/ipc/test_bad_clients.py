@@ -169,7 +169,9 @@ async def test_a_client_that_dies_in_the_middle_of_a_message_leaves_nothing(tmp_
         assert open_descriptors() == before
         assert counter.requests == []
         # Said once, however often it happens.
-        assert counter.complaints == [f"a client (user {os.geteuid()}): went away in the middle of a message"]
+        assert counter.complaints == [
+            f"a client (user {os.geteuid()}): disconnected in the middle of a message"
+        ]
         [reply] = await asyncio.to_thread(say, server.path, encode(Ping()))
         assert isinstance(reply, Pong)
 
@@ -206,7 +208,7 @@ async def test_another_user_may_look_and_change_nothing(tmp_path: Path) -> None:
         for request in (Ping(), GetStatus()):
             [reply] = await asyncio.to_thread(say, server.path, encode(request))
             assert not isinstance(reply, Refused)
-        reason = f"user {os.geteuid()} may look, and change nothing"
+        reason = f"user {os.geteuid()} may read, but not change anything"
         assert await refused(server.path, encode(Disable(axes=("x",)))) == reason
         mine = a_pipe()
         assert await refused(server.path, encode(SetTable(tables=(TABLE,))), [mine]) == reason
@@ -255,8 +257,8 @@ def a_file() -> int:
     ("make", "said"),
     [
         (unsealed, "the memory is not sealed: its sender could change it or cut it short"),
-        (a_file, "the descriptor is no memory of the system's"),
-        (a_pipe, "the descriptor is no memory of the system's"),
+        (a_file, "the descriptor is not a memfd"),
+        (a_pipe, "the descriptor is not a memfd"),
         (lambda: seal(b"", "empty"), "the memory has 0 bytes; allowed: 1 to 100"),
         (lambda: seal(b"x" * 101, "long"), "the memory has 101 bytes; allowed: 1 to 100"),
     ],

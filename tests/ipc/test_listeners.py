@@ -271,7 +271,7 @@ async def test_listeners_leave_room_for_commands(tmp_path: Path) -> None:
         reader, writer = await asyncio.open_unix_connection(str(server.path))
         writer.write(encode(SLOW))
         reply = decode_reply(await reader.readline())
-        assert reply == Refused(reason="as many listeners as there may be are subscribed")
+        assert reply == Refused(reason="the largest number of listeners is already subscribed")
         writer.close()
 
 

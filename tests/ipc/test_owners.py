@@ -51,6 +51,6 @@ def test_a_socket_of_another_user_is_told_nothing() -> None:
                 cwd=ROOT,
             )
             assert client.stdout.startswith(
-                f"{path} is held by user 65533, and this is user 65534: nothing was said to it; run this as"
+                f"{path} belongs to user 65533, but this is user 65534, so nothing was sent: run this as"
             )
             assert holder.stdout.readline() == "b''\n"

@@ -124,7 +124,7 @@ async def test_the_client_that_was_silent_longest_gives_its_place_to_the_next(tm
         assert await clients[1].told() is None
         for client in (clients[0], *clients[2:]):
             assert isinstance(await client.asks(Ping()), Pong)
-    assert site.complaints == [f"{USER}: it was silent longest, and another one wanted its place"]
+    assert site.complaints == [f"{USER}: it was silent longest, and its place was needed for another client"]
 
 
 async def test_a_request_that_nobody_has_read_yet_is_under_way(tmp_path: Path) -> None:
@@ -200,7 +200,7 @@ async def test_listeners_have_half_of_the_places_and_keep_them(tmp_path: Path) -
     async with site_in(tmp_path) as site:
         listeners = [await site.listener() for _ in range(MAX_LISTENERS)]
         one_more = await site.client()
-        reason = "as many listeners as there may be are subscribed"
+        reason = "the largest number of listeners is already subscribed"
         assert await one_more.asks(Subscribe(interval_s=60.0)) == Refused(reason=reason)
         assert await one_more.told() is None
         for _ in range(MAX_CLIENTS - MAX_LISTENERS):

@@ -149,8 +149,7 @@ def test_what_needs_a_restart_is_named_and_nothing_changes(site: Site) -> None:
             refused = typed("reload", str(site.config))
             assert refused.returncode == 1
             assert refused.stderr == (
-                f"{site.config}: changed since the gateway was started: {said}; restart the gateway to take "
-                "it over\n"
+                f"{site.config}: restart the gateway: these keys changed since its start: {said}\n"
             )
             target = 50_000 + 1000 * number
             assert master.move(target) == target + target // 1000
@@ -207,7 +206,10 @@ def test_a_dry_run_ends_with_a_reload_and_comes_back_with_a_restart_only(site: S
         site.config.write_text(shadow)
         refused = typed("reload", config)
         assert refused.returncode == 1
-        assert "axis.x.compensation: only a restart takes an axis into shadow" in refused.stderr
+        assert (
+            "axis.x.compensation: restart the gateway, because only a restart sets an axis to shadow"
+            in refused.stderr
+        )
         assert master.move(50_000) == 50_050
         assert gateway.end() == 0
     assert [note["axes"] for note in gateway.notes if note["event"] == "dry-run-ended"] == [["x"]]
@@ -224,8 +226,8 @@ def test_a_mode_that_was_or_becomes_off_needs_a_restart_and_is_named(site: Site)
             refused = typed("reload", str(site.config))
             assert (refused.returncode, refused.stdout) == (1, "")
             assert refused.stderr == (
-                f"{site.config}: changed since the gateway was started: axis.x.compensation; restart the "
-                "gateway to take it over\n"
+                f"{site.config}: restart the gateway: these keys changed since its start: "
+                "axis.x.compensation\n"
             )
             assert master.move(60_000) == (60_060 if then == "on" else 60_000)
             assert gateway.end() == 0

@@ -49,8 +49,7 @@ def test_reload_hands_over_what_changed_and_says_what_is_wrong(site: Site) -> No
         other = typed("reload", config)
         assert other.returncode == 1
         assert other.stderr == (
-            f"{config}: changed since the gateway was started: axis.x.counts_per_unit; restart the gateway "
-            "to take it over\n"
+            f"{config}: restart the gateway: these keys changed since its start: axis.x.counts_per_unit\n"
         )
         assert master.move(50_001) == 50_101
         assert gateway.end() == 0

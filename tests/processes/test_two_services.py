@@ -228,7 +228,7 @@ def test_a_second_supervisor_on_the_same_folder_is_refused(site: Site) -> None:
     config = str(site.config)
     refusal = (
         f"{config}: gateway.state: {site.config.parent}/state/supervisor.lock belongs to a supervisor that "
-        "runs: stop it first (run has one of its own), or give this one a folder of its own with "
+        "runs: stop it first (run starts its own), or give this one its own folder with "
         "[gateway] state\n"
     )
     with running("supervise", config) as supervisor:

@@ -22,10 +22,10 @@ ENTRIES: Final[dict[traffic.Input | traffic.Output, str]] = {
     traffic.Request("xyz", 7, 1, "cnc", 0, 2, "0300640002"): (
         "controller → cnc#1  unit 2  read holding registers  03 00 64 00 02"
     ),
-    traffic.Gone("xyz", 7, 3): "#3 has gone",
+    traffic.Gone("xyz", 7, 3): "#3 has disconnected",
     traffic.Reply("xyz", 7, 2, "8302"): "← drive  unit 2  exception 2 (illegal data address)  83 02",
-    traffic.Stray("xyz", 7, is_frame=True, unit=2): "← bytes that answer nothing (a whole frame)",
-    traffic.RestFirst("xyz", 7): "the gateway before left something unanswered: the line rests first",
+    traffic.Stray("xyz", 7, is_frame=True, unit=2): "← bytes that are no reply (a whole frame)",
+    traffic.RestFirst("xyz", 7): "the previous gateway left a request unanswered: the line rests first",
     traffic.Up("xyz", 7): "the drives can be reached",
     traffic.Down("xyz", 7): "the drives cannot be reached",
     traffic.Unframed("xyz", 7): "← bytes of which no frame was made yet",

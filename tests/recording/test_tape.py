@@ -125,7 +125,10 @@ def test_an_entry_that_fits_into_no_segment_is_left_out() -> None:
 
 
 def test_memory_that_is_no_tape_is_told() -> None:
-    for size, said in ((100, "memory of 100 bytes is no tape"), (PAGE + SMALLEST, "of this release")):
+    for size, said in (
+        (100, "memory of 100 bytes is not a trace buffer"),
+        (PAGE + SMALLEST, "of this release"),
+    ):
         other = os.memfd_create("other")
         os.ftruncate(other, size)
         with pytest.raises(NoTraceBufferError, match=said):

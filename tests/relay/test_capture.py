@@ -125,7 +125,7 @@ async def test_what_only_a_newer_release_understands_is_told(bench: Bench, tmp_p
     trace_buffer = relay._lines[0].trace_buffer
     assert trace_buffer is not None
     trace_buffer.put(TEXT, 7, 0, b'{"kind":"dance","line":"line","t":7}')
-    with pytest.raises(NoCaptureError, match=r"'dance'.*; command and gateway have to be"):
+    with pytest.raises(NoCaptureError, match=r"'dance'.*; command and gateway must be"):
         await captured(relay)
 
 
@@ -160,7 +160,7 @@ async def test_a_line_that_keeps_nothing_says_so(bench: Bench, tmp_path: Path) -
     relay = Relay(GatewayPlan("bench", ()), bench.notes.append, state=tmp_path)
     await relay.start()
     bench.stack.push_async_callback(relay.stop)
-    with pytest.raises(NoCaptureError, match="the gateway keeps no frames: set size_mb in"):
+    with pytest.raises(NoCaptureError, match="set size_mb in"):
         await captured(relay)
 
 

@@ -95,7 +95,14 @@ def recording(path: Path, number: int) -> Path:
     [
         (traffic.WITHOUT_PEERS, 0, "7 inputs, 6 outputs: all as recorded"),
         (traffic.FORMAT, 1, "differ"),
-        (4, 1, "a recording of format 4, made by release 0.0.1; this release replays formats 1 to 3"),
+        (
+            4,
+            1,
+            (
+                "a recording of format 4, made by release 0.0.1: replay it with that release; "
+                "this one replays formats 1 to 3"
+            ),
+        ),
     ],
 )
 def test_recordings_of_before_play_as_they_were_recorded(

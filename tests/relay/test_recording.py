@@ -103,7 +103,7 @@ def test_tables_that_an_older_release_recorded_are_the_same() -> None:
 
 
 def test_a_command_of_a_newer_release_is_refused_with_its_name() -> None:
-    with pytest.raises(traffic.WrongEntryError, match=r"the command 'dance' is not known; replay it with a"):
+    with pytest.raises(traffic.WrongEntryError, match=r"the command 'dance' is unknown; replay it with a"):
         traffic.decode(b'{"kind":"control","line":"line","t":7,"command":"dance","axis":"x"}')
 
 
@@ -121,7 +121,7 @@ def test_a_command_of_a_newer_release_is_refused_with_its_name() -> None:
     ],
 )
 def test_what_no_relay_records_is_no_entry(entry: str, said: str) -> None:
-    with pytest.raises(traffic.WrongEntryError, match=f"^no entry of a recording: .*{said}"):
+    with pytest.raises(traffic.WrongEntryError, match=f"^not an entry of a recording: .*{said}"):
         traffic.decode(f'{{"line":"line","kind":{entry}}}'.encode())
 
 
@@ -406,7 +406,7 @@ async def test_a_full_disk_ends_the_recording_loudly_and_not_the_gateway(
     [note] = [note for note in bench.notes if note.event == "recording-ended"]
     assert note.severity.value == "error"
     assert "its limit of 3000 bytes" in str(note.fields["detail"])
-    assert "The gateway goes on without it" in str(note.fields["detail"])
+    assert "The gateway continues without it" in str(note.fields["detail"])
     assert path.stat().st_size <= 3000
     assert replayed(path, plan).different == 0
 

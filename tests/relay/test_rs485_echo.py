@@ -65,7 +65,7 @@ async def test_an_echo_that_nobody_announced_is_named_as_that(bench: Bench) -> N
         controller.data = b""
         controller.write(encode_mbap(number, 1, READ))
         await controller.receives(encode_mbap(number, 1, SEVENS))
-    why = "the adapter returns what is sent: set echo = true"
+    why = "set echo = true: the adapter returns what is sent"
     drives: Any = line_status(relay)["drives"]
     assert drives["echo"] == why
     [note] = [note for note in bench.notes if note.event == "adapter-echoes"]
@@ -89,7 +89,7 @@ async def test_an_acknowledgement_that_comes_back_is_not_written_again(bench: Be
         controller.write(encode_rtu(1, asked))
         await controller.receives(encode_rtu(1, answered))
     assert drive.data == encode_rtu(1, WRITE) + encode_rtu(1, READ) + encode_rtu(1, WRITE)
-    why = "the adapter returns what is sent: set echo = true"
+    why = "set echo = true: the adapter returns what is sent"
     status = first_controller(relay)
     assert (status["echo"], status["damaged"]) == (why, 0)
     [note] = [note for note in bench.notes if note.event == "adapter-echoes"]

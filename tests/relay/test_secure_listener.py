@@ -142,7 +142,7 @@ async def test_a_certificate_without_a_key_of_its_own_authority_is_refused(
 
 async def test_who_shows_no_certificate_is_refused(site: Site) -> None:
     await site.is_refused(None)
-    assert site.told("certificate-refused") == ["127.0.0.1: it showed no certificate"]
+    assert site.told("certificate-refused") == ["127.0.0.1: it sent no certificate"]
 
 
 async def test_a_certificate_that_has_expired_or_not_begun_is_refused(site: Site) -> None:
@@ -187,7 +187,7 @@ async def test_plain_modbus_is_refused_at_its_first_byte(site: Site) -> None:
     async with asyncio.timeout(30):
         assert await reader.read(100) == b""
     writer.close()
-    assert site.told("handshake-failed") == ["127.0.0.1: no TLS: what came in is no handshake"]
+    assert site.told("handshake-failed") == ["127.0.0.1: no TLS: the data received is not a handshake"]
 
 
 async def test_a_handshake_in_pieces_succeeds_and_garbage_behind_it_ends_the_session(
@@ -240,7 +240,7 @@ async def test_a_peer_that_hangs_up_in_a_handshake_is_counted_and_told_of_once(s
         writer.write(b"\x16\x03\x01\x02\x00\x01")
         writer.close()
         await eventually(lambda number=number: site.status["failed_handshakes"] == number)  # type: ignore[misc]
-    assert site.told("handshake-failed") == ["127.0.0.1: the peer hung up"]
+    assert site.told("handshake-failed") == ["127.0.0.1: the peer disconnected"]
     assert site.told("unexpected") == []
     assert site.status["running_handshakes"] == 0
 

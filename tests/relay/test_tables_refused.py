@@ -36,7 +36,7 @@ def of(change: Callable[[bytes], bytes]) -> Callable[[], int]:
     "case",
     [
         ("q", of(lambda data: data), "axis q: there is none of that name; there are x"),
-        ("x", a_file, "the table for axis x: the descriptor is no memory of the system's"),
+        ("x", a_file, "the table for axis x: the descriptor is not a memfd"),
         ("x", unsealed, "the table for axis x: the memory is not sealed"),
         ("x", of(lambda data: data[:-8]), "bytes for 2 points, which take"),
         ("x", of(lambda data: data[:40]), "40 bytes are no compiled table"),

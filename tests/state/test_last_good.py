@@ -153,7 +153,7 @@ def test_a_key_that_only_a_newer_release_knows_is_named_as_such(config: Path) ->
     (problem,) = caught.value.problems
     assert (problem.key, problem.found) == ("axis.x.warp_factor", "unknown key")
     assert problem.remedy.endswith(
-        "; or a key of release 9.1.0, which ran here before: install that again, or take the key out"
+        "; or a key of release 9.1.0, which ran here before: install that release again, or remove the key"
     )
 
 

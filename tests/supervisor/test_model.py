@@ -288,11 +288,11 @@ def test_an_adapter_that_returns_what_is_sent_is_named_and_not_its_damage() -> N
     assert kinds(model(snapshot)) == [("warning", "drive-damaged", "line xyz, unit id 1")]
     snapshot["lines"]["xyz"]["drives"] |= {
         "address": "/dev/ttyUSB0",
-        "echo": "the adapter returns what is sent: set echo = true",
+        "echo": "set echo = true: the adapter returns what is sent",
     }
     found = model(snapshot)
     assert kinds(found) == [("error", "adapter-echoes", "line xyz")]
-    assert found["troubles"][0]["what"] == "/dev/ttyUSB0: the adapter returns what is sent: set echo = true"
+    assert found["troubles"][0]["what"] == "/dev/ttyUSB0: set echo = true: the adapter returns what is sent"
 
 
 OTHER_ID: dict[str, Any] = {

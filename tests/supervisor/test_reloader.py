@@ -119,7 +119,7 @@ def test_a_supervisor_that_starts_while_a_share_is_not_mounted_takes_nothing_awa
     folder.rename(elsewhere)
     folder.mkdir()
     gone = {"x.tab": FileStamp(is_there=False)}
-    said = f"{folder} holds none of the tables and is not the folder that held them"
+    said = f"mount the share, or put the tables into {folder}: it is not the folder that had them"
     for later in (Reloader(config), Reloader(config)):  # the second finds what the first has written
         for _ in range(2):
             (problem,) = later.reload(gone).problems
@@ -150,7 +150,9 @@ def test_a_share_that_goes_while_its_tables_are_read_is_known_to_be_another_fold
         assert reloader.reload().waiting == {"x"}
     for later in (reloader, Reloader(config)):
         (problem,) = later.reload({"x.tab": FileStamp(is_there=False)}).problems
-        assert problem.startswith(f"{folder} holds none of the tables and is not the folder that held them")
+        assert problem.startswith(
+            f"mount the share, or put the tables into {folder}: it is not the folder that had them"
+        )
         assert largest(config) == 0.1
 
 
@@ -158,7 +160,7 @@ def test_a_first_file_that_moves_is_not_compiled_and_is_tried_again(config: Path
     reloader = Reloader(config)
     outcome = reloader.reload({"x.tab": None})
     assert (outcome.is_refused, outcome.is_owed) == (True, True)
-    assert "x.tab: it is being saved" in outcome.problems[0]
+    assert "x.tab: the file is being saved" in outcome.problems[0]
     assert last_plan(config.parent / "state") is None
     assert reloader.retry({"x.tab": stamp(config)}).problems == ()
     assert largest(config) == 0.1
@@ -258,7 +260,7 @@ def test_a_good_file_that_its_group_holds_back_is_not_called_active(pair: Path) 
     table(pair).write_text(STEEPER)
     status = shown(reloader)
     why = "axis.x.table: not used: y.tab of its group is missing or bad; "
-    why += "mend that: axes of a group are corrected together or not at all"
+    why += "repair this table: axes of a group are corrected together or not at all"
     assert status["x"] == ("rejected", f"{table(pair)}: {why}")
     assert largest(pair) == 0.1
     table(pair, "y").unlink()

@@ -34,12 +34,12 @@ async def test_a_mistake_of_ours_is_told_and_ends_nothing(tmp_path: Path) -> Non
         running = asyncio.create_task(supervisor.run())
         for _ in range(2):  # the second time it is there as before
             outcome = await asyncio.wait_for(supervisor.reload(), 30.0)
-            assert "the supervisor made a mistake: KeyError: 'x' (tables.py:" in outcome.problems[0]
+            assert "an error in the supervisor: KeyError: 'x' (tables.py:" in outcome.problems[0]
         assert not running.done()
         model = supervisor.broadcast.model
         assert model is not None
         assert model.supervisor is not None
-        assert "made a mistake" in str(model.supervisor.tables_folder.problem)
+        assert "an error in the supervisor" in str(model.supervisor.tables_folder.problem)
         assert model.axes == {}
         running.cancel()
         await asyncio.gather(running, return_exceptions=True)

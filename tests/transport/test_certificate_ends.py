@@ -81,7 +81,7 @@ def test_a_clock_that_goes_back_does_not_keep_it_quiet(told: Told) -> None:
     assert len(told.at(END - DAY)) == 1
     assert len(told.at(END - 10 * DAY)) == 1
     assert told.at(END - 10 * DAY + MINUTE) == []
-    assert told.at(BORN - DAY)[0][1] == "tls.certificate: CN=server is good from 2026-03-01 on only"
+    assert told.at(BORN - DAY)[0][1] == "tls.certificate: CN=server is not valid before 2026-03-01"
 
 
 def test_the_same_certificate_read_anew_is_told_of_no_more_often(told: Told) -> None:

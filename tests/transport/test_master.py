@@ -127,7 +127,7 @@ async def test_a_host_name_that_nobody_knows_is_said_with_what_to_do() -> None:
         "drives.invalid:502 cannot be reached: the host name drives.invalid is not known ("
     )
     assert "/etc/hosts" in said
-    assert said.endswith("or write the IP address in its place")
+    assert said.endswith("or write the IP address instead")
 
 
 async def test_a_port_that_another_program_has_is_not_used(rig: Rig) -> None:

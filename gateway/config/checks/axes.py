@@ -146,7 +146,7 @@ def _check_shared_registers(findings: Findings, axes: Mapping[str, AxisSection])
             findings.refuse(
                 ("axis", other_name, "unit_id"),
                 f"unit_id = {other.unit_id} and the registers of axis.{name}: both would move the same drive",
-                "give each drive a unit id of its own, or each axis its own registers",
+                "give each drive its own unit id, or each axis its own registers",
             )
             continue
         for span, other_span in _shared(axis.registers, other.registers):
@@ -175,13 +175,13 @@ def _check_setpoints(findings: Findings, path: KeyPath, axis: AxisSection) -> No
         findings.refuse(
             (*path, "reversal"),
             f'a {axis.reversal.kind.value} blend with setpoints = "targets"',
-            'allowed: "step": the drive profiles each move, and a blend would end it beside the target',
+            'allowed: "step": the drive profiles each move, and with a blend it would end beside the target',
         )
     if axis.reload is not None:
         findings.warn(
             (*path, "reload"),
             'reload has no effect with setpoints = "targets"',
-            "a new table comes into force with the next different target; leave it out",
+            "remove it: a new table applies from the next different target",
         )
 
 
@@ -196,7 +196,7 @@ def _check_without_table(findings: Findings, path: KeyPath, axis: AxisSection) -
             findings.refuse(
                 (*path, "backlash", "kind"),
                 f'kind = "{backlash.kind.value}" with home_approach = "{axis.home_approach.value}"',
-                "both say which way homing ends: they must agree",
+                "make them agree: both give the direction in which homing ends",
             )
     if axis.table is not None or findings.is_refused((*path, "table")):
         return
@@ -205,11 +205,13 @@ def _check_without_table(findings: Findings, path: KeyPath, axis: AxisSection) -
         findings.warn(
             (*path, "compensation"),
             'compensation = "on" without a table: positions pass uncorrected, and the axis is not green',
-            'name its file with `table` once it is measured; until then leave the key out, or write "off"',
+            'name its file with `table` once it is measured; until then remove the key, or write "off"',
         )
     if "table_options" in axis.model_fields_set:
         findings.refuse(
-            (*path, "table_options"), "table_options without a table", "name the table file, or leave it out"
+            (*path, "table_options"),
+            "table_options without a table",
+            "name the table file, or remove table_options",
         )
     if backlash is not None:
         check_backlash_alone(findings, path, axis)
@@ -223,8 +225,8 @@ def _check_mode_is_given(findings: Findings, path: KeyPath, axis: AxisSection) -
     findings.warn(
         (*path, "compensation"),
         f'missing: the axis is corrected with {what}, as with compensation = "on"',
-        f'write compensation = "on" below [{key_text(path)}] if that is meant, or compensation = "shadow" to '
-        "see the corrections first: positions pass unchanged then",
+        f'write compensation = "on" below [{key_text(path)}] if this is intended, or compensation = '
+        '"shadow" to see the corrections first while positions pass unchanged',
     )
 
 
@@ -241,7 +243,7 @@ def _check_modulo(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
         findings.refuse(
             (*path, "outside"),
             f"outside = {axis.outside.kind.value} with modulo",
-            "leave it out: a table of one turn has no outside",
+            "remove it: a table of one turn has no outside",
         )
 
 
@@ -259,7 +261,7 @@ def _check_steps(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
                 (*path, "registers", key, index, "scale"),
                 f"one step of this position is {step:.6g} {axis.units.value}, more than "
                 f"max_correction = {limit:.6g}",
-                "no correction fits into it: check scale and counts_per_unit",
+                "check scale and counts_per_unit: no correction is that small",
             )
 
 
@@ -268,15 +270,15 @@ def _check_travel(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
         if not findings.is_refused((*path, "travel")) and axis.modulo is None:
             findings.warn(
                 path,
-                "no travel: nothing is known about where the axis may go",
-                "give travel = [lowest, highest]: a corrected position beyond it is then refused",
+                "no travel: the limits of the axis are unknown",
+                "give travel = [lowest, highest]: then corrected positions beyond it are refused",
             )
         return
     if axis.hysteresis is not None and axis.hysteresis >= axis.travel[1] - axis.travel[0]:
         findings.refuse(
             (*path, "hysteresis"),
             f"hysteresis = {axis.hysteresis:g} is as long as travel {shown(list(axis.travel))}",
-            "allowed: a small part of travel, else the direction never changes",
+            "allowed: a small part of travel, otherwise the direction never changes",
         )
     if axis.registers is not None:
         _check_travel_fits(findings, path, axis, axis.registers, axis.travel)
@@ -288,7 +290,7 @@ def _check_counts(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
         key = "zero_counts" if abs(axis.zero_counts) > LARGEST_EXACT_COUNTS else "counts_per_unit"
         findings.refuse(
             (*path, key),
-            f"positions of up to {largest:.3g} counts: beyond 2^53 not every count can be told",
+            f"positions of up to {largest:.3g} counts: beyond 2^53 single counts are lost",
             "move the drive's zero near the travel, or command it in coarser counts",
         )
 
@@ -342,7 +344,7 @@ def _check_once(findings: Findings, path: KeyPath, group: GroupSection, group_of
             found = f"{axis} is in [group.{group_of[axis]}] already"
             findings.refuse((*path, index), found, "an axis belongs to one group")
         if axis in group.axes[:index]:
-            findings.refuse((*path, index), f"{axis} stands here twice", "name each axis once")
+            findings.refuse((*path, index), f"{axis} is listed twice", "name each axis once")
 
 
 def _check_alike(findings: Findings, path: KeyPath, members: Mapping[str, AxisSection]) -> None:
@@ -350,9 +352,9 @@ def _check_alike(findings: Findings, path: KeyPath, members: Mapping[str, AxisSe
     lines = {name: f'line = "{axis.line}"' for name, axis in members.items()}
     _check_same(findings, path, lines, "put the axes of a group on one line")
     modes = {name: f'compensation = "{axis.compensation.value}"' for name, axis in members.items()}
-    _check_same(findings, path, modes, "write the same for all of them")
+    _check_same(findings, path, modes, "write the same for all axes of the group")
     tables = {name: _corrected_by(axis) for name, axis in members.items()}
-    _check_same(findings, path, tables, "give each of them its table, or none")
+    _check_same(findings, path, tables, "give each of them a table, or none")
 
 
 def _corrected_by(axis: AxisSection) -> str:
@@ -384,7 +386,7 @@ def check_terms(findings: Findings, sections: Sections) -> None:
                 findings.refuse(
                     (*path, key),
                     f"{key} of an axis in a group",
-                    "leave it out: two drives of one beam would be told different things",
+                    "remove it: the drives of one beam would get different corrections",
                 )
             if axis.travel is None and not findings.is_refused((*path, "travel")):
                 findings.refuse(
@@ -398,14 +400,14 @@ def check_terms(findings: Findings, sections: Sections) -> None:
 
 def _check_thermal(findings: Findings, path: KeyPath, axis: AxisSection, thermal: ThermalSpec) -> None:
     if axis.units is Units.DEGREE or axis.modulo:
-        findings.refuse(path, "thermal of a rotary axis", "leave it out: a turn stays a turn when it is warm")
+        findings.refuse(path, "thermal of a rotary axis", "remove it: a turn does not grow with temperature")
         return
     tilt = thermal.alpha * thermal.largest_dt
     if not axis.max_slope + tilt < 1.0:
         findings.refuse(
             path,
             f"alpha × largest_dt = {tilt:.4g} and max_slope = {axis.max_slope:g}",
-            "allowed: less than 1 together, or positions could not be turned back",
+            "allowed: together less than 1, otherwise corrected positions could not be converted back",
         )
     if axis.travel is None:
         return
@@ -416,8 +418,8 @@ def _check_thermal(findings: Findings, path: KeyPath, axis: AxisSection, thermal
             path,
             f"{thermal.largest_dt:g} K would add {per_kelvin * thermal.largest_dt:.4g} "
             f"{axis.units.value}, more than max_correction = {limit:g}",
-            f"beyond {limit / per_kelvin:.4g} K, less what the table takes, it does not follow: check "
-            "fixed_at",
+            f"check fixed_at: the correction stops following beyond {limit / per_kelvin:.4g} K, or less "
+            "with the correction of the table",
         )
 
 
@@ -427,7 +429,7 @@ def _check_source(findings: Findings, path: KeyPath, sections: Sections, thermal
         return
     if (source.mqtt is None) is (source.modbus is None):
         found = "neither mqtt nor modbus" if source.mqtt is None else "mqtt and modbus"
-        findings.refuse(path, found, "needed: one of them, where the temperature is heard")
+        findings.refuse(path, found, "needed: one of them, as the source of the temperature")
         return
     if source.mqtt is not None:
         if sections.mqtt is None and not findings.is_refused(("mqtt",)):
@@ -435,14 +437,14 @@ def _check_source(findings: Findings, path: KeyPath, sections: Sections, thermal
                 (*path, "mqtt"), "a topic without [mqtt]", "needed: [mqtt], which names the broker"
             )
         for key in sorted(source.model_fields_set - {"mqtt"}):
-            findings.refuse((*path, key), f"{key} beside mqtt", "it belongs to modbus: leave it out")
+            findings.refuse((*path, key), f"{key} beside mqtt", "remove it: it belongs to modbus")
         return
     _check_sensor_registers(findings, path, source)
     if source.every_s >= thermal.timeout_s:
         findings.refuse(
             (*path, "every_s"),
             f"every_s = {source.every_s:g} and timeout_s = {thermal.timeout_s:g}",
-            "allowed: less than timeout_s, or the sensor would be silent between two readings",
+            "allowed: less than timeout_s, otherwise the sensor would be silent between two readings",
         )
 
 
@@ -466,14 +468,19 @@ def _check_partners(
     for index, cross in enumerate(axis.cross):
         key = (*path, "cross", index, "axis")
         if cross.axis == name:
-            findings.refuse(key, f"{cross.axis} itself", "its own position is what table is for")
+            findings.refuse(key, f"{cross.axis} itself", "name another axis: for its own position use table")
         elif cross.axis not in names:
             findings.refuse(key, f"there is no [axis.{cross.axis}]", suggest(cross.axis, names))
         elif cross.axis in seen:
-            findings.refuse(key, f"{cross.axis} stands here twice", "put both into one table")
+            findings.refuse(key, f"{cross.axis} is listed twice", "put both into one table")
         elif cross.axis in sections.axes:
             units = sections.axes[cross.axis].units
             if (units is Units.DEGREE) is not (axis.units is Units.DEGREE):
                 found = f"{name} is in {axis.units.value} and {cross.axis} in {units.value}"
-                findings.refuse(key, found, "no table file holds angles and lengths at once")
+                findings.refuse(
+                    key,
+                    found,
+                    "name an axis with the same kind of unit: a table file cannot hold both angles and "
+                    "lengths",
+                )
         seen.add(cross.axis)

@@ -84,7 +84,7 @@ def check_backlash_alone(findings: Findings, path: KeyPath, axis: AxisSection) -
         findings.refuse(
             (*path, "outside"),
             f"outside = {settings.outside.kind.value} with a backlash and no table",
-            "leave it out: lost motion is the same everywhere",
+            "remove it: lost motion is the same everywhere",
         )
     table = _check_backlash(findings, path, settings, no_correction(settings))
     _check_reversal(findings, path, settings, table)
@@ -101,7 +101,7 @@ def _check_backlash(
         findings.refuse(
             (*path, "backlash"),
             "backlash with a table of two directions",
-            "leave it out: the difference of the two columns is the backlash",
+            "remove it: the difference of the two columns is the backlash",
         )
         return table
     what = "table and backlash together correct" if table.max_correction() else "backlash corrects"
@@ -111,7 +111,7 @@ def _check_backlash(
             (*path, "backlash", "width"),
             f"{what} by {table.max_correction():.6g} {settings.units.value}, "
             f"more than max_correction = {settings.max_correction:.6g}",
-            "check the unit of width; raise max_correction only if the screw is really that bad",
+            "check the unit of width; raise max_correction only if the screw is really so bad",
         )
     return table
 
@@ -145,8 +145,8 @@ def _check_that_it_repeats(
         return
     findings.warn(
         (*path, "table"),
-        f"on the control of {found.path.name} the table begins again after {revolution:.10g} "
-        f"{settings.units.value}; here it does not: outside it {_OUTSIDE_WORDS[settings.outside.kind]}",
+        f"on the control of {found.path.name} the table repeats after {revolution:.10g} "
+        f"{settings.units.value}; here it does not, and outside {_OUTSIDE_WORDS[settings.outside.kind]}",
         f"add to the axis: modulo = {revolution:.10g}",
     )
 
@@ -183,7 +183,7 @@ def _check_hysteresis(
         findings.refuse(
             key,
             f"{what} is longer than the whole table ({table.last - table.first:g} {unit})",
-            "allowed: a small part of it, else the direction never changes",
+            "allowed: a small part of it, otherwise the direction never changes",
         )
         return
     step = min(high - low for low, high in zip(table.positions, list(table.positions)[1:], strict=False))
@@ -191,9 +191,9 @@ def _check_hysteresis(
         findings.warn(
             key,
             f"{what} is longer than the shortest interval of the table ({step:g} {unit})",
-            "a reversal shorter than that keeps the branch it came on"
+            "a shorter reversal keeps its branch"
             if axis.setpoints is Setpoints.STREAM
-            else "a measured position as far away as that still counts as the same place",
+            else "measured positions within this distance count as the same position",
         )
 
 
@@ -207,8 +207,8 @@ def _check_reversal(
     if in_force.amount > asked.amount:
         findings.warn(
             (*path, "reversal"),
-            f"a blend over {asked.amount:g} {settings.units.value} would turn the axis round",
-            f"it is made {in_force.amount:.6g} {settings.units.value} long",
+            f"a blend over {asked.amount:g} {settings.units.value} would reverse the axis",
+            f"the gateway uses a blend of {in_force.amount:.6g} {settings.units.value}",
         )
 
 

@@ -81,7 +81,7 @@ def check_status_unit(
             findings.refuse(
                 ("status_unit", "id"),
                 f"{own.id} is the unit id of a drive: {key_text(key)} has it",
-                "choose an id that no device of any line has, as 250: what is asked there never reaches one",
+                "choose an id that no device of any line has, as 250: requests to it never reach a device",
             )
 
 
@@ -115,7 +115,7 @@ def _check_drain(findings: Findings, name: str, line: LineSection) -> None:
         findings.refuse(
             ("line", name, "drain_ms"),
             "drain_ms on Modbus TCP drives",
-            "leave it out: their late replies are known by the transaction id",
+            "remove it: their late replies have a transaction id",
         )
 
 
@@ -128,7 +128,7 @@ def _check_connection(findings: Findings, name: str, line: LineSection) -> None:
     }
     for key in (key for key, is_given in given.items() if is_given and line.drives.rtu is not None):
         found = f"{key} with drives on a serial port"
-        findings.refuse(("line", name, key), found, "leave it out: it is for connections")
+        findings.refuse(("line", name, key), found, "remove it: it is only for connections")
 
 
 def _check_cut_through(findings: Findings, name: str, line: LineSection) -> None:
@@ -137,7 +137,7 @@ def _check_cut_through(findings: Findings, name: str, line: LineSection) -> None
         findings.refuse(
             ("line", name, "cut_through"),
             "cut_through without serial ports (rtu) on both sides",
-            "leave it out: only what comes byte by byte can leave before it is whole",
+            "remove it: only serial ports get and send a frame byte by byte",
         )
 
 
@@ -154,7 +154,7 @@ def _check_units(findings: Findings, name: str, line: LineSection, axis_ids: set
         findings.refuse(
             ("line", name, "answers_as"),
             "answers_as on a line with several unit ids",
-            "leave it out: there another unit id is another drive",
+            "remove it: on this line another unit id is another drive",
         )
 
 
@@ -167,7 +167,7 @@ def _check_open_listeners(findings: Findings, name: str, line: LineSection) -> N
         index = line.controllers.index(controller)
         findings.warn(
             (*controller_key(findings, name, controller.name, index), controller.way),
-            f"whoever reaches {controller.listens} may {MAY[controller.role]} the drives",
+            f"any computer that reaches {controller.listens} may {MAY[controller.role]} the drives",
             'name who may connect, as in allow = ["192.168.0.7"], or listen on 127.0.0.1',
         )
 
@@ -183,10 +183,10 @@ def _check_ipv6_alone(findings: Findings, listeners: list[EndpointUse]) -> None:
             continue
         findings.warn(
             use.key,
-            f"{use.endpoint} takes IPv6 connections alone",
-            f'for IPv4 alone write {use.key[-1]} = "{both.host}:{both.port}"; for both give the line a '
-            "second controller with that address, and a name of its own; for IPv6 alone name the address of "
-            "this machine that it is for",
+            f"{use.endpoint} accepts only IPv6 connections",
+            f'for IPv4 only, write {use.key[-1]} = "{both.host}:{both.port}"; for both, add a second '
+            "controller with that address and its own name; for IPv6 only, write the address of this "
+            "machine",
         )
 
 
@@ -203,7 +203,7 @@ def _check_devices(findings: Findings, uses: list[EndpointUse]) -> None:
         if device in first:
             findings.refuse(
                 use.key,
-                f"{use.endpoint} is in use by {key_text(first[device])} already",
+                f"{use.endpoint} is already used by {key_text(first[device])}",
                 "give each port one use: a serial port serves one controller or one bus of drives",
             )
         first.setdefault(device, use.key)
@@ -215,7 +215,7 @@ def _check_addresses(findings: Findings, drives: list[EndpointUse], listeners: l
             if is_same(use.endpoint, other.endpoint):
                 findings.refuse(
                     use.key,
-                    f"{use.endpoint} is in use by {key_text(other.key)} already",
+                    f"{use.endpoint} is already used by {key_text(other.key)}",
                     "put all drives behind one address into one line",
                 )
     for i, use in enumerate(listeners):
@@ -223,14 +223,14 @@ def _check_addresses(findings: Findings, drives: list[EndpointUse], listeners: l
             if is_same(use.endpoint, other.endpoint, wildcard_hosts=WILDCARDS):
                 findings.refuse(
                     use.key,
-                    f"{use.endpoint} is listened on by {key_text(other.key)} already",
-                    "give each controller a port of its own",
+                    f"{use.endpoint} is already the listener of {key_text(other.key)}",
+                    "give each controller its own port",
                 )
         for other in drives:
             if is_same(use.endpoint, other.endpoint, wildcard_hosts=WILDCARDS):
                 findings.refuse(
                     use.key,
-                    f"{use.endpoint} is the address of {key_text(other.key)}: the gateway would talk to "
+                    f"{use.endpoint} is the address of {key_text(other.key)}: the gateway would connect to "
                     "itself",
                     "let the controller connect to another port",
                 )
@@ -291,8 +291,8 @@ def check_ports(findings: Findings, sections: Sections) -> None:
             nearest = min(USUAL_RATES, key=lambda usual: abs(usual - rate))
             findings.warn(
                 key,
-                f"{rate} is no baud rate that devices have",
-                f"look in the manual of the device; the nearest usual one is {nearest}",
+                f"{rate} is not a baud rate of any device",
+                f"see the manual of the device; the nearest usual one is {nearest}",
             )
 
 
@@ -344,17 +344,17 @@ def check_drives(findings: Findings, sections: Sections, drives: Mapping[str, Na
             only = f"{taken[0]} to {taken[1]}" if taken[0] < taken[1] else f"{taken[0]} only"
             findings.warn(
                 ("axis", name, "unit_id"),
-                f"{drive.name} takes unit ids {only}, not {axis.unit_id}",
-                "set it to what stands in the drive",
+                f"{drive.name} accepts unit ids {only}, not {axis.unit_id}",
+                "set it to the unit id of the drive",
             )
         line = sections.lines.get(axis.line)
         if line is None or not drive.profile.transports or _transport(line) in drive.profile.transports:
             continue
         findings.warn(
             ("axis", name, "drive"),
-            f"{drive.name} speaks {_spoken(drive.profile.transports)}, "
-            f"and the drives of line {axis.line} are on {_spoken((_transport(line),))}",
-            "check the line; a converter between the two in front of the drive is fine",
+            f"{drive.name} speaks {_spoken(drive.profile.transports)}, but the drives of line {axis.line} "
+            f"are on {_spoken((_transport(line),))}",
+            "check the line; a converter in front of the drive is allowed",
         )
 
 

@@ -46,8 +46,9 @@ def _check_arrival(findings: Findings, path: KeyPath, axis: AxisSection, registe
     if axis.setpoints is Setpoints.TARGETS and is_near_only and not registers.actual:
         findings.warn(
             (*path, "registers", "done_means"),
-            'done_means = "in-position", and no actual position is mapped',
-            "nothing tells that the axis has arrived: the direction of its moves is assumed; map actual",
+            'done_means = "in-position", but no actual position is mapped',
+            "map actual: otherwise the gateway cannot see that the axis has arrived, and assumes the "
+            "direction of its moves",
         )
 
 
@@ -56,7 +57,8 @@ def _check_stops(findings: Findings, path: KeyPath, registers: RegisterMap) -> N
         findings.warn(
             (*path, "registers", "trigger"),
             "no value is listed that stops the axis",
-            "a stop cannot go before other requests, and withdraws none of them; list its value under stop",
+            "list its value under stop: otherwise a stop cannot go before other requests, and withdraws "
+            "none of them",
         )
 
 
@@ -69,17 +71,23 @@ def _check_relative(findings: Findings, path: KeyPath, axis: AxisSection, regist
     if lack:
         findings.warn(
             (*path, "registers", *key),
-            f"relative moves, and {lack}",
-            f"after a stop, a jog or homing they are refused until an absolute move was accepted; {do}",
+            f"relative moves, but {lack}",
+            f"after a stop, a jog or homing they are refused until an absolute move is accepted; {do}",
         )
 
 
 def _lack_of_base(axis: AxisSection, registers: RegisterMap) -> tuple[str, str]:
     """Return what is missing to read the position of an axis, and what to do; empty if nothing is missing."""
     if axis.added_frames is AddedFrames.NEVER:
-        return 'added_frames = "never" forbids to read where the axis stands', 'allowed for it: "auto"'
+        return (
+            'added_frames = "never" does not allow the gateway to read the position at standstill',
+            'allowed for it: "auto"',
+        )
     if not registers.safe_read:
-        return "safe_read = false forbids to read where the axis stands", "allow safe_read if the drive does"
+        return (
+            "safe_read = false does not allow the gateway to read the position at standstill",
+            "allow safe_read if the drive does",
+        )
     reported = (*registers.commanded, *registers.actual)
     if not reported:
         return "neither commanded nor actual is mapped", "map one of them"
@@ -87,11 +95,14 @@ def _lack_of_base(axis: AxisSection, registers: RegisterMap) -> tuple[str, str]:
         fields and fields[0].field().is_readable for fields in (registers.commanded, registers.actual)
     ):
         return (
-            "no read of its own registers brings commanded or actual",
+            "commanded and actual cannot be read with a request of their own",
             'map one of them without access = "write", and without block or with its own address there',
         )
     if registers.bits.done is None and registers.bits.moving is None:
-        return "neither bits.done nor bits.moving is mapped: nothing tells that the axis stands", "map one"
+        return (
+            "neither bits.done nor bits.moving is mapped: the gateway cannot see that the axis is at "
+            "standstill"
+        ), "map one"
     return "", ""
 
 
@@ -100,8 +111,8 @@ def _check_rewriting(findings: Findings, path: KeyPath, axis: AxisSection, regis
         findings.warn(
             (*path, "added_frames"),
             'added_frames = "never" with targets that wait for a trigger',
-            "a trigger is refused whenever the correction has changed since its target was written; "
-            'allow "auto"',
+            'allow "auto": otherwise a trigger is refused if the correction has changed since its target '
+            "was written",
         )
 
 
@@ -111,9 +122,9 @@ def _check_stream(findings: Findings, path: KeyPath, axis: AxisSection, register
     if rule_key(registers, Action.FOLLOW, Action.FOLLOW_NEXT) is None:
         findings.warn(
             (*path, "setpoints"),
-            'setpoints = "stream", and the drive waits for a trigger after each target',
-            "every setpoint needs a trigger of its own; list under follow the value that makes the drive go "
-            'to each target as it is written, or use "targets"',
+            'setpoints = "stream", but the drive waits for a trigger after each target',
+            "list under follow the value that makes the drive go to each target when it is written, or use "
+            '"targets"; now every setpoint needs its own trigger',
         )
 
 
@@ -148,12 +159,12 @@ def _check_connection(findings: Findings, sections: Sections, name: str, axis: A
     if is_on_demand and axis.referenced in (Reference.HOMING, Reference.SET_POSITION):
         found = (
             f'connect = "on-demand" with axis {name}, which has referenced = "{axis.referenced.value}": '
-            "nobody would see that its drive was switched off"
+            "the gateway would not notice that its drive was switched off"
         )
         findings.refuse(
             ("line", axis.line, "connect"),
             found,
-            'leave it out, or let a bit of the drive say that it is homed (referenced = "drive-bit")',
+            'remove it, or use a bit of the drive that says that it is homed (referenced = "drive-bit")',
         )
 
 
@@ -169,7 +180,7 @@ def _lacks(way: Reference, registers: RegisterMap) -> list[tuple[str, str]]:
             lacks.append((what, "list the value that homes the axis under home"))
         if bits.homed is None and bits.done is None:
             what = "without registers.bits.homed or registers.bits.done"
-            lacks.append((what, "name the bit that tells that homing has ended"))
+            lacks.append((what, "name the bit that says that homing has ended"))
     if way is Reference.SET_POSITION and not _sets_position(registers):
         what = "and nothing in registers sets a position"
         do = "list the value that does under set_position of a trigger, or mark an actual with set_position"
@@ -192,8 +203,8 @@ def _check_reading(findings: Findings, path: KeyPath, axis: AxisSection, registe
         findings.warn(
             path,
             "the gateway may not read the homed bit itself",
-            "the axis stays uncorrected until a controller reads that register; "
-            "allow safe_read and added_frames",
+            "allow safe_read and added_frames: otherwise the axis stays uncorrected until a controller "
+            "reads that register",
         )
 
 
@@ -209,7 +220,7 @@ def check_late(findings: Findings, sections: Sections) -> None:
         findings.refuse(
             (*path, "late"),
             f'late = "{axis.late.value}" without deadline_ms',
-            "give deadline_ms, the age in milliseconds at which a target is late, or leave late out",
+            "give deadline_ms, the age in milliseconds at which a target is late, or remove late",
         )
     for name, line in sections.lines.items():
         _check_monitors(findings, name, line)
@@ -227,6 +238,6 @@ def _check_monitors(findings: Findings, name: str, line: LineSection) -> None:
             (*controller_key(findings, name, controller.name, index), "timeout_ms"),
             f"timeout_ms = {controller.timeout_ms:g} of a {least.value} that may have to wait "
             f"monitor_max_wait_ms = {line.monitor_max_wait_ms:g} for motion",
-            f"it would give up on a busy line: set line.{name}.monitor_max_wait_ms well below "
-            f"{controller.timeout_ms:g}, or let it wait longer",
+            f"set line.{name}.monitor_max_wait_ms well below {controller.timeout_ms:g}, or let the "
+            "controller wait longer: on a busy line it would give up",
         )

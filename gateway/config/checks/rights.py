@@ -71,7 +71,7 @@ def _check_lists(findings: Findings, rights: RightsKeys, key: KeyPath) -> None:
             findings.refuse(
                 (*key, name),
                 "an empty list, which would allow everything",
-                "leave it out where all are allowed, or name those that are",
+                "remove it if all are allowed, or name those that are",
             )
 
 
@@ -81,13 +81,13 @@ def _check_role(findings: Findings, rights: RightsKeys, key: KeyPath) -> None:
         why = "read_only = true" if rights.read_only else f'role = "{rights.role.value}"'
         findings.refuse(
             (*key, "writable"),
-            f"addresses that may be written beside {why}, which may write nothing",
-            f"leave writable out, or {why} where it may write them",
+            f"addresses that may be written, but {why} may write nothing",
+            f"remove writable, or write {why} if it may write them",
         )
     if may_not_write and rights.function_codes and not READING & set(rights.function_codes):
         findings.refuse(
             (*key, "function_codes"),
-            "function codes that only write, for a controller that may only read: nothing is left",
+            "only function codes that write, but the controller may only read",
             "name those that it reads with, as 3 and 4, or let it write",
         )
 
@@ -102,15 +102,15 @@ def _check_unit_ids(
             findings.warn(
                 (*key, "unit_ids", index),
                 f"no axis of this line has unit id {unit_id}",
-                f"the axes have {shown}; leave it so if something else on the line has it",
+                f"the axes have {shown}; keep it if another device on the line has it",
             )
     left_out = sorted(axis_unit_ids - set(rights.unit_ids))
     if is_broadcast and left_out:
         shown = ", ".join(map(str, left_out))
         findings.warn(
             (*key, "unit_ids"),
-            f"unit id 0, the broadcast, without {shown}, which it reaches too: broadcasts are refused",
-            f"name {shown} as well, or leave 0 out",
+            f"unit id 0, the broadcast, also reaches {shown}, which is not listed: broadcasts are refused",
+            f"name {shown} as well, or remove 0",
         )
 
 
@@ -129,7 +129,7 @@ def _check_positions(findings: Findings, rights: RightsKeys, key: KeyPath, axes:
                     findings.refuse(
                         (*key, "writable", index),
                         f"0x{part} holds a part of a command position of axis {name}, which is 0x{whole}",
-                        "take all of its addresses, or none",
+                        "name all of its addresses, or none",
                     )
 
 
@@ -140,7 +140,7 @@ def _check_moves(findings: Findings, rights: RightsKeys, key: KeyPath, axes: Axe
         return
     findings.warn(
         (*key, "role"),
-        'role = "motion", and its rights let it move no axis of this line',
+        'role = "motion", but its rights allow it to move no axis of this line',
         'write role = "monitor" or "operator", or allow a command position of an axis',
     )
 
@@ -159,8 +159,8 @@ def _check_movers(findings: Findings, name: str, line: LineSection, axis: str, s
         (*movers[-1][0], "role"),
         f"{' and '.join(mover for _, mover in movers)} may each move axis {axis}: while one does, the "
         "other is refused",
-        'give what only looks or stops role = "monitor" or "operator", or name in unit_ids what each may '
-        f'reach; where all are to move it, set axis.{axis}.writers = "any"',
+        'give a controller that only reads or stops role = "monitor" or "operator", or name in unit_ids '
+        f'the drives of each; if all may move it, set axis.{axis}.writers = "any"',
     )
 
 
@@ -218,16 +218,17 @@ def check_tls_keys(findings: Findings) -> None:
     for path, raw in _raw_controllers(findings):
         has_tls = "tls" in raw
         if has_tls and "rtu" in raw:
-            findings.refuse((*path, "tls"), "tls on a serial port", "tls belongs to tcp: leave it out here")
+            findings.refuse((*path, "tls"), "tls on a serial port", "remove it: tls belongs to tcp")
         if has_tls and "rtu_over_tcp" in raw:
             findings.refuse(
-                (*path, "tls"), "tls around RTU frames", "Modbus/TCP Security is for tcp: leave it out here"
+                (*path, "tls"), "tls around RTU frames", "remove it: Modbus/TCP Security is only for tcp"
             )
         if "roles" in raw and not has_tls:
             findings.refuse(
                 (*path, "roles"),
                 "roles without tls",
-                "give tls too: roles come by certificates; or write the rights of the controller itself",
+                "give tls as well, because roles come from certificates; or write the rights at the "
+                "controller",
             )
         if has_tls and not raw.get("roles"):
             findings.refuse(
@@ -240,7 +241,7 @@ def check_tls_keys(findings: Findings) -> None:
                 findings.refuse(
                     (*path, key),
                     f"{key} beside tls",
-                    "move it under roles: with tls rights come by the role in the certificate",
+                    "move it under roles: with tls the role in the certificate gives the rights",
                 )
 
 
@@ -280,8 +281,8 @@ class _Check:
         if is_out_of_reach(self._files.key):
             self._warn(
                 "key",
-                f"{self._files.key} was not looked at: it is handed over to the service alone",
-                "start the service: it says what is wrong with it",
+                f"{self._files.key} was not checked: only the service receives it",
+                "start the service: it checks the key and reports problems",
             )
             return
         from gateway.transport.tls import server_context
@@ -306,7 +307,7 @@ class _Check:
             self._warn(
                 "certificate",
                 f"{self._files.certificate} names no host (subjectAltName): controllers may refuse it",
-                "have it made with the names and addresses that controllers connect to",
+                "have it made with the names and addresses that controllers use",
             )
 
     def _clients(self) -> None:
@@ -314,8 +315,8 @@ class _Check:
             if not each.is_authority:
                 self._refuse(
                     "clients",
-                    f"{self._files.clients}: {each.subject} is no authority",
-                    "give the certificate of the authority that signs those of controllers",
+                    f"{self._files.clients}: {each.subject} is not an authority",
+                    "give the certificate of the authority that signs the controllers' certificates",
                 )
             self._check_time("clients", each)
             self._check_strength("clients", each)
@@ -346,7 +347,7 @@ class _Check:
     def _check_strength(self, key: str, facts: Facts) -> None:
         if facts.weakness:
             self._refuse(
-                key, f"{facts.subject} has a weak key: {facts.weakness}", "have it made anew with P-256"
+                key, f"{facts.subject} has a weak key: {facts.weakness}", "have a new one made with P-256"
             )
 
     def _refuse(self, key: str, found: str, remedy: str) -> None:

@@ -47,9 +47,8 @@ def check_http(findings: Findings, http: HttpSection, lines: Mapping[str, LineSe
         findings.warn(
             KEY,
             f"{endpoint} takes IPv6 connections alone",
-            f'for IPv4 alone write listen = "0.0.0.0:{endpoint.port}"; for both have a proxy of yours in '
-            "front, which reaches the page at 127.0.0.1; for IPv6 alone name the address of this machine "
-            "that it is for",
+            f'for IPv4 only, write listen = "0.0.0.0:{endpoint.port}"; for both, use your own proxy, which '
+            "reaches the page at 127.0.0.1; for IPv6 only, write the address of this machine",
         )
 
 
@@ -82,8 +81,8 @@ def _check_tls(findings: Findings, http: HttpSection, folder: Path, now: datetim
     if http.tls.revoked is not None and http.tls.clients is None:
         findings.refuse(
             (*TLS_KEY, "revoked"),
-            "a list of revoked certificates without clients, whose they would be",
-            "add clients, the authority that signs certificates of clients, or leave it out",
+            "a list of revoked certificates, but no clients",
+            "add clients, the authority that signs certificates of clients, or remove the list",
         )
         return
     named = {
@@ -123,23 +122,23 @@ def _check_open(findings: Findings, http: HttpSection, endpoint: TcpEndpoint) ->
     """Beyond this machine the page requires authentication, and secrets are never sent as plain text."""
     if findings.is_refused(TOKENS_KEY) or findings.is_refused(TLS_KEY):
         return  # the intended setting may be safe
-    local = "or listen on 127.0.0.1, where a proxy of yours can ask who it is"
+    local = "or listen on 127.0.0.1 behind your own proxy, which can check the users"
     if http.tls is None and http.tokens:
         findings.refuse(
             KEY,
-            f"whoever listens to the network at {endpoint} could read the tokens and use them himself",
+            f"anyone who reads the network traffic of {endpoint} could copy and use the tokens",
             f"add [http.tls] with certificate and key, {local}",
         )
     elif http.tls is None:
         findings.refuse(
             KEY,
-            f"whoever reaches {endpoint} could read the status of the gateway",
+            f"anyone who reaches {endpoint} could read the status of the gateway",
             f"add tokens or clients, and [http.tls] with certificate and key, {local}",
         )
     elif not http.tokens and http.tls.clients is None:
         findings.refuse(
             KEY,
-            f"whoever reaches {endpoint} could read the status of the gateway",
+            f"anyone who reaches {endpoint} could read the status of the gateway",
             f"add tokens, or clients to [http.tls], {local}",
         )
 
@@ -151,7 +150,7 @@ def _check_controllers(findings: Findings, endpoint: TcpEndpoint, lines: Mapping
                 key = (*controller_key(findings, name, controller.name, i), controller.way)
                 findings.refuse(
                     KEY,
-                    f"{endpoint} is listened on by {key_text(key)} already",
+                    f"{endpoint} is already the listener of {key_text(key)}",
                     'give the page another port, or listen = "" for none',
                 )
 
@@ -181,7 +180,7 @@ def check_mqtt(findings: Findings, mqtt: MqttSection | None, folder: Path, now: 
 def _check_broker_tls(findings: Findings, tls: TlsSection, folder: Path, now: datetime) -> None:
     for name, other in (("cert", "key"), ("key", "cert")):
         if getattr(tls, name) is not None and getattr(tls, other) is None:
-            findings.refuse(("mqtt", "tls", name), f"without {other}", f"give {other} too, or neither")
+            findings.refuse(("mqtt", "tls", name), f"without {other}", f"give {other} as well, or neither")
             return
     named = {key: file for key in ("ca", "cert", "key") if (file := getattr(tls, key)) is not None}
     away = [key for key, file in named.items() if is_out_of_reach(file)]
@@ -201,7 +200,7 @@ def _check_broker_tls(findings: Findings, tls: TlsSection, folder: Path, now: da
 
 def _check_password(findings: Findings, mqtt: MqttSection, file: str, folder: Path) -> None:
     if mqtt.username is None:
-        remedy = "give username too: MQTT 3.1.1 knows no password alone"
+        remedy = "give username as well: MQTT 3.1.1 has no password without one"
         findings.refuse(PASSWORD_KEY, "without username", remedy)
     elif is_out_of_reach(file):
         warn_out_of_reach(findings, PASSWORD_KEY, file)

@@ -41,7 +41,7 @@ LOCAL_PATHS: Final = (*PATHS, "/reload")
 ASKING_PATHS: Final = (*PATHS, "/login", "/logout", "/acknowledge")
 """Paths on which a client has to authenticate."""
 POSTS: Final = frozenset(("/reload", "/login", "/logout", "/acknowledge"))
-NOTHING_YET: Final = "nothing is known yet: the supervisor has just been started"
+NOTHING_YET: Final = "nothing is known yet: the supervisor has just started"
 Answer = Callable[[Request], Awaitable[Response]]
 
 
@@ -93,7 +93,7 @@ class Served:
         async def other_method(request: Request, error: Exception) -> Response:
             assert isinstance(error, HTTPException)
             allowed = ", ".join(sorted((error.headers or {}).get("Allow", "GET").split(", ")))
-            what = f"{request.method} is not done at {request.scope['path']}, only {allowed}"
+            what = f"{request.method} is not supported at {request.scope['path']}, only {allowed}"
             return problem(405, what, {"Allow": allowed}, there_is=list(there_is))
 
         app = Starlette(
@@ -152,7 +152,7 @@ class Served:
         what = f"{shortened(request.scope['path'])}: {type(error).__name__}: {error}"
         if sentence := self._mistakes.sentence("failed", what, time.monotonic_ns()):
             self._window.log(HTTP_FAILED, detail=sentence)
-        return problem(500, "the supervisor made a mistake; its log says which")
+        return problem(500, "an error in the supervisor; see its log")
 
 
 class _Events:
@@ -168,7 +168,9 @@ class _Events:
     async def answer(self, request: Request) -> Response:
         if self._http_server.event_readers >= self._http_server.limits.event_readers:
             most = self._http_server.limits.event_readers
-            return problem(503, f"{most} read the events already; try again later", {"Retry-After": "10"})
+            return problem(
+                503, f"{most} clients already read the events; try again later", {"Retry-After": "10"}
+            )
         if request.method == "HEAD":
             return Response(headers=NO_STORE, media_type=MEDIA_TYPE)
         asked = request.query_params

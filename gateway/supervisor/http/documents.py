@@ -129,7 +129,7 @@ class Frames:
         if plan is None or line not in names:
             return not_there(f"/frames/{shortened(line)}", [f"/frames/{name}" for name in names])
         if self._reading >= AT_ONCE:
-            return problem(503, "others look at the frames; try again in a moment", {"Retry-After": "1"})
+            return problem(503, "other clients read the frames; try again in a moment", {"Retry-After": "1"})
         self._reading += 1
         try:
             frames = await in_thread(partial(read_frames, self._window.state, plan, line))

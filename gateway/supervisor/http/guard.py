@@ -95,17 +95,17 @@ class Guard:
     def _refusal(self, scope: Scope) -> Response | None:
         """Return why a request is refused; None if it may pass."""
         if scope["http_version"] not in VERSIONS:
-            return problem(505, f"HTTP/{scope['http_version']} is not spoken here, only HTTP/1.1", _CLOSE)
+            return problem(505, f"HTTP/{scope['http_version']} is not supported here, only HTTP/1.1", _CLOSE)
         headers: list[tuple[bytes, bytes]] = scope["headers"]
         target_bytes = len(scope["raw_path"]) + len(scope["query_string"])
         if target_bytes > TARGET_BYTES:
-            what = f"the path is {target_bytes} bytes long, and may be {TARGET_BYTES}"
+            what = f"the path has {target_bytes} bytes; allowed: {TARGET_BYTES}"
             return problem(414, what, _CLOSE)
         if target_bytes + sum(len(name) + len(value) + 4 for name, value in headers) > HEAD_BYTES:
-            return problem(431, f"the head of a request may have {HEAD_BYTES} bytes", _CLOSE)
+            return problem(431, f"the head of a request may have at most {HEAD_BYTES} bytes", _CLOSE)
         if scope["method"] not in self._rules.methods:
             allowed = ", ".join(sorted(self._rules.methods))
-            what = f"{shortened(scope['method'])} is not done here, only {allowed}"
+            what = f"{shortened(scope['method'])} is not supported here, only {allowed}"
             return problem(405, what, {**_CLOSE, "Allow": allowed}, there_is=list(self._rules.there_is))
         return _body_refusal(headers) or self._host_refusal(scope)
 
@@ -118,9 +118,7 @@ class Guard:
             return None
         if len(named) == 1 and is_this_machine(host_of(named[0]), listen_host):
             return None
-        what = (
-            f"the request is meant for {shortened(', '.join(named)) or 'nobody'}, and this is {listen_host}"
-        )
+        what = f"the request is for {shortened(', '.join(named)) or 'nobody'}, but this is {listen_host}"
         return problem(421, what, _CLOSE)
 
 
@@ -136,9 +134,9 @@ def is_probe(path: str) -> bool:
 def _body_refusal(headers: list[tuple[bytes, bytes]]) -> Response | None:
     for name, value in headers:
         if name == b"transfer-encoding":
-            return problem(411, "say the length of the body, or leave it out", _CLOSE)
+            return problem(411, "give the length of the body, or send none", _CLOSE)
         if name == b"content-length" and int(value) > BODY_BYTES:  # h11 admits digits only, at most 20
-            return problem(413, f"a body may have {BODY_BYTES} bytes", _CLOSE)
+            return problem(413, f"a body may have at most {BODY_BYTES} bytes", _CLOSE)
     return None
 
 

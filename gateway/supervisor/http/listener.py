@@ -141,10 +141,10 @@ class HttpConnection(H11Protocol):
             return
         waiting, _ = self.conn.trailing_data
         if len(waiting) > HEAD_BYTES:
-            what = f"the head of a request may have {HEAD_BYTES} bytes"
+            what = f"the head of a request may have at most {HEAD_BYTES} bytes"
             self.transport.write(last_words("431 Request Header Fields Too Large", what))
         else:
-            what = "that is no request of HTTP/1.1"
+            what = "not a request of HTTP/1.1"
             self.transport.write(last_words("400 Bad Request", what))
         self._refused(self.peer, what)
         self._leaving_since_s = time.monotonic()
@@ -280,9 +280,9 @@ class HttpServer:
         connections = self._connections
         if len(connections) < self.limits.connections:
             return True
-        which, going = "asked nothing", longest(connections, lambda one: one.idle_since_s)
+        which, going = "sent no request", longest(connections, lambda one: one.idle_since_s)
         if going is None:
-            which, going = "took nothing of its answer", longest(connections, lambda one: one.stalled_since_s)
+            which, going = "read nothing of its answer", longest(connections, lambda one: one.stalled_since_s)
         if going is None:
             return False
         self.refused(going.peer, f"too many connections at once: the one that {which} for longest")
@@ -307,7 +307,7 @@ class HttpServer:
             for one in self._connections:
                 if one.is_overdue(now_s):
                     if one.is_slow:
-                        self.refused(one.peer, "a request that never came whole")
+                        self.refused(one.peer, "a request that was not complete in time")
                     one.drop()
 
     async def close(self) -> None:

@@ -229,8 +229,8 @@ class Authenticator:
             return None
         visitor = self._by_certificate(scope) or self._by_session(scope)
         if visitor is None and scope["path"] not in OPEN_TO_ALL:
-            self._refusals.add(HTTP_REFUSED, peer_of(scope), "no token, and no session", self._clock_s())
-            return problem(401, "show a token: Authorization: Bearer …, or log in at /", CHALLENGE)
+            self._refusals.add(HTTP_REFUSED, peer_of(scope), "no token and no session", self._clock_s())
+            return problem(401, "send a token: Authorization: Bearer …, or log in at /", CHALLENGE)
         scope["state"]["visitor"] = visitor
         return None
 
@@ -238,7 +238,7 @@ class Authenticator:
         """Return the visitor of a token, or the response to a wrong token."""
         now_s = self._clock_s()
         if (wait_s := self._tries.shut_s(peer, now_s)) > 0.0:
-            self._refusals.add(TOKEN_REFUSED, peer, "too many wrong tokens: not looked at", now_s)
+            self._refusals.add(TOKEN_REFUSED, peer, "too many wrong tokens: not checked", now_s)
             what = "too many wrong tokens came from your address; try again later"
             return problem(429, what, {"Retry-After": str(math.ceil(wait_s))})
         self._tokens.refresh()
@@ -246,7 +246,7 @@ class Authenticator:
         if name is None:
             self._tries.add(peer, token, now_s)
             self._refusals.add(TOKEN_REFUSED, peer, "a wrong token", now_s)
-            return problem(401, "that is no token of this gateway", CHALLENGE)
+            return problem(401, "not a token of this gateway", CHALLENGE)
         return Visitor(name, "token", digest=self._tokens.digest_of(name))
 
     def log_in(self, visitor: Visitor) -> str:
@@ -340,11 +340,11 @@ def _why_cross_site(scope: Scope) -> str | None:
     """
     sites = _header(scope, b"sec-fetch-site")
     if sites:
-        return None if sites == ["same-origin"] else "a page from elsewhere may not ask for that"
+        return None if sites == ["same-origin"] else "a page of another site may not request this"
     hosts = _header(scope, b"host")
     for origin in _header(scope, b"origin"):
         if origin.partition("://")[2].lower() not in [host.lower() for host in hosts]:
-            return "a page from elsewhere may not ask for that"
+            return "a page of another site may not request this"
     return None
 
 
@@ -373,7 +373,7 @@ class LoginRoutes:
 
     async def log_in(self, request: Request) -> Response:
         """Exchange a token for a session."""
-        assert self._access is not None, "only where tokens are asked for"
+        assert self._access is not None, "only if tokens are configured"
         asked = await _asked(request, ("token",))
         if isinstance(asked, Response):
             return asked
@@ -384,15 +384,15 @@ class LoginRoutes:
 
     async def log_out(self, request: Request) -> Response:
         """End the session."""
-        assert self._access is not None, "only where tokens are asked for"
+        assert self._access is not None, "only if tokens are configured"
         return json_answer({}, headers={"Set-Cookie": self._access.log_out(request.scope)})
 
     async def acknowledge(self, request: Request) -> Response:
         """Acknowledge an alarm: the only change that is possible over TCP."""
-        assert self._access is not None, "only where tokens are asked for"
+        assert self._access is not None, "only if tokens are configured"
         visitor: Visitor = request.state.visitor
         if not self._access.may_acknowledge(visitor):
-            what = f'"{visitor.name}" may look only; a token with acknowledge = true may acknowledge'
+            what = f'"{visitor.name}" may only read; a token with acknowledge = true may acknowledge'
             return problem(403, what)
         asked = await _asked(request, ("kind", "where", "since"))
         if isinstance(asked, Response):
@@ -400,7 +400,7 @@ class LoginRoutes:
         done = self._window.acknowledge(asked["kind"], asked["where"], asked["since"], visitor.name)
         if done is None:
             what = f"there is no such alarm: {shortened(asked['kind'])}, {shortened(asked['where'])}"
-            return problem(404, f"{what}; it may have ended, or be another one by now")
+            return problem(404, f"{what}; it may have ended, or another one has begun")
         return json_answer(done.as_data())
 
 
@@ -414,7 +414,7 @@ async def _asked(request: Request, keys: Sequence[str]) -> dict[str, str] | Resp
     except (ValueError, RecursionError):
         asked = None
     except ClientDisconnect:
-        return problem(400, "the connection was closed before the body was whole")
+        return problem(400, "the connection was closed before the body was complete")
     if (
         not isinstance(asked, dict)
         or asked.keys() != set(keys)

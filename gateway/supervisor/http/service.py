@@ -215,7 +215,7 @@ class HttpService:
         self._window.log(
             HTTP_NOT_OPEN,
             listen=where,
-            detail=f"{why}; it is tried again, and everything else goes on",
+            detail=f"{why}; the gateway tries again, and everything else continues",
         )
 
 

@@ -144,7 +144,7 @@ async def carry_out(command: str, payload: bytes, orders: Orders) -> CommandResu
     except NoGatewayError as error:
         answer.problems = (str(error),)
     except Exception as error:  # noqa: BLE001 - a bug in one command must not cost those behind it
-        answer.problems = (f"a mistake in the gateway: {type(error).__name__}: {error}",)
+        answer.problems = (f"an error in the gateway: {type(error).__name__}: {error}",)
     return answer
 
 
@@ -247,7 +247,10 @@ class Commander:
             self._missed += axes is None
             self._count_too_many(entry.shown)
             if axes is None and not entry.missed:  # one answer for all that follow
-                text = f"more than {BURST} at once and {PER_S:g} a second: this and what follows is ignored"
+                text = (
+                    f"more than {BURST} together or {PER_S:g} a second: this command and the next ones "
+                    "are ignored"
+                )
                 entry.answer = CommandResult(command[:64], None, problems=(text,))
                 self._wait(entry)
 
@@ -343,8 +346,8 @@ class Commander:
             self._log(
                 MQTT_COMMAND_IGNORED,
                 command=command[:64],
-                detail="it was published as retained: it would be obeyed again at every start. Take it away "
-                f"{_how_to_clear(topic)}, and publish commands without retain",
+                detail=f"publish commands without retain, and remove this one {_how_to_clear(topic)}: a "
+                "retained command would be executed again at every start",
             )
 
 
@@ -352,4 +355,4 @@ def _how_to_clear(topic: str) -> str:
     """Return a shell command that clears a retained topic. A topic is untrusted text."""
     if topic.isprintable() and len(topic) <= LONGEST_TOPIC_SHOWN:
         return f"with: mosquitto_pub -r -n -t {shlex.quote(topic)}"
-    return f"with an empty retained message to its topic, which is no name to type ({topic[:64]!a})"
+    return f"with an empty retained message to its topic, which cannot be typed ({topic[:64]!a})"

@@ -124,7 +124,9 @@ class Publisher:
         commands = [(self._settings.topics.commands, 1)] if self._settings.allows_commands else []
         for topics in commands, [(topic, 0) for topic in self._settings.sensors]:
             if topics and (denied := await connection.subscribe(topics)):
-                problem = f"the broker does not let the gateway read {', '.join(denied)}: allow it in its ACL"
+                problem = (
+                    f"the broker does not allow the gateway to read {', '.join(denied)}: allow it in its ACL"
+                )
         return problem
 
     def _take(self, connection: BrokerConnection, message: MQTTMessage) -> None:

@@ -11,7 +11,7 @@ from gateway.supervisor.mqtt.connection import BrokerError, NoAnswerError
 from gateway.supervisor.mqtt.settings import Settings
 
 _LOST: Final = (
-    "the connection to {broker} was lost: is the broker still running? Where it is, another client may have "
+    "the connection to {broker} was lost: check that the broker runs. If it does, another client may have "
     "connected as {client_id}"
 )
 _REFUSED: Final[Mapping[str, str]] = {
@@ -20,24 +20,24 @@ _REFUSED: Final[Mapping[str, str]] = {
     "Bad user name or password": "the broker refuses {who}: check [mqtt] username and password_file",
     "Unsupported protocol version": "the broker does not speak MQTT {version}: set [mqtt] version to {other}",
     "Client identifier not valid": "the broker refuses the name {client_id}: set another [mqtt] client_id",
-    "Server unavailable": "the broker says that it is not available: look at its log",
+    "Server unavailable": "the broker reports that it is not available: look at its log",
     "Banned": "the broker has banned {who}: look at its log",
-    "Bad authentication method": "the broker wants another way to log in than username and password",
-    "Session taken over": "another client has connected as {client_id}: give each gateway a name of its own, "
-    "or a [mqtt] client_id",
+    "Bad authentication method": "the broker requires another way to log in than username and password",
+    "Session taken over": (
+        "give each gateway its own name, or a [mqtt] client_id: another client has connected as {client_id}"
+    ),
     "Unspecified error": _LOST,
     "Packet too large": "the broker refuses messages of this size: raise its limit",
     "Retain not supported": "the broker keeps no retained messages, which the gateway needs: switch them on",
-    "QoS not supported": "the broker does not take QoS 1, which the gateway needs: switch it on",
+    "QoS not supported": "the broker does not accept QoS 1, which the gateway needs: switch it on",
 }
 
 
 def taken_over(settings: Settings) -> str:
     """Return the explanation for a broker that ends one connection after the other."""
     return (
-        f"{settings.broker} ends each connection soon after it was made: as a rule another client connects "
-        f"as {settings.client_id} too, and each takes the other's place; give each gateway a name of its "
-        "own, or a [mqtt] client_id"
+        f"give each gateway its own name, or a [mqtt] client_id: {settings.broker} ends each connection "
+        f"soon, usually because another client also connects as {settings.client_id}"
     )
 
 
@@ -53,9 +53,10 @@ def why(error: BaseException, settings: Settings) -> str:
         return str(error)
     if isinstance(error, NoAnswerError):
         need = (
-            "is it a broker's port, and is it one without TLS?"
+            "check that this is a broker's port without TLS"
             if settings.tls is None
-            else "is it a broker's port, and does the broker want a certificate ([mqtt.tls] cert and key)?"
+            else "check that this is a broker's port, and whether the broker requires a certificate "
+            "([mqtt.tls] cert and key)"
         )
         return f"{settings.broker} does not answer: {need}"
     for each in (error.__cause__, error):
@@ -74,15 +75,15 @@ def _of_network(error: OSError, settings: Settings) -> str:
         return f"nothing listens at {broker}: start the broker, or correct [mqtt] host and port"
     if isinstance(error, ssl.SSLCertVerificationError):
         return (
-            f"{broker} could not prove who it is ({error.verify_message}): [mqtt.tls] ca must name the "
-            "authority that signed its certificate, and [mqtt] host a name that stands in it"
+            f"{broker} could not prove its identity ({error.verify_message}): set [mqtt.tls] ca to the "
+            "authority that signed its certificate, and [mqtt] host to a name in this certificate"
         )
     if isinstance(error, ssl.SSLError) or (settings.tls is not None and isinstance(error, ConnectionError)):
         reason = getattr(error, "reason", None) or error.strerror or str(error)
         words = reason.lower().replace("_", " ")
-        return f"no TLS with {broker} ({words}): is this the broker's port for TLS?"
+        return f"no TLS with {broker} ({words}): check that this is the broker's port for TLS"
     if isinstance(error, socket.gaierror):
-        return f"{settings.host} is not known to the name service: correct [mqtt] host, or check the network"
+        return f"the name service does not know {settings.host}: correct [mqtt] host, or check the network"
     if isinstance(error, TimeoutError):
         return f"{broker} does not answer: check the network, and [mqtt] host and port"
     reason = error.strerror or str(error)

@@ -196,7 +196,7 @@ class Sender:
         try:
             await asyncio.to_thread(self._ledger.save, topics)
         except OSError as error:
-            detail = f"{error}; should an axis be taken away, its retained messages stay at the broker"
+            detail = f"{error}; if you remove an axis, its retained messages stay at the broker"
             self._log(MQTT_TOPICS_NOT_NOTED, detail=detail)
 
     async def _send_moving(self, model: Model) -> None:

@@ -186,7 +186,7 @@ async def test_only_the_own_page_logs_in(tmp_path: Path, sent: str, status: int)
     async with asking(tmp_path) as visitor:
         answer = await visitor.log_in(TOKEN, sent)
         assert answer.status == status
-        refused = [{"peer": "127.0.0.1", "detail": "a page from elsewhere may not ask for that", "times": 1}]
+        refused = [{"peer": "127.0.0.1", "detail": "a page of another site may not request this", "times": 1}]
         assert visitor.events("http-refused") == ([] if status == 200 else refused)
 
 

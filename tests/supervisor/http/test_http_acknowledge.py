@@ -63,7 +63,7 @@ async def test_a_token_that_may_look_only_does_not(tmp_path: Path) -> None:
     async with asking(tmp_path) as visitor:
         answer = await acknowledge(visitor, bearer(TOKEN), JSON)
         assert answer.status == 403
-        assert answer.data["problem"].startswith('"people" may look only; a token with acknowledge = true')
+        assert answer.data["problem"].startswith('"people" may only read; a token with acknowledge = true')
         assert (await visitor.ask("/session", bearer(TOKEN))).data["may_acknowledge"] is False
 
 

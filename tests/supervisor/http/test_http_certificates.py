@@ -55,7 +55,7 @@ async def test_the_end_of_the_pages_certificate_is_told_before_and_when_it_comes
         [ended] = visitor.events("certificate-ended")
         assert (ended["days_left"], ended["remedy"]) == (
             -1,
-            "give one that is good; if this is, set the clock",
+            "give a valid one; if this one is valid, set the clock",
         )
         assert len(visitor.events("certificate-ends-soon")) == 1
 

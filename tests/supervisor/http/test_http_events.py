@@ -147,7 +147,7 @@ async def test_one_reader_too_many_is_told_so(tmp_path: Path) -> None:
         third = await served.ask("/events")
         assert (third.status, third.data) == (
             503,
-            {"problem": "2 read the events already; try again later"},
+            {"problem": "2 clients already read the events; try again later"},
         )
         assert (await served.ask("/metrics")).status == 200
         first.close()

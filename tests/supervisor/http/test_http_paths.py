@@ -34,7 +34,7 @@ async def test_the_status_is_the_newest_model(tmp_path: Path) -> None:
         none = await served.ask("/status")
         assert (none.status, none.data) == (
             503,
-            {"problem": "nothing is known yet: the supervisor has just been started"},
+            {"problem": "nothing is known yet: the supervisor has just started"},
         )
         served.broadcast.publish(model_of(model(snapshot(axis={"correction": float("nan")}))))
         assert (await served.ask("/status")).data["axes"]["x"]["correction"] is None  # JSON has no NaN
@@ -62,8 +62,8 @@ async def test_a_head_request_gets_the_same_without_the_body(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("newest", "reasons"),
     [
-        (None, ["nothing is known yet: the supervisor has just been started"]),
-        (model(age_s=None), ["nothing is known yet: the supervisor has just been started"]),
+        (None, ["nothing is known yet: the supervisor has just started"]),
+        (model(age_s=None), ["nothing is known yet: the supervisor has just started"]),
         (model(is_relay_up=False), ["gateway: the relay is not running: no command reaches a drive"]),
         (model(age_s=2.5), ["gateway: the relay has reported nothing for 2 s: the machine may not obey"]),
         (

@@ -36,7 +36,7 @@ async def test_a_port_that_is_taken_is_tried_again(tmp_path: Path, monkeypatch: 
                     "http-not-open",
                     {
                         "listen": address,
-                        "detail": f"{problem}; it is tried again, and everything else goes on",
+                        "detail": f"{problem}; the gateway tries again, and everything else continues",
                     },
                 )
             ]
@@ -174,7 +174,7 @@ async def test_a_mistake_of_ours_is_an_answer_and_a_note(
         failed = await served.ask("/healthz")
         assert (failed.status, failed.data) == (
             500,
-            {"problem": "the supervisor made a mistake; its log says which"},
+            {"problem": "an error in the supervisor; see its log"},
         )
         assert (await served.ask("/healthz")).status == 500
         assert served.said[1:] == [("http-failed", {"detail": "/healthz: KeyError: 'none'"})]  # once a minute

@@ -168,7 +168,7 @@ def test_refusals_are_told_once_a_minute_with_how_many(tmp_path: Path) -> None:
     assert len(gate.said) == 1
     gate.clock.now_s += 31.0
     gate.refusals.sweep(gate.clock.now_s)
-    late = {"peer": "192.0.2.1", "detail": "too many wrong tokens: not looked at", "times": 14}
+    late = {"peer": "192.0.2.1", "detail": "too many wrong tokens: not checked", "times": 14}
     assert gate.said[1:] == [("token-refused", late)]
     gate.clock.now_s += 61.0
     gate.refusals.sweep(gate.clock.now_s)

@@ -191,7 +191,7 @@ async def test_a_retained_command_is_not_obeyed_and_that_is_said_once(tmp_path: 
     ("name", "shown"),
     [
         ("it's; reboot", f"""-t '{ROOT}/command/it'"'"'s; reboot',"""),
-        ("n" * 300, "which is no name to type ('pitch-gateway/mill-1/command/nnn"),
+        ("n" * 300, "which cannot be typed ('pitch-gateway/mill-1/command/nnn"),
     ],
 )
 async def test_a_stranger_s_topic_can_be_typed_or_is_not_shown_as_a_command(

@@ -78,7 +78,7 @@ async def test_nobody_listens(tmp_path: Path) -> None:
 
 async def test_a_name_that_nobody_knows(tmp_path: Path) -> None:
     said = await why_lost(tmp_path, 1883, host="no-such-broker.invalid")
-    assert said.startswith("no-such-broker.invalid is not known to the name service: correct [mqtt] host")
+    assert said.startswith("the name service does not know no-such-broker.invalid:  correct [mqtt] host")
 
 
 async def test_a_host_that_is_no_name_at_all(tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ async def test_a_port_that_accepts_and_says_nothing(tmp_path: Path, monkeypatch:
     monkeypatch.setattr("gateway.supervisor.mqtt.connection.ANSWER_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as mute:
         said = await why_lost(tmp_path, mute.getsockname()[1])
-    assert said.endswith("does not answer: is it a broker's port, and is it one without TLS?")
+    assert said.endswith("does not answer: check that this is a broker's port without TLS")
 
 
 async def test_a_port_that_hangs_up_before_it_accepts_is_told_of_at_once(tmp_path: Path) -> None:
@@ -108,14 +108,14 @@ async def test_a_port_that_hangs_up_before_it_accepts_is_told_of_at_once(tmp_pat
         port = server.sockets[0].getsockname()[1]
         async with asyncio.timeout(ANSWER_S / 2):
             said = await why_lost(tmp_path, port)
-    assert said.endswith("does not answer: is it a broker's port, and is it one without TLS?")
+    assert said.endswith("does not answer: check that this is a broker's port without TLS")
 
 
 @pytest.mark.parametrize(
     ("version", "sent", "said"),
     [
-        ("3.1.1", "20020000", "was lost: is the broker still running? Where it is, another client may have"),
-        ("5", "2003000000", "was lost: is the broker still running? Where it is, another client may have"),
+        ("3.1.1", "20020000", "was lost: check that the broker runs. If it does, another client may have"),
+        ("5", "2003000000", "was lost: check that the broker runs. If it does, another client may have"),
         (
             "5",
             "2003000000 e0028e00",
@@ -179,9 +179,7 @@ async def test_two_that_call_themselves_the_same(tmp_path: Path) -> None:
             await site.until_said("mqtt-connected")
             async with watching(broker.port, identifier="mine"):
                 said = (await site.until_said("mqtt-lost"))["detail"]
-    assert said.endswith(
-        "is the broker still running? Where it is, another client may have connected as mine"
-    )
+    assert said.endswith("check that the broker runs. If it does, another client may have connected as mine")
 
 
 @pytest.mark.parametrize("version", ["3.1.1", "5"])
@@ -198,8 +196,8 @@ async def test_two_gateways_with_one_client_id_are_told_so(tmp_path: Path, versi
                 times += 1
                 detail = (await site.until_said("mqtt-lost", times))["detail"]
             assert times <= 3
-            assert "another client connects as mine too" in detail
-            assert detail.endswith("give each gateway a name of its own, or a [mqtt] client_id")
+            assert "another client also connects as mine" in detail
+            assert detail.endswith("give each gateway its own name, or a [mqtt] client_id")
             await site.until_said("mqtt-connected", times + 1)
             assert site.status["problem"] == detail  # as long as no connection has held
 
@@ -210,11 +208,11 @@ async def test_two_gateways_with_one_client_id_are_told_so(tmp_path: Path, versi
         (
             PacketTypes.DISCONNECT,
             0x8E,
-            "another client has connected as mine: give each gateway a name of its own",
+            "give each gateway its own name, or a [mqtt] client_id: another client has connected as mine",
         ),
         (PacketTypes.CONNACK, 0x84, 'the broker does not speak MQTT 3.1.1: set [mqtt] version to "5"'),
         (PacketTypes.CONNACK, 0x85, "the broker refuses the name mine: set another [mqtt] client_id"),
-        (PacketTypes.CONNACK, 0x8C, "the broker wants another way to log in than username and password"),
+        (PacketTypes.CONNACK, 0x8C, "the broker requires another way to log in than username and password"),
         (PacketTypes.DISCONNECT, 0x96, "the connection to 127.0.0.1:1883 ended (message rate too high)"),
     ],
 )
@@ -295,9 +293,9 @@ async def test_with_tls_the_broker_proves_who_it_is(tmp_path: Path, certificates
 @pytest.mark.parametrize(
     ("keys", "said"),
     [
-        ({"tls": {"ca": "other.crt"}}, "could not prove who it is (self-signed certificate in "),
-        ({"tls": {}}, "could not prove who it is (self-signed certificate in "),
-        ({"tls": {"ca": "ca.crt"}, "host": "localhost"}, "could not prove who it is (Hostname mismatch"),
+        ({"tls": {"ca": "other.crt"}}, "could not prove its identity (self-signed certificate in "),
+        ({"tls": {}}, "could not prove its identity (self-signed certificate in "),
+        ({"tls": {"ca": "ca.crt"}, "host": "localhost"}, "could not prove its identity (Hostname mismatch"),
     ],
 )
 async def test_a_broker_that_cannot_prove_who_it_is(
@@ -313,7 +311,7 @@ async def test_tls_with_a_broker_that_speaks_none(tmp_path: Path, certificates: 
         async with publishing(settings(broker.port, certificates, tls={"ca": "ca.crt"}), tmp_path) as site:
             detail = (await site.until_said("mqtt-lost"))["detail"]
     assert detail.startswith(f"no TLS with 127.0.0.1:{broker.port} (")
-    assert detail.endswith("): is this the broker's port for TLS?")
+    assert detail.endswith("): check that this is the broker's port for TLS")
 
 
 @VERSIONS
@@ -336,7 +334,7 @@ async def test_a_broker_that_wants_a_certificate_gets_it_or_says_so(
         given = settings(broker.port, certificates, version=version, tls={"ca": "ca.crt"})
         async with publishing(given, tmp_path) as site:
             detail = (await site.until_said("mqtt-lost"))["detail"]
-    assert "does the broker want a certificate ([mqtt.tls] cert and key)?" in detail
+    assert "whether the broker requires a certificate ([mqtt.tls] cert and key)" in detail
     assert capfd.readouterr() == ("", "")
 
 
@@ -376,4 +374,4 @@ def test_what_the_libraries_say_stays_out_of_the_log(tmp_path: Path, certificate
         folder = Path(__file__).parents[3]
         done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=folder)
     assert (done.returncode, done.stderr) == (0, "")
-    assert "does the broker want a certificate" in done.stdout
+    assert "whether the broker requires a certificate" in done.stdout
