@@ -68,7 +68,7 @@ ADDRESS: Final = RefusalEntry(
 )
 COUNTS_CONTRADICT: Final = RefusalEntry(
     0x03,
-    "the counts of a write to {register} contradict each other",
+    "register count and byte count of a write to {register} do not agree",
     "",
     "register count and byte count of a write do not match",
     "correct the controller's program: the frame is malformed",
@@ -177,14 +177,14 @@ KEPT_POSITION: Final = RefusalEntry(
 )
 RESTAGING_STARTS: Final = RefusalEntry(
     0x04,
-    "its target has to be written anew, and writing it starts the move",
+    "its target must be rewritten, and writing it starts the move",
     ": write it in the frame that runs it",
     "the staged distance or target no longer matches the axis, and rewriting it would start the move",
     "write the distance or target in the frame that starts it",
 )
 RESTAGING_FORBIDDEN: Final = RefusalEntry(
     0x04,
-    "the staged target has to be written anew for its trigger",
+    "the staged target must be rewritten for its trigger",
     ', and added_frames = "never" forbids it',
     'the correction has changed since the write, with `added_frames = "never"`',
     'write the target again, then trigger. To let the gateway do it, set `added_frames = "auto"`',

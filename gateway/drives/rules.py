@@ -144,7 +144,7 @@ class ModeSpec(_Values):
     def _is_whole(self) -> "ModeSpec":
         if self.source in {ModeSource.FIXED, ModeSource.TRIGGER}:
             if self.model_fields_set != {"source"}:
-                raise ValueError(f'with source = "{self.source.value}" no other key has a meaning')
+                raise ValueError(f'with source = "{self.source.value}" no other key is allowed')
             return self
         if self.address is None:
             raise ValueError(f'source = "{self.source.value}" needs the address of the register')
@@ -210,7 +210,7 @@ class TriggerSpec(_Values):
     ignore: ListOf[Word] = Field(default=(), description="values that do nothing")
     paths: bool = Field(
         default=False,
-        description="value + P runs the position of path P, for values under absolute, relative and start",
+        description="values under absolute, relative and start: value + P runs the position of path P",
         json_schema_extra=documented(
             text=(
                 "with `paths` in `command`: value + P runs the position of path P, for the values under "

@@ -597,7 +597,7 @@ class LineExchange:
             frame.axis.report_rewritten(self.counters.restaged, now_ns)
             return None
         code = pdu[1] if len(pdu) == 2 and is_exception(pdu) else ExceptionCode.SERVER_DEVICE_FAILURE
-        why = "the drive refused the staged target when it was written anew"
+        why = "the drive refused the staged target when it was rewritten"
         frame.axis.lose_rewritten(rendering, code, why)
         return code
 

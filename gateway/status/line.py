@@ -35,8 +35,8 @@ class UnitStatus(Struct, kw_only=True):
         int,
         Counter(
             "damaged in a row",
-            "of the newest 32 requests that a unit id left unanswered in a row, those that met bytes of "
-            "no valid frame",
+            "of the last 32 requests that a unit id left unanswered in a row, those that got damaged bytes "
+            "instead of a valid frame",
             "compare baud rate and parity, then exchange A and B",
         ),
     ] = 0
@@ -44,7 +44,7 @@ class UnitStatus(Struct, kw_only=True):
         int,
         Counter(
             "damaged in the last minute",
-            "requests to a unit id within the last minute that met bytes of no valid frame",
+            "requests to a unit id within the last minute that got damaged bytes instead of a valid frame",
             "check cable, screen and termination",
         ),
     ] = 0
@@ -52,7 +52,7 @@ class UnitStatus(Struct, kw_only=True):
         int,
         Counter(
             "other transaction ids in a row",
-            "of the newest 32 requests that a unit id left unanswered in a row, those whose reply had "
+            "of the last 32 requests that a unit id left unanswered in a row, those whose reply had "
             "another transaction id",
             "update its firmware, or use a converter that returns the transaction id",
         ),

@@ -957,7 +957,7 @@ class Axis:
         reported_ns = self.reported_rewrite_ns
         if reported_ns is None or now_ns - reported_ns >= REWRITTEN_EVERY_NS:
             self.reported_rewrite_ns = now_ns
-            detail = f"a staged target was written anew for its trigger; {count} on this line since the start"
+            detail = f"a staged target was rewritten for its trigger; {count} on this line since the start"
             self.report(exchange_events.RESTAGED, detail)
 
     def lose_rewritten(self, rendering: Rendering, code: int, why: str) -> None:
