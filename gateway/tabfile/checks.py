@@ -208,7 +208,7 @@ def proven_home(rows: Sequence[SourceRow]) -> HomeSide | None:
 def unused_options(context: FileContext, format_name: str, names: Iterable[str]) -> tuple[Lint, ...]:
     """Return a remark for each given option that this dialect does not use."""
     return tuple(
-        Lint("R3", LintSeverity.WARNING, f"remove {name}: it has no effect for {format_name}")
+        Lint("R3", LintSeverity.WARNING, f"{name} has no effect for {format_name}: remove it")
         for name in names
         if getattr(context, name) is not None
     )

@@ -266,8 +266,8 @@ def _long_outliers(subject: _Subject, branch: str) -> Iterator[tuple[SourceRow, 
             row,
             _warning(
                 "L6",
-                f"measure again at {row.position:g} {subject.unit}: {branch} correction "
-                f"{values[index]:.6g} does not fit its neighbours (bend {bend:.4g}, limit {limit:.4g})",
+                f"{branch} correction {values[index]:.6g} at {row.position:g} {subject.unit} does not fit "
+                f"its neighbours (bend {bend:.4g}, limit {limit:.4g}): measure there again",
                 line_of(row, branch),
             ),
         )
@@ -318,9 +318,9 @@ def _short_outliers(subject: _Subject, branch: str) -> Iterator[tuple[SourceRow,
             row,
             _warning(
                 "L6",
-                f"check {branch} correction {value:.6g} at {row.position:g} {subject.unit} for a wrong "
-                "digit or decimal point, or measure there again: the other values lead to "
-                f"{_between(others, branch, row.position):.4g}",
+                f"{branch} correction {value:.6g} at {row.position:g} {subject.unit} does not fit: the "
+                f"other values lead to {_between(others, branch, row.position):.4g} there. Check for a "
+                "wrong digit or decimal point, or measure there again",
                 line_of(row, branch),
             ),
         )

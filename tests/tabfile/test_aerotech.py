@@ -88,7 +88,7 @@ def test_several_tables_need_a_told_axis() -> None:
     assert (error.line, error.allowed) == (11, "file_axis = one of X, Y")
     assert parse(TWO, file_axis="y", **TOLD).table.forward[1] == pytest.approx(-0.0099)
     assert parse(TWO, file_axis="X", axis="Z", **TOLD).table.forward[1] == pytest.approx(-0.0012)
-    assert "told file_axis 3" in str(refused(TWO, file_axis="3", **TOLD))
+    assert "but file_axis = 3" in str(refused(TWO, file_axis="3", **TOLD))
     assert "would be added to those of the first" in str(refused(SAMPLE + SAMPLE, **TOLD))
 
 
@@ -172,7 +172,7 @@ def test_blanks_around_an_equals_sign_and_a_serial_number() -> None:
 
 
 def test_travel_proves_a_wrong_start() -> None:
-    assert "misses travel" in str(refused(SAMPLE, travel=(-500.0, -150.0), units=Units.MM, **TOLD))
+    assert "outside travel" in str(refused(SAMPLE, travel=(-500.0, -150.0), units=Units.MM, **TOLD))
 
 
 TABLE = make_table([-5.0, 0.0, 5.0], [0.002, 0.0, -0.001], [0.001, 0.0, -0.003], Units.MM)
@@ -190,7 +190,7 @@ def test_text_of_the_writer() -> None:
     assert any("file_start -5" in loss for loss in written.losses)
     assert any("HOMEDIRECTION" in loss for loss in written.losses)
     for old, new in (("1.500000", "1.500001"), ("=5 ", "=6 "), (":END", ":end")):
-        with pytest.raises(TabFileError, match="changed since"):
+        with pytest.raises(TabFileError, match="changed after"):
             parse_table(written.text.replace(old, new).encode(), "x.cal", written.context)
 
 

@@ -50,7 +50,7 @@ def test_by_how_much_straight_lines_leave_the_parabola_is_said() -> None:
 def test_an_axis_of_several_is_told() -> None:
     both = CARVERA.decode() + "Y 0 1\nY 10 1.0001\n"
     assert "points of X, Y" in refused(both)
-    assert "told file_axis 'Z'" in refused(both, file_axis="Z")
+    assert "but file_axis = 'Z'" in refused(both, file_axis="Z")
     assert [row.position for row in load(both, file_axis="y").source.rows] == [0.0, 10.0]
 
 

@@ -152,12 +152,12 @@ def test_two_decimal_marks_are_refused(rows: str, line: int, found: str) -> None
 @pytest.mark.parametrize(
     ("old", "new", "line", "message"),
     [
-        ("0.0107", "0.0108", 5, "changed since"),
+        ("0.0107", "0.0108", 5, "changed after"),
         ("position_mm", "position_inch", 6, "positions in inch with values in mm"),
         ("-125.5,0.0107,0.0044\n", "", 10, "4 points"),
         ("0.0107", "0.0107x", 9, "0.0107x"),
         ("-125.5,0.0107,0.0044\n", "-125.5,0.0107,0.0044\n-100,0,0\n", 12, "6 points"),
-        ("forward_mm,backward_mm", "backward_mm,forward_mm", 5, "changed since"),
+        ("forward_mm,backward_mm", "backward_mm,forward_mm", 5, "changed after"),
         ("# sha256: ", "# sha256: 0", 5, "64 digits"),
         ("# points: 5", "# points: 6", 11, "5 points"),
         ("# points: 5", "# points: five", 11, "5 points"),
@@ -186,7 +186,7 @@ def test_unit_slips_are_remarked_on() -> None:
 def test_told_facts_that_contradict_the_file_are_refused() -> None:
     assert "lowest position of 0" in str(refused(SMALL, file_start=-30.0))
     assert "file_home is plus" in str(refused(SMALL, file_home=HomeSide.PLUS))
-    assert "misses travel" in str(refused(SMALL, travel=(-40.0, 0.0), units=Units.MM))
+    assert "outside travel" in str(refused(SMALL, travel=(-40.0, 0.0), units=Units.MM))
     assert "but file_units = inch" in str(refused(SMALL, file_units=Units.INCH))
     assert "axis in degree" in str(refused(SMALL, units=Units.DEGREE))
 

@@ -219,7 +219,7 @@ def test_slope_must_stay_below_the_hundred_percent_of_the_control() -> None:
 
 
 def test_range_start_and_what_has_no_meaning() -> None:
-    with pytest.raises(TabFileError, match="misses travel"):
+    with pytest.raises(TabFileError, match="outside travel"):
         parse(PRINTED, units=Units.MM, travel=(-300.0, -100.0))
     with pytest.raises(TabFileError, match="lowest position of -20"):
         parse(PRINTED, file_start=0.0)

@@ -77,7 +77,7 @@ def test_one_of_several_axes_must_be_told() -> None:
     loaded = parse(SEVERAL, file_axis="y")
     assert list(loaded.table.forward) == [-0.01, 0.02]
     assert loaded.source.decisions[3] == "not used: Z, a cross compensation over these positions"
-    with pytest.raises(TabFileError, match="columns Z, Y, told file_axis X"):
+    with pytest.raises(TabFileError, match="columns Z, Y, but file_axis = X"):
         parse(SEVERAL, file_axis="X")
 
 
@@ -85,7 +85,7 @@ def test_backlash_of_several_axes_is_refused() -> None:
     text = "BEGIN Y .COM MM\nNR AXISPOS Z Y BACKLASH\n0 -90 0 0 1\n1 -85 0 0 1\n[END]\n"
     with pytest.raises(TabFileError, match="BACKLASH beside the columns Z, Y") as caught:
         parse(text, file_axis="Y")
-    assert "AXISPOS, Y and its BACKLASH only" in caught.value.allowed
+    assert "only AXISPOS, Y and its BACKLASH" in caught.value.allowed
 
 
 def test_backlash_of_zeros_has_two_readings() -> None:
@@ -123,7 +123,7 @@ def test_columns_that_are_blank_in_all_rows_are_not_there() -> None:
     assert explained.forward.correction == pytest.approx(-0.0015, abs=1e-15)
     assert explained.backward.correction == pytest.approx(-0.0015, abs=1e-15)
     assert loaded.source.decisions[3] == "not filled in: BACKLASH, X, Y"
-    with pytest.raises(TabFileError, match="columns Z, told file_axis X"):
+    with pytest.raises(TabFileError, match="columns Z, but file_axis = X"):
         parse(WIDE, file_axis="X")
 
 
@@ -236,7 +236,7 @@ def test_files_that_end_early_are_named(text: str, found: str) -> None:
 
 
 def test_range_start_and_what_has_no_meaning() -> None:
-    with pytest.raises(TabFileError, match="misses travel"):
+    with pytest.raises(TabFileError, match="outside travel"):
         parse(ONE, units=Units.MM, travel=(0.0, 100.0))
     with pytest.raises(TabFileError, match="lowest position of -90"):
         parse(ONE, file_start=0.0)

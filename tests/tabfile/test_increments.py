@@ -54,7 +54,7 @@ def test_fanuc_manual_example_is_summed_up_from_the_reference_outward() -> None:
     # half way between 4 um at -250 and 2 um at -200
     assert explain(loaded, -225.0).forward.correction == pytest.approx(0.003, abs=1e-15)
     assert loaded.source.behaves_as == ('outside = "hold"',)
-    assert "reference point 40 is 0 mm" in loaded.source.decisions[0]
+    assert "reference point 40 is at 0 mm" in loaded.source.decisions[0]
     assert loaded.source.decisions[1].startswith("assumed")
 
 
@@ -87,7 +87,7 @@ def test_fanuc_turn_has_its_first_point_twice_and_sums_up_to_nothing() -> None:
     error = refused(revolution.replace("60,-2", "60,-3"), **DEGREES)
     assert (error.line, error.found) == (7, "-3 at point 60, but -2 at point 68, one turn later")
     error = refused(revolution.replace("65,3", "65,4"), **DEGREES)
-    assert "sum up to 1 over a turn" in error.found
+    assert "the sum of the values over a turn is 1" in error.found
     assert "at most one turn" in str(refused(fanuc("0 1 3 1 121", "0 0 0", 1), **DEGREES))
     # on a linear axis point 60 is a section like any other
     assert parse(revolution, **MM).table.first == -45.0
@@ -118,9 +118,9 @@ def test_mitsubishi_scale_factor_and_reference() -> None:
     [
         ({"file_counts_per_unit": 1000.0}, "states no units"),
         ({"file_units": Units.MM}, "file_counts_per_unit is missing"),
-        ({"file_units": Units.MM, "file_counts_per_unit": -1000.0}, "file_counts_per_unit -1000"),
+        ({"file_units": Units.MM, "file_counts_per_unit": -1000.0}, "file_counts_per_unit = -1000"),
         ({**MM, "units": Units.DEGREE}, "axis in degree"),
-        ({**MM, "travel": (3000.0, 4000.0)}, "misses travel"),
+        ({**MM, "travel": (3000.0, 4000.0)}, "outside travel"),
     ],
 )
 @pytest.mark.parametrize("text", [FANUC, MITSUBISHI])
@@ -143,7 +143,7 @@ def test_scale_is_per_unit_of_the_axis() -> None:
         ("3620,40", "3620,50", 3, "3620 from 32 to 49"),
         ("3621,33", "3622,33", 4, "3621 and its number"),
         ("3621,33", "3621,32", 9, "point 32: every point once"),
-        ("3622,49", "3622,48", 25, "nothing after point 48"),
+        ("3622,49", "3622,48", 25, "no more points after 48"),
         ("3622,49", "3622,50", 25, "points up to 50"),
         ("3622,49", "3622,32", 5, "33 to"),
         ("3623,1", "3623,0", 6, "1 to 100"),

@@ -94,7 +94,7 @@ def test_scale_of_increments_is_per_unit_of_the_axis() -> None:
 def test_increments_need_a_scale_and_units() -> None:
     with pytest.raises(TabFileError, match="file_counts_per_unit is missing"):
         parse(EVEN, units=Units.MM)
-    with pytest.raises(TabFileError, match="file_counts_per_unit -1000"):
+    with pytest.raises(TabFileError, match="file_counts_per_unit = -1000"):
         parse(EVEN, units=Units.MM, file_counts_per_unit=-1000.0)
     with pytest.raises(TabFileError, match="axis of unknown units"):
         parse(EVEN, file_counts_per_unit=1000.0)
@@ -112,7 +112,7 @@ def test_one_value_holds_in_both_directions() -> None:
 def test_sense_can_be_turned_round(key: str) -> None:
     loaded = parse(ONE_WAY, **{key: ErrorSense.COMMAND_MINUS_ACTUAL})
     assert explain(loaded, 10.0).forward.correction == pytest.approx(0.00505, abs=1e-15)
-    assert loaded.source.decisions[0] == "sense command_minus_actual: told"
+    assert loaded.source.decisions[0] == "sense command_minus_actual: as given"
     same = parse(ONE_WAY, **{key: ErrorSense.ACTUAL_MINUS_COMMAND})
     assert list(same.table.forward) == list(parse(ONE_WAY).table.forward)
 
@@ -144,7 +144,7 @@ def test_modulo_list_needs_its_units() -> None:
 
 
 def test_modulo_list_must_close() -> None:
-    with pytest.raises(TabFileError, match="first and last pos values differ") as caught:
+    with pytest.raises(TabFileError, match="different first and last pos values") as caught:
         parse(REVOLUTION.replace("[2].pos 0", "[2].pos 1"), file_units=Units.DEGREE)
     assert caught.value.line == 8
     two = REVOLUTION.replace("bilateral 0", "bilateral 1") + "".join(
@@ -293,7 +293,7 @@ def test_comment_that_lost_its_end_swallows_nothing() -> None:
 
 
 def test_range_start_and_home() -> None:
-    with pytest.raises(TabFileError, match="misses travel"):
+    with pytest.raises(TabFileError, match="outside travel"):
         parse(ONE_WAY, travel=(-30.0, -1.0))
     with pytest.raises(TabFileError, match="lowest position of 0"):
         parse(ONE_WAY, file_start=5.0)

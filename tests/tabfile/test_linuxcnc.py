@@ -172,7 +172,7 @@ def test_start_and_travel_are_checked() -> None:
     parse(CORRECTED, file_start=-10.0)
     with pytest.raises(TabFileError, match="file_start is 0"):
         parse(CORRECTED, file_start=0.0)
-    with pytest.raises(TabFileError, match="misses travel"):
+    with pytest.raises(TabFileError, match="outside travel"):
         parse(CORRECTED, travel=(20.0, 40.0))
 
 

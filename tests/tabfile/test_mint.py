@@ -82,9 +82,9 @@ def test_an_offset_is_refused_until_file_start_tells_where_mark_a_lies() -> None
     # A at -5: 7 is 12 from A; the motor is at 10 + (12 - 10.02) / (20.01 - 10.02) x 10 = 11.981982 from A.
     plus, minus = error.readings
     assert "A at 5 mm" in plus
-    assert "7 goes out as 6.99601" in plus
+    assert "7 is sent as 6.99601" in plus
     assert "A at -5 mm" in minus
-    assert "7 goes out as 6.98198" in minus
+    assert "7 is sent as 6.98198" in minus
     assert "file_start = 5 or file_start = -5" in error.allowed
 
 
@@ -118,8 +118,8 @@ def test_readings_of_an_offset_are_told_in_units_of_the_axis() -> None:
 def test_a_place_beyond_the_table_of_one_reading_is_said_to_get_nothing() -> None:
     # 100 + 2 is 202 from A where A lies at -100: the table ends at 50.01
     error = refused(SAMPLE.replace("PRECISIONOFFSET.0 = 0", "PRECISIONOFFSET.0 = 100"))
-    assert "102 goes out as 101.99601" in error.readings[0]
-    assert "102 goes out as it is" in error.readings[1]
+    assert "102 is sent as 101.99601" in error.readings[0]
+    assert "102 is sent as it is" in error.readings[1]
 
 
 def test_an_increment_that_stands_only_in_a_figure_is_told() -> None:
@@ -212,8 +212,8 @@ def test_values_know_their_own_lines() -> None:
             None,
             "without a statement that begins with PRECISIONTABLE",
         ),
-        ("PRECISIONTABLE(0, fwd)", "PRECISIONTABLE(1, fwd)", 2, "axis 1 without its PRECISIONINCREMENT"),
-        ("PRECISIONINCREMENT.0 = 10", "", 2, "without its PRECISIONINCREMENT"),
+        ("PRECISIONTABLE(0, fwd)", "PRECISIONTABLE(1, fwd)", 2, "axis 1 without PRECISIONINCREMENT"),
+        ("PRECISIONINCREMENT.0 = 10", "", 2, "without PRECISIONINCREMENT"),
         ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = -10", 3, "a distance above 0"),
         ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = inc", 3, "decimal number"),
         ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0.5 = 10", 3, "PRECISIONINCREMENT.axis = value"),
@@ -234,9 +234,9 @@ def test_values_know_their_own_lines() -> None:
             "PRECISIONINCREMENT.0 = 10",
             "PRECISIONINCREMENT.0 = 10\nPRECISIONNODE.0 = 1",
             4,
-            "almost PRECISIONMODE",
+            "nearly PRECISIONMODE",
         ),
-        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nBACKLAS.0 = 0.01", 4, "almost BACKLASH"),
+        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nBACKLAS.0 = 0.01", 4, "nearly BACKLASH"),
         ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nPRECISIONTABLE(0, fwd)", 4, "a second"),
         ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nDIM fwd(1) = 3", 4, "a second DIM"),
         (
@@ -274,7 +274,7 @@ def test_several_axes_need_a_name() -> None:
         parse(text)
     assert list(parse(text, file_axis="1").table.forward) == pytest.approx([0, -0.01, -0.02], abs=1e-12)
     assert parse(text, file_axis="0").table.last == 50.01
-    with pytest.raises(TabFileError, match="told file_axis '2'"):
+    with pytest.raises(TabFileError, match="but file_axis = '2'"):
         parse(text, file_axis="2")
     with pytest.raises(TabFileError, match="PRECISIONINCREMENT without an axis"):
         parse(text.replace("PRECISIONINCREMENT.0", "PRECISIONINCREMENT"), file_axis="0")
@@ -350,6 +350,6 @@ def test_published_numbers_make_negative_backlash_and_are_remarked_on() -> None:
 
 
 def test_travel_is_checked() -> None:
-    with pytest.raises(TabFileError, match="misses travel"):
+    with pytest.raises(TabFileError, match="outside travel"):
         parse(SAMPLE, travel=(-50.0, -1.0))
     assert parse(SAMPLE, travel=(0.0, 60.0), units=Units.MM).table.last == 50.01

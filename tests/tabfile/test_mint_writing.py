@@ -104,7 +104,7 @@ def test_first_correction_grows_from_mark_a_below_the_table() -> None:
     written = write(table)
     # 0.03 at a slope of 0.004 takes 7.5 mm, so one increment is enough
     assert "PRECISIONOFFSET.0 = -10" in written.text
-    assert any("grows up to 0" in loss for loss in written.losses)
+    assert any("grows to that of the first point, 0" in loss for loss in written.losses)
     back = read_back(written)
     assert back.errors == ()
     assert back.table.first == -10.0

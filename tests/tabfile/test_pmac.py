@@ -126,7 +126,7 @@ def test_of_several_motors_one_is_told() -> None:
     assert "x.pmc:5: tables of motor 2, 1; allowed: file_axis = one of 2, 1" in refused(both)
     assert read(both, file_axis="2") == UP
     assert read(both, file_axis="#1") == [(0.0, 0.0), (2.0, 0.001), (4.0, 0.0)]
-    assert "told file_axis '3'" in refused(both, file_axis="3")
+    assert "but file_axis = '3'" in refused(both, file_axis="3")
     assert "x.pmc:4: a second table of motor 1" in refused(f"#1\n{TABLE}DEFINE COMP 4,4000\n0 0 0 0\n")
     assert "x.pmc:1: a table for the addressed motor" in refused(TABLE + TABLE)
 
@@ -135,8 +135,8 @@ def test_a_source_alone_corrects_the_addressed_motor_which_must_be_known() -> No
     alone = TABLE.replace("4,4000", "4,#1,4000")
     assert "'#1' on a line above it" in refused(alone)
     assert read(alone, file_axis="1") == UP
-    assert "corrects motor 2 by the position of motor 1" in refused(f"#2\n{alone}")
-    assert "corrects motor 2 by the position of motor 1" in refused(alone, file_axis="2")
+    assert "corrects motor 2 over the position of motor 1" in refused(f"#2\n{alone}")
+    assert "corrects motor 2 over the position of motor 1" in refused(alone, file_axis="2")
 
 
 @pytest.mark.parametrize(
@@ -161,7 +161,7 @@ def test_a_source_alone_corrects_the_addressed_motor_which_must_be_known() -> No
         ("4,4000", "4,#1,#1D,4000", "x.pmc:1: 'DEFINE COMP 4,#1,#1D,4000'"),
         ("4,4000", "4,#1,#1,#1,4000", "x.pmc:1: 'DEFINE COMP 4,#1,#1,#1,4000'"),
         ("4,4000", "2.2,#1,#2,#1,4000,4000", "x.pmc:1: a table in two dimensions"),
-        ("4,4000", "4,#2,#1,4000", "x.pmc:1: a table that corrects motor 1 by the position of motor 2"),
+        ("4,4000", "4,#2,#1,4000", "x.pmc:1: a table that corrects motor 1 over the position of motor 2"),
     ],
 )
 def test_what_is_damaged_or_of_two_motors_is_refused_with_its_line(old: str, new: str, words: str) -> None:
@@ -179,7 +179,7 @@ def test_what_is_damaged_or_of_two_motors_is_refused_with_its_line(old: str, new
         ),
         ({"error_sense": None}, "error_sense = 'actual_minus_command' or 'command_minus_actual'"),
         ({"travel": None}, "travel = [lowest, highest] of the axis (--travel LO HI on the command line)"),
-        ({"travel": (-1.0, 4.0)}, "x.pmc:1: a length of 4000 counts, which is 4 mm, for a travel of 5"),
+        ({"travel": (-1.0, 4.0)}, "x.pmc:1: a length of 4000 counts, that is 4 mm, for a travel of 5"),
     ],
 )
 def test_what_the_file_does_not_say_is_asked_for(told: dict[str, object], words: str) -> None:

@@ -58,7 +58,7 @@ def test_unit_and_sign_must_be_told() -> None:
 
 
 def test_told_facts_must_fit() -> None:
-    assert "misses travel" in str(refused(COMBINED, travel=(-30.0, 0.0), units=Units.MM, **TOLD))
+    assert "outside travel" in str(refused(COMBINED, travel=(-30.0, 0.0), units=Units.MM, **TOLD))
     assert "lowest position of -400" in str(refused(SAMPLE, file_start=0.0, **TOLD))
 
 

@@ -175,7 +175,7 @@ def test_several_tables_need_a_name() -> None:
     assert list(parse(text, file_axis="1, C1").table.forward) == [-0.03, -0.01]
     assert list(parse(text, file_axis="Y1").table.forward) == [-0.04, 0.0]
     assert list(parse(text, file_axis="0,Y1").table.forward) == [-0.04, 0.0]
-    with pytest.raises(TabFileError, match="told file_axis 'C1'"):
+    with pytest.raises(TabFileError, match="but file_axis = 'C1'"):
         parse(text, file_axis="C1")
     parse(SAMPLE, file_axis="x1")
     with pytest.raises(TabFileError, match="file_axis = X1"):

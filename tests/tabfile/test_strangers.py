@@ -10,7 +10,7 @@ from gateway.tabfile import FileContext, TabFileError, parse_table
     ("text", "line", "found", "allowed"),
     [
         ("#1\nDEFINE BLCOMP 4,4000\n16 16 16 16\n", 2, "PMAC backlash", "negative direction only"),
-        ("#1 def tcomp 4,4000\n16 16 16 16\n", 1, "PMAC torque", "no position"),
+        ("#1 def tcomp 4,4000\n16 16 16 16\n", 1, "PMAC torque", "not positions"),
         ("#\r\nND-280      MM    \r\nAXIS X1  = 0\r\n", 2, "Heidenhain display unit", "power of two"),
         ("*\nCOMP. NO. 001 = +0.0000\n", 2, "Heidenhain display unit", "position_mm,error_um"),
         ("%\nN3620P40\nN3621P33\n", 2, "Fanuc", "fanuc-csv"),

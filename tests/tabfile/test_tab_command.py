@@ -111,11 +111,11 @@ def test_explain_prints_the_same_for_people() -> None:
         ([V2, "--at", 0, "--travel", -5, 0], "reading 2: file_start -4.5"),
         ([V3, "--at", 0, "--file-home", "minus"], "file_home"),
         ([V3, "--at", 0, "--file-start", 0], "file_start"),
-        ([V3, "--at", 0, "--units", "mm"], "units inch, told mm"),
+        ([V3, "--at", 0, "--units", "mm"], "units inch, but the given units are mm"),
         ([V3, "--at", 0, "--axis", "x"], "AXIS Z"),
         (
             [V1, "--at", 0, "--file-counts-per-unit", 64000, "--file-home", "minus"],
-            "prove home at the plus end",
+            "so home is at the plus end",
         ),
         ([V2, "--at", 0, "--file-counts-per-unit", 20000], "counts per inch"),
         (["nowhere.tab", "--at", 0], "no such file"),
@@ -320,7 +320,7 @@ def test_an_axis_that_is_no_letter_is_wrong_usage(letter: str) -> None:
 def test_convert_refuses_what_it_cannot_write(tmp_path: Path) -> None:
     out = tmp_path / "out.tab"
     assert "counts per unit" in refused("convert", V3, out, "--to", "centroid-1")
-    assert "write" in refused("convert", V3, tmp_path / "nowhere" / "out.tab", "--to", "centroid-2")
+    assert "written" in refused("convert", V3, tmp_path / "nowhere" / "out.tab", "--to", "centroid-2")
     assert run("convert", V3, out, "--to", "centroid-9").exit_code == 2
     assert not out.exists()
 

@@ -155,7 +155,7 @@ def test_c21_counts_in_the_three_headers_mean_three_things() -> None:
 
 
 def test_c22_z_axis_that_runs_upwards_against_its_travel_needs_a_told_start() -> None:
-    with pytest.raises(TabFileError, match="mirror"):
+    with pytest.raises(TabFileError, match="opposite signs"):
         parse(CNC_V2, travel=(-4.6, 0.0))
     assert parse(CNC_V2, travel=(-4.6, 0.0), file_start=-4.5).table.first == -4.5
 

@@ -216,7 +216,7 @@ def test_l6_two_rows_with_digits_exchanged() -> None:
     forward[2], forward[4] = 0.0481, 0.0829  # 0.0148 and 0.0289
     found = [lint for lint in microns(forward, BACK).lints if lint.code == "L6"]
     assert [lint.line for lint in found] == [8, 10]
-    assert "the other values lead to 0.01435" in found[0].message  # half way from 0.0071 to 0.0216
+    assert "the other values lead to 0.01435 there" in found[0].message  # half way from 0.0071 to 0.0216
 
 
 @pytest.mark.parametrize("count", [12, 18, 19, 31])
@@ -278,7 +278,7 @@ def test_l15_a_lost_motion_that_only_one_point_has() -> None:
     assert "L15" not in codes(microns(rough, back))
     back[3] = rough[3] + 0.012  # the sign of a lost motion
     (lint,) = (lint for lint in microns(rough, back).lints if lint.code == "L15")
-    assert "forward - backward at 30 mm is -0.012, at the others 0.012" in lint.message
+    assert "forward - backward is -0.012, at the other points 0.012" in lint.message
 
 
 def test_l15_two_rows_with_digits_exchanged_in_one_direction() -> None:
@@ -288,8 +288,8 @@ def test_l15_two_rows_with_digits_exchanged_in_one_direction() -> None:
     found = [lint for lint in microns(forward, back).lints if lint.code == "L15"]
     # 25.1 - 9.7 and 23.1 - 20.1 µm; elsewhere 11.7, 11.7, 11.9, 12 and 12.2.
     assert len(found) == 2
-    assert "at 20 mm is 0.0154, at the others 0.0119" in found[0].message
-    assert "at 30 mm is 0.003, at the others 0.0119" in found[1].message
+    assert "is 0.0154, at the other points 0.0119" in found[0].message
+    assert "at 30 mm is 0.003, at the other points 0.0119" in found[1].message
     # A lost motion that two of seven points have from wear, and a third half of it, is none.
     lost = [0.012, 0.012, 0.014, 0.018, 0.018, 0.014, 0.012]
     worn = [c - each for c, each in zip(forward, lost, strict=True)]
@@ -367,7 +367,7 @@ def test_l13_names_the_hole_in_an_even_grid() -> None:
 
     (hole,) = holes(0, 10, 20, 40, 50, 60)
     assert hole[0] == 4
-    assert "points at 20 and 40 mm lie 20 apart, most others 10" in hole[1]
+    assert "points at 20 and 40 mm are 20 apart, most others 10" in hole[1]
     # a position mistyped: 31 for 30
     assert [line for line, _ in holes(0, 10, 20, 31, 40, 50, 60)] == [4, 5]
     assert holes(0, 10, 20, 30, 40.004, 50) == []

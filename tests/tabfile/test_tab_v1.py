@@ -159,12 +159,12 @@ def test_range_that_misses_travel_while_its_mirror_meets_it_is_refused_with_both
 def test_range_that_exceeds_travel_by_more_than_a_fifth_is_refused() -> None:
     # 33 inch on 27.5 inch of travel: exactly 20 % more; on 27.4 inch: 20.4 %
     parse(TB058, travel=(0.0, 27.5))
-    with pytest.raises(TabFileError, match="exceeds travel"):
+    with pytest.raises(TabFileError, match="beyond travel"):
         parse(TB058, travel=(0.0, 27.4))
 
 
 def test_range_far_from_travel_on_either_side_is_refused() -> None:
-    with pytest.raises(TabFileError, match="misses travel"):
+    with pytest.raises(TabFileError, match="outside travel"):
         parse(TB058, travel=(40.0, 60.0))
 
 

@@ -133,7 +133,7 @@ def test_range_that_misses_travel_while_its_mirror_meets_it_is_refused() -> None
 def test_range_that_exceeds_travel_by_more_than_a_fifth_is_refused() -> None:
     # 4.5 inch on 3.75: exactly 20 % more
     parse(CNC_SERVICES, travel=(0.0, 3.75))
-    with pytest.raises(TabFileError, match="exceeds travel"):
+    with pytest.raises(TabFileError, match="beyond travel"):
         parse(CNC_SERVICES, travel=(0.0, 3.7))
 
 

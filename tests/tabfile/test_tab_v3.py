@@ -74,7 +74,7 @@ def test_axis_must_be_the_one_it_is_read_for() -> None:
 
 
 def test_table_that_misses_travel_is_refused() -> None:
-    with pytest.raises(TabFileError, match="misses travel") as caught:
+    with pytest.raises(TabFileError, match="outside travel") as caught:
         parse(SAMPLE, travel=(0.0, 4.0))
     assert len(caught.value.readings) == 2
     assert parse(SAMPLE, travel=(-110.0, 0.0), units=Units.MM).table.first == -4.0

@@ -46,7 +46,7 @@ def test_the_sense_must_be_told_and_both_readings_are_shown() -> None:
 
 def test_an_axis_of_several_is_told_in_any_case() -> None:
     assert "tables of X, Y" in refused(TWO_AXES)
-    assert "told file_axis 'Z'" in refused(TWO_AXES, file_axis="Z")
+    assert "but file_axis = 'Z'" in refused(TWO_AXES, file_axis="Z")
     assert read(TWO_AXES, file_axis="y") == [(0.0, 0.0, -0.03), (1000.0, 0.0, -0.03)]
 
 
