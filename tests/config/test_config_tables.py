@@ -173,7 +173,7 @@ def test_a_slope_above_the_limit_is_refused_with_its_segment(tmp_path: Path) -> 
 
 def test_a_table_beside_the_travel_is_refused(tmp_path: Path) -> None:
     text = edited(("travel = [-300.0, 0.0]", "travel = [400.0, 700.0]"))
-    assert "misses travel 400 to 700 mm" in only(refused(tmp_path, text), "axis.x.table").found
+    assert "outside travel 400 to 700 mm" in only(refused(tmp_path, text), "axis.x.table").found
 
 
 def test_travel_that_the_table_does_not_cover_is_warned_of_with_its_policy(tmp_path: Path) -> None:
