@@ -150,7 +150,7 @@ def test_modulo_list_must_close() -> None:
     two = REVOLUTION.replace("bilateral 0", "bilateral 1") + "".join(
         f"kw.ssfk.table[{i}].neg {value}\n" for i, value in enumerate([3, 5, 4])
     )
-    with pytest.raises(TabFileError, match="first and last neg values differ") as caught:
+    with pytest.raises(TabFileError, match="different first and last neg values") as caught:
         parse(two, file_units=Units.DEGREE)
     assert caught.value.line == 12
     closed = parse(two.replace("neg 4", "neg 3"), file_units=Units.DEGREE)

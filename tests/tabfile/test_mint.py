@@ -119,7 +119,7 @@ def test_a_place_beyond_the_table_of_one_reading_is_said_to_get_nothing() -> Non
     # 100 + 2 is 202 from A where A lies at -100: the table ends at 50.01
     error = refused(SAMPLE.replace("PRECISIONOFFSET.0 = 0", "PRECISIONOFFSET.0 = 100"))
     assert "102 is sent as 101.99601" in error.readings[0]
-    assert "102 is sent as it is" in error.readings[1]
+    assert "102 is sent unchanged" in error.readings[1]
 
 
 def test_an_increment_that_stands_only_in_a_figure_is_told() -> None:

@@ -81,7 +81,7 @@ def test_first_value_against_a_round_interval_is_refused_with_both_readings() ->
         parse(text, file_counts_per_unit=64000.0)
     assert caught.value.line == 2
     assert [reading.split(":")[0] for reading in caught.value.readings] == [
-        "v1_layout = listed",
+        "v1_layout listed",
         "v1_layout implicit",
     ]
     assert len(parse(text, file_counts_per_unit=64000.0, v1_layout=V1Layout.LISTED).table.positions) == 24
