@@ -254,7 +254,7 @@ def check_stated(source: SourceText, rows: Sequence[SourceRow], units: Units, co
     """
     check_start(source, rows, context)
     reading = Interpretation(AS_THEY_STAND, rows, units)
-    check_own_range(source, reading, context, "a table of this axis, or the right travel")
+    check_own_range(source, reading, context, "the right travel")
 
 
 def is_closed(rows: Sequence[SourceRow]) -> bool:

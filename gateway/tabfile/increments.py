@@ -295,7 +295,7 @@ def decode(
         for total in sums
     )
     check_home(source, rows, context)
-    remedy = "a table of this axis; the right file_units, file_start and travel"
+    remedy = "the right file_units, file_start and travel"
     check_own_range(source, Interpretation(AS_THEY_STAND, rows, units), context, remedy)
     revolution = REVOLUTION_DEGREES if is_revolution(units, len(rows) - 1, file.interval) else None
     reference_text = f"the reference point {file.reference} is at {offset:g} {units.value}"

@@ -91,7 +91,7 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     ascending = tuple(rows if settings["start"][0] < settings["end"][0] else reversed(rows))
     check_home(source, ascending, context)
     check_start(source, ascending, context)
-    remedy = "a table of this axis; the right file_units and travel"
+    remedy = "the right file_units and travel"
     check_own_range(source, Interpretation(AS_THEY_STAND, ascending, units), context, remedy)
     sign = "added" if scale > 0 else "errors (actual - commanded), as given: subtracted"
     rule = f"column {{}}: value / {abs(scale):g} is {sign}"

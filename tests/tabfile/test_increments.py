@@ -128,6 +128,12 @@ def test_what_must_be_told_and_must_fit(text: str, facts: dict[str, Any], messag
     assert message in str(refused(text, **facts))
 
 
+@pytest.mark.parametrize("text", [FANUC, MITSUBISHI])
+def test_a_table_outside_travel_is_asked_for_once(text: str) -> None:
+    error = refused(text, **MM, travel=(3000.0, 4000.0))
+    assert error.allowed == "a table of this axis; the right file_units, file_start and travel"
+
+
 def test_scale_is_per_unit_of_the_axis() -> None:
     # 25400 counts per inch are 1000 per mm
     told: dict[str, Any] = {"units": Units.INCH, "file_units": Units.MM, "file_counts_per_unit": 25400.0}

@@ -58,6 +58,10 @@ def test_unit_and_sign_must_be_told() -> None:
 
 
 def test_told_facts_must_fit() -> None:
+    # 10 to 30 mm has no point in common with -60 to -40, neither as it is nor mirrored
+    error = refused(COMBINED, travel=(-60.0, -40.0), units=Units.MM, **TOLD)
+    assert "outside travel" in error.found
+    assert error.allowed == "a table of this axis; the right file_units and travel"
     assert "outside travel" in str(refused(COMBINED, travel=(-30.0, 0.0), units=Units.MM, **TOLD))
     assert "lowest position of -400" in str(refused(SAMPLE, file_start=0.0, **TOLD))
 
