@@ -100,7 +100,7 @@ def test_what_is_revoked_is_bad_for_openssl_too(tmp_path: Path) -> None:
 def test_a_certificate_is_shown_to_people_and_to_programs(tmp_path: Path) -> None:
     folder = made(tmp_path / "ca")
     shown = command("show", folder / "cnc.pem").stdout
-    assert shown.startswith("controller: CN=cnc\n  role    Beobachter Süd\n  good    from 20")
+    assert shown.startswith("controller: CN=cnc\n  role    Beobachter Süd\n  valid   from 20")
     assert re.search(r"\(82[45] days left\)\n  key     secp256r1\n", shown)
     [found] = json.loads(command("show", folder / "server.pem", "--json").stdout)["certificates"]
     assert (found["kind"], found["hosts"]) == ("server", ["mill-1.local", "192.168.0.5", "fd00::5"])
@@ -108,7 +108,7 @@ def test_a_certificate_is_shown_to_people_and_to_programs(tmp_path: Path) -> Non
     assert command("show", folder / "ca.pem").stdout.startswith("authority: CN=pitch-gateway CA\n")
     command("revoke", folder, "cnc")
     assert command("show", folder / "crl.pem").stdout.startswith(
-        "a list of revoked certificates: 1, good until "
+        "a list of revoked certificates: 1, valid until "
     )
 
 

@@ -66,7 +66,7 @@ def test_each_verdict_has_its_code(
 
 def test_the_remedy_names_the_file_and_what_to_change(config: Path) -> None:
     inverted = typed(config, "--axis", "x", *numbers(100.0, 100.02, 99.99))
-    assert "verdict: sense inverted\n  turn the sign of every correction in x.tab" in inverted.stdout
+    assert "verdict: sense inverted\n  change the sign of every correction in x.tab" in inverted.stdout
     swapped = typed(config, "--axis", "x", *numbers(100.0, 100.01, 99.98))
     assert "in x.tab exchange its second and third column: away from home, towards home" in swapped.stdout
     mirrored = typed(config, "--axis", "x", *numbers(100.0, -100.02, -99.99))

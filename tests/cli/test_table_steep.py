@@ -52,7 +52,7 @@ def test_the_note_says_that_it_is_the_slope_and_not_the_format(tmp_path: Path) -
     notes = good("build", readings, tmp_path / "t.csv", "--to", "csv", "--lead", 5)["notes"]
     (said,) = [note for note in notes if "cannot be written" in note]
     assert "its slope is 0.011" in said
-    assert "above 0.01; --max-slope 0.012, if the screw is really so steep" in said
+    assert "above 0.01; --max-slope 0.012, if the screw is really so bad" in said
     assert "--to csv" not in said
     assert "format" not in said
 

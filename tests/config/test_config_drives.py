@@ -199,7 +199,7 @@ def test_a_line_of_another_kind_is_warned_of(tmp_path: Path) -> None:
     text = edited((RTU, 'drives = { tcp = "192.168.0.9:502" }'), text=own(tmp_path))
     (warning,) = loaded(tmp_path, text).warnings
     assert warning.key == "axis.x.drive"
-    assert "speaks Modbus RTU, and the drives of line xyz are on Modbus TCP" in warning.found
+    assert "speaks Modbus RTU, but the drives of line xyz are on Modbus TCP" in warning.found
 
 
 def test_an_axis_that_lacks_something_else_still_gets_its_profile_looked_at(tmp_path: Path) -> None:

@@ -85,7 +85,7 @@ def test_an_axis_is_in_one_group_only(tmp_path: Path) -> None:
 def test_an_axis_is_named_once(tmp_path: Path) -> None:
     text = edited(('["x", "y"]', '["x", "y", "x"]'), text=BOTH)
     problem = only(refused(tmp_path, text, TABLES), "group.gantry.axes[3]")
-    assert (problem.found, problem.remedy) == ("x stands here twice", "name each axis once")
+    assert (problem.found, problem.remedy) == ("x is listed twice", "name each axis once")
 
 
 def test_a_group_has_two_axes(tmp_path: Path) -> None:

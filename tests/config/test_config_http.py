@@ -34,7 +34,7 @@ def test_the_page_is_on_this_machine_or_off(tmp_path: Path, text: str, endpoint:
 def test_nobody_looks_from_elsewhere_without_saying_who_he_is(tmp_path: Path, address: str) -> None:
     problem = only(refused(tmp_path, listening(address)), "http.listen")
     assert problem.line == line_of(listening(address), "listen")
-    assert problem.found == f"whoever reaches {address} could read the status of the gateway"
+    assert problem.found == f"anyone who reaches {address} could read the status of the gateway"
     assert all(words in problem.remedy for words in ("tokens", "clients", "[http.tls]", "127.0.0.1"))
 
 

@@ -37,7 +37,7 @@ def certificates(tmp_path: Path) -> None:
             ((f"{name} = []",), name, "an empty list, which would allow everything")
             for name in ("unit_ids", "function_codes", "readable", "writable")
         ),
-        (('role = "monitor"', "writable = [1]"), "writable", "addresses that may be written beside role"),
+        (('role = "monitor"', "writable = [1]"), "writable", "addresses that may be written, but role"),
         (('writable = ["0x0606"]',), "writable[1]", "0x0606-0x0606 holds a part of a command position"),
         (("read_only = true", "function_codes = [6]"), "function_codes", "only function codes that write"),
     ],

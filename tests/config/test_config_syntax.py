@@ -63,8 +63,8 @@ def test_a_slip_of_syntax_is_named_with_line_and_column(
         ("name: mill", "write = between a key and its value: name = mill"),
         ("[axis.x", "the name of a table ends with ]: [axis.x]"),
         ("[[line.x.controllers", "the name of a table ends with ]: [[line.x.controllers]]"),
-        ("// my mill", "and # before a comment"),
-        ("; my mill", "and # before a comment"),
+        ("// my mill", "a comment begins with #"),
+        ("; my mill", "a comment begins with #"),
         ("travel = [-300.0 0.0]", "separate the items in [ ] by commas, and end the list with ]"),
         (
             'drives = { tcp = "a:502" baudrate = 1 }',

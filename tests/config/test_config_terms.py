@@ -175,7 +175,7 @@ def test_a_difference_that_would_add_more_than_allowed_is_warned_of(tmp_path: Pa
     [warning] = result.warnings
     assert warning.key == "axis.x.thermal"
     assert warning.found == "40 K would add 1.058 mm, more than max_correction = 0.5"
-    assert warning.remedy.startswith("the correction stops following beyond 18.9 K")
+    assert warning.remedy.startswith("check fixed_at: the correction stops following beyond 18.9 K")
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def test_a_difference_that_would_add_more_than_allowed_is_warned_of(tmp_path: Pa
         (
             '[{ axis = "y", table = "x-over-y.tab" }, { axis = "y", table = "x-over-y.tab" }]',
             "cross[2].axis",
-            "y stands here twice",
+            "y is listed twice",
         ),
         ('[{ axis = "y", table = "two.tab" }]', "cross[1].table", "two.tab has two directions"),
         ('[{ axis = "y", table = "../x.tab" }]', "cross[1].table", 'found "../x.tab"'),

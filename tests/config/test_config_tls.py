@@ -87,7 +87,12 @@ def test_the_relay_reads_the_same_out_of_the_state_folder(tmp_path: Path, shop: 
         (('clients = "ca.pem"\n', ""), f"{PLACE}.clients", "missing", "needed: file with the certificates"),
         (('"server.pem"', '"none.pem"'), f"{PLACE}.certificate", "/none.pem: no such file", "give the path"),
         (('"server.pem"', '"ca.pem"'), f"{PLACE}.certificate", "is not for a server", "certificate server"),
-        (('"ca.pem"', '"server.pem"'), f"{PLACE}.clients", "CN=server is no authority", "the authority that"),
+        (
+            ('"ca.pem"', '"server.pem"'),
+            f"{PLACE}.clients",
+            "CN=server is not an authority",
+            "the authority that",
+        ),
         (
             ('"ca.pem"', '"server.key"'),
             f"{PLACE}.clients",
@@ -190,7 +195,7 @@ def weak_key(shop: Shop) -> None:
         (open_key, "key", "every user of this machine may read it (mode 0644)", "chmod o-r"),
         (weak_key, "certificate", "RSA of 1024 bits, fewer than 2048", "P-256"),
         (ended, "certificate", "CN=server expired on 20", "set the clock"),
-        (not_begun, "certificate", "CN=server is good from 20", "wait until then"),
+        (not_begun, "certificate", "CN=server is not valid before 20", "wait until then"),
         (lambda shop: shop.leaf("server"), "certificate", "extended key usage serverAuth", "for a server"),
     ],
 )

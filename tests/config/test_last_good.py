@@ -220,8 +220,8 @@ def test_a_mint_offset_that_nothing_explains_any_more_leaves_the_table_in_force(
     assert (found.sources, found.plan) == ({"x": TableSource.KEPT}, last.plan)
     (problem,) = load(path, forgives_tables=True).readings["x"].problems
     # 2 from A the motor is at 2 x 10 / 10.02, 12 from A at 10 + 1.98 / 9.99 x 10
-    assert "7 goes out as 6.99601" in problem.found
-    assert "7 goes out as 6.98198" in problem.found
+    assert "7 is sent as 6.99601" in problem.found
+    assert "7 is sent as 6.98198" in problem.found
     assert problem.line == 4
     # told as it was read before, it is the same table: nothing changes
     path.write_text(of_mint(", file_start = 5.0"))

@@ -155,9 +155,9 @@ async def test_a_client_that_takes_no_replies_is_dropped(tmp_path: Path) -> None
     [
         (b"no JSON\n", "not a message: "),
         (b'{"kind":"ping","version":3}\n', "a message of version 3, but this side speaks version 2"),
-        (b'{"kind":"explode","version":2}\n', "no request of version 2"),
-        (b'{"kind":"ping","version":2,"axis":"x"}\n', "no request of version 2"),
-        (b'{"kind":"reference","version":2}\n', "no request of version 2"),
+        (b'{"kind":"explode","version":2}\n', "not a request of version 2"),
+        (b'{"kind":"ping","version":2,"axis":"x"}\n', "not a request of version 2"),
+        (b'{"kind":"reference","version":2}\n', "not a request of version 2"),
         (b"x" * 5000, "more than 4096 bytes"),
     ],
 )

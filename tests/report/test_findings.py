@@ -105,7 +105,10 @@ def test_a_table_alone_tells_what_it_changes() -> None:
     ("changes", "words"),
     [
         ({"table": None, "before": None, "after": None}, "axis x: give a table or readings"),
-        ({"after": survey(units=Units.INCH)}, "its readings after are in inch, the axis in mm"),
+        (
+            {"after": survey(units=Units.INCH)},
+            "convert its readings after first: they are in inch, but the axis is in mm",
+        ),
         ({"before": Survey((), Units.MM)}, "axis x: no readings"),
         (
             {"before": Survey((Reading(0.0, Direction.FORWARD, float("nan")),), Units.MM)},

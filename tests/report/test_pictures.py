@@ -186,7 +186,7 @@ def test_a_table_of_100_000_points_stays_small_and_keeps_its_peaks() -> None:
     assert len(heights) <= MOST_POINTS
     assert max(heights) / sorted(heights)[-2] == pytest.approx(90 / 50, abs=0.01)
     page = render(report(axis_data(table=long, before=None, after=None)), ".html").decode()
-    assert "Of each 101 of the 100000 points the smallest and the largest are drawn." in page
+    assert "Of each 101 of the 100000 points only the smallest and the largest are drawn." in page
     assert "The first 1000 are listed" in page
     assert page.count('<tr><th scope="row">') == 1000
 

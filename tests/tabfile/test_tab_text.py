@@ -67,11 +67,11 @@ def test_lines_are_counted_from_the_top_of_the_file() -> None:
         (bytes(range(256)), "binary"),
         (GOOD + b"\x1a20 0.002 0", "text after an end-of-file mark"),
         (b"# a note\n0 0\n", "the first line of 8 characters is unknown, and belongs to no table"),
-        (b"3 9 0.5 20 1 0\n", "the first line of 14 characters is unknown"),
+        (b"3 9 0.5 20 1 0\n", "the first line '3 9 0.5 20 1 0' is unknown;"),
         (b"24\n", "the first line '24' is unknown;"),
         (b"CNC11 TABLE\n", "the first line 'CNC11 TABLE' is unknown;"),
         (b"0123456789abcdefghijklmnopqrstuv\n", "the first line of 32 characters is unknown, and belongs"),
-        (b"24 1.5\n", "the first line of 6 characters is unknown"),
+        (b"24 1.5\n", "the first line '24 1.5' is unknown;"),
         (b"CNC10 TAB FILE VERSION 2\n", "version 2"),
     ],
 )
