@@ -68,7 +68,7 @@ ADDRESS: Final = RefusalEntry(
 )
 COUNTS_CONTRADICT: Final = RefusalEntry(
     0x03,
-    "register count and byte count of a write to {register} do not agree",
+    "register count and byte count of a write to {register} do not match",
     "",
     "register count and byte count of a write do not match",
     "correct the controller's program: the frame is malformed",
