@@ -45,7 +45,7 @@ def test_readings_without_a_table_refine_none(tmp_path: Path, table: Path) -> No
     before = write(tmp_path / "before.csv", ROWS, "Compensation: off")
     out = tmp_path / "new.tab"
     said = refused("refine", table, before, out)
-    assert "before.csv: was measured without a table (# compensation: off)" in said
+    assert "before.csv: measured without a table (# compensation: off)" in said
     assert "with cnc10x.tab the error would be corrected twice" in said
     assert "table build" in said
     assert not out.exists()
@@ -66,7 +66,7 @@ def test_refine_takes_the_table_that_the_readings_name(tmp_path: Path, table: Pa
     good("refine", table, named, tmp_path / "better.tab")
     other = write(tmp_path / "other.csv", REST, f"compensation: active {'0' * 64}")
     said = refused("refine", table, other, tmp_path / "worse.tab")
-    assert f"with the table of SHA-256 {'0' * 12}…, and cnc10x.tab has {digest[:12]}…" in said
+    assert f"with the table of SHA-256 {'0' * 12}…, but cnc10x.tab has {digest[:12]}…" in said
 
 
 def test_files_with_a_table_and_without_make_no_mean(tmp_path: Path) -> None:

@@ -160,7 +160,7 @@ async def test_a_listener_on_a_serial_port_is_reached_at_the_other_end_of_its_ca
 
 
 BAD_LINES: list[tuple[Callable[[float], bytes], str]] = [
-    (lambda value: b"ERR1\r", "the gauge says 'ERR1'"),
+    (lambda value: b"ERR1\r", "the gauge reports 'ERR1'"),
     (lambda value: f"{value:+.3f}\r".replace(".", ",").encode(), "is not a reading of a sylvac gauge"),
     (lambda value: f"{value:+.3f}\r{value:+.3f}\r".encode(), "several lines for one stop"),
     (lambda value: b"+25.400\r", "more than 1 (--largest-deviation)"),

@@ -60,5 +60,5 @@ def test_a_pattern_belongs_to_its_kind_of_gauge() -> None:
     ):
         with pytest.raises(InstrumentError, match="together, or neither"):
             instrument_of(reader, Lines())
-    with pytest.raises(InstrumentError, match="a group that is called value"):
+    with pytest.raises(InstrumentError, match="a group with the name value"):
         instrument_of(InstrumentOptions(gauge="/dev/x", kind=GaugeKind.PATTERN, pattern="x"), Lines())

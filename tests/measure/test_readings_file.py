@@ -64,7 +64,11 @@ def test_readings_come_back_as_they_were(tmp_path: Path, errors: list[int], unit
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("10.0,forward,1,9.998\n", "10.0,forward,1,9.9", "line 9: '10.0,forward,1,9.9' has no end"),
+        (
+            "10.0,forward,1,9.998\n",
+            "10.0,forward,1,9.9",
+            "line 9: '10.0,forward,1,9.9' is not a complete row",
+        ),
         ("10.0,forward", "10.0;forward", "line 9: .* as in 50.0,forward,1,50.0123"),
         ("forward,1,9.998", "up,1,9.998", "line 9"),
         ("1,9.998", "1,nan", "numbers must be finite"),

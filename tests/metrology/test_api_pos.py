@@ -66,7 +66,7 @@ def test_runs_that_fall_are_backward() -> None:
     down_only = down_only.replace("NumofPoints:\t8", "NumofPoints:\t4").replace("Bidirection", "Unidirection")
     survey = read(down_only)
     assert {r.direction for r in survey.readings} == {DOWN}
-    assert any("no forward reading at all" in remark for remark in survey.remarks)
+    assert any("no forward reading: measure" in remark for remark in survey.remarks)
 
 
 def test_the_temperature_of_the_material_is_named_and_not_taken_off() -> None:

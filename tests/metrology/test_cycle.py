@@ -60,7 +60,7 @@ def test_nothing_is_rounded_away_that_the_measurement_needs() -> None:
     for feed, dwell, overrun in ((0.0004, 5.0, 2.0), (500.0, 0.0004, 2.0), (500.0, 5.0, 0.0004)):
         with pytest.raises(ReadingsError, match="it must be above 0, with 3 decimals"):
             replace(MM, feed=feed, dwell=dwell, overrun=overrun)
-    with pytest.raises(ReadingsError, match=r"targets 1.0001 and 1.0002 are one with 3 decimals"):
+    with pytest.raises(ReadingsError, match=r"with 3 decimals 1.0001 and 1.0002 are the same"):
         cycle_program([0.0, 1.0001, 1.0002], MM)
     # 1/32 inch: 32 steps of .0312 would be .0016 short of an inch.
     with pytest.raises(ReadingsError, match=r"the rounding of step 0.03125 would add up"):

@@ -158,8 +158,9 @@ def test_a_slip_is_not_taken_for_a_wrong_scale() -> None:
         check_scale(said_by("hand.csv", slipped))
     said = str(caught.value)
     # The slopes between two of the others are 137 to 154 µm/m.
-    assert "hand.csv: the readings together rise by more than 0.3 mm/m, but most of them by +14" in said
-    assert "300.421 at target 300, forward, is +0.421 away, where the others lead to +0.04" in said
+    assert said.startswith("hand.csv: check 300.421 at target 300, forward, for a wrong digit")
+    assert "it is +0.421 away, but the others lead to +0.04" in said
+    assert "All readings together rise by more than 0.3 mm/m, but most of them by +14" in said
     check_scale(said_by("hand.csv", [*slipped[:6], Reading(300.0, UP, 300.0421)]))
     steep = [Reading(50.0 * index, UP, 50.02 * index) for index in range(7)]
     with pytest.raises(ReadingsError, match="is a wrong scale"):

@@ -88,7 +88,7 @@ def test_a_line_that_does_not_match_as_a_whole_is_refused_and_shown(line: bytes)
 
 
 @pytest.mark.parametrize(
-    ("pattern", "words"), [("X(", "not a regular expression"), (r"X(\d+)", "a group that is called value")]
+    ("pattern", "words"), [("X(", "not a regular expression"), (r"X(\d+)", "a group with the name value")]
 )
 def test_a_pattern_that_names_no_number_is_refused(pattern: str, words: str) -> None:
     with pytest.raises(GaugeError, match=words):

@@ -417,8 +417,9 @@ def test_the_place_of_a_jump_is_named_with_what_to_measure() -> None:
     assert jump.low == max(target for target in targets if target < 437.3)
     assert jump.high == min(target for target in targets if target > 437.3)
     assert jump.size == pytest.approx(0.012, abs=0.001)
-    [said] = [note for note in made.notes if "jumps by" in note]
-    assert said.startswith(f"between {jump.low:.9g} and {jump.high:.9g} mm the error jumps by 1")
+    [said] = [note for note in made.notes if "error jumps" in note]
+    assert said.startswith(f"measure finely between {jump.low:.9g} and {jump.high:.9g} mm, with --from ")
+    assert "The error jumps there by 1" in said
     assert f"--from {jump.low:.9g} --to {jump.high:.9g} --step " in said
 
 
