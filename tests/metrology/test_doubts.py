@@ -28,9 +28,9 @@ def test_sound_readings_raise_no_doubt_wherever_the_instrument_has_its_zero(zero
 def test_readings_in_another_unit_than_they_are_said_to_be_in() -> None:
     # 40 µm and 20 µm: 0.06 mm in all. Taken for µm they are 0.06 µm, µm taken for mm they are 60 mm.
     [small] = plausibility_warnings(readings(scale=1e-3), Units.MM)
-    assert "differ by 6e-05 mm in all" in small
+    assert "all deviations together differ by 6e-05 mm" in small
     [large] = plausibility_warnings(readings(scale=1e3), Units.MM)
-    assert "differ by 60 mm in all" in large
+    assert "all deviations together differ by 60 mm" in large
     assert plausibility_warnings(readings(scale=1e-3), Units.DEGREE) == []
 
 

@@ -47,7 +47,7 @@ def test_a_screw_that_warms_up_is_named_with_e_with_and_without() -> None:
     # At 400 mm the mean of the runs back is 2.5 × 7 µm/m × 0.4 m = 7 µm; at 0 it is 0.
     said = drift_line(warming(), found)
     assert "+28 µm/m over the runs, as steel grows in +2.4 K" in said
-    assert "E 7.00 µm with it, 0.00 µm without" in said
+    assert "E is 7.00 µm with the drift, 0.00 µm without." in said
     drift = json_of(warming())["drift"]
     assert isinstance(drift, dict)
     assert (drift["e_um"], drift["e_without_um"]) == (pytest.approx(7.0), pytest.approx(0.0, abs=1e-6))
@@ -227,7 +227,7 @@ def whole(targets: list[float], runs: int = 5, ways: tuple[Direction, ...] = (UP
         ),
         (
             whole([0.0, 301.0, 520.0, 760.0, 1000.0, 1240.0, 1480.0, 1720.0, 1960.0, 2100.0], runs=1),
-            ("an interval of 301 mm, of at most 250",),
+            ("an interval of 301 mm, at most 250 is allowed",),
         ),
     ],
 )

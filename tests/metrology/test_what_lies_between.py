@@ -343,7 +343,7 @@ def test_harmonics_that_were_not_seen_are_not_made_up() -> None:
     built = build_from(aliased, Recipe(fit=Fit.AUTO, periods=periods_of(5.0)))
     assert built.evidence is not None
     assert built.evidence.chosen.shape is not Shape.HARMONICS
-    assert any("(aliased)" in note for note in built.notes)
+    assert any("(aliasing)" in note for note in built.notes)
 
 
 def test_a_fine_run_beside_an_even_grid_brings_the_turn_out() -> None:

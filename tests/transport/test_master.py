@@ -123,9 +123,7 @@ async def test_a_host_name_that_nobody_knows_is_said_with_what_to_do() -> None:
         async with ModbusMaster(TcpEndpoint("drives.invalid", 502)):
             pass
     said = str(caught.value)
-    assert said.startswith(
-        "drives.invalid:502 cannot be reached: the host name drives.invalid is not known ("
-    )
+    assert said.startswith("drives.invalid:502 cannot be reached: the host name drives.invalid is unknown (")
     assert "/etc/hosts" in said
     assert said.endswith("or write the IP address instead")
 

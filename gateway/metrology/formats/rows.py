@@ -206,7 +206,8 @@ def _check_spelling(source: SourceText, rows: Sequence[Row]) -> None:
             raise source.error(
                 f"target {two.target:.9g}, but {one.target:.9g} in line {one.line}",
                 "the same number for one target in every run, because rounding makes two targets of one; "
-                "over gauge blocks, not more stops than in one run, close to each other at each block",
+                "over gauge blocks, no more targets than one run has stops, and the stops of one block close "
+                "together",
                 line=two.line,
             )
 
