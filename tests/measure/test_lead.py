@@ -50,7 +50,7 @@ def test_the_first_recipe_of_the_page_shows_a_lead_of_5_and_its_old_one_did_not(
     old = plan_of(Grid(0.0, 300.0, step=25.0), axis).targets
     for lead in (5.0, 12.5, 25.0):
         (warning,) = lead_warnings(old, periods_of(lead), Units.MM)
-        assert "(aliased)" in warning
+        assert "(aliasing)" in warning
 
 
 def test_a_pattern_belongs_to_its_kind_of_gauge() -> None:
