@@ -94,7 +94,7 @@ def test_what_is_revoked_is_bad_for_openssl_too(tmp_path: Path) -> None:
     assert "certificate revoked" in openssl(*check, folder / "cnc.pem")
     assert openssl(*check, folder / "server.pem") == f"{folder}/server.pem: OK\n"
     again = command("revoke", folder, "cnc")
-    assert (again.exit_code, again.stderr) == (1, f"{folder}/cnc.pem: is in {folder}/crl.pem already\n")
+    assert (again.exit_code, again.stderr) == (1, f"{folder}/cnc.pem: is already in {folder}/crl.pem\n")
 
 
 def test_a_certificate_is_shown_to_people_and_to_programs(tmp_path: Path) -> None:

@@ -143,7 +143,7 @@ def test_behind_a_converter_a_wrong_unit_id_is_said_to_be_nobody(tmp_path: Path)
     assert result.returncode == 1
     assert result.stdout.startswith("axis x, unit id 2: no answer\n")
     assert "error: no drive answers as unit id 2 here: exception 11" in result.stdout
-    assert "find the unit ids that do with pitch-gateway probe --scan" in result.stdout
+    assert "use pitch-gateway probe --scan to find the unit ids that answer" in result.stdout
     assert {frame[0] for frame in asked} == {2}
 
 

@@ -126,7 +126,7 @@ async def test_a_drive_that_answers_with_another_transaction_id_is_not_called_of
     memory.has_other_ids = True
     found, errors, warnings = await look(plan, memory)
     assert (found.answers, len(memory.asked)) == (True, 2)
-    said = "unit id 7 answers, with transaction id 0 (asked with 1), so its replies cannot be used:  "
+    said = "unit id 7 answers, with transaction id 0 (asked with 1), so its replies cannot be used: update "
     assert [error.startswith(said) for error in errors] == [True]
     assert "is on" not in errors[0]
     assert warnings == []
@@ -241,7 +241,9 @@ async def test_a_drive_that_does_not_answer_is_not_asked_for_ever() -> None:
     assert not found.answers
     assert len(memory.asked) == 2
     [error] = errors
-    assert error.startswith("no drive answers as unit id 7 here: no reply within 100 ms; pitch-gateway probe")
+    assert error.startswith(
+        "no drive answers as unit id 7 here: no reply within 100 ms; use pitch-gateway probe"
+    )
 
 
 @pytest.mark.parametrize(
@@ -258,9 +260,9 @@ async def test_a_converter_that_reaches_no_drive_is_not_taken_for_one(code: int,
     assert not found.answers
     [error] = errors
     assert error == (
-        f"no drive answers as unit id 7 here: {said}; find the unit ids that do with pitch-gateway probe "
-        "--scan; check that the drive is on, its unit id, and on a serial line baud rate, parity, wiring "
-        "A/B and termination"
+        f"no drive answers as unit id 7 here: {said}; use pitch-gateway probe --scan to find "
+        "the unit ids that answer; check that the drive is on, its unit id, and on a serial line baud rate, "
+        "parity, wiring A/B and termination"
     )
 
 
@@ -358,7 +360,7 @@ async def test_positions_that_disagree_are_said_with_the_reason() -> None:
         "commanded (0x0120) is at 60 and actual (0x0110) at 50 mm: check its address"
     )
     assert warnings[1].startswith(
-        "command (0x0100) is at 0 and actual (0x0110) at 50 mm: after homing, a jog"
+        "command (0x0100) is at 0 and actual (0x0110) at 50 mm: this is normal after homing, a jog"
     )
 
 

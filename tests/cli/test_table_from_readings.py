@@ -248,7 +248,7 @@ def test_a_program_says_in_which_coordinates_and_units_it_moves() -> None:
     assert "G91 stays active after the program: command G90 first" in endless.stderr
     assert run("program", *span, "--write", "endless", "--travel", 0, 90).exit_code == 2
     listed = refused("program", *span, "--write", "list", "--travel", 0, 90)
-    assert "the targets go from 0 to 100, the travel is 0 to 90" in listed
+    assert "the targets go from 0 to 100, but the travel is 0 to 90" in listed
 
 
 def test_a_format_of_one_curve_wants_one_that_is_zero_at_home(rtl: Path, tmp_path: Path) -> None:

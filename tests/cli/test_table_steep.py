@@ -42,7 +42,7 @@ def test_a_steep_turn_is_taken_out_where_the_axis_allows_it(tmp_path: Path) -> N
     data = good("build", readings, out, "--to", "csv", "--lead", 5, "--max-slope", 0.02)
     assert data["fit"]["follows"] == "harmonics"
     assert left(out, screw, targets) < 1.0
-    assert any("max_slope = 0.012 in its configuration" in note for note in data["notes"])
+    assert any("set max_slope = 0.012 in the configuration of the axis" in note for note in data["notes"])
     told, *_ = written(tmp_path / "told.csv", STEEP, "# max_slope: 0.02", "# lead: 5")
     assert good("build", told, tmp_path / "told-t.csv", "--to", "csv")["fit"]["follows"] == "harmonics"
 

@@ -159,7 +159,7 @@ def _answers(found: AxisReadings) -> Iterator[ProbeFinding]:
 
 def _who_answers(found: AxisReadings) -> str:
     if found.answering is None:
-        return "find the unit ids that do with pitch-gateway probe --scan"
+        return "use pitch-gateway probe --scan to find the unit ids that answer"
     if not found.answering:
         return "no other unit id answers either"
     return f"{ids_text(found.answering)} instead"
