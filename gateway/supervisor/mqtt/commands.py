@@ -248,8 +248,8 @@ class Commander:
             self._count_too_many(entry.shown)
             if axes is None and not entry.missed:  # one answer for all that follow
                 text = (
-                    f"more than {BURST} together or {PER_S:g} a second: this command and the next ones "
-                    "are ignored"
+                    f"too many commands: at most {BURST} at once and {PER_S:g} a second are allowed; this "
+                    "command and the next ones are ignored"
                 )
                 entry.answer = CommandResult(command[:64], None, problems=(text,))
                 self._wait(entry)
@@ -346,8 +346,8 @@ class Commander:
             self._log(
                 MQTT_COMMAND_IGNORED,
                 command=command[:64],
-                detail=f"publish commands without retain, and remove this one {_how_to_clear(topic)}: a "
-                "retained command would be executed again at every start",
+                detail="publish commands without retain, because a retained one would be executed again at "
+                f"every start; remove this one {_how_to_clear(topic)}",
             )
 
 

@@ -112,7 +112,7 @@ async def test_a_head_without_end_is_cut_off(tmp_path: Path) -> None:
         answer = await line.hear()
         assert (answer.status, answer.data) == (
             431,
-            {"problem": "the head of a request may have 16384 bytes"},
+            {"problem": "the head of a request may have at most 16384 bytes"},
         )
 
 
@@ -121,14 +121,14 @@ async def test_a_head_that_is_too_long_in_one_piece_is_refused_too(tmp_path: Pat
         answer = await served.ask("/status", "GET", f"X: {'a' * 17_000}")
         assert (answer.status, answer.data) == (
             431,
-            {"problem": "the head of a request may have 16384 bytes"},
+            {"problem": "the head of a request may have at most 16384 bytes"},
         )
 
 
 async def test_bodies_are_small_and_have_a_length(tmp_path: Path) -> None:
     async with serving(tmp_path) as served:
         large = await served.ask("/reload", "POST", "Content-Length: 4097", is_local=True)
-        assert (large.status, large.data) == (413, {"problem": "a body may have 4096 bytes"})
+        assert (large.status, large.data) == (413, {"problem": "a body may have at most 4096 bytes"})
         endless = await served.ask("/reload", "POST", "Transfer-Encoding: chunked", is_local=True)
         assert endless.status == 411
         assert served.reloads == 0

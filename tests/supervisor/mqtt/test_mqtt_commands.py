@@ -184,13 +184,13 @@ async def test_a_retained_command_is_not_obeyed_and_that_is_said_once(tmp_path: 
     assert site.asked == [Enable()]
     assert len(site.said("mqtt-command-ignored")) == 1
     assert said["command"] == "disable"
-    assert f"mosquitto_pub -r -n -t {ROOT}/command/disable," in said["detail"]
+    assert said["detail"].endswith(f"mosquitto_pub -r -n -t {ROOT}/command/disable")
 
 
 @pytest.mark.parametrize(
     ("name", "shown"),
     [
-        ("it's; reboot", f"""-t '{ROOT}/command/it'"'"'s; reboot',"""),
+        ("it's; reboot", f"""-t '{ROOT}/command/it'"'"'s; reboot'"""),
         ("n" * 300, "which cannot be typed ('pitch-gateway/mill-1/command/nnn"),
     ],
 )
@@ -248,7 +248,7 @@ async def test_a_flood_is_answered_once_and_counted(tmp_path: Path, monkeypatch:
             await command(watcher, "enable", {"axes": "all", "id": "after"})
             after = await answer_to(watcher, "after")
     assert len(site.asked) == 11
-    assert flooded["problems"][0].startswith("more than 10 at once")
+    assert flooded["problems"][0].startswith("too many commands: at most 10 at once")
     assert after["ignored_before"] == 20
     [told] = site.said("mqtt-commands-too-many")
     assert (told["count"], told["last"]) == (20, 'enable {"axes": "all", "id": 29}')

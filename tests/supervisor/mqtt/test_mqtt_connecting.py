@@ -78,7 +78,7 @@ async def test_nobody_listens(tmp_path: Path) -> None:
 
 async def test_a_name_that_nobody_knows(tmp_path: Path) -> None:
     said = await why_lost(tmp_path, 1883, host="no-such-broker.invalid")
-    assert said.startswith("the name service does not know no-such-broker.invalid:  correct [mqtt] host")
+    assert said.startswith("the name service does not know no-such-broker.invalid: correct [mqtt] host")
 
 
 async def test_a_host_that_is_no_name_at_all(tmp_path: Path) -> None:
@@ -119,7 +119,7 @@ async def test_a_port_that_hangs_up_before_it_accepts_is_told_of_at_once(tmp_pat
         (
             "5",
             "2003000000 e0028e00",
-            "another client has connected as pitch-gateway-mill-1: give each gateway",
+            "a [mqtt] client_id: another client has connected as pitch-gateway-mill-1",
         ),
     ],
 )
@@ -197,7 +197,7 @@ async def test_two_gateways_with_one_client_id_are_told_so(tmp_path: Path, versi
                 detail = (await site.until_said("mqtt-lost", times))["detail"]
             assert times <= 3
             assert "another client also connects as mine" in detail
-            assert detail.endswith("give each gateway its own name, or a [mqtt] client_id")
+            assert detail.startswith("give each gateway its own name, or a [mqtt] client_id")
             await site.until_said("mqtt-connected", times + 1)
             assert site.status["problem"] == detail  # as long as no connection has held
 
