@@ -224,7 +224,7 @@ def test_a_last_line_that_is_no_part_of_an_entry_is_refused_with_file_and_line(
     result = typed("replay", str(path))
     assert result.returncode == 1
     number = whole.count(b"\n") + 1
-    assert result.stderr.startswith(f"{path}: line {number}: no entry of a recording: ")
+    assert result.stderr.startswith(f"{path}: line {number}: not an entry of a recording: ")
 
 
 @pytest.mark.parametrize(

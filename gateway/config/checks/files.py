@@ -146,7 +146,8 @@ def _check_that_it_repeats(
     findings.warn(
         (*path, "table"),
         f"on the control of {found.path.name} the table repeats after {revolution:.10g} "
-        f"{settings.units.value}; here it does not, and outside {_OUTSIDE_WORDS[settings.outside.kind]}",
+        f"{settings.units.value}; here it does not: outside the table "
+        f"{_OUTSIDE_WORDS[settings.outside.kind]}",
         f"add to the axis: modulo = {revolution:.10g}",
     )
 
