@@ -401,7 +401,7 @@ class Replay:
         if line is None and self._only is None:
             raise ReplayError(
                 f"the configuration has no line {name}, but the recording has: there are "
-                f"{', '.join(self._lines)}; choose a line with --line"
+                f"{', '.join(self._lines)}; choose a line of the recording with --line"
             )
         return line
 

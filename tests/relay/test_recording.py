@@ -448,7 +448,7 @@ def test_lines_and_controllers_that_a_configuration_lacks_are_named() -> None:
     plan = GatewayPlan("bench", (LinePlan("line", TcpEndpoint("h", 1), (), (), TIMING),))
     with pytest.raises(ReplayError, match="there is no line other; there are line"):
         Replay(plan, "other")
-    with pytest.raises(ReplayError, match=r"has a line xyz, .* there are line; choose one"):
+    with pytest.raises(ReplayError, match=r"has no line xyz, .* there are line; choose a line of"):
         Replay(plan).feed(2, traffic.Up("xyz", 0))
-    with pytest.raises(ReplayError, match="has no controller cnc, which the recording has"):
+    with pytest.raises(ReplayError, match="has no controller cnc, but the recording has"):
         Replay(plan).feed(2, traffic.Request("line", 0, 1, "cnc", 0, 1, "0300000001"))
