@@ -57,8 +57,9 @@ class Running:
 
     def _read(self) -> None:
         assert self.process.stderr is not None
-        for line in self.process.stderr:
-            self._lines.put(line)
+        with contextlib.suppress(ValueError):  # the test has ended, and with it the pipe
+            for line in self.process.stderr:
+                self._lines.put(line)
         self._lines.put("")
 
     def line(self) -> str:
