@@ -5,6 +5,9 @@ from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
+import pytest
+
+from gateway.compiled import is_compiled
 from tests.verify.breaking import ROOT, mutants_of
 from tests.verify.mutants import FILES, Reasons, Verdict, by_lot
 from tests.verify.mutants_by_tests import Ran, noticed
@@ -79,6 +82,7 @@ def test_what_is_kept_of_a_verdict_is_the_verdict() -> None:
     assert Reasons().kind(noticed_by_none) == ""
 
 
+@pytest.mark.skipif(is_compiled(), reason="a mutant is a source, and compiled modules are imported here")
 def test_a_mutant_in_no_world_is_noticed_by_the_tests_that_run_through_it() -> None:
     """Writes that a new connection holds back are in no world: no world has a connection."""
     file = ROOT / "gateway" / "exchange" / "scheduler.py"
