@@ -74,7 +74,7 @@ def fault_of_trial(moved: float, counts_per_unit: float, units: Units) -> str:
     >>> fault_of_trial(10.0, 1000.0, Units.MM)
     'it moved by 10 mm, not by 1 mm: counts_per_unit should be about 100, not 1000'
     >>> fault_of_trial(-0.98, 1000.0, Units.MM)
-    'it moved by -0.98 mm, not by 1 mm: turn the sign of counts_per_unit, -1000'
+    'it moved by -0.98 mm, not by 1 mm: change the sign of counts_per_unit: -1000'
     >>> fault_of_trial(0.95, 1000.0, Units.MM)
     ''
     """

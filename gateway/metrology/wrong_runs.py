@@ -64,7 +64,7 @@ class WrongRun:
         """Return it in a few words.
 
         >>> WrongRun(3, RunFault.OFFSET, 0.005).describe(Units.MM)
-        'run 3: 5.00 µm aside of the other runs'
+        'run 3: 5.00 µm beside the other runs'
         """
         small = small_unit(units)
         if self.fault is RunFault.OFFSET:

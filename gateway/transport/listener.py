@@ -216,7 +216,7 @@ def why_no_handshake(error: OSError) -> str:
     """Return why a handshake failed, without any text of the other side.
 
     >>> why_no_handshake(ConnectionResetError(104, "Connection reset by peer"))
-    'no TLS: the other side went away'
+    'no TLS: the client disconnected'
     """
     if isinstance(error, ssl.SSLCertVerificationError):
         return f"its certificate: {error.verify_message}"
