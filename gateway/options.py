@@ -50,20 +50,24 @@ class Option:
             raise OptionError(field, f"found {value!r}; allowed: {', '.join(map(str, allowed))}")
         for number in value if isinstance(value, list | tuple) else (value,):
             if isinstance(number, int | float) and not self._is_allowed(number):
-                raise OptionError(field, f"found {number!r}; allowed: {self._limits}")
+                raise OptionError(field, f"found {number!r}; allowed: {self._limits(number)}")
 
     def _is_allowed(self, number: float) -> bool:
         return (
-            isfinite(number)
+            _is_finite(number)
             and (self.min is None or number >= self.min)
             and (self.max is None or number <= self.max)
         )
 
-    @property
-    def _limits(self) -> str:
-        limits = [] if self.min is None else [f"at least {self.min:g}"]
+    def _limits(self, number: float) -> str:
+        limits = [] if _is_finite(number) else ["a finite number"]
+        limits += [] if self.min is None else [f"at least {self.min:g}"]
         limits += [] if self.max is None else [f"at most {self.max:g}"]
-        return ", ".join(limits) or "a finite number"
+        return ", ".join(limits)
+
+
+def _is_finite(number: float) -> bool:
+    return isinstance(number, int) or isfinite(number)  # a large int has no float
 
 
 @dataclass(frozen=True, slots=True)

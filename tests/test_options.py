@@ -25,7 +25,7 @@ from tests.support.commands import typed
         (lambda: Grid(targets=1), "targets: found 1; allowed: at least 2"),
         (lambda: Grid(step=math.inf), "step: found inf; allowed: a finite number"),
         (lambda: Pace(dwell_s=-1.0), "dwell_s: found -1.0; allowed: at least 0"),
-        (lambda: Pace(dwell_s=math.nan), "dwell_s: found nan; allowed: at least 0"),
+        (lambda: Pace(dwell_s=math.nan), "dwell_s: found nan; allowed: a finite number, at least 0"),
         (lambda: Pace(move_timeout_s=-1.0), "move_timeout_s: found -1.0; allowed: at least 0.1"),
         (lambda: InstrumentOptions(timeout_s=0.0), "timeout_s: found 0.0; allowed: at least 0.1"),
         (lambda: InstrumentOptions(baudrate=0), "baudrate: found 0; allowed: at least 1"),
@@ -37,7 +37,7 @@ from tests.support.commands import typed
         (lambda: ReadOptions(travel=(0.0, math.inf)), "travel: found inf; allowed: a finite number"),
         (lambda: WireFaults(noise=1.5), "noise: found 1.5; allowed: at least 0, at most 1"),
         (lambda: Adapter(burst_bytes=0), "burst_bytes: found 0; allowed: at least 1"),
-        (lambda: scaled_clock(math.nan), "speed_up: found nan; allowed: at least 0.001"),
+        (lambda: scaled_clock(math.nan), "speed_up: found nan; allowed: a finite number, at least 0.001"),
     ],
 )
 def test_a_value_outside_its_limits_is_refused_with_its_name_and_the_limits(
@@ -46,6 +46,12 @@ def test_a_value_outside_its_limits_is_refused_with_its_name_and_the_limits(
     with pytest.raises(OptionError) as caught:
         make()
     assert str(caught.value) == said
+
+
+def test_an_integer_that_no_float_holds_is_within_its_limits_or_refused() -> None:
+    assert Grid(seed=10**400).seed == 10**400
+    with pytest.raises(OptionError, match="allowed: at least 1, at most 1000"):
+        Grid(runs=10**400)
 
 
 def test_a_baud_rate_that_no_port_can_be_set_to_is_refused() -> None:

@@ -176,5 +176,6 @@ def _opened(pcapng: str | None) -> "Iterator[BinaryIO | None]":
     finally:
         with suppress(OSError):  # what could not be written was reported
             out.close()
-        if not path.stat().st_size:
-            path.unlink()
+        with suppress(FileNotFoundError):  # it was moved meanwhile
+            if not path.stat().st_size:
+                path.unlink()

@@ -102,7 +102,8 @@ def _entries(file: Path) -> Iterator[tuple[int, Entry]]:
                 raise WrongEntryError(
                     f"line {number}: more than {LONGEST_LINE} bytes, so this is not a recording"
                 )
-            if not data.endswith(b"\n") and number > 1 and data[: len(BEGIN)] == BEGIN[: len(data)]:
+            is_cut = data[: len(BEGIN)] == BEGIN[: len(data)] or not data.strip(b"\0")  # NUL: a power cut
+            if not data.endswith(b"\n") and number > 1 and is_cut:
                 return
             try:
                 yield number, decode(data)

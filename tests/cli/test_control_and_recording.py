@@ -214,6 +214,13 @@ def test_a_recording_that_was_cut_in_the_middle_of_a_line_is_replayed_so_far(
     assert "is truncated: only its complete part is replayed" in result.stderr
 
 
+def test_a_recording_that_a_power_cut_left_with_zeros_is_replayed(recording: Path, tmp_path: Path) -> None:
+    path = tmp_path / "cut.jsonl"
+    path.write_bytes(recording.read_bytes() + bytes(300))
+    result = typed("replay", str(path))
+    assert result.returncode == 0, result.stderr
+
+
 @pytest.mark.parametrize("last", [b"[]", b"{}", b"no JSON", b'{"other'])
 def test_a_last_line_that_is_no_part_of_an_entry_is_refused_with_file_and_line(
     recording: Path, tmp_path: Path, last: bytes

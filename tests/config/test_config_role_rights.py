@@ -48,6 +48,25 @@ def test_rights_of_a_role_that_cannot_be_meant_are_refused(
     assert found in only(refused(tmp_path, with_role(*keys)), f"{ROLE}.{key}").found
 
 
+@pytest.mark.parametrize(
+    ("keys", "remedy"),
+    [
+        (
+            ('role = "monitor"', "writable = [1]"),
+            "remove writable, or give it another role if it may write them",
+        ),
+        (
+            ("read_only = true", "writable = [1]"),
+            "remove writable, or write read_only = false if it may write them",
+        ),
+    ],
+)
+def test_who_may_write_nothing_names_no_addresses_to_write(
+    tmp_path: Path, keys: tuple[str, ...], remedy: str
+) -> None:
+    assert only(refused(tmp_path, with_role(*keys)), f"{ROLE}.writable").remedy == remedy
+
+
 def test_a_role_that_does_not_say_what_it_is_gives_nothing(tmp_path: Path) -> None:
     problem = only(
         refused(tmp_path, edited(('tcp = "127.0.0.1:1502"\nrole = "monitor"\n', LISTENER))), f"{ROLE}.role"

@@ -149,7 +149,10 @@ def test_whoever_was_told_to_restart_the_relay_and_did_is_told_no_more(site: Sit
             supervisor.until("relay-reached")
             assert typed("reload", config).returncode == 0
             site.config.write_text(site.config.read_text().replace("unit_id = 1", "unit_id = 2"))
-            assert "restart the gateway: these keys changed since its start: axis.x.unit_id" in typed("reload", config).stderr
+            assert (
+                "restart the gateway: these keys changed since its start: axis.x.unit_id"
+                in typed("reload", config).stderr
+            )
             assert "configuration" in kinds()
             assert relay.end() == 0
         assert "configuration" in kinds()

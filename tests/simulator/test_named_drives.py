@@ -51,7 +51,10 @@ def test_only_akd2g_moves_two_axes(name: str) -> None:
     if name == "kollmorgen-akd2g":
         assert len(Drive(name, axes=2).unit.axes) == 2
     else:
-        with pytest.raises(SimulatorError, match="unit 1: give each axis its own unit id: this drive moves 1 axis, but 2 axes"):
+        with pytest.raises(
+            SimulatorError,
+            match="unit 1: give each axis its own unit id: this drive moves 1 axis, but 2 axes",
+        ):
             Drive(name, axes=2)
 
 

@@ -78,11 +78,13 @@ def _check_lists(findings: Findings, rights: RightsKeys, key: KeyPath) -> None:
 def _check_role(findings: Findings, rights: RightsKeys, key: KeyPath) -> None:
     may_not_write = rights.role is Role.MONITOR or rights.read_only
     if rights.writable and may_not_write:
-        why = "read_only = true" if rights.read_only else f'role = "{rights.role.value}"'
+        why, remedy = f'role = "{rights.role.value}"', "give it another role"
+        if rights.read_only:
+            why, remedy = "read_only = true", "write read_only = false"
         findings.refuse(
             (*key, "writable"),
             f"addresses that may be written, but {why} may write nothing",
-            f"remove writable, or write {why} if it may write them",
+            f"remove writable, or {remedy} if it may write them",
         )
     if may_not_write and rights.function_codes and not READING & set(rights.function_codes):
         findings.refuse(

@@ -20,13 +20,13 @@ One :class:`ForwardedFrame` is one request or one reply on its way through the g
    exactly the bytes that were sent (``commits``), whatever has happened since it judged them. W3: no other
    frame ever ends with a good CRC.
 5. *Abort.* In every other case a frame that has begun to be sent is completed immediately, in one piece, with
-   both bytes of its CRC inverted. It is never truncated: a drive that counts bytes would take the next frame
-   for the rest of it. Its length is the expected one. The judge supplies the filler. So a drive that ignores
-   the CRC receives what it already holds; such a drive must not be used with cut-through at all.
+   both bytes of its CRC inverted (but see 6). It is never truncated: a drive that counts bytes would take the
+   next frame for the rest of it. Its length is the expected one. The judge supplies the filler. So a drive
+   that ignores the CRC receives what it already holds; such a drive must not be used with cut-through at all.
 6. *Seams.* Between two pieces the process may be killed, or an adapter unplugged. So no piece ends where the
    bytes so far are a valid frame, or would be one together with the next frame (``crc``). The last byte of
    such a piece waits for the byte behind it. A head that would have to wait is not forwarded
-   (:func:`is_fit_head`). The filler avoids such ends too, also when it is received alone.
+   (:func:`is_fit_head`). Filler and inverted CRC avoid such ends too, also when they are received alone.
 7. *Stall.* A frame that has begun to be sent is aborted when no byte comes for longer than ``stall_ns``, or
    when the transmitter is about to run empty.
 
