@@ -118,7 +118,7 @@ class Guard:
             return None
         if len(named) == 1 and is_this_machine(host_of(named[0]), listen_host):
             return None
-        what = f"the request is for {shortened(', '.join(named)) or 'nobody'}, but this is {listen_host}"
+        what = f"the request is for {shortened(', '.join(named)) or 'no host'}, but this is {listen_host}"
         return problem(421, what, _CLOSE)
 
 
