@@ -27,7 +27,7 @@ NEVER_ENDS_S: Final = 30.0
 OPTIONS: Final = ("-x", "-q", "-n0", "--no-header", "-p", "no:cacheprovider", "-p", "no:randomly")
 COLLECTED: Final = multiprocessing.get_context("forkserver")
 """Its processes begin with all tests imported, as copies of one that has collected them."""
-COLLECTED.set_forkserver_preload(["tests.verify.collected"])
+COLLECTED.set_forkserver_preload(["tests.verify.mutants_collected"])
 
 
 @dataclass(frozen=True)
