@@ -23,7 +23,7 @@ from gateway.exchange.access import MEI_HEAD, swapped
 from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import Actual
-from gateway.exchange.axis.readability import PositionAnswer
+from gateway.exchange.axis.reach import PositionAnswer
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.plan import DONE_BIT, MOVING_BIT
 from gateway.exchange.request import Prefetched, Standstill
@@ -166,7 +166,7 @@ def homed_read(axis: Axis) -> AddedFrame | None:
     """Return the read of the bit on which the reference of an axis depends now."""
     bit = axis.plan.bits.get(axis.reference.bit)
     is_needed = axis.reference.follows_homed_bit or axis.reference.is_homing
-    if not is_needed or not axis.may_read or bit is None:
+    if not is_needed or not axis.reach.may_read or bit is None:
         return None
     return read_bit(axis, Purpose.HOMED, bit)
 
@@ -174,10 +174,10 @@ def homed_read(axis: Axis) -> AddedFrame | None:
 def trial_read(axes: Sequence[Axis]) -> AddedFrame | None:
     """Return a read that shows whether the drive of some axes is back; None: none is allowed."""
     for axis in axes:
-        if not axis.may_read:
+        if not axis.reach.may_read:
             continue
         plan = axis.plan
-        for field in (axis.asked_actual, axis.asked_commanded):
+        for field in (axis.reach.asked_actual, axis.reach.asked_commanded):
             if field is not None:
                 return read_field(axis, Purpose.TRIAL, field)
         for bit in plan.bits.values():
@@ -196,7 +196,7 @@ def reads_at_start(axes: Sequence[Axis]) -> list[AddedFrame]:
             axis.record.go_on()
         reads.append(homed_read(axis))
     for axis in axes:
-        actual = axis.asked_actual
+        actual = axis.reach.asked_actual
         if axis.is_recalling and actual is not None:
             reads.append(read_field(axis, Purpose.ACTUAL, actual))
     return [read for read in reads if read is not None]
@@ -209,7 +209,7 @@ def next_poll(read: AddedFrame, now_ns: int) -> AddedFrame | None:
     twice; after that passing traffic must show it.
     """
     axis, record = read.axis, read.axis.record
-    actual = axis.asked_actual
+    actual = axis.reach.asked_actual
     if record is None or actual is None or read.purpose not in (Purpose.ACTUAL, Purpose.STANDSTILL):
         return None
     if record.wants_poll:
@@ -290,8 +290,8 @@ def is_asked_again(read: AddedFrame, reply: bytes, prefetched: Prefetched) -> bo
     prefetched.refused.add(name)
     if len(reply) > 1 and reply[1] in LATER:
         return is_first
-    axis.update_readability(PositionAnswer.REFUSAL)
-    return is_first and not axis.is_unreadable
+    axis.reach.update_readability(PositionAnswer.REFUSAL)
+    return is_first and not axis.reach.is_unreadable
 
 
 def learn(read: AddedFrame, reply: bytes, prefetched: Prefetched, asked_ns: int) -> None:
@@ -314,7 +314,7 @@ def learn(read: AddedFrame, reply: bytes, prefetched: Prefetched, asked_ns: int)
         field = axis.plan.actual[0]
         prefetched.polls[name] = prefetched.polls.get(name, 0) + 1
         if words is not None:
-            axis.update_readability(PositionAnswer.POSITION)
+            axis.reach.update_readability(PositionAnswer.POSITION)
         prefetched.actual[name] = None if words is None else axis.observe_actual(field, words, asked_ns)
         actual = prefetched.actual[name]
         if read.purpose is Purpose.POLL and actual is not None:

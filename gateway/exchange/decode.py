@@ -451,7 +451,7 @@ class _Decoder:
         if word is not None:
             return self._command(_run_as(operation.action, mode.action(word)), number)
         is_asked = mode.is_in_frame or mode.address in self.read_words or mode.address in self.unclear
-        if is_asked or not self.axis.may_read:
+        if is_asked or not self.axis.reach.may_read:
             return self._command(Action.UNKNOWN, number)
         return self._command(Action.UNKNOWN, number, needs_word=mode.address)
 
@@ -517,7 +517,7 @@ class _Decoder:
 
     def _unknown_following(self) -> int | None:
         """Return an unknown trigger register that decides whether a position is run immediately."""
-        if not self.hits or not self.axis.may_read:
+        if not self.hits or not self.axis.reach.may_read:
             return None
         asked = self.unclear | set(self.read_words)
         for trigger in self.axis.rules.following:

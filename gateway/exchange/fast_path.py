@@ -66,7 +66,7 @@ class ReadPath(FastPath):
         """See ``FastPath``."""
         for axis in self.axes:
             record = axis.record
-            if axis.silent_since_ns is not None or (record is not None and record.saved is not None):
+            if axis.reach.silent_since_ns is not None or (record is not None and record.saved is not None):
                 return None
             if axis.fixed is not None:
                 return None  # the decision of the group may have ended by now
@@ -323,7 +323,7 @@ class WritePath(FastPath):
         axis = self._axis
         for each in self.axes:
             record = each.record
-            if each.silent_since_ns is not None or (record is not None and record.saved is not None):
+            if each.reach.silent_since_ns is not None or (record is not None and record.saved is not None):
                 return False
         if not axis.compensation.is_stream and axis.has_branches and axis.motion.is_unseen(now_ns):
             return False

@@ -255,7 +255,7 @@ def next_of_groups(requests: Sequence[Request]) -> AddedFrame | None:
 
 def _poll_at_superseded(request: Request, axis: Axis) -> AddedFrame | None:
     """Return the read that decides if the target from before a loss counts: in a group all do, or none."""
-    actual = axis.asked_actual
+    actual = axis.reach.asked_actual
     superseded = axis.motion.superseded
     is_open = superseded is not None and not superseded.is_declared and axis.motion.seen_at_superseded is None
     if not is_open or actual is None or axis.plan.name in request.prefetched.actual:
@@ -371,7 +371,7 @@ def _prepare_staged(
         else:
             word = axis.rules.word(mode.address)
             if word is None:
-                is_asked = not axis.may_read or mode.address in prefetched.rule_words.get(name, {})
+                is_asked = not axis.reach.may_read or mode.address in prefetched.rule_words.get(name, {})
                 return None if is_asked else read_word(axis, mode.address)
             action = mode.action(word)
         action = Action.ABSOLUTE if action is Action.START else action

@@ -106,7 +106,7 @@ def _command_read(request: Request) -> AddedFrame | None:
     access, prefetched = request.frame.access, request.prefetched
     for command in request.commands:
         axis, action = command.axis, command.action
-        if not axis.may_read:
+        if not axis.reach.may_read:
             continue
         for hit, words, is_run in command.writes:
             number, field, image = hit.mapped.number, hit.mapped.field, hit.mapped.image
@@ -133,7 +133,7 @@ def read_for_run(
 ) -> AddedFrame | None:
     """Return what must be read before a complete target can be rendered."""
     prefetched, name = request.prefetched, axis.plan.name
-    actual = axis.asked_actual
+    actual = axis.reach.asked_actual
     superseded = axis.motion.superseded_as(number, words)
     if not action.is_relative and superseded is not None:
         is_seen = axis.motion.is_seen_at_superseded and not axis.motion.is_unseen(request.now_ns)
@@ -216,7 +216,7 @@ def _read_back(request: Request, command: AxisCommand) -> AddedFrame | None:
     """
     axis, number = command.axis, command.number
     superseded = axis.motion.superseded
-    if number is None or superseded is None or superseded.number != number or not axis.may_read:
+    if number is None or superseded is None or superseded.number != number or not axis.reach.may_read:
         return None
     # After any other loss the drive may have been switched off, and may hold an older target.
     if superseded.over is not KeptOver.ORDERLY_CLOSE:
@@ -346,7 +346,7 @@ def render_run(request: Request, axis: Axis, number: int, words: bytes, action: 
 def _next_base_read(axis: Axis, action: Action, prefetched: Prefetched, now_ns: int) -> AddedFrame | None:
     """Return the next read that finds the start of a relative move; None: no reading helps."""
     if (
-        not axis.may_read
+        not axis.reach.may_read
         or is_position_withheld(axis, prefetched)
         or base_of(axis, action, prefetched) is not None
     ):
@@ -355,7 +355,7 @@ def _next_base_read(axis: Axis, action: Action, prefetched: Prefetched, now_ns: 
     bit = None if name in prefetched.standstill else standstill_bit(axis)
     if bit is not None:
         return bit
-    actual, commanded = axis.asked_actual, axis.asked_commanded
+    actual, commanded = axis.reach.asked_actual, axis.reach.asked_commanded
     if axis.motion.is_distance_unconfirmed and actual is not None:
         is_answered = name in prefetched.actual and not (
             prefetched.polls[name] < POLLS and axis.motion.polls_needed(now_ns)

@@ -176,7 +176,7 @@ def needs_actual(axis: Axis, nominal_counts: Counts, now_ns: int) -> bool:
 
     Also true if its drive refuses to report it.
     """
-    if axis.asked_actual is None and not axis.is_unreadable:
+    if axis.reach.asked_actual is None and not axis.reach.is_unreadable:
         return False
     if needs_offset(axis):
         return True
@@ -198,7 +198,7 @@ def needs_poll(axis: Axis, now_ns: int, action: Action) -> bool:
 
     Never in a stream, and not if it makes no difference: one branch only, an absolute target.
     """
-    is_asked = axis.asked_actual is not None or axis.is_unreadable
+    is_asked = axis.reach.asked_actual is not None or axis.reach.is_unreadable
     return is_asked and _is_doubtful(axis, now_ns, action)
 
 
@@ -206,7 +206,7 @@ def lacks_poll(axis: Axis, seen: RenderContext) -> bool:
     """Whether a target is sent again without a reading that the drive refuses (M6)."""
     if axis.compensation.is_stream:
         return False
-    if not axis.is_unreadable:
+    if not axis.reach.is_unreadable:
         return seen.is_refused
     return axis.motion.state in MAY_BE_ELSEWHERE or _is_doubtful(axis, seen.now_ns, Action.ABSOLUTE)
 
@@ -333,7 +333,11 @@ def _estimated_position(axis: Axis, nominal_counts: Counts, now_ns: int) -> Posi
         return PositionEstimate(
             accepted.nominal_counts, EstimateKind.REACHED
         )  # there, or there before it moves on
-    if accepted is not None and axis.motion.state is MotionState.DONE_REPORTED and axis.asked_actual is None:
+    if (
+        accepted is not None
+        and axis.motion.state is MotionState.DONE_REPORTED
+        and axis.reach.asked_actual is None
+    ):
         return PositionEstimate(accepted.nominal_counts, EstimateKind.ASSUMED)
     actual = axis.motion.actual
     settings = axis.plan.settings
@@ -414,7 +418,7 @@ def is_position_withheld(axis: Axis, prefetched: Prefetched) -> bool:
 
 def counts_from_commanded(axis: Axis, action: Action) -> bool:
     """Whether a distance counts from the drive's own commanded position, and that can be read."""
-    return axis.asked_commanded is not None and action is not Action.RELATIVE_TO_ACTUAL
+    return axis.reach.asked_commanded is not None and action is not Action.RELATIVE_TO_ACTUAL
 
 
 def _base_at(axis: Axis, counts: Counts, standstill: Standstill, *, tolerance: float) -> Base | None:

@@ -215,7 +215,7 @@ class FastPath:
     def sent(self, transaction: "Transaction", now_ns: int) -> bytes | None:
         """Return what is sent for a request; None: it takes the slow path."""
         for axis in self.axes:
-            if axis.silent_since_ns is not None:
+            if axis.reach.silent_since_ns is not None:
                 return None
         pdu = transaction.pdu
         return pdu if len(pdu) == self._size else None

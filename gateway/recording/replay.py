@@ -266,7 +266,7 @@ class _Drives:
     def __init__(self, axes: Sequence[Axis], axes_at: Mapping[str, traffic.AxisAt]) -> None:
         self._words: dict[tuple[int, int], int] = {}
         for axis in axes:
-            at, unit_id, field_ = axes_at.get(axis.plan.name), axis.plan.unit_id, axis.asked_actual
+            at, unit_id, field_ = axes_at.get(axis.plan.name), axis.plan.unit_id, axis.reach.asked_actual
             if at is None:
                 continue
             if at.actual is not None and field_ is not None:

@@ -74,7 +74,7 @@ def state_of(axis: Axis) -> dict[str, Any]:
         "fields": fields,
         "flags": (
             axis.motion.state, axis.motion.is_moving, axis.reference.state, axis.motion.reported,
-            axis.silent_since_ns, axis.reference.is_referenced, axis.is_unsure,
+            axis.reach.silent_since_ns, axis.reference.is_referenced, axis.is_unsure,
         ),
         "actual": None if actual is None else (actual.counts, actual.seen_ns),
         "unproven": None if axis.motion.unacknowledged is None else axis.motion.unacknowledged[1:4],
@@ -306,7 +306,7 @@ def test_after_a_long_silence_an_axis_goes_the_long_way_once() -> None:
         twins.step("move", 500, "done")
     assert twins.ways[WritePath] > 0
     twins.step("elsewhere", 0, "silent")
-    assert twins.short.line.axes[0].silent_since_ns is not None
+    assert twins.short.line.axes[0].reach.silent_since_ns is not None
     written = twins.ways[WritePath]
     twins.step("move", 500, "done")
     assert twins.ways[WritePath] == written

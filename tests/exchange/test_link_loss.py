@@ -257,7 +257,7 @@ def test_a_blink_forgets_nothing_of_an_axis_that_was_heard_within_a_second() -> 
     assert bench.link.sent == []
     axis = bench.line.axes[0]
     assert axis.motion.state in (MotionState.IN_WINDOW, MotionState.ARRIVED)
-    assert axis.silent_since_ns is None
+    assert axis.reach.silent_since_ns is None
 
 
 @pytest.mark.parametrize(("quiet_ms", "away_ms"), [(0, 101), (1002, 10)])

@@ -7,7 +7,7 @@ import pytest
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import Action
-from gateway.exchange.axis.readability import READABILITY_AFTER, PositionAnswer, Readability
+from gateway.exchange.axis.reach import READABILITY_AFTER, PositionAnswer, Readability
 from gateway.exchange.plan import ControllerPlan
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import (

@@ -115,7 +115,7 @@ def test_a_renewal_is_neither_a_lost_link_nor_a_sign_of_life() -> None:
     assert bench.line.silent_units.silences[1] is silence
     bench.send(READ)
     assert bench.port.take() == b"\x83\x0b"  # dead still, and not due
-    assert bench.line.axes[0].silent_since_ns is not None
+    assert bench.line.axes[0].reach.silent_since_ns is not None
 
 
 def test_the_silence_of_a_drive_goes_on_over_a_renewal_until_its_own_frame() -> None:
@@ -129,7 +129,7 @@ def test_the_silence_of_a_drive_goes_on_over_a_renewal_until_its_own_frame() -> 
     bench.send(write(COMMAND, 20_000))
     bench.serve()
     assert bench.seen[-2] == NAMED
-    assert bench.line.axes[0].silent_since_ns is None
+    assert bench.line.axes[0].reach.silent_since_ns is None
 
 
 @pytest.mark.parametrize(("delay_ms", "rests_ms"), [(0.0, 200.0), (1000.0, 1000.0), (50.0, 50.0)])

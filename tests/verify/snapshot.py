@@ -161,7 +161,7 @@ DERIVED: Final[dict[str, Callable[[Any], Any]]] = {
         None
         if each.silent_since_ns is None
         else (
-            each.silent_until_ns - each.silent_since_ns > each.plan.lost_ms * NS_PER_MS,
+            each.silent_until_ns - each.silent_since_ns > each.longest_silence_ns,
             each.silent_since_ns,
         )
     ),

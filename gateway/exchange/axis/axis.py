@@ -18,7 +18,7 @@ machine            answers                                  sees
 ``acknowledge``    did its drive receive a target?          frames sent, their end, readings at both ends
 ``interlock``      are its triggers refused?                targets lost, complete targets accepted
 ``gantry``         what did its group's first trigger fix?  triggers of all axes of its group
-``readability``    does its drive report its position?      answers to the gateway's own reads
+``reach``          does its drive answer?                   silences, answers to the gateway's own reads
 =================  =======================================  ================================================
 
 Each thing that can happen to an axis is one method of :class:`Axis`. ``exchange.effects`` calls these methods
@@ -70,7 +70,7 @@ from gateway.exchange.axis.motion import (
     MotionEvent,
     MotionState,
 )
-from gateway.exchange.axis.readability import READABILITY_AFTER, PositionAnswer, Readability
+from gateway.exchange.axis.reach import PositionAnswer, Reach, Readability
 from gateway.exchange.axis.record import (
     PROVEN,
     Decision,
@@ -132,8 +132,6 @@ class Axis:
 
     __slots__ = (
         "acknowledgement",
-        "asked_actual",
-        "asked_commanded",
         "base",
         "began",
         "compensation",
@@ -151,11 +149,10 @@ class Axis:
         "is_enabled",
         "last_run",
         "limit_fields",
-        "may_read",
         "motion",
         "peers",
         "plan",
-        "readability",
+        "reach",
         "record",
         "reference",
         "reported_referenced",
@@ -164,8 +161,6 @@ class Axis:
         "reported_unsure",
         "requested",
         "rules",
-        "silent_since_ns",
-        "silent_until_ns",
         "terms",
     )
 
@@ -178,14 +173,6 @@ class Axis:
 
         The only one of these values that changes: a reload may end it (``Axis.end_dry_run``).
         """
-        self.may_read = plan.safe_read and plan.added_frames
-        """Whether the gateway may add reads of this axis's registers (W8)."""
-        self.asked_actual = self.asked(plan.actual)
-        """The actual position that the gateway may read (W8); None: it only sees it in other replies."""
-        self.readability = Readability.OPEN
-        """Whether its drive answers such reads; if it refuses, ``asked_actual`` is None."""
-        self.asked_commanded = self.asked(plan.commanded)
-        """The drive's own commanded position that the gateway may read; None: none."""
         # --- what the drive holds
         self.fields = [FieldImage(each, waits=plan.motion.waits_for_trigger) for each in plan.command]
         self.limit_fields = [FieldImage(each) for each in plan.limits]
@@ -202,9 +189,7 @@ class Axis:
         self.interlock = Interlock(self.report_fault)
         self.is_alarmed = False
         """Its alarm bit was set when last seen: only a rising bit is an event."""
-        self.silent_since_ns: int | None = None
-        self.silent_until_ns = 0
-        """Times of the first and the last of the consecutive requests that its drive left unanswered."""
+        self.reach = Reach(plan)
         # --- its group
         self.peers: tuple[Axis, ...] = ()
         """The other axes of its group (M11)."""
@@ -262,7 +247,7 @@ class Axis:
         An old bit does not hold up a stream of setpoints while the axis is referenced. Nor does it hold up a
         group of which one axis has started: its reference is fixed.
         """
-        if not self.may_read or self.fixed is not None:
+        if not self.reach.may_read or self.fixed is not None:
             return False
         reference = self.reference
         is_stream = self.plan.settings.setpoints is Setpoints.STREAM
@@ -274,15 +259,6 @@ class Axis:
         """Whether the branch in force was assumed, and the correction depends on the branch."""
         is_assumed = self.compensation.is_unsure or self.motion.is_distance_unconfirmed
         return is_assumed and self.has_branches and not self.compensation.is_passing
-
-    @property
-    def is_unreadable(self) -> bool:
-        """Whether the gateway does not read its position because its drive refuses to report it."""
-        return self.readability is Readability.REFUSED
-
-    def asked(self, fields: tuple[PositionField, ...]) -> PositionField | None:
-        """Return the position field that the gateway may read; None: none."""
-        return fields[0] if self.may_read and fields and fields[0].is_readable else None
 
     def is_repeat(self, number: int, nominal_words: bytes) -> bool:
         """Whether these words are those that the drive already acknowledged for this command field (M4)."""
@@ -373,7 +349,7 @@ class Axis:
             self.reported_unsure = self.is_unsure
             if self.reported_unsure:
                 detail = "its position could not be determined; it keeps its branch"
-                if self.is_unreadable:
+                if self.reach.is_unreadable:
                     detail += "; its drive refuses to report its actual position"
                 self.report(exchange_events.DIRECTION_UNSURE, detail)
         if not self.events:
@@ -721,7 +697,7 @@ class Axis:
         The position was read for this setpoint. If the gateway may not read, a recently seen one is used.
         """
         actual = fresh
-        if actual is None and self.asked_actual is None and self.motion.actual is not None:
+        if actual is None and self.reach.asked_actual is None and self.motion.actual is not None:
             is_recent = now_ns - self.motion.actual.seen_ns <= SEEN_LATELY_NS
             actual = self.motion.actual if is_recent else None
         field_ = self.plan.command[number]
@@ -755,12 +731,10 @@ class Axis:
 
         ``since_ns``: when the first unanswered request was sent.
         """
-        if self.silent_since_ns is None:
-            self.silent_since_ns = since_ns
-        self.silent_until_ns = now_ns
+        self.reach.fall_silent(since_ns, now_ns)
         if not self.reference.follows_homed_bit:
             return
-        if self.may_read:
+        if self.reach.may_read:
             self.reference_happens(ReferenceEvent.SILENCE)
         else:
             self.see_homed_bit(now_ns, is_set=False)
@@ -770,14 +744,7 @@ class Axis:
 
         ``until_ns``: the minimum end of the silence, if known.
         """
-        if until_ns is not None:
-            self.silent_until_ns = until_ns
-        since_ns = self.silent_since_ns
-        if since_ns is None:
-            return
-        if is_answer:
-            self.silent_since_ns = None
-        if self.silent_until_ns - since_ns <= self.plan.lost_ms * NS_PER_MS:
+        if not self.reach.end_silence(is_answer=is_answer, until_ns=until_ns):
             return
         motion, acknowledgement = self.motion, self.acknowledgement
         target, pending = motion.unacknowledged, acknowledgement.pending
@@ -786,7 +753,7 @@ class Axis:
         if target is not None:  # it may have reached the drive before the silence
             motion.happens(MotionEvent.NOT_ACKNOWLEDGED, target)
             acknowledgement.go_on_naming(pending)
-        self.motion.send_off(self.silent_until_ns)
+        self.motion.send_off(self.reach.silent_until_ns)
         self.lose_reference()
 
     def lose_link(self, now_ns: int, *, was_closed: bool = False) -> None:
@@ -795,13 +762,8 @@ class Axis:
             self.record.pause()
         self._lose_reach(was_closed=was_closed)
         self.motion.forget_position()
-        self.update_readability(PositionAnswer.LINK_LOST)
+        self.reach.update_readability(PositionAnswer.LINK_LOST)
         self.fall_silent(now_ns, now_ns)
-
-    def update_readability(self, answer: PositionAnswer) -> None:
-        """Record how its drive answers when the gateway reads its position."""
-        self.readability = READABILITY_AFTER[self.readability][answer]
-        self.asked_actual = None if self.is_unreadable else self.asked(self.plan.actual)
 
     # --- a target on the wire --------------------------------------------------------------------------
 
@@ -1016,8 +978,8 @@ class Axis:
         before, now = self.motion.actual, Actual(counts_of(field_, raw), asked_ns)
         was_unseen = self.motion.is_unseen(asked_ns)
         self.motion.see(now)
-        if self.readability is _REFUSED:
-            self.update_readability(PositionAnswer.PASSING)
+        if self.reach.readability is _REFUSED:
+            self.reach.update_readability(PositionAnswer.PASSING)
         if self.record is not None and self.record.saved is not None:
             self._decide_record(now)
         if self.motion.unacknowledged is not None:
