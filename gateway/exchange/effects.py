@@ -55,7 +55,7 @@ def _report_unknown(command: AxisCommand) -> None:
     word = None if mode is None else axis.rules.word(mode.address)
     if mode is not None and word is not None:
         words.setdefault(mode.address, word)
-    axis.report_unknown(tuple(sorted(words.items())))
+    axis.reports.report_unknown(tuple(sorted(words.items())))
 
 
 # --- when it ends ------------------------------------------------------------------------------------------
@@ -85,7 +85,7 @@ def _obeyed(request: Request, command: AxisCommand, now_ns: int) -> None:
         part.image.buffer(part.first, part.words, request.arrived_ns, request.follows_ns)
     for rendering in (*command.targets, *command.runs):
         axis.acknowledge(rendering, now_ns, command.epochs.get(rendering.number))
-        axis.report_beginning()
+        axis.reports.report_beginning()
     _write_blindly(request, command, now_ns)
     if command.goes_unknown:
         _go_unknown(command, now_ns)

@@ -71,7 +71,7 @@ def leave_in_group(command: AxisCommand, now_ns: int) -> None:
                 member.keep_no_other_words()
         if not is_first and gantry.has_put_off and axis.fixed is not None and not axis.fixed.has_gone:
             detail = f"it goes as {gantry.led_by} has gone; what was asked for since comes into force then"
-            axis.report(exchange_events.GROUP_HELD, detail)
+            axis.reports.report(exchange_events.GROUP_HELD, detail)
         gantry.happens(GantryEvent.LEFT)
 
 
@@ -166,7 +166,7 @@ def _report_unconfirmed_first(axis: Axis, gantry: Gantry, code: int) -> None:
         f"its trigger was sent, and the drive may have obeyed it (exception {code:#04x}): the skew is "
         "not known"
     )
-    axis.report(exchange_events.GROUP_SKEWED, detail)
+    axis.reports.report(exchange_events.GROUP_SKEWED, detail)
 
 
 def report_skew(axis: Axis, code: int) -> None:
@@ -188,7 +188,7 @@ def report_skew(axis: Axis, code: int) -> None:
     names, units = " and ".join(member.plan.name for member in gone), axis.plan.settings.units.value
     by = "by an unknown amount" if skew is None else f"by {skew:+.6g} {units}"
     detail = f"{names} has moved, and its own target was refused (exception {code:#04x}): skewed {by}"
-    axis.report(exchange_events.GROUP_SKEWED, detail)
+    axis.reports.report(exchange_events.GROUP_SKEWED, detail)
 
 
 def _way_in_group(axis: Axis) -> float | None:

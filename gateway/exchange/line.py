@@ -594,7 +594,7 @@ class LineExchange:
         if frame.is_acknowledged(pdu):
             self.counters.restaged += 1
             acknowledge_rewritten(frame)
-            frame.axis.report_rewritten(self.counters.restaged, now_ns)
+            frame.axis.reports.report_rewritten(self.counters.restaged, now_ns)
             return None
         code = pdu[1] if len(pdu) == 2 and is_exception(pdu) else ExceptionCode.SERVER_DEVICE_FAILURE
         why = "the drive refused the staged target when it was rewritten"

@@ -399,7 +399,7 @@ def render_relative(
     is_moving = request.prefetched.standstill.get(axis.plan.name) is Standstill.MOVES
     why = "the axis moves" if is_moving else "nothing tells where the axis is"
     if axis.plan.motion.passes_unknown_relative:
-        axis.report(exchange_events.BASE_UNKNOWN, f"a relative move passed unchanged: {why}")
+        axis.reports.report(exchange_events.BASE_UNKNOWN, f"a relative move passed unchanged: {why}")
         return None
     raise refused(refusals.BASE_UNKNOWN, axis.plan.name, exchange_events.BASE_UNKNOWN, why=why)
 

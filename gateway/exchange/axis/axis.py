@@ -36,7 +36,7 @@ last target in both frames, and the readback map that converts readings back.
 *What the drive holds* is in the register image (``registers``). The drive may hold staged targets that no
 trigger has run, and parts of a target may have been lost. A lost target blocks the triggers (``interlock``).
 
-Events to be reported wait in ``events`` until the line collects them. ``hold`` says who moves the axis;
+Events to be reported wait in ``reports`` until the line collects them. ``hold`` says who moves the axis;
 ``ownership`` maintains it.
 """
 
@@ -47,7 +47,6 @@ from math import isfinite
 from typing import Final
 
 from gateway.catalogue import exchange_events
-from gateway.catalogue.entry import EventEntry
 from gateway.compensation.axis import AxisCompensation
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table
 from gateway.compensation.errors import SettingsError, TableError
@@ -60,7 +59,6 @@ from gateway.exchange.axis.acknowledge import Acknowledgement, Proof, Rendering,
 from gateway.exchange.axis.cross_term import Partner
 from gateway.exchange.axis.gantry import Fixed, Gantry, GantryEvent
 from gateway.exchange.axis.hold import Hold
-from gateway.exchange.axis.hunting import MOST, Hunting
 from gateway.exchange.axis.interlock import Block, Interlock
 from gateway.exchange.axis.motion import (
     ON_BRANCH,
@@ -84,6 +82,7 @@ from gateway.exchange.axis.record import (
 from gateway.exchange.axis.record_layout import Remembered, RememberedMove
 from gateway.exchange.axis.reference import AxisReference, ReferenceEvent
 from gateway.exchange.axis.registers import FieldImage, RuleImage
+from gateway.exchange.axis.reports import Reports
 from gateway.exchange.axis.terms import Terms
 from gateway.exchange.events import Event
 from gateway.exchange.field_counts import counts_of, raw_of, steps_of
@@ -97,12 +96,10 @@ from gateway.exchange.plan import (
 )
 from gateway.modbus.pdu import ExceptionCode
 from gateway.modbus.registers import PositionField
-from gateway.times import NS_PER_MS, NS_PER_S
+from gateway.times import NS_PER_MS
 
 SEEN_LATELY_NS: Final = 500 * NS_PER_MS
 """Maximum age of an actual position from which a stream begins, where none can be read."""
-REWRITTEN_EVERY_NS: Final = 60 * NS_PER_S
-"""Minimum time between reports of restaging; every restaging is counted."""
 _SAYS_NOTHING_WRITTEN: Final = frozenset(
     {
         ExceptionCode.ILLEGAL_DATA_ADDRESS,
@@ -133,16 +130,13 @@ class Axis:
     __slots__ = (
         "acknowledgement",
         "base",
-        "began",
         "compensation",
-        "events",
         "fields",
         "fixed",
         "gantry",
         "has_branches",
         "hold",
         "holds_unrun",
-        "hunting",
         "interlock",
         "is_alarmed",
         "is_dry_run",
@@ -155,10 +149,7 @@ class Axis:
         "reach",
         "record",
         "reference",
-        "reported_referenced",
-        "reported_rewrite_ns",
-        "reported_unknown",
-        "reported_unsure",
+        "reports",
         "requested",
         "rules",
         "terms",
@@ -190,6 +181,7 @@ class Axis:
         self.is_alarmed = False
         """Its alarm bit was set when last seen: only a rising bit is an event."""
         self.reach = Reach(plan)
+        self.reports = Reports(plan, self.reference, self.reach)
         # --- its group
         self.peers: tuple[Axis, ...] = ()
         """The other axes of its group (M11)."""
@@ -209,21 +201,11 @@ class Axis:
         """Whether the correction depends on the direction of travel."""
         # --- who moves it, its record, and its events
         self.hold = Hold(plan.writer_hold_s, is_shared=not plan.has_one_writer)
-        self.hunting = Hunting()
         self.record: Record | None = None
         """Its record for the next run of the gateway."""
-        self.events: list[Event] = []
-        """Events that the line has not collected yet."""
-        self.began: tuple[float, float] | None = None
-        """Offset with which a stream began, and the rest that was motion, in units; until reported."""
-        self.reported_unsure = False
-        self.reported_rewrite_ns: int | None = None
-        self.reported_unknown: tuple[tuple[int, int], ...] | None = None
-        """Register contents that were last reported as unknown."""
         self._choose_correction()
         if self.reference.is_referenced:
             self.compensation.find_reference(self.requested)
-        self.reported_referenced = None if self.reference.follows_homed_bit else self.reference.is_referenced
 
     @property
     def goes_as_referenced(self) -> bool:
@@ -310,26 +292,13 @@ class Axis:
             return words
         return field_.pack(corrected - steps_of(field_, correction))
 
-    def report(self, kind: EventEntry, detail: str = "") -> None:
-        """Report an event of this axis."""
-        self.events.append(Event(kind, self.plan.name, detail))
-
-    def report_unknown(self, contents: tuple[tuple[int, int], ...]) -> None:
-        """Report register contents that the map does not know; the same contents only once."""
-        if self.reported_unknown == contents:
-            return
-        self.reported_unknown = contents
-        shown = ", ".join(f"{address:#06x} = {word:#06x}" for address, word in contents)
-        what = f"the register map does not know {shown}" if shown else "a frame has no known meaning"
-        self.report(exchange_events.UNKNOWN_MODE, f"{what}: it passed unchanged")
-
     def report_fault(self, sentence: str) -> None:
         """Handle an impossible event in one of its machines: a bug of this program.
 
         The axis goes to its safest state. Its position is unknown. Its reference is lost if a bit can restore
         it. Its triggers are refused until a complete target is accepted.
         """
-        self.report(exchange_events.INTERNAL_FAULT, sentence)
+        self.reports.report(exchange_events.INTERNAL_FAULT, sentence)
         self.motion.enter(MotionState.UNKNOWN)
         if self.reference.follows_homed_bit:
             was_referenced = self.reference.is_referenced
@@ -341,34 +310,8 @@ class Axis:
     def take_events(self) -> tuple[Event, ...]:
         """Return the new events of this axis, each change once; its record is up to date then."""
         if self.record is not None:
-            self.publish()
-        reference = self.reference
-        if reference.is_referenced is not self.reported_referenced and reference.was_reported:
-            self._report_reference()
-        if self.is_unsure is not self.reported_unsure:
-            self.reported_unsure = self.is_unsure
-            if self.reported_unsure:
-                detail = "its position could not be determined; it keeps its branch"
-                if self.reach.is_unreadable:
-                    detail += "; its drive refuses to report its actual position"
-                self.report(exchange_events.DIRECTION_UNSURE, detail)
-        if not self.events:
-            return ()
-        taken = tuple(self.events)
-        self.events = []
-        return taken
-
-    def _report_reference(self) -> None:
-        self.reported_referenced = self.reference.is_referenced
-        if self.reference.is_referenced:
-            self.report(exchange_events.AXIS_REFERENCED)
-            return
-        detail = "the drive does not say that it is homed: positions pass 1:1"
-        if not self.reference.follows_homed_bit:
-            detail = "it may not stand where its drive says any more: positions pass 1:1"
-        if self.reference.waits_for_peers and self.reference.is_found:
-            detail = "another axis of its group is not referenced: positions pass 1:1"
-        self.report(exchange_events.REFERENCE_LOST, detail)
+            self.record.publish(self.motion, self.acknowledgement, self.requested)
+        return self.reports.take(is_unsure=self.is_unsure)
 
     # --- where it is -----------------------------------------------------------------------------------
 
@@ -659,7 +602,7 @@ class Axis:
         """End compensation until the gateway restarts: its registers have another meaning now."""
         if self.reference.is_remapped:
             return
-        self.report(exchange_events.COMPENSATION_ENDED, REMAPPED)
+        self.reports.report(exchange_events.COMPENSATION_ENDED, REMAPPED)
         if self.gantry is not None:
             self.gantry.happens(GantryEvent.ENDED)
         self.reference.end()
@@ -680,7 +623,7 @@ class Axis:
     def report_terms(self, now_ns: int) -> None:
         """Report changes in how well its terms are known."""
         if self.terms is not None:
-            self.events += self.terms.events(self.plan.name, now_ns)
+            self.reports.add(self.terms.events(self.plan.name, now_ns))
 
     def move_zero(self) -> None:
         """The drive counts from another zero: its targets and seen positions are void."""
@@ -711,18 +654,7 @@ class Axis:
         position = self.compensation.machine_position(actual.counts)
         slack += 0.0 if self.terms is None else self.terms.largest_at(position)
         rest = self.compensation.assume_offset(actual.counts, counts_of(field_, raw), self.base, slack)
-        self.began = (self.compensation.state.spec.offset, rest)
-
-    def report_beginning(self) -> None:
-        """Report the offset with which a stream began."""
-        if self.began is None:
-            return
-        (offset, rest), units = self.began, self.plan.settings.units.value
-        self.began = None
-        if offset or rest:
-            what = f"the drive was {offset:+.6g} {units} from the first setpoint; this offset stays in force"
-            motion = f"; {rest:+.6g} {units} more cannot be a correction and was dropped" if rest else ""
-            self.report(exchange_events.STREAM_BEGAN, f"{what} until the table has taken over{motion}")
+        self.reports.begin_stream(self.compensation.state.spec.offset, rest)
 
     # --- silence ---------------------------------------------------------------------------------------
 
@@ -851,14 +783,10 @@ class Axis:
         if (
             not compensation.is_stream
             and compensation.state.travel.direction is not move.state.travel.direction
+            and self.has_branches
         ):
-            self._count_branch_change(now_ns)
+            self.reports.count_branch_change(now_ns)
         self.motion.go(rendering, move, now_ns)
-
-    def _count_branch_change(self, now_ns: int) -> None:
-        if self.has_branches and self.hunting.count_change(now_ns):
-            detail = f"its branch changed more than {MOST} times in 10 s"
-            self.report(exchange_events.BRANCH_HUNTS, detail)
 
     def leave_unacknowledged(self, rendering: Rendering, now_ns: int) -> None:
         """A target was sent and not acknowledged: the drive may hold it or not.
@@ -899,12 +827,12 @@ class Axis:
         ``is_own``: it lost the target itself, not because another axis of the group was blocked (M11).
         """
         if self.interlock.refuse(code, is_own=is_own):
-            self.report(exchange_events.AXIS_BLOCKED, why)
+            self.reports.report(exchange_events.AXIS_BLOCKED, why)
 
     def release_triggers(self, epoch: int) -> None:
         """A complete target was accepted; ``epoch``: when it was sent."""
         if self.interlock.complete(epoch):
-            self.report(
+            self.reports.report(
                 exchange_events.AXIS_RELEASED, "a complete target was accepted: its triggers pass again"
             )
 
@@ -913,14 +841,6 @@ class Axis:
     def acknowledge_rewrite(self, rendering: Rendering, first: int, words: bytes, epoch: int) -> None:
         """The drive acknowledged words of a staged target, from its word ``first`` on (M2)."""
         self.fields[rendering.number].acknowledge_rewrite(rendering.nominal_words, first, words, epoch)
-
-    def report_rewritten(self, count: int, now_ns: int) -> None:
-        """Report restaging, but not too often: an axis that alternates needs it at every second move."""
-        reported_ns = self.reported_rewrite_ns
-        if reported_ns is None or now_ns - reported_ns >= REWRITTEN_EVERY_NS:
-            self.reported_rewrite_ns = now_ns
-            detail = f"a staged target was rewritten for its trigger; {count} on this line since the start"
-            self.report(exchange_events.RESTAGED, detail)
 
     def lose_rewritten(self, rendering: Rendering, code: int, why: str) -> None:
         """The rewrite of a staged target was not acknowledged."""
@@ -1089,11 +1009,6 @@ class Axis:
         """Whether it is still undecided if the record of the last run counts."""
         return self.record is not None and self.record.saved is not None
 
-    def publish(self) -> None:
-        """Bring its record up to date."""
-        if self.record is not None:
-            self.record.publish(self.motion, self.acknowledgement, self.requested)
-
     def _decide_record(self, actual: Actual) -> None:
         """Decide with an actual position whether the record of the last run counts."""
         record = self.record
@@ -1133,7 +1048,7 @@ class Axis:
         assert self.record is not None
         self.record.decide(Decision.DROPPED)
         self.record.clear()
-        self.report(exchange_events.RECORD_NOT_USED, f"{reason}; it starts without its record")
+        self.reports.report(exchange_events.RECORD_NOT_USED, f"{reason}; it starts without its record")
         for peer in self.peers:
             if peer.is_recalling:
                 peer.drop_record(f"axis {self.plan.name} of its group starts without one")
@@ -1172,7 +1087,7 @@ class Axis:
         is_open = (
             "; whether it has gone there is not certain yet" if self.motion.is_distance_unconfirmed else ""
         )
-        self.report(
+        self.reports.report(
             exchange_events.RESTORED,
             f"goes on from its record: nominal {position:.6g} {settings.units.value}, the drive at "
             f"{actual.counts:.10g} counts, {in_force.travel.direction.name.lower()}, progress of a reversal "
