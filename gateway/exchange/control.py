@@ -105,7 +105,7 @@ def end_dry_run(axes: Sequence[Axis], name: str) -> dict[str, str]:
                 f"axis {axis.plan.name} stays in shadow: {why}; let it arrive at a target, and reload again"
             )
     for axis in members:
-        if axis.fixed is not None:
+        if axis.member.fixed is not None:
             raise ControlError(
                 f"axis {axis.plan.name} stays in shadow: one axis of its group has gone, and another one has "
                 "not; let all of them arrive, and reload again"

@@ -68,7 +68,7 @@ class ReadPath(FastPath):
             record = axis.record
             if axis.reach.silent_since_ns is not None or (record is not None and record.saved is not None):
                 return None
-            if axis.fixed is not None:
+            if axis.member.fixed is not None:
                 return None  # the decision of the group may have ended by now
         if self._asks_for_bits:
             for read in self._reads:

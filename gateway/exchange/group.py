@@ -16,11 +16,13 @@ from gateway.drives.motion import Action
 from gateway.exchange.added_frames import AddedFrame, Purpose, homed_read, read_word
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.axis import MOVES_OTHERWISE, Axis
-from gateway.exchange.axis.gantry import Fixed, Gantry, GantryEvent
+from gateway.exchange.axis.gantry import Gantry, GantryEvent
+from gateway.exchange.axis.member import Fixed
 from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.axis.registers import JOIN_NS
 from gateway.exchange.decode import AxisCommand
 from gateway.exchange.field_counts import counts_of
+from gateway.exchange.kept_words import is_other, keeps_other_words, may_have_gone_to, spec_of_words
 from gateway.exchange.prepare import check_may_act, may_run_distances, target_lost
 from gateway.exchange.prerequisites import read_for_staged, render_run, rewrite_for_run, staged_words
 from gateway.exchange.refusal import RefusedRequestError, refused
@@ -42,18 +44,19 @@ def join_groups(axes: Sequence[Axis], groups: Iterable[Iterable[str]]) -> None:
 
 def settle_group(axis: Axis, now_ns: int) -> None:
     """Bring its group up to date: one reference for all, and no decision that has ended."""
-    if axis.gantry is None:
+    gantry = axis.member.gantry
+    if gantry is None:
         return
     axis.follow_group()
-    if axis.gantry.is_over(now_ns):
-        axis.gantry.happens(GantryEvent.EXPIRED)
-    elif axis.gantry.is_under_way and _is_group_through(axis, now_ns):
-        axis.gantry.happens(GantryEvent.WHOLE)
+    if gantry.is_over(now_ns):
+        gantry.happens(GantryEvent.EXPIRED)
+    elif gantry.is_under_way and _is_group_through(axis, now_ns):
+        gantry.happens(GantryEvent.WHOLE)
 
 
 def leave_in_group(command: AxisCommand, now_ns: int) -> None:
     """A request to an axis of a group is sent: it fixes values for all, uses the fixed ones, or ends them."""
-    axis, gantry = command.axis, command.axis.gantry
+    axis, gantry = command.axis, command.axis.member.gantry
     if gantry is None:
         return
     if command.action in MOVES_OTHERWISE:
@@ -63,13 +66,14 @@ def leave_in_group(command: AxisCommand, now_ns: int) -> None:
         if is_first:
             gantry.fix(axis.plan.name, now_ns)
             keeps_words = _keeps_other_words(command)
-            for member in (axis, *axis.peers):
-                run = None if member is axis else command.peer_runs.get(member.plan.name)
-                member.fix(run, keeps_words=keeps_words)
+            for each in (axis, *axis.peers):
+                run = None if each is axis else command.peer_runs.get(each.plan.name)
+                each.member.fix(run, keeps_words=keeps_words)
         elif not _keeps_other_words(command):
-            for member in (axis, *axis.peers):
-                member.keep_no_other_words()
-        if not is_first and gantry.has_put_off and axis.fixed is not None and not axis.fixed.has_gone:
+            for each in (axis, *axis.peers):
+                each.member.keep_no_other_words()
+        fixed = axis.member.fixed
+        if not is_first and gantry.has_put_off and fixed is not None and not fixed.has_gone:
             detail = f"it goes as {gantry.led_by} has gone; what was asked for since comes into force then"
             axis.reports.report(exchange_events.GROUP_HELD, detail)
         gantry.happens(GantryEvent.LEFT)
@@ -77,22 +81,20 @@ def leave_in_group(command: AxisCommand, now_ns: int) -> None:
 
 def end_in_group(request: Request, command: AxisCommand, outcome: Outcome, code: int, now_ns: int) -> None:
     """A request to an axis of a group has ended: the axis has started, was refused, or got a target."""
-    axis, gantry, fixed = command.axis, command.axis.gantry, command.axis.fixed
+    axis, gantry, fixed = command.axis, command.axis.member.gantry, command.axis.member.fixed
     if gantry is None or fixed is None:
         return
     if command.targets or command.runs or command.runs_target:
         if outcome is Outcome.ACKNOWLEDGED or outcome is Outcome.BROADCAST:
             missing = _missing_words(command, fixed, now_ns)
-            axis.go_as_fixed(missing, now_ns)
+            axis.member.go_as_fixed(missing, now_ns)
             is_whole = _is_group_through(axis, now_ns)
             gantry.happens(GantryEvent.WHOLE if is_whole else GantryEvent.WENT)
         else:
             is_refusal = outcome is Outcome.EXCEPTION
             is_undone = is_refusal and axis.writes_nothing(code, reads_too=request.reads_too)
-            if not is_undone and not any(
-                member.fixed is not None and member.fixed.has_gone for member in (axis, *axis.peers)
-            ):
-                axis.may_go_as_fixed()
+            if not is_undone and not any(each.member.has_gone for each in (axis, *axis.peers)):
+                axis.member.may_go_as_fixed()
                 _report_unconfirmed_first(axis, gantry, code)
             else:
                 report_skew(axis, code)
@@ -113,8 +115,8 @@ def _keeps_other_words(command: AxisCommand) -> bool:
     axis = command.axis
     for rendering in (*command.targets, *command.runs):
         if not rendering.is_distance:
-            spec = axis.spec_of_words(rendering.number, rendering.nominal_words)
-            if spec is not None and axis.is_other(spec):
+            spec = spec_of_words(axis, rendering.number, rendering.nominal_words)
+            if spec is not None and is_other(axis, spec):
                 return rendering.move is None or rendering.move.state.spec is spec
     return False
 
@@ -124,12 +126,12 @@ def _holds_unconfirmed(axis: Axis, number: int) -> bool:
     image = axis.fields[number]
     if image.nominal_words is None or image.is_incomplete:
         return True  # the rest of it is still to come
-    return axis.may_have_gone_to(number, image.nominal_words)
+    return may_have_gone_to(axis, number, image.nominal_words)
 
 
 def _is_joined(axis: Axis, first: int, count: int, now_ns: int) -> bool:
     """Whether words of a target, from its word ``first`` on, belong to the target with which it started."""
-    fixed = axis.fixed
+    fixed = axis.member.fixed
     if fixed is None or now_ns - fixed.part_ns > JOIN_NS:
         return False
     words = (1 << count) - 1 << first
@@ -150,8 +152,8 @@ def _missing_words(command: AxisCommand, fixed: Fixed, now_ns: int) -> int:
 
 def _is_group_through(axis: Axis, now_ns: int) -> bool:
     """Whether each axis of its group has started, and no word of its target is missing."""
-    for member in (axis, *axis.peers):
-        fixed = member.fixed
+    for each in (axis, *axis.peers):
+        fixed = each.member.fixed
         if fixed is None or not fixed.has_gone:
             return False
         if fixed.missing and now_ns - fixed.part_ns <= JOIN_NS:
@@ -171,13 +173,13 @@ def _report_unconfirmed_first(axis: Axis, gantry: Gantry, code: int) -> None:
 
 def report_skew(axis: Axis, code: int) -> None:
     """It is refused after another axis of its group has started: the gateway does not stop that one (M3)."""
-    gantry, fixed = axis.gantry, axis.fixed
+    gantry, fixed = axis.member.gantry, axis.member.fixed
     if gantry is None or not gantry.is_under_way or fixed is None or fixed.has_gone:
         return
     skew: float | None = 0.0
-    gone = [member for member in axis.peers if member.fixed is not None and member.fixed.has_gone]
-    for member in gone:
-        way = _way_in_group(member)
+    gone = [peer for peer in axis.peers if peer.member.has_gone]
+    for peer in gone:
+        way = _way_in_group(peer)
         if way is None or skew is None:
             skew = None
         elif abs(way) > abs(skew):
@@ -185,7 +187,7 @@ def report_skew(axis: Axis, code: int) -> None:
     if skew == 0.0:
         return  # nothing has moved
     gantry.skew_by(skew)
-    names, units = " and ".join(member.plan.name for member in gone), axis.plan.settings.units.value
+    names, units = " and ".join(peer.plan.name for peer in gone), axis.plan.settings.units.value
     by = "by an unknown amount" if skew is None else f"by {skew:+.6g} {units}"
     detail = f"{names} has moved, and its own target was refused (exception {code:#04x}): skewed {by}"
     axis.reports.report(exchange_events.GROUP_SKEWED, detail)
@@ -193,7 +195,7 @@ def report_skew(axis: Axis, code: int) -> None:
 
 def _way_in_group(axis: Axis) -> float | None:
     """How far it was sent since its group started, in units; None: unknown."""
-    fixed, accepted = axis.fixed, axis.compensation.accepted
+    fixed, accepted = axis.member.fixed, axis.compensation.accepted
     if fixed is None or fixed.nominal_counts is None or accepted is None:
         return None
     return (accepted.nominal_counts - fixed.nominal_counts) / axis.plan.settings.counts_per_unit
@@ -209,7 +211,7 @@ def settle_groups(request: Request) -> bool:
         RefusedRequestError: the axis must not get it, so it stays where the last round sent it.
     """
     for command in request.commands:
-        gantry, fixed = command.axis.gantry, command.axis.fixed
+        gantry, fixed = command.axis.member.gantry, command.axis.member.fixed
         if gantry is None or fixed is None or not (fixed.has_gone or fixed.may_have_gone):
             continue
         if command.runs_target and _goes_elsewhere(request, command):
@@ -264,14 +266,15 @@ def _poll_at_superseded(request: Request, axis: Axis) -> AddedFrame | None:
 
 
 def _is_first(command: AxisCommand) -> bool:
-    gantry = command.axis.gantry
+    gantry = command.axis.member.gantry
     return gantry is not None and gantry.is_open and command.runs_target
 
 
 def _goes_elsewhere(request: Request, command: AxisCommand) -> bool:
     """Whether a request sends an axis that has started to another position than before."""
     axis = command.axis
-    accepted, is_unconfirmed = axis.compensation.accepted, axis.fixed is not None and axis.fixed.may_have_gone
+    accepted, fixed = axis.compensation.accepted, axis.member.fixed
+    is_unconfirmed = fixed is not None and fixed.may_have_gone
     if command.action.is_relative or (accepted is None and not is_unconfirmed):
         return True
     if command.runs_alone:
@@ -293,7 +296,7 @@ def _is_at(axis: Axis, number: int, words: bytes) -> bool:
     """Whether a target is the one to which its axis has gone, or may have."""
     field, accepted = axis.plan.command[number], axis.compensation.accepted
     if accepted is None:
-        return axis.may_have_gone_to(number, words)
+        return may_have_gone_to(axis, number, words)
     return counts_of(field, field.unpack(words)) == accepted.nominal_counts
 
 
@@ -301,15 +304,15 @@ def _decide_anew(request: Request, axis: Axis) -> None:
     """Drop what was prepared for this request if another correction has come into force meanwhile."""
     prefetched, members = request.prefetched, (axis, *axis.peers)
     is_other = False
-    for member in members:
-        name, is_referenced, requested = member.plan.name, member.goes_as_referenced, member.requested
-        keeps, before = member.keeps_other_words, prefetched.decided_by.get(name)
+    for each in members:
+        name, is_referenced, requested = each.plan.name, each.member.goes_as_referenced, each.requested
+        keeps, before = keeps_other_words(each), prefetched.decided_by.get(name)
         if before is not None:
             is_other |= before[0] is not is_referenced or before[1] is not requested or before[2] is not keeps
         prefetched.decided_by[name] = (is_referenced, requested, keeps)
-    for member in members if is_other else ():
-        prefetched.runs.pop(member.plan.name, None)
-        prefetched.peer_runs.pop(member.plan.name, None)
+    for each in members if is_other else ():
+        prefetched.runs.pop(each.plan.name, None)
+        prefetched.peer_runs.pop(each.plan.name, None)
 
 
 def _reference_of(request: Request, axis: Axis) -> AddedFrame | None:

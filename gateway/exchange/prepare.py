@@ -13,6 +13,7 @@ from gateway.exchange.axis.axis import MOVES_OTHERWISE, Axis
 from gateway.exchange.axis.motion import RepeatKind
 from gateway.exchange.axis.registers import Completeness, NextPart
 from gateway.exchange.decode import AxisCommand, Staging
+from gateway.exchange.kept_words import may_keep_words, spec_of_words
 from gateway.exchange.refusal import RefusedRequestError, refused
 from gateway.exchange.render import (
     RefusedPositionError,
@@ -478,8 +479,8 @@ def _foreseen(request: Request, command: AxisCommand, hit: FieldHit, words: byte
     axis, number, image = hit.mapped.axis, hit.mapped.number, hit.mapped.image
     assert image is not None
     now = RenderContext(request.now_ns, None)
-    spec = axis.spec_of_words(number, words)
-    is_kept = spec is None or axis.may_keep_words(spec)
+    spec = spec_of_words(axis, number, words)
+    is_kept = spec is None or may_keep_words(axis, spec)
     # Its trigger would rewrite it. A trigger that may not runs what is written now, so it is rendered here.
     is_kept &= axis.plan.added_frames
     if (

@@ -247,7 +247,7 @@ def _fixed_run(command: AxisCommand) -> Rendering | None:
 
     None if the axis got another target since, or was moved by something else.
     """
-    axis, fixed = command.axis, command.axis.fixed
+    axis, fixed = command.axis, command.axis.member.fixed
     run = None if fixed is None or fixed.has_gone else fixed.run
     if fixed is None or run is None or run.number != command.number:
         return None

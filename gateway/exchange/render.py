@@ -22,6 +22,7 @@ from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, ON_BRANCH, Actual, MotionState, RepeatKind
 from gateway.exchange.field_counts import counts_of, steps_of
+from gateway.exchange.kept_words import may_keep_words, spec_of_words
 from gateway.exchange.refusal import refused
 from gateway.exchange.request import Prefetched, Standstill
 from gateway.modbus.errors import RegisterRangeError
@@ -90,8 +91,8 @@ def render(
     field_ = axis.plan.command[number]
     raw = field_.unpack(nominal_words)
     is_passing = axis.passes_unchanged
-    spec = axis.spec_of_words(number, nominal_words)
-    is_kept = spec is None or axis.may_keep_words(spec)
+    spec = spec_of_words(axis, number, nominal_words)
+    is_kept = spec is None or may_keep_words(axis, spec)
     unacknowledged = axis.motion.unacknowledged if is_kept else None
     if unacknowledged is not None and not _is_unacknowledged(unacknowledged, number, nominal_words):
         unacknowledged = None
@@ -180,11 +181,11 @@ def needs_actual(axis: Axis, nominal_counts: Counts, now_ns: int) -> bool:
         return False
     if needs_offset(axis):
         return True
-    if axis.requested is NOTHING or not axis.goes_as_referenced:
+    if axis.requested is NOTHING or not axis.member.goes_as_referenced:
         return False
     accepted = axis.compensation.accepted
     is_same = accepted is not None and accepted.nominal_counts == nominal_counts
-    if is_same and axis.may_keep_words(axis.compensation.state.spec):
+    if is_same and may_keep_words(axis, axis.compensation.state.spec):
         return axis.motion.state in MAY_BE_ELSEWHERE  # is it still there? (M4)
     if axis.plan.settings.setpoints is Setpoints.STREAM:
         return False

@@ -21,6 +21,7 @@ from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import Actual
 from gateway.exchange.axis.registers import ALL_WORDS, mask_of
 from gateway.exchange.decode import AxisCommand, DecodedRequest, FieldWrite, Part, decode
+from gateway.exchange.kept_words import may_keep_words
 from gateway.exchange.unit import NO_HITS, FieldHit, FieldRole, Hits, MappedField
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.registers import PositionField, WordOrder
@@ -199,7 +200,7 @@ def _complete(request: Request, command: AxisCommand) -> None:
         command.writes.append(FieldWrite(hit, words, is_run))
         if is_run and is_again:
             is_again = words is not None and axis.is_repeat(mapped.number, words)
-            is_again = is_again and axis.may_keep_words(axis.compensation.state.spec)
+            is_again = is_again and may_keep_words(axis, axis.compensation.state.spec)
             has_last = has_last or mapped.number == axis.motion.last_number
     command.is_again = is_again and has_last
 

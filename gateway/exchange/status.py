@@ -122,10 +122,10 @@ def compensation_state(axis: Axis) -> str:
 
 def _group_status(axis: Axis, now_ns: int) -> GroupStatus | None:
     """Return the decision that its group follows (M11); None: it is in no group."""
-    gantry = axis.gantry
+    gantry = axis.member.gantry
     if gantry is None:
         return None
-    fixed = None if gantry.is_over(now_ns) else axis.fixed
+    fixed = None if gantry.is_over(now_ns) else axis.member.fixed
     return GroupStatus(
         state=GantryState.OPEN.value if fixed is None else gantry.state.value,
         has_gone=fixed is not None and fixed.has_gone,

@@ -357,7 +357,7 @@ def test_after_ten_seconds_what_was_put_off_comes_into_force() -> None:
     bench.wait(1_100)
     assert not bench.group()["is_put_off"]
     bench.to(1, read(ACTUAL))  # whoever reads sees what is in force
-    assert bench.line.axes[0].fixed is None
+    assert bench.line.axes[0].member.fixed is None
     bench.run(2)
     assert bench.ends() == [60_010, 60_000]
 

@@ -38,8 +38,11 @@ from tests.verify.breaking import ROOT, Mutant, mutants_of
 _EXCHANGE: Final = ROOT / "gateway" / "exchange"
 FILES: Final = (
     *(_EXCHANGE / "axis" / f"{each}.py" for each in ("motion", "reference", "acknowledge", "interlock")),
-    *(_EXCHANGE / "axis" / f"{each}.py" for each in ("axis", "registers")),
-    *(_EXCHANGE / f"{each}.py" for each in ("effects", "group", "decode", "scheduler", "transaction")),
+    *(_EXCHANGE / "axis" / f"{each}.py" for each in ("axis", "registers", "reach", "reports", "member")),
+    *(
+        _EXCHANGE / f"{each}.py"
+        for each in ("effects", "group", "kept_words", "decode", "scheduler", "transaction")
+    ),
     *(
         _EXCHANGE / "cut_through" / f"{each}.py"
         for each in ("frame", "delay", "forward", "line", "requests", "replies")

@@ -17,7 +17,7 @@ machine            answers                                  sees
 ``motion``         where is it?                             acknowledgements, stops, bits, actual positions
 ``acknowledge``    did its drive receive a target?          frames sent, their end, readings at both ends
 ``interlock``      are its triggers refused?                targets lost, complete targets accepted
-``gantry``         what did its group's first trigger fix?  triggers of all axes of its group
+``member``         what did its group's first trigger fix?  triggers of all axes of its group (``gantry``)
 ``reach``          does its drive answer?                   silences, answers to the gateway's own reads
 =================  =======================================  ================================================
 
@@ -57,9 +57,10 @@ from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import Action, Form
 from gateway.exchange.axis.acknowledge import Acknowledgement, Proof, Rendering, SteadyTarget
 from gateway.exchange.axis.cross_term import Partner
-from gateway.exchange.axis.gantry import Fixed, Gantry, GantryEvent
+from gateway.exchange.axis.gantry import Gantry
 from gateway.exchange.axis.hold import Hold
 from gateway.exchange.axis.interlock import Block, Interlock
+from gateway.exchange.axis.member import Member
 from gateway.exchange.axis.motion import (
     ON_BRANCH,
     Actual,
@@ -132,8 +133,6 @@ class Axis:
         "base",
         "compensation",
         "fields",
-        "fixed",
-        "gantry",
         "has_branches",
         "hold",
         "holds_unrun",
@@ -143,6 +142,7 @@ class Axis:
         "is_enabled",
         "last_run",
         "limit_fields",
+        "member",
         "motion",
         "peers",
         "plan",
@@ -185,10 +185,8 @@ class Axis:
         # --- its group
         self.peers: tuple[Axis, ...] = ()
         """The other axes of its group (M11)."""
-        self.gantry: Gantry | None = None
-        """What the first trigger of its group has fixed; shared by all axes of the group."""
-        self.fixed: Fixed | None = None
-        """Replaces reference and switch until its group has moved (M11); None: nothing is fixed."""
+        self.member = Member(self.motion, self.reference)
+        """What the first trigger of its group has fixed (M11)."""
         # --- which correction is requested
         self.is_enabled = plan.compensation is not CompensationMode.OFF
         """Whether a person or the configuration wants the table to be applied."""
@@ -208,12 +206,6 @@ class Axis:
             self.compensation.find_reference(self.requested)
 
     @property
-    def goes_as_referenced(self) -> bool:
-        """Whether its next target is handled as that of a referenced axis (M11)."""
-        fixed = self.fixed
-        return self.reference.is_referenced if fixed is None else fixed.is_referenced
-
-    @property
     def passes_unchanged(self) -> bool:
         """Whether words of this axis pass 1:1 in both directions (M9)."""
         return self.is_dry_run or self.compensation.is_passing
@@ -229,7 +221,7 @@ class Axis:
         An old bit does not hold up a stream of setpoints while the axis is referenced. Nor does it hold up a
         group of which one axis has started: its reference is fixed.
         """
-        if not self.reach.may_read or self.fixed is not None:
+        if not self.reach.may_read or self.member.fixed is not None:
             return False
         reference = self.reference
         is_stream = self.plan.settings.setpoints is Setpoints.STREAM
@@ -330,8 +322,7 @@ class Axis:
 
         ``was_closed``: the connection was closed in order, by an idle server or by us.
         """
-        if self.gantry is not None:
-            self.gantry.happens(GantryEvent.ENDED)
+        self.member.end()
         self.motion.lose_reach(KeptOver.ORDERLY_CLOSE if was_closed else KeptOver.LOSS)
         self._forget_words()
 
@@ -351,10 +342,7 @@ class Axis:
     def _follow_reference(self, *, was_referenced: bool) -> None:
         """Put the present reference into force."""
         is_referenced = self.reference.is_referenced
-        if is_referenced is was_referenced:
-            return
-        if self.fixed is not None:
-            self._put_off(self.fixed._replace(was_lost=self.fixed.was_lost or not is_referenced))
+        if is_referenced is was_referenced or self.member.put_off_reference(is_referenced=is_referenced):
             return
         self._take_reference(is_referenced=is_referenced)
 
@@ -392,7 +380,7 @@ class Axis:
         """
         members = [each for each in (self, *self.peers) if each.compensation.accepted is not None]
         self.reference_happens(ReferenceEvent.DECLARED)
-        if self.gantry is not None:
+        if self.member.gantry is not None:
             self.follow_group()
         for member in members:
             member.motion.mark_kept_over(KeptOver.DECLARATION)
@@ -412,14 +400,13 @@ class Axis:
 
     def join(self, peers: "tuple[Axis, ...]", gantry: Gantry) -> None:
         """Make it a member of a group."""
-        self.peers, self.gantry = peers, gantry
+        self.peers = peers
+        self.member.join(gantry)
         self.follow_group()
 
-    # --- what the first trigger of its group fixes (M11) -----------------------------------------------
-
     def release(self) -> None:
-        """Put deferred changes into force, with the next different target."""
-        fixed, self.fixed = self.fixed, None
+        """Put deferred changes into force, with the next different target (M11)."""
+        fixed = self.member.release()
         if fixed is None:
             return
         if fixed.has_other_correction:
@@ -429,106 +416,6 @@ class Axis:
         if self.reference.is_referenced and (fixed.was_lost or not fixed.is_referenced):
             self._take_reference(is_referenced=True)
         self._want()
-
-    def _put_off(self, fixed: Fixed) -> None:
-        """Record what must wait until nothing is fixed any more."""
-        assert self.gantry is not None
-        self.fixed = fixed
-        self.gantry.put_off()
-
-    def fix(self, run: Rendering | None, *, keeps_words: bool) -> None:
-        """Its group starts: keep the present reference and correction until nothing is fixed any more."""
-        accepted, actual = self.compensation.accepted, self.motion.actual
-        nominal_counts = None if accepted is None else accepted.nominal_counts
-        if nominal_counts is None and actual is not None:
-            nominal_counts = self.motion.nominal_of(actual.counts)
-        self.fixed = Fixed(
-            self.goes_as_referenced,
-            self.motion.state,
-            self.motion.has_reported_done,
-            nominal_counts,
-            run,
-            keeps_words,
-        )
-
-    def go_as_fixed(self, missing: int, now_ns: int) -> None:
-        """It has started; ``missing``: mask of the words of its target that have not come yet."""
-        assert self.fixed is not None
-        self.fixed = self.fixed._replace(has_gone=True, missing=missing, part_ns=now_ns if missing else 0)
-
-    def may_go_as_fixed(self) -> None:
-        """It is the first of its group, and it is unknown whether it has started."""
-        assert self.fixed is not None
-        self.fixed = self.fixed._replace(may_have_gone=True)
-
-    def keep_no_other_words(self) -> None:
-        """An axis of its group uses what was fixed: none may keep words of another switch any more."""
-        if self.fixed is not None and self.fixed.keeps_words:
-            self.fixed = self.fixed._replace(keeps_words=False)
-
-    def may_have_gone_to(self, number: int, nominal_words: bytes) -> bool:
-        """Whether these words are the absolute target that was sent last and not acknowledged."""
-        unacknowledged, field = self.motion.unacknowledged, self.plan.command[number]
-        if unacknowledged is None or unacknowledged.move is None or unacknowledged.is_distance:
-            return False
-        return counts_of(field, field.unpack(nominal_words)) == unacknowledged.move.nominal_counts
-
-    # --- which words may stay as they are (M4, M11) ------------------------------------------------------
-
-    def may_keep_words(self, spec: CorrectionSpec) -> bool:
-        """Whether a repeated target may keep its words, which were rendered with ``spec``.
-
-        Words rendered with the requested correction are always right. In a group, one axis must not keep
-        words of another switch, table or gain while another axis uses the requested one. Setpoints of a
-        stream may: the requested correction comes into force over the distance that they travel, and a repeat
-        has no distance.
-        """
-        if self.gantry is None or self.compensation.is_stream or not self.is_other(spec):
-            return True
-        if self.fixed is not None:
-            return self.fixed.keeps_words
-        is_again = self.motion.unacknowledged is None  # else the other axes must still get there
-        return all(peer.keeps_other_words and (is_again or peer.holds_unrun) for peer in self.peers)
-
-    @property
-    def keeps_other_words(self) -> bool:
-        """Whether its next target probably keeps words of another switch, table or gain.
-
-        A target that has not come yet is unknown. It is assumed to be a repeat of the last one.
-        """
-        number = self.rules.staged
-        words = None if number is None else self.fields[number].nominal_words
-        if self.holds_unrun and number is not None and words is not None:
-            spec = self.spec_of_words(number, words)
-            return spec is not None and self.is_other(spec)
-        if self.motion.unacknowledged is not None and self.motion.unacknowledged.move is not None:
-            return self.is_other(self.motion.unacknowledged.move.state.spec)
-        if self.motion.superseded is not None:
-            return self.is_other(self.motion.superseded.move.state.spec)
-        state = self.compensation.state
-        return state.position is None or self.is_other(state.spec)
-
-    def spec_of_words(self, number: int, nominal_words: bytes) -> CorrectionSpec | None:
-        """Return the correction of the words that a target may keep; None: it is a new target."""
-        if self.may_have_gone_to(number, nominal_words):
-            assert self.motion.unacknowledged is not None
-            assert self.motion.unacknowledged.move is not None
-            return self.motion.unacknowledged.move.state.spec
-        superseded, accepted = self.motion.superseded_as(number, nominal_words), self.compensation.accepted
-        if superseded is not None:
-            return superseded.move.state.spec
-        field = self.plan.command[number]
-        if accepted is None or counts_of(field, field.unpack(nominal_words)) != accepted.nominal_counts:
-            return None
-        return self.compensation.state.spec
-
-    def is_other(self, spec: CorrectionSpec) -> bool:
-        """Whether a correction has another switch, table or gain than the one that applies now."""
-        asked = self.requested if self.goes_as_referenced else NOTHING
-        if spec.curve is None or asked.curve is None:
-            return spec.curve is not asked.curve
-        is_same_table = spec.curve is asked.curve or spec.table_digest == asked.table_digest
-        return not (is_same_table and spec.gain == asked.gain)
 
     @property
     def blocked_by(self) -> int | None:
@@ -547,12 +434,11 @@ class Axis:
 
     def _want(self) -> None:
         """Request the correction by its table, if its positions are meaningful and nothing else is fixed."""
-        if self.reference.is_referenced and self.fixed is None:
+        if self.reference.is_referenced and self.member.fixed is None:
             self.compensation.want(self.requested)
 
     def _choose_correction(self) -> None:
-        if self.fixed is not None:
-            self._put_off(self.fixed._replace(has_other_correction=True))
+        if self.member.put_off_correction():
             return
         self.base = NOTHING
         self.has_branches = False
@@ -603,8 +489,7 @@ class Axis:
         if self.reference.is_remapped:
             return
         self.reports.report(exchange_events.COMPENSATION_ENDED, REMAPPED)
-        if self.gantry is not None:
-            self.gantry.happens(GantryEvent.ENDED)
+        self.member.end()
         self.reference.end()
         self.is_enabled = False
         self._choose_correction()

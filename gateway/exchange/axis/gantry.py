@@ -22,17 +22,15 @@ The target of an axis that has not started may be rewritten. It still uses what 
 axes do. An operator levels a gantry in the same way after a later trigger was refused (M3).
 
 The machine is :class:`Gantry`, one for each group: its state and the data of that state. The fixed values of
-each axis are its ``fixed`` (:class:`Fixed`), present exactly while the state is not ``OPEN``.
-``exchange.group`` sets both as requests are sent and end; ``Axis`` defers requested changes meanwhile.
+each axis are in its ``axis.member``, present exactly while the state is not ``OPEN``. ``exchange.group`` sets
+both as requests are sent and end. Changes that are requested meanwhile are put off.
 """
 
 from collections.abc import Callable, Sequence
 from enum import Enum
-from typing import Final, NamedTuple
+from typing import Final
 
-from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.impossible import IGNORED
-from gateway.exchange.axis.motion import MotionState
 from gateway.times import NS_PER_S
 
 LONGEST_NS: Final = 10 * NS_PER_S
@@ -112,35 +110,6 @@ GANTRY_AFTER: Final[dict[GantryState, dict[GantryEvent, GantryState | None]]] = 
     },
 }
 """The state after each event, complete; :data:`IGNORED` changes nothing."""
-
-
-class Fixed(NamedTuple):
-    """What the first trigger of its group has fixed for one axis (``axis.gantry``)."""
-
-    is_referenced: bool
-    """Whether its positions were meaningful."""
-    motion_state: MotionState
-    """Its motion state."""
-    had_reported_done: bool
-    """Whether its drive had reported done, for an unacknowledged target."""
-    nominal_counts: float | None
-    """Its nominal position as the controller saw it; None: unknown."""
-    run: Rendering | None
-    """The staged target that it must run; None: it held no complete one, or it is the first axis."""
-    keeps_words: bool = False
-    """Whether it may keep words of another switch, table or gain: all axes of its group do."""
-    has_gone: bool = False
-    may_have_gone: bool = False
-    """It was the first, and it is unknown whether its trigger was obeyed."""
-    missing: int = 0
-    """Mask of the words of its target that have not come since it started: a drive that moves with each write
-    may get them one by one."""
-    part_ns: int = 0
-    """When the newest of them came."""
-    was_lost: bool = False
-    """Its reference was lost since, even if it was found again."""
-    has_other_correction: bool = False
-    """Table, gain or switch were changed since."""
 
 
 class Gantry:

@@ -1,0 +1,74 @@
+"""Which targets keep the words that the drive has, though another correction was requested since (M4, M11).
+
+A repeat of a target gets the same words, so that the axis does not move. In a group, one axis must not keep
+words of another switch, table or gain while another axis uses the requested one: the gantry would skew.
+"""
+
+from gateway.compensation.correction_spec import NOTHING, CorrectionSpec
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.field_counts import counts_of
+
+
+def may_keep_words(axis: Axis, spec: CorrectionSpec) -> bool:
+    """Whether a repeated target may keep its words, which were rendered with ``spec``.
+
+    Words rendered with the requested correction are always right. Setpoints of a stream may keep others: the
+    requested correction comes into force over the distance that they travel, and a repeat has no distance.
+    """
+    member = axis.member
+    if member.gantry is None or axis.compensation.is_stream or not is_other(axis, spec):
+        return True
+    if member.fixed is not None:
+        return member.fixed.keeps_words
+    is_again = axis.motion.unacknowledged is None  # else the other axes must still get there
+    return all(keeps_other_words(peer) and (is_again or peer.holds_unrun) for peer in axis.peers)
+
+
+def keeps_other_words(axis: Axis) -> bool:
+    """Whether its next target probably keeps words of another switch, table or gain.
+
+    A target that has not come yet is unknown. It is assumed to be a repeat of the last one.
+    """
+    number, motion = axis.rules.staged, axis.motion
+    words = None if number is None else axis.fields[number].nominal_words
+    if axis.holds_unrun and number is not None and words is not None:
+        spec = spec_of_words(axis, number, words)
+        return spec is not None and is_other(axis, spec)
+    if motion.unacknowledged is not None and motion.unacknowledged.move is not None:
+        return is_other(axis, motion.unacknowledged.move.state.spec)
+    if motion.superseded is not None:
+        return is_other(axis, motion.superseded.move.state.spec)
+    state = axis.compensation.state
+    return state.position is None or is_other(axis, state.spec)
+
+
+def spec_of_words(axis: Axis, number: int, nominal_words: bytes) -> CorrectionSpec | None:
+    """Return the correction of the words that a target may keep; None: it is a new target."""
+    if may_have_gone_to(axis, number, nominal_words):
+        assert axis.motion.unacknowledged is not None
+        assert axis.motion.unacknowledged.move is not None
+        return axis.motion.unacknowledged.move.state.spec
+    superseded, accepted = axis.motion.superseded_as(number, nominal_words), axis.compensation.accepted
+    if superseded is not None:
+        return superseded.move.state.spec
+    field = axis.plan.command[number]
+    if accepted is None or counts_of(field, field.unpack(nominal_words)) != accepted.nominal_counts:
+        return None
+    return axis.compensation.state.spec
+
+
+def may_have_gone_to(axis: Axis, number: int, nominal_words: bytes) -> bool:
+    """Whether these words are the absolute target that was sent last and not acknowledged."""
+    unacknowledged, field = axis.motion.unacknowledged, axis.plan.command[number]
+    if unacknowledged is None or unacknowledged.move is None or unacknowledged.is_distance:
+        return False
+    return counts_of(field, field.unpack(nominal_words)) == unacknowledged.move.nominal_counts
+
+
+def is_other(axis: Axis, spec: CorrectionSpec) -> bool:
+    """Whether a correction has another switch, table or gain than the one that applies now."""
+    asked = axis.requested if axis.member.goes_as_referenced else NOTHING
+    if spec.curve is None or asked.curve is None:
+        return spec.curve is not asked.curve
+    is_same_table = spec.curve is asked.curve or spec.table_digest == asked.table_digest
+    return not (is_same_table and spec.gain == asked.gain)
