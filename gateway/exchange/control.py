@@ -86,7 +86,7 @@ def switch(axes: Sequence[Axis], name: str, *, is_on: bool) -> tuple[str, ...]:
                 "then restart the gateway"
             )
     for axis in members:
-        axis.enable(is_on=is_on)
+        axis.correction.enable(is_on=is_on)
     return tuple(axis.plan.name for axis in members)
 
 
@@ -98,7 +98,7 @@ def end_dry_run(axes: Sequence[Axis], name: str) -> dict[str, str]:
     Raises:
         ControlError: no such axis, or one of them is not at standstill; nothing has changed then.
     """
-    members = [axis for axis in _group_of(axes, name) if axis.is_dry_run]
+    members = [axis for axis in _group_of(axes, name) if axis.correction.is_dry_run]
     for axis in members:
         if why := axis.motion.why_not_at_rest:
             raise ControlError(
@@ -203,7 +203,7 @@ def set_temperature(axes: Sequence[Axis], name: str, celsius: float, now_ns: int
     Raises:
         ControlError: no such axis, an axis without thermal settings, or an impossible temperature.
     """
-    terms = _group_of(axes, name)[0].terms
+    terms = _group_of(axes, name)[0].correction.terms
     if terms is None or terms.thermal is None:
         raise ControlError(f"axis {name} has no thermal in its configuration: it needs no temperature")
     try:
@@ -249,7 +249,7 @@ def _check_whole(members: Sequence[Axis]) -> None:
 
 def _comes(axis: Axis) -> str:
     """Return how a requested change of an axis comes into force; it never moves the axis."""
-    if not axis.is_enabled or not axis.reference.is_referenced:
+    if not axis.correction.is_enabled or not axis.reference.is_referenced:
         return NOT_IN_FORCE
     return BLENDED if axis.plan.settings.setpoints is Setpoints.STREAM else NEXT_TARGET
 

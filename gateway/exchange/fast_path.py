@@ -182,6 +182,7 @@ class WritePath(FastPath):
         "_asks_for_bits",
         "_axis",
         "_codec",
+        "_correction",
         "_echo",
         "_end",
         "_head",
@@ -202,7 +203,7 @@ class WritePath(FastPath):
         self._unit, self._access = unit, access
         self._axis = hit.mapped.axis
         self._hold = self._axis.hold
-        self._terms = self._axis.terms
+        self._correction, self._terms = self._axis.correction, self._axis.correction.terms
         self._image = hit.mapped.image
         self._number = hit.mapped.number
         codec = hit.mapped.field.codec
@@ -325,9 +326,9 @@ class WritePath(FastPath):
             record = each.record
             if each.reach.silent_since_ns is not None or (record is not None and record.saved is not None):
                 return False
-        if not axis.compensation.is_stream and axis.has_branches and axis.motion.is_unseen(now_ns):
-            return False
         motion = axis.motion
+        if not axis.compensation.is_stream and self._correction.has_branches and motion.is_unseen(now_ns):
+            return False
         if motion.unacknowledged is not None or motion.state in MAY_BE_ELSEWHERE or self._image.is_incomplete:
             return False
         return not (self._asks_for_bits and axis.needs_reference(now_ns, is_target=True))
@@ -398,7 +399,7 @@ def _write_path(unit: UnitMap, pdu: bytes, access: Access) -> FastPath | None:
         return FastPath(len(pdu), unit.axes)
     hit = hits.fields[0]
     is_target = len(hits.fields) == 1 and hit.is_whole and hit.mapped.role is FieldRole.COMMAND
-    is_plain = not (unit.has_rules or hit.mapped.axis.is_dry_run or hit.mapped.field.type.is_float)
+    is_plain = not (unit.has_rules or hit.mapped.axis.correction.is_dry_run or hit.mapped.field.type.is_float)
     is_block = pdu[0] == FunctionCode.WRITE_MULTIPLE_REGISTERS
     return WritePath(pdu, unit, access, hit) if is_target and is_plain and is_block else None
 

@@ -305,7 +305,8 @@ def _decide_anew(request: Request, axis: Axis) -> None:
     prefetched, members = request.prefetched, (axis, *axis.peers)
     is_other = False
     for each in members:
-        name, is_referenced, requested = each.plan.name, each.member.goes_as_referenced, each.requested
+        name, is_referenced = each.plan.name, each.member.goes_as_referenced
+        requested = each.correction.requested
         keeps, before = keeps_other_words(each), prefetched.decided_by.get(name)
         if before is not None:
             is_other |= before[0] is not is_referenced or before[1] is not requested or before[2] is not keeps

@@ -67,7 +67,7 @@ def may_have_gone_to(axis: Axis, number: int, nominal_words: bytes) -> bool:
 
 def is_other(axis: Axis, spec: CorrectionSpec) -> bool:
     """Whether a correction has another switch, table or gain than the one that applies now."""
-    asked = axis.requested if axis.member.goes_as_referenced else NOTHING
+    asked = axis.correction.requested if axis.member.goes_as_referenced else NOTHING
     if spec.curve is None or asked.curve is None:
         return spec.curve is not asked.curve
     is_same_table = spec.curve is asked.curve or spec.table_digest == asked.table_digest

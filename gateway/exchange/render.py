@@ -4,12 +4,12 @@ A relative move starts at the last accepted target, if nothing else has moved th
 counts from there (M5). Otherwise it starts where the drive says, if the axis is at standstill: at the drive's
 own commanded position, or at the actual one. It never starts at a position of a moving axis.
 
-Only two things of an axis change here: what a stream begins with (``Axis.begin_stream``), and what its terms
-request (``Axis.follow_terms``).
+Only two things of an axis change here, both in its ``correction``: what a stream begins with, and what its
+terms request.
 """
 
 from math import isfinite
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from gateway.catalogue import refusals
 from gateway.compensation.correction_spec import NOTHING
@@ -27,6 +27,9 @@ from gateway.exchange.refusal import refused
 from gateway.exchange.request import Prefetched, Standstill
 from gateway.modbus.errors import RegisterRangeError
 from gateway.times import NS_PER_MS, NS_PER_S
+
+SEEN_LATELY_NS: Final = 500 * NS_PER_MS
+"""Maximum age of an actual position from which a stream begins, where none can be read."""
 
 
 class RefusedPositionError(Exception):
@@ -99,7 +102,7 @@ def render(
     if unacknowledged is not None and axis.compensation.is_stream and not is_passing:
         return unacknowledged  # the drive may hold it: the same setpoint keeps its words (M4)
     if needs_offset(axis):
-        axis.begin_stream(number, nominal_words, seen.fresh, seen.now_ns)
+        axis.correction.begin_stream(number, nominal_words, _first_actual(axis, seen))
         is_passing = axis.passes_unchanged
     repeat_kind = axis.motion.repeat_kind(number, nominal_words) if is_kept else RepeatKind.NEW
     if repeat_kind is RepeatKind.SAME_WORDS:
@@ -169,7 +172,15 @@ def needs_offset(axis: Axis) -> bool:
     """
     compensation = axis.compensation
     is_first = compensation.is_stream and compensation.state.position is None
-    return is_first and not axis.is_dry_run and axis.base is not NOTHING
+    return is_first and not axis.correction.is_dry_run and axis.correction.base is not NOTHING
+
+
+def _first_actual(axis: Axis, seen: RenderContext) -> Actual | None:
+    """Return where the axis is when a stream begins: as read for it, or as seen lately; None: unknown."""
+    actual = axis.motion.actual
+    if seen.fresh is not None or axis.reach.asked_actual is not None or actual is None:
+        return seen.fresh
+    return actual if seen.now_ns - actual.seen_ns <= SEEN_LATELY_NS else None
 
 
 def needs_actual(axis: Axis, nominal_counts: Counts, now_ns: int) -> bool:
@@ -181,7 +192,7 @@ def needs_actual(axis: Axis, nominal_counts: Counts, now_ns: int) -> bool:
         return False
     if needs_offset(axis):
         return True
-    if axis.requested is NOTHING or not axis.member.goes_as_referenced:
+    if axis.correction.requested is NOTHING or not axis.member.goes_as_referenced:
         return False
     accepted = axis.compensation.accepted
     is_same = accepted is not None and accepted.nominal_counts == nominal_counts
@@ -190,8 +201,8 @@ def needs_actual(axis: Axis, nominal_counts: Counts, now_ns: int) -> bool:
     if axis.plan.settings.setpoints is Setpoints.STREAM:
         return False
     if is_same:
-        return axis.has_branches and not axis.motion.has_arrived
-    return axis.has_branches and _estimated_position(axis, nominal_counts, now_ns) is None
+        return axis.correction.has_branches and not axis.motion.has_arrived
+    return axis.correction.has_branches and _estimated_position(axis, nominal_counts, now_ns) is None
 
 
 def needs_poll(axis: Axis, now_ns: int, action: Action) -> bool:
@@ -215,7 +226,7 @@ def lacks_poll(axis: Axis, seen: RenderContext) -> bool:
 def _is_doubtful(axis: Axis, now_ns: int, action: Action) -> bool:
     if axis.compensation.is_stream or axis.compensation.accepted is None or not axis.plan.actual:
         return False
-    counts = axis.has_branches or action.is_relative
+    counts = axis.correction.has_branches or action.is_relative
     return counts and not axis.passes_unchanged and axis.motion.is_unseen(now_ns)
 
 
@@ -233,7 +244,7 @@ def render_limit(axis: Axis, number: int, nominal_words: bytes) -> bytes:
         return nominal_words
     settings = axis.plan.settings
     position = axis.compensation.machine_position(counts_of(field_, raw))
-    correction = axis.requested.map_at(0.5).correction(position) * settings.counts_per_unit
+    correction = axis.correction.requested.map_at(0.5).correction(position) * settings.counts_per_unit
     try:
         return field_.pack(raw + steps_of(field_, correction))
     except RegisterRangeError as error:
@@ -251,7 +262,7 @@ def nominal_limit(axis: Axis, number: int, words: bytes) -> bytes:
         return words
     counts = counts_of(field_, raw)
     position = axis.compensation.machine_position(counts)
-    correction = axis.requested.map_at(0.5).solve(position, position).correction
+    correction = axis.correction.requested.map_at(0.5).solve(position, position).correction
     return field_.pack(raw - steps_of(field_, correction * axis.plan.settings.counts_per_unit))
 
 
@@ -296,8 +307,9 @@ def _plan_move(
     if is_kept and accepted is not None and accepted.nominal_counts == nominal_counts:
         again = compensation.again()  # the same target, perhaps through another register of the axis
         return again._replace(state=again.state._replace(is_unsure=True)) if lacks_poll(axis, seen) else again
-    if axis.terms is not None and axis.terms.is_due(now_ns):
-        axis.follow_terms(now_ns)
+    correction = axis.correction
+    if correction.terms is not None and correction.terms.is_due(now_ns):
+        correction.follow_terms(now_ns)
     if axis.plan.settings.setpoints is Setpoints.STREAM:
         return compensation.plan(nominal_counts, None, now_ns)
     is_doubtful = fresh is None and _is_doubtful(axis, now_ns, Action.ABSOLUTE)
@@ -370,7 +382,7 @@ def _may_have_passed(axis: Axis, nominal_counts: Counts, fresh: Actual, now_ns: 
 
 def _measured(axis: Axis, actual: Actual) -> PositionEstimate:
     """Convert a measured position back if its branch is known; else leave it on the drive's scale."""
-    if axis.is_dry_run:
+    if axis.correction.is_dry_run:
         return PositionEstimate(actual.counts, EstimateKind.MEASURED)
     if axis.motion.state not in ON_BRANCH:
         return PositionEstimate(

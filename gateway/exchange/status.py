@@ -47,7 +47,7 @@ def axes_status(line: LineExchange, now_ns: int) -> dict[str, AxisStatus]:
 
 def axis_status(axis: Axis, now_ns: int) -> AxisStatus:
     """Return one axis's part of the status model."""
-    settings = axis.plan.settings
+    settings, terms = axis.plan.settings, axis.correction.terms
     accepted = axis.compensation.accepted
     actual = _shown(axis.motion.actual, now_ns)
 
@@ -75,7 +75,7 @@ def axis_status(axis: Axis, now_ns: int) -> AxisStatus:
         writer=axis.hold.writer if axis.hold.is_held(now_ns) else None,
         table=_table_status(axis),
         group=_group_status(axis, now_ns),
-        terms=None if axis.terms is None else axis.terms.status(axis.compensation, now_ns),
+        terms=None if terms is None else terms.status(axis.compensation, now_ns),
     )
 
 
@@ -103,13 +103,13 @@ def direction_state(axis: Axis) -> str:
 
 def compensation_state(axis: Axis) -> str:
     """Return the state of the compensation as the status shows it."""
-    if not axis.is_enabled:
+    if not axis.correction.is_enabled:
         return "off"
     if axis.plan.table is None:
         return "no-table"
     if not axis.reference.is_referenced:
         return "unreferenced"
-    if axis.is_dry_run:
+    if axis.correction.is_dry_run:
         return "shadow"
     if axis.blocked_by is not None:
         return "blocked"

@@ -310,7 +310,8 @@ class Line:
         self._exchange.meter.tick(now_ns)
         self._minute.tick(now_ns)
         for axis in self._exchange.axes:
-            for event in () if axis.terms is None else axis.terms.events(axis.plan.name, now_ns):
+            terms = axis.correction.terms
+            for event in () if terms is None else terms.events(axis.plan.name, now_ns):
                 self._journal.exchange_event(self.plan.name, event)
         now = now_utc()
         for controller in self._controllers:

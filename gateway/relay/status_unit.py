@@ -112,7 +112,7 @@ class OfAxis:
         axis = self.axis
         bits = (
             axis.reference.is_referenced,
-            axis.is_enabled,
+            axis.correction.is_enabled,
             self.silent_s != 0,
             axis.compensation.accepted is not None,
         )

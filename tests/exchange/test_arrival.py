@@ -267,7 +267,7 @@ def test_m4_an_axis_that_is_held_or_creeps_gets_the_same_words_over_a_switch() -
     for _ in range(4):
         bench.wait(400)
         bench.actual()
-    bench.line.axes[0].enable(is_on=False)
+    bench.line.axes[0].correction.enable(is_on=False)
     bench.ask(write(COMMAND, 100_000))
     assert told(bench) == 100_410
 

@@ -46,7 +46,7 @@ def told(bench: Bench) -> float:
 
 
 def terms(bench: Bench) -> Any:
-    found = bench.line.axes[0].terms
+    found = bench.line.axes[0].correction.terms
     assert found is not None
     return found
 

@@ -96,7 +96,7 @@ def test_of_a_group_all_go_or_none() -> None:
     bench.ask(write(COMMAND, 50_000))
     with pytest.raises(ControlError, match="axis x stays in shadow"):
         bench.line.command(EndDryRun(axes=("y",)), bench.now_ns)
-    assert [axis.is_dry_run for axis in bench.line.axes] == [True, True]
+    assert [axis.correction.is_dry_run for axis in bench.line.axes] == [True, True]
     bench.memory.put(ACTUAL, 50_000)
     bench.ask(read(ACTUAL))
     with pytest.raises(ControlError, match="one axis of its group has gone, and another one has not"):

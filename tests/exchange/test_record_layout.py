@@ -116,7 +116,7 @@ def test_numbers_come_back_as_they_were() -> None:
     numbers = (record.state.position, record.state.extreme, record.state.progress, record.state.change)
     assert numbers == (state.position, state.travel.extreme, state.progress, state.change)
     assert record.state.direction == state.travel.direction.value
-    assert record.state.spec.digest == axis.requested.table_digest
+    assert record.state.spec.digest == axis.correction.requested.table_digest
     assert record.state.spec.was_requested
 
 

@@ -61,9 +61,8 @@ def test_m5_no_error_adds_up_over_many_random_moves(base: Action) -> None:
         distance = rng.randint(max(-3_000, 1_000 - nominal), min(3_000, 99_000 - nominal)) or 1
         by(bench, distance)
         nominal += distance
-    exact = (
-        bench.line.axes[0].requested.map_at(1.0 if distance > 0 else 0.0).correction(nominal / 1000) * 1000
-    )
+    requested = bench.line.axes[0].correction.requested
+    exact = requested.map_at(1.0 if distance > 0 else 0.0).correction(nominal / 1000) * 1000
     assert abs(bench.memory.get(ACTUAL) - (nominal + exact)) <= 0.5
     assert bench.actual() == nominal
 

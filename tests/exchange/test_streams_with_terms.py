@@ -106,9 +106,9 @@ class Streams:
     def look(self) -> None:
         """What the line does every few seconds, and whoever asks for the status."""
         for axis in self.bench.line.axes:
-            assert axis.terms is not None
-            axis.terms.events(axis.plan.name, self.bench.now_ns)
-            axis.terms.status(axis.compensation, self.bench.now_ns)
+            assert axis.correction.terms is not None
+            axis.correction.terms.events(axis.plan.name, self.bench.now_ns)
+            axis.correction.terms.status(axis.compensation, self.bench.now_ns)
 
     def lost(self) -> None:
         """An axis loses its reference, passes 1:1 for some setpoints of both, and is declared to have it."""

@@ -125,7 +125,7 @@ class Machine:
     def learn(self, model: Model) -> None:
         """Take over which targets and temperatures count, where only the gateway can decide that."""
         axis = self.axis(model)
-        accepted, terms = axis.compensation.accepted, axis.terms
+        accepted, terms = axis.compensation.accepted, axis.correction.terms
         model.is_referenced = axis.reference.is_referenced
         model.nominal = None if accepted is None else accepted.nominal_counts
         model.told = None if accepted is None else accepted.corrected_counts

@@ -92,7 +92,7 @@ def test_a_sensor_is_silent_after_its_time_also_when_it_was_never_heard() -> Non
     bench = both()
 
     def state() -> tuple[str, bool]:
-        bench.line.axes[0].report_terms(bench.now_ns)  # as the line does every few seconds
+        bench.line.axes[0].correction.report_terms(bench.now_ns)  # as the line does every few seconds
         thermal = terms(bench)["thermal"]
         return thermal["state"], thermal["is_silent"]
 

@@ -131,7 +131,7 @@ def test_it_is_told_that_a_sensor_is_silent_also_where_nothing_moves() -> None:
     warm(bench, 30.0)
     bench.move(10_000)
     bench.wait(61_000.0)
-    bench.line.axes[0].report_terms(bench.now_ns)
+    bench.line.axes[0].correction.report_terms(bench.now_ns)
     bench.actual()
     assert events(bench, "term-held") == ["the sensor is silent: its last value is held; +10 K count"]
 

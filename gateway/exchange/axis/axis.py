@@ -26,9 +26,9 @@ when a request is sent and when it ends; ``exchange.group`` does so for the axes
 changes an axis. The gateway believes only what is proven: by an acknowledgement, a status bit, or a position
 that was read. Without a proof the state says so (``UNACKNOWLEDGED``, ``UNKNOWN``).
 
-*Whether* positions are corrected is decided by a person (``is_enabled``). Compensation also ends when a
-remapping register of the drive was written (``reference.is_remapped``). While the reference is not known,
-positions pass 1:1 in both directions.
+*Whether* positions are corrected is decided by a person, and with which table (``correction``). Compensation
+also ends when a remapping register of the drive was written (``reference.is_remapped``). While the reference
+is not known, positions pass 1:1 in both directions.
 
 *How* they are corrected now is in ``compensation`` (``gateway.compensation``): direction, blends, offset, the
 last target in both frames, and the readback map that converts readings back.
@@ -48,14 +48,13 @@ from typing import Final
 
 from gateway.catalogue import exchange_events
 from gateway.compensation.axis import AxisCompensation
-from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table
 from gateway.compensation.errors import SettingsError, TableError
-from gateway.compensation.fingerprint import table_digest
 from gateway.compensation.moves import Accepted, Move, State
 from gateway.compensation.readback import Fade, Readback
 from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import Action, Form
 from gateway.exchange.axis.acknowledge import Acknowledgement, Proof, Rendering, SteadyTarget
+from gateway.exchange.axis.correction import RequestedCorrection
 from gateway.exchange.axis.cross_term import Partner
 from gateway.exchange.axis.gantry import Gantry
 from gateway.exchange.axis.hold import Hold
@@ -84,7 +83,6 @@ from gateway.exchange.axis.record_layout import Remembered, RememberedMove
 from gateway.exchange.axis.reference import AxisReference, ReferenceEvent
 from gateway.exchange.axis.registers import FieldImage, RuleImage
 from gateway.exchange.axis.reports import Reports
-from gateway.exchange.axis.terms import Terms
 from gateway.exchange.events import Event
 from gateway.exchange.field_counts import counts_of, raw_of, steps_of
 from gateway.exchange.plan import (
@@ -97,10 +95,7 @@ from gateway.exchange.plan import (
 )
 from gateway.modbus.pdu import ExceptionCode
 from gateway.modbus.registers import PositionField
-from gateway.times import NS_PER_MS
 
-SEEN_LATELY_NS: Final = 500 * NS_PER_MS
-"""Maximum age of an actual position from which a stream begins, where none can be read."""
 _SAYS_NOTHING_WRITTEN: Final = frozenset(
     {
         ExceptionCode.ILLEGAL_DATA_ADDRESS,
@@ -130,16 +125,13 @@ class Axis:
 
     __slots__ = (
         "acknowledgement",
-        "base",
         "compensation",
+        "correction",
         "fields",
-        "has_branches",
         "hold",
         "holds_unrun",
         "interlock",
         "is_alarmed",
-        "is_dry_run",
-        "is_enabled",
         "last_run",
         "limit_fields",
         "member",
@@ -150,20 +142,11 @@ class Axis:
         "record",
         "reference",
         "reports",
-        "requested",
         "rules",
-        "terms",
     )
 
     def __init__(self, plan: AxisPlan) -> None:
         self.plan = plan
-        # --- values of the plan that each request needs
-        self.is_dry_run = plan.compensation is CompensationMode.SHADOW
-        """Whether it is a dry run: computed and shown, but written and read 1:1 (``compensation =
-        "shadow"``).
-
-        The only one of these values that changes: a reload may end it (``Axis.end_dry_run``).
-        """
         # --- what the drive holds
         self.fields = [FieldImage(each, waits=plan.motion.waits_for_trigger) for each in plan.command]
         self.limit_fields = [FieldImage(each) for each in plan.limits]
@@ -187,33 +170,25 @@ class Axis:
         """The other axes of its group (M11)."""
         self.member = Member(self.motion, self.reference)
         """What the first trigger of its group has fixed (M11)."""
-        # --- which correction is requested
-        self.is_enabled = plan.compensation is not CompensationMode.OFF
-        """Whether a person or the configuration wants the table to be applied."""
-        self.terms = Terms(plan) if plan.thermal or plan.cross else None
-        self.base: CorrectionSpec = NOTHING
-        """The correction by its table."""
-        self.requested: CorrectionSpec = NOTHING
-        """The same with its terms."""
-        self.has_branches = False
-        """Whether the correction depends on the direction of travel."""
+        self.correction = RequestedCorrection(self.motion, self.reference, self.member, self.reports)
         # --- who moves it, its record, and its events
         self.hold = Hold(plan.writer_hold_s, is_shared=not plan.has_one_writer)
         self.record: Record | None = None
         """Its record for the next run of the gateway."""
-        self._choose_correction()
         if self.reference.is_referenced:
-            self.compensation.find_reference(self.requested)
+            self.compensation.find_reference(self.correction.requested)
 
     @property
     def passes_unchanged(self) -> bool:
         """Whether words of this axis pass 1:1 in both directions (M9)."""
-        return self.is_dry_run or self.compensation.is_passing
+        return self.correction.is_dry_run or self.compensation.is_passing
 
     @property
     def reads_unchanged(self) -> bool:
         """Whether its readings pass 1:1; not while the last correction still fades out."""
-        return self.passes_unchanged and (self.is_dry_run or self.compensation.readback.fade is None)
+        return self.passes_unchanged and (
+            self.correction.is_dry_run or self.compensation.readback.fade is None
+        )
 
     def needs_reference(self, now_ns: int, *, is_target: bool) -> bool:
         """Whether the homed bit must be read before this axis's positions pass.
@@ -232,7 +207,7 @@ class Axis:
     def is_unsure(self) -> bool:
         """Whether the branch in force was assumed, and the correction depends on the branch."""
         is_assumed = self.compensation.is_unsure or self.motion.is_distance_unconfirmed
-        return is_assumed and self.has_branches and not self.compensation.is_passing
+        return is_assumed and self.correction.has_branches and not self.compensation.is_passing
 
     def is_repeat(self, number: int, nominal_words: bytes) -> bool:
         """Whether these words are those that the drive already acknowledged for this command field (M4)."""
@@ -242,7 +217,11 @@ class Axis:
             and not image.is_incomplete
             and image.nominal_words == nominal_words
             and image.corrected_words is not None
-            and (number != self.motion.last_number or self.is_dry_run or self.motion.holds_target(number))
+            and (
+                number != self.motion.last_number
+                or self.correction.is_dry_run
+                or self.motion.holds_target(number)
+            )
         )
 
     @property
@@ -302,7 +281,7 @@ class Axis:
     def take_events(self) -> tuple[Event, ...]:
         """Return the new events of this axis, each change once; its record is up to date then."""
         if self.record is not None:
-            self.record.publish(self.motion, self.acknowledgement, self.requested)
+            self.record.publish(self.motion, self.acknowledgement, self.correction.requested)
         return self.reports.take(is_unsure=self.is_unsure)
 
     # --- where it is -----------------------------------------------------------------------------------
@@ -352,7 +331,7 @@ class Axis:
         self.invalidate_words()
         if is_referenced:
             self.motion.forget_position()  # it may have been counted from another zero
-            self.compensation.find_reference(self.requested)
+            self.compensation.find_reference(self.correction.requested)
         else:
             self.compensation.lose_reference()
 
@@ -410,12 +389,12 @@ class Axis:
         if fixed is None:
             return
         if fixed.has_other_correction:
-            self._choose_correction()
+            self.correction.choose()
         if fixed.is_referenced and (fixed.was_lost or not self.reference.is_referenced):
             self._take_reference(is_referenced=False)
         if self.reference.is_referenced and (fixed.was_lost or not fixed.is_referenced):
             self._take_reference(is_referenced=True)
-        self._want()
+        self.correction.want()
 
     @property
     def blocked_by(self) -> int | None:
@@ -432,52 +411,26 @@ class Axis:
 
     # --- which correction is requested -----------------------------------------------------------------
 
-    def _want(self) -> None:
-        """Request the correction by its table, if its positions are meaningful and nothing else is fixed."""
-        if self.reference.is_referenced and self.member.fixed is None:
-            self.compensation.want(self.requested)
-
-    def _choose_correction(self) -> None:
-        if self.member.put_off_correction():
-            return
-        self.base = NOTHING
-        self.has_branches = False
-        if self.is_enabled and self.plan.table is not None:
-            table = self.plan.table
-            self.base = spec_of_table(table, self.plan.settings, digest=table_digest(table))
-            curve = self.base.curve
-            one_way = curve is not None and curve.table.is_unidirectional and self.base.gain.is_even
-            self.has_branches = not one_way
-        self.requested = self.base if self.terms is None else self.terms.on(self.base, self.plan)
-
-    def enable(self, *, is_on: bool) -> None:
-        """Apply the table or stop applying it, from the next different target on; it never moves the axis."""
-        if not self.reference.is_remapped:
-            self.is_enabled = is_on
-        self._choose_correction()
-        self._want()
-
     def end_dry_run(self) -> None:
         """Apply what was only shown, from the next different target on; the axis is at standstill."""
         self._take_plan(replace(self.plan, compensation=CompensationMode.ON))
-        self.is_dry_run = False
-        self._choose_correction()
+        self.correction.end_dry_run()
         self.compensation.end_dry_run()
         if self.plan.actual:
             self.motion.happens(
                 MotionEvent.IN_WINDOW
             )  # a dry run ends only at the target; an axis that is seen elsewhere later was moved
-        self._want()
+        self.correction.want()
 
     def _take_plan(self, plan: AxisPlan) -> None:
         """Use another plan with the same registers."""
         self.plan = self.motion.plan = plan
 
     def adopt(self, plan: AxisPlan) -> None:
-        """Use another table or gain; it comes into force as in :meth:`enable`."""
+        """Use another table or gain; it comes into force with the next different target."""
         self._take_plan(plan)
-        self._choose_correction()
-        self._want()
+        self.correction.choose()
+        self.correction.want()
 
     def limit(self, plan: AxisPlan) -> None:
         """Use other limits, from now on."""
@@ -491,24 +444,9 @@ class Axis:
         self.reports.report(exchange_events.COMPENSATION_ENDED, REMAPPED)
         self.member.end()
         self.reference.end()
-        self.is_enabled = False
-        self._choose_correction()
+        self.correction.end()
         self.forget()
         self.compensation.begin_anew()
-
-    def follow_terms(self, now_ns: int) -> None:
-        """Update its terms; a changed line comes into force with different targets."""
-        terms = self.terms
-        assert terms is not None
-        if terms.follow(self.base, self.plan, now_ns):
-            self.requested = terms.on(self.base, self.plan)
-            self._want()
-        self.report_terms(now_ns)
-
-    def report_terms(self, now_ns: int) -> None:
-        """Report changes in how well its terms are known."""
-        if self.terms is not None:
-            self.reports.add(self.terms.events(self.plan.name, now_ns))
 
     def move_zero(self) -> None:
         """The drive counts from another zero: its targets and seen positions are void."""
@@ -517,29 +455,7 @@ class Axis:
         if self.compensation.is_stream:
             self.compensation.begin_anew()
             if self.reference.is_referenced:
-                self.compensation.find_reference(self.requested)
-
-    def begin_stream(self, number: int, nominal_words: bytes, fresh: Actual | None, now_ns: int) -> None:
-        """Put the offset that the drive already has into force before the first setpoint of a stream (M6).
-
-        The position was read for this setpoint. If the gateway may not read, a recently seen one is used.
-        """
-        actual = fresh
-        if actual is None and self.reach.asked_actual is None and self.motion.actual is not None:
-            is_recent = now_ns - self.motion.actual.seen_ns <= SEEN_LATELY_NS
-            actual = self.motion.actual if is_recent else None
-        field_ = self.plan.command[number]
-        raw = field_.unpack(nominal_words)
-        if actual is None or not isfinite(raw):
-            return
-        settings = self.plan.settings
-        fields = (field_, self.plan.actual[0])
-        slack = sum(0.5 * each.step_counts(settings.largest_counts) for each in fields)
-        slack /= abs(settings.counts_per_unit)
-        position = self.compensation.machine_position(actual.counts)
-        slack += 0.0 if self.terms is None else self.terms.largest_at(position)
-        rest = self.compensation.assume_offset(actual.counts, counts_of(field_, raw), self.base, slack)
-        self.reports.begin_stream(self.compensation.state.spec.offset, rest)
+                self.compensation.find_reference(self.correction.requested)
 
     # --- silence ---------------------------------------------------------------------------------------
 
@@ -598,7 +514,7 @@ class Axis:
             self.send_motion()
             return
         acknowledgement.send(rendering)
-        record.write_ahead(self.motion, acknowledgement, self.requested)
+        record.write_ahead(self.motion, acknowledgement, self.correction.requested)
 
     def send_steady(self, target: SteadyTarget) -> bool:
         """Do the same for a target on the fast path; return whether it was recorded without being rendered.
@@ -610,7 +526,7 @@ class Axis:
             return True  # a repeat changes nothing
         acknowledgement = self.acknowledgement
         if acknowledgement.pending is not None or not record.write_step_ahead(
-            self.motion, self.requested, steady, target.corrected_counts
+            self.motion, self.correction.requested, steady, target.corrected_counts
         ):
             return False
         acknowledgement.send(None)
@@ -624,7 +540,7 @@ class Axis:
         if record.saved is not None:
             self.drop_record("the axis was moved before it was read")
         self.acknowledgement.send_motion()
-        record.write_ahead(self.motion, self.acknowledgement, self.requested)
+        record.write_ahead(self.motion, self.acknowledgement, self.correction.requested)
 
     def mark_staged(self) -> None:
         """Its drive has a target that no trigger has run."""
@@ -668,7 +584,7 @@ class Axis:
         if (
             not compensation.is_stream
             and compensation.state.travel.direction is not move.state.travel.direction
-            and self.has_branches
+            and self.correction.has_branches
         ):
             self.reports.count_branch_change(now_ns)
         self.motion.go(rendering, move, now_ns)
@@ -886,7 +802,7 @@ class Axis:
     def attach_record(self, record: Record | None) -> None:
         """Keep a record from now on, and use that of the last run if it counts; None: keep none."""
         self.record = record
-        if record is not None and record.saved is not None and not self.is_enabled:
+        if record is not None and record.saved is not None and not self.correction.is_enabled:
             self.drop_record("the compensation of the axis is off")
 
     @property
@@ -944,9 +860,9 @@ class Axis:
         assert saved is not None
         assert fitting is not None
         finding, actual = fitting
-        find_table = partial(record.find_table, self.plan.table, self.requested)
+        find_table = partial(record.find_table, self.plan.table, self.correction.requested)
         try:
-            settings, requested, now_ns = self.plan.settings, self.requested, actual.seen_ns
+            settings, requested, now_ns = self.plan.settings, self.correction.requested, actual.seen_ns
             state = state_of(settings, requested, saved.state, find_table, now_ns)
             move = saved.unacknowledged
             after = None if move is None else state_of(settings, requested, move.state, find_table, now_ns)
@@ -959,7 +875,7 @@ class Axis:
         self._restore(saved, state, is_at_target=finding is Finding.AT_TARGET)
         if move is not None and after is not None:
             self._restore_unacknowledged(saved, move, after, finding)
-        self._resume_terms(actual.seen_ns)
+        self.correction.resume_terms(actual.seen_ns)
         if not self.reference.is_referenced:
             self.motion.displace(keeps_branch=self.compensation.is_stream)
             self.compensation.lose_reference()  # the offset of a stream stays, and fades (M9)
@@ -1056,20 +972,11 @@ class Axis:
         if finding is not Finding.AT_UNACKNOWLEDGED and self.may_have_stopped:
             self.motion.displace(keeps_branch=True)
 
-    def _resume_terms(self, now_ns: int) -> None:
-        """Continue its terms from what its record put into force."""
-        terms, spec = self.terms, self.compensation.state.spec
-        if terms is None or spec.curve is None:  # a plain offset has no table
-            return
-        terms.resume(spec, now_ns)
-        self.requested = spec if spec.is_kin_of(self.base) else terms.on(self.base, self.plan)
-        self.compensation.want(self.requested)
-
 
 def join_terms(axes: Iterable[Axis]) -> None:
     """Connect each axis with the axes that act on it, also those of other lines."""
     axes = tuple(axes)
     partners = {axis.plan.name: Partner(axis.motion, axis.reference) for axis in axes}
     for axis in axes:
-        if axis.terms is not None:
-            axis.terms.join(partners)
+        if axis.correction.terms is not None:
+            axis.correction.terms.join(partners)
