@@ -26,6 +26,7 @@ from gateway.exchange.axis.motion import Actual
 from gateway.exchange.axis.reach import PositionAnswer
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.plan import DONE_BIT, MOVING_BIT
+from gateway.exchange.reply import nominal_position
 from gateway.exchange.request import Prefetched, Standstill
 from gateway.exchange.unit import FieldHit
 from gateway.modbus.errors import RegisterRangeError
@@ -273,8 +274,9 @@ def acknowledge_rewritten(frame: AddedFrame) -> None:
     """Record an acknowledged write of a staged target."""
     rendering = frame.rendering
     assert rendering is not None
-    first = frame.address - frame.axis.plan.command[rendering.number].address
-    frame.axis.acknowledge_rewrite(rendering, first, frame.words, frame.epoch)
+    number = rendering.number
+    first = frame.address - frame.axis.plan.command[number].address
+    frame.axis.fields[number].acknowledge_rewrite(rendering.nominal_words, first, frame.words, frame.epoch)
 
 
 def is_asked_again(read: AddedFrame, reply: bytes, prefetched: Prefetched) -> bool:
@@ -323,7 +325,7 @@ def learn(read: AddedFrame, reply: bytes, prefetched: Prefetched, asked_ns: int)
         field = axis.plan.commanded[0]
         counts = prefetched.commanded[name] = None if words is None else counts_of(field, field.unpack(words))
         if counts is not None and not axis.plan.actual:
-            axis.prove_distance(Actual(counts, asked_ns))
+            axis.targets.prove_distance(Actual(counts, asked_ns))
     elif read.purpose is Purpose.RULE:
         prefetched.rule_words.setdefault(name, {})[read.address] = None if words is None else _word(words)
         if words is not None:
@@ -333,7 +335,7 @@ def learn(read: AddedFrame, reply: bytes, prefetched: Prefetched, asked_ns: int)
     else:
         assert read.hit is not None
         if words is not None and read.purpose is Purpose.KEPT:
-            axis.read_back(read.hit.mapped.number, words)
+            axis.targets.read_back(read.hit.mapped.number, words)
         prefetched.command_words[axis.plan.name, read.hit.mapped.number] = _nominal_command(read.hit, words)
 
 
@@ -366,6 +368,6 @@ def _nominal_command(hit: FieldHit, words: bytes | None) -> bytes | None:
         return None
     axis = hit.mapped.axis
     try:
-        return axis.nominal_words(hit.mapped.field, words, axis.compensation.readback)
+        return nominal_position(axis, hit.mapped.field, words, axis.compensation.readback)
     except RegisterRangeError:
         return None

@@ -69,7 +69,7 @@ def finish(request: Request, outcome: Outcome, code: int, now_ns: int) -> None:
             _obeyed(request, command, now_ns)
         else:
             _not_obeyed(request, command, outcome, code, now_ns)
-        axis.conclude()
+        axis.acknowledgement.conclude(axis.motion.unacknowledged)
         end_in_group(request, command, outcome, code, now_ns)
         if command.remaps:
             for member in (axis, *axis.peers):
@@ -84,7 +84,7 @@ def _obeyed(request: Request, command: AxisCommand, now_ns: int) -> None:
     for part in command.buffered_parts:
         part.image.buffer(part.first, part.words, request.arrived_ns, request.follows_ns)
     for rendering in (*command.targets, *command.runs):
-        axis.acknowledge(rendering, now_ns, command.epochs.get(rendering.number))
+        axis.targets.acknowledge(rendering, now_ns, command.epochs.get(rendering.number))
         axis.reports.report_beginning()
     _write_blindly(request, command, now_ns)
     if command.goes_unknown:
@@ -97,12 +97,13 @@ def _obeyed(request: Request, command: AxisCommand, now_ns: int) -> None:
     for number in command.written:
         rules.stage(number)
     if command.runs_target:
-        axis.mark_run(action)
+        axis.targets.mark_run(action)
+        axis.reference_happens(ReferenceEvent.OTHER_MOTION)
         mode = None if command.number is None else rules.plan.mode(command.number)
         if mode is not None and mode.resets_to is not None:
             rules.store_words({mode.address: mode.resets_to}, command.epoch)
     elif command.written:
-        axis.mark_staged()
+        axis.targets.mark_staged()
     if action in MOVES_OTHERWISE:
         _move_otherwise(axis, action, now_ns, is_certain=True)
         if command.runs_stored and not axis.passes_unchanged:
@@ -135,9 +136,9 @@ def _not_obeyed(request: Request, command: AxisCommand, outcome: Outcome, code: 
     is_undone = is_refusal and axis.writes_nothing(code, reads_too=request.reads_too)
     if not is_undone:
         for rendering in command.targets:
-            axis.leave_unacknowledged(rendering, now_ns)
+            axis.targets.leave_unacknowledged(rendering, now_ns)
         for rendering in command.runs:
-            axis.leave_run_unacknowledged(rendering, now_ns)
+            axis.targets.leave_run_unacknowledged(rendering, now_ns)
         for part in command.buffered_parts:
             part.image.invalidate()
         for staging in command.stagings:

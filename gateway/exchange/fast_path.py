@@ -19,7 +19,7 @@ from gateway.exchange.field_counts import nearest
 from gateway.exchange.plan import writes_alone
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.render import nominal_limit
-from gateway.exchange.reply import READS_BITS, observe_bits
+from gateway.exchange.reply import READS_BITS, nominal_command, nominal_position, observe_bits
 from gateway.exchange.request import NOTHING_PREFETCHED, Request
 from gateway.exchange.transaction import FastPath, Transaction
 from gateway.exchange.unit import FieldHit, FieldRole, Hits, UnitMap
@@ -96,11 +96,11 @@ class ReadPath(FastPath):
                 if readback is None:
                     continue
                 if role is FieldRole.COMMAND:
-                    data[start:end] = axis.read_command_words(number, field, words, readback)
+                    data[start:end] = nominal_command(axis, number, field, words, readback)
                 elif role is FieldRole.LIMIT:
                     data[start:end] = nominal_limit(axis, number, words)
                 else:
-                    data[start:end] = axis.nominal_words(field, words, readback)
+                    data[start:end] = nominal_position(axis, field, words, readback)
         except RegisterRangeError:
             return exception_pdu(reply[0], ExceptionCode.SERVER_DEVICE_FAILURE)
         if self._hits.bits:
@@ -143,7 +143,7 @@ class ReadPath(FastPath):
             if role is FieldRole.LIMIT:
                 return nominal_limit(axis, number, words)
             meant = axis.fields[number].means(words) if role is FieldRole.COMMAND else None
-            return meant or axis.nominal_words(field, words, readback)
+            return meant or nominal_position(axis, field, words, readback)
         except RegisterRangeError:
             return None
 
@@ -192,6 +192,7 @@ class WritePath(FastPath):
         "_number",
         "_scale",
         "_start",
+        "_targets",
         "_terms",
         "_unit",
         "is_early",
@@ -202,7 +203,7 @@ class WritePath(FastPath):
         assert hit.mapped.image is not None
         self._unit, self._access = unit, access
         self._axis = hit.mapped.axis
-        self._hold = self._axis.hold
+        self._hold, self._targets = self._axis.hold, self._axis.targets
         self._correction, self._terms = self._axis.correction, self._axis.correction.terms
         self._image = hit.mapped.image
         self._number = hit.mapped.number
@@ -340,9 +341,9 @@ class WritePath(FastPath):
     def settle(self, transaction: Transaction, now_ns: int) -> None:
         """See ``FastPath``."""
         assert transaction.target is not None
-        self._axis.acknowledge_steady(self._number, transaction.target, now_ns)
+        self._targets.acknowledge_steady(self._number, transaction.target, now_ns)
         if self._axis.record is not None:
-            self._axis.conclude()
+            self._axis.acknowledgement.conclude(self._axis.motion.unacknowledged)
 
     def rendering(self, transaction: Transaction) -> Rendering:
         """See ``FastPath``."""

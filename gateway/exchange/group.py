@@ -100,7 +100,7 @@ def end_in_group(request: Request, command: AxisCommand, outcome: Outcome, code:
                 report_skew(axis, code)
             gantry.happens(GantryEvent.REFUSED if is_undone else GantryEvent.UNCONFIRMED)
     elif outcome is Outcome.ACKNOWLEDGED:
-        is_distance = axis.last_run.is_relative
+        is_distance = axis.targets.last_run.is_relative
         if fixed.has_gone:
             is_other = any(is_distance or not axis.motion.holds_target(each) for each in command.written)
         else:
@@ -343,16 +343,16 @@ def _prepare_peer(request: Request, axis: Axis, first: AxisCommand) -> AddedFram
     )
     if number is None or words is None or is_incomplete:
         may_pass = axis.passes_unchanged or motion.passes_stored_moves
-        if (axis.holds_unrun or is_incomplete) and not may_pass:
+        if (axis.targets.holds_unrun or is_incomplete) and not may_pass:
             why = "its target was lost or forgotten, write it again"
             raise refused(refusals.GROUP_CANNOT_FOLLOW, axis.plan.name, exchange_events.STORED_MOVE, why=why)
         return None
-    if not axis.holds_unrun and axis.motion.state is not MotionState.STOPPED:
+    if not axis.targets.holds_unrun and axis.motion.state is not MotionState.STOPPED:
         return None  # it has run that target already
     try:
         return _prepare_staged(request, axis, number, words, first.action)
     except RefusedRequestError as refusal:
-        if not axis.holds_unrun:
+        if not axis.targets.holds_unrun:
             return None
         reason = refusals.GROUP_CANNOT_FOLLOW.sentence(why=refusal.reason)
         raise RefusedRequestError(refusal.code, refusal.axis, reason, refusal.kind) from refusal
@@ -379,7 +379,7 @@ def _prepare_staged(
                 return None if is_asked else read_word(axis, mode.address)
             action = mode.action(word)
         action = Action.ABSOLUTE if action is Action.START else action
-        if not action.runs_target or (action.is_relative and not axis.holds_unrun):
+        if not action.runs_target or (action.is_relative and not axis.targets.holds_unrun):
             return None
         added = read_for_staged(request, axis, number, words, action)
         if added is not None:

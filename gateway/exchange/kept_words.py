@@ -21,7 +21,7 @@ def may_keep_words(axis: Axis, spec: CorrectionSpec) -> bool:
     if member.fixed is not None:
         return member.fixed.keeps_words
     is_again = axis.motion.unacknowledged is None  # else the other axes must still get there
-    return all(keeps_other_words(peer) and (is_again or peer.holds_unrun) for peer in axis.peers)
+    return all(keeps_other_words(peer) and (is_again or peer.targets.holds_unrun) for peer in axis.peers)
 
 
 def keeps_other_words(axis: Axis) -> bool:
@@ -31,7 +31,7 @@ def keeps_other_words(axis: Axis) -> bool:
     """
     number, motion = axis.rules.staged, axis.motion
     words = None if number is None else axis.fields[number].nominal_words
-    if axis.holds_unrun and number is not None and words is not None:
+    if axis.targets.holds_unrun and number is not None and words is not None:
         spec = spec_of_words(axis, number, words)
         return spec is not None and is_other(axis, spec)
     if motion.unacknowledged is not None and motion.unacknowledged.move is not None:
@@ -55,6 +55,18 @@ def spec_of_words(axis: Axis, number: int, nominal_words: bytes) -> CorrectionSp
     if accepted is None or counts_of(field, field.unpack(nominal_words)) != accepted.nominal_counts:
         return None
     return axis.compensation.state.spec
+
+
+def is_repeat(axis: Axis, number: int, nominal_words: bytes) -> bool:
+    """Whether these words are those that the drive already acknowledged for this command field (M4)."""
+    image, motion = axis.fields[number], axis.motion
+    return (
+        axis.compensation.accepted is not None
+        and not image.is_incomplete
+        and image.nominal_words == nominal_words
+        and image.corrected_words is not None
+        and (number != motion.last_number or axis.correction.is_dry_run or motion.holds_target(number))
+    )
 
 
 def may_have_gone_to(axis: Axis, number: int, nominal_words: bytes) -> bool:

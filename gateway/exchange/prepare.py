@@ -521,7 +521,7 @@ def _expected(command: AxisCommand, number: int) -> tuple[Action, bool]:
     motion = axis.plan.motion
     mode = motion.mode(number)
     if mode is None:
-        return (axis.last_run, False) if may_run_distances(axis) else (Action.ABSOLUTE, True)
+        return (axis.targets.last_run, False) if may_run_distances(axis) else (Action.ABSOLUTE, True)
     word = command.words.get(mode.address, axis.rules.word(mode.address))
     action = Action.UNKNOWN if word is None or mode.is_in_frame else mode.action(word)
     is_same_frame = mode.address in command.words

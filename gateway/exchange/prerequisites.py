@@ -212,7 +212,7 @@ def _prepare_run(request: Request, command: AxisCommand) -> AddedFrame | None:
 def _read_back(request: Request, command: AxisCommand) -> AddedFrame | None:
     """Return the read of a target that the drive held before its connection was closed, for its trigger.
 
-    It runs only if the drive still holds exactly the words that it received (``Axis.read_back``).
+    It runs only if the drive still holds exactly the words that it received (``Targets.read_back``).
     """
     axis, number = command.axis, command.number
     superseded = axis.motion.superseded

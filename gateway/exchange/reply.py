@@ -1,21 +1,26 @@
 """What a controller gets for its drive's reply, and what the gateway learns from it (W4, M7, M10).
 
-:func:`nominal_reply` converts every position in a reply back to the controller's scale.
+:func:`nominal_reply` converts every position in a reply back to the controller's scale
+(:func:`nominal_position`).
 """
 
 from collections.abc import Iterable
 from collections.abc import Set as AbstractSet
+from math import isfinite
 from typing import Final
 
+from gateway.compensation.readback import Readback
 from gateway.exchange.access import MEI_HEAD, swapped
 from gateway.exchange.axis.acknowledge import Outcome
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.field_counts import counts_of, raw_of, steps_of
 from gateway.exchange.plan import HOMED_BIT
 from gateway.exchange.render import nominal_limit
 from gateway.exchange.request import Request
 from gateway.exchange.unit import BitHit, FieldHit, FieldRole, UnitMap
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.pdu import EXCEPTION_BIT, ExceptionCode, FunctionCode, exception_pdu, is_exception
-from gateway.modbus.registers import BitTable
+from gateway.modbus.registers import BitTable, PositionField
 
 READS_BITS: Final = frozenset({FunctionCode.READ_COILS, FunctionCode.READ_DISCRETE_INPUTS})
 
@@ -96,11 +101,46 @@ def _make_field_nominal(hit: FieldHit, request: Request, data: bytearray) -> Non
     if readback is None:
         return
     if mapped.role is FieldRole.COMMAND and mapped.image is not None:
-        data[at:end] = axis.read_command_words(mapped.number, mapped.field, words, readback)
+        data[at:end] = nominal_command(axis, mapped.number, mapped.field, words, readback)
     elif mapped.role is FieldRole.LIMIT and mapped.image is not None:
         data[at:end] = nominal_limit(axis, mapped.number, words)
     else:
-        data[at:end] = axis.nominal_words(mapped.field, words, readback)
+        data[at:end] = nominal_position(axis, mapped.field, words, readback)
+
+
+def nominal_command(axis: Axis, number: int, field: PositionField, words: bytes, readback: Readback) -> bytes:
+    """Convert a command field that is read back to what the controller wrote.
+
+    The words also prove that an unacknowledged target arrived (``Targets.prove_by_words``).
+
+    Raises:
+        RegisterRangeError: the nominal position does not fit the register.
+    """
+    if axis.motion.unacknowledged is not None:
+        axis.targets.prove_by_words(number, words)
+    return axis.fields[number].means(words) or nominal_position(axis, field, words, readback)
+
+
+def nominal_position(axis: Axis, field: PositionField, words: bytes, readback: Readback) -> bytes:
+    """Convert words reported by the drive to the words for the controller.
+
+    Raises:
+        RegisterRangeError: the nominal position does not fit the register.
+    """
+    corrected = field.unpack(words)
+    if not isfinite(corrected):
+        return words
+    corrected_counts = counts_of(field, corrected)
+    accepted = axis.compensation.accepted
+    if accepted is not None:
+        corrected_target = accepted.corrected_counts
+        # A register with coarser steps than the target's gives one value for all positions near the target.
+        if corrected_counts == corrected_target or corrected == raw_of(field, corrected_target):
+            return field.pack(raw_of(field, accepted.nominal_counts))
+    correction = readback.correction_counts(corrected_counts)
+    if not correction:
+        return words
+    return field.pack(corrected - steps_of(field, correction))
 
 
 def sent_somewhere(request: Request) -> set[str]:

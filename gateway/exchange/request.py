@@ -21,7 +21,7 @@ from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import Actual
 from gateway.exchange.axis.registers import ALL_WORDS, mask_of
 from gateway.exchange.decode import AxisCommand, DecodedRequest, FieldWrite, Part, decode
-from gateway.exchange.kept_words import may_keep_words
+from gateway.exchange.kept_words import is_repeat, may_keep_words
 from gateway.exchange.unit import NO_HITS, FieldHit, FieldRole, Hits, MappedField
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.registers import PositionField, WordOrder
@@ -186,7 +186,7 @@ def _complete(request: Request, command: AxisCommand) -> None:
     is_object = axis.plan.addressing is Addressing.OBJECTS
     # A cyclic image with several fields is a repeat as a whole; one field written again alone is a target.
     # The words of a distance say nothing about a position.
-    is_distance = command.action.is_relative or axis.last_run.is_relative
+    is_distance = command.action.is_relative or axis.targets.last_run.is_relative
     is_again = not (axis.plan.motion.waits_for_trigger or is_distance)
     has_last = False
     for hit in command.hits:
@@ -199,7 +199,7 @@ def _complete(request: Request, command: AxisCommand) -> None:
         is_run = hit in running
         command.writes.append(FieldWrite(hit, words, is_run))
         if is_run and is_again:
-            is_again = words is not None and axis.is_repeat(mapped.number, words)
+            is_again = words is not None and is_repeat(axis, mapped.number, words)
             is_again = is_again and may_keep_words(axis, axis.compensation.state.spec)
             has_last = has_last or mapped.number == axis.motion.last_number
     command.is_again = is_again and has_last

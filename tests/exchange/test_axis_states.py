@@ -115,11 +115,11 @@ def end(command: AxisCommand, outcome: Outcome, code: int, now_ns: int) -> None:
 
 
 def acknowledge(axis: Axis, counts: int = 50_000) -> None:
-    axis.acknowledge(target(axis, counts), 1 * MS)
+    axis.targets.acknowledge(target(axis, counts), 1 * MS)
 
 
 def leave_unacknowledged(axis: Axis) -> None:
-    axis.leave_unacknowledged(target(axis, 70_000, is_distance=True), 1 * MS)
+    axis.targets.leave_unacknowledged(target(axis, 70_000, is_distance=True), 1 * MS)
 
 
 def done(at_ms: int, *, is_done: bool = True) -> Callable[[Axis], None]:

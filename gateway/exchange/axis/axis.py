@@ -34,7 +34,8 @@ is not known, positions pass 1:1 in both directions.
 last target in both frames, and the readback map that converts readings back.
 
 *What the drive holds* is in the register image (``registers``). The drive may hold staged targets that no
-trigger has run, and parts of a target may have been lost. A lost target blocks the triggers (``interlock``).
+trigger has run (``targets``), and parts of a target may have been lost. A lost target blocks the triggers
+(``interlock``).
 
 Events to be reported wait in ``reports`` until the line collects them. ``hold`` says who moves the axis;
 ``ownership`` maintains it.
@@ -50,7 +51,7 @@ from gateway.catalogue import exchange_events
 from gateway.compensation.axis import AxisCompensation
 from gateway.compensation.errors import SettingsError, TableError
 from gateway.compensation.moves import Accepted, Move, State
-from gateway.compensation.readback import Fade, Readback
+from gateway.compensation.readback import Fade
 from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import Action, Form
 from gateway.exchange.axis.acknowledge import Acknowledgement, Proof, Rendering, SteadyTarget
@@ -83,8 +84,9 @@ from gateway.exchange.axis.record_layout import Remembered, RememberedMove
 from gateway.exchange.axis.reference import AxisReference, ReferenceEvent
 from gateway.exchange.axis.registers import FieldImage, RuleImage
 from gateway.exchange.axis.reports import Reports
+from gateway.exchange.axis.targets import Targets
 from gateway.exchange.events import Event
-from gateway.exchange.field_counts import counts_of, raw_of, steps_of
+from gateway.exchange.field_counts import counts_of, raw_of
 from gateway.exchange.plan import (
     ALARM_BIT,
     DONE_BIT,
@@ -129,10 +131,8 @@ class Axis:
         "correction",
         "fields",
         "hold",
-        "holds_unrun",
         "interlock",
         "is_alarmed",
-        "last_run",
         "limit_fields",
         "member",
         "motion",
@@ -143,6 +143,7 @@ class Axis:
         "reference",
         "reports",
         "rules",
+        "targets",
     )
 
     def __init__(self, plan: AxisPlan) -> None:
@@ -151,10 +152,6 @@ class Axis:
         self.fields = [FieldImage(each, waits=plan.motion.waits_for_trigger) for each in plan.command]
         self.limit_fields = [FieldImage(each) for each in plan.limits]
         self.rules = RuleImage(plan.motion)
-        self.holds_unrun = False
-        """A target was written after the last trigger that ran one."""
-        self.last_run = Action.ABSOLUTE
-        """Kind of the last target: the best guess for one that is staged before its mode is known."""
         # --- its machines
         self.compensation = AxisCompensation(plan.settings)
         self.reference = AxisReference(plan, self.report_fault)
@@ -171,6 +168,7 @@ class Axis:
         self.member = Member(self.motion, self.reference)
         """What the first trigger of its group has fixed (M11)."""
         self.correction = RequestedCorrection(self.motion, self.reference, self.member, self.reports)
+        self.targets = Targets(self.motion, self.acknowledgement, self.correction, self.reports)
         # --- who moves it, its record, and its events
         self.hold = Hold(plan.writer_hold_s, is_shared=not plan.has_one_writer)
         self.record: Record | None = None
@@ -209,21 +207,6 @@ class Axis:
         is_assumed = self.compensation.is_unsure or self.motion.is_distance_unconfirmed
         return is_assumed and self.correction.has_branches and not self.compensation.is_passing
 
-    def is_repeat(self, number: int, nominal_words: bytes) -> bool:
-        """Whether these words are those that the drive already acknowledged for this command field (M4)."""
-        image = self.fields[number]
-        return (
-            self.compensation.accepted is not None
-            and not image.is_incomplete
-            and image.nominal_words == nominal_words
-            and image.corrected_words is not None
-            and (
-                number != self.motion.last_number
-                or self.correction.is_dry_run
-                or self.motion.holds_target(number)
-            )
-        )
-
     @property
     def writes_words_alone(self) -> bool:
         """Whether the drive takes single registers only: each word is sent as it is written."""
@@ -240,28 +223,6 @@ class Axis:
         if code == ExceptionCode.ILLEGAL_FUNCTION:
             return True
         return code in _SAYS_NOTHING_WRITTEN and self.plan.exception_writes_nothing and not reads_too
-
-    def nominal_words(self, field_: PositionField, words: bytes, readback: Readback) -> bytes:
-        """Convert words reported by the drive to the words for the controller.
-
-        Raises:
-            RegisterRangeError: the nominal position does not fit the register.
-        """
-        corrected = field_.unpack(words)
-        if not isfinite(corrected):
-            return words
-        corrected_counts = counts_of(field_, corrected)
-        accepted = self.compensation.accepted
-        if accepted is not None:
-            corrected_target = accepted.corrected_counts
-            # A register with coarser steps than the target's gives one value for all positions near the
-            # target.
-            if corrected_counts == corrected_target or corrected == raw_of(field_, corrected_target):
-                return field_.pack(raw_of(field_, accepted.nominal_counts))
-        correction = readback.correction_counts(corrected_counts)
-        if not correction:
-            return words
-        return field_.pack(corrected - steps_of(field_, correction))
 
     def report_fault(self, sentence: str) -> None:
         """Handle an impossible event in one of its machines: a bug of this program.
@@ -542,80 +503,6 @@ class Axis:
         self.acknowledgement.send_motion()
         record.write_ahead(self.motion, self.acknowledgement, self.correction.requested)
 
-    def mark_staged(self) -> None:
-        """Its drive has a target that no trigger has run."""
-        self.holds_unrun = True
-
-    def mark_run(self, action: Action) -> None:
-        """Its drive runs a target of the kind ``action``."""
-        self.holds_unrun = False
-        self.last_run = action
-        self.reference_happens(ReferenceEvent.OTHER_MOTION)
-
-    def conclude(self) -> None:
-        """What was sent is answered, or will never be."""
-        self.acknowledgement.conclude(self.motion.unacknowledged)
-
-    def acknowledge(self, rendering: Rendering, now_ns: int = 0, epoch: int | None = None) -> None:
-        """The drive acknowledged a target with a complete normal reply, and goes there (M7).
-
-        ``epoch``: of its field, when the target was sent.
-        """
-        self.fields[rendering.number].settle(rendering.nominal_words, rendering.corrected_words, epoch)
-        self.motion.mark_heard(now_ns)
-        if rendering.move is None:
-            self.compensation.touch(now_ns)
-        else:
-            self.go(rendering, rendering.move, now_ns)
-
-    def acknowledge_steady(self, number: int, target: SteadyTarget, now_ns: int) -> None:
-        """Do the same for a target on the fast path: it continues in its direction, or is a repeat."""
-        self.fields[number].settle(target.nominal_words, target.corrected_words, target.epoch)
-        self.motion.mark_heard(now_ns)
-        steady = target.steady
-        if steady is None:
-            self.compensation.touch(now_ns)
-        else:
-            self.motion.go_on(number, steady, target.corrected_counts, now_ns)
-
-    def go(self, rendering: Rendering, move: Move, now_ns: int) -> None:
-        """The axis goes to a target, or has gone there, whatever its registers hold now."""
-        compensation = self.compensation
-        if (
-            not compensation.is_stream
-            and compensation.state.travel.direction is not move.state.travel.direction
-            and self.correction.has_branches
-        ):
-            self.reports.count_branch_change(now_ns)
-        self.motion.go(rendering, move, now_ns)
-
-    def leave_unacknowledged(self, rendering: Rendering, now_ns: int) -> None:
-        """A target was sent and not acknowledged: the drive may hold it or not.
-
-        After a repeat it holds the same words in either case.
-        """
-        is_repeat = rendering.move is None and not rendering.is_distance
-        if is_repeat and (self.compensation.accepted is not None or self.motion.state is _SUPERSEDED):
-            return
-        image = self.fields[rendering.number]
-        if image.corrected_words == rendering.corrected_words:
-            rendering = self.acknowledgement.marked(rendering, rendering._replace(stood_there=True))
-        self.leave_run_unacknowledged(rendering, now_ns)
-        image.leave(rendering.nominal_words, rendering.corrected_words)
-        image.forget()
-
-    def leave_run_unacknowledged(self, rendering: Rendering, now_ns: int) -> None:
-        """A trigger was not acknowledged: the drive holds its target, and may be moving there or not."""
-        motion = self.motion
-        kept = motion.superseded_as(rendering.number, rendering.nominal_words)
-        is_same = kept is not None and kept.corrected_words == rendering.corrected_words
-        if is_same and not rendering.is_distance:
-            motion.send_off(now_ns)  # its repeat still has the same words
-        elif rendering.move is None:
-            motion.displace(now_ns)
-        else:
-            motion.leave_unacknowledged(rendering, now_ns)
-
     # --- triggers that are refused ---------------------------------------------------------------------
 
     def lose_mode(self, address: int, code: int) -> None:
@@ -638,10 +525,6 @@ class Axis:
             )
 
     # --- a staged target that is rewritten -------------------------------------------------------------
-
-    def acknowledge_rewrite(self, rendering: Rendering, first: int, words: bytes, epoch: int) -> None:
-        """The drive acknowledged words of a staged target, from its word ``first`` on (M2)."""
-        self.fields[rendering.number].acknowledge_rewrite(rendering.nominal_words, first, words, epoch)
 
     def lose_rewritten(self, rendering: Rendering, code: int, why: str) -> None:
         """The rewrite of a staged target was not acknowledged."""
@@ -704,7 +587,7 @@ class Axis:
         if self.record is not None and self.record.saved is not None:
             self._decide_record(now)
         if self.motion.unacknowledged is not None:
-            self._prove(before, now)
+            self.targets.prove(before, now)
         self.compensation.observe(now.counts)
         is_at_rest = self.motion.is_at_rest
         if self.compensation.accepted is not None:
@@ -719,25 +602,6 @@ class Axis:
             self.motion.displace()
             self.lose_reference()  # its drive counts from another zero now
         return now
-
-    def _prove(self, before: Actual | None, now: Actual) -> None:
-        """Take an unacknowledged target as accepted when the axis is seen to have gone there (M7)."""
-        target = self.motion.unacknowledged
-        if self.motion.is_distance_unconfirmed:
-            self.prove_distance(now, before)
-        elif target is not None and target.move is not None and self.motion.is_proven(before, now):
-            self.go(target, target.move, now.seen_ns)
-
-    def prove_distance(self, now: Actual, before: Actual | None = None) -> None:
-        """Take an unacknowledged distance as executed or not executed, when that is certain (M5)."""
-        target = self.motion.unacknowledged
-        proof = self.motion.proof_at(now, before)
-        if target is None or target.move is None or target.start is None:
-            return
-        if proof is Proof.EXECUTED:
-            self.go(target, target.move, now.seen_ns)
-        elif proof is Proof.NOT_EXECUTED:
-            self.motion.run_not(target.start)
 
     def observe_rule(self, address: int, word: int) -> None:
         """Record the content of a mode or trigger register."""
@@ -764,38 +628,6 @@ class Axis:
             was_referenced = self.reference.is_referenced
             self.reference.see_end_of_homing(asked_ns, is_set=is_set)
             self._follow_reference(was_referenced=was_referenced)
-
-    def read_command_words(
-        self, number: int, field_: PositionField, words: bytes, readback: Readback
-    ) -> bytes:
-        """Convert a command field that is read back to what the controller wrote.
-
-        The words also prove that an unacknowledged target arrived, unless the drive held the same words
-        before. They do not prove that a distance was executed.
-        """
-        unacknowledged, image = self.motion.unacknowledged, self.fields[number]
-        if (
-            unacknowledged is not None
-            and unacknowledged.number == number
-            and unacknowledged.corrected_words == words
-            and not unacknowledged.stood_there
-            and not unacknowledged.is_distance
-            and not self.plan.motion.waits_for_trigger
-        ):
-            self.acknowledge(unacknowledged, self.motion.heard_ns)
-        return image.means(words) or self.nominal_words(field_, words, readback)
-
-    def read_back(self, number: int, words: bytes) -> None:
-        """Record the words of a command field that the gateway has read.
-
-        If they are those of the target before a lost link, the drive has kept it. This proves nothing else,
-        and what was lost on the way stays lost (M3).
-        """
-        image, superseded = self.fields[number], self.motion.superseded
-        if superseded is None or superseded.number != number or superseded.corrected_words != words:
-            return
-        if image.nominal_words is None and not image.is_incomplete:
-            image.settle(superseded.nominal_words, words)
 
     # --- its record ------------------------------------------------------------------------------------
 
@@ -961,14 +793,14 @@ class Axis:
             # Its record continues to name it, so the next start finds it as this one did.
             self.acknowledgement.go_on_naming(rendering)
             is_timed = saved.is_of_this_boot and proof is Proof.TWO
-            self.leave_unacknowledged(rendering, after.at_ns if is_timed else self.motion.heard_ns)
+            self.targets.leave_unacknowledged(rendering, after.at_ns if is_timed else self.motion.heard_ns)
             if finding is Finding.EITHER:
                 self.compensation.read_as_reached(planned, move.corrected_counts)
             return
         if self.plan.has_rules:
-            self.go(rendering, planned, self.motion.heard_ns)
+            self.targets.go(rendering, planned, self.motion.heard_ns)
         else:
-            self.acknowledge(rendering, self.motion.heard_ns)
+            self.targets.acknowledge(rendering, self.motion.heard_ns)
         if finding is not Finding.AT_UNACKNOWLEDGED and self.may_have_stopped:
             self.motion.displace(keeps_branch=True)
 
