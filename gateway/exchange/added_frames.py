@@ -193,12 +193,12 @@ def reads_at_start(axes: Sequence[Axis]) -> list[AddedFrame]:
     """Return what is read when the line comes up: homed bits, then the positions of axes with a record."""
     reads: list[AddedFrame | None] = []
     for axis in axes:
-        if axis.record is not None:
-            axis.record.go_on()
+        if axis.recall.record is not None:
+            axis.recall.record.go_on()
         reads.append(homed_read(axis))
     for axis in axes:
         actual = axis.reach.asked_actual
-        if axis.is_recalling and actual is not None:
+        if axis.recall.is_open and actual is not None:
             reads.append(read_field(axis, Purpose.ACTUAL, actual))
     return [read for read in reads if read is not None]
 
@@ -209,7 +209,7 @@ def next_poll(read: AddedFrame, now_ns: int) -> AddedFrame | None:
     A drive that may still be moving is polled. Otherwise its status bit and its position are read, at most
     twice; after that passing traffic must show it.
     """
-    axis, record = read.axis, read.axis.record
+    axis, record = read.axis, read.axis.recall.record
     actual = axis.reach.asked_actual
     if record is None or actual is None or read.purpose not in (Purpose.ACTUAL, Purpose.STANDSTILL):
         return None

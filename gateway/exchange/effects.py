@@ -33,7 +33,7 @@ def _leave_to(command: AxisCommand, now_ns: int) -> bool:
     leave_in_group(command, now_ns)
     for rendering in (*command.targets, *command.runs):
         axis.send_target(rendering)
-    if command.is_stop:  # an axis found on its way counts as stopped anyway (``Axis.may_have_stopped``)
+    if command.is_stop:  # an axis found on its way counts as stopped anyway (``Recall.may_have_stopped``)
         is_target_unknown = command.sets_position_too or axis.acknowledgement.pending is not None
     else:
         runs_unknown = command.runs_alone and not command.runs

@@ -52,7 +52,7 @@ class _Read(NamedTuple):
 class ReadPath(FastPath):
     """Reads of complete positions and status bits."""
 
-    __slots__ = ("_access", "_asks_for_bits", "_hits", "_reads", "_unit")
+    __slots__ = ("_access", "_asks_for_bits", "_hits", "_reads", "_unit", "_watched")
 
     def __init__(self, unit: UnitMap, access: Access, hits: Hits) -> None:
         super().__init__(5, unit.axes)
@@ -60,15 +60,16 @@ class ReadPath(FastPath):
         self._access = access
         self._hits = hits
         self._asks_for_bits = unit.asks_for_bits
+        self._watched = tuple([(axis.reach, axis.recall, axis.member) for axis in unit.axes])
         self._reads = tuple(_read(hit) for hit in hits.fields if hit.mapped.role.is_position)
 
     def sent(self, transaction: Transaction, now_ns: int) -> bytes | None:
         """See ``FastPath``."""
-        for axis in self.axes:
-            record = axis.record
-            if axis.reach.silent_since_ns is not None or (record is not None and record.saved is not None):
+        for reach, recall, member in self._watched:
+            record = recall.record
+            if reach.silent_since_ns is not None or (record is not None and record.saved is not None):
                 return None
-            if axis.member.fixed is not None:
+            if member.fixed is not None:
                 return None  # the decision of the group may have ended by now
         if self._asks_for_bits:
             for read in self._reads:
@@ -121,7 +122,7 @@ class ReadPath(FastPath):
     def is_sure(self) -> bool:
         """Whether no position in it can prove something and then be converted back differently."""
         for read in self._reads:
-            record = read.axis.record
+            record = read.axis.recall.record
             if read.axis.motion.unacknowledged is not None:
                 return False
             if record is not None and record.saved is not None:
@@ -190,11 +191,13 @@ class WritePath(FastPath):
         "_image",
         "_is_last",
         "_number",
+        "_recall",
         "_scale",
         "_start",
         "_targets",
         "_terms",
         "_unit",
+        "_watched",
         "is_early",
     )
 
@@ -204,6 +207,8 @@ class WritePath(FastPath):
         self._unit, self._access = unit, access
         self._axis = hit.mapped.axis
         self._hold, self._targets = self._axis.hold, self._axis.targets
+        self._recall = self._axis.recall
+        self._watched = tuple([(axis.reach, axis.recall) for axis in unit.axes])
         self._correction, self._terms = self._axis.correction, self._axis.correction.terms
         self._image = hit.mapped.image
         self._number = hit.mapped.number
@@ -241,7 +246,7 @@ class WritePath(FastPath):
         """A target is sent next: write what must survive a kill."""
         axis = self._axis
         transaction.carry(self, target)
-        if axis.record is not None and not axis.send_steady(target):
+        if self._recall.record is not None and not axis.send_steady(target):
             axis.send_target(transaction.rendering())
 
     def is_ready(self, port: ControllerPort | None, now_ns: int) -> bool:
@@ -323,9 +328,9 @@ class WritePath(FastPath):
     def _is_usual(self, now_ns: int) -> bool:
         """Whether nothing has happened that must be checked before the next target."""
         axis = self._axis
-        for each in self.axes:
-            record = each.record
-            if each.reach.silent_since_ns is not None or (record is not None and record.saved is not None):
+        for reach, recall in self._watched:
+            record = recall.record
+            if reach.silent_since_ns is not None or (record is not None and record.saved is not None):
                 return False
         motion = axis.motion
         if not axis.compensation.is_stream and self._correction.has_branches and motion.is_unseen(now_ns):
@@ -342,7 +347,7 @@ class WritePath(FastPath):
         """See ``FastPath``."""
         assert transaction.target is not None
         self._targets.acknowledge_steady(self._number, transaction.target, now_ns)
-        if self._axis.record is not None:
+        if self._recall.record is not None:
             self._axis.acknowledgement.conclude(self._axis.motion.unacknowledged)
 
     def rendering(self, transaction: Transaction) -> Rendering:

@@ -94,7 +94,7 @@ def _make_field_nominal(hit: FieldHit, request: Request, data: bytearray) -> Non
     if readback is not None and any(each.targets for each in request.commands):
         readback = axis.compensation.readback  # FC23 writes before it reads
     if mapped.role is FieldRole.ACTUAL and mapped.number == 0:
-        was_undecided = axis.is_recalling
+        was_undecided = axis.recall.is_open
         axis.observe_actual(mapped.field, words, request.now_ns)  # as old as its request
         if was_undecided and readback is not None:
             readback = axis.compensation.readback  # nothing else was in force when the request was sent

@@ -310,7 +310,7 @@ def _recall(axis: Axis, at: traffic.AxisAt, boot: bytes) -> None:
     saved = slots.read()
     if saved is not None and saved.scale_digest != digest_of_axis(axis.plan):
         saved = None  # the scale of counts has changed in this configuration
-    axis.attach_record(Record(slots, saved))
+    axis.recall.attach(Record(slots, saved))
 
 
 class Replay:

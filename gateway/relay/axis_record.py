@@ -99,11 +99,11 @@ class AxisRecord:
             saved = None
         record = Record(slots, saved, find_table)  # empties the record if the saved one is not used
         if not why_none:
-            axis.attach_record(record)
+            axis.recall.attach(record)
 
     def content(self) -> bytes:
         """Return the current record, compressed; empty if the axis has none."""
-        kept = self._map is not None and self._axis.record is not None
+        kept = self._map is not None and self._axis.recall.record is not None
         return zlib.compress(bytes(self._map), 1) if kept and self._map is not None else b""
 
     def begin(self) -> None:
@@ -111,11 +111,11 @@ class AxisRecord:
         if self._slots is None:
             self.open(self._report, self._find_table, is_used=False)
         else:
-            self._axis.attach_record(Record(self._slots, None, self._find_table))
+            self._axis.recall.attach(Record(self._slots, None, self._find_table))
 
     def close(self) -> None:
         """Detach the record from the axis as it is, and close the file."""
-        self._axis.attach_record(None)
+        self._axis.recall.attach(None)
         if self._slots is not None and self._map is not None:
             self._slots.release()
             with suppress(OSError):

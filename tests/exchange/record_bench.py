@@ -28,7 +28,7 @@ class Records:
             saved = slots.read()
             if saved is not None and saved.scale_digest != digest:
                 saved = None
-            axis.attach_record(Record(slots, saved, find_table))
+            axis.recall.attach(Record(slots, saved, find_table))
 
     def read(self, name: str = "x") -> Remembered | None:
         """Return what the record of an axis says."""

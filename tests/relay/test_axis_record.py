@@ -39,7 +39,7 @@ class Opened:
 
     @property
     def saved(self) -> Remembered | None:
-        return None if self.axis.record is None else self.axis.record.saved
+        return None if self.axis.recall.record is None else self.axis.recall.record.saved
 
 
 @pytest.fixture
@@ -101,7 +101,7 @@ def test_a_spoilt_file_is_made_anew_and_the_axis_begins_without_it(
     spoil(path)
     opened = Opened(path)
     assert opened.saved is None
-    assert opened.axis.record is not None
+    assert opened.axis.recall.record is not None
     assert len(opened.told) == 1
     assert opened.told[0].startswith(f"{path}: {why}")
     assert opened.told[0].endswith("the axis starts without its record")
@@ -156,7 +156,7 @@ def test_where_no_file_can_be_had_the_axis_runs_without_one(path: Path, spoil: o
     assert callable(spoil)
     spoil(path)
     opened = Opened(path)
-    assert opened.axis.record is None
+    assert opened.axis.recall.record is None
     [told] = opened.told
     assert told.startswith(f"{path}: ")
     assert told.endswith("no record is kept, and a restart begins without one")
@@ -171,13 +171,13 @@ def test_a_full_disk_is_found_at_the_start_and_not_in_the_middle_of_a_store(tmp_
         opened = Opened(record_path(tmp_path, "x"))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert opened.axis.record is None
+    assert opened.axis.recall.record is None
     assert "no record is kept" in opened.told[0]
 
 
 def test_an_axis_in_shadow_mode_keeps_none_and_empties_what_there_is(path: Path) -> None:
     opened = Opened(path, CompensationMode.SHADOW)
-    assert opened.axis.record is None
+    assert opened.axis.recall.record is None
     assert opened.told == [f"{path}: the axis is in shadow mode; the axis starts without its record"]
     opened.record.close()
     assert RecordSlots(memoryview(bytearray(path.read_bytes())), bytes(16)).read() is None
@@ -189,7 +189,7 @@ def test_an_axis_in_shadow_mode_keeps_none_and_empties_what_there_is(path: Path)
 def test_a_run_that_is_recorded_begins_with_nothing(path: Path) -> None:
     opened = Opened(path, is_used=False)
     assert opened.saved is None
-    assert opened.axis.record is not None
+    assert opened.axis.recall.record is not None
     assert "a recording begins with nothing" in opened.told[0]
     opened.record.close()
 

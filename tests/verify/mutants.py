@@ -39,7 +39,7 @@ _EXCHANGE: Final = ROOT / "gateway" / "exchange"
 FILES: Final = (
     *(_EXCHANGE / "axis" / f"{each}.py" for each in ("motion", "reference", "acknowledge", "interlock")),
     *(_EXCHANGE / "axis" / f"{each}.py" for each in ("axis", "registers", "reach", "reports", "member")),
-    *(_EXCHANGE / "axis" / f"{each}.py" for each in ("correction", "targets")),
+    *(_EXCHANGE / "axis" / f"{each}.py" for each in ("correction", "recall", "targets")),
     *(
         _EXCHANGE / f"{each}.py"
         for each in ("effects", "group", "kept_words", "decode", "scheduler", "transaction")

@@ -758,8 +758,8 @@ def on_its_way(line: LineExchange) -> OnItsWay | None:
 
 def watch_stores(axis: Axis, may_store: Callable[[], bool]) -> None:
     """Ask before each store of a record of an axis; what is asked may raise."""
-    assert axis.record is not None
-    axis.record._slots._may_store = may_store
+    assert axis.recall.record is not None
+    axis.recall.record._slots._may_store = may_store
 
 
 def is_sending_unsure(line: LineExchange) -> bool:

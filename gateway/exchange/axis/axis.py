@@ -19,6 +19,7 @@ machine            answers                                  sees
 ``interlock``      are its triggers refused?                targets lost, complete targets accepted
 ``member``         what did its group's first trigger fix?  triggers of all axes of its group (``gantry``)
 ``reach``          does its drive answer?                   silences, answers to the gateway's own reads
+``recall``         does the record of the last run count?   actual positions, targets before the first of them
 =================  =======================================  ================================================
 
 Each thing that can happen to an axis is one method of :class:`Axis`. ``exchange.effects`` calls these methods
@@ -43,18 +44,14 @@ Events to be reported wait in ``reports`` until the line collects them. ``hold``
 
 from collections.abc import Iterable
 from dataclasses import replace
-from functools import partial
 from math import isfinite
 from typing import Final
 
 from gateway.catalogue import exchange_events
 from gateway.compensation.axis import AxisCompensation
-from gateway.compensation.errors import SettingsError, TableError
-from gateway.compensation.moves import Accepted, Move, State
-from gateway.compensation.readback import Fade
 from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import Action, Form
-from gateway.exchange.axis.acknowledge import Acknowledgement, Proof, Rendering, SteadyTarget
+from gateway.exchange.axis.acknowledge import Acknowledgement, Rendering, SteadyTarget
 from gateway.exchange.axis.correction import RequestedCorrection
 from gateway.exchange.axis.cross_term import Partner
 from gateway.exchange.axis.gantry import Gantry
@@ -70,23 +67,13 @@ from gateway.exchange.axis.motion import (
     MotionState,
 )
 from gateway.exchange.axis.reach import PositionAnswer, Reach, Readability
-from gateway.exchange.axis.record import (
-    PROVEN,
-    Decision,
-    Finding,
-    Record,
-    TableNotFoundError,
-    find,
-    proof_of,
-    state_of,
-)
-from gateway.exchange.axis.record_layout import Remembered, RememberedMove
+from gateway.exchange.axis.recall import Recall
 from gateway.exchange.axis.reference import AxisReference, ReferenceEvent
 from gateway.exchange.axis.registers import FieldImage, RuleImage
 from gateway.exchange.axis.reports import Reports
 from gateway.exchange.axis.targets import Targets
 from gateway.exchange.events import Event
-from gateway.exchange.field_counts import counts_of, raw_of
+from gateway.exchange.field_counts import counts_of
 from gateway.exchange.plan import (
     ALARM_BIT,
     DONE_BIT,
@@ -139,7 +126,7 @@ class Axis:
         "peers",
         "plan",
         "reach",
-        "record",
+        "recall",
         "reference",
         "reports",
         "rules",
@@ -169,10 +156,9 @@ class Axis:
         """What the first trigger of its group has fixed (M11)."""
         self.correction = RequestedCorrection(self.motion, self.reference, self.member, self.reports)
         self.targets = Targets(self.motion, self.acknowledgement, self.correction, self.reports)
-        # --- who moves it, its record, and its events
+        # --- its record, and who moves it
+        self.recall = Recall(self.motion, self.reference, self.correction, self.targets, self.reports)
         self.hold = Hold(plan.writer_hold_s, is_shared=not plan.has_one_writer)
-        self.record: Record | None = None
-        """Its record for the next run of the gateway."""
         if self.reference.is_referenced:
             self.compensation.find_reference(self.correction.requested)
 
@@ -241,8 +227,9 @@ class Axis:
 
     def take_events(self) -> tuple[Event, ...]:
         """Return the new events of this axis, each change once; its record is up to date then."""
-        if self.record is not None:
-            self.record.publish(self.motion, self.acknowledgement, self.correction.requested)
+        record = self.recall.record
+        if record is not None:
+            record.publish(self.motion, self.acknowledgement, self.correction.requested)
         return self.reports.take(is_unsure=self.is_unsure)
 
     # --- where it is -----------------------------------------------------------------------------------
@@ -341,6 +328,7 @@ class Axis:
     def join(self, peers: "tuple[Axis, ...]", gantry: Gantry) -> None:
         """Make it a member of a group."""
         self.peers = peers
+        self.recall.join(tuple([peer.recall for peer in peers]))
         self.member.join(gantry)
         self.follow_group()
 
@@ -452,8 +440,8 @@ class Axis:
 
     def lose_link(self, now_ns: int, *, was_closed: bool = False) -> None:
         """Forget what may have changed while the link was down; ``was_closed``: see :meth:`_lose_reach`."""
-        if self.record is not None:
-            self.record.pause()
+        if self.recall.record is not None:
+            self.recall.record.pause()
         self._lose_reach(was_closed=was_closed)
         self.motion.forget_position()
         self.reach.update_readability(PositionAnswer.LINK_LOST)
@@ -463,11 +451,11 @@ class Axis:
 
     def send_target(self, rendering: Rendering) -> None:
         """A target is sent next: if the process dies now, the drive may hold it or not."""
-        record, acknowledgement = self.record, self.acknowledgement
+        record, acknowledgement = self.recall.record, self.acknowledgement
         if record is None:
             return
         if record.saved is not None:
-            self.drop_record("a target came before the axis was read")
+            self.recall.drop("a target came before the axis was read")
         if rendering.move is None and not rendering.is_distance:
             return  # a repeat changes nothing
         is_open = acknowledgement.pending is not None
@@ -482,7 +470,7 @@ class Axis:
 
         It is rendered if it ends in an unusual way (``Acknowledgement.name``).
         """
-        record, steady = self.record, target.steady
+        record, steady = self.recall.record, target.steady
         if record is None or steady is None:
             return True  # a repeat changes nothing
         acknowledgement = self.acknowledgement
@@ -495,11 +483,11 @@ class Axis:
 
     def send_motion(self) -> None:
         """Something is sent that moves the axis in a way that its record does not describe."""
-        record = self.record
+        record = self.recall.record
         if record is None:
             return
         if record.saved is not None:
-            self.drop_record("the axis was moved before it was read")
+            self.recall.drop("the axis was moved before it was read")
         self.acknowledgement.send_motion()
         record.write_ahead(self.motion, self.acknowledgement, self.correction.requested)
 
@@ -584,8 +572,9 @@ class Axis:
         self.motion.see(now)
         if self.reach.readability is _REFUSED:
             self.reach.update_readability(PositionAnswer.PASSING)
-        if self.record is not None and self.record.saved is not None:
-            self._decide_record(now)
+        record = self.recall.record
+        if record is not None and record.saved is not None:
+            self.recall.decide(now)
         if self.motion.unacknowledged is not None:
             self.targets.prove(before, now)
         self.compensation.observe(now.counts)
@@ -628,181 +617,6 @@ class Axis:
             was_referenced = self.reference.is_referenced
             self.reference.see_end_of_homing(asked_ns, is_set=is_set)
             self._follow_reference(was_referenced=was_referenced)
-
-    # --- its record ------------------------------------------------------------------------------------
-
-    def attach_record(self, record: Record | None) -> None:
-        """Keep a record from now on, and use that of the last run if it counts; None: keep none."""
-        self.record = record
-        if record is not None and record.saved is not None and not self.correction.is_enabled:
-            self.drop_record("the compensation of the axis is off")
-
-    @property
-    def is_recalling(self) -> bool:
-        """Whether it is still undecided if the record of the last run counts."""
-        return self.record is not None and self.record.saved is not None
-
-    def _decide_record(self, actual: Actual) -> None:
-        """Decide with an actual position whether the record of the last run counts."""
-        record = self.record
-        assert record is not None
-        saved = record.saved
-        assert saved is not None
-        if not self.reference.is_referenced:
-            lacking = [each for each in (self, *self.peers) if each.reference.is_lost]
-            if not lacking:
-                return
-            if not (self.compensation.is_stream and saved.is_of_this_boot):
-                if self in lacking:
-                    self.drop_record("the axis is not referenced now")
-                return
-        found = find(self.motion, saved, record.first or actual, actual)
-        if found is None:
-            record.start_polling(actual)
-        elif isinstance(found, str):
-            self.drop_record(found)
-        else:
-            record.fit(found, actual)
-            self._take_group_up()
-
-    def _take_group_up(self) -> None:
-        """Restore all axes of the group as soon as the records of all of them fit."""
-        members = [self, *(peer for peer in self.peers if peer.record is not None)]
-        decisions = [member.record.decision for member in members if member.record is not None]
-        if Decision.NONE in decisions or Decision.DROPPED in decisions:
-            self.drop_record("another axis of its group has none that counts")
-        elif Decision.OPEN not in decisions:
-            for member in members:
-                if member.record is not None and member.record.decision is Decision.FITS:
-                    member.take_up(member.record)
-
-    def drop_record(self, reason: str) -> None:
-        """The record of the last run does not count."""
-        assert self.record is not None
-        self.record.decide(Decision.DROPPED)
-        self.record.clear()
-        self.reports.report(exchange_events.RECORD_NOT_USED, f"{reason}; it starts without its record")
-        for peer in self.peers:
-            if peer.is_recalling:
-                peer.drop_record(f"axis {self.plan.name} of its group starts without one")
-
-    def take_up(self, record: Record) -> None:
-        """Continue from the record of the last run, which fits: all of it, or nothing."""
-        saved, fitting = record.saved, record.finding
-        assert saved is not None
-        assert fitting is not None
-        finding, actual = fitting
-        find_table = partial(record.find_table, self.plan.table, self.correction.requested)
-        try:
-            settings, requested, now_ns = self.plan.settings, self.correction.requested, actual.seen_ns
-            state = state_of(settings, requested, saved.state, find_table, now_ns)
-            move = saved.unacknowledged
-            after = None if move is None else state_of(settings, requested, move.state, find_table, now_ns)
-        except TableNotFoundError:
-            self.drop_record("the table that was in force is not the one configured now")
-            return
-        except (TableError, SettingsError) as error:
-            self.drop_record(f"the table that was in force cannot be used any more ({error})")
-            return
-        self._restore(saved, state, is_at_target=finding is Finding.AT_TARGET)
-        if move is not None and after is not None:
-            self._restore_unacknowledged(saved, move, after, finding)
-        self.correction.resume_terms(actual.seen_ns)
-        if not self.reference.is_referenced:
-            self.motion.displace(keeps_branch=self.compensation.is_stream)
-            self.compensation.lose_reference()  # the offset of a stream stays, and fades (M9)
-        record.decide(Decision.TAKEN)
-        settings, in_force = self.plan.settings, self.compensation.state
-        position = (
-            self.compensation.machine_position(self.motion.nominal_of(actual.counts))
-            - settings.machine_offset
-        )
-        is_open = (
-            "; whether it has gone there is not certain yet" if self.motion.is_distance_unconfirmed else ""
-        )
-        self.reports.report(
-            exchange_events.RESTORED,
-            f"goes on from its record: nominal {position:.6g} {settings.units.value}, the drive at "
-            f"{actual.counts:.10g} counts, {in_force.travel.direction.name.lower()}, progress of a reversal "
-            f"{in_force.progress:.3g}, of a change-over {in_force.change:.3g}, generation "
-            f"{saved.generation}{is_open}",
-        )
-
-    @property
-    def may_have_stopped(self) -> bool:
-        """Whether an axis that was found on its way may go no further.
-
-        Its next distance then begins where it is. A drive that takes positions only gets its target again, or
-        another one. A drive that takes stops and distances may have stopped because its master was missing.
-        Its target must not be the base of a distance then (M5).
-        """
-        return self.motion.has_rules
-
-    def _restore(self, saved: Remembered, state: State, *, is_at_target: bool) -> None:
-        """Restore the recorded position, branch and correction."""
-        accepted = None
-        if is_at_target or (saved.has_target and not self.may_have_stopped):
-            accepted = Accepted(saved.nominal_counts, saved.corrected_counts)
-        fade = None if saved.fade is None else Fade(*saved.fade)
-        came_from = None if saved.came_from is None else Accepted(*saved.came_from)
-        self.compensation.resume(state, accepted, saved.anchor_counts, fade, saved.way, came_from=came_from)
-        if accepted is None:
-            motion_state = MotionState.STOPPED
-        elif not is_at_target:
-            motion_state = _MOVING  # a record does not say whether the start was known
-        elif saved.may_have_left:
-            motion_state = MotionState.MAY_HAVE_LEFT
-        elif saved.was_done_seen:
-            motion_state = MotionState.ARRIVED
-        else:
-            motion_state = MotionState.IN_WINDOW if self.compensation.readback.fade is None else _MOVING
-        self.motion.resume(motion_state, state.at_ns if saved.is_of_this_boot else 0, saved.number)
-        if accepted is not None and saved.knows_words:
-            field_ = self.plan.command[saved.number]
-            self.fields[saved.number].settle(
-                field_.pack(raw_of(field_, accepted.nominal_counts)),
-                field_.pack(raw_of(field_, accepted.corrected_counts)),
-            )
-
-    def _restore_unacknowledged(
-        self, saved: Remembered, move: RememberedMove, after: State, finding: Finding
-    ) -> None:
-        """Take the target that was on the wire as accepted, or as unacknowledged."""
-        field_ = self.plan.command[move.number]
-        nominal_words = corrected_words = b""
-        if not move.is_distance:
-            nominal_words = field_.pack(raw_of(field_, move.nominal_counts))
-            corrected_words = field_.pack(raw_of(field_, move.corrected_counts))
-        correction_counts = move.corrected_counts - move.nominal_counts
-        planned = Move(move.nominal_counts, correction_counts, self.compensation.map_of(after), after)
-        proof = proof_of(self.plan.settings, saved, finding)
-        start = None
-        if saved.has_target and (move.is_distance or proof is not Proof.ONE):
-            start = Accepted(saved.nominal_counts, saved.corrected_counts)
-        rendering = Rendering(
-            move.number,
-            nominal_words,
-            corrected_words,
-            move.corrected_counts,
-            planned,
-            move.is_distance,
-            start,
-            proof=proof,
-        )
-        if finding not in PROVEN:
-            # Its record continues to name it, so the next start finds it as this one did.
-            self.acknowledgement.go_on_naming(rendering)
-            is_timed = saved.is_of_this_boot and proof is Proof.TWO
-            self.targets.leave_unacknowledged(rendering, after.at_ns if is_timed else self.motion.heard_ns)
-            if finding is Finding.EITHER:
-                self.compensation.read_as_reached(planned, move.corrected_counts)
-            return
-        if self.plan.has_rules:
-            self.targets.go(rendering, planned, self.motion.heard_ns)
-        else:
-            self.targets.acknowledge(rendering, self.motion.heard_ns)
-        if finding is not Finding.AT_UNACKNOWLEDGED and self.may_have_stopped:
-            self.motion.displace(keeps_branch=True)
 
 
 def join_terms(axes: Iterable[Axis]) -> None:

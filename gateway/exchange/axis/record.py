@@ -6,7 +6,7 @@ are written before a frame is sent (``axis``): the target in it, which the drive
 process dies; or, if the frame moves the axis in another way, that nothing is known.
 
 At the start the record of the last run is compared with the position of the drive (:func:`find`). Whether it
-counts is :class:`Decision`; ``axis`` restores the axis from it in one step.
+counts is :class:`Decision`; ``axis.recall`` restores the axis from it in one step.
 """
 
 from collections.abc import Callable

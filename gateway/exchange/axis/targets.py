@@ -19,7 +19,7 @@ _SUPERSEDED: Final = MotionState.SUPERSEDED
 class Targets:
     """What happens to the targets of one axis. Time is monotonic, in ns."""
 
-    __slots__ = ("_acknowledgement", "_correction", "_motion", "_reports", "holds_unrun", "last_run")
+    __slots__ = ("_correction", "_motion", "_reports", "acknowledgement", "holds_unrun", "last_run")
 
     def __init__(
         self,
@@ -28,7 +28,7 @@ class Targets:
         correction: RequestedCorrection,
         reports: Reports,
     ) -> None:
-        self._motion, self._acknowledgement = motion, acknowledgement
+        self._motion, self.acknowledgement = motion, acknowledgement
         self._correction, self._reports = correction, reports
         self.holds_unrun = False
         """A target was written after the last trigger that ran one."""
@@ -94,7 +94,7 @@ class Targets:
             return
         image = motion.fields[rendering.number]
         if image.corrected_words == rendering.corrected_words:
-            rendering = self._acknowledgement.marked(rendering, rendering._replace(stood_there=True))
+            rendering = self.acknowledgement.marked(rendering, rendering._replace(stood_there=True))
         self.leave_run_unacknowledged(rendering, now_ns)
         image.leave(rendering.nominal_words, rendering.corrected_words)
         image.forget()
