@@ -329,7 +329,7 @@ def learn(read: AddedFrame, reply: bytes, prefetched: Prefetched, asked_ns: int)
     elif read.purpose is Purpose.RULE:
         prefetched.rule_words.setdefault(name, {})[read.address] = None if words is None else _word(words)
         if words is not None:
-            axis.observe_rule(read.address, _word(words))
+            axis.rules.store_read(read.address, _word(words))
     elif read.purpose is Purpose.STANDSTILL:
         _learn_standstill(read, words, prefetched, asked_ns)
     else:

@@ -1,4 +1,4 @@
-"""One axis on its line: its state machines, what its drive holds, and how each event changes them.
+"""One axis on its line: its parts, and how each event changes them.
 
 Theory of operation
 ===================
@@ -8,24 +8,30 @@ the target. A worn screw has lost motion, so it also depends on the side from wh
 target: its *branch*. So the gateway must know two things of an axis: whether its positions are meaningful
 (its reference), and where it is (its motion state).
 
-Each of these is a state machine in a file of its own, with its states, its events and the table of both:
+An axis consists of parts. Each is in a file of its own and owns the data that it changes. The first four are
+state machines, with their states, their events and the table of both:
 
-=================  =======================================  ================================================
-machine            answers                                  sees
-=================  =======================================  ================================================
-``reference``      are its positions meaningful?            homed bit, homing, set positions, losses
-``motion``         where is it?                             acknowledgements, stops, bits, actual positions
-``acknowledge``    did its drive receive a target?          frames sent, their end, readings at both ends
-``interlock``      are its triggers refused?                targets lost, complete targets accepted
-``member``         what did its group's first trigger fix?  triggers of all axes of its group (``gantry``)
-``reach``          does its drive answer?                   silences, answers to the gateway's own reads
-``recall``         does the record of the last run count?   actual positions, targets before the first of them
-=================  =======================================  ================================================
+===============  ==========================================  ===============================================
+part             answers                                     sees
+===============  ==========================================  ===============================================
+``reference``    are its positions meaningful?               homed bit, homing, set positions, losses
+``motion``       where is it?                                acknowledgements, stops, bits, actual positions
+``acknowledge``  did its drive receive a target?             frames sent, their end, readings at both ends
+``interlock``    are its triggers refused?                   targets lost, complete targets accepted
+``targets``      what became of the targets that were sent?  the ends of their frames, actual positions
+``correction``   which correction is requested?              switch, table, gain, temperatures
+``member``       what did its group's first trigger fix?     triggers of all axes of its group (``gantry``)
+``reach``        does its drive answer?                      silences, answers to the gateway's own reads
+``recall``       does the record of the last run count?      the first actual positions
+``reports``      what is to be reported?                     events, changes of lasting states
+``hold``         who moves it?                               targets, connections (``ownership`` maintains it)
+===============  ==========================================  ===============================================
 
-Each thing that can happen to an axis is one method of :class:`Axis`. ``exchange.effects`` calls these methods
-when a request is sent and when it ends; ``exchange.group`` does so for the axes of a group. Nothing else
-changes an axis. The gateway believes only what is proven: by an acknowledgement, a status bit, or a position
-that was read. Without a proof the state says so (``UNACKNOWLEDGED``, ``UNKNOWN``).
+What concerns one part is a method of that part. What concerns several is a method of :class:`Axis`: a lost
+reference, for example, also voids the last target and the words in the drive. ``exchange.effects`` calls both
+when a request is sent and when it ends; ``exchange.group`` does so for the axes of a group. The gateway
+believes only what is proven: by an acknowledgement, a status bit, or a position that was read. Without a
+proof the state says so (``UNACKNOWLEDGED``, ``UNKNOWN``).
 
 *Whether* positions are corrected is decided by a person, and with which table (``correction``). Compensation
 also ends when a remapping register of the drive was written (``reference.is_remapped``). While the reference
@@ -35,11 +41,7 @@ is not known, positions pass 1:1 in both directions.
 last target in both frames, and the readback map that converts readings back.
 
 *What the drive holds* is in the register image (``registers``). The drive may hold staged targets that no
-trigger has run (``targets``), and parts of a target may have been lost. A lost target blocks the triggers
-(``interlock``).
-
-Events to be reported wait in ``reports`` until the line collects them. ``hold`` says who moves the axis;
-``ownership`` maintains it.
+trigger has run, and parts of a target may have been lost. A lost target blocks the triggers (``interlock``).
 """
 
 from collections.abc import Iterable
@@ -139,26 +141,23 @@ class Axis:
         self.fields = [FieldImage(each, waits=plan.motion.waits_for_trigger) for each in plan.command]
         self.limit_fields = [FieldImage(each) for each in plan.limits]
         self.rules = RuleImage(plan.motion)
-        # --- its machines
+        self.is_alarmed = False
+        """Its alarm bit was set when last seen: only a rising bit is an event."""
+        # --- its parts
         self.compensation = AxisCompensation(plan.settings)
         self.reference = AxisReference(plan, self.report_fault)
         self.acknowledgement = Acknowledgement(self.report_fault)
         self.motion = Motion(plan, self.compensation, self.acknowledgement, self.fields, self.report_fault)
         self.interlock = Interlock(self.report_fault)
-        self.is_alarmed = False
-        """Its alarm bit was set when last seen: only a rising bit is an event."""
         self.reach = Reach(plan)
         self.reports = Reports(plan, self.reference, self.reach)
-        # --- its group
-        self.peers: tuple[Axis, ...] = ()
-        """The other axes of its group (M11)."""
         self.member = Member(self.motion, self.reference)
-        """What the first trigger of its group has fixed (M11)."""
         self.correction = RequestedCorrection(self.motion, self.reference, self.member, self.reports)
         self.targets = Targets(self.motion, self.acknowledgement, self.correction, self.reports)
-        # --- its record, and who moves it
         self.recall = Recall(self.motion, self.reference, self.correction, self.targets, self.reports)
         self.hold = Hold(plan.writer_hold_s, is_shared=not plan.has_one_writer)
+        self.peers: tuple[Axis, ...] = ()
+        """The other axes of its group (M11)."""
         if self.reference.is_referenced:
             self.compensation.find_reference(self.correction.requested)
 
@@ -358,7 +357,7 @@ class Axis:
                 return axis.interlock.block_code
         return None
 
-    # --- which correction is requested -----------------------------------------------------------------
+    # --- another plan, other registers, another zero ---------------------------------------------------
 
     def end_dry_run(self) -> None:
         """Apply what was only shown, from the next different target on; the axis is at standstill."""
@@ -366,9 +365,8 @@ class Axis:
         self.correction.end_dry_run()
         self.compensation.end_dry_run()
         if self.plan.actual:
-            self.motion.happens(
-                MotionEvent.IN_WINDOW
-            )  # a dry run ends only at the target; an axis that is seen elsewhere later was moved
+            # A dry run ends only at the target; an axis that is seen elsewhere later was moved.
+            self.motion.happens(MotionEvent.IN_WINDOW)
         self.correction.want()
 
     def _take_plan(self, plan: AxisPlan) -> None:
@@ -447,7 +445,7 @@ class Axis:
         self.reach.update_readability(PositionAnswer.LINK_LOST)
         self.fall_silent(now_ns, now_ns)
 
-    # --- a target on the wire --------------------------------------------------------------------------
+    # --- what its record says before a frame is sent ---------------------------------------------------
 
     def send_target(self, rendering: Rendering) -> None:
         """A target is sent next: if the process dies now, the drive may hold it or not."""
@@ -592,15 +590,9 @@ class Axis:
             self.lose_reference()  # its drive counts from another zero now
         return now
 
-    def observe_rule(self, address: int, word: int) -> None:
-        """Record the content of a mode or trigger register."""
-        self.rules.store_read(address, word)
-
     def observe_bit(self, name: str, asked_ns: int, *, is_set: bool) -> None:
         """Record one of the drive's status bits, read at ``asked_ns``."""
-        if not self.motion.is_unseen(
-            asked_ns
-        ):  # after a gap the bit does not show where the axis was meanwhile
+        if not self.motion.is_unseen(asked_ns):  # after a gap it does not show where the axis was meanwhile
             self.motion.mark_heard(asked_ns)
         if name == DONE_BIT:
             self.motion.observe_done(asked_ns, is_done=is_set)
