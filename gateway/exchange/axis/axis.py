@@ -68,11 +68,11 @@ from gateway.exchange.axis.motion import (
     MotionEvent,
     MotionState,
 )
-from gateway.exchange.axis.reach import PositionAnswer, Reach, Readability
+from gateway.exchange.axis.reach import DriveReach, PositionAnswer, Readability
 from gateway.exchange.axis.recall import Recall
 from gateway.exchange.axis.reference import AxisReference, ReferenceEvent
 from gateway.exchange.axis.registers import FieldImage, RuleImage
-from gateway.exchange.axis.reports import Reports
+from gateway.exchange.axis.reports import AxisReports
 from gateway.exchange.axis.targets import Targets
 from gateway.exchange.events import Event
 from gateway.exchange.field_counts import counts_of
@@ -149,8 +149,8 @@ class Axis:
         self.acknowledgement = Acknowledgement(self.report_fault)
         self.motion = Motion(plan, self.compensation, self.acknowledgement, self.fields, self.report_fault)
         self.interlock = Interlock(self.report_fault)
-        self.reach = Reach(plan)
-        self.reports = Reports(plan, self.reference, self.reach)
+        self.reach = DriveReach(plan)
+        self.reports = AxisReports(plan, self.reference, self.reach)
         self.member = Member(self.motion, self.reference)
         self.correction = RequestedCorrection(self.motion, self.reference, self.member, self.reports)
         self.targets = Targets(self.motion, self.acknowledgement, self.correction, self.reports)

@@ -13,7 +13,7 @@ from gateway.compensation.fingerprint import table_digest
 from gateway.exchange.axis.member import Member
 from gateway.exchange.axis.motion import Actual, Motion
 from gateway.exchange.axis.reference import AxisReference
-from gateway.exchange.axis.reports import Reports
+from gateway.exchange.axis.reports import AxisReports
 from gateway.exchange.axis.terms import Terms
 from gateway.exchange.field_counts import counts_of
 from gateway.exchange.plan import CompensationMode
@@ -35,7 +35,9 @@ class RequestedCorrection:
         "terms",
     )
 
-    def __init__(self, motion: Motion, reference: AxisReference, member: Member, reports: Reports) -> None:
+    def __init__(
+        self, motion: Motion, reference: AxisReference, member: Member, reports: AxisReports
+    ) -> None:
         plan = motion.plan
         self._motion, self._reference = motion, reference
         self._member, self._reports = member, reports

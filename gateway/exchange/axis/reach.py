@@ -63,7 +63,7 @@ READABILITY_AFTER: Final[dict[Readability, dict[PositionAnswer, Readability]]] =
 """The state after each answer; every pair is possible."""
 
 
-class Reach:
+class DriveReach:
     """What the gateway may read of one drive, and since when it is silent. Time is monotonic, in ns."""
 
     __slots__ = (

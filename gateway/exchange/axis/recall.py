@@ -27,7 +27,7 @@ from gateway.exchange.axis.record import (
 )
 from gateway.exchange.axis.record_layout import Remembered, RememberedMove
 from gateway.exchange.axis.reference import AxisReference
-from gateway.exchange.axis.reports import Reports
+from gateway.exchange.axis.reports import AxisReports
 from gateway.exchange.axis.targets import Targets
 from gateway.exchange.field_counts import raw_of
 
@@ -53,7 +53,7 @@ class Recall:
         reference: AxisReference,
         correction: RequestedCorrection,
         targets: Targets,
-        reports: Reports,
+        reports: AxisReports,
     ) -> None:
         self._motion, self.reference = motion, reference
         self._correction, self._targets, self._reports = correction, targets, reports

@@ -11,7 +11,7 @@ from typing import Final
 from gateway.catalogue import exchange_events
 from gateway.catalogue.entry import EventEntry
 from gateway.exchange.axis.hunting import MOST, Hunting
-from gateway.exchange.axis.reach import Reach
+from gateway.exchange.axis.reach import DriveReach
 from gateway.exchange.axis.reference import AxisReference
 from gateway.exchange.events import Event
 from gateway.exchange.plan import AxisPlan
@@ -21,7 +21,7 @@ REWRITTEN_EVERY_NS: Final = 60 * NS_PER_S
 """Minimum time between reports of restaging; every restaging is counted."""
 
 
-class Reports:
+class AxisReports:
     """The events of one axis. Time is monotonic, in ns."""
 
     __slots__ = (
@@ -38,7 +38,7 @@ class Reports:
         "reported_unsure",
     )
 
-    def __init__(self, plan: AxisPlan, reference: AxisReference, reach: Reach) -> None:
+    def __init__(self, plan: AxisPlan, reference: AxisReference, reach: DriveReach) -> None:
         self._name, self._units = plan.name, plan.settings.units.value
         self._reference, self._reach = reference, reach
         self.events: list[Event] = []

@@ -11,7 +11,7 @@ from gateway.drives.motion import Action
 from gateway.exchange.axis.acknowledge import Acknowledgement, Proof, Rendering, SteadyTarget
 from gateway.exchange.axis.correction import RequestedCorrection
 from gateway.exchange.axis.motion import Actual, Motion, MotionState
-from gateway.exchange.axis.reports import Reports
+from gateway.exchange.axis.reports import AxisReports
 
 _SUPERSEDED: Final = MotionState.SUPERSEDED
 
@@ -26,7 +26,7 @@ class Targets:
         motion: Motion,
         acknowledgement: Acknowledgement,
         correction: RequestedCorrection,
-        reports: Reports,
+        reports: AxisReports,
     ) -> None:
         self._motion, self.acknowledgement = motion, acknowledgement
         self._correction, self._reports = correction, reports
