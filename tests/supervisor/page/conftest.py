@@ -1,22 +1,21 @@
-"""A browser for the whole module, and a page of it for each test."""
+"""A browser for the whole module, and a visit of its own for each test."""
 
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser
 
 from tests.supervisor.page.models import curve, model
 from tests.supervisor.page.stage import Stage
-from tests.supervisor.page.visit import Visit
+from tests.supervisor.page.visit import Tabs, Visit
 from tests.support.browser import started_browser
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """For one module only: while it lives, no test can run an event loop of its own."""
+def tabs() -> Iterator[Tabs]:
+    """For one module only: while a browser lives, no test can run an event loop of its own."""
     with started_browser() as browser:
-        yield browser
+        yield Tabs(browser)
 
 
 @pytest.fixture
@@ -33,13 +32,13 @@ def stage() -> Iterator[Stage]:
 
 
 @pytest.fixture
-def visit(browser: Browser, stage: Stage, request: pytest.FixtureRequest) -> Iterator[Visit]:
+def visit(tabs: Tabs, stage: Stage, request: pytest.FixtureRequest) -> Iterator[Visit]:
     """The page, opened, with its axes; ``visit`` marks give the browser's options.
 
     At the end it must have fetched nothing but from the gateway, and have complained of nothing.
     """
     options: dict[str, Any] = getattr(request, "param", {})
-    visit = Visit(browser, stage, options)
+    visit = Visit(tabs, stage, options)
     try:
         yield visit
         assert visit.elsewhere == []

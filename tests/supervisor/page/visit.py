@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from typing import Any, Final
 
-from playwright.sync_api import Browser, Locator
+from playwright.sync_api import Browser, ConsoleMessage, Error, Locator, Page, Request
 
 from tests.supervisor.page.stage import Stage
 
@@ -26,31 +26,59 @@ PLACE: Final = """() => {
 }"""
 
 
-class Visit:
-    """The page of a stage in a browser of its own settings."""
+class Tabs:
+    """One tab of a browser for each language: with a new tab, a visit takes twice the processor time."""
 
-    def __init__(self, browser: Browser, stage: Stage, options: Mapping[str, Any]) -> None:
+    def __init__(self, browser: Browser) -> None:
+        self._browser: Final = browser
+        self._by_locale: dict[str, Page] = {}
+
+    def blank(self, options: Mapping[str, Any]) -> Page:
+        """Return an empty tab with these options of a browser context: viewport, color_scheme and locale."""
+        locale = options.get("locale", "en-US")
+        if locale not in self._by_locale:
+            self._by_locale[locale] = self._browser.new_context(locale=locale).new_page()
+        tab = self._by_locale[locale]
+        tab.set_default_timeout(WAIT_MS)
+        tab.set_viewport_size(options.get("viewport", SIZE))
+        tab.emulate_media(color_scheme=options.get("color_scheme", "light"), reduced_motion="no-preference")
+        tab.mouse.move(-1, -1)  # a pointer above the page would hover over what comes there
+        return tab
+
+
+class Visit:
+    """The page of a stage in a tab with settings of its own, which remembers nothing of earlier visits."""
+
+    def __init__(self, tabs: Tabs, stage: Stage, options: Mapping[str, Any]) -> None:
         self.complaints: list[str] = []
         """What the browser's console says."""
         self.elsewhere: list[str] = []
         """Addresses that were asked for outside the gateway."""
         self.stage = stage
-        self._context = browser.new_context(**{"viewport": SIZE, **options})
-        self.page = self._context.new_page()
-        self.page.set_default_timeout(WAIT_MS)
-        self.page.on("console", lambda message: self.complaints.append(message.text))
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.on("request", lambda request: self._asked(request.url))
+        self.page = tabs.blank(options)
+        self.page.on("console", self._complained)
+        self.page.on("pageerror", self._failed)
+        self.page.on("request", self._asked)
         self.page.goto(stage.address)
         self.page.wait_for_selector("#axes article, #no-axes:not([hidden])")
 
-    def _asked(self, url: str) -> None:
-        if not url.startswith(self.stage.address):
-            self.elsewhere.append(url)
+    def _complained(self, message: ConsoleMessage) -> None:
+        self.complaints.append(message.text)
+
+    def _failed(self, error: Error) -> None:
+        self.complaints.append(str(error))
+
+    def _asked(self, request: Request) -> None:
+        if not request.url.startswith(self.stage.address):
+            self.elsewhere.append(request.url)
 
     def close(self) -> None:
-        """Leave."""
-        self._context.close()
+        """Leave an empty tab, and no choice of this visit: a later gateway may get the same port."""
+        self.page.remove_listener("console", self._complained)
+        self.page.remove_listener("pageerror", self._failed)
+        self.page.remove_listener("request", self._asked)
+        self.page.evaluate("localStorage.clear(), sessionStorage.clear()")
+        self.page.goto("about:blank")
 
     def until(self, script: str, wanted: object) -> None:
         """Wait until an expression has a value; fail with what it has else."""
