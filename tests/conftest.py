@@ -1,9 +1,13 @@
 """What every test needs."""
 
+import functools
 import gc
 import signal
+from collections.abc import Generator
+from pathlib import Path
 
 import pytest
+from _pytest.doctest import DoctestModule
 from hypothesis import HealthCheck, settings
 
 from gateway.exchange.axis import impossible
@@ -23,6 +27,17 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(needs)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file() -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
+    """Look for doctests only in files that have some: each worker would load and search all others too."""
+    collectors = yield
+    return [each for each in collectors if not isinstance(each, DoctestModule) or _has_doctest(each.path)]
+
+
+def _has_doctest(file: Path) -> bool:
+    return ">>> " in file.read_text(encoding="utf-8")
 
 
 FREEZE_EVERY = 50
@@ -91,6 +106,9 @@ FIRST = (
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with what takes longest."""
-    items.sort(
-        key=lambda item: next((n for n, f in enumerate(FIRST) if item.nodeid.startswith(f)), len(FIRST))
-    )
+    items.sort(key=lambda item: _place_in_order(item.nodeid.partition("::")[0]))
+
+
+@functools.cache
+def _place_in_order(file: str) -> int:
+    return next((place for place, first in enumerate(FIRST) if file.startswith(first)), len(FIRST))

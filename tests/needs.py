@@ -122,6 +122,12 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "quick: needs nothing but Python and this checkout (tests/needs.py)")
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Where quick tests alone are asked for, load no other file."""
+    is_file = config.option.markexpr == "quick" and collection_path.suffix == ".py"
+    return True if is_file and needs_of(collection_path) else None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
