@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Final, NamedTuple
 
+from msgspec import Struct
+
 from gateway.budget.sequence import AS_MAPPED, Added, Blocks, RoundStep, Shapes, Why, added_of, round_of
 from gateway.budget.wire import PduSizes, Wire, wire_of
 from gateway.exchange.cut_through.delay import FrameShape, delay_ns, margin_ns, stored_ns
@@ -26,8 +28,7 @@ FOR_EVER_NS: Final = 1 << 62
 """A line that was quiet."""
 
 
-@dataclass(frozen=True, slots=True)
-class Route:
+class Route(Struct, frozen=True):
     """The way from one controller to the drives and back."""
 
     controller: Wire
@@ -223,8 +224,7 @@ def _there_ns(legs: Legs) -> int:
     return legs.gateway_ns // 2
 
 
-@dataclass(frozen=True, slots=True)
-class Direct:
+class Direct(Struct, frozen=True):
     """The same exchange on one wire, without a gateway."""
 
     total_ns: int
@@ -250,8 +250,7 @@ BROADCAST = PduSizes(5, 0)
 """One register for all drives."""
 
 
-@dataclass(frozen=True, slots=True)
-class ForwardingBudget:
+class ForwardingBudget(Struct, frozen=True):
     """One exchange of a round with cut-through forwarding.
 
     No limit is checked against it: an unusual frame is stored, and takes the time of storing.
@@ -267,8 +266,7 @@ class ForwardingBudget:
         return sum(delay.saves_ns for delay in self.delays)
 
 
-@dataclass(frozen=True, slots=True)
-class ExchangeBudget:
+class ExchangeBudget(Struct, frozen=True):
     """One exchange of a round, with and without the gateway."""
 
     step: RoundStep
@@ -291,8 +289,7 @@ class ExchangeBudget:
         return self.legs.waited_ns + self.added_ns
 
 
-@dataclass(frozen=True, slots=True)
-class RoundBudget:
+class RoundBudget(Struct, frozen=True):
     """All exchanges of a round, one after the other."""
 
     total_ns: int
@@ -302,8 +299,7 @@ class RoundBudget:
     """With all possible cut-through forwarding; equal to ``total_ns`` if there is none."""
 
 
-@dataclass(frozen=True, slots=True)
-class ControllerBudget:
+class ControllerBudget(Struct, frozen=True):
     """Times of one controller while it is alone on the line."""
 
     index: int
@@ -324,16 +320,14 @@ class ControllerBudget:
         return max(map(counted, self.exchanges), default=0)
 
 
-@dataclass(frozen=True, slots=True)
-class AddedBudget:
+class AddedBudget(Struct, frozen=True):
     """The gateway's own frames, and how long they delay what follows."""
 
     added: Added
     hold_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class LineBudget:
+class LineBudget(Struct, frozen=True):
     """The budget of a line."""
 
     name: str

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Annotated, Final, NamedTuple
 
+from msgspec import Struct
+
 from gateway.budget.wire import READ_BIT, WRITE_WORD, PduSizes, read_frame, write_frames
 from gateway.compensation.settings import Setpoints
 from gateway.drives.motion import Action, Addressing, Form, TriggerPlan
@@ -81,8 +83,7 @@ class Shapes(NamedTuple):
     reply: FrameShape
 
 
-@dataclass(frozen=True, slots=True)
-class RoundStep:
+class RoundStep(Struct, frozen=True):
     """One exchange of a round."""
 
     axis: str
@@ -93,8 +94,7 @@ class RoundStep:
     """Of frames that may be forwarded by cut-through; None: every line stores them."""
 
 
-@dataclass(frozen=True, slots=True)
-class Added:
+class Added(Struct, frozen=True):
     """Frames that the gateway may have to send before an exchange of the controller."""
 
     axis: str

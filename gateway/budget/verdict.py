@@ -1,11 +1,12 @@
 """The verdict of the time budget on a configuration: what is impossible, what is close, what is faster."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum
 from typing import Final
 
 import msgspec
+from msgspec import Struct
 
 from gateway.budget.line import ControllerBudget, ExchangeBudget, LineBudget, gateway_ns, line_budget
 from gateway.budget.sequence import AS_MAPPED, Blocks, What, Why
@@ -49,8 +50,7 @@ LEAST_GAIN: Final = 0.05
 """Gain, as a share of the time, below which a change is not proposed."""
 
 
-@dataclass(frozen=True, slots=True)
-class Remedy:
+class Remedy(Struct, frozen=True):
     """One change, and its effect on the slowest exchange and on a round."""
 
     what: str
@@ -152,8 +152,7 @@ class Grade(Enum):
     """Useful before the wiring: only ``budget`` reports it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Judgement:
+class Judgement(Struct, frozen=True):
     """One judgement on a key."""
 
     grade: Grade

@@ -4,8 +4,9 @@ The numbers of a wire are the relay's own: ``gateway.transport.framing``.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Final, NamedTuple
+
+from msgspec import Struct
 
 from gateway.drives.motion import Form
 from gateway.modbus.lengths import ADU_OVERHEAD
@@ -72,8 +73,7 @@ MBAP_OVERHEAD: Final = 7
 """Transaction, protocol, length and unit id (Modbus messaging on TCP/IP V1.0b, 3.1.3)."""
 
 
-@dataclass(frozen=True, slots=True)
-class Wire:
+class Wire(Struct, frozen=True):
     """One side of the gateway."""
 
     bits_per_byte: int = 0

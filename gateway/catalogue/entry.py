@@ -2,10 +2,11 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from enum import Enum
 from types import ModuleType
 from typing import Final
+
+from msgspec import Struct
 
 NOTHING_TO_DO: Final = "nothing to do"
 
@@ -18,8 +19,7 @@ class Severity(Enum):
     ERROR = "error"
 
 
-@dataclass(frozen=True, slots=True)
-class EventEntry:
+class EventEntry(Struct, frozen=True):
     """An event: something that happened, as in the log and in all other reports."""
 
     name: str
@@ -46,8 +46,7 @@ def entries_of(module: ModuleType) -> Iterator[EventEntry]:
             yield value
 
 
-@dataclass(frozen=True, slots=True)
-class AlarmEntry:
+class AlarmEntry(Struct, frozen=True):
     """Something that is wrong now. Banner, terminal and alerts show it until it is right."""
 
     kind: str
@@ -65,8 +64,7 @@ class AlarmEntry:
     """Commands do not reach some drive as long as it lasts."""
 
 
-@dataclass(frozen=True, slots=True)
-class RefusalEntry:
+class RefusalEntry(Struct, frozen=True):
     """Why the gateway itself answers a request with an exception."""
 
     code: int
@@ -87,8 +85,7 @@ class RefusalEntry:
         return (self.begins + self.ends).format(**fields)
 
 
-@dataclass(frozen=True, slots=True)
-class ExceptionEntry:
+class ExceptionEntry(Struct, frozen=True):
     """A Modbus exception that a drive answers."""
 
     code: int
@@ -101,8 +98,7 @@ class ExceptionEntry:
     """Other names that programs and manuals have for it."""
 
 
-@dataclass(frozen=True, slots=True)
-class StartEntry:
+class StartEntry(Struct, frozen=True):
     """Why a process does not start."""
 
     begins: str
@@ -121,8 +117,7 @@ class StartEntry:
         return self.begins.format(**fields)
 
 
-@dataclass(frozen=True, slots=True)
-class RemarkEntry:
+class RemarkEntry(Struct, frozen=True):
     """A remark about a table, as ``check`` and ``table lint`` print its code."""
 
     code: str
@@ -132,8 +127,7 @@ class RemarkEntry:
     remedy: str
 
 
-@dataclass(frozen=True, slots=True)
-class StateEntry:
+class StateEntry(Struct, frozen=True):
     """A word of the status."""
 
     name: str

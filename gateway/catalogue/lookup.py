@@ -2,9 +2,11 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
 from difflib import get_close_matches
 from typing import Final
+
+from msgspec import Struct
+from msgspec.structs import asdict
 
 from gateway.catalogue.alarms import ALARMS
 from gateway.catalogue.entry import NOTHING_TO_DO, EventEntry, ExceptionEntry, RefusalEntry
@@ -33,8 +35,7 @@ ON_PAGE: Final[Mapping[str, str]] = {"exchanges/s": "exchanges", "over": "budget
 """Counters for which the page has another text than their words or key: the key, by that text."""
 
 
-@dataclass(frozen=True, slots=True)
-class Explanation:
+class Explanation(Struct, frozen=True):
     """One entry of any kind; fields that its kind does not have are empty."""
 
     kind: str

@@ -29,8 +29,9 @@ checked, see :mod:`gateway.tabfile.text`.
 import re
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
@@ -75,8 +76,7 @@ _LOOSE_EQUALS: Final = re.compile(r"[ \t]*=[ \t]*(?=[^ \t=]+(?:[ \t]|$))")
 """A "=" and the blanks around it, before a value. A "=" without a value does not match."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Table:
+class _Table(Struct, frozen=True):
     """One table as written; ``words`` maps a key to its value and line, NEGCOR to an empty value."""
 
     axis: str

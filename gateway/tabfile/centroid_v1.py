@@ -18,8 +18,10 @@ interval is a round length and the other's is not. The file is refused if neithe
 value and the round length indicate different layouts.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
+
+from msgspec import Struct
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import MM_PER_INCH, Units
@@ -51,8 +53,7 @@ ROUND_TOLERANCE: Final = 2e-6
 MAX_PROBLEMS: Final = 20
 
 
-@dataclass(frozen=True, slots=True)
-class _Counts:
+class _Counts(Struct, frozen=True):
     """The file as written."""
 
     total: int

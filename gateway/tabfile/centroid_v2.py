@@ -21,9 +21,10 @@ is refused.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from math import floor, inf
 from typing import Final
+
+from msgspec import Struct
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
@@ -60,8 +61,7 @@ _VALUE_UNITS: Final = {Units.INCH: "0.0001 inch", Units.MM: "µm"}
 _HEADER: Final = "2 N STEP UNITS F5 F6 ; comment"
 
 
-@dataclass(frozen=True, slots=True)
-class _Header:
+class _Header(Struct, frozen=True):
     line: int
     intervals: int
     step: float
@@ -73,8 +73,7 @@ class _Header:
     comment: str
 
 
-@dataclass(frozen=True, slots=True)
-class _Start:
+class _Start(Struct, frozen=True):
     """Position of the first point, with the reason; ``other`` is the next best position."""
 
     position: float

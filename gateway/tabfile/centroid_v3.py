@@ -20,8 +20,9 @@ column holds there.
 import itertools
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final, NamedTuple
+
+from msgspec import Struct
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
@@ -68,8 +69,7 @@ class _Row(NamedTuple):
     line: int
 
 
-@dataclass(frozen=True, slots=True)
-class _Header:
+class _Header(Struct, frozen=True):
     axis: str
     units: Units
     interval: float

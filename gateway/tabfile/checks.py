@@ -2,8 +2,10 @@
 
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
+
+from msgspec import Struct
 
 from gateway.compensation.units import Units
 from gateway.tabfile.decoded import Lint, LintSeverity, SourceRow
@@ -17,8 +19,7 @@ AS_THEY_STAND: Final = "positions unchanged"
 _SHOWN_POINTS: Final = 4
 
 
-@dataclass(frozen=True, slots=True)
-class Interpretation:
+class Interpretation(Struct, frozen=True):
     """One possible meaning: its assumption, and the resulting points in ascending order."""
 
     assumption: str

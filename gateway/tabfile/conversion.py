@@ -1,11 +1,13 @@
 """Writing a table in another dialect: read back first, then replace the file in one step; even grids."""
 
 import os
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum
 from math import ceil, floor
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct
 
 from gateway.compensation.curve import Curve
 from gateway.compensation.table import CorrectionTable, make_table
@@ -38,8 +40,7 @@ SAME_REVOLUTION: Final = 1e-9
 """A revolution may differ by this fraction of it: the rounding of positions."""
 
 
-@dataclass(frozen=True, slots=True)
-class Converted:
+class Converted(Struct, frozen=True):
     """A text, the largest change of its corrections when read back, and where, in units of the table."""
 
     written: Written
@@ -156,8 +157,7 @@ ON_GRID: Final = 1e-6
 """An end within this fraction of a step from a grid point is that point."""
 
 
-@dataclass(frozen=True, slots=True)
-class Resampled:
+class Resampled(Struct, frozen=True):
     """The table on its new grid; the largest change of its corrections, and its position."""
 
     table: CorrectionTable

@@ -16,9 +16,10 @@ correction columns have one unit. Positions ascend strictly or descend strictly.
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
+
+from msgspec import Struct
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import MM_PER_INCH, Units
@@ -64,8 +65,7 @@ _PLAUSIBLE: Final = {
 """Bounds of the largest |value| of a sound file: beyond them the file is probably in another unit."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Header:
+class _Header(Struct, frozen=True):
     """The columns; ``per_unit`` of the file's values make one machine unit, < 0 for errors."""
 
     units: Units

@@ -13,8 +13,9 @@ A comment ``# key: value`` is provenance. Three keys have a meaning: ``axis``, a
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from gateway.tabfile.errors import TabFileError
 from gateway.tabfile.options import FileContext
@@ -35,16 +36,14 @@ SEPARATORS: Final = {",": "commas", ";": "semicolons", "\t": "tabs"}
 MAX_PROBLEMS: Final = 20
 
 
-@dataclass(frozen=True, slots=True)
-class CsvRow:
+class CsvRow(Struct, frozen=True):
     """One row; ``cells`` without blanks around them."""
 
     number: int
     cells: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class CsvText:
+class CsvText(Struct, frozen=True):
     """The rows of a file, and the facts in its comments."""
 
     separator: str

@@ -7,6 +7,8 @@ from itertools import pairwise
 from math import inf
 from typing import Final, NamedTuple
 
+from msgspec import Struct
+
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.plain import JsonObject
@@ -21,8 +23,7 @@ class LintSeverity(Enum):
     INFO = "info"
 
 
-@dataclass(frozen=True, slots=True)
-class Lint:
+class Lint(Struct, frozen=True):
     """One remark. ``code`` never changes its meaning; ``message`` says what to do."""
 
     code: str

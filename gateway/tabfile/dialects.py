@@ -5,10 +5,11 @@ A new dialect is one file and one entry in :data:`DIALECTS`.
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import Enum
 from functools import partial
 from typing import Final, Protocol
+
+from msgspec import Struct
 
 from gateway.compensation.table import CorrectionTable
 from gateway.tabfile import (
@@ -50,8 +51,7 @@ class UnitsOf(Enum):
     """Only the author of the file knows them: ``file_units``."""
 
 
-@dataclass(frozen=True, slots=True)
-class Dialect:
+class Dialect(Struct, frozen=True):
     """One file format: how to recognise, read and write it."""
 
     name: str
@@ -311,8 +311,7 @@ CSV: Final = "write it as CSV: position_mm,{} (the other units: pitch-gateway ta
 BOTH: Final = "error_um or correction_um"
 
 
-@dataclass(frozen=True, slots=True)
-class UnsupportedFile:
+class UnsupportedFile(Struct, frozen=True):
     """A kind of file that is known but not read."""
 
     title: str

@@ -1,7 +1,8 @@
 """The effect of a table at one position, and its reasons."""
 
-from dataclasses import dataclass
 from enum import Enum
+
+from msgspec import Struct
 
 from gateway.options import OptionError
 from gateway.plain import JsonObject
@@ -16,8 +17,7 @@ class TableSide(Enum):
     ABOVE = "above"
 
 
-@dataclass(frozen=True, slots=True)
-class DirectionExplained:
+class DirectionExplained(Struct, frozen=True):
     """One direction of travel at one position; lengths in the units of the table.
 
     ``file_value`` is interpolated between the two points, in the unit of the file. ``counts`` is the command
@@ -35,8 +35,7 @@ class DirectionExplained:
     counts: int | None
 
 
-@dataclass(frozen=True, slots=True)
-class PositionExplanation:
+class PositionExplanation(Struct, frozen=True):
     """Both directions; ``outside`` is None on the table. Outside, the corrections are those of ``hold``."""
 
     loaded: LoadedTable

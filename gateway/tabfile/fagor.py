@@ -21,10 +21,11 @@ be smaller, or the correction has no inverse.
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
 from typing import Final
+
+from msgspec import Struct
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
@@ -63,8 +64,7 @@ _ROW: Final = re.compile(
 _RECOGNISED: Final = re.compile(r"P[0-9]{3,4}[ \t]+[A-Z][ \t]*-?[ \t]*[0-9.]", re.IGNORECASE | re.ASCII)
 
 
-@dataclass(frozen=True, slots=True)
-class _Row:
+class _Row(Struct, frozen=True):
     """One line as written; ``negative`` is None without a third field."""
 
     axis: str

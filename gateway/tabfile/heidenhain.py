@@ -27,10 +27,11 @@ numbers are degrees, whatever the BEGIN line says. The behaviour of these contro
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
 from typing import Final, NamedTuple
+
+from msgspec import Struct
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
@@ -63,8 +64,7 @@ _OF_THIS_FAMILY: Final = re.compile(r"BEGIN[ \t].*\.(?:COM|CMA)\b", re.IGNORECAS
 _HAS_POSITIONS: Final = re.compile(r"\bAXISPOS\b", re.IGNORECASE)
 
 
-@dataclass(frozen=True, slots=True)
-class _Columns:
+class _Columns(Struct, frozen=True):
     """The columns that are used."""
 
     axis: str

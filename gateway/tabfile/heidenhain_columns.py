@@ -8,8 +8,9 @@ rows or in none.
 import re
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.text import SourceLine, SourceText, shown
@@ -21,8 +22,7 @@ MAX_PROBLEMS: Final = 20
 _FIELD: Final = re.compile(r"\S+")
 
 
-@dataclass(frozen=True, slots=True)
-class Names:
+class Names(Struct, frozen=True):
     """The line of names, each with the index of its first character."""
 
     names: tuple[str, ...]
@@ -35,8 +35,7 @@ class Names:
         return tuple(name for name in self.names[1:] if name not in {POSITION, NEGATIVE})
 
 
-@dataclass(frozen=True, slots=True)
-class ColumnGrid:
+class ColumnGrid(Struct, frozen=True):
     """The columns that are filled in, and the cells of each row by column name."""
 
     filled: tuple[str, ...]

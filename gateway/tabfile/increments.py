@@ -16,8 +16,9 @@ The parameters are rows of a name and a number, in the order of :class:`System`.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
@@ -59,8 +60,7 @@ REVOLUTION_DEGREES: Final = 360.0
 REVOLUTION_TOLERANCE: Final = 1e-6
 
 
-@dataclass(frozen=True, slots=True)
-class System:
+class System(Struct, frozen=True):
     """A control's names for its parameters, and its limits.
 
     ``parameters`` name the numbers of the reference, the lowest and the highest point, the magnification of
@@ -78,8 +78,7 @@ class System:
     refused: dict[str, str]
 
 
-@dataclass(frozen=True, slots=True)
-class Point:
+class Point(Struct, frozen=True):
     """The value of one compensation point."""
 
     number: int
@@ -87,8 +86,7 @@ class Point:
     line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Increments:
+class Increments(Struct, frozen=True):
     """The file as written; ``interval`` in units of the file, ``points`` ascending without a gap."""
 
     reference: int
@@ -99,8 +97,7 @@ class Increments:
     csv: CsvText
 
 
-@dataclass(frozen=True, slots=True)
-class Sum:
+class Sum(Struct, frozen=True):
     """The correction at the end of a section, in counts; ``step`` counts intervals from the reference.
 
     ``line`` is that of the value that led here from the side of the reference, None at the reference.
@@ -254,8 +251,7 @@ HOLDS: Final = ('outside = "hold"',)
 """No more steps follow the last point, so the sum does not change."""
 
 
-@dataclass(frozen=True, slots=True)
-class Convention:
+class Convention(Struct, frozen=True):
     """What sums become: the number of values in one count, the rule in words, and its unproven part."""
 
     values_per_count: int
@@ -354,8 +350,7 @@ def _check_revolution(source: SourceText, units: Units, file: Increments, sums: 
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Steps:
+class Steps(Struct, frozen=True):
     """The writer's view of a table: ``totals`` at all its points, in values; ``zero`` is the reference."""
 
     interval: float
@@ -431,8 +426,7 @@ def _misfit(steps: Steps, system: System) -> int | None:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Rows:
+class Rows(Struct, frozen=True):
     """The content of a file; ``resolution`` is the size of one value, in units of the table."""
 
     parameters: tuple[int | str, ...]

@@ -27,10 +27,11 @@ lengths by ``file_counts_per_unit``, counts per unit of the axis as with all oth
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import islice, pairwise
 from math import inf
 from typing import Final
+
+from msgspec import Struct
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
@@ -57,8 +58,7 @@ _RECOGNISED: Final = re.compile(r"kw\.[a-z_]\w*[.\[]", re.IGNORECASE | re.ASCII)
 _AXIS_NAME: Final = re.compile(r"\"?([a-z])[0-9]?(?:[ _-]?(?:achse|axis))?\"?", re.IGNORECASE)
 
 
-@dataclass(frozen=True, slots=True)
-class _Shape:
+class _Shape(Struct, frozen=True):
     """The settings of the table."""
 
     is_metric: bool

@@ -13,8 +13,9 @@ it. The case of a key does not matter.
 
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Final
+
+from msgspec import Struct
 
 from gateway.tabfile.errors import FileProblem, TabFileError
 from gateway.tabfile.text import DECIMAL_ALLOWED, INTEGER_ALLOWED, SourceText, shown, to_decimal, to_integer
@@ -26,8 +27,7 @@ _OPENING_THERE: Final = re.compile(r"#|/\*")
 _LIST_LINE: Final = "a line 'key value', such as 'kw.ssfk.table[0].pos 24', or a comment"
 
 
-@dataclass(frozen=True, slots=True)
-class IsgEntry:
+class IsgEntry(Struct, frozen=True):
     """One line of a list; ``key`` is in lower case."""
 
     key: str
@@ -122,8 +122,7 @@ _RESERVED: Final = re.compile(r"res[0-9]")
 _POINT: Final = re.compile(r"table\[(0|[1-9][0-9]{0,5})\]\.(setpoint|pos|neg)")
 
 
-@dataclass(frozen=True, slots=True)
-class Keys:
+class Keys(Struct, frozen=True):
     """The entries of one table, checked for repetitions and unknown keys."""
 
     source: SourceText

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
 from itertools import combinations, pairwise
 from pathlib import Path
 from statistics import fmean, median
 from typing import Final, NamedTuple
+
+from msgspec import Struct
 
 from gateway.compensation.settings import default_max_correction
 from gateway.compensation.table import CorrectionTable
@@ -60,8 +61,7 @@ NOISE: Final = 1e-9
 """Rounding of sums, relative to the largest correction."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Subject:
+class _Subject(Struct, frozen=True):
     """The input of the checks."""
 
     name: str

@@ -20,10 +20,11 @@ table. Mint adds a positive one while moving forward, a negative one while movin
 import re
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil
 from typing import Final, NamedTuple
+
+from msgspec import Struct
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
@@ -72,8 +73,7 @@ class _Knot(NamedTuple):
     line: int | None
 
 
-@dataclass(frozen=True, slots=True)
-class _Screw:
+class _Screw(Struct, frozen=True):
     """The table of one axis; ``forward`` and ``backward`` are positions from A, each with its correction."""
 
     axis: int
@@ -84,8 +84,7 @@ class _Screw:
     remarks: tuple[Lint, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Reversal:
+class _Reversal(Struct, frozen=True):
     """``backlash`` is signed, in units of the file, 0 for none; ``cycles`` is None if not set."""
 
     backlash: float
@@ -417,8 +416,7 @@ _RAMP: Final = 0.004
 _PARTS: Final = (1, 2, 3, 4)
 
 
-@dataclass(frozen=True, slots=True)
-class _Curve:
+class _Curve(Struct, frozen=True):
     """One direction: points, and their motor positions; the end values hold outside."""
 
     positions: Sequence[float]
@@ -433,8 +431,7 @@ class _Curve:
         return motor - _along(self.images, self.corrections, motor)
 
 
-@dataclass(frozen=True, slots=True)
-class _Plan:
+class _Plan(Struct, frozen=True):
     """Entries for one increment; their largest difference from the table, and its position."""
 
     start: float

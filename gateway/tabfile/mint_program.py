@@ -23,6 +23,8 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from typing import Final, NamedTuple
 
+from msgspec import Struct
+
 from gateway.tabfile.errors import TabFileError
 from gateway.tabfile.text import DECIMAL_ALLOWED, SourceText, shown, to_decimal, to_integer
 
@@ -182,16 +184,14 @@ _MARKS: Final = ("#", "?")
 _CLOSERS: Final = frozenset(("ENDIF", "NEXT", "ENDW", "WEND", "ENDL", "UNTIL", "ENDSELECT"))
 
 
-@dataclass(frozen=True, slots=True)
-class Array:
+class Array(Struct, frozen=True):
     """An array of numbers and their lines."""
 
     values: tuple[float, ...]
     lines: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Table:
+class Table(Struct, frozen=True):
     """One ``PRECISIONTABLE`` for one axis; ``reverse`` is None if one table holds in both directions."""
 
     forward: Array

@@ -8,10 +8,11 @@ same way, by ``.bak`` in place of its suffix or behind it.
 
 import os
 import re
-from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Final
+
+from msgspec import Struct
 
 from gateway.tabfile.errors import FileProblem, TabFileError
 
@@ -28,8 +29,7 @@ class TableState(Enum):
     MISSING = "missing"
 
 
-@dataclass(frozen=True, slots=True)
-class FoundTable:
+class FoundTable(Struct, frozen=True):
     """The path of a table; if the table is missing, the path at which it was expected."""
 
     state: TableState

@@ -13,6 +13,8 @@ from math import inf
 from types import MappingProxyType
 from typing import Annotated, Any, Final, get_args, get_origin
 
+from msgspec import Struct
+
 from gateway.compensation.settings import DEFAULT_MAX_SLOPE, default_max_correction
 from gateway.compensation.units import Units
 from gateway.tabfile.errors import ContextError
@@ -56,8 +58,7 @@ class ErrorSense(Enum):
 # --- The declaration of an option
 
 
-@dataclass(frozen=True, slots=True)
-class Quantity:
+class Quantity(Struct, frozen=True):
     """Range of numbers for an option."""
 
     rule: str
@@ -87,16 +88,14 @@ class Quantity:
         return number / factor if self.is_per_length else number
 
 
-@dataclass(frozen=True, slots=True)
-class Renamed:
+class Renamed(Struct, frozen=True):
     """For an option with an old name: its new name, and the formats for which the old one holds."""
 
     to: str
     formats: frozenset[str]
 
 
-@dataclass(frozen=True, slots=True)
-class TableOption:
+class TableOption(Struct, frozen=True):
     """The texts about an option, for all places where users can give it."""
 
     description: str
@@ -267,8 +266,7 @@ class TableOptions:
 # --- Derived from the declarations
 
 
-@dataclass(frozen=True, slots=True)
-class Declared:
+class Declared(Struct, frozen=True):
     """An option as declared."""
 
     name: str

@@ -22,9 +22,10 @@ fall while the axis moves up. The travel determines the entries below zero.
 import re
 from collections.abc import Iterator, Sequence
 from collections.abc import Set as AbstractSet
-from dataclasses import dataclass
 from math import ceil, floor
 from typing import Final
+
+from msgspec import Struct
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
@@ -55,8 +56,7 @@ _ENABLED: Final = re.compile(r"\bI51[ \t]*=[ \t]*([0-9]+)", re.IGNORECASE | re.A
 _NUMBER: Final = re.compile(r"[+-]?[.0-9]")
 
 
-@dataclass(frozen=True, slots=True)
-class _Table:
+class _Table(Struct, frozen=True):
     """One table as written; ``source`` and ``target`` are None for the addressed motor."""
 
     addressed: str | None
@@ -68,8 +68,7 @@ class _Table:
     lines: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _File:
+class _File(Struct, frozen=True):
     """All tables, the number of other commands, and the line that leaves the compensation off."""
 
     tables: tuple[_Table, ...]

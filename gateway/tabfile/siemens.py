@@ -26,8 +26,9 @@ different (:mod:`gateway.tabfile.siemens_cec`) and refused in the same file.
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Final, NamedTuple
+
+from msgspec import Struct, field
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
@@ -261,8 +262,7 @@ _ALLOWED: Final = (
 _RULE: Final = "value is the error of the measuring system: subtracted, in both directions"
 
 
-@dataclass(frozen=True, slots=True)
-class _Table:
+class _Table(Struct, frozen=True):
     """One axis on one measuring system."""
 
     values: dict[int, Number] = field(default_factory=dict)

@@ -6,11 +6,12 @@ It accepts many encodings; it is strict about content.
 import contextlib
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from hashlib import sha256
 from itertools import islice
 from math import isfinite
 from typing import Final
+
+from msgspec import Struct
 
 from gateway.tabfile.errors import FileProblem, TabFileError
 
@@ -28,16 +29,14 @@ SHOWN_CHARACTERS: Final = 60
 SHOWN_NAMES: Final = 20
 
 
-@dataclass(frozen=True, slots=True)
-class SourceLine:
+class SourceLine(Struct, frozen=True):
     """One line without its end and without blanks around it; ``number`` counts from 1."""
 
     number: int
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class SourceText:
+class SourceText(Struct, frozen=True):
     """A decoded file: its lines from the first to the last that is not blank."""
 
     name: str
