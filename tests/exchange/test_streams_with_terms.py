@@ -15,6 +15,7 @@ from gateway.modbus.registers import PositionField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, read, stream_plan, write
 from tests.exchange.record_bench import RecordBench
 from tests.exchange.test_cross_terms import Y_ACTUAL, Y_COMMAND
+from tests.soak import repeated
 
 BOW = make_table([0, 300, 1000], [0.02, -0.05, 0.08], [0.0, -0.06, 0.05], Units.MM)
 STEEP = make_table([0, 100, 900, 1000], [0.0, 0.5, -0.5, 0.08], [0.03, 0.55, -0.46, 0.08], Units.MM)
@@ -37,6 +38,7 @@ PLANS = (
     ),
 )
 PLACES = {COMMAND: ACTUAL, Y_COMMAND: Y_ACTUAL}
+STEPS = repeated(200)
 LARGEST_STEP = 2.2
 """Counts told for one commanded, at most: blends, slopes and lines together; and 2 counts of rounding."""
 
@@ -139,7 +141,7 @@ class Streams:
 @pytest.mark.parametrize("seed", range(12))
 def test_no_setpoint_jumps_or_turns_round_and_a_standing_axis_reads_what_was_commanded(seed: int) -> None:
     streams = Streams(seed)
-    for _ in range(60):
+    for _ in range(STEPS):
         streams.step()
     streams.stand()
     corrected = {place: streams.told[place] - streams.nominal[place] for place in PLACES}
