@@ -48,6 +48,8 @@ platform.python_version = lambda: '3.9.18'
 $2"
 """
 """A Python that says that it is too old."""
+TOOL = "build/tools/small"
+"""The environment of a tool, in its checkout."""
 
 
 pytestmark = pytest.mark.timeout(600)
@@ -87,6 +89,24 @@ def _program(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     folder = small_checkout(tmp_path_factory.mktemp("program"))
     code, said = bootstrap(folder, "--editable", ".")
     assert code == 0, said
+    return folder, said
+
+
+@pytest.fixture(name="tool", scope="module")
+def _tool(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, bytes]:
+    """A checkout with the environment of a tool alone, made on a terminal, and what was said there."""
+    folder = small_checkout(tmp_path_factory.mktemp("tool"))
+    master, slave = pty.openpty()
+    command = [str(folder / "tools" / "bootstrap.sh"), "--editable", "."]
+    environment = {"PATH": os.environ["PATH"], "HOME": str(folder), "PYTHON": sys.executable, "VENV": TOOL}
+    with subprocess.Popen(command, env=environment, stdout=slave, stderr=slave, stdin=slave) as process:
+        os.close(slave)
+        said = b""
+        with contextlib.suppress(OSError):  # the other end is closed
+            while data := os.read(master, 4096):
+                said += data
+    os.close(master)
+    assert process.returncode == 0, said
     return folder, said
 
 
@@ -143,21 +163,11 @@ def test_it_says_what_it_does_line_by_line(program: tuple[Path, str]) -> None:
     assert re.fullmatch(r"\.venv is ready after \d+ s: \d+ MB", last)
 
 
-def test_on_a_terminal_one_line_changes(checkout: Path) -> None:
-    master, slave = pty.openpty()
-    command = [str(checkout / "tools" / "bootstrap.sh"), "--editable", "."]
-    environment = {"PATH": os.environ["PATH"], "HOME": str(checkout), "PYTHON": sys.executable}
-    with subprocess.Popen(command, env=environment, stdout=slave, stderr=slave, stdin=slave) as process:
-        os.close(slave)
-        said = b""
-        with contextlib.suppress(OSError):  # the other end is closed
-            while data := os.read(master, 4096):
-                said += data
-    os.close(master)
-    assert process.returncode == 0, said
+def test_on_a_terminal_one_line_changes(tool: tuple[Path, bytes]) -> None:
+    _, said = tool
     assert re.search(rb"\r\x1b\[K  looking up what is needed, \d+ s", said)
     assert re.search(rb"\r\x1b\[K  installing 1 packages, \d+ s", said)
-    assert re.search(rb"\r\x1b\[K\.venv is ready after \d+ s", said)
+    assert re.search(rb"\r\x1b\[Kbuild/tools/small is ready after \d+ s", said)
     assert said.count(b"\n") == 2
 
 
@@ -207,11 +217,10 @@ def test_without_a_network_it_says_so_and_leaves_nothing(checkout: Path) -> None
     assert not (checkout / ".venv").exists()
 
 
-def test_a_tool_has_an_environment_of_its_own(checkout: Path) -> None:
-    code, said = bootstrap(checkout, "--editable", ".", VENV="build/tools/small")
-    assert code == 0, said
-    assert bootstrap(checkout, "--editable", ".", VENV="build/tools/small") == (0, "")
-    assert (checkout / "build" / "tools" / "small" / "bin" / "python").exists()
+def test_a_tool_has_an_environment_of_its_own(tool: tuple[Path, bytes]) -> None:
+    checkout, _ = tool
+    assert bootstrap(checkout, "--editable", ".", VENV=TOOL) == (0, "")
+    assert (checkout / TOOL / "bin" / "python").exists()
     assert not (checkout / ".venv").exists()
 
 
