@@ -33,13 +33,13 @@ def acknowledge(drive: socket.socket) -> None:
             connection.sendall(data[:4] + bytes((0, 6)) + data[6:12])
 
 
-@pytest.fixture
-def config(tmp_path: Path) -> Iterator[Path]:
-    """A configuration, with a drive behind it and its tables somewhere else."""
-    tables = tmp_path / "elsewhere"
+@contextlib.contextmanager
+def machine_in(parent: Path) -> Iterator[Path]:
+    """Lay out a configuration, with a drive behind it and its tables somewhere else."""
+    tables = parent / "elsewhere"
     tables.mkdir()
     (tables / "x.tab").write_text(RAMP)
-    folder = tmp_path / "machine"
+    folder = parent / "machine"
     folder.mkdir()
     with socket.create_server(("127.0.0.1", 0)) as drive:
         text = gateway_toml(
@@ -50,6 +50,12 @@ def config(tmp_path: Path) -> Iterator[Path]:
         )
         threading.Thread(target=acknowledge, args=(drive,), daemon=True).start()
         yield written(folder, text, {})
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Iterator[Path]:
+    with machine_in(tmp_path) as config:
+        yield config
 
 
 @contextlib.contextmanager
@@ -151,10 +157,8 @@ def test_on_a_terminal_a_reference_is_asked_for(config: Path, answer: bytes, sai
     assert said in text
 
 
-@pytest.fixture
-def recording(config: Path, tmp_path: Path) -> Path:
-    """A recording of one corrected target and of a command."""
-    path = tmp_path / "record.jsonl"
+def recorded(config: Path, path: Path) -> Path:
+    """Record one corrected target and a command."""
     with up("record", config, str(path)) as program:
         assert exchange(program.port("xyz/cnc"), WRITE) == WRITE[:5]
         assert typed("disable", str(config)).returncode in (0, 1)
@@ -163,9 +167,16 @@ def recording(config: Path, tmp_path: Path) -> Path:
     return path
 
 
-def test_a_recording_replays_where_nothing_of_the_machine_is_left(
-    recording: Path, config: Path, tmp_path: Path
-) -> None:
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording for those that read it, beside its machine."""
+    folder = tmp_path_factory.mktemp("recorded")
+    with machine_in(folder) as config:
+        return recorded(config, folder / "record.jsonl")
+
+
+def test_a_recording_replays_where_nothing_of_the_machine_is_left(config: Path, tmp_path: Path) -> None:
+    recording = recorded(config, tmp_path / "record.jsonl")
     (tmp_path / "elsewhere" / "x.tab").unlink()
     config.unlink()
     result = typed("replay", str(recording))
@@ -189,8 +200,9 @@ def test_traffic_is_shown_with_names_and_positions(recording: Path) -> None:
     assert "* line-up" in shown
 
 
-def test_another_configuration_exits_with_1_and_the_first_difference(recording: Path, config: Path) -> None:
-    config.write_text(config.read_text().replace('compensation = "on"', 'compensation = "off"', 1))
+def test_another_configuration_exits_with_1_and_the_first_difference(recording: Path, tmp_path: Path) -> None:
+    config, text = tmp_path / "gateway.toml", (recording.parent / "machine" / "gateway.toml").read_text()
+    config.write_text(text.replace('compensation = "on"', 'compensation = "off"', 1))
     result = typed("replay", str(recording), "--config", str(config))
     assert result.returncode == 1
     first = result.stderr.splitlines()[0]
