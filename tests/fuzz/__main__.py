@@ -3,11 +3,10 @@
 What a target has found so far stays in ``build/fuzz/TARGET/corpus``, and the next run goes on from there. An
 input that breaks a rule goes to ``tests/fuzz/crashes/TARGET``, where the tests run it from then on. With
 ``--keep`` nothing is fuzzed: what was found and reaches code that the seeds do not goes to
-``tests/fuzz/corpus/TARGET``, as few and as small inputs as do.
+``tests/fuzz/corpus/TARGET.txt``, as few and as small inputs as do.
 """
 
 import argparse
-import hashlib
 import re
 import shutil
 import subprocess
@@ -18,7 +17,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from tests.fuzz.targets import CORPUS, CRASHES, TARGETS
+from tests.fuzz import targets
+from tests.fuzz.targets import CORPUS, CRASHES, TARGETS, name_of
 
 ROOT: Final = Path(__file__).parents[2]
 BUILD: Final = ROOT / "build" / "fuzz"
@@ -90,7 +90,7 @@ def write_inputs(folder: Path, inputs: Iterable[bytes]) -> Path:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     for data in inputs:
-        (folder / hashlib.sha1(data, usedforsecurity=False).hexdigest()).write_bytes(data)
+        (folder / name_of(data)).write_bytes(data)
     return folder
 
 
@@ -109,7 +109,8 @@ def fuzz(name: str, seconds: int) -> Outcome:
     artifacts.mkdir(exist_ok=True)
     words = place / "words"
     words.write_text("".join(f'"{escaped(word)}"\n' for word in TARGETS[name].words()))
-    kept = [str(folder / name) for folder in (CORPUS, CRASHES) if (folder / name).is_dir()]
+    kept = [str(write_inputs(place / "kept", targets.corpus(name).values()))]
+    kept += [str(CRASHES / name)] if (CRASHES / name).is_dir() else []
     options = [f"-max_total_time={seconds}", "-print_final_stats=1", f"-artifact_prefix={artifacts}/"]
     options += [f"-dict={words}"] if words.stat().st_size else []
     outcome = Outcome(name)
@@ -151,20 +152,16 @@ def keep(name: str) -> int:
     seeds = write_inputs(place / "seeds", TARGETS[name].seeds())
     merged = write_inputs(place / "merged", ())
     shutil.copytree(seeds, merged, dirs_exist_ok=True)
-    found = [str(folder) for folder in (CORPUS / name, place / "corpus") if folder.is_dir()]
+    kept = write_inputs(place / "kept", targets.corpus(name).values())
     # Without counters: an input that only goes round a loop more often reaches nothing new.
-    options = ["-merge=1", "-use_counters=0", str(merged), *found]
+    options = ["-merge=1", "-use_counters=0", str(merged), str(kept), str(place / "corpus")]
     log = place / "merge.log"
     with log.open("w") as written:
         subprocess.run(command(name, *options), cwd=ROOT, stdout=written, stderr=written, check=False)
     if MERGED not in log.read_text(errors="replace"):
         raise SystemExit(f"{name}: nothing was taken over: {log.relative_to(ROOT)} says why")
     new = [path for path in merged.iterdir() if not (seeds / path.name).exists()]
-    shutil.rmtree(CORPUS / name, ignore_errors=True)
-    if new:
-        (CORPUS / name).mkdir(parents=True)
-    for path in new:
-        shutil.copy(path, CORPUS / name)
+    targets.keep(name, [path.read_bytes() for path in new])
     return len(new)
 
 
@@ -214,7 +211,7 @@ def main() -> int:
         for name in names:
             if not (BUILD / name / "corpus").is_dir():
                 continue
-            print(f"{name}: {keep(name)} inputs in {(CORPUS / name).relative_to(ROOT)}", flush=True)
+            print(f"{name}: {keep(name)} inputs in {(CORPUS / f'{name}.txt').relative_to(ROOT)}", flush=True)
         return 0
     outcomes: list[Outcome] = []
     try:

@@ -1,5 +1,7 @@
 """What is fuzzed. A new target is a function, its seeds, and one entry in :data:`TARGETS`."""
 
+import ast
+import hashlib
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +11,7 @@ from tests.fuzz import configuration, exchange, http_requests, mbap, mqtt_messag
 
 FOLDER: Final = Path(__file__).parent
 CORPUS: Final = FOLDER / "corpus"
-"""``TARGET/…``: inputs that reach what the seeds do not."""
+"""``TARGET.txt``: inputs that reach what the seeds do not, one a line, as literals of Python."""
 CRASHES: Final = FOLDER / "crashes"
 """``TARGET/…``: inputs that once broke a rule."""
 
@@ -45,6 +47,24 @@ TARGETS: Final[dict[str, Target]] = {
 }
 
 
-def inputs(folder: Path, name: str) -> list[Path]:
-    """Return the kept inputs of a target, in the order of their names."""
-    return sorted((folder / name).glob("*"))
+def name_of(data: bytes) -> str:
+    """Return what libFuzzer calls an input."""
+    return hashlib.sha1(data, usedforsecurity=False).hexdigest()
+
+
+def corpus(name: str) -> dict[str, bytes]:
+    """Return what is kept for a target, by the names of the inputs and in their order."""
+    file = CORPUS / f"{name}.txt"
+    lines = file.read_text(encoding="ascii").splitlines() if file.exists() else ()
+    return dict(sorted((name_of(data), data) for data in map(ast.literal_eval, lines)))
+
+
+def keep(name: str, inputs: Iterable[bytes]) -> None:
+    """Keep these inputs for a target, and no others."""
+    lines = "".join(f"{data!r}\n" for data in sorted(inputs))
+    (CORPUS / f"{name}.txt").write_text(lines, encoding="ascii")
+
+
+def crashes(name: str) -> dict[str, bytes]:
+    """Return the inputs with which a target once broke a rule, by the names of their files."""
+    return {path.name: path.read_bytes() for path in sorted((CRASHES / name).glob("*"))}
