@@ -140,9 +140,7 @@ def test_master_may_only_be_the_axis_itself() -> None:
     ],
 )
 def test_what_is_not_grammar_is_named_with_its_line(old: str, new: str, line: int, message: str) -> None:
-    error = refused(SAMPLE.replace(old, new, 1), format="aerotech-cal", **TOLD)
-    assert error.line == line
-    assert message in str(error)
+    assert message in str(refused(SAMPLE.replace(old, new, 1), format="aerotech-cal", **TOLD, line=line))
 
 
 def test_a_table_has_at_least_two_values() -> None:

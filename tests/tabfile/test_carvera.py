@@ -3,18 +3,12 @@
 import pytest
 
 from gateway.compensation.curve import Curve
-from gateway.tabfile import FileContext, LoadedTable, TabFileError, WriteOptions, dialect_named, parse_table
+from gateway.tabfile import TabFileError, WriteOptions, dialect_named
 from tests.tabfile.samples import CARVERA
+from tests.tabfile.texts import Texts
 
-
-def load(text: str, **told: object) -> LoadedTable:
-    return parse_table(text.encode(), "pitch_compensation.dat", FileContext(**told))  # type: ignore[arg-type]
-
-
-def refused(text: str, **told: object) -> str:
-    with pytest.raises(TabFileError) as caught:
-        load(text, **told)
-    return str(caught.value)
+FILE = Texts("pitch_compensation.dat")
+load, refused = FILE.parse, FILE.said
 
 
 def test_the_correction_is_the_integral_from_0_on() -> None:

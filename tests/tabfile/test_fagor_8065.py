@@ -1,7 +1,6 @@
 """Fagor 8065 machine parameters: the leadscrew lines, what may be missing, and the way back."""
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -9,9 +8,6 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import (
     ErrorSense,
-    FileContext,
-    LoadedTable,
-    TabFileError,
     WriteOptions,
     dialect_named,
     explain,
@@ -19,19 +15,18 @@ from gateway.tabfile import (
 )
 from tests.support.table_commands import run
 from tests.tabfile.samples import FAGOR_8065
+from tests.tabfile.texts import Texts
 
 AMC = ErrorSense.ACTUAL_MINUS_COMMAND
 TEXT = FAGOR_8065.decode()
 ONE_WAY = TEXT.replace("BIDIR            ;1", "BIDIR            ;0")
-
-
-def parse(text: str, encoding: str = "utf-16-le", **facts: Any) -> LoadedTable:
-    return parse_table(text.encode(encoding), "X.mp", FileContext(**({"error_sense": AMC} | facts)))
+FILE = Texts("X.mp", {"error_sense": AMC}, encoding="utf-16-le")
+parse, refused = FILE.parse, FILE.refused
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "utf-16-le"])
 def test_the_files_of_the_control_are_utf_16(encoding: str) -> None:
-    loaded = parse(TEXT, encoding)
+    loaded = parse(TEXT.encode(encoding))
     assert (loaded.format, loaded.table.units) == ("fagor-8065", Units.MM)
     assert list(loaded.table.positions) == [-127.0, 0.0, 127.0, 254.0]
 
@@ -84,17 +79,12 @@ def test_an_error_in_inches_is_converted_for_an_axis_in_mm() -> None:
 )
 def test_what_is_not_whole_is_refused_by_line(old: str, new: str, line: int | None, found: str) -> None:
     assert TEXT.count(old) == 1
-    with pytest.raises(TabFileError) as caught:
-        parse(TEXT.replace(old, new))
-    assert found in str(caught.value)
-    assert caught.value.line == line
+    assert found in str(refused(TEXT.replace(old, new), line=line))
 
 
 def test_sense_and_axis_are_asked_for() -> None:
-    with pytest.raises(TabFileError, match="no manual states the sign"):
-        parse(TEXT, error_sense=None)
-    with pytest.raises(TabFileError, match="parameters of axis X, read for axis Y"):
-        parse(TEXT, axis="y")
+    refused(TEXT, "no manual states the sign", error_sense=None)
+    refused(TEXT, "parameters of axis X, read for axis Y", axis="y")
     assert parse(TEXT, axis="y", file_axis="X").table.last == 254.0
 
 

@@ -12,7 +12,6 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.tabfile import (
     FileContext,
-    LoadedTable,
     TabFileError,
     WriteOptions,
     dialect_named,
@@ -20,17 +19,16 @@ from gateway.tabfile import (
     parse_table,
     read_table,
 )
+from tests.tabfile.texts import Texts
 
 PATH = Path(__file__).parents[2] / "tables" / "linuxcnc" / "screwcompX.dat"
 SAMPLE = PATH.read_text()
 CORRECTED = SAMPLE.replace("-4.2 ", "-4.002 ")
 """With the row that its neighbours suggest instead of the published slip."""
 TYPES = ("linuxcnc-0", "linuxcnc-1")
-
-
-def parse(text: str, kind: int = 0, **facts: Any) -> LoadedTable:
-    told: dict[str, Any] = {"format": TYPES[kind], "file_units": Units.MM, **facts}
-    return parse_table(text.encode(), "comp.dat", FileContext(**told))
+TRIMS: dict[str, Any] = {"format": "linuxcnc-1"}
+FILE = Texts("comp.dat", {"format": "linuxcnc-0", "file_units": Units.MM})
+parse, refused = FILE.parse, FILE.refused
 
 
 def test_type_0_adds_nominal_minus_actual() -> None:
@@ -62,13 +60,13 @@ def test_shipped_typo_is_an_error_and_named_as_outlier() -> None:
 def test_position_near_zero_is_no_unit_slip() -> None:
     assert "L4" not in {lint.code for lint in parse("-10 -10 -10\n0 0.0005 -0.0003\n10 10 10\n").lints}
     # among trims it is one
-    assert "L4" in {lint.code for lint in parse("-10 0.2 0.2\n0 0.0005 0.2\n10 0.2 0.2\n", 1).lints}
+    assert "L4" in {lint.code for lint in parse("-10 0.2 0.2\n0 0.0005 0.2\n10 0.2 0.2\n", **TRIMS).lints}
 
 
 def test_documented_examples_of_both_types_do_not_mean_the_same() -> None:
     type_0 = parse("0 0.002 -0.003\n1 1.003 0.998\n")
-    equal = parse("0 -0.002 0.003\n1 -0.003 0.002\n", 1)
-    printed = parse("0 0.002 -0.003\n1 0.003 -0.004\n", 1)
+    equal = parse("0 -0.002 0.003\n1 -0.003 0.002\n", **TRIMS)
+    printed = parse("0 0.002 -0.003\n1 0.003 -0.004\n", **TRIMS)
     assert list(type_0.table.forward) == pytest.approx(list(equal.table.forward), abs=1e-12)
     assert list(type_0.table.backward) == pytest.approx(list(equal.table.backward), abs=1e-12)
     # what the documentation prints as the type 1 of it has the opposite sign
@@ -77,20 +75,16 @@ def test_documented_examples_of_both_types_do_not_mean_the_same() -> None:
 
 
 def test_text_does_not_tell_its_type() -> None:
-    with pytest.raises(TabFileError, match="fits 'linuxcnc-0' or 'linuxcnc-1'"):
-        parse(SAMPLE, format=None)
+    refused(SAMPLE, "fits 'linuxcnc-0' or 'linuxcnc-1'", format=None)
 
 
 def test_type_told_wrong_is_refused() -> None:
-    with pytest.raises(TabFileError, match=r"so they are not trims.*linuxcnc-0"):
-        parse(CORRECTED, 1)
-    with pytest.raises(TabFileError, match=r"so they are not positions.*linuxcnc-1"):
-        parse("0 -0.002 0.003\n1 -0.003 0.002\n", 0)
+    refused(CORRECTED, r"so they are not trims.*linuxcnc-0", **TRIMS)
+    refused("0 -0.002 0.003\n1 -0.003 0.002\n", r"so they are not positions.*linuxcnc-1")
 
 
 def test_units_must_be_told() -> None:
-    with pytest.raises(TabFileError, match="states no units"):
-        parse(CORRECTED, file_units=None)
+    refused(CORRECTED, "states no units", file_units=None)
     assert parse(CORRECTED, file_units=Units.INCH).table.units is Units.INCH
 
 
@@ -108,7 +102,7 @@ def test_control_holds_outside() -> None:
     ],
 )
 def test_points_that_linuxcnc_would_not_reach_count_with_a_remark(text: str, line: int, used: str) -> None:
-    loaded = parse(text, 1)
+    loaded = parse(text, **TRIMS)
     assert len(loaded.table.positions) == text.count(" 0 0")
     (remark,) = (lint for lint in loaded.warnings if lint.code == "R7")
     assert remark.line == line
@@ -117,13 +111,13 @@ def test_points_that_linuxcnc_would_not_reach_count_with_a_remark(text: str, lin
 
 @pytest.mark.parametrize("text", ["0 0 0 # home\n5 0 0\n", "0 0 0\n5 0 0\n\n\n", "0 0 0\n5 0 0\n# end\n"])
 def test_what_does_not_stop_linuxcnc_gets_no_remark(text: str) -> None:
-    assert "R7" not in {lint.code for lint in parse(text, 1).lints}
+    assert "R7" not in {lint.code for lint in parse(text, **TRIMS).lints}
 
 
 def test_points_beyond_its_256_count_with_a_remark() -> None:
     lines = [f"{x} 0.001 0" for x in range(257)]
-    assert "R7" not in {lint.code for lint in parse("\n".join(lines[:256]), 1).lints}
-    loaded = parse("\n".join(lines), 1)
+    assert "R7" not in {lint.code for lint in parse("\n".join(lines[:256]), **TRIMS).lints}
+    loaded = parse("\n".join(lines), **TRIMS)
     assert len(loaded.table.positions) == 257
     (remark,) = (lint for lint in loaded.warnings if lint.code == "R7")
     assert remark.line == 257
@@ -144,21 +138,17 @@ def test_points_beyond_its_256_count_with_a_remark() -> None:
     ],
 )
 def test_damaged_line_is_named(old: str, new: str, line: int, found: str) -> None:
-    with pytest.raises(TabFileError) as caught:
-        parse(CORRECTED.replace(old, new))
-    assert caught.value.line == line
-    assert found in str(caught.value)
+    error = refused(CORRECTED.replace(old, new), line=line)
+    assert found in str(error)
 
 
 def test_every_damaged_line_is_named_at_once() -> None:
-    with pytest.raises(TabFileError) as caught:
-        parse("0 0 0\n1 x 0\n2 y 0\n3 0 0\n", 1)
-    assert [problem.line for problem in caught.value.problems] == [2, 3]
+    error = refused("0 0 0\n1 x 0\n2 y 0\n3 0 0\n", **TRIMS)
+    assert [problem.line for problem in error.problems] == [2, 3]
 
 
 def test_one_point_is_no_table() -> None:
-    with pytest.raises(TabFileError, match=r"1 point\(s\)"):
-        parse("0 0 0\n", 1)
+    refused("0 0 0\n", r"1 point\(s\)", **TRIMS)
 
 
 def test_lost_line_is_seen_by_travel() -> None:
@@ -170,10 +160,8 @@ def test_lost_line_is_seen_by_travel() -> None:
 
 def test_start_and_travel_are_checked() -> None:
     parse(CORRECTED, file_start=-10.0)
-    with pytest.raises(TabFileError, match="file_start is 0"):
-        parse(CORRECTED, file_start=0.0)
-    with pytest.raises(TabFileError, match="outside travel"):
-        parse(CORRECTED, travel=(20.0, 40.0))
+    refused(CORRECTED, "file_start is 0", file_start=0.0)
+    refused(CORRECTED, "outside travel", travel=(20.0, 40.0))
 
 
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])

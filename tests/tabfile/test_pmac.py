@@ -8,13 +8,13 @@ from gateway.compensation.units import Units
 from gateway.tabfile import (
     ErrorSense,
     FileContext,
-    LoadedTable,
     TabFileError,
     WriteOptions,
     dialect_named,
     parse_table,
 )
 from tests.support.commands import typed
+from tests.tabfile.texts import Texts
 
 AMC, CMA = ErrorSense.ACTUAL_MINUS_COMMAND, ErrorSense.COMMAND_MINUS_ACTUAL
 TABLE = "DEFINE COMP 4,4000\n16 32 16 0\n"
@@ -22,23 +22,14 @@ TABLE = "DEFINE COMP 4,4000\n16 32 16 0\n"
 UP = [(0.0, 0.0), (1.0, 0.001), (2.0, 0.002), (3.0, 0.001), (4.0, 0.0)]
 """What it adds at 1000 counts per mm from 0 to 4 mm."""
 TOLD = {"units": Units.MM, "file_counts_per_unit": 1000.0, "error_sense": CMA, "travel": (0.0, 4.0)}
-
-
-def load(text: str, **told: object) -> LoadedTable:
-    context = FileContext(**{**TOLD, **told})  # type: ignore[arg-type]
-    return parse_table(text.encode(), "x.pmc", context)
+FILE = Texts("x.pmc", TOLD)
+load, refused = FILE.parse, FILE.said
 
 
 def read(text: str, **told: object) -> list[tuple[float, float]]:
     rows = load(text, **told).source.rows
     assert [row.backward for row in rows] == [row.forward for row in rows]
     return [(row.position, row.forward) for row in rows]
-
-
-def refused(text: str, **told: object) -> str:
-    with pytest.raises(TabFileError) as caught:
-        read(text, **told)
-    return str(caught.value)
 
 
 def test_the_first_entry_lies_one_spacing_from_0_and_the_last_one_also_stands_for_0() -> None:

@@ -95,9 +95,7 @@ def test_told_facts_must_fit() -> None:
     ],
 )
 def test_what_is_not_grammar_is_named_with_its_line(old: str, new: str, line: int, message: str) -> None:
-    error = refused(SAMPLE.replace(old, new, 1), **TOLD)
-    assert error.line == line
-    assert message in str(error)
+    assert message in str(refused(SAMPLE.replace(old, new, 1), **TOLD, line=line))
 
 
 def test_head_without_columns() -> None:

@@ -74,8 +74,7 @@ def test_control_holds_outside() -> None:
 
 
 def test_units_must_be_told() -> None:
-    with pytest.raises(TabFileError, match="states no units"):
-        parse(SAMPLE, file_units=None)
+    refused(SAMPLE, "states no units", file_units=None)
 
 
 @pytest.mark.parametrize(
@@ -137,14 +136,11 @@ def test_ways_to_write_the_same(text: str) -> None:
 )
 def test_what_is_not_of_the_grammar_is_refused_by_line(old: str, new: str, line: int, found: str) -> None:
     assert old in SAMPLE
-    error = refused(SAMPLE.replace(old, new, 1))
-    assert found in str(error)
-    assert error.line == line
+    assert found in str(refused(SAMPLE.replace(old, new, 1), line=line))
 
 
 def test_no_values_at_all() -> None:
-    with pytest.raises(TabFileError, match="no compensation values"):
-        parse("%_N_AX_EEC_INI\nCHANDATA(1)\nM17\n")
+    refused("%_N_AX_EEC_INI\nCHANDATA(1)\nM17\n", "no compensation values")
 
 
 @pytest.mark.parametrize(
@@ -156,8 +152,7 @@ def test_no_values_at_all() -> None:
     ],
 )
 def test_sag_compensation_is_refused_by_name(text: str) -> None:
-    with pytest.raises(TabFileError, match=r"sag compensation \(CEC\)"):
-        parse(text)
+    refused(text, r"sag compensation \(CEC\)")
 
 
 def test_several_tables_need_a_name() -> None:
@@ -169,17 +164,14 @@ def test_several_tables_need_a_name() -> None:
             "M17",
         ]
     )
-    with pytest.raises(TabFileError, match="tables of 0,C1, Y1, 1,C1"):
-        parse(text)
+    refused(text, "tables of 0,C1, Y1, 1,C1")
     assert list(parse(text, file_axis="0,c1").table.forward) == [-0.01, -0.02, -0.01]
     assert list(parse(text, file_axis="1, C1").table.forward) == [-0.03, -0.01]
     assert list(parse(text, file_axis="Y1").table.forward) == [-0.04, 0.0]
     assert list(parse(text, file_axis="0,Y1").table.forward) == [-0.04, 0.0]
-    with pytest.raises(TabFileError, match="but file_axis = 'C1'"):
-        parse(text, file_axis="C1")
+    refused(text, "but file_axis = 'C1'", file_axis="C1")
     parse(SAMPLE, file_axis="x1")
-    with pytest.raises(TabFileError, match="file_axis = X1"):
-        parse(SAMPLE, file_axis="Y1")
+    refused(SAMPLE, "file_axis = X1", file_axis="Y1")
 
 
 def test_letter_of_the_axis_is_compared() -> None:
@@ -193,16 +185,17 @@ def test_turn_that_closes_becomes_a_setting_of_the_axis() -> None:
     loaded = parse(text, file_units=Units.DEGREE)
     assert loaded.source.behaves_as == ("modulo = 360",)
     assert explain(loaded, 90.0).forward.correction == 0.002
-    with pytest.raises(TabFileError, match="would jump"):
-        parse(text.replace("=-0.002", "=0").replace("4,C1]=0.001", "4,C1]=0.002"), file_units=Units.DEGREE)
+    refused(
+        text.replace("=-0.002", "=0").replace("4,C1]=0.001", "4,C1]=0.002"),
+        "would jump",
+        file_units=Units.DEGREE,
+    )
 
 
 def test_start_and_travel_are_checked() -> None:
     parse(SAMPLE, file_start=-200.0)
-    with pytest.raises(TabFileError, match="file_start is 0"):
-        parse(SAMPLE, file_start=0.0)
-    with pytest.raises(TabFileError, match="mirror"):
-        parse(SAMPLE, travel=(0.0, 200.0))
+    refused(SAMPLE, "file_start is 0", file_start=0.0)
+    refused(SAMPLE, "mirror", travel=(0.0, 200.0))
 
 
 @given(

@@ -10,12 +10,8 @@ from tests.tabfile.texts import Texts
 
 CMA, AMC = ErrorSense.COMMAND_MINUS_ACTUAL, ErrorSense.ACTUAL_MINUS_COMMAND
 FILE = Texts("cec.ini", {"file_units": Units.MM, "error_sense": CMA})
-parse = FILE.parse
+parse, refused = FILE.parse, FILE.said
 TEXT = SIEMENS_CEC.decode()
-
-
-def refused(text: str, **facts: object) -> str:
-    return str(FILE.refused(text, **facts))
 
 
 def test_each_direction_has_its_table() -> None:

@@ -8,16 +8,15 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gateway.compensation.units import Units
-from gateway.tabfile import DIALECTS, ContextError, FileContext, LoadedTable, TabFileError, parse_table
+from gateway.tabfile import DIALECTS, ContextError, FileContext, TabFileError, parse_table
+from tests.tabfile.texts import Texts
 
 GOOD = b"CNC10 TAB FILE VERSION 3\nAXIS X\nUNITS MILLIMETER\nINTERVAL 10\nENTRIES 2\n0 0 0\n10 0.001 0\n"
 EVERYTHING = FileContext(
     units=Units.INCH, travel=(-5.0, 5.0), file_counts_per_unit=1000.0, file_start=0.0, counts_per_unit=1000.0
 )
-
-
-def parse(data: bytes, **facts: Any) -> LoadedTable:
-    return parse_table(data, "cnc10x.tab", FileContext(**facts))
+FILE = Texts("cnc10x.tab")
+parse, refused = FILE.parse, FILE.refused
 
 
 @pytest.mark.parametrize(
@@ -51,9 +50,7 @@ def test_line_separators_inside_a_comment_do_not_end_the_line() -> None:
 
 
 def test_lines_are_counted_from_the_top_of_the_file() -> None:
-    with pytest.raises(TabFileError) as caught:
-        parse(b"\r\n\r\n" + GOOD.replace(b"0.001", b"x"))
-    assert caught.value.line == 9
+    refused(b"\r\n\r\n" + GOOD.replace(b"0.001", b"x"), line=9)
 
 
 @pytest.mark.parametrize(
@@ -76,33 +73,28 @@ def test_lines_are_counted_from_the_top_of_the_file() -> None:
     ],
 )
 def test_what_is_no_table_is_refused_by_name(data: bytes, found: str) -> None:
-    with pytest.raises(TabFileError, match=r"cnc10x\.tab") as caught:
-        parse(data, file_start=0.0)
-    assert found in str(caught.value)
+    error = refused(data, r"cnc10x\.tab", file_start=0.0)
+    assert found in str(error)
 
 
 def test_a_secret_in_the_place_of_a_table_is_not_shown() -> None:
     """Who may save tables may make a link of one; the status and the log show why it was refused."""
     for secret in (b"s3cret-Token_0123456789", b"root:$y$j9T$abc:19000:0:::", b"correct horse battery"):
-        with pytest.raises(TabFileError) as caught:
-            parse(secret + b"\n")
-        assert secret.decode() not in str(caught.value)
+        error = refused(secret + b"\n")
+        assert secret.decode() not in str(error)
 
 
 @pytest.mark.parametrize("name", [dialect.name for dialect in DIALECTS])
 @pytest.mark.parametrize("text", ["hunter2,x;y", "hunter2\n", ":hunter2", "hunter2 0 0 0"])
 def test_a_text_that_is_none_of_a_told_format_is_not_quoted(name: str, text: str) -> None:
-    with pytest.raises(TabFileError) as caught:
-        parse(text.encode(), format=name, file_start=0.0, file_units=Units.MM)
-    assert caught.value.line == 1
-    assert f"no sign of format {name!r}" in caught.value.found
-    assert "hunter2" not in str(caught.value)
+    error = refused(text.encode(), line=1, format=name, file_start=0.0, file_units=Units.MM)
+    assert f"no sign of format {name!r}" in error.found
+    assert "hunter2" not in str(error)
 
 
 def test_long_lines_are_shortened_in_messages() -> None:
-    with pytest.raises(TabFileError) as caught:
-        parse(b"x" * 10_000)
-    assert len(str(caught.value)) < 300
+    error = refused(b"x" * 10_000)
+    assert len(str(error)) < 300
 
 
 @given(st.binary(max_size=400))
@@ -176,9 +168,8 @@ def test_a_hundred_thousand_points_are_a_table() -> None:
     ids=["bytes", "LF", "CRLF"],
 )
 def test_what_is_too_large_to_be_a_table_is_refused_with_the_limit(data: bytes, said: str) -> None:
-    with pytest.raises(TabFileError) as caught:
-        parse(data)
-    assert str(caught.value) == f"cnc10x.tab: {said}"
+    error = refused(data)
+    assert str(error) == f"cnc10x.tab: {said}"
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])

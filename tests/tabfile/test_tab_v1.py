@@ -1,12 +1,12 @@
 """Centroid version 1: vectors of both published files, layout decision, signed scale, strict grammar."""
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from gateway.compensation.units import Units
-from gateway.tabfile import FileContext, LoadedTable, TabFileError, V1Layout, explain, parse_table, read_table
+from gateway.tabfile import FileContext, LoadedTable, V1Layout, explain, read_table
+from tests.tabfile.texts import Texts
 
 CNC_SERVICES = Path(__file__).parents[2] / "tables" / "centroid-v1" / "CNC7X.TAB"
 MM = 1 / 25.4
@@ -17,9 +17,8 @@ TB058_VALUES = (20, 12, 4, -4, -12, -16, -3)
 TB058 = "\r\n".join(["66 1320000", *map(str, TB058_VALUES), *["0"] * 59])
 
 
-def parse(text: str, **facts: Any) -> LoadedTable:
-    known: dict[str, Any] = {"units": Units.INCH, "file_counts_per_unit": 40000.0}
-    return parse_table(text.encode(), "CNC7X.TAB", FileContext(**(known | facts)))
+FILE = Texts("CNC7X.TAB", {"units": Units.INCH, "file_counts_per_unit": 40000.0})
+parse, refused = FILE.parse, FILE.refused
 
 
 def correction(loaded: LoadedTable, at: float) -> float:
@@ -77,10 +76,8 @@ def test_first_value_other_than_0_proves_an_implicit_home() -> None:
 def test_first_value_against_a_round_interval_is_refused_with_both_readings() -> None:
     # 23 intervals are 25 mm each, 24 are 23.96: only home listed is round, and then home would be 0
     text = CNC_SERVICES.read_text().replace("\n0\n", "\n-1\n", 1)
-    with pytest.raises(TabFileError, match="a first value of -1") as caught:
-        parse(text, file_counts_per_unit=64000.0)
-    assert caught.value.line == 2
-    assert [reading.split(":")[0] for reading in caught.value.readings] == [
+    error = refused(text, "a first value of -1", line=2, file_counts_per_unit=64000.0)
+    assert [reading.split(":")[0] for reading in error.readings] == [
         "v1_layout listed",
         "v1_layout implicit",
     ]
@@ -101,21 +98,19 @@ def test_round_interval_of_the_implicit_layout_proves_it() -> None:
 
 def test_two_round_layouts_are_refused_with_both_readings() -> None:
     # 1.0 inch with 5 intervals, 1.25 inch with 4: both are multiples of 0.05
-    with pytest.raises(TabFileError) as caught:
-        parse("5 200000\n0\n400\n800\n1200\n1600")
-    assert len(caught.value.readings) == 2
-    assert "0, 1.25, 2.5, 3.75, 5 inch" in caught.value.readings[0]
-    assert "0, 1, 2, 3, 4, 5 inch" in caught.value.readings[1]
+    error = refused("5 200000\n0\n400\n800\n1200\n1600")
+    assert len(error.readings) == 2
+    assert "0, 1.25, 2.5, 3.75, 5 inch" in error.readings[0]
+    assert "0, 1, 2, 3, 4, 5 inch" in error.readings[1]
     # listed: 0.01 inch at 1.25, 0.04 at 5.0; implicit: home 0, the first value (0) at 1, 0.04 at 5.
     # At 1.0: 0.008 against 0. At 1.25: 0.01 against 0.0025. At 2.5: 0.02 against 0.015.
-    assert "at most 0.008 inch (at 1)" in caught.value.readings[1]
-    assert "v1_layout" in caught.value.allowed
+    assert "at most 0.008 inch (at 1)" in error.readings[1]
+    assert "v1_layout" in error.allowed
 
 
 def test_two_crooked_layouts_are_refused_too() -> None:
     # 5.0123 / 4 = 1.25308 and / 5 = 1.00246 inch
-    with pytest.raises(TabFileError, match="neither"):
-        parse("5 200492\n0\n1\n2\n3\n4")
+    refused("5 200492\n0\n1\n2\n3\n4", "neither")
 
 
 @pytest.mark.parametrize(("layout", "points"), [(V1Layout.LISTED, 5), (V1Layout.IMPLICIT, 6)])
@@ -131,8 +126,7 @@ def test_told_layout_is_obeyed_against_the_first_value_and_still_linted() -> Non
 
 def test_one_value_needs_home_beside_it() -> None:
     assert list(parse("1 40000\n0").table.positions) == [0.0, 1.0]
-    with pytest.raises(TabFileError, match="at least 2 values"):
-        parse("1 40000\n0", v1_layout=V1Layout.LISTED)
+    refused("1 40000\n0", "at least 2 values", v1_layout=V1Layout.LISTED)
 
 
 def test_degrees_are_round_by_whole_degrees() -> None:
@@ -143,29 +137,24 @@ def test_degrees_are_round_by_whole_degrees() -> None:
 
 
 def test_without_scale_or_units_the_file_is_refused() -> None:
-    with pytest.raises(TabFileError, match="file_counts_per_unit"):
-        parse(TB058, file_counts_per_unit=None)
-    with pytest.raises(TabFileError, match="units of the axis"):
-        parse(TB058, units=None)
+    refused(TB058, "file_counts_per_unit", file_counts_per_unit=None)
+    refused(TB058, "units of the axis", units=None)
 
 
 def test_range_that_misses_travel_while_its_mirror_meets_it_is_refused_with_both_readings() -> None:
-    with pytest.raises(TabFileError) as caught:
-        parse(TB058, travel=(-33.0, 0.0))
-    assert "file_counts_per_unit 40000" in caught.value.readings[0]
-    assert "file_counts_per_unit -40000" in caught.value.readings[1]
+    error = refused(TB058, travel=(-33.0, 0.0))
+    assert "file_counts_per_unit 40000" in error.readings[0]
+    assert "file_counts_per_unit -40000" in error.readings[1]
 
 
 def test_range_that_exceeds_travel_by_more_than_a_fifth_is_refused() -> None:
     # 33 inch on 27.5 inch of travel: exactly 20 % more; on 27.4 inch: 20.4 %
     parse(TB058, travel=(0.0, 27.5))
-    with pytest.raises(TabFileError, match="beyond travel"):
-        parse(TB058, travel=(0.0, 27.4))
+    refused(TB058, "beyond travel", travel=(0.0, 27.4))
 
 
 def test_range_far_from_travel_on_either_side_is_refused() -> None:
-    with pytest.raises(TabFileError, match="outside travel"):
-        parse(TB058, travel=(40.0, 60.0))
+    refused(TB058, "outside travel", travel=(40.0, 60.0))
 
 
 @pytest.mark.parametrize(
@@ -182,13 +171,10 @@ def test_range_far_from_travel_on_either_side_is_refused() -> None:
     ],
 )
 def test_what_is_not_grammar_is_named_with_its_line(text: str, line: int, allowed: str) -> None:
-    with pytest.raises(TabFileError) as caught:
-        parse(text)
-    assert caught.value.line == line
-    assert allowed in caught.value.allowed
+    error = refused(text, line=line)
+    assert allowed in error.allowed
 
 
 def test_every_bad_line_is_named_at_once() -> None:
-    with pytest.raises(TabFileError) as caught:
-        parse("3 120000\nx\n1\ny")
-    assert [problem.line for problem in caught.value.problems] == [2, 4]
+    error = refused("3 120000\nx\n1\ny")
+    assert [problem.line for problem in error.problems] == [2, 4]

@@ -1,19 +1,17 @@
 """Centroid version 3: vectors of the published file, home direction, strict grammar."""
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from gateway.compensation.units import Units
-from gateway.tabfile import FileContext, HomeSide, LoadedTable, TabFileError, explain, parse_table
+from gateway.tabfile import HomeSide, explain
+from tests.tabfile.texts import Texts
 
 SAMPLE = (Path(__file__).parents[2] / "tables" / "centroid-v3" / "cnc10z.tab").read_text()
 HEADER = "CNC10 TAB FILE VERSION 3\nAXIS X\nUNITS MILLIMETER\nINTERVAL 10\nENTRIES 3\n"
-
-
-def parse(text: str, **facts: Any) -> LoadedTable:
-    return parse_table(text.encode(), "table.tab", FileContext(**facts))
+FILE = Texts("table.tab")
+parse, refused = FILE.parse, FILE.refused
 
 
 def test_home_plus_axis_takes_away_for_motion_in_the_negative_direction() -> None:
@@ -41,16 +39,13 @@ def test_home_minus_axis_takes_away_for_motion_in_the_positive_direction() -> No
 
 def test_told_home_side_must_agree_with_the_order_of_positions() -> None:
     parse(SAMPLE, file_home=HomeSide.PLUS)
-    with pytest.raises(TabFileError, match="so home is at the plus end"):
-        parse(SAMPLE, file_home=HomeSide.MINUS)
-    with pytest.raises(TabFileError, match="so home is at the minus end"):
-        parse(HEADER + "0 0 0\n10 0 0\n20 0 0", file_home=HomeSide.PLUS)
+    refused(SAMPLE, "so home is at the plus end", file_home=HomeSide.MINUS)
+    refused(HEADER + "0 0 0\n10 0 0\n20 0 0", "so home is at the minus end", file_home=HomeSide.PLUS)
 
 
 def test_told_start_must_agree_with_the_lowest_position() -> None:
     parse(SAMPLE, file_start=-4.0)
-    with pytest.raises(TabFileError, match="lowest position of -4"):
-        parse(SAMPLE, file_start=0.0)
+    refused(SAMPLE, "lowest position of -4", file_start=0.0)
 
 
 @pytest.mark.parametrize("rows", ["-10 1 4\n0 2 5\n10 3 6", "10 1 4\n0 2 5\n-10 3 6"])
@@ -58,31 +53,26 @@ def test_told_start_must_agree_with_the_lowest_position() -> None:
 def test_positions_on_both_sides_of_home_are_refused_with_both_readings(
     rows: str, home: HomeSide | None
 ) -> None:
-    with pytest.raises(TabFileError, match="both sides of home") as caught:
-        parse(HEADER + rows, file_home=home)
-    assert "change direction at home" in caught.value.readings[0]
-    assert "keep their direction" in caught.value.readings[1]
+    error = refused(HEADER + rows, "both sides of home", file_home=home)
+    assert "change direction at home" in error.readings[0]
+    assert "keep their direction" in error.readings[1]
     # the columns differ by 3 mm everywhere
-    assert "at most 3 mm" in caught.value.readings[1]
+    assert "at most 3 mm" in error.readings[1]
 
 
 def test_axis_must_be_the_one_it_is_read_for() -> None:
     parse(SAMPLE, axis="z")
-    with pytest.raises(TabFileError, match="AXIS Z, read for axis X") as caught:
-        parse(SAMPLE, axis="x")
-    assert caught.value.line == 2
+    refused(SAMPLE, "AXIS Z, read for axis X", line=2, axis="x")
 
 
 def test_table_that_misses_travel_is_refused() -> None:
-    with pytest.raises(TabFileError, match="outside travel") as caught:
-        parse(SAMPLE, travel=(0.0, 4.0))
-    assert len(caught.value.readings) == 2
+    error = refused(SAMPLE, "outside travel", travel=(0.0, 4.0))
+    assert len(error.readings) == 2
     assert parse(SAMPLE, travel=(-110.0, 0.0), units=Units.MM).table.first == -4.0
 
 
 def test_lengths_for_a_rotary_axis_are_refused() -> None:
-    with pytest.raises(TabFileError, match="axis in degree"):
-        parse(SAMPLE, units=Units.DEGREE)
+    refused(SAMPLE, "axis in degree", units=Units.DEGREE)
 
 
 def test_keywords_in_any_case_and_any_blanks() -> None:
@@ -97,8 +87,7 @@ def test_header_may_name_any_software(first: str) -> None:
 
 def test_interval_may_be_off_by_a_ten_thousandth() -> None:
     parse(HEADER + "0 0 0\n10.001 0 0\n20 0 0")
-    with pytest.raises(TabFileError, match=r"a step of 10\.0011"):
-        parse(HEADER + "0 0 0\n10.0011 0 0\n20 0 0")
+    refused(HEADER + "0 0 0\n10.0011 0 0\n20 0 0", r"a step of 10\.0011")
 
 
 @pytest.mark.parametrize(
@@ -123,18 +112,13 @@ def test_interval_may_be_off_by_a_ten_thousandth() -> None:
     ],
 )
 def test_what_is_not_grammar_is_named_with_its_line(old: str, new: str, line: int, allowed: str) -> None:
-    with pytest.raises(TabFileError) as caught:
-        parse(SAMPLE.replace(old, new, 1))
-    assert caught.value.line == line
-    assert allowed in caught.value.allowed
+    error = refused(SAMPLE.replace(old, new, 1), line=line)
+    assert allowed in error.allowed
 
 
 def test_positions_must_begin_at_home() -> None:
-    with pytest.raises(TabFileError, match="first position of 10"):
-        parse(HEADER + "10 0 0\n20 0 0\n30 0 0")
+    refused(HEADER + "10 0 0\n20 0 0\n30 0 0", "first position of 10")
 
 
 def test_header_that_ends_early_is_named() -> None:
-    with pytest.raises(TabFileError, match="the end of the file") as caught:
-        parse("CNC10 TAB FILE VERSION 3\nAXIS Z")
-    assert caught.value.line == 2
+    refused("CNC10 TAB FILE VERSION 3\nAXIS Z", "the end of the file", line=2)

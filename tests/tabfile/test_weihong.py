@@ -3,8 +3,9 @@
 import pytest
 
 from gateway.compensation.units import Units
-from gateway.tabfile import ErrorSense, FileContext, TabFileError, WriteOptions, dialect_named, parse_table
+from gateway.tabfile import ErrorSense, TabFileError, WriteOptions, dialect_named
 from tests.tabfile.samples import WEIHONG
+from tests.tabfile.texts import Texts
 
 AMC, CMA = ErrorSense.ACTUAL_MINUS_COMMAND, ErrorSense.COMMAND_MINUS_ACTUAL
 TWO_AXES = (
@@ -15,18 +16,13 @@ TWO_AXES = (
 1000.00, 0.000, 0.030
 """
 )
+FILE = Texts("axeserr.dat", {"error_sense": AMC})
+refused = FILE.said
 
 
 def read(text: str, **told: object) -> list[tuple[float, float, float]]:
-    told = {"error_sense": AMC, **told}
-    rows = parse_table(text.encode(), "axeserr.dat", FileContext(**told)).source.rows  # type: ignore[arg-type]
+    rows = FILE.parse(text, **told).source.rows
     return [(row.position, row.forward, row.backward) for row in rows]
-
-
-def refused(text: str, **told: object) -> str:
-    with pytest.raises(TabFileError) as caught:
-        read(text, **told)
-    return str(caught.value)
 
 
 def test_each_sense_is_the_other_with_its_sign_changed() -> None:
@@ -88,13 +84,11 @@ def test_a_line_among_the_points_that_holds_none_is_named(line: str) -> None:
 
 
 def remarks(text: str, **told: object) -> list[tuple[str, int | None]]:
-    told = {"error_sense": AMC, **told}
-    parsed = parse_table(text.encode(), "axeserr.dat", FileContext(**told))  # type: ignore[arg-type]
-    return [(lint.code, lint.line) for lint in parsed.lints if lint.code == "R10"]
+    return [(lint.code, lint.line) for lint in FILE.parse(text, **told).lints if lint.code == "R10"]
 
 
 def test_what_is_written_says_axis_and_unit_and_comes_back_in_its_sense() -> None:
-    table = parse_table(WEIHONG, "axeserr.dat", FileContext(error_sense=AMC)).table
+    table = FILE.parse(WEIHONG).table
     dialect = dialect_named("weihong")
     written = dialect.write(table, WriteOptions(axis="X", sense=CMA))
     assert written.text.startswith("unit = mm\n[X]\n-300.025000, -0.027000, -0.083000\n")
@@ -106,5 +100,5 @@ def test_what_is_written_says_axis_and_unit_and_comes_back_in_its_sense() -> Non
 
 
 def test_an_axis_in_inches_gets_its_table_in_inches() -> None:
-    found = parse_table(WEIHONG, "axeserr.dat", FileContext(error_sense=AMC, units=Units.INCH))
+    found = FILE.parse(WEIHONG, units=Units.INCH)
     assert found.table.in_units(Units.INCH).forward[0] == pytest.approx(-0.027 / 25.4)

@@ -15,11 +15,20 @@ class Texts:
 
     name: str
     told: Mapping[str, Any] = field(default_factory=dict)
+    encoding: str = "utf-8"
 
-    def parse(self, text: str, **facts: Any) -> LoadedTable:
-        return parse_table(text.encode(), self.name, FileContext(**{**self.told, **facts}))
+    def parse(self, text: str | bytes, **facts: Any) -> LoadedTable:
+        data = text.encode(self.encoding) if isinstance(text, str) else text
+        return parse_table(data, self.name, FileContext(**{**self.told, **facts}))
 
-    def refused(self, text: str, **facts: Any) -> TabFileError:
-        with pytest.raises(TabFileError) as caught:
+    def refused(
+        self, text: str | bytes, match: str | None = None, line: int | None = None, **facts: Any
+    ) -> TabFileError:
+        """Return why a text is refused; ``match`` is a pattern, and ``line`` the line that is named."""
+        with pytest.raises(TabFileError, match=match) as caught:
             self.parse(text, **facts)
+        assert line is None or caught.value.line == line
         return caught.value
+
+    def said(self, text: str | bytes, **facts: Any) -> str:
+        return str(self.refused(text, **facts))
