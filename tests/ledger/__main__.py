@@ -9,7 +9,6 @@ from tests.ledger.world import SETUPS, play
 
 
 def main() -> int:
-    """Play, print the counts, and return 1 if a rule was broken."""
     options = _options()
     each = options.requests // options.seeds
     seen: Counter[str] = Counter()

@@ -98,7 +98,6 @@ class Bus:
         return self.ends_ns
 
     def break_off(self) -> None:
-        """The wire is lost."""
         if self._heard:
             self._book.seen[f"frames to {self._name} that broke off"] += 1
             self.not_whole += 1
@@ -106,7 +105,6 @@ class Bus:
         self._heard, self._pieces, self._aborted = b"", [], b""
 
     def finish(self) -> None:
-        """Nothing more comes."""
         self._begin(self.ends_ns + self._silent_ns)
 
     def _end(self, start_ns: int, characters: int) -> None:

@@ -22,7 +22,6 @@ class Clock:
         heapq.heappush(self._due, (max(instant_ns, self.now_ns), self._number, call))
 
     def after(self, ms: float, call: Callable[[], None]) -> None:
-        """Call after a time in milliseconds."""
         self.at(self.now_ns + int(ms * MS), call)
 
     def step(self) -> bool:

@@ -45,7 +45,6 @@ class BookedLine(LineExchange):
         *,
         why_given_up: str = "",
     ) -> None:
-        """See ``LineExchange``."""
         way = self.doorways.get(port)
         if way is None:
             super().request(port, transaction_id, unit_id, pdu, now_ns, why_given_up=why_given_up)
@@ -61,7 +60,6 @@ class BookedLine(LineExchange):
             ledger.given_up(request, why_given_up)
 
     def controller_gone(self, port: ControllerPort, now_ns: int, *, is_broken: bool = False) -> None:
-        """See ``LineExchange``."""
         super().controller_gone(port, now_ns, is_broken=is_broken)
         way = self.doorways.pop(port, None)
         if way is not None:
@@ -92,11 +90,9 @@ class Connection(Channel):
             self._master.missed(self.doorway.book, data)
 
     def has_gone(self, *, asks: bool) -> bool:
-        """See ``Channel``."""
         return self.is_closed
 
     def close(self) -> None:
-        """See ``Channel``."""
         self._master.was_closed(self)
 
 
@@ -171,7 +167,6 @@ class TcpMaster(Master):
         self.go_on()
 
     def _close(self) -> None:
-        """Close the connection, as many clients do after a time-out."""
         connection = self._connection
         self._ledger.book.seen["connections closed by controllers"] += 1
         connection.is_closed = self.book.is_closed = True
@@ -179,7 +174,6 @@ class TcpMaster(Master):
         self._stillness.reaches(port, lambda: port.closed("closed", self._clock.now_ns))
 
     def was_closed(self, connection: Connection) -> None:
-        """The gateway has closed a connection."""
         if connection.is_closed:
             return
         self._ledger.book.seen["connections closed by the gateway"] += 1
@@ -204,7 +198,6 @@ class TcpMaster(Master):
             self._ledger.replied(book, transaction_id, unit_id, pdu)
 
     def heard(self, frame: bytes) -> None:
-        """Take a reply."""
         transaction_id, unit_id, pdu = open_mbap(frame)
         self._ledger.replied(self.book, transaction_id, unit_id, pdu)
         step = self._open.pop(transaction_id, None)

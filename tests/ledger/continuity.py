@@ -19,8 +19,6 @@ class Reading(NamedTuple):
 
 
 class Continuity:
-    """Successive readings of one axis."""
-
     def __init__(self) -> None:
         self._last: Reading | None = None
 

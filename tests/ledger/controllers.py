@@ -45,7 +45,6 @@ class Master(ControllerPort):
             self._steps.extend(self._script())
 
     def _is_request_next(self) -> bool:
-        """Whether the next step of the program is a request, and there is one."""
         self._look_ahead()
         return bool(self._steps) and isinstance(self._steps[0], tuple)
 
@@ -66,7 +65,6 @@ class Master(ControllerPort):
         return self._rng.uniform(20, 120) if self._is_rest else self._rng.uniform(0.5, 8.0)
 
     def go_on(self) -> None:
-        """Send the next request or requests."""
         raise NotImplementedError
 
     def _after_trouble(self, step: tuple[int, bytes]) -> None:
@@ -88,7 +86,6 @@ class SerialMaster(Master):
         self._step: tuple[int, bytes] | None = None
 
     def go_on(self) -> None:
-        """Send the next request."""
         step = self._next_step()
         if step is None:
             return
@@ -133,7 +130,6 @@ class SerialMaster(Master):
         self.go_on()
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
-        """See ``ControllerPort``."""
         opened = open_rtu(encode_rtu(unit_id, pdu))
         assert opened == (unit_id, pdu)
         assert rtu(unit_id, pdu) == encode_rtu(unit_id, pdu)

@@ -81,25 +81,21 @@ class ForwardingWire(RtuWire):
         self._decoder = RtuReplyDecoder(speeds.drives.silence_ns)
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
-        """See ``DriveLink``."""
         self._leaving_unit = unit_id
         frame, fault = self._accounted(unit_id, pdu)
         data = self._framed(unit_id, pdu)
         self._put(data, frame, fault, self.bus.whole(data, self._clock.now_ns))
 
     def may_forward(self, now_ns: int) -> bool:
-        """See ``DriveLink``."""
         return self._is_open and self.bus.may_begin(now_ns)
 
     def forward(self, piece: bytes) -> None:
-        """See ``DriveLink``."""
         if self.bus.may_begin(self._clock.now_ns):
             self._leaving_unit = piece[0]
         self._ledger.witness(self._leaving_unit).journal.note("leaves", piece)
         self.bus.piece(piece, self._clock.now_ns)
 
     def forward_last(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
-        """See ``DriveLink``."""
         frame, fault = self._accounted(unit_id, pdu)
         data = self._framed(unit_id, pdu)
         self._put(data, frame, fault, self.bus.leave(rest, data, self._clock.now_ns))
@@ -224,20 +220,16 @@ class ForwardingMaster(SerialMaster):
     # --- replies -----------------------------------------------------------------------------------------
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
-        """See ``ControllerPort``."""
         ends_ns = self.bus.whole(rtu(unit_id, pdu), self._clock.now_ns)
         self._heard(unit_id, pdu, (ends_ns - self._clock.now_ns) / MS)
 
     def may_forward(self, now_ns: int) -> bool:
-        """See ``ControllerPort``."""
         return self.bus.may_begin(now_ns)
 
     def forward(self, piece: bytes) -> None:
-        """See ``ControllerPort``."""
         self.bus.piece(piece, self._clock.now_ns)
 
     def forward_last(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
-        """See ``ControllerPort``."""
         ends_ns = self.bus.leave(rest, rtu(unit_id, pdu), self._clock.now_ns)
         self._heard(unit_id, pdu, (ends_ns - self._clock.now_ns) / MS)
 

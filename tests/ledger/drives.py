@@ -36,14 +36,12 @@ class Motor:
         """Sign of the last travel, in counts."""
 
     def at(self, now_ns: int) -> int:
-        """Where the axis is."""
         if now_ns >= self.arrives_ns:
             return self.end
         way = int((now_ns - self._since_ns) * self._counts_per_ns)
         return self.begun_at + (way if self.end > self.begun_at else -way)
 
     def is_moving(self, now_ns: int) -> bool:
-        """Whether it is on its way."""
         return now_ns < self.arrives_ns
 
     def go(self, end: int, now_ns: int) -> None:
@@ -59,8 +57,6 @@ class Motor:
 
 
 class Operation(NamedTuple):
-    """Something that a drive did."""
-
     kind: str
     """absolute, relative, stop, jog."""
     was_at: int
@@ -90,12 +86,10 @@ class Drive:
 
     @property
     def target(self) -> int:
-        """What the target register holds."""
         return self.layout.join(self._get(self.layout.command))
 
     @property
     def mode(self) -> int:
-        """What the mode register holds."""
         return self.words.get(self.layout.mode, 0)
 
     def execute(self, pdu: bytes, now_ns: int) -> tuple[bytes, list[Operation]]:
@@ -204,5 +198,4 @@ class Drive:
 
 
 def settle_ms(drive: Drive, now_ns: int) -> float:
-    """How long the axis will be on its way."""
     return max(0.0, (drive.motor.arrives_ns - now_ns) / MS)

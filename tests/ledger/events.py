@@ -22,11 +22,9 @@ class Journal:
         self._events: deque[tuple[int, str, bytes, str]] = deque(maxlen=kept)
 
     def note(self, what: str, pdu: bytes = b"", detail: str = "") -> None:
-        """Write down one event."""
         self._events.append((self._clock.now_ns, what, pdu, detail))
 
     def text(self) -> str:
-        """Return the story so far."""
         return "\n".join(
             f"  {at / MS:12.3f} ms  {what:<24} {pdu.hex(' ')}  {detail}"
             for at, what, pdu, detail in self._events

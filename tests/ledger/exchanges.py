@@ -27,8 +27,6 @@ class Controller:
 
 
 class Request:
-    """One request of a controller."""
-
     __slots__ = (
         "arrived_ns",
         "controller",
@@ -135,8 +133,6 @@ class Frame:
 
 
 class Window(NamedTuple):
-    """Addresses of one read or write."""
-
     start: int
     end: int
 

@@ -12,8 +12,6 @@ OF_WHAT_MAY_BE_DONE: Final = EXCEPTION_CODES[1:]
 
 
 class Fault(Enum):
-    """One kind of trouble."""
-
     NONE = "none"
     DELAYED = "reply delayed"
     LATE = "reply late"

@@ -20,7 +20,6 @@ class Parsed(NamedTuple):
 
     @property
     def is_read(self) -> bool:
-        """Whether it only reads registers."""
         return self.read is not None and self.write is None
 
 
@@ -30,7 +29,6 @@ def words_of(data: bytes) -> tuple[int, ...]:
 
 
 def bytes_of(words: tuple[int, ...] | list[int]) -> bytes:
-    """Return the bytes of words."""
     return b"".join(word.to_bytes(2, "big") for word in words)
 
 

@@ -64,7 +64,6 @@ class Habits:
         return [self._step(read_pdu(start, rng.randint(1, 6)))]
 
     def stop(self) -> list[Step]:
-        """Stop the axis."""
         layout = self._layout
         if layout.style is Style.PLAIN:
             return self.look()

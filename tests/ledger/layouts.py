@@ -86,11 +86,9 @@ class Layout:
         return 1 if self.counts_per_unit > 0 else -1
 
     def machine_mm(self, counts: float) -> float:
-        """Machine position of a count."""
         return (counts - self.zero_counts) / self.counts_per_unit
 
     def counts(self, machine_mm: float) -> int:
-        """Nearest count of a machine position."""
         return round(self.zero_counts + self.counts_per_unit * machine_mm)
 
     def split(self, counts: int) -> tuple[int, int]:

@@ -420,7 +420,6 @@ class Ledger:
         return frame.is_early or before.is_early
 
     def delivered(self) -> None:
-        """The gateway has dealt with a reply."""
         frame, self._delivering = self._delivering, None
         if frame is not None and frame.request is None and frame.parsed.write is None:
             self.book.seen["added or orphaned reads"] += 1
@@ -476,7 +475,6 @@ class Ledger:
     # --- back to the controllers ---------------------------------------------------------------------------
 
     def replied(self, controller: Controller, transaction_id: int, unit: int, pdu: bytes) -> None:
-        """A controller has received a reply."""
         request = controller.unanswered.pop(transaction_id, None)
         if request is None or request.unit != unit:
             detail = f"{controller.name} #{transaction_id} {pdu.hex(' ')}"

@@ -95,7 +95,6 @@ class Belief:
 
     @property
     def is_ok(self) -> bool:
-        """Whether target and mode were acknowledged."""
         return self.is_target_ok and self.mode.is_ok
 
     def touched(self, request: Parsed) -> list[int]:
@@ -107,7 +106,6 @@ class Belief:
         return [i for i in (0, 1) if 0 <= start + i < len(words)]
 
     def touches_mode(self, request: Parsed) -> bool:
-        """Whether a request writes the mode register."""
         if request.write is None or self.layout.style in (Style.DIRECT, Style.PLAIN, Style.TRIGGERED):
             return False
         return 0 <= self.layout.mode - request.write[0] < len(request.write[1])

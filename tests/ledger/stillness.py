@@ -28,7 +28,6 @@ class Stillness:
 
     @property
     def is_still(self) -> bool:
-        """Whether the gateway stands still."""
         return self._waiting is not None
 
     def reaches(self, source: Hashable, call: Call) -> None:
@@ -46,7 +45,6 @@ class Stillness:
             self._afterwards.append(call)
 
     def stand_still(self, ms: float) -> None:
-        """Stop the process for a while."""
         self._waiting = {}
         self._book.seen["standstills"] += 1
         began_ns = self._clock.now_ns
@@ -63,6 +61,5 @@ class Stillness:
                 call()
 
     def beat(self) -> None:
-        """Beat, and again in a while."""
         self.beats.beat(self._clock.now_ns)
         self._clock.after(EVERY_NS / MS, lambda: self.reaches("beat", self.beat))

@@ -55,7 +55,6 @@ class Wire(DriveLink):
         raise NotImplementedError
 
     def open(self) -> None:
-        """Connect the gateway with the drives."""
         assert self.line is not None
         self._is_open = True
         self._connection += 1
@@ -72,7 +71,6 @@ class Wire(DriveLink):
         self._ledger.acted()
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
-        """See ``DriveLink``."""
         frame, fault = self._accounted(unit_id, pdu)
         self._put(self._framed(unit_id, pdu), frame, fault)
 
@@ -174,7 +172,6 @@ class Wire(DriveLink):
         self._ledger.delivered()
 
     def abandon(self) -> None:
-        """See ``DriveLink``."""
         self._ledger.abandoned()
 
     def _reset(self) -> None:
@@ -216,7 +213,6 @@ class RtuWire(Wire):
         return rtu(unit_id, reply)
 
     def abandon(self) -> None:
-        """See ``DriveLink``."""
         super().abandon()
         self._decoder.cancel()
 
@@ -268,7 +264,6 @@ class TcpWire(Wire):
         return mbap(key, unit_id, reply)
 
     def abandon(self) -> None:
-        """See ``DriveLink``."""
         super().abandon()
         self._awaited = None
 

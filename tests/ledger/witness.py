@@ -49,8 +49,6 @@ class Intent(NamedTuple):
 
 
 class Witness:
-    """One axis."""
-
     def __init__(self, clock: Clock, layout: Layout, screw: Screw, drive: Drive, book: Book) -> None:
         self.layout, self.drive, self.book = layout, drive, book
         self.journal = Journal(clock, layout.name, book.kept)
@@ -100,7 +98,6 @@ class Witness:
 
     @property
     def now_ns(self) -> int:
-        """The instant."""
         return self._clock.now_ns
 
     # --- the exact table -------------------------------------------------------------------------------
