@@ -10,7 +10,7 @@ from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate
 from gateway.metrology.readings import Reading, Survey
 from tests.metrology.iso230_readings import REPORTS
-from tests.metrology.iso230_results import PRINTED, RIGHT
+from tests.metrology.iso230_results import PRINTED, RIGHT, named
 
 UP, DOWN = Direction.FORWARD, Direction.BACKWARD
 ORACLE = "bifrost slits 11358 axis 1 (2021-11-03)"
@@ -45,20 +45,10 @@ def results(found: Evaluation) -> dict[str, float | None]:
 
 def test_the_published_raw_readings_give_the_right_results_to_the_last_digit() -> None:
     found = {name: round(value or 0.0, 5) for name, value in results(evaluate(survey(ORACLE))).items()}
-    assert found == {
-        "B": 0.00456,
-        "Bm": 0.00070,
-        "Rf": 0.00750,
-        "Rb": 0.00388,
-        "R": 0.00835,
-        "Ef": 0.01505,
-        "Eb": 0.01485,
-        "E": 0.01599,
-        "M": 0.01495,
-        "Af": 0.01807,
-        "Ab": 0.01654,
-        "A": 0.01857,
-    }
+    assert found == named(
+        *(0.00456, 0.00070, 0.00750, 0.00388, 0.00835, 0.01505),
+        *(0.01485, 0.01599, 0.01495, 0.01807, 0.01654, 0.01857),
+    )
 
 
 @pytest.mark.parametrize("name", REPORTS)
