@@ -1,7 +1,8 @@
-"""The shapes of what programs read: ``python -m tests.promises.shapes`` writes ``shapes.txt`` anew.
+"""The shapes of what programs read: ``python -m tests.promises.shapes`` adds what is new to ``shapes.txt``.
 
-A line is a document, the path of a key in it, and the kinds of its values where any was seen. ``*`` stands
-for a name that the configuration gives. Lines are only added: some program may rely on each of them.
+A heading there is a document and the path of an object in it; its items are the keys of the object, each
+with the kinds of its values where any was seen. ``*`` stands for a name that the configuration gives. Nothing
+goes: some program may rely on each of them.
 """
 
 import re
@@ -16,6 +17,7 @@ import msgspec
 
 from gateway.exchange.commands import TableFor
 from gateway.ipc.messages import Reply, Request
+from tests.promises.listing import Listed, write
 from tests.same.commands import BAD_TABLE, TAKEN, Desk
 
 FILE: Final = Path(__file__).with_name("shapes.txt")
@@ -67,13 +69,17 @@ def shapes() -> Shapes:
     return found
 
 
-def lines(found: Shapes) -> list[str]:
-    """Return one line for each path.
+def listed(found: Shapes) -> Listed:
+    """Return each path as a heading and an item.
 
-    >>> lines({"status axes.*.gain": {"number"}, "status axes": set()})
-    ['status axes', 'status axes.*.gain: number']
+    >>> sorted(listed({"status axes.*.gain": {"number"}, "status axes": set()}))
+    [('status', 'axes'), ('status axes.*', 'gain number')]
     """
-    return sorted(f"{path}: {', '.join(sorted(kinds))}" if kinds else path for path, kinds in found.items())
+    split = {path: max(path.rfind("."), path.rfind(" ")) for path in found}
+    return {
+        (path[: split[path]], " ".join((path[split[path] + 1 :], *sorted(kinds))))
+        for path, kinds in found.items()
+    }
 
 
 def _messages() -> Iterator[tuple[str, str]]:
@@ -143,5 +149,5 @@ def shape_of(where: str, value: Any, path: str = "") -> Iterator[tuple[str, str]
 
 
 if __name__ == "__main__":
-    FILE.write_text("".join(f"{line}\n" for line in lines(shapes())), encoding="utf-8")
+    write(FILE, listed(shapes()))
     sys.stdout.write(f"{FILE}\n")
