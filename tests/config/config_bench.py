@@ -96,3 +96,21 @@ def only(problems: tuple[Problem, ...], key: str) -> Problem:
     """Return the only problem, which must be one of this key."""
     assert [problem.key for problem in problems] == [key], "\n".join(map(str, problems))
     return problems[0]
+
+
+def refusal(
+    folder: Path, text: str, key: str, *, at: str = "", tables: dict[str, str] | None = None
+) -> Problem:
+    """Return the only problem of a configuration: it is one of this key, on the line of this fragment."""
+    problem = only(refused(folder, text, tables), key)
+    assert not at or problem.line == line_of(text, at)
+    return problem
+
+
+def warning_of(
+    folder: Path, text: str, key: str, *, at: str = "", tables: dict[str, str] | None = None
+) -> Problem:
+    """Return the only warning about a configuration: it is one of this key, on the line of this fragment."""
+    warning = only(loaded(folder, text, tables).warnings, key)
+    assert not at or warning.line == line_of(text, at)
+    return warning

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.config.config_bench import GOOD, edited, line_of, loaded, only, refused
+from tests.config.config_bench import GOOD, edited, line_of, loaded, refusal, refused
 
 SLOW = edited(("baudrate = 115200", "baudrate = 9600"), ("baudrate = 38400", "baudrate = 9600"))
 """Drives 9600 8E1 (11 bits), controller 9600 8N1 (10 bits)."""
@@ -22,8 +22,7 @@ def with_timeout(timeout_ms: float) -> str:
 
 def test_a_time_out_that_no_gateway_can_meet_is_refused_with_the_sum(tmp_path: Path) -> None:
     text = with_timeout(32.0)
-    problem = only(refused(tmp_path, text), "line.xyz.controllers[1].timeout_ms")
-    assert problem.line == line_of(text, "timeout_ms = 32")
+    problem = refusal(tmp_path, text, "line.xyz.controllers[1].timeout_ms", at="timeout_ms = 32")
     # 13 × 11 / 9600 + 8 × 11 / 9600 + 8 × 10 / 9600 = 32.396 ms, and 1 ms for the gateway.
     assert problem.found == (
         "timeout_ms = 32, but the reply to write target of axis x comes 33.4 ms after its request "
@@ -44,8 +43,7 @@ def test_a_time_out_that_is_close_is_warned_of(tmp_path: Path, timeout_ms: float
 
 def test_a_deadline_that_cannot_be_met_is_refused(tmp_path: Path) -> None:
     text = edited(("max_speed = 200.0", "deadline_ms = 0.5"))
-    problem = only(refused(tmp_path, text), "axis.x.deadline_ms")
-    assert problem.line == line_of(text, "deadline_ms")
+    problem = refusal(tmp_path, text, "axis.x.deadline_ms", at="deadline_ms")
     assert "1.00 ms after it came (1.00 gateway (budget_us))" in problem.found
     faster = edited(("max_speed = 200.0", "deadline_ms = 5\nbudget_us = 400"))
     assert loaded(tmp_path, faster).warnings == ()
@@ -64,9 +62,9 @@ def test_one_silent_drive_on_a_line_of_two_is_warned_of_with_the_defaults(tmp_pa
 
 def test_a_line_with_other_problems_is_not_reckoned_with(tmp_path: Path) -> None:
     text = edited(("unit_id = 1", "unit_id = 300"), text=with_timeout(32.0))
-    only(refused(tmp_path, text), "axis.x.unit_id")
+    refusal(tmp_path, text, "axis.x.unit_id")
     text = edited(("baudrate = 9600, ", "baudrate = 1, "), text=with_timeout(32.0))
-    only(refused(tmp_path, text), "line.xyz.drives.baudrate")
+    refusal(tmp_path, text, "line.xyz.drives.baudrate")
 
 
 def test_a_good_line_is_reckoned_with_beside_a_bad_one(tmp_path: Path) -> None:

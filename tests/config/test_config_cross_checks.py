@@ -4,7 +4,16 @@ from pathlib import Path
 
 import pytest
 
-from tests.config.config_bench import GOOD, ONE_WAY, edited, line_of, loaded, only, refused
+from tests.config.config_bench import (
+    GOOD,
+    ONE_WAY,
+    edited,
+    line_of,
+    loaded,
+    refusal,
+    refused,
+    warning_of,
+)
 
 SECOND_LINE = """
 [line.b]
@@ -62,13 +71,13 @@ def test_unit_id_0_is_a_drive_on_modbus_tcp_and_the_broadcast_on_a_serial_line(t
     )
     assert loaded(tmp_path, on_tcp).plan.lines[1].axes[0].unit_id == 0
     text = edited(("unit_id = 1", "unit_id = 0"))
-    problem = only(refused(tmp_path, text), "axis.x.unit_id")
+    problem = refusal(tmp_path, text, "axis.x.unit_id")
     assert (problem.line, problem.found) == (line_of(text, "unit_id"), "unit_id = 0 on a serial line")
 
 
 def test_the_line_of_an_axis_must_exist(tmp_path: Path) -> None:
     text = edited(('line = "xyz"', 'line = "xzy"'))
-    problem = only(refused(tmp_path, text), "axis.x.line")
+    problem = refusal(tmp_path, text, "axis.x.line")
     assert (problem.line, problem.found) == (line_of(text, 'line = "xzy"'), "there is no [line.xzy]")
     assert problem.remedy == "did you mean xyz?"
 
@@ -76,14 +85,12 @@ def test_the_line_of_an_axis_must_exist(tmp_path: Path) -> None:
 @pytest.mark.parametrize("second", ["/dev/serial/by-id/usb-A", "/dev/serial/../serial/by-id/usb-A"])
 def test_a_serial_port_has_one_use(tmp_path: Path, second: str) -> None:
     text = GOOD + SECOND_LINE.replace('tcp = "192.168.0.20:502"', f'rtu = "{second}"')
-    problem = only(refused(tmp_path, text), "line.b.drives.rtu")
-    assert problem.line == line_of(text, "[line.b]") + 1
+    assert refusal(tmp_path, text, "line.b.drives.rtu").line == line_of(text, "[line.b]") + 1
 
 
 def test_a_serial_port_used_twice_names_both_keys(tmp_path: Path) -> None:
     text = edited(("/dev/serial/by-id/usb-A", "/dev/serial/by-id/usb-B"))
-    problem = only(refused(tmp_path, text), "line.xyz.controllers[1].rtu")
-    assert problem.line == line_of(text, 'rtu = "/dev/serial/by-id/usb-B"\n')
+    problem = refusal(tmp_path, text, "line.xyz.controllers[1].rtu", at='rtu = "/dev/serial/by-id/usb-B"\n')
     assert "/dev/serial/by-id/usb-B is already used by line.xyz.drives.rtu" in problem.found
 
 
@@ -93,13 +100,13 @@ def test_a_link_to_a_serial_port_is_that_port(tmp_path: Path) -> None:
         ("/dev/serial/by-id/usb-A", str(tmp_path / "by-id")),
         ("/dev/serial/by-id/usb-B", str(tmp_path / "ttyUSB0")),
     )
-    assert "line.xyz.drives.rtu" in only(refused(tmp_path, text), "line.xyz.controllers[1].rtu").found
+    assert "line.xyz.drives.rtu" in refusal(tmp_path, text, "line.xyz.controllers[1].rtu").found
 
 
 @pytest.mark.parametrize("other", ["127.0.0.1:1502", "localhost:1502", "0.0.0.0:1502"])
 def test_an_address_is_listened_on_once(tmp_path: Path, other: str) -> None:
     text = GOOD + SECOND_LINE.replace("127.0.0.1:1503", other)
-    problem = only(refused(tmp_path, text), "line.b.controllers[1].tcp")
+    problem = refusal(tmp_path, text, "line.b.controllers[1].tcp")
     assert problem.line == line_of(text, 'name = "plc"') + 1
     assert f"{other} is already the listener of line.xyz.controllers[2].tcp" in problem.found
 
@@ -111,27 +118,24 @@ def test_the_same_port_on_another_address_is_another_listener(tmp_path: Path) ->
 
 def test_the_gateway_does_not_talk_to_itself(tmp_path: Path) -> None:
     text = GOOD + SECOND_LINE.replace("192.168.0.20:502", "localhost:1502")
-    problem = only(refused(tmp_path, text), "line.xyz.controllers[2].tcp")
+    problem = refusal(tmp_path, text, "line.xyz.controllers[2].tcp")
     assert "line.b.drives.tcp: the gateway would connect to itself" in problem.found
 
 
 def test_drives_behind_one_address_belong_to_one_line(tmp_path: Path) -> None:
     second = SECOND_LINE.replace("line.b", "line.c").replace("1503", "1504")
-    text = GOOD + SECOND_LINE + second
-    problem = only(refused(tmp_path, text), "line.c.drives.tcp")
-    assert "one line" in problem.remedy
+    assert "one line" in refusal(tmp_path, GOOD + SECOND_LINE + second, "line.c.drives.tcp").remedy
 
 
 def test_controllers_of_a_line_have_different_names(tmp_path: Path) -> None:
     text = edited(('name = "hmi"', 'name = "cnc"'))
-    problem = only(refused(tmp_path, text), "line.xyz.controllers[2].name")
-    assert problem.line == line_of(text, 'name = "cnc"\ntcp')
+    refusal(tmp_path, text, "line.xyz.controllers[2].name", at='name = "cnc"\ntcp')
 
 
 @pytest.mark.parametrize("key", ['connect = "on-demand"', "connect_delay_ms = 5", "max_connection_s = 60"])
 def test_keys_of_connections_are_not_for_serial_ports(tmp_path: Path, key: str) -> None:
     name = key.partition(" ")[0]
-    problem = only(refused(tmp_path, edited(("[line.xyz]", f"[line.xyz]\n{key}"))), f"line.xyz.{name}")
+    problem = refusal(tmp_path, edited(("[line.xyz]", f"[line.xyz]\n{key}")), f"line.xyz.{name}")
     assert problem.found.endswith("with drives on a serial port")
 
 
@@ -149,8 +153,7 @@ def test_a_reference_that_only_the_gateway_saw_needs_a_connection_that_stays(
 
 def test_a_drain_is_for_rtu_drives(tmp_path: Path) -> None:
     text = GOOD + SECOND_LINE.replace("[line.b]", "[line.b]\ndrain_ms = 50")
-    problem = only(refused(tmp_path, text), "line.b.drain_ms")
-    assert "transaction id" in problem.remedy
+    assert "transaction id" in refusal(tmp_path, text, "line.b.drain_ms").remedy
 
 
 @pytest.mark.parametrize(
@@ -164,8 +167,7 @@ def test_a_drain_is_for_rtu_drives(tmp_path: Path) -> None:
 )
 def test_cut_through_is_for_a_line_between_two_serial_ports(tmp_path: Path, text: str) -> None:
     line = "b" if "[line.b]" in text else "xyz"
-    problem = only(refused(tmp_path, text), f"line.{line}.cut_through")
-    assert "byte by byte" in problem.remedy
+    assert "byte by byte" in refusal(tmp_path, text, f"line.{line}.cut_through").remedy
 
 
 @pytest.mark.parametrize(
@@ -184,9 +186,7 @@ def test_an_axis_that_is_to_be_corrected_and_has_no_table_is_warned_of(
 
 def test_an_open_port_without_allow_is_warned_of(tmp_path: Path) -> None:
     text = edited(("127.0.0.1:1502", "0.0.0.0:1502"))
-    [warning] = loaded(tmp_path, text).warnings
-    assert warning.key == "line.xyz.controllers[2].tcp"
-    assert warning.line == line_of(text, "0.0.0.0:1502")
+    warning = warning_of(tmp_path, text, "line.xyz.controllers[2].tcp", at="0.0.0.0:1502")
     assert "read the drives" in warning.found
     assert "allow" in warning.remedy
     allowed = edited(('role = "monitor"', 'allow = ["192.168.0.0/24"]'), text=text)
@@ -212,15 +212,16 @@ def test_positions_of_an_axis_share_no_register(
 
 def test_axes_of_one_unit_share_no_register_and_both_keys_are_named(tmp_path: Path) -> None:
     text = GOOD + SECOND_AXIS.replace("0x0700", "0x0607")
-    problem = only(refused(tmp_path, text), "axis.y.registers.command[1]")
-    assert problem.line == line_of(text, "registers.command = [{ address = 0x0607")
+    problem = refusal(
+        tmp_path, text, "axis.y.registers.command[1]", at="registers.command = [{ address = 0x0607"
+    )
     assert problem.found == "0x0607..0x0608 overlaps 0x0606..0x0607 of axis.x.registers.command[1]"
 
 
 def test_an_axis_that_was_copied_with_its_unit_id_is_one_problem(tmp_path: Path) -> None:
     text = edited(('table = "cnc10x.tab"\n', ""))
     copied = text[text.index("[axis.x]") :].replace("axis.x", "axis.y")
-    problem = only(refused(tmp_path, text + copied), "axis.y.unit_id")
+    problem = refusal(tmp_path, text + copied, "axis.y.unit_id")
     assert problem.found == "unit_id = 1 and the registers of axis.x: both would move the same drive"
 
 
@@ -233,8 +234,7 @@ def test_a_mode_that_lies_on_many_paths_is_one_problem(tmp_path: Path) -> None:
 
 
 def test_a_position_may_not_lie_on_a_state_bit_of_another_axis(tmp_path: Path) -> None:
-    text = GOOD + SECOND_AXIS.replace("0x0700", "0x013F")
-    problems = refused(tmp_path, text)
+    problems = refused(tmp_path, GOOD + SECOND_AXIS.replace("0x0700", "0x013F"))
     assert {problem.key for problem in problems} == {"axis.y.registers.command[1]"}
 
 
@@ -244,22 +244,17 @@ def test_the_same_registers_on_another_unit_are_other_registers(tmp_path: Path) 
 
 
 def test_an_axis_needs_registers(tmp_path: Path) -> None:
-    text = GOOD[: GOOD.index("[axis.x.registers]")]
-    problem = only(refused(tmp_path, text), "axis.x.registers")
-    assert problem.line == line_of(text, "[axis.x]")
+    refusal(tmp_path, GOOD[: GOOD.index("[axis.x.registers]")], "axis.x.registers", at="[axis.x]")
 
 
 def test_a_position_must_fit_the_frames_of_the_drive(tmp_path: Path) -> None:
-    text = GOOD + "max_registers = 1\n"
-    problems = refused(tmp_path, text)
+    problems = refused(tmp_path, GOOD + "max_registers = 1\n")
     assert {problem.key for problem in problems} == {"axis.x.registers.max_registers"}
     assert problems[0].remedy == "allowed: 2 or more"
 
 
 def test_the_homed_bit_must_be_mapped_to_be_read(tmp_path: Path) -> None:
-    text = edited(("bits.homed", "bits.alarm"))
-    problem = only(refused(tmp_path, text), "axis.x.referenced")
-    assert problem.line == line_of(text, "referenced")
+    problem = refusal(tmp_path, edited(("bits.homed", "bits.alarm")), "axis.x.referenced", at="referenced")
     assert "registers.bits.homed" in problem.found
 
 
@@ -267,8 +262,7 @@ def test_the_homed_bit_must_be_mapped_to_be_read(tmp_path: Path) -> None:
     "text", [GOOD + "safe_read = false\n", edited(("max_speed = 200.0", 'added_frames = "never"'))]
 )
 def test_a_homed_bit_that_may_not_be_read_is_warned_of(tmp_path: Path, text: str) -> None:
-    [warning] = loaded(tmp_path, text).warnings
-    assert warning.key == "axis.x.referenced"
+    warning = warning_of(tmp_path, text, "axis.x.referenced")
     assert "uncorrected until a controller reads" in warning.remedy
 
 
@@ -287,13 +281,13 @@ def test_counts_that_a_double_cannot_tell_are_refused(
 ) -> None:
     # 2^53 is some 9.007e15.
     text = edited(*changes, ('0x0606, type = "int32"', '0x0606, type = "int64"'))
-    assert "beyond 2^53" in only(refused(tmp_path, text), f"axis.x.{key}").found
+    assert "beyond 2^53" in refusal(tmp_path, text, f"axis.x.{key}").found
 
 
 def test_travel_must_fit_the_command_register(tmp_path: Path) -> None:
     # -300 mm × 1000 counts/mm = -300 000 counts: an int16 ends at -32 768.
     text = edited(('0x0606, type = "int32"', '0x0606, type = "int16"'))
-    problem = only(refused(tmp_path, text), "axis.x.registers.command[1]")
+    problem = refusal(tmp_path, text, "axis.x.registers.command[1]")
     assert "travel ends at -300 mm, that is -300000 counts" in problem.found
     assert "-32768" in problem.found
     assert "counts_per_unit" in problem.remedy
@@ -311,15 +305,13 @@ def test_a_coarser_register_holds_more_travel(tmp_path: Path) -> None:
 )
 def test_a_drive_that_profiles_its_moves_takes_only_a_step(tmp_path: Path, blend: str, name: str) -> None:
     text = edited(("max_speed = 200.0", f"reversal = {blend}"))
-    problem = only(refused(tmp_path, text), "axis.x.reversal")
-    assert problem.line == line_of(text, "reversal")
+    problem = refusal(tmp_path, text, "axis.x.reversal", at="reversal")
     assert problem.found == f'a {name} blend with setpoints = "targets"'
     assert problem.remedy.startswith('allowed: "step"')
 
 
 def test_reload_in_targets_is_warned_of(tmp_path: Path) -> None:
-    [warning] = loaded(tmp_path, edited(("max_speed = 200.0", "reload = { distance = 1 }"))).warnings
-    assert warning.key == "axis.x.reload"
+    warning_of(tmp_path, edited(("max_speed = 200.0", "reload = { distance = 1 }")), "axis.x.reload")
 
 
 @pytest.mark.parametrize(
@@ -329,9 +321,7 @@ def test_reload_in_targets_is_warned_of(tmp_path: Path) -> None:
     ],
 )
 def test_what_belongs_to_a_table_needs_one(tmp_path: Path, key: str, text: str) -> None:
-    text = edited(('table = "cnc10x.tab"', text))
-    problem = only(refused(tmp_path, text), f"axis.x.{key}")
-    assert problem.line == line_of(text, key)
+    problem = refusal(tmp_path, edited(('table = "cnc10x.tab"', text)), f"axis.x.{key}", at=key)
     assert problem.found == f"{key} without a table"
 
 
@@ -342,14 +332,13 @@ def test_backlash_and_homing_must_agree(tmp_path: Path) -> None:
             'home_approach = "backward"\nbacklash = { width = 0.02, kind = "homed-forward" }',
         )
     )
-    problem = only(refused(tmp_path, text, {"cnc10x.tab": ONE_WAY}), "axis.x.backlash.kind")
+    problem = refusal(tmp_path, text, "axis.x.backlash.kind", tables={"cnc10x.tab": ONE_WAY})
     assert 'home_approach = "backward"' in problem.found
 
 
 def test_modulo_without_a_table_is_for_degrees(tmp_path: Path) -> None:
     text = edited(('table = "cnc10x.tab"', "modulo = 360.0"))
-    problem = only(refused(tmp_path, text), "axis.x.modulo")
-    assert 'units = "degree"' in problem.remedy
+    assert 'units = "degree"' in refusal(tmp_path, text, "axis.x.modulo").remedy
     turning = edited(('units = "mm"', 'units = "degree"'), text=text)
     assert loaded(tmp_path, turning).plan.lines[0].axes[0].settings.modulo == 360.0
 
@@ -358,7 +347,7 @@ def test_a_turn_has_no_outside(tmp_path: Path) -> None:
     text = edited(
         ('table = "cnc10x.tab"', 'modulo = 360.0\noutside = "refuse"'), ('units = "mm"', 'units = "degree"')
     )
-    assert only(refused(tmp_path, text), "axis.x.outside").line == line_of(text, "outside")
+    assert refusal(tmp_path, text, "axis.x.outside").line == line_of(text, "outside")
 
 
 def test_hysteresis_is_shorter_than_travel(tmp_path: Path) -> None:
@@ -369,8 +358,7 @@ def test_hysteresis_is_shorter_than_travel(tmp_path: Path) -> None:
 
 
 def test_no_travel_is_warned_of(tmp_path: Path) -> None:
-    [warning] = loaded(tmp_path, edited(("travel = [-300.0, 0.0]\n", ""))).warnings
-    assert warning.key == "axis.x"
+    warning = warning_of(tmp_path, edited(("travel = [-300.0, 0.0]\n", "")), "axis.x")
     assert "travel = [lowest, highest]" in warning.remedy
 
 
@@ -397,7 +385,7 @@ def test_the_unit_id_of_the_gateway_is_that_of_no_drive(
     tmp_path: Path, change: tuple[str, str], key: str
 ) -> None:
     text = edited(change) + STATUS_UNIT
-    problem = only(refused(tmp_path, text), "status_unit.id")
+    problem = refusal(tmp_path, text, "status_unit.id")
     assert problem.line == line_of(text, "[status_unit]") + 1
     assert problem.found == f"250 is the unit id of a drive: {key} has it"
     assert problem.remedy == (
@@ -409,7 +397,7 @@ def test_the_unit_id_of_the_gateway_is_that_of_no_drive(
 def test_the_unit_id_of_the_gateway_is_neither_the_broadcast_nor_the_device_itself(
     tmp_path: Path, value: int
 ) -> None:
-    problem = only(refused(tmp_path, GOOD + STATUS_UNIT.replace("250", str(value))), "status_unit.id")
+    problem = refusal(tmp_path, GOOD + STATUS_UNIT.replace("250", str(value)), "status_unit.id")
     assert problem.remedy == "allowed: at least 1, at most 254"
 
 

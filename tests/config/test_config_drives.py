@@ -9,7 +9,7 @@ from gateway.config.summary import DriveSummary, summary, summary_lines
 from gateway.drives import library
 from gateway.drives.profile import Transport
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
-from tests.config.config_bench import GOOD, edited, line_of, loaded, only, refused
+from tests.config.config_bench import GOOD, edited, line_of, loaded, refusal, refused
 
 RTU = 'drives = { rtu = "/dev/serial/by-id/usb-B", baudrate = 115200, parity = "even" }'
 WITHOUT_REGISTERS = GOOD[: GOOD.index("[axis.x.registers]")]
@@ -100,7 +100,7 @@ def test_every_shipped_profile_makes_a_good_configuration(tmp_path: Path, name: 
 )
 def test_a_name_that_does_not_exist_suggests_near_ones(tmp_path: Path, drive: str, said: str) -> None:
     text = with_drive(drive)
-    problem = only(refused(tmp_path, text), "axis.x.drive")
+    problem = refusal(tmp_path, text, "axis.x.drive")
     assert problem.found == f'there is no profile "{drive}"'
     assert said in problem.remedy
     assert "pitch-gateway drives" in problem.remedy
@@ -109,22 +109,20 @@ def test_a_name_that_does_not_exist_suggests_near_ones(tmp_path: Path, drive: st
 
 def test_registers_beside_a_drive_are_refused(tmp_path: Path) -> None:
     text = edited(("max_speed = 200.0", 'drive = "oriental-az"'))
-    problem = only(refused(tmp_path, text), "axis.x.registers")
-    assert problem.line == line_of(text, "[axis.x.registers]")
+    problem = refusal(tmp_path, text, "axis.x.registers", at="[axis.x.registers]")
     assert "pitch-gateway drives show oriental-az --toml" in problem.remedy
 
 
 def test_a_file_that_does_not_exist_is_named(tmp_path: Path) -> None:
     text = with_drive("./missing.toml")
-    problem = only(refused(tmp_path, text), "axis.x.drive")
-    assert problem.line == line_of(text, 'drive = "./missing.toml"')
+    problem = refusal(tmp_path, text, "axis.x.drive", at='drive = "./missing.toml"')
     assert problem.found == f"{tmp_path / 'missing.toml'}: no such file"
     assert problem.remedy == "give the path of a drive profile"
 
 
 def test_a_folder_is_no_profile(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
-    problem = only(refused(tmp_path, with_drive("./mine")), "axis.x.drive")
+    problem = refusal(tmp_path, with_drive("./mine"), "axis.x.drive")
     assert problem.found == f"{tmp_path / 'mine'}: a folder"
     assert problem.remedy == "give the path of a drive profile in it"
 
@@ -185,7 +183,7 @@ def test_checks_of_an_axis_look_at_the_registers_of_its_profile(tmp_path: Path) 
 
 def test_the_motion_of_a_profile_is_looked_at_as_that_of_a_map(tmp_path: Path) -> None:
     profile = edited(("gap_ms", 'write = "fc06"\ngap_ms'), text=OWN)
-    problem = only(refused(tmp_path, own(tmp_path, profile)), "registers.write")
+    problem = refusal(tmp_path, own(tmp_path, profile), "registers.write")
     assert problem.file == str(tmp_path / "mine.toml")
     assert problem.line == line_of(profile, 'write = "fc06"')
 

@@ -5,7 +5,16 @@ from pathlib import Path
 import pytest
 
 from gateway.config.summary import summary, summary_lines
-from tests.config.config_bench import GOOD, ONE_WAY, TWO_WAYS, edited, line_of, loaded, only, refused
+from tests.config.config_bench import (
+    GOOD,
+    ONE_WAY,
+    TWO_WAYS,
+    edited,
+    line_of,
+    loaded,
+    refusal,
+    refused,
+)
 
 SECOND = """
 [axis.y]
@@ -57,21 +66,19 @@ def test_axes_without_tables_may_form_a_group(tmp_path: Path) -> None:
 
 def test_an_axis_that_does_not_exist_is_refused(tmp_path: Path) -> None:
     text = edited(('["x", "y"]', '["x", "yy"]'), text=BOTH)
-    problem = only(refused(tmp_path, text, TABLES), "group.gantry.axes[2]")
-    assert problem.line == line_of(text, "axes =")
+    problem = refusal(tmp_path, text, "group.gantry.axes[2]", at="axes =", tables=TABLES)
     assert (problem.found, problem.remedy) == ("there is no [axis.yy]", "did you mean y?")
 
 
 def test_a_group_of_a_file_without_axes_is_refused(tmp_path: Path) -> None:
-    text = GOOD[: GOOD.index("[axis.x]")] + GROUP
-    problems = refused(tmp_path, text)
+    problems = refused(tmp_path, GOOD[: GOOD.index("[axis.x]")] + GROUP)
     assert [problem.key for problem in problems] == ["group.gantry.axes[1]", "group.gantry.axes[2]"]
     assert problems[0].remedy == "allowed: [axis.NAME]"
 
 
 def test_an_axis_that_is_wrong_elsewhere_is_no_problem_of_its_group(tmp_path: Path) -> None:
     text = edited(("counts_per_unit = 1000\n", ""), text=BOTH)
-    only(refused(tmp_path, text, TABLES), "axis.y.counts_per_unit")
+    refusal(tmp_path, text, "axis.y.counts_per_unit", tables=TABLES)
 
 
 def test_an_axis_is_in_one_group_only(tmp_path: Path) -> None:
@@ -84,12 +91,14 @@ def test_an_axis_is_in_one_group_only(tmp_path: Path) -> None:
 
 def test_an_axis_is_named_once(tmp_path: Path) -> None:
     text = edited(('["x", "y"]', '["x", "y", "x"]'), text=BOTH)
-    problem = only(refused(tmp_path, text, TABLES), "group.gantry.axes[3]")
+    problem = refusal(tmp_path, text, "group.gantry.axes[3]", tables=TABLES)
     assert (problem.found, problem.remedy) == ("x is listed twice", "name each axis once")
 
 
 def test_a_group_has_two_axes(tmp_path: Path) -> None:
-    problem = only(refused(tmp_path, edited(('["x", "y"]', '["x"]'), text=BOTH), TABLES), "group.gantry.axes")
+    problem = refusal(
+        tmp_path, edited(('["x", "y"]', '["x"]'), text=BOTH), "group.gantry.axes", tables=TABLES
+    )
     assert problem.remedy == "allowed: at least 2 of them"
 
 
@@ -107,7 +116,6 @@ def test_a_group_has_two_axes(tmp_path: Path) -> None:
 )
 def test_axes_of_a_group_are_alike(tmp_path: Path, old: str, new: str, found: str) -> None:
     text = edited((old, new), text=BOTH + ANOTHER_LINE)
-    problem = only(refused(tmp_path, text, TABLES), "group.gantry.axes")
-    assert problem.line == line_of(text, "axes =")
+    problem = refusal(tmp_path, text, "group.gantry.axes", at="axes =", tables=TABLES)
     assert problem.found == found
     assert problem.remedy.endswith("they are corrected together or not at all")

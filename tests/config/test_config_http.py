@@ -7,7 +7,15 @@ import pytest
 from gateway.config.load import load
 from gateway.config.problems import ConfigErrors, Problem
 from gateway.transport.endpoints import TcpEndpoint
-from tests.config.config_bench import GOOD, edited, line_of, loaded, only, refused, written
+from tests.config.config_bench import (
+    GOOD,
+    edited,
+    line_of,
+    loaded,
+    refusal,
+    refused,
+    written,
+)
 
 
 def listening(address: str) -> str:
@@ -32,7 +40,7 @@ def test_the_page_is_on_this_machine_or_off(tmp_path: Path, text: str, endpoint:
 
 @pytest.mark.parametrize("address", ["0.0.0.0:8480", "[::]:8480", "192.168.0.7:8480", "mill.local:8480"])
 def test_nobody_looks_from_elsewhere_without_saying_who_he_is(tmp_path: Path, address: str) -> None:
-    problem = only(refused(tmp_path, listening(address)), "http.listen")
+    problem = refusal(tmp_path, listening(address), "http.listen")
     assert problem.line == line_of(listening(address), "listen")
     assert problem.found == f"anyone who reaches {address} could read the status of the gateway"
     assert all(words in problem.remedy for words in ("tokens", "clients", "[http.tls]", "127.0.0.1"))
@@ -42,7 +50,7 @@ def test_nobody_looks_from_elsewhere_without_saying_who_he_is(tmp_path: Path, ad
     "address", ["8480", "127.0.0.1", "127.0.0.1:0", "127.0.0.1:65536", "::1:8480", "1.2.3:80"]
 )
 def test_what_is_no_address_is_refused(tmp_path: Path, address: str) -> None:
-    problem = only(refused(tmp_path, listening(address)), "http.listen")
+    problem = refusal(tmp_path, listening(address), "http.listen")
     assert problem.line == line_of(listening(address), "listen")
     assert problem.remedy.startswith("allowed: ") or "allowed: " in f"{problem.found} {problem.remedy}"
     assert '"" for none' in f"{problem.found} {problem.remedy}"
@@ -57,7 +65,7 @@ def test_a_controller_and_the_page_do_not_share_an_address(tmp_path: Path, addre
 
 
 def test_a_controller_at_the_address_that_the_page_has_by_itself(tmp_path: Path) -> None:
-    problem = only(refused(tmp_path, edited(("127.0.0.1:1502", "127.0.0.1:8480"))), "http.listen")
+    problem = refusal(tmp_path, edited(("127.0.0.1:1502", "127.0.0.1:8480")), "http.listen")
     assert problem.found == "127.0.0.1:8480 is already the listener of line.xyz.controllers[2].tcp"
 
 

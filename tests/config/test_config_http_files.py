@@ -8,7 +8,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from gateway.config.files import read_token
 from gateway.config.load import load
-from tests.config.config_bench import GOOD, loaded, only, refused, written
+from tests.config.config_bench import GOOD, loaded, refusal, written
 from tests.support.certificates import Shop, authority, signed_by
 
 TOKEN = "0123456789abcdefghijklmnopqrstuv"
@@ -92,7 +92,7 @@ def test_on_this_machine_tokens_need_no_tls(tmp_path: Path) -> None:
 
 def test_tokens_as_plain_text_over_a_network_are_refused(tmp_path: Path) -> None:
     token(tmp_path)
-    problem = only(refused(tmp_path, page(ONE)), "http.listen")
+    problem = refusal(tmp_path, page(ONE), "http.listen")
     assert problem.found == (
         "anyone who reads the network traffic of 0.0.0.0:8480 could copy and use the tokens"
     )
@@ -100,7 +100,7 @@ def test_tokens_as_plain_text_over_a_network_are_refused(tmp_path: Path) -> None
 
 
 def test_encrypted_for_everybody_is_refused(tmp_path: Path, certificates: Path) -> None:
-    problem = only(refused(tmp_path, page(tls(certificates))), "http.listen")
+    problem = refusal(tmp_path, page(tls(certificates)), "http.listen")
     assert problem.remedy.startswith("add tokens, or clients to [http.tls]")
 
 
@@ -122,7 +122,7 @@ def test_encrypted_for_everybody_is_refused(tmp_path: Path, certificates: Path) 
 def test_files_that_hold_no_token(tmp_path: Path, content: str | bytes | None, mode: int, said: str) -> None:
     if content is not None:
         token(tmp_path, content, mode=mode)
-    problem = only(refused(tmp_path, page(ONE, listen="127.0.0.1:8480")), "http.tokens[1].file")
+    problem = refusal(tmp_path, page(ONE, listen="127.0.0.1:8480"), "http.tokens[1].file")
     assert said in problem.found
     assert TOKEN[:31] not in str(problem)
     assert problem.remedy
@@ -137,11 +137,11 @@ def test_two_tokens_are_two(tmp_path: Path) -> None:
     token(tmp_path)
     token(tmp_path, name="b.token")
     two = 'tokens = [{ name = "people", file = "a.token" }, { name = "p", file = "b.token" }]'
-    problem = only(refused(tmp_path, page(two, listen="127.0.0.1:8480")), "http.tokens[2].file")
+    problem = refusal(tmp_path, page(two, listen="127.0.0.1:8480"), "http.tokens[2].file")
     assert problem.found == 'the same token as that of "people"'
     token(tmp_path, OTHER, "b.token")
     named = two.replace('"p"', '"people"')
-    problem = only(refused(tmp_path, page(named, listen="127.0.0.1:8480")), "http.tokens[2].name")
+    problem = refusal(tmp_path, page(named, listen="127.0.0.1:8480"), "http.tokens[2].name")
     assert problem.found == 'a second token "people"'
     loaded(tmp_path, page(two, listen="127.0.0.1:8480"))
 
@@ -167,7 +167,7 @@ def test_certificates_that_cannot_be_used(
     tmp_path: Path, certificates: Path, files: dict[str, str], key: str, said: str
 ) -> None:
     token(tmp_path)
-    problem = only(refused(tmp_path, page(ONE, tls(certificates, **files))), f"http.tls.{key}")
+    problem = refusal(tmp_path, page(ONE, tls(certificates, **files)), f"http.tls.{key}")
     assert said in problem.found
     assert problem.remedy
 
@@ -176,7 +176,7 @@ def test_a_credential_that_was_handed_over_and_cannot_be_opened_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("CREDENTIALS_DIRECTORY", f"/{'a' * 300}")
-    problem = only(refused(tmp_path, page(CREDENTIAL, listen="127.0.0.1:8480")), "http.tokens[1].file")
+    problem = refusal(tmp_path, page(CREDENTIAL, listen="127.0.0.1:8480"), "http.tokens[1].file")
     assert "File name too long" in problem.found
 
 
@@ -209,7 +209,7 @@ def test_a_name_that_no_credential_can_have_is_refused_wherever_it_is_looked_at(
     if handed_over:
         monkeypatch.setenv("CREDENTIALS_DIRECTORY", str(tmp_path))
     text = page(CREDENTIAL.replace("page.token", name), listen="127.0.0.1:8480")
-    problem = only(refused(tmp_path, text), "http.tokens[1].file")
+    problem = refusal(tmp_path, text, "http.tokens[1].file")
     assert problem.found == f"credential:{name} is no name of a credential"
 
 
@@ -219,7 +219,7 @@ def test_a_credential_that_was_handed_over_is_looked_at(
     monkeypatch.setenv("CREDENTIALS_DIRECTORY", str(tmp_path))
     token(tmp_path, "short", "page.token")
     text = page(CREDENTIAL, listen="127.0.0.1:8480")
-    assert "32 random characters" in only(refused(tmp_path, text), "http.tokens[1].file").found
+    assert "32 random characters" in refusal(tmp_path, text, "http.tokens[1].file").found
     token(tmp_path, name="page.token", mode=0o440)
     assert loaded(tmp_path, text).warnings == ()
 

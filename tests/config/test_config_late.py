@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gateway.exchange.plan import AxisPlan, Late, LineTiming
-from tests.config.config_bench import GOOD, edited, line_of, loaded, only, refused
+from tests.config.config_bench import GOOD, edited, line_of, loaded, refusal
 
 SPEED = "max_speed = 200.0"
 
@@ -55,28 +55,24 @@ def test_what_happens_to_a_late_target_goes_by_the_setpoints(
     ],
 )
 def test_times_of_an_axis_that_cannot_be(tmp_path: Path, key: str, allowed: str) -> None:
-    text = edited((SPEED, key))
-    problem = only(refused(tmp_path, text), f"axis.x.{key.split(maxsplit=1)[0]}")
-    assert problem.line == line_of(text, key)
+    problem = refusal(tmp_path, edited((SPEED, key)), f"axis.x.{key.split(maxsplit=1)[0]}", at=key)
     assert problem.remedy == allowed
 
 
 def test_late_is_one_of_two_words(tmp_path: Path) -> None:
-    text = edited((SPEED, 'deadline_ms = 5\nlate = "drop"'))
-    problem = only(refused(tmp_path, text), "axis.x.late")
+    problem = refusal(tmp_path, edited((SPEED, 'deadline_ms = 5\nlate = "drop"')), "axis.x.late")
     assert (problem.found, problem.remedy) == ('found "drop"', 'allowed: "forward" or "reject"')
 
 
 def test_late_needs_a_deadline(tmp_path: Path) -> None:
     text = edited((SPEED, 'late = "reject"'))
-    problem = only(refused(tmp_path, text), "axis.x.late")
+    problem = refusal(tmp_path, text, "axis.x.late")
     assert (problem.line, problem.found) == (line_of(text, "late ="), 'late = "reject" without deadline_ms')
     assert "give deadline_ms" in problem.remedy
 
 
 def test_a_deadline_that_is_wrong_is_one_problem(tmp_path: Path) -> None:
-    text = edited((SPEED, 'late = "reject"\ndeadline_ms = -1'))
-    only(refused(tmp_path, text), "axis.x.deadline_ms")
+    refusal(tmp_path, edited((SPEED, 'late = "reject"\ndeadline_ms = -1')), "axis.x.deadline_ms")
 
 
 def test_how_long_a_monitor_waits(tmp_path: Path) -> None:
@@ -97,9 +93,7 @@ def test_how_long_a_monitor_waits(tmp_path: Path) -> None:
 )
 def test_times_of_a_line_that_cannot_be(tmp_path: Path, key: str, allowed: str) -> None:
     text = edited(("[line.xyz]", f"[line.xyz]\n{key}"))
-    problem = only(refused(tmp_path, text), f"line.xyz.{key.split(maxsplit=1)[0]}")
-    assert problem.line == line_of(text, key)
-    assert problem.remedy == allowed
+    assert refusal(tmp_path, text, f"line.xyz.{key.split(maxsplit=1)[0]}", at=key).remedy == allowed
 
 
 @pytest.mark.parametrize(("timeout_ms", "warned"), [(199.0, True), (200.0, True), (201.0, False)])

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gateway.exchange.plan import Role
-from tests.config.config_bench import GOOD, edited, line_of, loaded, only, refused
+from tests.config.config_bench import GOOD, edited, line_of, loaded, refusal, warning_of
 
 STOP = "stop = [3]"
 STAGED = f"trigger = [{{ address = 2, start = [1], {STOP} }}]\nstaged = true\n"
@@ -35,9 +35,7 @@ def test_everything_about_motion_reaches_the_plan(tmp_path: Path) -> None:
 
 
 def test_words_that_would_move_the_axis_one_by_one_are_refused(tmp_path: Path) -> None:
-    text = GOOD + 'write = "fc06"\n'
-    problem = only(refused(tmp_path, text), "axis.x.registers.write")
-    assert problem.line == line_of(text, "write")
+    problem = refusal(tmp_path, GOOD + 'write = "fc06"\n', "axis.x.registers.write", at="write")
     assert problem.found == 'write = "fc06", a command of 2 registers (int32) and staged = false'
     assert "the first word alone would move the axis" in problem.remedy
     assert "staged = true" in problem.remedy
@@ -46,8 +44,7 @@ def test_words_that_would_move_the_axis_one_by_one_are_refused(tmp_path: Path) -
 def test_words_that_a_drive_would_follow_one_by_one_are_refused(tmp_path: Path) -> None:
     follows = f"trigger = [{{ address = 2, start = [1], follow = [7], {STOP} }}]\nstaged = true\n"
     text = GOOD + 'write = "fc06"\n' + follows
-    problem = only(refused(tmp_path, text), "axis.x.registers.trigger[1].follow")
-    assert problem.line == line_of(text, "trigger")
+    problem = refusal(tmp_path, text, "axis.x.registers.trigger[1].follow", at="trigger")
     assert "each word alone would move the axis" in problem.remedy
 
 
@@ -87,9 +84,7 @@ def test_words_may_be_written_one_by_one_where_a_trigger_or_one_word_is_all(
 def test_distances_from_a_place_that_nothing_tells_are_warned_of(
     tmp_path: Path, text: str, lack: str
 ) -> None:
-    [warning] = loaded(tmp_path, text).warnings
-    assert warning.key == "axis.x.registers.mode.relative_to_commanded"
-    assert warning.line == line_of(text, "mode =")
+    warning = warning_of(tmp_path, text, "axis.x.registers.mode.relative_to_commanded", at="mode =")
     assert lack in warning.found
     assert "refused until an absolute move is accepted" in warning.remedy
 
@@ -128,8 +123,7 @@ def test_distances_that_start_at_a_known_place_or_pass_anyway_are_not(tmp_path: 
 )
 def test_distances_from_a_measured_position_need_one(tmp_path: Path, text: str, key: str) -> None:
     text = edited(WITHOUT_ACTUAL) + text
-    problem = only(refused(tmp_path, text), f"axis.x.registers.{key}")
-    assert problem.line == line_of(text, text.splitlines()[-1])
+    problem = refusal(tmp_path, text, f"axis.x.registers.{key}", at=text.splitlines()[-1])
     assert "registers.actual is not mapped" in problem.found
     assert "map actual" in problem.remedy
 
@@ -139,8 +133,7 @@ def test_distances_from_a_measured_position_need_one(tmp_path: Path, text: str, 
 
 def test_staged_targets_that_may_not_be_written_anew_are_warned_of(tmp_path: Path) -> None:
     text = edited(NEVER, ABSOLUTE) + STAGED
-    [warning] = loaded(tmp_path, text).warnings
-    assert (warning.key, warning.line) == ("axis.x.added_frames", line_of(text, "added_frames"))
+    warning = warning_of(tmp_path, text, "axis.x.added_frames", at="added_frames")
     assert "if the correction has changed since its target was written" in warning.remedy
     assert loaded(tmp_path, edited(NEVER, ABSOLUTE, WITHOUT_TABLE) + STAGED).warnings == ()
 
@@ -148,8 +141,7 @@ def test_staged_targets_that_may_not_be_written_anew_are_warned_of(tmp_path: Pat
 def test_a_stream_that_needs_a_trigger_for_each_setpoint_is_warned_of(tmp_path: Path) -> None:
     stream = edited(("max_speed = 200.0", 'setpoints = "stream"'))
     text = stream + STAGED
-    [warning] = loaded(tmp_path, text).warnings
-    assert (warning.key, warning.line) == ("axis.x.setpoints", line_of(text, "setpoints"))
+    warning = warning_of(tmp_path, text, "axis.x.setpoints", at="setpoints")
     assert "every setpoint needs its own trigger" in warning.remedy
     assert loaded(tmp_path, stream + STAGED.replace("start =", "follow =")).warnings == ()
     assert loaded(tmp_path, stream).warnings == ()
@@ -169,8 +161,7 @@ def test_a_done_bit_that_says_nothing_of_arrival_is_warned_of(tmp_path: Path) ->
 
 def test_triggers_without_a_stop_are_warned_of(tmp_path: Path) -> None:
     text = GOOD + "trigger = [{ address = 2, start = [1] }]\n"
-    [warning] = loaded(tmp_path, text).warnings
-    assert (warning.key, warning.line) == ("axis.x.registers.trigger", line_of(text, "trigger"))
+    warning = warning_of(tmp_path, text, "axis.x.registers.trigger", at="trigger")
     assert warning.found == "no value is listed that stops the axis"
     assert "cannot go before other requests" in warning.remedy
 
@@ -203,9 +194,7 @@ def test_an_operator_may_read_and_stop(tmp_path: Path) -> None:
 
 def test_an_operator_that_can_only_read_is_warned_of(tmp_path: Path) -> None:
     text = edited(('"monitor"', '"operator"'))
-    [warning] = loaded(tmp_path, text).warnings
-    assert warning.key == "line.xyz.controllers[2].role"
-    assert warning.line == line_of(text, '"operator"')
+    warning = warning_of(tmp_path, text, "line.xyz.controllers[2].role", at='"operator"')
     assert "the registers of no axis of this line list a stop" in warning.found
     assert warning.remedy.startswith("it may only read here")
 

@@ -10,7 +10,7 @@ import pytest
 from gateway.config.load import load, reread_tables
 from gateway.config.mqtt_model import MqttSection, MqttVersion, TlsSection
 from gateway.supervisor.mqtt.settings import settings_of
-from tests.config.config_bench import GOOD, line_of, loaded, only, refused, written
+from tests.config.config_bench import GOOD, loaded, refusal, warning_of, written
 from tests.support.certificates import Shop, authority, signed_by
 
 REFERENCE = (Path(__file__).parents[2] / "docs" / "configuration.md").read_text()
@@ -55,9 +55,7 @@ def test_topics_that_mqtt_allows(tmp_path: Path, base: str) -> None:
 def test_topics_that_nobody_could_publish_to(tmp_path: Path, base: str, key: str) -> None:
     if (key, base) == ("discovery", ""):
         return  # that is how it is switched off
-    config = with_mqtt(f'{key} = "{base}"')
-    problem = only(refused(tmp_path, config), f"mqtt.{key}")
-    assert problem.line == line_of(config, f"{key} = ")
+    problem = refusal(tmp_path, with_mqtt(f'{key} = "{base}"'), f"mqtt.{key}", at=f"{key} = ")
     assert problem.remedy.startswith(
         'allowed: levels between slashes, as in "plant/hall-2"; no + # or control'
     )
@@ -80,15 +78,14 @@ def test_topics_that_nobody_could_publish_to(tmp_path: Path, base: str, key: str
     ],
 )
 def test_values_that_are_refused(tmp_path: Path, text: str, key: str, said: str) -> None:
-    assert said in only(refused(tmp_path, with_mqtt(text)), f"mqtt.{key}").remedy
+    assert said in refusal(tmp_path, with_mqtt(text), f"mqtt.{key}").remedy
 
 
 def test_a_password_is_read_from_its_file_and_shown_nowhere(tmp_path: Path) -> None:
     path = tmp_path / "mqtt.password"
     path.write_text("  with spaces \r\n")
     path.chmod(0o600)
-    text = 'username = "mill"\npassword_file = "mqtt.password"'
-    result = loaded(tmp_path, with_mqtt(text))
+    result = loaded(tmp_path, with_mqtt('username = "mill"\npassword_file = "mqtt.password"'))
     assert result.warnings == ()
     assert result.sections.mqtt is not None
     settings = settings_of(result.sections.mqtt, "mill-1", tmp_path)
@@ -111,20 +108,20 @@ def test_password_files_that_hold_no_password(tmp_path: Path, content: bytes | N
     if content is not None:
         (tmp_path / "pw").write_bytes(content)
         (tmp_path / "pw").chmod(0o600)
-    problem = only(refused(tmp_path, with_mqtt('username = "m"\npassword_file = "pw"')), "mqtt.password_file")
+    problem = refusal(tmp_path, with_mqtt('username = "m"\npassword_file = "pw"'), "mqtt.password_file")
     assert said in problem.found
 
 
 def test_a_password_without_a_name(tmp_path: Path) -> None:
     (tmp_path / "pw").write_text("x")
-    problem = only(refused(tmp_path, with_mqtt('password_file = "pw"')), "mqtt.password_file")
+    problem = refusal(tmp_path, with_mqtt('password_file = "pw"'), "mqtt.password_file")
     assert problem.found == "without username"
 
 
 def test_a_password_that_every_user_can_read_is_refused(tmp_path: Path) -> None:
     (tmp_path / "pw").write_text("x")
     (tmp_path / "pw").chmod(0o644)
-    problem = only(refused(tmp_path, with_mqtt('username = "m"\npassword_file = "pw"')), "mqtt.password_file")
+    problem = refusal(tmp_path, with_mqtt('username = "m"\npassword_file = "pw"'), "mqtt.password_file")
     assert problem.found == f"{tmp_path / 'pw'}: every user of this machine may read it (mode 0644)"
     assert problem.remedy == f"chmod o-r {tmp_path / 'pw'}"
 
@@ -175,8 +172,7 @@ def test_certificates_that_belong_together(tmp_path: Path, certificates: Path) -
 def test_a_certificate_that_ended_is_warned_of(tmp_path: Path) -> None:
     Shop(tmp_path).leaf("mill", ended=timedelta(days=3))
     section = tls(tmp_path, cert="mill.pem", key="mill.key")
-    [warning] = loaded(tmp_path, with_mqtt(section)).warnings
-    assert warning.key == "mqtt.tls.cert"
+    warning = warning_of(tmp_path, with_mqtt(section), "mqtt.tls.cert")
     assert warning.found.startswith("CN=mill expired on ")
 
 
@@ -202,8 +198,7 @@ def test_a_certificate_that_ended_is_warned_of(tmp_path: Path) -> None:
 def test_certificates_that_cannot_be_used(
     tmp_path: Path, certificates: Path, files: dict[str, str], key: str, said: str
 ) -> None:
-    problem = only(refused(tmp_path, with_mqtt(tls(certificates, **files))), f"mqtt.tls.{key}")
-    assert said in problem.found
+    assert said in refusal(tmp_path, with_mqtt(tls(certificates, **files)), f"mqtt.tls.{key}").found
 
 
 def rows() -> dict[str, list[str]]:

@@ -232,8 +232,7 @@ def test_how_the_drives_are_connected_to_reaches_the_plan(tmp_path: Path) -> Non
 
 def test_cut_through_is_off_unless_it_is_asked_for(tmp_path: Path) -> None:
     assert only_line(tmp_path, GOOD).cut_through is False
-    text = edited(("[line.xyz]", "[line.xyz]\ncut_through = true"))
-    assert only_line(tmp_path, text).cut_through is True
+    assert only_line(tmp_path, edited(("[line.xyz]", "[line.xyz]\ncut_through = true"))).cut_through is True
 
 
 def test_what_a_drive_takes_to_answer_reaches_the_plan(tmp_path: Path) -> None:
@@ -257,8 +256,7 @@ def test_who_may_connect(tmp_path: Path) -> None:
 
 
 def test_a_line_without_axes_is_a_plain_gateway(tmp_path: Path) -> None:
-    text = GOOD[: GOOD.index("[axis.x]")]
-    assert only_line(tmp_path, text).axes == ()
+    assert only_line(tmp_path, GOOD[: GOOD.index("[axis.x]")]).axes == ()
 
 
 def test_folders_are_relative_to_the_file(tmp_path: Path) -> None:

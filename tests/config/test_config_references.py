@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gateway.exchange.plan import Reference
-from tests.config.config_bench import GOOD, edited, line_of, loaded, only, refused
+from tests.config.config_bench import GOOD, edited, loaded, refusal, refused
 
 HOME = "trigger = [{ address = 2, start = [1], home = [2], stop = [3] }]\n"
 ZERO = "trigger = [{ address = 2, start = [1], set_position = [2], stop = [3] }]\n"
@@ -38,9 +38,7 @@ def test_homing_needs_something_that_homes_and_a_bit_that_ends_it(tmp_path: Path
 
 
 def test_homing_without_a_value_that_homes_is_refused(tmp_path: Path) -> None:
-    text = referenced("homing")
-    problem = only(refused(tmp_path, text), "axis.x.referenced")
-    assert problem.line == line_of(text, "referenced")
+    problem = refusal(tmp_path, referenced("homing"), "axis.x.referenced", at="referenced")
     assert problem.found == 'referenced = "homing" and no value of registers.mode or registers.trigger homes'
     assert problem.remedy == (
         "list the value that homes the axis under home; with these registers it may be "
@@ -49,7 +47,7 @@ def test_homing_without_a_value_that_homes_is_refused(tmp_path: Path) -> None:
 
 
 def test_homing_without_a_bit_that_ends_it_is_refused(tmp_path: Path) -> None:
-    problem = only(refused(tmp_path, referenced("homing", *WITHOUT_BITS) + HOME), "axis.x.referenced")
+    problem = refusal(tmp_path, referenced("homing", *WITHOUT_BITS) + HOME, "axis.x.referenced")
     assert problem.found == 'referenced = "homing" without registers.bits.homed or registers.bits.done'
     assert "homing has ended" in problem.remedy
 
@@ -71,8 +69,7 @@ def test_a_position_is_set_by_a_trigger_or_by_writing_an_actual(tmp_path: Path, 
 
 def test_set_position_where_nothing_sets_one_is_refused(tmp_path: Path) -> None:
     text = referenced("set-position") + HOME
-    problem = only(refused(tmp_path, text), "axis.x.referenced")
-    assert problem.line == line_of(text, "referenced")
+    problem = refusal(tmp_path, text, "axis.x.referenced", at="referenced")
     assert problem.found == 'referenced = "set-position" and nothing in registers sets a position'
     assert problem.remedy == (
         "list the value that does under set_position of a trigger, or mark an actual with set_position; "

@@ -4,7 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from tests.config.config_bench import GOOD, edited, line_of, only, refused
+from tests.config.config_bench import GOOD, edited, line_of, refusal, refused
+
+SPEED = "max_speed = 200.0"
+LISTENER = 'tcp = "127.0.0.1:1502"'
+COMMAND = 'command = [{ address = 0x0606, type = "int32", words = "low-first" }]'
+HMI = "line.xyz.controllers[2]"
+REGISTERS = "axis.x.registers"
 
 WRONG = [
     # old text, new text, key, what must be said
@@ -23,29 +29,14 @@ WRONG = [
         "line.xyz.controllers[1].tcp",
         ["HOST:PORT", "[::1]"],
     ),
-    (
-        'tcp = "127.0.0.1:1502"',
-        'tcp = "127.0.0.1:0"',
-        "line.xyz.controllers[2].tcp",
-        ["port from 1 to 65535"],
-    ),
-    (
-        'tcp = "127.0.0.1:1502"',
-        'tcp = "127.0.0.256:1"',
-        "line.xyz.controllers[2].tcp",
-        ["not an IPv4 address"],
-    ),
-    ('tcp = "127.0.0.1:1502"', 'tcp = "[::g]:1"', "line.xyz.controllers[2].tcp", ["not an IPv6 address"]),
-    ('role = "monitor"', 'role = "boss"', "line.xyz.controllers[2].role", ['"motion"', '"monitor"']),
-    ('role = "monitor"', "timeout_ms = 0", "line.xyz.controllers[2].timeout_ms", ["greater than 0"]),
-    ('role = "monitor"', "timeout_ms = inf", "line.xyz.controllers[2].timeout_ms", ["finite number"]),
-    (
-        'role = "monitor"',
-        'allow = ["10.0.0.1/8"]',
-        "line.xyz.controllers[2].allow[1]",
-        ['found "10.0.0.1/8"', "10.0.0.0/8"],
-    ),
-    ('role = "monitor"', 'allow = ["pc"]', "line.xyz.controllers[2].allow[1]", ["a network or address"]),
+    (LISTENER, 'tcp = "127.0.0.1:0"', f"{HMI}.tcp", ["port from 1 to 65535"]),
+    (LISTENER, 'tcp = "127.0.0.256:1"', f"{HMI}.tcp", ["not an IPv4 address"]),
+    (LISTENER, 'tcp = "[::g]:1"', f"{HMI}.tcp", ["not an IPv6 address"]),
+    ('role = "monitor"', 'role = "boss"', f"{HMI}.role", ['"motion"', '"monitor"']),
+    ('role = "monitor"', "timeout_ms = 0", f"{HMI}.timeout_ms", ["greater than 0"]),
+    ('role = "monitor"', "timeout_ms = inf", f"{HMI}.timeout_ms", ["finite number"]),
+    ('role = "monitor"', 'allow = ["10.0.0.1/8"]', f"{HMI}.allow[1]", ['found "10.0.0.1/8"', "10.0.0.0/8"]),
+    ('role = "monitor"', 'allow = ["pc"]', f"{HMI}.allow[1]", ["a network or address"]),
     ("unit_id = 1", "unit_id = 256", "axis.x.unit_id", ["found 256", "at least 0, at most 255"]),
     ("unit_id = 1", "unit_id = true", "axis.x.unit_id", ["found true", "a whole number"]),
     ('units = "mm"', 'units = "metre"', "axis.x.units", ['found "metre"', '"mm", "inch" or "degree"']),
@@ -56,57 +47,37 @@ WRONG = [
     ("travel = [-300.0, 0.0]", "travel = [0.0]", "axis.x.travel", ["found [0.0]", "a list of 2"]),
     ("travel = [-300.0, 0.0]", "travel = [0.0, 1, 2]", "axis.x.travel", ["2 of them"]),
     ("travel = [-300.0, 0.0]", "travel = 300", "axis.x.travel", ["found 300", "a list in [ ]"]),
-    ("max_speed = 200.0", "max_speed = -1", "axis.x.max_speed", ["found -1", "at least 0"]),
-    ("max_speed = 200.0", "gain = 1.5", "axis.x.gain", ["found 1.5", "from 0 to 1"]),
-    ("max_speed = 200.0", "gain = { forward = 1 }", "axis.x.gain", ["found { forward = 1 }", "backward"]),
-    ("max_speed = 200.0", "gain = { forward = 1, backward = 2 }", "axis.x.gain", ["0..1"]),
-    ("max_speed = 200.0", 'outside = "clamp"', "axis.x.outside", ['found "clamp"', '"hold"', "fade"]),
-    ("max_speed = 200.0", "outside = { fade = 0 }", "axis.x.outside", ["above 0"]),
-    ("max_speed = 200.0", 'reversal = "slow"', "axis.x.reversal", ['"step"', "time_ms"]),
-    ("max_speed = 200.0", "reversal = { cycles = 1.5 }", "axis.x.reversal", ["WHOLE NUMBER"]),
-    ("max_speed = 200.0", "hysteresis = -0.1", "axis.x.hysteresis", ["at least 0"]),
-    ("max_speed = 200.0", "max_slope = 1.0", "axis.x.max_slope", ["greater than 0, less than 1"]),
-    (
-        "max_speed = 200.0",
-        "reload = { distance = 1, distanc = 1 }",
-        "axis.x.reload.distanc",
-        ["did you mean distance?"],
-    ),
-    ("max_speed = 200.0", 'home_approach = "up"', "axis.x.home_approach", ['"forward"', '"backward"']),
+    (SPEED, "max_speed = -1", "axis.x.max_speed", ["found -1", "at least 0"]),
+    (SPEED, "gain = 1.5", "axis.x.gain", ["found 1.5", "from 0 to 1"]),
+    (SPEED, "gain = { forward = 1 }", "axis.x.gain", ["found { forward = 1 }", "backward"]),
+    (SPEED, "gain = { forward = 1, backward = 2 }", "axis.x.gain", ["0..1"]),
+    (SPEED, 'outside = "clamp"', "axis.x.outside", ['found "clamp"', '"hold"', "fade"]),
+    (SPEED, "outside = { fade = 0 }", "axis.x.outside", ["above 0"]),
+    (SPEED, 'reversal = "slow"', "axis.x.reversal", ['"step"', "time_ms"]),
+    (SPEED, "reversal = { cycles = 1.5 }", "axis.x.reversal", ["WHOLE NUMBER"]),
+    (SPEED, "hysteresis = -0.1", "axis.x.hysteresis", ["at least 0"]),
+    (SPEED, "max_slope = 1.0", "axis.x.max_slope", ["greater than 0, less than 1"]),
+    (SPEED, "reload = { distance = 1, distanc = 1 }", "axis.x.reload.distanc", ["did you mean distance?"]),
+    (SPEED, 'home_approach = "up"', "axis.x.home_approach", ['"forward"', '"backward"']),
     ('compensation = "on"', 'compensation = "yes"', "axis.x.compensation", ['"on", "shadow" or "off"']),
-    (
-        "max_speed = 200.0",
-        'backlash = { width = 0, kind = "two-sided" }',
-        "axis.x.backlash.width",
-        ["greater than 0"],
-    ),
-    ("max_speed = 200.0", "max_sped = 200.0", "axis.x.max_sped", ["unknown key", "did you mean max_speed?"]),
-    ("address = 0x0606", "address = 65536", "axis.x.registers.command[1].address", ["at most 65535"]),
-    ("address = 0x0606", 'address = "0x0606"', "axis.x.registers.command[1].address", ["a whole number"]),
-    ("address = 0x0606", "address = 0xFFFF", "axis.x.registers.command[1]", ["0x10000", "0xffff"]),
+    (SPEED, 'backlash = { width = 0, kind = "two-sided" }', "axis.x.backlash.width", ["greater than 0"]),
+    (SPEED, "max_sped = 200.0", "axis.x.max_sped", ["unknown key", "did you mean max_speed?"]),
+    ("address = 0x0606", "address = 65536", f"{REGISTERS}.command[1].address", ["at most 65535"]),
+    ("address = 0x0606", 'address = "0x0606"', f"{REGISTERS}.command[1].address", ["a whole number"]),
+    ("address = 0x0606", "address = 0xFFFF", f"{REGISTERS}.command[1]", ["0x10000", "0xffff"]),
     ("bit = 6", "bit = 16", "axis.x.registers.bits.homed.bit", ["found 16", "at most 15"]),
     (
-        'command = [{ address = 0x0606, type = "int32",',
-        'command = [{ address = 0x0606, type = "dint",',
-        "axis.x.registers.command[1].type",
+        '0x0606, type = "int32"',
+        '0x0606, type = "dint"',
+        f"{REGISTERS}.command[1].type",
         ['found "dint"', '"int32"', '"float32"'],
     ),
+    (COMMAND, "command = []", f"{REGISTERS}.command", ["found []", "at least 1"]),
+    (COMMAND, 'command = { address = 0x0606, type = "int32" }', f"{REGISTERS}.command", ["a list in [ ]"]),
     (
-        'command = [{ address = 0x0606, type = "int32", words = "low-first" }]',
-        "command = []",
-        "axis.x.registers.command",
-        ["found []", "at least 1"],
-    ),
-    (
-        'command = [{ address = 0x0606, type = "int32", words = "low-first" }]',
-        'command = { address = 0x0606, type = "int32" }',
-        "axis.x.registers.command",
-        ["a list in [ ]"],
-    ),
-    (
-        'actual = [{ address = 0x0520, type = "int32", words = "low-first" }]',
-        'actual = [{ address = 0x0520, type = "int32", scale = 0 }]',
-        "axis.x.registers.actual[1].scale",
+        '0x0520, type = "int32"',
+        '0x0520, type = "int32", scale = 0',
+        f"{REGISTERS}.actual[1].scale",
         ["found 0", "greater than 0"],
     ),
 ]
@@ -117,7 +88,7 @@ def test_a_wrong_value_is_named_with_line_and_key(
     tmp_path: Path, old: str, new: str, key: str, said: list[str]
 ) -> None:
     text = edited((old, new))
-    problem = only(refused(tmp_path, text), key)
+    problem = refusal(tmp_path, text, key)
     assert problem.file == str(tmp_path / "gateway.toml")
     assert problem.line == line_of(text, new)
     assert str(problem).startswith(f"{problem.file}:{problem.line}: {key}: ")
@@ -132,11 +103,7 @@ MISSING = [
     ("counts_per_unit = 1000.0\n", "axis.x.counts_per_unit", "[axis.x]"),
     ('referenced = "drive-bit"\n', "axis.x.referenced", "[axis.x]"),
     ('name = "cnc"\n', "line.xyz.controllers[1].name", "[[line.xyz.controllers]]"),
-    (
-        'command = [{ address = 0x0606, type = "int32", words = "low-first" }]\n',
-        "axis.x.registers.command",
-        "[axis.x.reg",
-    ),
+    (f"{COMMAND}\n", f"{REGISTERS}.command", "[axis.x.reg"),
     (
         'drives = { rtu = "/dev/serial/by-id/usb-B", baudrate = 115200, parity = "even" }\n',
         "line.xyz.drives",
@@ -149,9 +116,7 @@ MISSING = [
 def test_a_missing_key_is_named_at_its_table_with_what_it_is_for(
     tmp_path: Path, old: str, key: str, table: str
 ) -> None:
-    text = edited((old, ""))
-    problem = only(refused(tmp_path, text), key)
-    assert problem.line == line_of(text, table)
+    problem = refusal(tmp_path, edited((old, "")), key, at=table)
     assert problem.found == "missing"
     assert problem.remedy.startswith("needed: ")
     assert len(problem.remedy) > len("needed: ")
@@ -159,32 +124,28 @@ def test_a_missing_key_is_named_at_its_table_with_what_it_is_for(
 
 def test_exactly_one_way_to_the_drives_is_allowed(tmp_path: Path) -> None:
     text = edited(('parity = "even"', 'tcp = "127.0.0.1:502"'))
-    problem = only(refused(tmp_path, text), "line.xyz.drives")
-    assert problem.line == line_of(text, "drives")
+    problem = refusal(tmp_path, text, "line.xyz.drives", at="drives")
     assert problem.remedy == "allowed: exactly one of rtu, tcp, rtu_over_tcp"
 
 
 def test_serial_settings_beside_tcp_are_refused(tmp_path: Path) -> None:
-    text = edited(('role = "monitor"', "baudrate = 9600"))
-    problem = only(refused(tmp_path, text), "line.xyz.controllers[2]")
+    problem = refusal(tmp_path, edited(('role = "monitor"', "baudrate = 9600")), "line.xyz.controllers[2]")
     assert "baudrate belong to a serial port (rtu): leave out beside tcp" in problem.remedy
 
 
 def test_allow_beside_rtu_is_refused(tmp_path: Path) -> None:
     text = edited(("baudrate = 38400", 'allow = ["10.0.0.0/8"]'))
-    assert "allow belongs to tcp" in only(refused(tmp_path, text), "line.xyz.controllers[1]").remedy
+    assert "allow belongs to tcp" in refusal(tmp_path, text, "line.xyz.controllers[1]").remedy
 
 
 def test_an_unknown_section_gets_a_suggestion(tmp_path: Path) -> None:
     text = GOOD + "\n[lines.b]\n"
-    problem = only(refused(tmp_path, text), "lines")
+    problem = refusal(tmp_path, text, "lines")
     assert (problem.line, problem.remedy) == (line_of(text, "[lines.b]"), "did you mean line?")
 
 
 def test_a_section_that_is_no_table_is_refused(tmp_path: Path) -> None:
-    problem = only(
-        refused(tmp_path, "gateway = 3\n" + edited(('[gateway]\nname = "mill-1"\n', ""))), "gateway"
-    )
+    problem = refusal(tmp_path, "gateway = 3\n" + edited(('[gateway]\nname = "mill-1"\n', "")), "gateway")
     assert (problem.line, problem.remedy) == (1, "allowed: a table [gateway]")
 
 
@@ -195,13 +156,11 @@ def test_lines_and_axes_are_tables_with_names(tmp_path: Path, kind: str) -> None
 
 
 def test_a_name_that_cannot_be_a_topic_or_a_file_is_refused(tmp_path: Path) -> None:
-    text = GOOD.replace("[axis.x", '[axis."a/b"')
-    problem = only(refused(tmp_path, text), 'axis."a/b"')
-    assert problem.line == line_of(text, '[axis."a/b"]')
+    refusal(tmp_path, GOOD.replace("[axis.x", '[axis."a/b"'), 'axis."a/b"', at='[axis."a/b"]')
 
 
 def test_at_least_one_line_is_needed(tmp_path: Path) -> None:
-    assert "at least one [line.NAME]" in only(refused(tmp_path, ""), "line").remedy
+    assert "at least one [line.NAME]" in refusal(tmp_path, "", "line").remedy
 
 
 def test_two_ways_at_once_are_reported_beside_the_other_faults_of_their_table(tmp_path: Path) -> None:
@@ -220,7 +179,7 @@ def test_two_ways_at_once_are_reported_beside_the_other_faults_of_their_table(tm
 
 def test_two_ways_at_once_are_one_problem_where_nothing_else_is_wrong(tmp_path: Path) -> None:
     text = edited(("baudrate = 38400", 'tcp = "127.0.0.1:1504"'))
-    problem = only(refused(tmp_path, text), "line.xyz.controllers[1]")
+    problem = refusal(tmp_path, text, "line.xyz.controllers[1]")
     assert problem.remedy == "allowed: exactly one of rtu, tcp, rtu_over_tcp"
 
 
@@ -261,7 +220,5 @@ def test_everything_is_said_at_once(tmp_path: Path) -> None:
     ],
 )
 def test_scheduling_that_cannot_be(tmp_path: Path, text: str, key: str, said: list[str]) -> None:
-    config = f"{GOOD}\n[relay]\n{text}\n"
-    problem = only(refused(tmp_path, config), key)
-    assert problem.line == line_of(config, text)
+    problem = refusal(tmp_path, f"{GOOD}\n[relay]\n{text}\n", key, at=text)
     assert all(words in f"{problem.found}; {problem.remedy}" for words in said)

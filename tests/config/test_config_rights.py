@@ -11,7 +11,7 @@ from gateway.exchange.rights import UNLIMITED, RegisterSpan, Rights
 from gateway.state.plan import ControllerLink, read_plan, write_plan
 from gateway.transport.endpoints import TcpEndpoint
 from gateway.transport.limits import ConnectionLimits
-from tests.config.config_bench import edited, line_of, loaded, only, refused
+from tests.config.config_bench import edited, line_of, loaded, refusal, refused
 
 CNC = 'rtu = "/dev/serial/by-id/usb-A"\nbaudrate = 38400'
 HMI = 'tcp = "127.0.0.1:1502"\nrole = "monitor"'
@@ -79,9 +79,7 @@ def test_how_many_controllers_may_move_an_axis(tmp_path: Path) -> None:
     assert (axis.has_one_writer, axis.writer_hold_s) == (True, 5.0)
     [axis] = loaded(tmp_path, edited((speed, 'writers = "any"\nwriter_hold_s = 0.5'))).plan.lines[0].axes
     assert (axis.has_one_writer, axis.writer_hold_s) == (False, 0.5)
-    text = edited((speed, 'writers = "two"'))
-    problem = only(refused(tmp_path, text), "axis.x.writers")
-    assert '"one" or "any"' in str(problem)
+    assert '"one" or "any"' in str(refusal(tmp_path, edited((speed, 'writers = "two"')), "axis.x.writers"))
 
 
 @pytest.mark.parametrize(
@@ -111,30 +109,30 @@ def test_values_that_cannot_be(tmp_path: Path, key: str, said: str) -> None:
 
 @pytest.mark.parametrize("key", ["max_connections = 1", "connects_per_s = 1", "idle_timeout_s = 1"])
 def test_keys_of_tcp_beside_a_serial_port(tmp_path: Path, key: str) -> None:
-    problem = only(refused(tmp_path, with_keys(key, old=CNC, new=CNC)), "line.xyz.controllers[1]")
+    problem = refusal(tmp_path, with_keys(key, old=CNC, new=CNC), "line.xyz.controllers[1]")
     assert f"{key.split(maxsplit=1)[0]} belongs to tcp: leave out beside rtu" in str(problem)
 
 
 @pytest.mark.parametrize("name", ["unit_ids", "function_codes", "readable", "writable"])
 def test_an_empty_list_would_allow_everything(tmp_path: Path, name: str) -> None:
-    problem = only(refused(tmp_path, with_keys(f"{name} = []")), f"line.xyz.controllers[2].{name}")
+    problem = refusal(tmp_path, with_keys(f"{name} = []"), f"line.xyz.controllers[2].{name}")
     assert "remove it if all are allowed" in str(problem)
 
 
 @pytest.mark.parametrize("key", ['role = "monitor"', "read_only = true"])
 def test_what_may_be_written_beside_nothing_may_be_written(tmp_path: Path, key: str) -> None:
     text = with_keys(key, 'writable = ["0x0606-0x0607"]')
-    problem = only(refused(tmp_path, text), "line.xyz.controllers[2].writable")
+    problem = refusal(tmp_path, text, "line.xyz.controllers[2].writable")
     assert key in str(problem)
     text = with_keys(key, "function_codes = [6, 16]")
-    problem = only(refused(tmp_path, text), "line.xyz.controllers[2].function_codes")
+    problem = refusal(tmp_path, text, "line.xyz.controllers[2].function_codes")
     assert "but the controller may only read" in str(problem)
 
 
 @pytest.mark.parametrize("span", ['"0x0600-0x0606"', "0x0607", '"0x0607-0x0700"'])
 def test_half_a_position_is_never_writable(tmp_path: Path, span: str) -> None:
     text = with_keys(f'writable = ["0x0100-0x0200", {span}]')
-    problem = only(refused(tmp_path, text), "line.xyz.controllers[2].writable[2]")
+    problem = refusal(tmp_path, text, "line.xyz.controllers[2].writable[2]")
     assert "a part of a command position of axis x, which is 0x0606-0x0607" in str(problem)
     assert problem.line == line_of(text, "writable")
 

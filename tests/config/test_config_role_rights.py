@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.config.config_bench import edited, loaded, only, refused
+from tests.config.config_bench import edited, loaded, refusal
 from tests.support.certificates import Shop
 
 LISTENER = """tcp = "127.0.0.1:1502"
@@ -45,7 +45,7 @@ def certificates(tmp_path: Path) -> None:
 def test_rights_of_a_role_that_cannot_be_meant_are_refused(
     tmp_path: Path, keys: tuple[str, ...], key: str, found: str
 ) -> None:
-    assert found in only(refused(tmp_path, with_role(*keys)), f"{ROLE}.{key}").found
+    assert found in refusal(tmp_path, with_role(*keys), f"{ROLE}.{key}").found
 
 
 @pytest.mark.parametrize(
@@ -64,12 +64,12 @@ def test_rights_of_a_role_that_cannot_be_meant_are_refused(
 def test_who_may_write_nothing_names_no_addresses_to_write(
     tmp_path: Path, keys: tuple[str, ...], remedy: str
 ) -> None:
-    assert only(refused(tmp_path, with_role(*keys)), f"{ROLE}.writable").remedy == remedy
+    assert refusal(tmp_path, with_role(*keys), f"{ROLE}.writable").remedy == remedy
 
 
 def test_a_role_that_does_not_say_what_it_is_gives_nothing(tmp_path: Path) -> None:
-    problem = only(
-        refused(tmp_path, edited(('tcp = "127.0.0.1:1502"\nrole = "monitor"\n', LISTENER))), f"{ROLE}.role"
+    problem = refusal(
+        tmp_path, edited(('tcp = "127.0.0.1:1502"\nrole = "monitor"\n', LISTENER)), f"{ROLE}.role"
     )
     assert (problem.found, problem.remedy) == ("missing", "needed: what a controller with this role may do")
 

@@ -97,8 +97,7 @@ def test_a_key_that_is_given_twice_is_named_with_both_lines(
 
 
 def test_a_text_that_ends_too_early_is_named_with_its_last_line(tmp_path: Path) -> None:
-    problem = problem_of(tmp_path / "gateway.toml", b'[gateway]\nname = """\nabc')
-    assert problem.line == 3
+    assert problem_of(tmp_path / "gateway.toml", b'[gateway]\nname = """\nabc').line == 3
 
 
 def test_what_is_not_utf8_is_named_with_its_line(tmp_path: Path) -> None:

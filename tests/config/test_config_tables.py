@@ -13,7 +13,19 @@ from gateway.config.load import load
 from gateway.config.problems import ConfigErrors
 from gateway.config.summary import BacklashSummary, summary, summary_lines
 from gateway.tabfile import DIALECTS
-from tests.config.config_bench import GOOD, ONE_WAY, TWO_WAYS, edited, line_of, loaded, only, refused, written
+from tests.config.config_bench import (
+    GOOD,
+    ONE_WAY,
+    TWO_WAYS,
+    edited,
+    line_of,
+    loaded,
+    only,
+    refusal,
+    refused,
+    warning_of,
+    written,
+)
 
 STREAM = edited(("max_speed = 200.0", 'setpoints = "stream"\nmax_speed = 200.0'))
 TURN = """\
@@ -35,9 +47,7 @@ def test_a_table_is_found_in_any_case_of_letters(tmp_path: Path) -> None:
 
 
 def test_a_missing_table_gets_a_suggestion(tmp_path: Path) -> None:
-    text = edited(("cnc10x.tab", "cnc10v.tab"))
-    problem = only(refused(tmp_path, text), "axis.x.table")
-    assert problem.line == line_of(text, "cnc10v.tab")
+    problem = refusal(tmp_path, edited(("cnc10x.tab", "cnc10v.tab")), "axis.x.table", at="cnc10v.tab")
     assert problem.found == f"there is no cnc10v.tab in {tmp_path / 'tables'}"
     assert problem.remedy == "did you mean cnc10x.tab?"
 
@@ -45,28 +55,27 @@ def test_a_missing_table_gets_a_suggestion(tmp_path: Path) -> None:
 def test_a_missing_table_that_is_like_none_gets_the_tables_of_every_format(tmp_path: Path) -> None:
     names = {dialect.suffix for dialect in DIALECTS} | {".txt"}
     tables = {f"{number}{suffix.upper()}": TWO_WAYS for number, suffix in enumerate(sorted(names))}
-    problem = only(refused(tmp_path, edited(("cnc10x.tab", "xyz")), tables), "axis.x.table")
+    problem = refusal(tmp_path, edited(("cnc10x.tab", "xyz")), "axis.x.table", tables=tables)
     held = [name for name in sorted(tables) if not name.endswith(".TXT")]
     assert problem.remedy == f"it holds {', '.join(held[:10])}"
 
 
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:
-    text = edited(('name = "mill-1"', 'tables = "tabs"'))
-    problem = only(refused(tmp_path, text), "axis.x.table")
+    problem = refusal(tmp_path, edited(('name = "mill-1"', 'tables = "tabs"')), "axis.x.table")
     assert str(tmp_path / "tabs") in problem.found
     assert "[gateway] tables" in problem.remedy
 
 
 @pytest.mark.parametrize("name", ["../cnc10x.tab", "/etc/passwd", "", "a/b.tab", "..", "."])
 def test_a_table_is_a_name_without_a_path(tmp_path: Path, name: str) -> None:
-    problem = only(refused(tmp_path, edited(("cnc10x.tab", name))), "axis.x.table")
+    problem = refusal(tmp_path, edited(("cnc10x.tab", name)), "axis.x.table")
     assert "without a path" in problem.remedy or "there is no" in problem.found
 
 
 def test_names_that_differ_by_case_only_are_refused(tmp_path: Path) -> None:
     tables = {"cnc10x.tab": TWO_WAYS, "CNC10x.tab": TWO_WAYS}
     assert (
-        "differ only in upper and lower case" in only(refused(tmp_path, GOOD, tables), "axis.x.table").found
+        "differ only in upper and lower case" in refusal(tmp_path, GOOD, "axis.x.table", tables=tables).found
     )
 
 
@@ -150,8 +159,7 @@ def test_an_inch_table_on_a_mm_axis_is_converted_exactly(tmp_path: Path) -> None
 
 
 def test_a_table_of_lengths_on_an_axis_of_degrees_is_refused(tmp_path: Path) -> None:
-    text = edited(('units = "mm"', 'units = "degree"'))
-    problem = only(refused(tmp_path, text), "axis.x.table")
+    problem = refusal(tmp_path, edited(('units = "mm"', 'units = "degree"')), "axis.x.table")
     assert "a table in mm for an axis in degree" in problem.found
 
 
@@ -165,7 +173,7 @@ def test_a_correction_above_the_limit_is_refused_with_its_place(tmp_path: Path) 
 
 def test_a_slope_above_the_limit_is_refused_with_its_segment(tmp_path: Path) -> None:
     # Forward, from -150 to 0: (0.0100 + 0.0030) / 150 = 8.67e-5.
-    problem = only(refused(tmp_path, edited(("max_speed = 200.0", "max_slope = 5e-5"))), "axis.x.table")
+    problem = refusal(tmp_path, edited(("max_speed = 200.0", "max_slope = 5e-5")), "axis.x.table")
     assert "between -150 and 0 mm" in problem.found
     assert "max_slope 5e-05" in problem.found
     assert problem.file.endswith("cnc10x.tab")
@@ -173,35 +181,31 @@ def test_a_slope_above_the_limit_is_refused_with_its_segment(tmp_path: Path) -> 
 
 def test_a_table_beside_the_travel_is_refused(tmp_path: Path) -> None:
     text = edited(("travel = [-300.0, 0.0]", "travel = [400.0, 700.0]"))
-    assert "outside travel 400 to 700 mm" in only(refused(tmp_path, text), "axis.x.table").found
+    assert "outside travel 400 to 700 mm" in refusal(tmp_path, text, "axis.x.table").found
 
 
 def test_travel_that_the_table_does_not_cover_is_warned_of_with_its_policy(tmp_path: Path) -> None:
     text = edited(("travel = [-300.0, 0.0]", "travel = [-320.5, 1.0]"))
-    [warning] = loaded(tmp_path, text).warnings
-    assert (warning.key, warning.line) == ("axis.x.table", line_of(text, "cnc10x.tab"))
+    warning = warning_of(tmp_path, text, "axis.x.table", at="cnc10x.tab")
     assert warning.found == "L8 the table does not cover travel from -320.5 to -300 and from 0 to 1 mm"
     assert warning.remedy == 'outside = "hold": the correction of the end holds there'
 
 
 def test_backlash_beside_a_table_of_two_directions_is_refused(tmp_path: Path) -> None:
     text = edited(("max_speed = 200.0", 'backlash = { width = 0.02, kind = "two-sided" }'))
-    problem = only(refused(tmp_path, text), "axis.x.backlash")
-    assert problem.line == line_of(text, "backlash")
-    assert "two directions" in problem.found
+    assert "two directions" in refusal(tmp_path, text, "axis.x.backlash", at="backlash").found
 
 
 def test_backlash_counts_towards_the_largest_correction(tmp_path: Path) -> None:
     # 0.02 mm of the table and half of 1 mm: 0.52 mm is more than the default of 0.5 mm.
     text = edited(("max_speed = 200.0", 'backlash = { width = 1.0, kind = "two-sided" }'))
-    problem = only(refused(tmp_path, text, {"cnc10x.tab": ONE_WAY}), "axis.x.backlash.width")
+    problem = refusal(tmp_path, text, "axis.x.backlash.width", tables={"cnc10x.tab": ONE_WAY})
     assert "0.52 mm, more than max_correction = 0.5" in problem.found
 
 
 def test_zero_outside_needs_ends_within_a_count_of_zero(tmp_path: Path) -> None:
     text = edited(("max_speed = 200.0", 'outside = "zero"'))
-    problem = only(refused(tmp_path, text), "axis.x.outside")
-    assert problem.line == line_of(text, "outside")
+    problem = refusal(tmp_path, text, "axis.x.outside", at="outside")
     assert "correction of 0.02 mm" in problem.found
     assert "one count (0.001 mm)" in problem.remedy
     # 0.02 mm at max_slope 0.01
@@ -220,7 +224,7 @@ def test_where_a_count_is_a_millimetre_zero_outside_needs_ends_within_a_step_of_
     )
     text = edited(("max_speed = 200.0", 'outside = "zero"'), *in_mm)
     # A hundredth of a count is coarser than a float32 in the travel; half a count at the end would be a step.
-    problem = only(refused(tmp_path, text), "axis.x.outside")
+    problem = refusal(tmp_path, text, "axis.x.outside")
     assert "correction of 0.02 mm" in problem.found
     assert "one step of the registers (0.01 mm)" in problem.remedy
     flat = TWO_WAYS.replace("+0.0100", "+0.0010").replace("-0.0200", "-0.0100").replace("-0.0120", "+0.0000")
@@ -233,9 +237,7 @@ def test_where_a_count_is_a_millimetre_zero_outside_needs_ends_within_a_step_of_
 
 def test_a_fade_steeper_than_the_slope_allowed_is_refused(tmp_path: Path) -> None:
     # 0.02 mm at the end, max_slope 0.01: at least 2 mm.
-    problem = only(
-        refused(tmp_path, edited(("max_speed = 200.0", "outside = { fade = 1.9 }"))), "axis.x.outside"
-    )
+    problem = refusal(tmp_path, edited(("max_speed = 200.0", "outside = { fade = 1.9 }")), "axis.x.outside")
     assert "2 mm or more" in problem.remedy
     assert loaded(tmp_path, edited(("max_speed = 200.0", "outside = { fade = 2.0 }"))).warnings == ()
 
@@ -244,7 +246,7 @@ def test_hysteresis_is_shorter_than_the_table(tmp_path: Path) -> None:
     text = edited(
         ("max_speed = 200.0", "hysteresis = 300.0"), ("travel = [-300.0, 0.0]", "travel = [-301.0, 0.0]")
     )
-    assert "longer than the whole table (300 mm)" in only(refused(tmp_path, text), "axis.x.hysteresis").found
+    assert "longer than the whole table (300 mm)" in refusal(tmp_path, text, "axis.x.hysteresis").found
 
 
 @pytest.mark.parametrize(
@@ -267,11 +269,10 @@ def test_a_turn_needs_a_table_of_exactly_one_turn_with_equal_ends(tmp_path: Path
         loaded(tmp_path, turning(300.0), {"cnc10x.tab": TURN}).plan.lines[0].axes[0].settings.modulo == 300.0
     )
     text = turning(360.0)
-    problem = only(refused(tmp_path, text, {"cnc10x.tab": TURN}), "axis.x.modulo")
-    assert problem.line == line_of(text, "modulo")
+    problem = refusal(tmp_path, text, "axis.x.modulo", at="modulo", tables={"cnc10x.tab": TURN})
     assert "covers 300" in problem.found
     open_turn = TURN.replace("300.0  0.000 0.010", "300.0  0.000 0.011")
-    problem = only(refused(tmp_path, turning(300.0), {"cnc10x.tab": open_turn}), "axis.x.modulo")
+    problem = refusal(tmp_path, turning(300.0), "axis.x.modulo", tables={"cnc10x.tab": open_turn})
     assert "both ends of a turn must carry the same correction" in problem.found
 
 
@@ -280,8 +281,7 @@ def test_two_directions_without_a_measured_position_are_warned_of(tmp_path: Path
         ('actual = [{ address = 0x0520, type = "int32", words = "low-first" }]\n', ""),
         ("bits.done", "bits.alarm"),
     )
-    [warning] = loaded(tmp_path, blind).warnings
-    assert (warning.key, warning.line) == ("axis.x.registers", line_of(blind, "[axis.x.registers]"))
+    warning = warning_of(tmp_path, blind, "axis.x.registers", at="[axis.x.registers]")
     assert "unsure" in warning.found
     assert loaded(tmp_path, blind, {"cnc10x.tab": ONE_WAY}).warnings == ()
 
@@ -323,7 +323,7 @@ def test_check_warns_of_the_old_name_of_an_option(tmp_path: Path) -> None:
 
 def test_a_sense_that_nobody_told_is_asked_for_with_both_readings(tmp_path: Path) -> None:
     text = edited(("cnc10x.tab", "ML1")) + '[axis.x.table_options]\nfile_units = "mm"\n'
-    problem = only(refused(tmp_path, text, {"ML1": FAGOR}), "axis.x.table")
+    problem = refusal(tmp_path, text, "axis.x.table", tables={"ML1": FAGOR})
     assert "reading 1: actual_minus_command" in problem.found
     assert "reading 2: command_minus_actual" in problem.found
     assert "error_sense = 'actual_minus_command'" in problem.remedy
@@ -351,7 +351,7 @@ def test_lost_motion_that_a_file_states_is_warned_of_unless_the_axis_has_a_backl
 
 def test_why_a_table_is_refused_has_the_code_that_explain_knows(tmp_path: Path) -> None:
     told = edited(("cnc10x.tab", "x.mnt")) + '[axis.x.table_options]\nfile_units = "mm"\n'
-    problem = only(refused(tmp_path, told, {"x.mnt": MINT}), "axis.x.table")
+    problem = refusal(tmp_path, told, "axis.x.table", tables={"x.mnt": MINT})
     assert problem.found.startswith("R9 PRECISIONOFFSET -300, and Mint's guide gives it two meanings")
 
 
@@ -388,15 +388,13 @@ def test_backlash_without_a_table_covers_a_turn(tmp_path: Path) -> None:
 
 
 def test_backlash_without_a_table_keeps_the_largest_correction(tmp_path: Path) -> None:
-    text = edited((ALONE[0], ALONE[1].replace("0.2", "0.6")))
-    problem = only(refused(tmp_path, text), "axis.x.backlash.width")
+    problem = refusal(tmp_path, edited((ALONE[0], ALONE[1].replace("0.2", "0.6"))), "axis.x.backlash.width")
     assert "0.6" in problem.found
     assert "max_correction = 0.5" in problem.found
 
 
 def test_backlash_without_a_table_has_no_outside(tmp_path: Path) -> None:
-    text = edited((ALONE[0], f'{ALONE[1]}\noutside = "zero"'))
-    problem = only(refused(tmp_path, text), "axis.x.outside")
+    problem = refusal(tmp_path, edited((ALONE[0], f'{ALONE[1]}\noutside = "zero"')), "axis.x.outside")
     assert problem.found == "outside = zero with a backlash and no table"
 
 
@@ -406,10 +404,7 @@ def test_a_group_may_have_a_backlash_without_tables(tmp_path: Path) -> None:
     both = loaded(tmp_path, pair.replace(*ALONE)).plan.lines[0].axes
     assert [axis.table is None for axis in both] == [False, False]
     one = edited(ALONE) + f'\n{second.replace(ALONE[0], "")}\n[group.beam]\naxes = ["x", "y"]\n'
-    assert (
-        "x has a backlash and no table, y has no table"
-        in only(refused(tmp_path, one), "group.beam.axes").found
-    )
+    assert "x has a backlash and no table, y has no table" in refusal(tmp_path, one, "group.beam.axes").found
 
 
 def test_the_summary_says_that_there_is_only_a_backlash(tmp_path: Path) -> None:

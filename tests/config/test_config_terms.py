@@ -11,7 +11,7 @@ from gateway.config.summary import summary_lines
 from gateway.exchange.plan import AxisPlan, CrossPlan
 from gateway.state.folder import StateError
 from gateway.state.plan import read_plan
-from tests.config.config_bench import ONE_WAY, TWO_WAYS, edited, loaded, only, refused
+from tests.config.config_bench import ONE_WAY, TWO_WAYS, edited, loaded, refusal, refused
 from tests.config.test_config_groups import GROUP, PATIENT, SECOND, TABLES
 
 MQTT = '[mqtt]\nhost = "127.0.0.1"\n\n'
@@ -73,8 +73,7 @@ def test_another_axis_reaches_the_plan_with_its_table_and_comes_back_out_of_the_
 
 def test_positions_of_the_other_axis_are_in_its_own_units_in_the_file(tmp_path: Path) -> None:
     inch = SECOND.replace('"mm"', '"inch"').replace("[-300, 0]", "[-12, 0]")
-    text = with_x(ACROSS, PATIENT + inch)
-    [cross] = axis_of(tmp_path, text).cross
+    [cross] = axis_of(tmp_path, with_x(ACROSS, PATIENT + inch)).cross
     assert cross.scale == 25.4
     assert cross.positions == (-300.0, -150.0, 0.0)
 
@@ -106,8 +105,8 @@ SOURCE = '{ mqtt = "hall/x" }'
     ],
 )
 def test_sources_that_are_refused(tmp_path: Path, source: str, key: str, found: str) -> None:
-    problem = only(
-        refused(tmp_path, with_x(WARM.replace(SOURCE, source)), FILES), f"axis.x.thermal.source{key}"
+    problem = refusal(
+        tmp_path, with_x(WARM.replace(SOURCE, source)), f"axis.x.thermal.source{key}", tables=FILES
     )
     assert problem.found == found
     assert problem.remedy
@@ -116,9 +115,11 @@ def test_sources_that_are_refused(tmp_path: Path, source: str, key: str, found: 
 def test_a_modbus_source_needs_no_broker(tmp_path: Path) -> None:
     text = edited((REGISTERS, WARM.replace(SOURCE, MODBUS) + REGISTERS), text=PATIENT)
     assert axis_of(tmp_path, text).thermal is not None
-    problem = only(
-        refused(_other(tmp_path), edited((REGISTERS, WARM + REGISTERS), text=PATIENT), FILES),
+    problem = refusal(
+        _other(tmp_path),
+        edited((REGISTERS, WARM + REGISTERS), text=PATIENT),
         "axis.x.thermal.source.mqtt",
+        tables=FILES,
     )
     assert problem.found == "a topic without [mqtt]"
 
@@ -138,7 +139,7 @@ def test_a_modbus_source_needs_no_broker(tmp_path: Path) -> None:
     ],
 )
 def test_numbers_that_are_refused(tmp_path: Path, old: str, new: str, key: str) -> None:
-    only(refused(tmp_path, with_x(WARM.replace(old, new)), FILES), f"axis.x.thermal.{key}")
+    refusal(tmp_path, with_x(WARM.replace(old, new)), f"axis.x.thermal.{key}", tables=FILES)
 
 
 @pytest.mark.parametrize(
@@ -161,12 +162,12 @@ def test_a_turn_stays_a_turn(tmp_path: Path) -> None:
 
 def test_axes_of_a_group_are_told_the_same(tmp_path: Path) -> None:
     text = with_x(WARM, PATIENT + SECOND + GROUP)
-    assert only(refused(tmp_path, text, FILES), "axis.x.thermal").found == "thermal of an axis in a group"
+    assert refusal(tmp_path, text, "axis.x.thermal", tables=FILES).found == "thermal of an axis in a group"
 
 
 def test_steep_limits_and_large_differences_cannot_be_inverted(tmp_path: Path) -> None:
     keys = WARM.replace("alpha = 11.5e-6", "alpha = 1e-3, largest_dt = 200.0") + "max_slope = 0.9\n"
-    problem = only(refused(tmp_path, with_x(keys), FILES), "axis.x.thermal")
+    problem = refusal(tmp_path, with_x(keys), "axis.x.thermal", tables=FILES)
     assert problem.found == "alpha × largest_dt = 0.2 and max_slope = 0.9"
 
 
@@ -196,23 +197,22 @@ def test_a_difference_that_would_add_more_than_allowed_is_warned_of(tmp_path: Pa
 )
 def test_other_axes_that_are_refused(tmp_path: Path, cross: str, key: str, found: str) -> None:
     text = with_x(f"cross = {cross}\n", PATIENT + SECOND)
-    problem = only(refused(tmp_path, text, {**FILES, "two.tab": TWO_WAYS}), f"axis.x.{key}")
-    assert problem.found == found
+    assert refusal(tmp_path, text, f"axis.x.{key}", tables={**FILES, "two.tab": TWO_WAYS}).found == found
 
 
 def test_a_table_that_is_missing_or_switched_off_is_refused(tmp_path: Path) -> None:
     text = with_x(ACROSS, PATIENT + SECOND)
-    problem = only(refused(tmp_path, text, TABLES), "axis.x.cross[1].table")
+    problem = refusal(tmp_path, text, "axis.x.cross[1].table", tables=TABLES)
     assert problem.found.startswith("there is no x-over-y.tab in ")
     off = {**TABLES, "x-over-y.bak": OVER_Y}
-    problem = only(refused(_other(tmp_path), text, off), "axis.x.cross[1].table")
+    problem = refusal(_other(tmp_path), text, "axis.x.cross[1].table", tables=off)
     assert problem.found == "x-over-y.tab was renamed to x-over-y.bak"
 
 
 def test_a_damaged_table_names_its_line(tmp_path: Path) -> None:
     text = with_x(ACROSS, PATIENT + SECOND)
     bad = {**TABLES, "x-over-y.tab": OVER_Y.replace("-150.0 ", "-15o.0 ")}
-    problem = only(refused(tmp_path, text, bad), "axis.x.cross[1].table")
+    problem = refusal(tmp_path, text, "axis.x.cross[1].table", tables=bad)
     assert (Path(problem.file).name, problem.line) == ("x-over-y.tab", 7)
 
 

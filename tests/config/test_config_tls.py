@@ -14,7 +14,15 @@ from gateway.exchange.plan import Role
 from gateway.exchange.rights import RegisterSpan, Rights
 from gateway.state.plan import RoleRights, TlsPlan, read_plan
 from gateway.transport.certificates import TlsFiles
-from tests.config.config_bench import GOOD, edited, line_of, loaded, only, refused, written
+from tests.config.config_bench import (
+    GOOD,
+    edited,
+    line_of,
+    loaded,
+    refusal,
+    refused,
+    written,
+)
 from tests.support.certificates import Shop, openssl
 
 TLS = """\
@@ -149,7 +157,7 @@ def test_keys_that_do_not_go_together_are_refused(
     tmp_path: Path, text: str, key: str, found: str, marked: str
 ) -> None:
     Shop(tmp_path).server()
-    problem = only(refused(tmp_path, text), key)
+    problem = refusal(tmp_path, text, key)
     assert problem.found == found
     assert problem.line == line_of(text, marked)
 
@@ -236,8 +244,7 @@ def test_a_list_of_revoked_certificates_that_is_out_of_date_is_refused(tmp_path:
     assert warnings_of(loaded(tmp_path, text)) == []
     (tmp_path / "old").mkdir()
     Shop(tmp_path / "old", days=-1).revoke(ago=timedelta(days=3)).rename(tmp_path / "crl.pem")
-    problem = only(refused(tmp_path, text), f"{PLACE}.revoked")
-    assert "is out of date since 20" in problem.found
+    assert "is out of date since 20" in refusal(tmp_path, text, f"{PLACE}.revoked").found
 
 
 def test_a_key_that_the_service_manager_hands_over_is_looked_at_where_it_is(
@@ -257,7 +264,7 @@ def test_a_key_that_the_service_manager_hands_over_is_looked_at_where_it_is(
     assert len(warnings_of(loaded(tmp_path, text))) == 1
     (tmp_path / "modbus-key").write_text("nothing")
     (tmp_path / "modbus-key").chmod(0o644)
-    problem = only(refused(tmp_path, text), f"{PLACE}.key")
+    problem = refusal(tmp_path, text, f"{PLACE}.key")
     assert problem.found == f"{tmp_path}/modbus-key: every user of this machine may read it (mode 0644)"
     (tmp_path / "server.key").rename(tmp_path / "modbus-key")
     assert warnings_of(loaded(tmp_path, text)) == []

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.config.config_bench import edited, loaded, only, refused
+from tests.config.config_bench import edited, loaded, refusal
 
 LIST = """\
 kw.ssfk.unit 1
@@ -48,5 +48,5 @@ def test_an_axis_that_stays_in_one_turn_or_repeats_is_not_warned(tmp_path: Path,
 
 def test_a_list_for_an_axis_in_degree_says_what_to_tell(tmp_path: Path) -> None:
     plain = LIST.replace("kw.ssfk.modulo 1\n", "")
-    problem = only(refused(tmp_path, rotary("", ""), {"c.lis": plain}), "axis.x.table")
+    problem = refusal(tmp_path, rotary("", ""), "axis.x.table", tables={"c.lis": plain})
     assert problem.remedy == "allowed: file_units = 'degree'"
