@@ -1,7 +1,6 @@
 """debian/copyright has a paragraph for each package that the Debian package brings."""
 
 import re
-import subprocess
 import sys
 import sysconfig
 from importlib.metadata import PathDistribution, version
@@ -9,18 +8,15 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.programs import ran
 from tools import bundled_licences
 
 ROOT = Path(__file__).parents[2]
 
 
 def test_every_package_that_is_installed_has_its_files_its_holders_and_its_licence() -> None:
-    done = subprocess.run(
-        [sys.executable, ROOT / "tools" / "bundled_licences.py", sysconfig.get_path("purelib")],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    tool = ROOT / "tools" / "bundled_licences.py"
+    done = ran(sys.executable, tool, sysconfig.get_path("purelib"), check=True)
     paragraphs = done.stdout.strip().split("\n\nFiles: ")
     assert all(re.search(r"^Copyright: .", each, re.MULTILINE) for each in paragraphs)
     licences = re.findall(r"^License: (.*)$", done.stdout, re.MULTILINE)

@@ -10,6 +10,8 @@ from typing import Any
 import pytest
 import yaml
 
+from tests.support.programs import ran
+
 DEPLOY = Path(__file__).parents[2] / "deploy"
 ROOT = DEPLOY.parent
 FILES = ("compose.yaml", "compose.serial.yaml")
@@ -62,9 +64,7 @@ def test_compose_itself_takes_the_files(files: tuple[str, ...]) -> None:
             continue
         if subprocess.run([*command, "version"], capture_output=True, check=False).returncode:
             continue
-        done = subprocess.run(
-            [*command, *arguments, "config", "-q"], capture_output=True, text=True, check=False
-        )
+        done = ran(*command, *arguments, "config", "-q")
         assert (done.returncode, done.stdout) == (0, ""), done.stderr
         return
     pytest.skip("no docker compose here (Debian: docker-compose); its files are read by the other tests only")

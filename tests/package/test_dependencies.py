@@ -1,7 +1,6 @@
 """What the project stands on: bounds that have a reason, pins that hold what pyproject.toml asks for."""
 
 import re
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -11,6 +10,7 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from tests.support.programs import ran
 from tools import audit, lock, lowest
 
 ROOT = Path(__file__).parents[2]
@@ -131,12 +131,7 @@ def wanted(path: Path) -> list[str]:
         return list(project["dependencies"])
     if path == RELEASE:
         return list(project["optional-dependencies"]["release"])
-    needs = subprocess.run(
-        [sys.executable, ROOT / "tools" / "compiled.py", "--needs"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    needs = ran(sys.executable, ROOT / "tools" / "compiled.py", "--needs", check=True)
     return [*parsed["build-system"]["requires"], *needs.stdout.splitlines()]
 
 
@@ -193,13 +188,7 @@ def test_an_audit_names_each_hole_and_says_where_nobody_could_be_asked() -> None
 
 def test_an_audit_that_cannot_ask_says_so_in_one_line() -> None:
     # An interpreter without pip-audit asks as little as one without a network.
-    done = subprocess.run(
-        [sys.executable, "-m", "tools.audit"],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=ROOT,
-    )
+    done = ran(sys.executable, "-m", "tools.audit", cwd=ROOT)
     assert (done.returncode, done.stderr) == (3, "")
     assert done.stdout.startswith("not audited: ")
     assert done.stdout.count("\n") == 1

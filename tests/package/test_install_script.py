@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.processes import started
+from tests.support.programs import ran
 
 ROOT = Path(__file__).parents[2]
 INSTALL = ROOT / "deploy" / "install.sh"
@@ -34,9 +35,7 @@ def installer(*arguments: str | Path, expected: int = 0) -> str:
 
 @pytest.mark.skipif(shutil.which("shellcheck") is None, reason="shellcheck is not there (Debian: shellcheck)")
 def test_shellcheck_finds_nothing() -> None:
-    done = subprocess.run(
-        ["shellcheck", "-x", *map(str, SCRIPTS)], cwd=ROOT, capture_output=True, text=True, check=False
-    )
+    done = ran("shellcheck", "-x", *map(str, SCRIPTS), cwd=ROOT)
     assert (done.returncode, done.stdout) == (0, "")
 
 
@@ -78,14 +77,8 @@ def in_installer(script: str, **environment: str | Path) -> str:
     """What a line says that stands in the installer, with its own options of the shell."""
     system = ROOT / "deploy" / "install_system.sh"
     head = f'set -euo pipefail; say() {{ echo "$*"; }}; . "{system}"; '
-    done = subprocess.run(
-        ["bash", "-c", head + script],
-        env={**os.environ, **{name: str(value) for name, value in environment.items()}},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return done.stdout
+    told = os.environ | {name: str(value) for name, value in environment.items()}
+    return ran("bash", "-c", head + script, env=told, check=True).stdout
 
 
 def test_a_release_that_runs_is_in_use_however_processes_come_and_go(tmp_path: Path) -> None:

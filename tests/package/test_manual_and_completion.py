@@ -15,6 +15,7 @@ import typer.main
 
 from gateway.cli.app import app
 from tests.support.processes import started
+from tests.support.programs import ran
 
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 60.0
@@ -51,12 +52,7 @@ def test_signs_of_roff_in_a_text_stay_text(man: Path) -> None:
 
 @pytest.mark.skipif(shutil.which("mandoc") is None, reason="mandoc is not there (Debian: mandoc)")
 def test_mandoc_finds_nothing(man: Path) -> None:
-    done = subprocess.run(
-        ["mandoc", "-T", "lint", "-W", "warning", *map(str, sorted(man.iterdir()))],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = ran("mandoc", "-T", "lint", "-W", "warning", *sorted(man.iterdir()))
     assert (done.stdout, done.stderr) == ("", "")
 
 
@@ -134,7 +130,5 @@ def test_fish_completes_a_command(scripts: Path) -> None:
         "PYTHONPATH": str(ROOT),
         "HOME": str(scripts),
     }
-    done = subprocess.run(
-        ["fish", "-c", command], env=environment, capture_output=True, text=True, check=True
-    )
+    done = ran("fish", "-c", command, env=environment, check=True)
     assert done.stdout.split()[0] == "table"

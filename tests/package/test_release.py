@@ -22,6 +22,7 @@ import pytest
 
 import gateway
 from tests.package.conftest import EPOCH, SYSTEMS, only_when_asked
+from tests.support.programs import ran
 from tools import bare_debian
 from tools.bare_debian import KEPT, ROOT, Suite
 from tools.packages import PARTS, build_package, fetched
@@ -43,9 +44,7 @@ pytestmark = [
 def git(folder: Path, *arguments: str) -> str:
     command = ["git", "-C", str(folder), *OWN, *arguments]
     dates = {"GIT_AUTHOR_DATE": DATE, "GIT_COMMITTER_DATE": DATE}
-    return subprocess.run(
-        command, capture_output=True, text=True, check=True, env={**os.environ, **dates}
-    ).stdout.strip()
+    return ran(*command, check=True, env={**os.environ, **dates}).stdout.strip()
 
 
 def commit(folder: Path) -> str:
@@ -239,7 +238,7 @@ def test_a_full_disk_leaves_what_was_there(own: Path, tmp_path: Path, disk: str,
         f' "$0" -m tools.release {" ".join(QUICK)}; code=$?; ls build dist; exit $code'
     )
     command = ["unshare", "--mount", "sh", "-c", script, sys.executable, str(small), str(own)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = ran(*command)
     assert done.returncode == 1, done.stdout + done.stderr
     assert re.fullmatch(said.format(f"{small}/checkout"), done.stderr.splitlines()[-1]), done.stderr
     assert done.stdout == "build:\nkept\n\ndist:\nbefore\n"
@@ -255,7 +254,7 @@ def test_a_small_folder_of_temporary_files_is_named_before_anything_is_made(
     small.mkdir()
     before = left(own)
     environment = os.environ | {"TMPDIR": str(small)}
-    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=own, env=environment)
+    done = ran(*command, cwd=own, env=environment)
     assert done.returncode == 1, done.stdout + done.stderr
     said = f"release: the disk is full: {small} has [0-9]+ MB left and 200 MB are needed; make room\n"
     assert re.fullmatch(said, done.stderr), done.stderr
@@ -297,13 +296,7 @@ def test_two_checkouts_of_a_commit_make_the_same_bytes(twice: tuple[Path, Path])
 
 
 def test_the_sums_are_of_all_files_and_right(twice: tuple[Path, Path]) -> None:
-    done = subprocess.run(
-        ["sha256sum", "--check", "--strict", "SHA256SUMS"],
-        cwd=twice[0],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = ran("sha256sum", "--check", "--strict", "SHA256SUMS", cwd=twice[0])
     names = sorted(path.name for path in twice[0].iterdir() if path.name != "SHA256SUMS")
     assert (done.returncode, done.stdout.splitlines()) == (0, [f"{name}: OK" for name in names])
 
@@ -345,7 +338,7 @@ def test_what_is_installed_without_a_pin_gets_into_no_list(tmp_path: Path) -> No
     subprocess.run([*pip, "cyclonedx-bom"], check=True)
     python = str(environment / "bin/python")
     command = [python, str(ROOT / "tools/sbom.py"), python, str(ROOT), VERSION, str(tmp_path / "out")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = ran(*command)
     assert done.returncode == 1
     assert re.search(
         r"^\S+==\S+ is installed, but deploy/requirements.txt does not pin it$", done.stderr, re.MULTILINE

@@ -3,10 +3,11 @@
 import os
 import re
 import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
+
+from tests.support.programs import ran
 
 RULES = Path(__file__).parents[2] / "deploy" / "udev" / "60-pitch-gateway.rules"
 PART = re.compile(r'(?P<key>[A-Z_]+(?:\{[^}]+\})?)(?P<operator>==|!=|\+=|:=|=)"(?P<value>[^"]*)"')
@@ -53,13 +54,7 @@ def test_udev_takes_them(tmp_path: Path) -> None:
     wrong = tmp_path / "61-wrong.rules"
     wrong.write_text('SUBSYSTEM=="tty", NONSENSE=="1"\n')
     done = [
-        subprocess.run(
-            ["unshare", "--mount", "sh", "-c", command, str(path)],
-            capture_output=True,
-            text=True,
-            check=False,
-            env={**os.environ, "SYSTEMD_LOG_LEVEL": "debug"},
-        )
+        ran("unshare", "--mount", "sh", "-c", command, path, env=os.environ | {"SYSTEMD_LOG_LEVEL": "debug"})
         for path in (RULES, wrong)
     ]
     if "rules.d/61-wrong.rules:1" not in done[1].stdout:

@@ -1,11 +1,11 @@
 """What a supervisor does without: it moves no frames, and has no broker and no sensor here."""
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 
 from tests.support.config import RAMP, one_axis
+from tests.support.programs import ran
 
 ROOT = Path(__file__).parents[2]
 UNWANTED = (
@@ -33,14 +33,7 @@ def test_a_supervisor_without_broker_and_sensor_has_loaded_nothing_of_them(tmp_p
     (tmp_path / "state").mkdir(mode=0o700)
     config = tmp_path / "gateway.toml"
     config.write_text(one_axis(drives=1, port=2))
-    result = subprocess.run(
-        [sys.executable, "-c", PROGRAM, str(config)],
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-        cwd=ROOT,
-    )
+    result = ran(sys.executable, "-c", PROGRAM, str(config), timeout=60, cwd=ROOT)
     assert result.returncode == 0, result.stderr
     loaded = json.loads(result.stdout)
     assert {"gateway.supervisor.supervisor", "gateway.config.load"} <= set(loaded)

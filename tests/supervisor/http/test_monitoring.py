@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-import subprocess
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from jsonschema import Draft202012Validator
 
 from tests.supervisor.http.exposition import Samples, samples
 from tests.supervisor.http.http_bench import ANSWERS, CONTROLLER, PLC, SICK, TERMS, model, snapshot
+from tests.support.programs import ran
 
 FOLDER = Path(__file__).parents[3] / "deploy" / "monitoring"
 RULES = yaml.safe_load((FOLDER / "alerts.yml").read_text())["groups"][0]["rules"]
@@ -143,9 +143,7 @@ def test_the_provisioning_leads_to_the_dashboard_and_to_prometheus() -> None:
 @pytest.mark.parametrize(("what", "file"), [("rules", "alerts.yml"), ("config", "prometheus.yml")])
 def test_promtool_takes_the_files(what: str, file: str) -> None:
     assert PROMTOOL is not None
-    done = subprocess.run(
-        [PROMTOOL, "check", what, file], capture_output=True, text=True, cwd=FOLDER, check=False
-    )
+    done = ran(PROMTOOL, "check", what, file, cwd=FOLDER)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -335,5 +333,5 @@ def test_each_alert_comes_when_it_should_and_no_other(tmp_path: Path) -> None:
     } == {rule["alert"] for rule in RULES}
     file = tmp_path / "alerts_test.yml"
     file.write_text(yaml.safe_dump({"rule_files": [str(FOLDER / "alerts.yml")], "tests": tests}))
-    done = subprocess.run([PROMTOOL, "test", "rules", str(file)], capture_output=True, text=True, check=False)
+    done = ran(PROMTOOL, "test", "rules", str(file))
     assert done.returncode == 0, done.stdout + done.stderr
