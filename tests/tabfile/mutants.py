@@ -5,6 +5,7 @@ import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from enum import Enum
 from math import inf
 from typing import Final
 
@@ -43,8 +44,6 @@ class Sample:
     sums: bool = False
     free_lines: bool = False
     """A line end among its numbers is a blank like any other: a digit that becomes one is a digit lost."""
-    table_options: dict[str, object] = field(default_factory=dict)
-    """``context`` as the configuration of an axis says it."""
     counts_per_unit: float = 10_000.0
     """Of the drive that is moved by it."""
     label: str = ""
@@ -57,6 +56,12 @@ class Sample:
     def title(self) -> str:
         """Name that no other sample has."""
         return self.label or self.dialect
+
+    @property
+    def table_options(self) -> dict[str, object]:
+        """``context`` as the configuration of an axis says it."""
+        told = self.context.given()
+        return {name: fact.value if isinstance(fact, Enum) else fact for name, fact in told.items()}
 
 
 @dataclass(frozen=True, slots=True)

@@ -150,7 +150,6 @@ SAMPLES: Final = (
         FileContext(units=Units.INCH, file_counts_per_unit=64000.0, travel=(-22.7, 0.0)),
         meanings.centroid_v1,
         header=frozenset({1}),
-        table_options={"file_counts_per_unit": 64000.0},
         counts_per_unit=254_000.0,
         # -25 mm: -32/64000 inch are -127 counts; -50 mm: -38/64000 inch are -150.8
         moves=((-250_000, -250_127), (-500_000, -500_151), (-250_000, -250_127)),
@@ -203,7 +202,6 @@ SAMPLES: Final = (
         meanings.fanuc,
         header=frozenset({3, 4, 5, 6, 7}),
         sums=True,
-        table_options={"file_units": "mm", "file_counts_per_unit": 1000.0},
         # 3, 4 and 3 pulses of 1 µm, each 10 counts of the drive
         moves=((1_000_000, 1_000_030), (-2_500_000, -2_499_960), (-2_250_000, -2_249_970)),
     ),
@@ -215,7 +213,6 @@ SAMPLES: Final = (
         meanings.mitsubishi,
         header=frozenset({2, 3, 4, 5, 6}),
         sums=True,
-        table_options={"file_units": "mm", "file_counts_per_unit": 1000.0},
         # below: 4 half units at -100, 10 at -200, so 7 between; above: -6 at 100
         moves=((-1_000_000, -999_980), (-1_500_000, -1_499_965), (1_000_000, 999_970)),
     ),
@@ -225,7 +222,6 @@ SAMPLES: Final = (
         shipped("linuxcnc/screwcompX.dat").replace(b" -4.2 ", b" -4.002 "),
         _told(-10.0, 10.0, format="linuxcnc-0"),
         meanings.linuxcnc_0,
-        table_options={"format": "linuxcnc-0", "file_units": "mm"},
         counts_per_unit=100_000.0,
         # -6 instead of -5.999, -8 instead of -7.999; on the way up -6 instead of -6.002
         moves=((-600_000, -600_100), (-800_000, -800_100), (-600_000, -599_800)),
@@ -236,7 +232,6 @@ SAMPLES: Final = (
         LINUXCNC_1,
         _told(-10.0, 10.0, format="linuxcnc-1"),
         meanings.linuxcnc_1,
-        table_options={"format": "linuxcnc-1", "file_units": "mm"},
         counts_per_unit=100_000.0,
         moves=((-600_000, -600_100), (-800_000, -800_100), (-600_000, -599_800)),
     ),
@@ -269,7 +264,6 @@ SAMPLES: Final = (
         shipped("fagor-8055/ML1"),
         _told(-20.0, 160.0, error_sense=AMC),
         meanings.fagor,
-        table_options={"file_units": "mm", "error_sense": "actual_minus_command"},
         # errors of 0.001 at 90 and -0.002 at 130, so -0.0005 half way
         moves=((900_000, 899_990), (1_100_000, 1_100_005), (1_300_000, 1_300_020)),
     ),
@@ -280,7 +274,6 @@ SAMPLES: Final = (
         _told(-20.0, 90.0, error_sense=AMC),
         meanings.fagor,
         label="fagor-8055-two-ways",
-        table_options={"file_units": "mm", "error_sense": "actual_minus_command"},
         # errors of 6 and 3 µm on the way down, of 2 on the way up
         moves=((600_000, 599_940), (300_000, 299_970), (600_000, 599_980)),
     ),
@@ -292,7 +285,6 @@ SAMPLES: Final = (
         meanings.fagor_8065,
         header=frozenset({1, 2, 3, 4}),
         line_of_place={5: 9, 6: 10, 7: 11, 8: 12},
-        table_options={"error_sense": "actual_minus_command"},
         # backward half way from 0 to 0.0100 the error is 0.0050, forward from 0.0028 to -0.0328 -0.0150
         moves=((635_000, 634_950), (1_905_000, 1_905_150), (1_270_000, 1_269_900)),
     ),
@@ -303,7 +295,6 @@ SAMPLES: Final = (
         _told(-300.0, 0.0, file_start=-300.0),
         meanings.aerotech,
         header=frozenset({3, 4}),
-        table_options={"file_units": "mm", "file_start": -300.0},
         # the seventh and the second value: -4.6 and -1.2 µm
         moves=((-1_500_000, -1_500_046), (-2_750_000, -2_750_012), (-1_500_000, -1_500_046)),
     ),
@@ -314,7 +305,6 @@ SAMPLES: Final = (
         _told(-400.0, 0.0, file_counts_per_unit=1000.0),
         meanings.renishaw_ren,
         header=frozenset({1, 2, 3}),
-        table_options={"file_units": "mm", "file_counts_per_unit": 1000.0},
         # 1.9 and 3.6 µm on the way down, 7.1 on the way up
         moves=((-1_000_000, -999_981), (-2_000_000, -1_999_964), (-1_000_000, -999_929)),
     ),
@@ -325,7 +315,6 @@ SAMPLES: Final = (
         _told(0.0, 50.0),
         meanings.mint,
         header=frozenset({4, 5}),
-        table_options={"file_units": "mm"},
         counts_per_unit=100_000.0,
         # down: 10 / 1.001 = 9.990010 and 2.5 / 1.001 = 2.497502; up: 10 / 1.002 = 9.980040
         moves=((1_000_000, 999_001), (250_000, 249_750), (1_000_000, 998_004)),
@@ -337,7 +326,6 @@ SAMPLES: Final = (
         FileContext(units=Units.MM, travel=(-200.0, 600.0), error_sense=AMC),
         meanings.heidenhain,
         header=frozenset({1, 2}),
-        table_options={"error_sense": "actual_minus_command"},
         # errors of 1.2 and 3.0 µm on the way down, of -2.1 on the way up
         moves=((1_000_000, 999_988), (0, -30), (1_000_000, 1_000_021)),
     ),
@@ -349,7 +337,6 @@ SAMPLES: Final = (
         meanings.heidenhain_wide,
         label="heidenhain-com-blanks",
         header=frozenset({1, 2}),
-        table_options={"error_sense": "actual_minus_command"},
         # errors of 3 and -1 µm, the same in both directions
         moves=((250_000, 249_970), (-250_000, -249_990), (250_000, 249_970)),
     ),
@@ -360,7 +347,6 @@ SAMPLES: Final = (
         _told(-200.0, -196.0),
         meanings.siemens,
         header=frozenset({8, 9, 10, 11}),
-        table_options={"file_units": "mm"},
         counts_per_unit=100_000.0,
         # errors of 6 and 10 µm, the same in both directions
         moves=((-19_700_000, -19_700_600), (-19_900_000, -19_901_000), (-19_700_000, -19_700_600)),
@@ -372,7 +358,6 @@ SAMPLES: Final = (
         _told(0.0, 300.0, error_sense=CMA),
         meanings.siemens_cec,
         header=SIEMENS_CEC_HEAD,
-        table_options={"file_units": "mm", "error_sense": "command_minus_actual"},
         # from above 7 µm are taken off at 200 and 12 at 100; on the way up 5 µm are added at 200
         moves=((2_000_000, 1_999_930), (1_000_000, 999_880), (2_000_000, 2_000_050)),
     ),
@@ -383,7 +368,6 @@ SAMPLES: Final = (
         FileContext(units=Units.MM, travel=(-300.025, 0.0), error_sense=AMC),
         meanings.weihong,
         header=frozenset({1, 3}),
-        table_options={"error_sense": "actual_minus_command"},
         # errors of 77 µm at -200.020 and 83 at -300.025 on the way down, of 25 on the way up
         moves=((-2_000_200, -2_000_970), (-3_000_250, -3_001_080), (-2_000_200, -2_000_450)),
     ),
@@ -405,7 +389,6 @@ SAMPLES: Final = (
         meanings.pmac,
         header=frozenset({5}),
         free_lines=True,
-        table_options={"file_counts_per_unit": 1000.0, "error_sense": "command_minus_actual"},
         # 72/16 counts are 4.5 µm; -24/16 are -1.5; half way from -32/16 to 0 -1.0
         moves=((3_000_000, 3_000_045), (-2_000_000, -2_000_015), (-500_000, -500_010)),
     ),

@@ -58,8 +58,7 @@ def test_negcor_subtracts() -> None:
     ],
 )
 def test_unit_of_the_values(unit: str, units: Units, correction: float) -> None:
-    text = SAMPLE.replace("PRIMARY/1000", unit)
-    loaded = parse(text, file_units=units, file_start=0.0)
+    loaded = parse(SAMPLE.replace("PRIMARY/1000", unit), file_units=units, file_start=0.0)
     assert loaded.table.forward[1] == pytest.approx(correction)
     assert loaded.table.units is units
 

@@ -38,8 +38,7 @@ def test_corrections_are_added_as_they_stand_on_a_free_grid() -> None:
 
 
 def test_measured_errors_in_micrometres_with_decimal_commas_are_subtracted() -> None:
-    loaded = parse(ERRORS)
-    explained = explain(loaded, 150.0)
+    explained = explain(parse(ERRORS), 150.0)
     # forward errors -2.5 and -4.0 um: the nut is 3.25 um short, so 0.00325 mm are added
     assert explained.forward.correction == pytest.approx(0.00325, abs=1e-15)
     # backward errors 2.0 and 1.0 um

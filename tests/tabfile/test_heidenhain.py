@@ -101,8 +101,7 @@ def test_column_must_be_that_of_the_axis() -> None:
 
 
 def test_columns_in_any_order() -> None:
-    text = "BEGIN Y .COM INCH\nNR BACKLASH Z2 AXISPOS\n0 1e-3 -.002 0.\n1 0 0 5\n[END]\n"
-    loaded = parse(text)
+    loaded = parse("BEGIN Y .COM INCH\nNR BACKLASH Z2 AXISPOS\n0 1e-3 -.002 0.\n1 0 0 5\n[END]\n")
     assert loaded.table.units is Units.INCH
     assert (list(loaded.table.positions), list(loaded.table.forward)) == ([0.0, 5.0], [0.002, 0.0])
     assert list(loaded.table.backward) == [-0.001, 0.0]

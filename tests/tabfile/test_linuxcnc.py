@@ -138,8 +138,7 @@ def test_points_beyond_its_256_count_with_a_remark() -> None:
     ],
 )
 def test_damaged_line_is_named(old: str, new: str, line: int, found: str) -> None:
-    error = refused(CORRECTED.replace(old, new), line=line)
-    assert found in str(error)
+    assert found in str(refused(CORRECTED.replace(old, new), line=line))
 
 
 def test_every_damaged_line_is_named_at_once() -> None:

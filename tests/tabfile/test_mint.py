@@ -187,6 +187,10 @@ def test_values_know_their_own_lines() -> None:
     assert [row.forward_line for row in loaded.source.rows] == [None, 1, 1, 2]
 
 
+CALL = "PRECISIONTABLE(0, fwd)"
+STEP = "PRECISIONINCREMENT.0 = 10"
+
+
 @pytest.mark.parametrize(
     ("old", "new", "line", "found"),
     [
@@ -202,55 +206,30 @@ def test_values_know_their_own_lines() -> None:
         ("20.01", "", 1, "decimal number"),
         ("DIM fwd(3) =", "DIM fwd(3)", 1, "allowed: ="),
         ("DIM fwd", "DIM rev", 2, "an array FWD without values"),
-        ("PRECISIONTABLE(0, fwd)", "PRECISIONTABLE(x, fwd)", 2, "the number of an axis"),
-        ("PRECISIONTABLE(0, fwd)", "PRECISIONTABLE(0, fwd", 2, "allowed: , or )"),
-        ("PRECISIONTABLE(0, fwd)", "PRECISIONTABLE(0, fwd) 1", 2, "end of the statement"),
-        (
-            "PRECISIONTABLE(0, fwd)",
-            "PRECISIONTABL(0, fwd)",
-            None,
-            "without a statement that begins with PRECISIONTABLE",
-        ),
-        ("PRECISIONTABLE(0, fwd)", "PRECISIONTABLE(1, fwd)", 2, "axis 1 without PRECISIONINCREMENT"),
-        ("PRECISIONINCREMENT.0 = 10", "", 2, "without PRECISIONINCREMENT"),
-        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = -10", 3, "a distance above 0"),
-        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = inc", 3, "decimal number"),
-        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0.5 = 10", 3, "PRECISIONINCREMENT.axis = value"),
-        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT[0,1] = 10", 3, "1 values for 2 axes"),
-        (
-            "PRECISIONINCREMENT.0 = 10",
-            "PRECISIONINCREMENT.0 = 10\nPRECISIONINCREMENT.0 = 9",
-            4,
-            "10 on line 3",
-        ),
-        ("PRECISIONINCREMENT.0 = 10", "IF a THEN\nPRECISIONINCREMENT.0 = 10\nENDIF", 4, "an IF, a loop"),
-        ("PRECISIONINCREMENT.0 = 10", "IF a THEN b = 1 : PRECISIONINCREMENT.0 = 10", 3, "an IF, a loop"),
-        ("PRECISIONINCREMENT.0 = 10", "IF a THEN PRECISIONINCREMENT.0 = 10", 3, "a statement with"),
-        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nfwd(2) = 20.02", 4, "a statement with FWD"),
-        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nGOTO start", 1, "with GOTO"),
-        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nPCI.0 = 9", 4, "the short form"),
-        (
-            "PRECISIONINCREMENT.0 = 10",
-            "PRECISIONINCREMENT.0 = 10\nPRECISIONNODE.0 = 1",
-            4,
-            "nearly PRECISIONMODE",
-        ),
-        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nBACKLAS.0 = 0.01", 4, "nearly BACKLASH"),
-        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nPRECISIONTABLE(0, fwd)", 4, "a second"),
-        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nDIM fwd(1) = 3", 4, "a second DIM"),
-        (
-            "PRECISIONINCREMENT.0 = 10",
-            "PRECISIONINCREMENT.0 = 10\nPRECISIONMODE.0 = _lsDUAL_TABLE",
-            4,
-            "DUAL",
-        ),
-        (
-            "PRECISIONINCREMENT.0 = 10",
-            "PRECISIONINCREMENT.0 = 10\nBACKLASHINTERVAL.0 = 2.5",
-            4,
-            "a whole number",
-        ),
-        ("PRECISIONINCREMENT.0 = 10", "PRECISIONINCREMENT.0 = 10\nBACKLASH.0 = 1\nBLM.0 = 7", 5, "_blON"),
+        (CALL, "PRECISIONTABLE(x, fwd)", 2, "the number of an axis"),
+        (CALL, "PRECISIONTABLE(0, fwd", 2, "allowed: , or )"),
+        (CALL, "PRECISIONTABLE(0, fwd) 1", 2, "end of the statement"),
+        (CALL, "PRECISIONTABL(0, fwd)", None, "without a statement that begins with PRECISIONTABLE"),
+        (CALL, "PRECISIONTABLE(1, fwd)", 2, "axis 1 without PRECISIONINCREMENT"),
+        (STEP, "", 2, "without PRECISIONINCREMENT"),
+        (STEP, "PRECISIONINCREMENT.0 = -10", 3, "a distance above 0"),
+        (STEP, "PRECISIONINCREMENT.0 = inc", 3, "decimal number"),
+        (STEP, "PRECISIONINCREMENT.0.5 = 10", 3, "PRECISIONINCREMENT.axis = value"),
+        (STEP, "PRECISIONINCREMENT[0,1] = 10", 3, "1 values for 2 axes"),
+        (STEP, f"{STEP}\nPRECISIONINCREMENT.0 = 9", 4, "10 on line 3"),
+        (STEP, "IF a THEN\nPRECISIONINCREMENT.0 = 10\nENDIF", 4, "an IF, a loop"),
+        (STEP, "IF a THEN b = 1 : PRECISIONINCREMENT.0 = 10", 3, "an IF, a loop"),
+        (STEP, "IF a THEN PRECISIONINCREMENT.0 = 10", 3, "a statement with"),
+        (STEP, f"{STEP}\nfwd(2) = 20.02", 4, "a statement with FWD"),
+        (STEP, f"{STEP}\nGOTO start", 1, "with GOTO"),
+        (STEP, f"{STEP}\nPCI.0 = 9", 4, "the short form"),
+        (STEP, f"{STEP}\nPRECISIONNODE.0 = 1", 4, "nearly PRECISIONMODE"),
+        (STEP, f"{STEP}\nBACKLAS.0 = 0.01", 4, "nearly BACKLASH"),
+        (STEP, f"{STEP}\nPRECISIONTABLE(0, fwd)", 4, "a second"),
+        (STEP, f"{STEP}\nDIM fwd(1) = 3", 4, "a second DIM"),
+        (STEP, f"{STEP}\nPRECISIONMODE.0 = _lsDUAL_TABLE", 4, "DUAL"),
+        (STEP, f"{STEP}\nBACKLASHINTERVAL.0 = 2.5", 4, "a whole number"),
+        (STEP, f"{STEP}\nBACKLASH.0 = 1\nBLM.0 = 7", 5, "_blON"),
     ],
 )
 def test_what_is_not_of_the_grammar_is_refused_by_line(old: str, new: str, line: int, found: str) -> None:

@@ -162,8 +162,7 @@ def test_l4_inches_written_as_tenths() -> None:
 def test_l4_tenths_written_as_inches() -> None:
     text = (TABLES / "centroid-v3" / "cnc10z.tab").read_text()
     slipped = text.replace("+0.00014000", "+0.11000000")
-    loaded = parse_table(slipped.encode(), "cnc10z.tab", FileContext())
-    assert {"L4", "L12", "L1"} <= codes(loaded)
+    assert {"L4", "L12", "L1"} <= codes(parse_table(slipped.encode(), "cnc10z.tab", FileContext()))
     assert "L4" not in codes(parse_table(text.encode(), "cnc10z.tab", FileContext()))
 
 
@@ -363,8 +362,7 @@ def test_l13_names_the_hole_in_an_even_grid() -> None:
     def holes(*positions: float) -> list[tuple[int | None, str]]:
         rows = tuple(SourceRow(x, 0.001 * x, 0.0, 0.0, 0.0, n, n) for n, x in enumerate(positions, start=1))
         table = make_table(positions, [0.001 * x for x in positions], [0.0] * len(positions), Units.MM)
-        source = Decoded(rows, Units.MM, FileContext(), "mm", "", "")
-        lints = run_lints("table.csv", table, source)
+        lints = run_lints("table.csv", table, Decoded(rows, Units.MM, FileContext(), "mm", "", ""))
         return [(lint.line, lint.message) for lint in lints if lint.code == "L13"]
 
     (hole,) = holes(0, 10, 20, 40, 50, 60)

@@ -63,8 +63,7 @@ def assert_same(one: CorrectionTable, other: CorrectionTable, within: float = 1e
 
 @given(tables(resolution={Units.INCH: 1e-8, Units.MM: 1e-7}, largest=99_999))
 def test_version_2_with_the_start_outside_the_file(table: CorrectionTable) -> None:
-    written = dialect_named("centroid-2").write(table, WriteOptions())
-    assert_same(read_back(written), table)
+    assert_same(read_back(dialect_named("centroid-2").write(table, WriteOptions())), table)
 
 
 @given(
@@ -78,8 +77,7 @@ def test_version_2_with_counts_and_start_in_the_file(table: CorrectionTable, sca
 
 @given(tables(resolution={Units.INCH: 1e-8, Units.MM: 1e-8}, largest=99_999, at_home=True))
 def test_version_3(table: CorrectionTable) -> None:
-    written = dialect_named("centroid-3").write(table, WriteOptions(axis="x"))
-    assert_same(read_back(written), table)
+    assert_same(read_back(dialect_named("centroid-3").write(table, WriteOptions(axis="x"))), table)
 
 
 @given(

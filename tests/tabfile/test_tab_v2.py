@@ -139,8 +139,7 @@ def test_told_home_side_that_the_positions_contradict_is_an_error() -> None:
 
 
 def test_missing_separator_is_accepted_with_a_warning_if_the_count_fits() -> None:
-    text = TB058.replace("; backward data\n", "")
-    loaded = parse(text, file_start=-2.5)
+    loaded = parse(TB058.replace("; backward data\n", ""), file_start=-2.5)
     assert "R1" in {lint.code for lint in loaded.warnings}
     assert list(loaded.table.forward) == list(parse(TB058, file_start=-2.5).table.forward)
 

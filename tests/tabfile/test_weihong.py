@@ -77,8 +77,7 @@ def test_what_is_damaged_is_refused_with_its_line(old: str, new: str, words: str
 @pytest.mark.parametrize("line", ["", ";-100.015, 0.0150, 0.0680"])
 def test_a_line_among_the_points_that_holds_none_is_named(line: str) -> None:
     lines = WEIHONG.decode().split("\n")
-    lost = "\n".join([*lines[:5], line, *lines[6:]])
-    assert remarks(lost) == [("R10", 6)]
+    assert remarks("\n".join([*lines[:5], line, *lines[6:]])) == [("R10", 6)]
     between = "\n".join([*lines[:2], "", *lines[2:], "", TWO_AXES[len(WEIHONG) :]])
     assert remarks(between, file_axis="X") == []
 
