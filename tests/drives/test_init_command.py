@@ -10,6 +10,7 @@ import socket
 import subprocess
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner, Result
@@ -51,9 +52,18 @@ def run(folder: Path, *arguments: str, answers: str | None = None) -> Result:
     return CliRunner().invoke(app, ["init", str(folder / "gateway.toml"), *arguments], input=answers)
 
 
-def test_the_written_file_passes_the_check(tmp_path: Path) -> None:
-    result = run(tmp_path, *options())
+def good(folder: Path, *arguments: str, answers: str | None = None) -> Result:
+    result = run(folder, *arguments, answers=answers)
     assert result.exit_code == 0, result.stderr
+    return result
+
+
+def written(folder: Path) -> dict[str, Any]:
+    return tomllib.loads((folder / "gateway.toml").read_text())
+
+
+def test_the_written_file_passes_the_check(tmp_path: Path) -> None:
+    result = good(tmp_path, *options())
     assert "is written and good" in result.stdout
     loaded = load(tmp_path / "gateway.toml")
     (line,) = loaded.plan.lines
@@ -65,7 +75,7 @@ def test_the_written_file_passes_the_check(tmp_path: Path) -> None:
 
 def test_serial_ports_are_set_like_the_drive_when_nothing_else_is_said(tmp_path: Path) -> None:
     run(tmp_path, *options(drives_at="/dev/ttyUSB0", controller_at="/dev/ttyUSB1", baudrate="9600"))
-    line = tomllib.loads((tmp_path / "gateway.toml").read_text())["line"]["main"]
+    line = written(tmp_path)["line"]["main"]
     assert line["drives"] == {"rtu": "/dev/ttyUSB0", "baudrate": 9600, "parity": "even", "stop_bits": 2}
     assert line["controllers"][0]["rtu"] == "/dev/ttyUSB1"
     assert line["controllers"][0]["parity"] == "even"
@@ -73,14 +83,13 @@ def test_serial_ports_are_set_like_the_drive_when_nothing_else_is_said(tmp_path:
 
 def test_a_device_server_is_named_by_its_scheme(tmp_path: Path) -> None:
     run(tmp_path, *options(drives_at="rtu://10.0.0.5:4001"))
-    line = tomllib.loads((tmp_path / "gateway.toml").read_text())["line"]["main"]
+    line = written(tmp_path)["line"]["main"]
     assert line["drives"] == {"rtu_over_tcp": "10.0.0.5:4001"}
 
 
 @pytest.mark.parametrize("name", library.names())
 def test_every_shipped_drive_gives_a_file_in_which_nothing_is_wrong(tmp_path: Path, name: str) -> None:
-    result = run(tmp_path, *options(drive=name, referenced="absolute"), "--json")
-    assert result.exit_code == 0, result.stderr
+    result = good(tmp_path, *options(drive=name, referenced="absolute"), "--json")
     assert json.loads(result.stdout)["left"] == []
 
 
@@ -113,15 +122,11 @@ def test_it_asks_for_everything_that_is_missing(tmp_path: Path) -> None:
         "y\nmill-7\nx\n./mine.toml\n127.0.0.1:5020\n127.0.0.1:1502\n"
         "7\ninch\n25400\nabsolute\n0\n12\nforward\n\nn\n"
     )
-    result = run(tmp_path, "--ask", answers=answers)
-    assert result.exit_code == 0, result.stderr
-    written = tomllib.loads((tmp_path / "gateway.toml").read_text())
-    assert written["gateway"]["name"] == "mill-7"
-    assert (written["axis"]["x"]["referenced"], written["axis"]["x"]["home_approach"]) == (
-        "absolute",
-        "forward",
-    )
-    axis = tomllib.loads((tmp_path / "gateway.toml").read_text())["axis"]["x"]
+    good(tmp_path, "--ask", answers=answers)
+    found = written(tmp_path)
+    assert found["gateway"]["name"] == "mill-7"
+    axis = found["axis"]["x"]
+    assert (axis["referenced"], axis["home_approach"]) == ("absolute", "forward")
     assert (axis["unit_id"], axis["units"], axis["counts_per_unit"]) == (7, "inch", 25400.0)
     assert axis["travel"] == [0.0, 12.0]
     assert "table" not in axis
@@ -142,7 +147,7 @@ def test_a_file_that_exists_is_not_overwritten_unless_that_is_asked_for(tmp_path
     assert result.exit_code == 1
     assert "--force" in result.stderr
     assert target.read_text() == "# mine"
-    assert run(tmp_path, *options(), "--force").exit_code == 0
+    good(tmp_path, *options(), "--force")
     assert "[line.main]" in target.read_text()
 
 
@@ -166,7 +171,7 @@ def test_words_that_are_not_allowed_are_wrong_usage(
 
 def test_odd_texts_stay_texts(tmp_path: Path) -> None:
     run(tmp_path, *options(table='my"table\\'))
-    assert tomllib.loads((tmp_path / "gateway.toml").read_text())["axis"]["x"]["table"] == 'my"table\\'
+    assert written(tmp_path)["axis"]["x"]["table"] == 'my"table\\'
 
 
 def test_a_folder_that_does_not_exist_is_bad_input(tmp_path: Path) -> None:
@@ -195,6 +200,10 @@ ANSWERS = {
     "table": "",
     "another": "",
 }
+
+
+def typed(answers: dict[str, str]) -> str:
+    return "".join(f"{answer}\n" for answer in answers.values())
 
 
 def asked(folder: Path, wrong: dict[str, str]) -> Result:
@@ -241,9 +250,8 @@ def test_a_wrong_answer_is_explained_and_asked_again(
 
 
 def test_a_baud_rate_alone_leaves_the_rest_as_offered(tmp_path: Path) -> None:
-    result = run(tmp_path, "--ask", answers="\n".join({**ANSWERS, "format": "38400"}.values()) + "\n")
-    assert result.exit_code == 0, result.stderr
-    drives = tomllib.loads((tmp_path / "gateway.toml").read_text())["line"]["main"]["drives"]
+    good(tmp_path, "--ask", answers=typed({**ANSWERS, "format": "38400"}))
+    drives = written(tmp_path)["line"]["main"]["drives"]
     assert drives == {"rtu": "/dev/ttyUSB0", "baudrate": 38400, "parity": "even", "stop_bits": 2}
 
 
@@ -251,10 +259,9 @@ def test_a_drive_is_chosen_by_its_number_in_the_list(tmp_path: Path) -> None:
     name = "leadshine-pr"
     number = str(library.names().index(name) + 1)
     answers = {**ANSWERS, "drive": number, "referenced": "absolute"}
-    result = run(tmp_path, "--ask", answers="\n".join(answers.values()) + "\n")
-    assert result.exit_code == 0, result.stderr
+    result = good(tmp_path, "--ask", answers=typed(answers))
     assert re.search(rf"^ +{number}  {name} ", result.stderr, re.MULTILINE)
-    assert tomllib.loads((tmp_path / "gateway.toml").read_text())["axis"]["x"]["drive"] == name
+    assert written(tmp_path)["axis"]["x"]["drive"] == name
 
 
 def test_the_drives_are_listed_above_the_question(tmp_path: Path) -> None:
@@ -265,14 +272,13 @@ def test_the_drives_are_listed_above_the_question(tmp_path: Path) -> None:
 
 def test_a_wrong_option_is_explained_and_asked_for_where_somebody_can_be_asked(tmp_path: Path) -> None:
     arguments = [part.replace("127.0.0.1:5020", "banana") for part in options()]
-    result = run(tmp_path, *arguments, "--ask", answers="\n\n127.0.0.1:5020\n\n\n\n\n")
-    assert result.exit_code == 0, result.stderr
+    result = good(tmp_path, *arguments, "--ask", answers="\n\n127.0.0.1:5020\n\n\n\n\n")
     assert '--drives-at: found "banana"' in result.stderr
 
 
 def test_what_does_not_fit_together_is_said_at_once_and_can_be_mended_in_the_file(tmp_path: Path) -> None:
     # 3 000 000 mm are 3 000 000 000 counts: more than an int32 holds.
-    result = run(tmp_path, "--ask", answers="\n".join({**ANSWERS, "travel": "0\n3e6"}.values()) + "\n")
+    result = run(tmp_path, "--ask", answers=typed({**ANSWERS, "travel": "0\n3e6"}))
     assert result.exit_code == 0
     assert "note: axis.x.registers.command[1]: travel ends at 3e+06 mm" in result.stderr
     assert "left to do:" in result.stdout
@@ -315,17 +321,16 @@ def test_a_wrong_option_is_wrong_usage_where_nobody_can_be_asked(
 
 def test_without_a_name_it_is_that_of_the_computer(tmp_path: Path) -> None:
     run(tmp_path, *options())
-    name = tomllib.loads((tmp_path / "gateway.toml").read_text())["gateway"]["name"]
+    name = written(tmp_path)["gateway"]["name"]
     assert name == re.sub("[^A-Za-z0-9_-]", "-", socket.gethostname().partition(".")[0])
 
 
 def test_the_formats_of_both_sides_are_asked_for_each_and_offered_as_the_drive_is(tmp_path: Path) -> None:
     answers = {**ANSWERS, "format": "9600 8N2", "controller at": "/dev/ttyUSB1\n19200 even 1"}
-    result = run(tmp_path, "--ask", answers="\n".join(answers.values()) + "\n")
-    assert result.exit_code == 0, result.stderr
+    result = good(tmp_path, "--ask", answers=typed(answers))
     assert "Baud rate, parity and stop bits of the drives [57600 8E2]" in result.stderr
     assert "Baud rate, parity and stop bits of the controller [9600 8N2]" in result.stderr
-    line = tomllib.loads((tmp_path / "gateway.toml").read_text())["line"]["main"]
+    line = written(tmp_path)["line"]["main"]
     assert line["drives"] == {"rtu": "/dev/ttyUSB0", "baudrate": 9600, "parity": "none", "stop_bits": 2}
     its = {key: line["controllers"][0][key] for key in ("rtu", "baudrate", "parity", "stop_bits")}
     assert its == {"rtu": "/dev/ttyUSB1", "baudrate": 19200, "parity": "even", "stop_bits": 1}
@@ -338,8 +343,8 @@ def test_the_controllers_format_has_options_of_its_own(tmp_path: Path) -> None:
         controller_baudrate="19200",
         controller_parity="odd",
     )
-    assert run(tmp_path, *given).exit_code == 0
-    line = tomllib.loads((tmp_path / "gateway.toml").read_text())["line"]["main"]
+    good(tmp_path, *given)
+    line = written(tmp_path)["line"]["main"]
     assert (line["drives"]["baudrate"], line["drives"]["parity"]) == (57600, "even")
     controller = line["controllers"][0]
     assert (controller["baudrate"], controller["parity"], controller["stop_bits"]) == (19200, "odd", 2)
@@ -430,14 +435,13 @@ def answered(first: dict[str, str], *further: dict[str, str]) -> str:
 
 
 def test_axes_are_answered_for_one_after_the_other(tmp_path: Path) -> None:
-    result = run(tmp_path, "--ask", answers=answered({**ANSWERS, "home": "forward"}, SECOND, THIRD))
-    assert result.exit_code == 0, result.stderr
+    result = good(tmp_path, "--ask", answers=answered({**ANSWERS, "home": "forward"}, SECOND, THIRD))
     left = [line for line in result.stdout.splitlines() if "gateway.toml:" in line]
     assert len(left) == 1, result.stdout
     assert "axis.y.table: there is no y.tab" in left[0]
     assert result.stderr.count("Drives at (") == 1
     assert result.stderr.count("counts per motor turn") == 1
-    axes = tomllib.loads((tmp_path / "gateway.toml").read_text())["axis"]
+    axes = written(tmp_path)["axis"]
     assert [(name, axis["unit_id"], axis["counts_per_unit"]) for name, axis in axes.items()] == [
         ("x", 7, 1000.0),
         ("y", 8, -2000.0),
@@ -450,7 +454,7 @@ def test_axes_are_answered_for_one_after_the_other(tmp_path: Path) -> None:
     assert [axes[name].get("table") for name in "xyz"] == [None, "y.tab", None]
     assert {axis["compensation"] for axis in axes.values()} == {"shadow"}
     # The first drive decides how the port is set: they hang on one cable.
-    drives = tomllib.loads((tmp_path / "gateway.toml").read_text())["line"]["main"]["drives"]
+    drives = written(tmp_path)["line"]["main"]["drives"]
     assert (drives["baudrate"], drives["parity"]) == (57600, "even")
 
 
@@ -465,8 +469,7 @@ def test_axes_are_answered_for_one_after_the_other(tmp_path: Path) -> None:
 def test_what_a_further_axis_cannot_have_is_asked_again(
     tmp_path: Path, wrong: dict[str, str], said: str
 ) -> None:
-    result = run(tmp_path, "--ask", answers=answered(ANSWERS, {**SECOND, **wrong, "table": ""}))
-    assert result.exit_code == 0, result.stderr
+    result = good(tmp_path, "--ask", answers=answered(ANSWERS, {**SECOND, **wrong, "table": ""}))
     assert said in result.stderr
     axes = load(tmp_path / "gateway.toml").plan.lines[0].axes
     assert [(axis.name, axis.unit_id, axis.settings.travel) for axis in axes] == [
@@ -485,15 +488,14 @@ def test_further_axes_are_options_too(tmp_path: Path) -> None:
     y = "y,unit-id=4,counts-per-unit=2000,travel=-40:0"
     z = "z,unit-id=5,counts-per-unit=-1e3,travel=0:5.5,drive=oriental-az"
     z += ",referenced=absolute,home-approach=none"
-    result = run(tmp_path, *given, *further(y, z), "--no-ask")
-    assert result.exit_code == 0, result.stderr
+    good(tmp_path, *given, *further(y, z), "--no-ask")
     (line,) = load(tmp_path / "gateway.toml").plan.lines
     assert [(a.name, a.unit_id, a.settings.counts_per_unit, a.settings.travel) for a in line.axes] == [
         ("x", 3, -1000.0, (-300.0, 0.0)),
         ("y", 4, 2000.0, (-40.0, 0.0)),
         ("z", 5, -1000.0, (0.0, 5.5)),
     ]
-    axes = tomllib.loads((tmp_path / "gateway.toml").read_text())["axis"]
+    axes = written(tmp_path)["axis"]
     assert [axes[name]["drive"] for name in "xyz"] == ["./mine.toml", "./mine.toml", "oriental-az"]
     assert [axes[name]["home_approach"] for name in "xyz"] == ["forward", "forward", "none"]
 
@@ -521,8 +523,7 @@ def test_a_wrong_further_axis_is_wrong_usage(tmp_path: Path, text: str, said: st
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root writes for another user")
 def test_root_is_told_to_run_it_as_the_user_whose_folder_it_is(tmp_path: Path) -> None:
     os.chown(tmp_path, pwd.getpwnam("nobody").pw_uid, -1)
-    result = run(tmp_path, *options())
-    assert result.exit_code == 0, result.stderr
+    result = good(tmp_path, *options())
     assert result.stdout.splitlines()[-3:] == [
         f"  sudo -u nobody pitch-gateway {command} {tmp_path}/gateway.toml"
         for command in ("check", "probe", "run")
@@ -532,8 +533,7 @@ def test_root_is_told_to_run_it_as_the_user_whose_folder_it_is(tmp_path: Path) -
 def test_what_check_would_warn_of_is_said_with_the_file(tmp_path: Path) -> None:
     """Two drives on one RTU line: with the time-outs of a new file one that is silent holds up the other."""
     given = options(drives_at="/dev/ttyUSB1")
-    result = run(tmp_path, *given, *further("y,unit-id=4,counts-per-unit=1000,travel=-200:0"))
-    assert result.exit_code == 0, result.stderr
+    result = good(tmp_path, *given, *further("y,unit-id=4,counts-per-unit=1000,travel=-200:0"))
     (warned,) = [line for line in result.stdout.splitlines() if line.startswith("warning: ")]
     checked = CliRunner().invoke(app, ["check", str(tmp_path / "gateway.toml")])
     assert warned in checked.stderr.splitlines()

@@ -112,7 +112,6 @@ class Controller(ControllerPort):
             self.take(self._mbap.feed(data), now_ns)
 
     def be_silent(self, now_ns: int) -> None:
-        """Let the wire be silent."""
         self.take([(0, *frame) for frame in self._rtu.on_silence(now_ns)], now_ns)
 
     def take(self, requests: Sequence[tuple[int, int, bytes]], now_ns: int) -> None:
@@ -126,7 +125,6 @@ class Controller(ControllerPort):
         return encode_rtu(unit_id, pdu) if self.plan.serial else encode_mbap(transaction_id, unit_id, pdu)
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
-        """See ``ControllerPort``."""
         self.framed(unit_id, pdu, transaction_id)  # raises where that cannot be framed
         asked = [each for each in self.waits_for if each[:2] == (transaction_id, unit_id)]
         assert asked, f"unit {unit_id} answers {pdu.hex(' ')}, and nobody asked"
@@ -177,7 +175,6 @@ class Drives(DriveLink):
         return not self._mbap.is_between_frames
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
-        """See ``DriveLink``."""
         assert self.line is not None
         assert self.asked is None, "a second frame while the first one waits for its reply"
         exchange = self.line._transactions.current
@@ -201,7 +198,6 @@ class Drives(DriveLink):
             self._rtu.expect(unit_id, pdu)
 
     def abandon(self) -> None:
-        """See ``DriveLink``."""
         self.asked = None
         self._rtu.cancel()
 
@@ -228,7 +224,6 @@ class Drives(DriveLink):
             self._answered(unit_id, pdu, now_ns)
 
     def be_silent(self, now_ns: int) -> None:
-        """Let the wire be silent."""
         for unit_id, pdu in self._rtu.on_silence(now_ns):
             self._answered(unit_id, pdu, now_ns)
 

@@ -10,11 +10,9 @@ class Script:
 
     @property
     def is_over(self) -> bool:
-        """Whether all was taken."""
         return self._at >= len(self._data)
 
     def byte(self) -> int:
-        """Return the next byte, 0 behind the end."""
         self._at += 1
         return self._data[self._at - 1] if self._at <= len(self._data) else 0
 
@@ -26,7 +24,6 @@ class Script:
         return taken
 
     def rest(self) -> bytes:
-        """Return all that is left."""
         taken = self._data[self._at :]
         self._at = len(self._data)
         return taken

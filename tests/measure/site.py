@@ -121,7 +121,6 @@ class Machine:
 
     @property
     def config(self) -> Path:
-        """Its configuration."""
         return self.folder / "gateway.toml"
 
     def configure(self, more: str = "") -> None:
@@ -233,7 +232,6 @@ class Typed:
         self.process.send_signal(signal.SIGINT)
 
     def of(self, event: str) -> list[dict[str, Any]]:
-        """Events of one kind, in order."""
         return [found for found in self.events if found["event"] == event]
 
 
@@ -285,13 +283,11 @@ class Gauge:
         self.unplug()
 
     def unplug(self) -> None:
-        """Take the cable out."""
         with contextlib.suppress(OSError):
             asyncio.get_running_loop().remove_reader(self._pty.master_fd)
         self._pty.close()
 
     def send(self, data: bytes) -> None:
-        """Send without being asked."""
         os.write(self._pty.master_fd, data)
 
     def _readable(self) -> None:

@@ -131,8 +131,7 @@ def test_a_run_of_a_few_turns_tells_no_scale() -> None:
         "long. These readings cover 2 mm, only a few turns of the screw"
     )
     # With the grid that it completes they tell it, and where the lead is told ten turns of it do.
-    both = merged([measured([20.0 * index for index in range(21)]), fine])
-    scale = json_of(both)["scale"]
+    scale = json_of(merged([measured([20.0 * index for index in range(21)]), fine]))["scale"]
     assert isinstance(scale, dict)
     assert scale["um_per_m"] == pytest.approx(60, abs=1)
     turns = measured([0.0, 5.0, 10.0, 15.0, 20.0])

@@ -105,8 +105,7 @@ def test_smoothing_by_hand() -> None:
 @given(st.floats(-0.005, 0.005), st.floats(-1, 1), st.integers(3, 20))
 def test_a_straight_curve_stays(slope: float, offset: float, count: int) -> None:
     line = [offset + slope * i for i in range(count)]
-    before = make_table([i * 1.0 for i in range(count)], line, line, Units.MM)
-    after, change = smoothed(before, 5.0)
+    after, change = smoothed(make_table([i * 1.0 for i in range(count)], line, line, Units.MM), 5.0)
     assert list(after.forward) == pytest.approx(line, abs=1e-12)
     assert change.largest < 1e-12
 
@@ -119,8 +118,7 @@ def test_a_window_that_smooths_nothing_is_refused(window: float) -> None:
 
 def test_an_even_grid_begins_at_a_multiple_of_the_step() -> None:
     # TB058: limits -32.6 to 0 and a step of 0.5 give -32.5 as the first point.
-    before = make_table([-32.6, 0.0], [0.0326, 0.0], [0.0, 0.0], Units.INCH)
-    after, lost = on_grid(before, 0.5)
+    after, lost = on_grid(make_table([-32.6, 0.0], [0.0326, 0.0], [0.0, 0.0], Units.INCH), 0.5)
     assert (after.first, after.last, len(after.positions)) == (-32.5, 0.0, 66)
     assert after.forward[0] == pytest.approx(0.0325)
     assert lost.size == pytest.approx(0.0001)

@@ -90,8 +90,7 @@ def test_quotes_of_a_spreadsheet_around_whole_cells_change_nothing() -> None:
 
 
 def test_tenths_are_ten_thousandths_of_an_inch() -> None:
-    text = "target_inch,direction,run,deviation_tenth\n1,forward,1,5\n2,forward,1,-2\n"
-    survey = read(text)
+    survey = read("target_inch,direction,run,deviation_tenth\n1,forward,1,5\n2,forward,1,-2\n")
     assert survey.units is Units.INCH
     assert [r.measured for r in survey.readings] == pytest.approx([1.0005, 1.9998], abs=1e-12)
 
@@ -389,8 +388,7 @@ def test_decimal_commas_are_read_where_commas_separate_nothing(separator: str) -
 
 
 def test_commas_beside_points_are_refused_with_both_lines() -> None:
-    text = ISO.replace(",", ";").replace("50.003", "50,003")
-    said = refused(text)
+    said = refused(ISO.replace(",", ";").replace("50.003", "50,003"))
     assert "laser.csv:5: '50,003' with a decimal comma, but '0.001' with a point in line 4" in said
     assert "perhaps because of a decimal comma" in refused(ISO.replace("50.003", "50,003"))
 
