@@ -11,6 +11,7 @@ from gateway.supervisor.debounce import GONE_S, STILL_S, FileDebounce, FileStabi
 A, B = FileStamp(is_there=True, mark=("a",)), FileStamp(is_there=True, mark=("b",))
 WRITTEN_B = FileStamp(is_there=True, mark=("b",), is_being_written=True)
 GONE = FileStamp(is_there=False)
+MOVING, READY, SAME = FileStability.MOVING, FileStability.READY, FileStability.SAME
 
 
 def states(start: FileStamp, looks: Sequence[tuple[float, FileStamp]]) -> list[FileStability]:
@@ -22,59 +23,43 @@ def states(start: FileStamp, looks: Sequence[tuple[float, FileStamp]]) -> list[F
 
 
 def test_a_file_that_was_read_is_read_once() -> None:
-    assert states(A, [(0.0, A), (100.0, A)]) == [FileStability.SAME, FileStability.SAME]
+    assert states(A, [(0.0, A), (100.0, A)]) == [SAME, SAME]
 
 
 def test_a_file_is_read_when_it_has_stood_still() -> None:
     looks = [(1.0, B), (1.0 + STILL_S - 0.01, B), (1.0 + STILL_S, B)]
-    assert states(A, looks) == [FileStability.MOVING, FileStability.MOVING, FileStability.READY]
+    assert states(A, looks) == [MOVING, MOVING, READY]
 
 
 def test_each_change_begins_the_wait_anew() -> None:
     growing = [(0.4 * n, FileStamp(is_there=True, mark=(n,))) for n in range(1, 151)]  # for a minute
-    assert set(states(A, growing)) == {FileStability.MOVING}
+    assert set(states(A, growing)) == {MOVING}
     last_s, last = growing[-1]
-    assert states(A, [*growing, (last_s + STILL_S, last)])[-1] is FileStability.READY
+    assert states(A, [*growing, (last_s + STILL_S, last)])[-1] is READY
 
 
 def test_what_somebody_writes_is_not_read_however_still_it_is() -> None:
     looks = [(0.0, WRITTEN_B), (100.0, WRITTEN_B), (100.1, B), (100.1 + STILL_S, B)]
-    assert states(A, looks) == [
-        FileStability.MOVING,
-        FileStability.MOVING,
-        FileStability.MOVING,
-        FileStability.READY,
-    ]
+    assert states(A, looks) == [MOVING, MOVING, MOVING, READY]
 
 
 def test_a_file_is_gone_after_five_seconds() -> None:
     assert GONE_S == 5.0
-    assert states(A, [(0.0, GONE), (4.99, GONE), (5.0, GONE)]) == [
-        FileStability.MOVING,
-        FileStability.MOVING,
-        FileStability.READY,
-    ]
+    assert states(A, [(0.0, GONE), (4.99, GONE), (5.0, GONE)]) == [MOVING, MOVING, READY]
 
 
 def test_an_editor_that_moves_the_file_away_and_back_changes_nothing() -> None:
-    assert states(A, [(0.0, GONE), (2.0, GONE), (3.0, A)]) == [
-        FileStability.MOVING,
-        FileStability.MOVING,
-        FileStability.SAME,
-    ]
+    assert states(A, [(0.0, GONE), (2.0, GONE), (3.0, A)]) == [MOVING, MOVING, SAME]
 
 
 def test_a_file_that_comes_back_after_it_was_gone_is_read_again() -> None:
     looks = [(0.0, A), (STILL_S, A)]
-    assert states(GONE, looks) == [FileStability.MOVING, FileStability.READY]
+    assert states(GONE, looks) == [MOVING, READY]
 
 
 def test_nothing_was_read_at_the_start() -> None:
     debounce = FileDebounce()
-    assert [debounce.observe(A, now_s) for now_s in (0.0, STILL_S)] == [
-        FileStability.MOVING,
-        FileStability.READY,
-    ]
+    assert [debounce.observe(A, now_s) for now_s in (0.0, STILL_S)] == [MOVING, READY]
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 2.0), st.sampled_from([A, B, WRITTEN_B, GONE])), max_size=30))
@@ -89,7 +74,7 @@ def test_whatever_comes_ready_means_another_file_that_stood_still(
         now_s += step_s
         if stamp != last:
             last, since_s = stamp, now_s
-        if debounce.observe(stamp, now_s) is FileStability.READY:
+        if debounce.observe(stamp, now_s) is READY:
             assert stamp != A
             assert not stamp.is_being_written
             assert now_s - since_s >= (STILL_S if stamp.is_there else GONE_S)
@@ -97,18 +82,15 @@ def test_whatever_comes_ready_means_another_file_that_stood_still(
 
 @pytest.mark.parametrize("stamp", [A, GONE])
 def test_a_file_that_was_taken_is_the_same(stamp: FileStamp) -> None:
-    assert states(stamp, [(7.0, stamp)]) == [FileStability.SAME]
+    assert states(stamp, [(7.0, stamp)]) == [SAME]
 
 
 def test_what_was_read_before_it_stood_still_is_read_once_more() -> None:
     debounce = FileDebounce()
     debounce.take(A, 0.0)  # changed in the same tick of the file system's clock, it would look like this
-    assert [debounce.observe(A, now_s) for now_s in (0.1, STILL_S)] == [
-        FileStability.SAME,
-        FileStability.READY,
-    ]
+    assert [debounce.observe(A, now_s) for now_s in (0.1, STILL_S)] == [SAME, READY]
     debounce.take(A, STILL_S)
-    assert debounce.observe(A, 100.0) is FileStability.SAME
+    assert debounce.observe(A, 100.0) is SAME
 
 
 def test_what_was_read_early_is_not_read_while_somebody_writes_it() -> None:
@@ -116,7 +98,7 @@ def test_what_was_read_early_is_not_read_while_somebody_writes_it() -> None:
     debounce.take(B, 0.0)
     looks = [(0.1, WRITTEN_B), (1.0, WRITTEN_B), (1.1, B), (1.1 + STILL_S, B)]
     states = [debounce.observe(stamp, now_s) for now_s, stamp in looks]
-    assert states == [FileStability.SAME, FileStability.SAME, FileStability.SAME, FileStability.READY]
+    assert states == [SAME, SAME, SAME, READY]
 
 
 def test_what_could_not_be_read_is_read_as_soon_as_it_stands_still() -> None:
@@ -124,4 +106,4 @@ def test_what_could_not_be_read_is_read_as_soon_as_it_stands_still() -> None:
     debounce.observe(A, 0.0)
     debounce.take(A, 10.0)
     debounce.forget()
-    assert debounce.observe(A, 10.1) is FileStability.READY
+    assert debounce.observe(A, 10.1) is READY

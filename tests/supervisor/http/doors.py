@@ -16,7 +16,6 @@ from gateway.transport.certificates import now_utc
 from gateway.transport.listener import HandshakesAtOnce
 from tests.supervisor.http.http_bench import Answer, Line, Served, model, serving, until
 from tests.support.certificates import authority, signed_by
-from tests.support.status_models import model_of
 
 TOKEN = "people-0123456789abcdefghijklmnopqrstuv"
 OTHER = "others-0123456789abcdefghijklmnopqrstuv"
@@ -119,6 +118,24 @@ class Asking:
         assert answer.status == 200, answer
         return f"Cookie: {answer.headers['set-cookie'].partition(';')[0]}"
 
+    async def says(self, data: bytes | str, client: str = "") -> Line:
+        """Return a connection on which something was said."""
+        line = await self.connect(client)
+        await line.say(data)
+        return line
+
+    async def configured(self, wanted: HttpSection) -> None:
+        """Have the service take over a section, and wait until it serves by it."""
+        before = len(self.served.said)
+        self.served.service.configure(wanted, "mill-1", self.folder)
+        await until(lambda: "http-ready" in [event for event, _ in self.served.said[before:]])
+
+    async def event(self, name: str) -> dict[str, Any]:
+        """Wait for the only event of a name."""
+        await until(lambda: bool(self.events(name)))
+        [event] = self.events(name)
+        return event
+
     def events(self, name: str) -> list[dict[str, Any]]:
         return [fields for event, fields in self.served.said if event == name]
 
@@ -142,11 +159,10 @@ async def asking(
     """A service that asks, with one token, ``people``; over TLS where there are certificates."""
     write_token(folder, TOKEN)
     seen = acknowledge or (lambda *_: None)
-    async with serving(folder, tcp=tcp, handshakes=handshakes, now=now, acknowledge=seen) as served:
-        served.broadcast.publish(model_of(model()))
-        before = len(served.said)
+    with_all = serving(folder, tcp=tcp, handshakes=handshakes, now=now, acknowledge=seen, newest=model())
+    async with with_all as served:
+        visitor = Asking(served, folder, certificates)
         may = acknowledge is not None
         wanted = section(served.port, certificates, tokens=tokens, clients=clients, may_acknowledge=may)
-        served.service.configure(wanted, "mill-1", folder)
-        await until(lambda: "http-ready" in [event for event, _ in served.said[before:]])
-        yield Asking(served, folder, certificates)
+        await visitor.configured(wanted)
+        yield visitor

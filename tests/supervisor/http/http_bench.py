@@ -28,9 +28,11 @@ from gateway.supervisor.past import Noted
 from gateway.transport.certificates import now_utc
 from gateway.transport.listener import HandshakesAtOnce
 from tests.support.ports import free_port
-from tests.support.status_models import plain, relay_model_of, supervisor_of
+from tests.support.status_models import model_of, plain, relay_model_of, supervisor_of
 
 PATIENCE_S = 20.0
+EVENTS = "GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n"
+STATUS = "GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n"
 BOUNDS_US = [5, 10, 100, 1000]
 TOOK: dict[str, Any] = {"p50": 8.0, "p99": 90.0, "p999": 99.0, "max": 120.0, "max_minute": 60.0}
 CERTIFICATE = {
@@ -50,37 +52,16 @@ LINE = {
     "state": "up",
     "exchanges": 7,
     "timeouts": 1,
-    "exceptions": 0,
-    "late": 0,
-    "late_targets": 0,
     "refused": 2,
-    "backed_off": 0,
-    "too_late": 0,
-    "withdrawn": 0,
-    "broadcasts": 0,
-    "added_reads": 0,
-    "restaged": 0,
-    "unknown_modes": 0,
-    "unmapped_reads": 0,
-    "internal_faults": 0,
     "crc_errors": 3,
     "malformed": 0,
-    "budget_overruns": 0,
     "wire_s": 1.5,
     "added_frames_s": 0.25,
     "gateway_us": {**TOOK, "below": [1, 4, 6, 7, 7]},
-    "computed": {},
-    "drives": {"address": "127.0.0.1:502", "failure": "", "opens": 1, "notes": [], "latency": None},
+    "drives": {"address": "127.0.0.1:502", "opens": 1},
     "controllers": [CONTROLLER],
 }
-ANSWERS: dict[str, Any] = {
-    "answered_s": 0.1,
-    "silent_s": None,
-    "timeouts_in_a_row": 0,
-    "damaged": 0,
-    "damaged_in_a_row": 0,
-    "damaged_minute": 0,
-}
+ANSWERS: dict[str, Any] = {"answered_s": 0.1}
 PLC: dict[str, Any] = {
     "name": "plc",
     "role": "motion",
@@ -98,10 +79,9 @@ SICK: dict[str, Any] = {
         "axes": {"x": 1},
         "heard": [1, 17],
         "strangers": [17],
-        "requests": {},
         "asked_by": {"cnc": [1, 17]},
         "drives": {
-            "1": {**ANSWERS, "answered_s": None, "silent_s": 12.5, "timeouts_in_a_row": 12, "damaged": 3},
+            "1": {"silent_s": 12.5, "timeouts_in_a_row": 12, "damaged": 3},
             "17": ANSWERS,
         },
     },
@@ -118,42 +98,35 @@ AXIS = {
     "nominal_setpoint": 50.0,
     "corrected_setpoint": 50.05,
     "nominal_actual": 49.0,
-    "corrected_actual": None,
     "table": {
         "file": "x.tab",
         "format": "centroid-3",
         "sha256": "ab",
-        "compiled": None,
-        "points": 0,
         "status": "active",
-        "error": None,
         "loaded_at": "2001-09-09T01:46:40.250+00:00",
     },
     "latency": {
         "gateway_us": {**TOOK, "below": [0, 2, 3, 3, 4]},
         "budget_us": 1000.0,
         "budget_overruns": 5,
-        "is_over_budget": False,
     },
 }
 TERMS: dict[str, Any] = {
     "correction": -0.0175,
-    "is_too_large": False,
     "thermal": {
         "state": "following",
         "celsius": 30.5,
         "age_s": 1.25,
         "difference": 10.0,
         "correction": -0.0575,
-        "is_silent": False,
     },
     "cross": {"state": "following", "axes": ["y"], "correction": 0.04},
 }
 """Of an axis with ``thermal`` and ``cross``."""
 WELL = {
-    "configuration": {"file": "gateway.toml", "problem": None},
-    "tables_folder": {"folder": "tables", "problem": None},
-    "state_folder": {"folder": "state", "problem": None},
+    "configuration": {"file": "gateway.toml"},
+    "tables_folder": {"folder": "tables"},
+    "state_folder": {"folder": "state"},
     "http": {"problem": None, "certificates": [CERTIFICATE]},
     "mqtt": {"problem": None},
 }
@@ -172,7 +145,7 @@ def snapshot(
             "relay": "up",
             "snapshot_age_s": 0.0,
             "latency_bounds_us": BOUNDS_US,
-            "scheduling": {"fifo": 0, "cpus": [0], "memory_locked": False},
+            "scheduling": {"cpus": [0]},
             **gateway,
         },
         "lines": {"xyz": {**LINE, **(line or {})}},
@@ -287,11 +260,17 @@ class Served:
         self.lines.append(line)
         return line
 
+    async def says(self, data: bytes | str, *, is_local: bool = False) -> Line:
+        """Return a connection on which something was said."""
+        line = await self.connect(is_local=is_local)
+        await line.say(data)
+        return line
+
     async def ask(
         self, target: str, method: str = "GET", *more: str, is_local: bool = False, host: str = "localhost"
     ) -> Answer:
-        line = await self.connect(is_local=is_local)
-        await line.say("\r\n".join((f"{method} {target} HTTP/1.1", f"Host: {host}", *more, "", "")))
+        head = (f"{method} {target} HTTP/1.1", f"Host: {host}", *more, "", "")
+        line = await self.says("\r\n".join(head), is_local=is_local)
         answer = await line.hear(has_body=method != "HEAD")
         line.close()
         return answer
@@ -316,8 +295,9 @@ async def serving(
     now: Callable[[], datetime] = now_utc,
     acknowledge: Callable[[str, str, str, str], AlarmAcknowledgement | None] = lambda *_: None,
     history: Callable[[str, float], Awaitable[Sequence[Noted] | None]] | None = None,
+    newest: dict[str, Any] | None = None,
 ) -> AsyncIterator[Served]:
-    """A service that is open on both of its listeners."""
+    """A service that is open on both of its listeners; ``newest`` is the model that it shows first."""
     broadcast = Broadcast() if broadcast is None else broadcast
     port = free_port()
 
@@ -337,6 +317,8 @@ async def serving(
     running = asyncio.create_task(service.run())
     try:
         await until(lambda: running.done() or (bool(served.said) and served.local.exists()))
+        if newest is not None:
+            broadcast.publish(model_of(newest))
         yield served
     finally:
         for line in served.lines:

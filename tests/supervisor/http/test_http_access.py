@@ -88,8 +88,7 @@ async def test_whoever_names_nobody_shows_a_token_all_the_same(tmp_path: Path) -
             (f"GET /metrics HTTP/1.0\r\n{bearer(TOKEN)}", b"200"),
             (f"GET /status HTTP/1.0\r\n{bearer(TOKEN)}", b"421"),
         ):
-            line = await visitor.served.connect()
-            await line.say(f"{head}\r\n\r\n")
+            line = await visitor.served.says(f"{head}\r\n\r\n")
             assert (await line.rest()).split(b" ", 2)[1] == status
 
 
@@ -215,8 +214,9 @@ async def test_another_token_in_the_file_holds_at_once_and_ends_what_the_old_one
 async def test_whoever_reads_the_events_is_out_when_his_token_is(tmp_path: Path, is_session: bool) -> None:
     async with asking(tmp_path) as visitor:
         shown = await visitor.cookie() if is_session else bearer(TOKEN)
-        line = await visitor.connect()
-        await line.say(f"GET /events HTTP/1.1\r\nHost: localhost\r\n{shown}\r\nConnection: close\r\n\r\n")
+        line = await visitor.says(
+            f"GET /events HTTP/1.1\r\nHost: localhost\r\n{shown}\r\nConnection: close\r\n\r\n"
+        )
         await line.until(b"event: status\n")
         write_token(visitor.folder, OTHER)
         assert (await line.rest()).endswith(b"0\r\n\r\n")  # a whole answer
@@ -225,8 +225,9 @@ async def test_whoever_reads_the_events_is_out_when_his_token_is(tmp_path: Path,
 async def test_whoever_reads_the_events_is_out_when_he_logs_out(tmp_path: Path) -> None:
     async with asking(tmp_path) as visitor:
         shown = await visitor.cookie()
-        line = await visitor.connect()
-        await line.say(f"GET /events HTTP/1.1\r\nHost: localhost\r\n{shown}\r\nConnection: close\r\n\r\n")
+        line = await visitor.says(
+            f"GET /events HTTP/1.1\r\nHost: localhost\r\n{shown}\r\nConnection: close\r\n\r\n"
+        )
         await line.until(b"event: status\n")
         await visitor.ask("/logout", shown, method="POST")
         assert (await line.rest()).endswith(b"0\r\n\r\n")
@@ -260,6 +261,6 @@ async def test_what_somebody_says_of_tokens_is_in_no_event(tmp_path: Path) -> No
         await visitor.ask("/status", bearer(WRONG))
         await visitor.log_in(WRONG)
         cookie = await visitor.cookie()
-        await until(lambda: bool(visitor.events("token-refused")))
+        await visitor.event("token-refused")
         said = json.dumps(visitor.served.said) + str(visitor.served.service.status)
         assert all(secret not in said for secret in (TOKEN, WRONG, cookie.partition("=")[2]))

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.supervisor.http import listener
 from gateway.supervisor.http.answers import Limits
-from tests.supervisor.http.http_bench import PATIENCE_S, large_model, model, serving
+from tests.supervisor.http.http_bench import EVENTS, PATIENCE_S, STATUS, large_model, model, serving
 from tests.support.status_models import model_of
 
 BAD_PATHS = [
@@ -43,8 +43,7 @@ BAD_PATHS = [
 
 @pytest.mark.parametrize(("target", "status"), BAD_PATHS, ids=[target[:40] for target, _ in BAD_PATHS])
 async def test_a_bad_path_is_answered_and_nothing_more(tmp_path: Path, target: str, status: int) -> None:
-    async with serving(tmp_path) as served:
-        served.broadcast.publish(model_of(model()))
+    async with serving(tmp_path, newest=model()) as served:
         answer = await served.ask(target)
         # A head that comes in one piece is whole, however long: then its target is what is too long.
         assert answer.status in ({status, 414} if status == 431 else {status})
@@ -70,8 +69,7 @@ async def test_what_is_no_request_is_told_so_and_closed(
     tmp_path: Path, data: bytes, caplog: pytest.LogCaptureFixture
 ) -> None:
     async with serving(tmp_path) as served:
-        line = await served.connect()
-        await line.say(data)
+        line = await served.says(data)
         answer = await line.hear()
         assert answer.status == 400
         assert "problem" in answer.data
@@ -84,8 +82,7 @@ async def test_whoever_talks_nonsense_and_stays_is_dropped(
 ) -> None:
     monkeypatch.setattr(listener, "LEAVING_S", 0.05)
     async with serving(tmp_path, tcp=Limits(sweep_s=0.01)) as served:
-        line = await served.connect()
-        await line.say("nonsense\r\n\r\n")
+        line = await served.says("nonsense\r\n\r\n")
         assert (await line.hear()).status == 400
         async with asyncio.timeout(PATIENCE_S):
             while not line.writer.transport.is_closing():
@@ -96,16 +93,14 @@ async def test_whoever_talks_nonsense_and_stays_is_dropped(
 @pytest.mark.parametrize("data", [b"GET / HTTP/9.9\r\n\r\n", b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"])
 async def test_another_version_of_http_is_not_spoken(tmp_path: Path, data: bytes) -> None:
     async with serving(tmp_path) as served:
-        line = await served.connect()
-        await line.say(data)
+        line = await served.says(data)
         assert (await line.hear()).status == 505
         assert await line.rest() == b""
 
 
 async def test_a_head_without_end_is_cut_off(tmp_path: Path) -> None:
     async with serving(tmp_path) as served:
-        line = await served.connect()
-        await line.say("GET / HTTP/1.1\r\nHost: localhost\r\n")
+        line = await served.says("GET / HTTP/1.1\r\nHost: localhost\r\n")
         for number in range(40):
             await line.say(f"X-{number}: {'a' * 500}\r\n")
             await asyncio.sleep(0)
@@ -132,8 +127,9 @@ async def test_bodies_are_small_and_have_a_length(tmp_path: Path) -> None:
         endless = await served.ask("/reload", "POST", "Transfer-Encoding: chunked", is_local=True)
         assert endless.status == 411
         assert served.reloads == 0
-        line = await served.connect(is_local=True)
-        await line.say("POST /reload HTTP/1.1\r\nHost: a\r\nContent-Length: 4096\r\n\r\n" + "a" * 4096)
+        line = await served.says(
+            "POST /reload HTTP/1.1\r\nHost: a\r\nContent-Length: 4096\r\n\r\n" + "a" * 4096, is_local=True
+        )
         assert (await line.hear()).status == 200
 
 
@@ -157,8 +153,7 @@ async def test_bodies_are_small_and_have_a_length(tmp_path: Path) -> None:
 async def test_a_name_that_somebody_bent_to_this_machine_is_refused(
     tmp_path: Path, host: str, status: int
 ) -> None:
-    async with serving(tmp_path) as served:
-        served.broadcast.publish(model_of(model()))
+    async with serving(tmp_path, newest=model()) as served:
         assert (await served.ask("/status", host=host)).status == status
         # Whoever is on this machine calls its socket what he likes.
         assert (await served.ask("/status", host=host, is_local=True)).status == 200
@@ -188,17 +183,14 @@ async def test_a_name_that_somebody_bent_to_this_machine_is_refused(
 async def test_programs_that_name_nobody_may_ask_whether_all_is_well(
     tmp_path: Path, head: str, status: int
 ) -> None:
-    async with serving(tmp_path) as served:
-        served.broadcast.publish(model_of(model()))
-        line = await served.connect()
-        await line.say(f"{head}\r\n\r\n")
+    async with serving(tmp_path, newest=model()) as served:
+        line = await served.says(f"{head}\r\n\r\n")
         assert (await line.rest()).split(b" ", 2)[1] == str(status).encode()
 
 
 async def test_a_request_that_never_becomes_whole_is_dropped(tmp_path: Path) -> None:
     limits = Limits(whole_request_s=0.2, sweep_s=0.01)
-    async with serving(tmp_path, tcp=limits) as served:
-        served.broadcast.publish(model_of(model()))
+    async with serving(tmp_path, tcp=limits, newest=model()) as served:
         silent, slow, body, second = [await served.connect() for _ in range(4)]
         await slow.say("GET /status HTTP/1.1\r\n")
         await body.say("GET /status HTTP/1.1\r\nHost: localhost\r\nContent-Length: 10\r\n\r\nabc")
@@ -215,14 +207,12 @@ async def test_a_request_that_never_becomes_whole_is_dropped(tmp_path: Path) -> 
 async def test_a_reader_of_events_is_not_asked_for_another_request(tmp_path: Path) -> None:
     limits = Limits(whole_request_s=0.05, heartbeat_s=0.02, sweep_s=0.01)
     async with serving(tmp_path, tcp=limits) as served:
-        reader = await served.connect()
-        await reader.say("GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        reader = await served.says(EVENTS)
         await reader.until(*[b": nothing new\n\n"] * 10)
 
 
 async def test_an_idle_connection_is_closed_after_a_while(tmp_path: Path) -> None:
-    async with serving(tmp_path, tcp=Limits(keep_alive_s=1)) as served:
-        served.broadcast.publish(model_of(model()))
+    async with serving(tmp_path, tcp=Limits(keep_alive_s=1), newest=model()) as served:
         line = await served.connect()
         for _ in range(2):
             await line.say("GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n")
@@ -241,10 +231,8 @@ def many_files() -> Iterator[None]:
 
 @pytest.mark.usefixtures("many_files")
 async def test_a_thousand_idle_connections_keep_nobody_out(tmp_path: Path) -> None:
-    async with serving(tmp_path) as served:
-        served.broadcast.publish(model_of(model()))
-        reader = await served.connect()
-        await reader.say("GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+    async with serving(tmp_path, newest=model()) as served:
+        reader = await served.says(EVENTS)
         await reader.until(b"event: status\n")
         idle = [await served.connect() for _ in range(1000)]
         assert (await served.ask("/healthz")).status == 200
@@ -266,7 +254,7 @@ async def test_who_takes_nothing_of_his_answers_keeps_nobody_out(tmp_path: Path)
             line = await served.connect()
             line.writer.transport.pause_reading()  # type: ignore[attr-defined]
             # The second one is being answered for as long as the first has not been taken.
-            await line.say("GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n" * 2)
+            await line.say(STATUS * 2)
         async with asyncio.timeout(PATIENCE_S):  # less than the 30 s after which they are dropped anyway
             while (await served.ask("/metrics")).status == 503:
                 pass
@@ -277,7 +265,7 @@ async def test_where_nobody_is_idle_the_next_one_is_refused(tmp_path: Path) -> N
     async with serving(tmp_path, tcp=Limits(connections=3, event_readers=3)) as served:
         readers = [await served.connect() for _ in range(3)]
         for reader in readers:
-            await reader.say("GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            await reader.say(EVENTS)
             await reader.until(b"retry: 2000\n\n")
         refused = await (await served.connect()).hear()
         assert (refused.status, refused.data) == (

@@ -38,8 +38,7 @@ async def test_the_end_of_the_pages_certificate_is_told_before_and_when_it_comes
         return clock[0]
 
     async with asking(tmp_path, folder, clients=True, now=now) as visitor:
-        await until(lambda: bool(visitor.events("certificate-ends-soon")))
-        [soon] = visitor.events("certificate-ends-soon")
+        soon = await visitor.event("certificate-ends-soon")
         page = folder / "page.crt"
         ends = x509.load_pem_x509_certificate(page.read_bytes()).not_valid_after_utc
         # It was made a moment before the clock was read: not quite two days are left, and not quite 100.
@@ -51,8 +50,7 @@ async def test_the_end_of_the_pages_certificate_is_told_before_and_when_it_comes
             ("clients", 99),
         ]
         clock[0] = start + timedelta(days=2, minutes=2)
-        await until(lambda: bool(visitor.events("certificate-ended")))
-        [ended] = visitor.events("certificate-ended")
+        ended = await visitor.event("certificate-ended")
         assert (ended["days_left"], ended["remedy"]) == (
             -1,
             "give a valid one; if this one is valid, set the clock",
@@ -72,7 +70,7 @@ async def test_serving_anew_does_not_tell_of_the_same_certificate_again(tmp_path
     folder = tmp_path / "certificates"
     two_days(folder)
     async with asking(tmp_path, folder) as visitor:
-        await until(lambda: bool(visitor.events("certificate-ends-soon")))
+        await visitor.event("certificate-ends-soon")
         before = len(visitor.events("http-ready"))
         wanted = section(visitor.served.port, folder, clients=True)
         visitor.served.service.configure(wanted, "mill-1", tmp_path)

@@ -13,7 +13,7 @@ from gateway.catalogue.entry import Severity
 from gateway.ipc.log import LogEntry
 from gateway.supervisor.broadcast import EVENTS_KEPT
 from gateway.supervisor.http.answers import Limits
-from tests.supervisor.http.http_bench import Line, Served, large_model, model, serving, until
+from tests.supervisor.http.http_bench import STATUS, Line, Served, large_model, model, serving, until
 from tests.support.status_models import model_of
 
 
@@ -44,10 +44,10 @@ async def messages(line: Line, count: int) -> list[dict[str, Any]]:
 
 
 async def test_what_happened_lately_comes_first_then_the_status_then_what_happens(tmp_path: Path) -> None:
-    async with serving(tmp_path) as served:
+    newest = model()  # it holds the second in which it was made
+    async with serving(tmp_path, newest=newest) as served:
         served.broadcast.publish_event(entry(1))
         served.broadcast.publish_event(entry(2))
-        served.broadcast.publish(model_of(model()))
         line = await reading(served)
         first, second, status = await messages(line, 3)
         assert [first["event"], second["event"], status["event"]] == ["event", "event", "status"]
@@ -59,7 +59,7 @@ async def test_what_happened_lately_comes_first_then_the_status_then_what_happen
             "line": "xyz",
             "n": 1,
         }
-        assert status["data"] == json.loads(json.dumps(model()))
+        assert status["data"] == json.loads(json.dumps(newest))
         assert "id" not in status
         served.broadcast.publish_event(entry(3))
         assert (await messages(line, 1))[0]["data"]["n"] == 3
@@ -94,8 +94,7 @@ async def test_events_that_nobody_keeps_any_more_are_counted(tmp_path: Path) -> 
 
 @pytest.mark.parametrize(("query", "kinds"), [("?events", {"event"}), ("?status", {"status"})])
 async def test_a_reader_may_choose(tmp_path: Path, query: str, kinds: set[str]) -> None:
-    async with serving(tmp_path, tcp=Limits(status_every_s=0.0)) as served:
-        served.broadcast.publish(model_of(model()))
+    async with serving(tmp_path, tcp=Limits(status_every_s=0.0), newest=model()) as served:
         served.broadcast.publish_event(entry(0))
         line = await reading(served, query)
         heard: list[dict[str, Any]] = []
@@ -107,8 +106,7 @@ async def test_a_reader_may_choose(tmp_path: Path, query: str, kinds: set[str]) 
 
 
 async def test_of_many_models_only_the_newest_comes(tmp_path: Path) -> None:
-    async with serving(tmp_path, tcp=Limits(status_every_s=0.2)) as served:
-        served.broadcast.publish(model_of(model(age_s=0.0)))
+    async with serving(tmp_path, tcp=Limits(status_every_s=0.2), newest=model(age_s=0.0)) as served:
         began_s = time.monotonic()
         line = await reading(served)
         assert (await messages(line, 1))[0]["data"]["gateway"]["snapshot_age_s"] == 0.0
@@ -182,6 +180,6 @@ async def test_an_answer_that_nobody_takes_is_dropped(tmp_path: Path) -> None:
         served.broadcast.publish(large_model())
         line = await served.connect()
         line.writer.transport.pause_reading()  # type: ignore[attr-defined]
-        await line.say("GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        await line.say(STATUS)
         await until(lambda: served.connections() == 1)
         await until(lambda: served.connections() == 0)

@@ -237,8 +237,7 @@ def test_a_file_name_cannot_break_the_page() -> None:
 
 
 async def test_the_page_has_the_type_that_was_asked_for(tmp_path: Path) -> None:
-    async with serving(tmp_path) as served:
-        served.broadcast.publish(model_of(model()))
+    async with serving(tmp_path, newest=model()) as served:
         plain = await served.ask("/metrics")
         assert (plain.status, plain.headers["content-type"]) == (
             200,

@@ -50,8 +50,7 @@ async def test_the_status_is_the_newest_model(tmp_path: Path) -> None:
 
 
 async def test_a_head_request_gets_the_same_without_the_body(tmp_path: Path) -> None:
-    async with serving(tmp_path) as served:
-        served.broadcast.publish(model_of(model()))
+    async with serving(tmp_path, newest=model()) as served:
         whole = await served.ask("/status")
         head = await served.ask("/status", "HEAD")
         assert (head.status, head.headers["content-length"]) == (200, str(len(whole.body)))

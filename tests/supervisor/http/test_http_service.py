@@ -15,7 +15,7 @@ from gateway.status.model import HttpStatus
 from gateway.supervisor.broadcast import Broadcast
 from gateway.supervisor.http import service as service_module
 from gateway.supervisor.http.documents import Window
-from tests.supervisor.http.http_bench import Served, serving, until
+from tests.supervisor.http.http_bench import EVENTS, Served, serving, until
 from tests.support.ports import free_port
 from tests.support.status_models import model_of
 
@@ -58,8 +58,7 @@ async def test_a_host_that_does_not_exist_is_a_problem(tmp_path: Path) -> None:
 
 async def test_another_address_in_the_configuration_is_taken_over(tmp_path: Path) -> None:
     async with serving(tmp_path) as served:
-        reader = await served.connect()
-        await reader.say("GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        reader = await served.says(EVENTS)
         await reader.until(b"retry: 2000\n\n")
         old, served.port = served.port, free_port()
         served.service.configure(HttpSection(listen=f"[::1]:{served.port}"), "mill-1", Path())
@@ -105,8 +104,7 @@ async def test_the_end_waits_for_nobody_and_leaves_nothing(tmp_path: Path) -> No
     async with serving(tmp_path) as served:
         assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
         for is_local in (False, True):
-            reader = await served.connect(is_local=is_local)
-            await reader.say("GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            reader = await served.says(EVENTS, is_local=is_local)
             await reader.until(b"retry: 2000\n\n")
     assert served.broadcast._subscribers == set()
     assert not served.local.exists()

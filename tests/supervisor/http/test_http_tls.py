@@ -17,6 +17,7 @@ from gateway.supervisor.http.refusals import ignore_refused, site_of
 from gateway.transport.listener import HandshakesAtOnce, ProtocolListener, Tls
 from tests.supervisor.http.doors import (
     TOKEN,
+    Asking,
     asking,
     bearer,
     make_certificates,
@@ -24,7 +25,7 @@ from tests.supervisor.http.doors import (
     trusting,
     write_token,
 )
-from tests.supervisor.http.http_bench import PATIENCE_S, until
+from tests.supervisor.http.http_bench import PATIENCE_S, STATUS, until
 from tests.support.certificates import Shop, signed_by
 
 
@@ -33,6 +34,12 @@ def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("certificates")
     make_certificates(folder)
     return folder
+
+
+async def is_not_answered(visitor: Asking, client: str = "") -> None:
+    with contextlib.suppress(ConnectionError, ssl.SSLError):
+        line = await visitor.says(STATUS, client)
+        assert await line.rest() == b""
 
 
 async def test_a_token_over_tls(tmp_path: Path, certificates: Path) -> None:
@@ -103,23 +110,15 @@ async def test_without_tokens_nobody_without_a_certificate_is_answered(
 ) -> None:
     async with asking(tmp_path, certificates, tokens=False, clients=True) as visitor:
         assert (await visitor.ask("/status", client="panel")).status == 200
-        with contextlib.suppress(ConnectionError, ssl.SSLError):
-            line = await visitor.connect()
-            await line.say("GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n")
-            assert await line.rest() == b""
-        await until(lambda: bool(visitor.events("http-refused")))
-        [event] = visitor.events("http-refused")
+        await is_not_answered(visitor)
+        event = await visitor.event("http-refused")
         assert event["detail"] == "no TLS: peer did not return a certificate"
 
 
 async def test_a_certificate_of_somebody_else_is_refused(tmp_path: Path, certificates: Path) -> None:
     async with asking(tmp_path, certificates, clients=True) as visitor:
-        with contextlib.suppress(ConnectionError, ssl.SSLError):
-            line = await visitor.connect("thief")
-            await line.say("GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n")
-            assert await line.rest() == b""
-        await until(lambda: bool(visitor.events("http-refused")))
-        [event] = visitor.events("http-refused")
+        await is_not_answered(visitor, "thief")
+        event = await visitor.event("http-refused")
         assert str(event["detail"]).startswith("its certificate: ")
 
 
@@ -145,12 +144,8 @@ async def test_a_certificate_of_the_right_authority_that_is_not_good_lets_nobody
     for path in folder.glob("*.pem"):
         path.rename(path.with_suffix(".crt"))
     async with asking(tmp_path, folder, tokens=tokens, clients=True) as visitor:
-        with contextlib.suppress(ConnectionError, ssl.SSLError):
-            line = await visitor.connect(name)
-            await line.say("GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n")
-            assert await line.rest() == b""
-        await until(lambda: bool(visitor.events("http-refused")))
-        [event] = visitor.events("http-refused")
+        await is_not_answered(visitor, name)
+        event = await visitor.event("http-refused")
         assert event["detail"] == f"its certificate: {said}"
 
 
@@ -165,23 +160,13 @@ async def test_a_certificate_that_was_revoked_looks_no_more(tmp_path: Path) -> N
         path.with_suffix(".crt").write_bytes(path.read_bytes())
     shop.revoke()
     async with asking(tmp_path, folder, clients=True) as visitor:
-
-        async def reload() -> None:
-            before = len(visitor.served.said)
-            wanted = section(visitor.served.port, folder, clients=True, revoked="crl.pem")
-            visitor.served.service.configure(wanted, "mill-1", tmp_path)
-            await until(lambda: "http-ready" in [event for event, _ in visitor.served.said[before:]])
-
-        await reload()
+        port = visitor.served.port
+        await visitor.configured(section(port, folder, clients=True, revoked="crl.pem"))
         assert (await visitor.ask("/status", client="panel")).status == 200
         shop.revoke(panel)
-        await reload()
-        with contextlib.suppress(ConnectionError, ssl.SSLError):
-            line = await visitor.connect("panel")
-            await line.say("GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n")
-            assert await line.rest() == b""
-        await until(lambda: bool(visitor.events("http-refused")))
-        assert visitor.events("http-refused")[0]["detail"] == "its certificate: certificate revoked"
+        await visitor.configured(section(port, folder, clients=True, revoked="crl.pem"))
+        await is_not_answered(visitor, "panel")
+        assert (await visitor.event("http-refused"))["detail"] == "its certificate: certificate revoked"
         assert (await visitor.ask("/status", client="wall")).status == 200
 
 
@@ -196,7 +181,7 @@ async def test_old_tls_is_not_spoken(tmp_path: Path, certificates: Path, version
             context.maximum_version = version
         with pytest.raises((ssl.SSLError, ConnectionError)):
             await asyncio.open_connection("127.0.0.1", visitor.served.port, ssl=context)
-        await until(lambda: bool(visitor.events("http-refused")))
+        await visitor.event("http-refused")
         context = trusting(certificates)
         context.maximum_version = ssl.TLSVersion.TLSv1_2
         _, writer = await asyncio.open_connection("127.0.0.1", visitor.served.port, ssl=context)
@@ -233,8 +218,7 @@ async def test_whoever_does_not_know_the_authority_is_named(tmp_path: Path, cert
 
         with pytest.raises(ssl.SSLCertVerificationError):
             await asyncio.to_thread(shake_hands)
-        await until(lambda: bool(visitor.events("http-refused")))
-        assert visitor.events("http-refused")[0]["detail"] == (
+        assert (await visitor.event("http-refused"))["detail"] == (
             "the client did not accept the certificate of the page"
         )
 
@@ -243,11 +227,9 @@ async def test_what_is_no_tls_is_closed(
     tmp_path: Path, certificates: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     async with asking(tmp_path, certificates) as visitor:
-        line = await visitor.served.connect()
-        await line.say("GET /status HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        line = await visitor.served.says(STATUS)
         assert b"HTTP/1.1" not in await line.rest()
-        await until(lambda: bool(visitor.events("http-refused")))
-        assert visitor.events("http-refused")[0]["detail"] == "no TLS: http request"
+        assert (await visitor.event("http-refused"))["detail"] == "no TLS: http request"
         assert (await visitor.ask("/status", bearer(TOKEN))).status == 200
     assert [record for record in caplog.records if record.levelno >= logging.WARNING] == []
 
@@ -258,8 +240,7 @@ async def test_a_handshake_that_never_ends_is_ended(tmp_path: Path, certificates
         line = await visitor.served.connect()
         await line.say(b"\x16\x03\x01\x02\x00\x01")  # the beginning of a ClientHello
         assert await line.rest() == b""
-        await until(lambda: bool(visitor.events("http-refused")))
-        assert visitor.events("http-refused")[0]["detail"] == "the TLS handshake did not end in time"
+        assert (await visitor.event("http-refused"))["detail"] == "the TLS handshake did not end in time"
 
 
 @pytest.mark.parametrize("turns", range(6))
@@ -298,19 +279,16 @@ async def test_the_oldest_of_too_many_handshakes_ends(
 async def test_bad_requests_and_idle_ones_end_over_tls_too(tmp_path: Path, certificates: Path) -> None:
     limits = Limits(whole_request_s=0.05, sweep_s=0.01)
     async with asking(tmp_path, certificates, tcp=limits) as visitor:
-        line = await visitor.connect()
-        await line.say("nonsense\r\n\r\n")
+        line = await visitor.says("nonsense\r\n\r\n")
         assert (await line.hear()).status == 400
         assert await line.rest() == b""
-        slow = await visitor.connect()
-        await slow.say("GET / HTTP/1.1\r\nHo")
+        slow = await visitor.says("GET / HTTP/1.1\r\nHo")
         assert await slow.rest() == b""
 
 
 async def test_events_over_tls_come_whole(tmp_path: Path, certificates: Path) -> None:
     async with asking(tmp_path, certificates) as visitor:
-        line = await visitor.connect()
-        await line.say(f"GET /events HTTP/1.1\r\nHost: localhost\r\n{bearer(TOKEN)}\r\n\r\n")
+        line = await visitor.says(f"GET /events HTTP/1.1\r\nHost: localhost\r\n{bearer(TOKEN)}\r\n\r\n")
         await line.until(b"event: status\n")
         visitor.served.broadcast.publish(Model(gateway=GatewayStatus(name="another")))
         await line.until(b'"name":"another"')
@@ -343,8 +321,7 @@ async def test_a_renewed_certificate_is_shown_after_a_reload(tmp_path: Path, cer
         )  # tables were read anew, and not the configuration
         assert await shown() == old
         said = len(visitor.served.said)
-        visitor.served.service.configure(section(visitor.served.port, mine), "mill-1", tmp_path)
-        await until(lambda: "http-ready" in [event for event, _ in visitor.served.said[said:]])
+        await visitor.configured(section(visitor.served.port, mine))
         assert await shown() != old
         assert [event for event, _ in visitor.served.said[said:]] == ["certificates-renewed", "http-ready"]
         assert (await visitor.ask("/status", cookie)).status == 200  # nobody has to log in for that
@@ -364,11 +341,7 @@ async def test_whoever_does_not_take_leave_of_tls_does_not_end_the_service(
             return secured
 
         with await asyncio.to_thread(ask):
-            said = len(visitor.served.said)
-            visitor.served.service.configure(
-                section(visitor.served.port, certificates, clients=True), "mill-1", tmp_path
-            )
-            await until(lambda: "http-ready" in [event for event, _ in visitor.served.said[said:]])
+            await visitor.configured(section(visitor.served.port, certificates, clients=True))
             assert (await visitor.ask("/status", bearer(TOKEN))).status == 200
 
 
@@ -378,7 +351,7 @@ async def test_a_certificate_that_is_gone_is_a_problem_that_says_so(
     async with asking(tmp_path) as visitor:
         write_token(tmp_path, TOKEN)
         visitor.served.service.configure(section(visitor.served.port, tmp_path / "none"), "mill-1", tmp_path)
-        await until(lambda: bool(visitor.events("http-not-open")))
+        await visitor.event("http-not-open")
         assert "page.crt: no such file" in str(visitor.served.service.status.problem)
         visitor.served.service.configure(section(visitor.served.port, certificates), "mill-1", tmp_path)
         visitor.certificates = certificates

@@ -137,8 +137,7 @@ async def test_a_rejected_table_is_told_to_every_reader_and_to_the_commands(site
         first, _, gateway_line, *_ = well.stdout.splitlines()
         assert first.startswith("WAITING since ")
         assert gateway_line.startswith("gateway trial ")
-        reader = await served.connect()
-        await reader.say("GET /events?events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        reader = await served.says("GET /events?events HTTP/1.1\r\nHost: localhost\r\n\r\n")
         site.table.write_text("no table")
         reloaded = await said("reload", config, "--json")
         assert reloaded.returncode == 1

@@ -19,14 +19,14 @@ from gateway.supervisor.mqtt.publisher import Publisher
 from gateway.supervisor.mqtt.service import MqttService
 from gateway.supervisor.mqtt.settings import Settings, settings_of
 from gateway.supervisor.outcome import ReloadOutcome
-from tests.support.mosquitto import PATIENCE_S
-from tests.support.status_models import plain, relay_model_of, supervisor_of
+from tests.support.mosquitto import PATIENCE_S, Broker, broker_in
+from tests.support.status_models import model_of, plain, relay_model_of, supervisor_of
 
 ROOT = "pitch-gateway/mill-1"
 OWN = {
-    "configuration": {"file": "gateway.toml", "problem": None},
-    "tables_folder": {"folder": "tables", "problem": None},
-    "state_folder": {"folder": "state", "problem": None},
+    "configuration": {"file": "gateway.toml"},
+    "tables_folder": {"folder": "tables"},
+    "state_folder": {"folder": "state"},
     "http": {"problem": None},
     "mqtt": {"problem": None},
 }
@@ -174,6 +174,19 @@ async def publishing(given: Settings | None, state: Path) -> AsyncIterator[Site]
         task.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await task
+
+
+@contextlib.asynccontextmanager
+async def connected(
+    folder: Path, newest: dict[str, Any] | None = None, **keys: Any
+) -> AsyncIterator[tuple[Broker, Site]]:
+    """A broker, and a publisher that has reached it and has this model to tell of."""
+    with broker_in(folder) as broker:
+        async with publishing(settings(broker.port, folder, **keys), folder) as site:
+            if newest is not None:
+                site.broadcast.publish(model_of(newest))
+            await site.until_said("mqtt-connected")
+            yield broker, site
 
 
 def data_of(payload: bytes) -> Any:

@@ -1,7 +1,9 @@
 """What may be commanded over MQTT, only where it is allowed, and the answer that each command gets."""
 
 import asyncio
+import contextlib
 import json
+from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ from gateway.ipc.messages import Done, Request
 from gateway.supervisor.mqtt.commands import carry_out
 from gateway.supervisor.mqtt.interfaces import Orders
 from gateway.supervisor.outcome import ReloadOutcome
-from tests.supervisor.mqtt.mqtt_bench import ROOT, data_of, model, publishing, settings
+from tests.supervisor.mqtt.mqtt_bench import ROOT, Site, data_of, model, publishing, settings
 from tests.support.mosquitto import ANYBODY, PATIENCE_S, Watcher, broker_in, payload_of, watching
 from tests.support.status_models import model_of
 
@@ -119,6 +121,16 @@ async def test_without_a_relay_the_answer_says_so() -> None:
     assert (answer.result, answer.problems) == ("refused", ("no gateway runs",))
 
 
+@contextlib.asynccontextmanager
+async def commanding(folder: Path, config: str = ANYBODY, **keys: Any) -> AsyncIterator[tuple[Watcher, Site]]:
+    """A gateway that takes commands, and somebody who hears what it says of them."""
+    with broker_in(folder, config) as broker:
+        given = settings(broker.port, folder, commands=True, **keys)
+        async with watching(broker.port, f"{ROOT}/event") as watcher, publishing(given, folder) as site:
+            await site.until_said("mqtt-connected")
+            yield watcher, site
+
+
 async def command(watcher: Watcher, name: str, payload: Any, **options: Any) -> None:
     await watcher.client.publish(f"{ROOT}/command/{name}", json.dumps(payload), qos=1, **options)
 
@@ -134,16 +146,13 @@ async def answer_to(watcher: Watcher, identity: Any) -> dict[str, Any]:
 
 @VERSIONS
 async def test_each_command_is_answered_by_an_event(tmp_path: Path, version: str) -> None:
-    with broker_in(tmp_path) as broker:
-        given = settings(broker.port, tmp_path, version=version, commands=True)
-        async with watching(broker.port, f"{ROOT}/event") as watcher, publishing(given, tmp_path) as site:
-            await site.until_said("mqtt-connected")
-            await command(watcher, "disable", {"axes": ["x"], "id": "a"})
-            assert (await answer_to(watcher, "a"))["comes"] == {"x": "next-target"}
-            await command(watcher, "reload", {"id": "b"})
-            reloaded = await answer_to(watcher, "b")
-            await command(watcher, "gain", {"axes": ["x"], "id": "c"})
-            assert (await answer_to(watcher, None))["result"] == "refused"
+    async with commanding(tmp_path, version=version) as (watcher, site):
+        await command(watcher, "disable", {"axes": ["x"], "id": "a"})
+        assert (await answer_to(watcher, "a"))["comes"] == {"x": "next-target"}
+        await command(watcher, "reload", {"id": "b"})
+        reloaded = await answer_to(watcher, "b")
+        await command(watcher, "gain", {"axes": ["x"], "id": "c"})
+        assert (await answer_to(watcher, None))["result"] == "refused"
     assert site.asked == [Disable(axes=("x",))]
     assert site.reloads == 1
     assert (reloaded["result"], reloaded["comes"], reloaded["keys"]) == (
@@ -232,21 +241,18 @@ async def test_with_version_5_the_answer_goes_where_the_asker_wants_it(tmp_path:
 
 async def test_a_flood_is_answered_once_and_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gateway.supervisor.mqtt.commands.PER_S", 1e-6)
-    with broker_in(tmp_path) as broker:
-        given = settings(broker.port, tmp_path, commands=True)
-        async with watching(broker.port, f"{ROOT}/event") as watcher, publishing(given, tmp_path) as site:
-            await site.until_said("mqtt-connected")
-            for number in range(30):
-                await command(watcher, "enable", {"axes": "all", "id": number})
-            flooded = await answer_to(watcher, None)
-            commander = site.publisher._commander
-            async with asyncio.timeout(PATIENCE_S):
-                while commander._missed < 20:  # noqa: ASYNC110 - nothing is told of these
-                    await asyncio.sleep(0)
-            await site.until_said("mqtt-commands-too-many")
-            commander._rate.give_back()  # as if its time had gone by
-            await command(watcher, "enable", {"axes": "all", "id": "after"})
-            after = await answer_to(watcher, "after")
+    async with commanding(tmp_path) as (watcher, site):
+        for number in range(30):
+            await command(watcher, "enable", {"axes": "all", "id": number})
+        flooded = await answer_to(watcher, None)
+        commander = site.publisher._commander
+        async with asyncio.timeout(PATIENCE_S):
+            while commander._missed < 20:  # noqa: ASYNC110 - nothing is told of these
+                await asyncio.sleep(0)
+        await site.until_said("mqtt-commands-too-many")
+        commander._rate.give_back()  # as if its time had gone by
+        await command(watcher, "enable", {"axes": "all", "id": "after"})
+        after = await answer_to(watcher, "after")
     assert len(site.asked) == 11
     assert flooded["problems"][0].startswith("too many commands: at most 10 at once")
     assert after["ignored_before"] == 20
@@ -266,17 +272,14 @@ async def test_behind_a_flood_a_disable_is_carried_out_and_everything_else_count
     tmp_path: Path, version: str, name: str, off: dict[str, Any]
 ) -> None:
     """Reloads that take long: all that comes meanwhile waits, or is counted and named."""
-    with broker_in(tmp_path, ANYBODY + "max_queued_messages 0\n") as broker:
-        given = settings(broker.port, tmp_path, version=version, commands=True)
-        async with watching(broker.port, f"{ROOT}/event") as watcher, publishing(given, tmp_path) as site:
-            await site.until_said("mqtt-connected")
-            go_on = site.hold_reloads()
-            for number in range(FLOOD):
-                await command(watcher, "reload", {"id": number})
-            await command(watcher, name, {**off, "id": "off"})
-            told = await site.until_said("mqtt-commands-too-many")
-            go_on.set()
-            answer = await answer_to(watcher, "off")
+    async with commanding(tmp_path, ANYBODY + "max_queued_messages 0\n", version=version) as (watcher, site):
+        go_on = site.hold_reloads()
+        for number in range(FLOOD):
+            await command(watcher, "reload", {"id": number})
+        await command(watcher, name, {**off, "id": "off"})
+        told = await site.until_said("mqtt-commands-too-many")
+        go_on.set()
+        answer = await answer_to(watcher, "off")
     assert site.asked == [Disable(axes=("x",))]
     assert (answer["result"], answer["changed"]) == ("done", ["x"])
     counted = sum(each["count"] for each in site.said("mqtt-commands-too-many"))
@@ -286,19 +289,16 @@ async def test_behind_a_flood_a_disable_is_carried_out_and_everything_else_count
 
 
 async def test_a_disable_waits_for_the_enable_before_it(tmp_path: Path) -> None:
-    with broker_in(tmp_path) as broker:
-        given = settings(broker.port, tmp_path, commands=True)
-        async with watching(broker.port, f"{ROOT}/event") as watcher, publishing(given, tmp_path) as site:
-            await site.until_said("mqtt-connected")
-            go_on = site.hold_reloads()
-            await command(watcher, "reload", {})
-            await command(watcher, "enable", {"axes": ["x"]})
-            for number in range(200):  # more than are kept twice
-                await command(watcher, "disable", {"axes": ["x"], "id": number})
-            await command(watcher, "enable", {"axes": ["y"]})
-            await command(watcher, "disable", {"axes": ["x"], "id": "last"})
-            go_on.set()
-            await answer_to(watcher, "last")
+    async with commanding(tmp_path) as (watcher, site):
+        go_on = site.hold_reloads()
+        await command(watcher, "reload", {})
+        await command(watcher, "enable", {"axes": ["x"]})
+        for number in range(200):  # more than are kept twice
+            await command(watcher, "disable", {"axes": ["x"], "id": number})
+        await command(watcher, "enable", {"axes": ["y"]})
+        await command(watcher, "disable", {"axes": ["x"], "id": "last"})
+        go_on.set()
+        await answer_to(watcher, "last")
     assert site.asked[0] == Enable(axes=("x",))
     assert site.asked[-2:] == [Enable(axes=("y",)), Disable(axes=("x",))]
     answers = site.said("mqtt-command")
@@ -310,14 +310,11 @@ async def test_a_disable_waits_for_the_enable_before_it(tmp_path: Path) -> None:
 
 
 async def test_what_waits_when_the_gateway_ends_is_counted(tmp_path: Path) -> None:
-    with broker_in(tmp_path) as broker:
-        given = settings(broker.port, tmp_path, commands=True)
-        async with watching(broker.port, f"{ROOT}/event") as watcher, publishing(given, tmp_path) as site:
-            await site.until_said("mqtt-connected")
-            site.hold_reloads()
-            await command(watcher, "reload", {"id": "held"})
-            await command(watcher, "enable", {"axes": ["x"], "id": "waits"})
-            await site.until_waiting(1)
+    async with commanding(tmp_path) as (watcher, site):
+        site.hold_reloads()
+        await command(watcher, "reload", {"id": "held"})
+        await command(watcher, "enable", {"axes": ["x"], "id": "waits"})
+        await site.until_waiting(1)
     assert site.asked == []
     [told] = site.said("mqtt-commands-too-many")
     assert (told["count"], told["last"]) == (1, 'enable {"axes": ["x"], "id": "waits"}')

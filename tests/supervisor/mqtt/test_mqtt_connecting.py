@@ -16,7 +16,7 @@ from paho.mqtt.reasoncodes import ReasonCode
 from gateway.catalogue.process_events import SUPERVISING
 from gateway.supervisor.mqtt.connection import ANSWER_S, BrokerError
 from gateway.supervisor.mqtt.reasons import why
-from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, model, publishing, settings
+from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, connected, model, publishing, settings
 from tests.support.certificates import authority, signed_by
 from tests.support.mosquitto import Broker, broker_in, mosquitto_passwd, watching
 from tests.support.ports import free_port
@@ -156,29 +156,26 @@ async def test_a_broker_that_stalls_costs_nothing_but_its_connection(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("gateway.supervisor.mqtt.connection.ANSWER_S", 1.0)
-    with broker_in(tmp_path) as broker:
-        async with publishing(settings(broker.port, tmp_path), tmp_path) as site:
-            site.broadcast.publish(model_of(model()))
-            await site.until_said("mqtt-connected")
-            assert broker.process is not None
-            async with watching(broker.port, f"{ROOT}/#") as watcher:
-                await watcher.until(f"{ROOT}/availability", lambda payload: payload == b"online")
-                broker.process.send_signal(signal.SIGSTOP)
-                site.say(SUPERVISING)  # QoS 1: its acknowledgement does not come
-                await site.until_said("mqtt-lost")
-                broker.process.send_signal(signal.SIGCONT)
-                await watcher.until(f"{ROOT}/availability", lambda payload: payload == b"offline")
-                await site.until_said("mqtt-connected", times=2)
-                await watcher.until(f"{ROOT}/availability", lambda payload: payload == b"online")
-                await watcher.until(f"{ROOT}/axis/x")
+    async with connected(tmp_path, model()) as (broker, site):
+        assert broker.process is not None
+        async with watching(broker.port, f"{ROOT}/#") as watcher:
+            await watcher.until(f"{ROOT}/availability", lambda payload: payload == b"online")
+            broker.process.send_signal(signal.SIGSTOP)
+            site.say(SUPERVISING)  # QoS 1: its acknowledgement does not come
+            await site.until_said("mqtt-lost")
+            broker.process.send_signal(signal.SIGCONT)
+            await watcher.until(f"{ROOT}/availability", lambda payload: payload == b"offline")
+            await site.until_said("mqtt-connected", times=2)
+            await watcher.until(f"{ROOT}/availability", lambda payload: payload == b"online")
+            await watcher.until(f"{ROOT}/axis/x")
 
 
 async def test_two_that_call_themselves_the_same(tmp_path: Path) -> None:
-    with broker_in(tmp_path) as broker:
-        async with publishing(settings(broker.port, tmp_path, client_id="mine"), tmp_path) as site:
-            await site.until_said("mqtt-connected")
-            async with watching(broker.port, identifier="mine"):
-                said = (await site.until_said("mqtt-lost"))["detail"]
+    async with (
+        connected(tmp_path, client_id="mine") as (broker, site),
+        watching(broker.port, identifier="mine"),
+    ):
+        said = (await site.until_said("mqtt-lost"))["detail"]
     assert said.endswith("check that the broker runs. If it does, another client may have connected as mine")
 
 

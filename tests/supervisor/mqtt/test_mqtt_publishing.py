@@ -12,7 +12,7 @@ from gateway.catalogue.entry import Severity
 from gateway.catalogue.process_events import SUPERVISING
 from gateway.ipc.log import LogEntry
 from gateway.supervisor.broadcast import EVENTS_KEPT
-from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, data_of, model, publishing, settings
+from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, connected, data_of, model, publishing, settings
 from tests.support.mosquitto import BrokerLeftError, broker_in, payload_of, watching
 from tests.support.processes import started
 from tests.support.status_models import model_of
@@ -24,18 +24,15 @@ VERSIONS = pytest.mark.parametrize("version", ["3.1.1", "5"])
 async def test_who_comes_late_finds_availability_info_and_tables_and_hears_the_rest(
     tmp_path: Path, version: str
 ) -> None:
-    with broker_in(tmp_path) as broker:
-        async with publishing(settings(broker.port, tmp_path, version=version), tmp_path) as site:
-            site.broadcast.publish(model_of(model()))
-            await site.until_said("mqtt-connected")
-            async with watching(broker.port) as early:
-                await early.until(f"{ROOT}/axis/x")  # everything has been sent once
-            async with watching(broker.port) as late:
-                await late.until(f"{ROOT}/line/xyz")
-                await late.until(f"{ROOT}/axis/x")
-                found = {m.topic: payload_of(m) for m in late.heard if m.retain}
-                moving = {m.topic: data_of(payload_of(m)) for m in late.heard if not m.retain}
-            status = site.status
+    async with connected(tmp_path, model(), version=version) as (broker, site):
+        async with watching(broker.port) as early:
+            await early.until(f"{ROOT}/axis/x")  # everything has been sent once
+        async with watching(broker.port) as late:
+            await late.until(f"{ROOT}/line/xyz")
+            await late.until(f"{ROOT}/axis/x")
+            found = {m.topic: payload_of(m) for m in late.heard if m.retain}
+            moving = {m.topic: data_of(payload_of(m)) for m in late.heard if not m.retain}
+        status = site.status
     assert set(found) == {f"{ROOT}/availability", f"{ROOT}/info", f"{ROOT}/axis/x/table"}
     assert found[f"{ROOT}/availability"] == b"online"
     info = data_of(found[f"{ROOT}/info"])
@@ -65,34 +62,33 @@ async def test_who_comes_late_finds_availability_info_and_tables_and_hears_the_r
 
 
 async def test_a_table_is_published_when_it_changes_and_only_then(tmp_path: Path) -> None:
-    with broker_in(tmp_path) as broker:
-        async with publishing(settings(broker.port, tmp_path), tmp_path) as site:
-            site.broadcast.publish(model_of(model()))
-            await site.until_said("mqtt-connected")
-            async with watching(broker.port, f"{ROOT}/axis/#") as watcher:
-                await watcher.until(f"{ROOT}/axis/x/table")
-                site.broadcast.publish(model_of(model({"x": axis(0.5)})))
-                await watcher.until(f"{ROOT}/axis/x", lambda payload: data_of(payload)["correction"] == 0.5)
-                assert [m.topic for m in watcher.heard].count(f"{ROOT}/axis/x/table") == 1
-                site.broadcast.publish(
-                    model_of(model({"x": axis(0.5, status="rejected", error="x.tab:3: no number")}))
-                )
-                changed = data_of(payload_of(await watcher.until(f"{ROOT}/axis/x/table")))
+    async with (
+        connected(tmp_path, model()) as (broker, site),
+        watching(broker.port, f"{ROOT}/axis/#") as watcher,
+    ):
+        await watcher.until(f"{ROOT}/axis/x/table")
+        site.broadcast.publish(model_of(model({"x": axis(0.5)})))
+        await watcher.until(f"{ROOT}/axis/x", lambda payload: data_of(payload)["correction"] == 0.5)
+        assert [m.topic for m in watcher.heard].count(f"{ROOT}/axis/x/table") == 1
+        site.broadcast.publish(
+            model_of(model({"x": axis(0.5, status="rejected", error="x.tab:3: no number")}))
+        )
+        changed = data_of(payload_of(await watcher.until(f"{ROOT}/axis/x/table")))
     assert (changed["status"], changed["error"]) == ("rejected", "x.tab:3: no number")
 
 
 @VERSIONS
 async def test_events_come_with_their_number_and_their_own_fields(tmp_path: Path, version: str) -> None:
-    with broker_in(tmp_path) as broker:
-        async with publishing(settings(broker.port, tmp_path, version=version), tmp_path) as site:
-            await site.until_said("mqtt-connected")
-            async with watching(broker.port, f"{ROOT}/event") as watcher:
-                site.broadcast.publish_event(
-                    LogEntry(Severity.WARNING, "drive-silent", {"line": "xyz"}, 1_000_000_000.25)
-                )
-                message = await watcher.until(
-                    f"{ROOT}/event", lambda payload: data_of(payload)["event"] == "drive-silent"
-                )
+    async with (
+        connected(tmp_path, version=version) as (broker, site),
+        watching(broker.port, f"{ROOT}/event") as watcher,
+    ):
+        site.broadcast.publish_event(
+            LogEntry(Severity.WARNING, "drive-silent", {"line": "xyz"}, 1_000_000_000.25)
+        )
+        message = await watcher.until(
+            f"{ROOT}/event", lambda payload: data_of(payload)["event"] == "drive-silent"
+        )
     assert message.qos == 1
     assert not message.retain
     told = data_of(payload_of(message))
@@ -108,18 +104,15 @@ async def test_events_come_with_their_number_and_their_own_fields(tmp_path: Path
 async def test_positions_of_a_relay_that_is_gone_are_not_published_but_that_it_is_gone(
     tmp_path: Path,
 ) -> None:
-    with broker_in(tmp_path) as broker:
-        async with publishing(settings(broker.port, tmp_path), tmp_path) as site:
-            await site.until_said("mqtt-connected")
-            async with watching(broker.port) as watcher:
-                site.broadcast.publish(model_of(model(up=False)))
-                await watcher.until(f"{ROOT}/info", lambda payload: data_of(payload)["relay"] == "down")
-                site.broadcast.publish(model_of(model(age_s=2.5)))
-                info = await watcher.until(f"{ROOT}/info", lambda payload: data_of(payload)["relay"] == "up")
-                assert data_of(payload_of(info))["troubles"][0]["kind"] == "relay-silent"
-                assert not watcher.topics() & {f"{ROOT}/axis/x", f"{ROOT}/line/xyz"}
-                site.broadcast.publish(model_of(model()))
-                await watcher.until(f"{ROOT}/axis/x")
+    async with connected(tmp_path) as (broker, site), watching(broker.port) as watcher:
+        site.broadcast.publish(model_of(model(up=False)))
+        await watcher.until(f"{ROOT}/info", lambda payload: data_of(payload)["relay"] == "down")
+        site.broadcast.publish(model_of(model(age_s=2.5)))
+        info = await watcher.until(f"{ROOT}/info", lambda payload: data_of(payload)["relay"] == "up")
+        assert data_of(payload_of(info))["troubles"][0]["kind"] == "relay-silent"
+        assert not watcher.topics() & {f"{ROOT}/axis/x", f"{ROOT}/line/xyz"}
+        site.broadcast.publish(model_of(model()))
+        await watcher.until(f"{ROOT}/axis/x")
 
 
 CHILD = """
@@ -163,29 +156,26 @@ async def test_a_gateway_that_is_stopped_says_so_itself(tmp_path: Path) -> None:
 
 
 async def test_a_broker_that_comes_back_gets_what_is_so_now_and_the_newest_events(tmp_path: Path) -> None:
-    with broker_in(tmp_path) as broker:
-        async with publishing(settings(broker.port, tmp_path), tmp_path) as site:
-            site.broadcast.publish(model_of(model({"x": axis(0.1), "y": axis(0.1)})))
-            await site.until_said("mqtt-connected")
-            async with watching(broker.port) as watcher:
-                await watcher.until(f"{ROOT}/axis/x")
-                broker.stop()
-                with pytest.raises(BrokerLeftError):
-                    await watcher.until("never")
-            await site.until_said("mqtt-lost")
-            assert site.status["state"] == "connecting"
-            assert site.status["problem"]
-            for number in range(EVENTS_KEPT + 40):
-                site.broadcast.publish_event(LogEntry(Severity.INFO, "tick", {"n": number}, 0.0))
-                site.broadcast.publish(model_of(model({"x": axis(1.0 + number)})))
-                await asyncio.sleep(0)
-            broker.start()
-            async with watching(broker.port) as watcher:
-                last = EVENTS_KEPT + 39
-                await watcher.until(f"{ROOT}/event", lambda payload: data_of(payload).get("n") == last)
-                await watcher.until(f"{ROOT}/axis/x")
-                heard = [(m.topic, payload_of(m)) for m in watcher.heard]
-            status = site.status
+    async with connected(tmp_path, model({"x": axis(0.1), "y": axis(0.1)})) as (broker, site):
+        async with watching(broker.port) as watcher:
+            await watcher.until(f"{ROOT}/axis/x")
+            broker.stop()
+            with pytest.raises(BrokerLeftError):
+                await watcher.until("never")
+        await site.until_said("mqtt-lost")
+        assert site.status["state"] == "connecting"
+        assert site.status["problem"]
+        for number in range(EVENTS_KEPT + 40):
+            site.broadcast.publish_event(LogEntry(Severity.INFO, "tick", {"n": number}, 0.0))
+            site.broadcast.publish(model_of(model({"x": axis(1.0 + number)})))
+            await asyncio.sleep(0)
+        broker.start()
+        async with watching(broker.port) as watcher:
+            last = EVENTS_KEPT + 39
+            await watcher.until(f"{ROOT}/event", lambda payload: data_of(payload).get("n") == last)
+            await watcher.until(f"{ROOT}/axis/x")
+            heard = [(m.topic, payload_of(m)) for m in watcher.heard]
+        status = site.status
     corrections = [data_of(payload)["correction"] for topic, payload in heard if topic == f"{ROOT}/axis/x"]
     assert set(corrections) == {1.0 + last}, "only the newest"
     ticks = [data_of(p)["n"] for t, p in heard if t == f"{ROOT}/event" and data_of(p)["event"] == "tick"]
