@@ -116,6 +116,12 @@ class StagedDrive(Memory):
         """Be somewhere on the way."""
         self.put(ACTUAL, counts)
 
+    def stand_at(self, counts: int) -> None:
+        """Stand somewhere, done, after a motion that nobody commanded through the gateway."""
+        for place in (ACTUAL, COMMANDED):
+            self.put(place, counts)
+        self.set_bits(is_done=True)
+
     def set_bits(self, *, is_done: bool, is_homed: bool = True, is_alarmed: bool = False) -> None:
         """Show the state of the axis."""
         self.is_running = not is_done

@@ -21,6 +21,7 @@ from tests.exchange.staged_bench import (
     relative_by,
     staged_plan,
 )
+from tests.exchange.world_trace import played
 
 DONE = BitField(0x0031, 0)
 READ_DONE = bytes.fromhex("03 0031 0001")
@@ -731,3 +732,48 @@ def test_m4_a_repeat_whose_reply_was_lost_leaves_the_branch_as_it_is() -> None:
     bench.port.take()
     bench.ask(write(COMMAND, 50_000))
     assert bench.seen[-1] == told
+
+
+# --- traces that ``make verify`` found --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "again", ["to 0", "to 1", "status, ack: 03 005C 0001 -> 0110, to 0", "status, ack, to 1"]
+)
+def test_an_axis_whose_done_bit_fell_and_rose_is_looked_at_before_any_target(again: str) -> None:
+    """M4, M6: it stands, and nobody knows where. 9007 is 9172 forward; 5003 is 5108, or 4888 backward."""
+    crept = """
+        to 0: 10 0606 0002 04 232F 0000, ack: 03 0520 0002 -> 0000 0000
+        ack: 10 0606 0002 04 23D4 0000, arrive, status, ack: 03 005C 0001 -> 0110   # done
+        blink, status, ack: 03 005C 0001 -> 0100, read, ack: 03 0520 0002 -> 23D4 0000  # not done
+        creep  # 80 ms later it stands at 3001
+    """
+    played("s-crept-past", crept + again + ", has: 03 0520 0002")
+    if again == "status, ack, to 1":  # forward, not 1318
+        forward = ", ack: 03 0520 0002 -> 0BB9 0000, has: 10 0606 0002 04 13F4 0000"
+        played("s-crept-past", crept + again + forward)
+
+
+def test_an_axis_that_is_read_off_its_way_after_a_while_has_been_moved() -> None:
+    """M4, M6: a repeat keeps no branch on which its axis cannot come. 2003 is 2063 or 1855 (backward)."""
+    played(
+        "s-jogged-past",
+        """
+        to 0: 10 0606 0002 04 07D3 0000, ack: 03 0520 0002 -> 0000 0000, ack: 10 0606 0002 04 080F 0000
+        arrive, jog, read, ack: 03 0520 0002 -> 0BB9 0000  # 240 ms later it stands at 3001
+        to 0, has: 10 0606 0002 04 073F 0000
+        """,
+    )
+
+
+def test_an_axis_that_was_nudged_from_where_it_had_arrived_goes_on_from_where_it_was_seen() -> None:
+    """M6: 0.3 mm further than 9172 it comes to 9107 backward: 9274 forward, 9037 backward."""
+    played(
+        "s-nudged",
+        """
+        to 0: 10 0606 0002 04 232F 0000, ack: 03 0520 0002 -> 0000 0000, ack: 10 0606 0002 04 23D4 0000
+        arrive, read, ack: 03 0520 0002 -> 23D4 0000, status, ack: 03 005C 0001 -> 0110  # done
+        nudge, read, ack: 03 0520 0002 -> 2500 0000  # 9472
+        to 1: 10 0606 0002 04 2393 0000, has: 10 0606 0002 04 234D 0000
+        """,
+    )

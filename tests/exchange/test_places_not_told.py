@@ -1,5 +1,6 @@
 """Where a reading cannot decide: an axis that something else has just moved, a drive that refuses to tell."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -34,6 +35,8 @@ from tests.exchange.staged_bench import (
     relative_by,
     staged_plan,
 )
+from tests.exchange.world_trace import played
+from tests.verify.designs import BY_NAME
 
 WORN = make_table([0, 200], [0.41, 0.41], [-0.26, -0.26], Units.MM)
 """410 counts more going forward, 260 less going backward."""
@@ -409,3 +412,87 @@ def test_every_answer_leads_where_the_table_says() -> None:
         (Readability.REFUSED, PositionAnswer.REFUSAL): Readability.REFUSED,
         (Readability.REFUSED, PositionAnswer.LINK_LOST): Readability.OPEN,
     }
+
+
+# --- traces that ``make verify`` found --------------------------------------------------------------------
+
+
+def test_a_reading_decides_no_branch_after_two_targets_that_came_without_one() -> None:
+    """M6: where the axis stood when its last target came was assumed: its reading is the drive's."""
+    world = played(
+        "late-start",
+        """
+        to 0: 10 0606 0002 04 E4A5 FFFF, ack: 03 0520 0002 -> 0000 0000  # -7003
+        ack: 10 0606 0002 04 E425 FFFF, arrive                           # backward to -7131
+        to 1: 10 0606 0002 04 232F 0000, ack: 03 0520 0002 -> E425 FFFF  # 9007
+        ack: 10 0606 0002 04 23D4 0000  # 80 ms pass, and it has not begun to move
+        to 0, ack: 03 0520 0002 -> E425 FFFF, ack: 10 0606 0002 04 E502 FFFF  # flagged: nothing tells it
+        to 1, ack: 10 0606 0002 04 23D4 0000                             # by the reading of 80 ms ago
+        to 0, ack: 03 0520 0002 -> E425 FFFF  # where the backward branch puts -7003
+        has: 10 0606 0002 04 E502 FFFF                                   # forward to -6910, flagged
+        """,
+    )
+    assert world.is_sending_unsure()
+
+
+def test_a_target_given_again_after_its_axis_moved_on_is_flagged_where_nothing_tells_its_branch() -> None:
+    """M6: its axis has moved on since its words went out. Seen at 9184, it is backward."""
+    onward = """
+        to 1: 10 0606 0002 04 233B 0000, ack: 03 0520 0002 -> 0000 0000  # 9019
+        ack: 10 0606 0002 04 23E0 0000  # forward to 9184; it is on its way at 1501
+        to 0: 10 0606 0002 04 232F 0000, ack: 03 0520 0002 -> 05DD 0000  # 9007
+        refuse: 10 0606 0002 04 23D4 0000, arrive                        # 90 04: the axis goes on to 9184
+        to 0, refuse: 03 0520 0002,
+    """
+    assert played("deaf", onward + "refuse: 03 0520 0002, has: 10 0606 0002 04 23D4 0000").is_sending_unsure()
+    played("deaf", onward + "ack: 03 0520 0002 -> 23E0 0000, has: 10 0606 0002 04 22E8 0000")
+
+
+def test_a_target_that_is_repeated_while_its_axis_is_on_its_way_keeps_its_branch() -> None:
+    """M4: an axis that is slow to begin was not moved by somebody else."""
+    played(
+        replace(BY_NAME["short"], is_prompt=False),
+        """
+        to 1: 10 0606 0002 04 2330 0000, ack: 03 0520 0002 -> 0000 0000  # 9008
+        ack: 10 0606 0002 04 23D5 0000, arrive                           # forward to 9173
+        read, ack: 03 0520 0002 -> 23D5 0000, status, ack: 03 005C 0001 -> 0110  # it has arrived
+        to 0: 10 0606 0002 04 232F 0000, ack: 10 0606 0002 04 22E8 0000  # 9007: backward to 8936; 80 ms pass
+        wait, wait                                                       # unseen_ms is 160
+        to 0, ack: 03 0520 0002 -> 23D5 0000                             # it has not moved yet
+        ack: 10 0606 0002 04 22E8 0000                                   # not 23D4, which is forward
+        """,
+    )
+
+
+def test_a_reading_that_fades_from_an_assumed_start_decides_no_branch_in_the_window_of_its_target() -> None:
+    """M6: 9008 was obeyed and not acknowledged, 9007 lies a count beside it: the axis stands where it stood.
+
+    Its reading fades from 1:1, 9173, to 9007 within that count. Forward 9008 is 9173.12, backward 8937.09.
+    """
+    world = played(
+        "read-back",
+        """
+        jog, read, ack: 03 0520 0002 -> 0BB9 0000                              # 3001
+        to 1: 10 0606 0002 04 2330 0000, obey: 10 0606 0002 04 23D5 0000       # 9008: 9173, not acknowledged
+        wait, wait, to 0: 10 0606 0002 04 232F 0000, ack: 03 0520 0002 -> 2364 0000  # 9060: between them
+        has: 10 0606 0002 04 235E 0000, arrive          # half-way to 9054, flagged, lost; it stands at 9173
+        wait, wait, to 0, ack: 03 0520 0002 -> 23D5 0000
+        ack: 10 0606 0002 04 23D4 0000                  # it has come there forward
+        to 1, ack: 03 0520 0002 -> 23D5 0000
+        has: 10 0606 0002 04 23D5 0000                  # not 22E9, as it was sent
+        """,
+    )
+    assert world.is_sending_unsure()
+
+
+def test_a_reading_in_coarser_steps_than_the_target_is_the_nearest_one_of_an_axis_that_stands_there() -> None:
+    """8932 is 9095.98 forward, sent as 9096: 910 in steps of 10 counts. 893 is nearest to 8932."""
+    played(
+        "s-coarse",
+        """
+        to 1: 10 0606 0002 04 22E4 0000, ack: 03 0520 0002 -> 0000 0000
+        ack: 10 0606 0002 04 2388 0000, arrive  # forward to 9096
+        read, ack: 03 0520 0002 -> 038E 0000    # 910
+        told: 03 04 037D 0000                   # not 037E, 894
+        """,
+    )

@@ -8,11 +8,12 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import Action, ModePlan, MotionPlan
 from gateway.exchange.status import direction_state
-from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, write
+from tests.exchange.line_bench import ACTUAL, COMMAND, MOVE_MS, Bench, axis_plan, read, write
 from tests.exchange.staged_bench import (
     COMMANDED,
     HOME_PDU,
     JOG_PDU,
+    MODE,
     RUN_RELATIVE_PDU,
     STOP_PDU,
     StagedBench,
@@ -20,6 +21,7 @@ from tests.exchange.staged_bench import (
     staged_plan,
 )
 from tests.soak import repeated
+from tests.verify.screw import WORN
 
 MOVES = repeated(5_000)
 """In each way in which they may come; thousands, stored, are in ``test_relative_moves_for_long``."""
@@ -218,3 +220,25 @@ def test_a_distance_from_a_place_whose_branch_nobody_knows_is_flagged() -> None:
     bench.stage(-1000)
     bench.trigger(RUN_RELATIVE_PDU)
     assert direction_state(bench.line.axes[0]) == "unsure"
+
+
+def test_the_words_of_a_distance_are_no_place_when_the_same_words_come_as_an_absolute_target() -> None:
+    """M4, M5: the mode of a drive that goes at once falls back after each move.
+
+    At 5000 forward 0.03 + 0.3 * 5/20 = 0.105 mm, so 5105; the distance of 3000 ends at 8000, which is 8150
+    there, 3045 on; 3000 as a place comes backward, -0.17 + 0.22 * 3/20 = -0.137 mm, so 2863.
+    """
+    modes = (ModePlan(MODE, actions={1: Action.ABSOLUTE, 2: Action.RELATIVE_TO_COMMANDED}, resets_to=1),)
+    bench = Bench(axis_plan(table=WORN.table(), motion=MotionPlan(modes=modes), commanded=(COMMANDED,)))
+    bench.memory.write(MODE, b"\0\x01")
+    assert bench.move(5000) == write(COMMAND, 5105)
+    bench.memory.put(COMMANDED, 5105)
+    bench.ask(b"\x06" + MODE.to_bytes(2, "big") + b"\0\x02")
+    assert bench.ask(write(COMMAND, 3000)) == write(COMMAND, 3000)[:5]
+    assert bench.seen[-1] == write(COMMAND, 3045)
+    bench.memory.write(MODE, b"\0\x01")
+    for place in (ACTUAL, COMMANDED):
+        bench.memory.put(place, 8150)
+    bench.wait(MOVE_MS)
+    bench.ask(write(COMMAND, 3000))
+    assert bench.seen[-1] == write(COMMAND, 2863)

@@ -11,6 +11,7 @@ from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Port, axis_plan, read, write
 from tests.exchange.staged_bench import (
     HOME_PDU,
+    JOG_PDU,
     MODE,
     ONLY_ABSOLUTE,
     RUN_PDU,
@@ -511,3 +512,25 @@ def test_m3_a_trigger_whose_mode_nobody_knows_does_not_run_what_was_left_from_be
     bench.line.link_up(bench.now_ns)
     bench.serve()
     assert bench.refused(RUN_PDU) == 4
+
+
+def test_a_target_that_could_not_be_written_anew_reads_back_as_it_was_written() -> None:
+    """M1: 5000 is staged forward, 5010. Jogged to 9000 it is backward, 4990: the drive refuses that. Its
+    register holds 5010, or 4990 should the refusal lie; both are the 5000 that the controller wrote."""
+    bench = StagedBench(staged_plan(), serial=False)
+    bench.go_to(0)
+    bench.stage(5000)
+    assert bench.memory.get(COMMAND) == 5010
+    bench.ask(JOG_PDU)
+    bench.drive.stand_at(9000)
+    bench.wait(1200)
+    bench.send(RUN_PDU)
+    while bench.link.sent:
+        unit_id, pdu = bench.link.sent.pop(0)
+        reply = bytes.fromhex("90 04") if pdu[0] == 16 else bench.memory.answer(pdu)
+        bench.line.reply(unit_id, reply, bench.now_ns)
+    assert pdu == write(COMMAND, 4990)
+    assert bench.port.take() == bytes.fromhex("86 04")
+    for held in (5010, 4990):
+        bench.memory.put(COMMAND, held)
+        assert bench.ask(read(COMMAND)) == b"\x03\x04" + COMMAND.pack(5000)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from gateway.drives.motion import Action, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.plan import ControllerPlan, Reference
-from gateway.exchange.status import compensation_state
+from gateway.exchange.status import compensation_state, direction_state
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, axis_plan, read, write
 from tests.exchange.staged_bench import (
@@ -13,6 +13,7 @@ from tests.exchange.staged_bench import (
     JOG_PDU,
     ONLY_ABSOLUTE,
     RUN_PDU,
+    RUN_RELATIVE_PDU,
     STOP,
     STOP_PDU,
     TRIGGER,
@@ -356,3 +357,48 @@ def test_a_mask_that_clears_the_enable_bit_stops_whatever_the_other_bits_are() -
     stop = bytes.fromhex("16 3100 FFFE 0000")
     assert bench.ask(stop) == stop
     assert bench.seen == [stop]
+
+
+def test_an_axis_that_was_told_to_stay_and_is_seen_elsewhere_later_has_been_moved() -> None:
+    """M4, M6: it stands at 1000 (1010), is stopped and sent there once more. Somebody jogs it to 3000. Seen
+    there after a while, it is sent to 1000 once more: that is backward, 990, and certain."""
+    bench = StagedBench(staged_plan(), serial=False)
+    bench.go_to(1000)
+    bench.ask(STOP_PDU)
+    bench.trigger()
+    bench.drive.stand_at(3000)
+    bench.wait(1200)
+    bench.ask(read(ACTUAL))
+    bench.trigger()
+    assert bench.drive.moves == [("absolute", 1010), ("stop", 1010), ("absolute", 1010), ("absolute", 990)]
+    assert direction_state(bench.line.axes[0]) == "backward"
+
+
+def stopped_on_a_flagged_way() -> StagedBench:
+    """It stands at 1000 (1010), and has not begun to go to -3000 (-3010) when 1000 comes: 990, flagged."""
+    bench = StagedBench(staged_plan(), serial=False)
+    bench.go_to(1000)
+    for target in (-3000, 1000):
+        bench.stage(target)
+        bench.trigger()
+    assert direction_state(bench.line.axes[0]) == "unsure"
+    bench.ask(STOP_PDU)
+    return bench
+
+
+def test_an_axis_that_was_stopped_on_a_way_whose_branch_was_assumed_stays_flagged() -> None:
+    """M6: it reads 1020, so 1000 is backward still; but that branch was assumed, and 990 is not certain."""
+    bench = stopped_on_a_flagged_way()
+    bench.trigger()
+    moves = [("absolute", 1010), ("absolute", -3010), ("absolute", 990), ("stop", 1010), ("absolute", 990)]
+    assert bench.drive.moves == moves
+    assert direction_state(bench.line.axes[0]) == "unsure"
+
+
+def test_a_distance_from_a_way_whose_branch_was_assumed_is_flagged() -> None:
+    """M5, M6: nobody knows whether 1010 is 1000 forward or 1020 backward."""
+    bench = stopped_on_a_flagged_way()
+    bench.wait(1200)
+    bench.stage(500)
+    bench.trigger(RUN_RELATIVE_PDU)
+    assert direction_state(bench.line.axes[0]) == "unsure"

@@ -305,7 +305,7 @@ def replay(design: Design, trace: tuple[Happening, ...]) -> Iterator[str]:
     """Play a trace again; tell with each event what went over the wires. The last line is what was broken."""
     world = world_of(design)
     lines: list[str] = []
-    _listen(world, lines.append)
+    listen(world, lines.append)
     for event in trace:
         yield f"{(world.now_ns - START_NS) // 1_000_000:6d} ms  {' '.join(map(str, event))}"
         try:
@@ -360,7 +360,7 @@ def broken_by(world: World, trace: tuple[Happening, ...]) -> Broken | None:
     return None
 
 
-def _listen(world: World, tell: Callable[[str], None]) -> None:
+def listen(world: World, tell: Callable[[str], None]) -> None:
     """Tell of each frame and each answer as it goes, but for those that are cut through."""
     side = world.sides[0]
     send = side.link.send_request
