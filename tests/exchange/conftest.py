@@ -4,6 +4,8 @@ from typing import Final
 
 import pytest
 
+from gateway.compiled import is_compiled
+from gateway.exchange.axis import impossible
 from tests.exchange.line_bench import Arrival, Bench
 
 OWN_LINES: Final = (
@@ -35,3 +37,11 @@ def arrival(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
     arrival: Arrival = getattr(request, "param", Arrival.STORED)
     monkeypatch.setattr(Bench, "arrival", arrival)
     return arrival
+
+
+@pytest.fixture
+def in_production(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What cannot be is told, not raised."""
+    if is_compiled():
+        pytest.skip("the switch is no attribute of what is compiled")
+    monkeypatch.setattr(impossible, "_is_raised", False)

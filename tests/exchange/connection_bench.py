@@ -37,12 +37,7 @@ class ConnectionBench(Bench):
     """
 
     def __init__(
-        self,
-        *plans: AxisPlan,
-        serial: bool = False,
-        rtu: bool = False,
-        settled: bool = True,
-        **timing: Any,
+        self, *plans: AxisPlan, serial: bool = False, rtu: bool = False, settled: bool = True, **timing: Any
     ) -> None:
         times: dict[str, Any] = {"response_timeout_ms": 200.0, "drain_ms": 50.0, **timing}
         self.connection = Connection(is_serial=rtu)
@@ -74,10 +69,16 @@ class ConnectionBench(Bench):
     def breaks(self, reason: str = "Connection reset by peer") -> None:
         self.line.link_down(self.now_ns, reason)
 
-    def returns(self, after_ms: float) -> None:
-        """The next connection is there after so long."""
+    def returns(self, after_ms: float, then_ms: float = 0) -> None:
+        """The next connection is there after so long; then more time passes."""
         self.until(after_ms)
         self.line.link_up(self.now_ns)
+        self.until(then_ms)
+
+    def returns_and_serves(self, after_ms: float) -> None:
+        """The next connection is there after so long, and the drive answers what waited."""
+        self.returns(after_ms)
+        self.serve()
 
     def until(self, ms: float) -> None:
         """Let time pass, with each deadline in between at its instant."""

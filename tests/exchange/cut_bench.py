@@ -4,7 +4,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from gateway.exchange.cut_through.delay import (
+    LEARNED_AFTER,
+    Delays,
     FrameShape,
+    Piece,
     acknowledgement_shape,
     read_shape,
     reply_shape,
@@ -14,11 +17,12 @@ from gateway.exchange.cut_through.frame import (
     ForwardedFrame,
     ForwardEvent,
     ForwardingPace,
+    ForwardState,
     Judge,
     Opening,
     is_fit_head,
 )
-from gateway.modbus.crc import append_crc
+from gateway.modbus.crc import INVERTED, append_crc, residue_after
 from gateway.modbus.rtu_arrival import ReplyArrival, RequestArrival
 
 CHAR_NS = 1000
@@ -109,11 +113,7 @@ def read_reply(**changes: object) -> tuple[ForwardedFrame, Adds, list[ForwardEve
     expected = {"shape": reply_shape(3, [(0, 2)]), "expected": READ_REPLY[:-2], "head_bytes": 3}
     judge = Adds(**{**expected, **changes})  # type: ignore[arg-type]
     events: list[ForwardEvent] = []
-    return (
-        ForwardedFrame(ReplyArrival(1, READ[1:-2]), judge, PACE, events.append),
-        judge,
-        events,
-    )
+    return (ForwardedFrame(ReplyArrival(1, READ[1:-2]), judge, PACE, events.append), judge, events)
 
 
 def acknowledgement(**changes: object) -> tuple[ForwardedFrame, Adds, list[ForwardEvent]]:
@@ -121,11 +121,21 @@ def acknowledgement(**changes: object) -> tuple[ForwardedFrame, Adds, list[Forwa
     expected = {"shape": acknowledgement_shape(), "expected": HEAD[:6], "head_bytes": 2, "delay_ns": 2000}
     judge = Adds(**{**expected, **changes})  # type: ignore[arg-type]
     events: list[ForwardEvent] = []
-    return (
-        ForwardedFrame(ReplyArrival(1, WRITE[1:-2]), judge, PACE, events.append),
-        judge,
-        events,
-    )
+    return (ForwardedFrame(ReplyArrival(1, WRITE[1:-2]), judge, PACE, events.append), judge, events)
+
+
+def learn(delays: Delays, *shapes: FrameShape, char_ns: int = CHAR_NS) -> None:
+    """Let so many frames of each shape have come, character by character, that its delay is known."""
+    for shape in shapes:
+        pieces = [Piece(index * char_ns, index + 1) for index in range(shape.length)]
+        for _ in range(LEARNED_AFTER):
+            delays.measure(shape, pieces)
+
+
+def assert_spoilt(forwarded: ForwardedFrame, length: int = 13) -> None:
+    """Assert that what left is as long as it said, and no frame."""
+    found = forwarded.state, len(forwarded.left), residue_after(forwarded.left)
+    assert found == (ForwardState.ABORTED, length, INVERTED)
 
 
 def characters(data: bytes, from_ns: int = 0, char_ns: int = CHAR_NS) -> list[tuple[int, bytes]]:

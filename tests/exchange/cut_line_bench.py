@@ -8,12 +8,13 @@ and the real forwarders; ports and link are those that record.
 from collections.abc import Callable
 from typing import Any
 
-from gateway.exchange.cut_through.delay import LEARNED_AFTER, FrameShape, Piece
+from gateway.exchange.cut_through.delay import FrameShape
 from gateway.exchange.cut_through.forward import SerialTiming
 from gateway.exchange.cut_through.frame import ForwardEvent
 from gateway.exchange.plan import AxisPlan, ControllerPlan, Role
 from gateway.modbus.crc import append_crc
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder
+from tests.exchange.cut_bench import learn
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Link, Port, stream_plan, write
 from tests.exchange.test_fast_path import CURVE
 
@@ -112,11 +113,7 @@ class Site:
 
     def measure(self, *shapes: FrameShape, of_replies: bool = False) -> None:
         """Let so many frames of a shape have come, character by character, that their delay is known."""
-        for shape in shapes:
-            pieces = [Piece(index * CHAR_NS, index + 1) for index in range(shape.length)]
-            for _ in range(LEARNED_AFTER):
-                known = self.way.replies.delays if of_replies else self.way.heads.delays
-                known.measure(shape, pieces)
+        learn(self.way.replies.delays if of_replies else self.way.heads.delays, *shapes, char_ns=CHAR_NS)
 
     def settle(self) -> None:
         """Let a stream begin that is stored, until no correction is blended: it is at 10 000 counts."""

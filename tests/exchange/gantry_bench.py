@@ -84,8 +84,53 @@ class GantryBench(Bench):
     def stage(self, unit_id: int, counts: float) -> None:
         assert self.to(unit_id, write(COMMAND, counts)) == write(COMMAND, counts)[:5]
 
-    def run(self, unit_id: int) -> None:
-        assert self.to(unit_id, RUN_PDU) == RUN_PDU
+    def stage_all(self, counts: float) -> None:
+        for unit_id in self.drives:
+            self.stage(unit_id, counts)
+
+    def run(self, *unit_ids: int) -> list[float]:
+        """Run some axes, in this order; return where the last moves of all ended."""
+        for unit_id in unit_ids:
+            assert self.to(unit_id, RUN_PDU) == RUN_PDU
+        return self.ends()
+
+    def start(self, unit_id: int, counts: float) -> list[float]:
+        """Stage one and run it; return where the last moves of all ended."""
+        self.stage(unit_id, counts)
+        return self.run(unit_id)
+
+    def write(self, unit_id: int, counts: float) -> list[float]:
+        """Write a target to one; return where the last moves of all ended."""
+        self.to(unit_id, write(COMMAND, counts))
+        return self.ends()
+
+    def lose_target(self, unit_id: int, counts: float) -> None:
+        """Write a target that its drive refuses."""
+        self.refuses.append((unit_id, bytes.fromhex("10 06 06"), bytes.fromhex("90 04")))
+        assert self.to(unit_id, write(COMMAND, counts)) == bytes.fromhex("90 04")
+
+    def obeys_secretly(self, pdu: bytes, answer: bytes | None = None) -> None:
+        """Let the first obey a frame and answer so, or say nothing."""
+        self.hides.append((1, pdu[:3], answer))
+        self.send(pdu, unit_id=1)
+        self.serve()
+
+    def begin(self, counts: float) -> None:
+        """Stage all, and run the first."""
+        self.stage_all(counts)
+        self.run(1)
+
+    def write_all(self, counts: float) -> list[float]:
+        """Write a target to each; return where the last moves of all ended."""
+        for unit_id in self.drives:
+            self.write(unit_id, counts)
+        return self.ends()
+
+    def poll(self, *pdus: bytes) -> None:
+        """Read the status of each, or something else."""
+        for unit_id in self.drives:
+            for pdu in pdus or (STATUS_PDU,):
+                self.to(unit_id, pdu)
 
     def stop(self, unit_id: int) -> None:
         assert self.to(unit_id, STOP_PDU) == STOP_PDU
@@ -100,14 +145,13 @@ class GantryBench(Bench):
             self.to(unit_id, STATUS_PDU)
             self.to(unit_id, read(ACTUAL))
 
-    def go(self, counts: float) -> None:
-        """Stage both, run both, arrive."""
-        for unit_id in self.drives:
-            self.stage(unit_id, counts)
-        for unit_id in self.drives:
-            self.run(unit_id)
+    def go(self, counts: float) -> list[float]:
+        """Stage both, run both, arrive; return where they are."""
+        self.stage_all(counts)
+        ends = self.run(*self.drives)
         self.settle()
         self.log.clear()
+        return ends
 
     def ends(self) -> list[float]:
         """Where the last move of each drive ended or is to end, in counts."""

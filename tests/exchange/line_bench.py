@@ -319,19 +319,77 @@ class Bench:
             self.now_ns = came_ns
             forwarder.feed(frame[number : number + 1], came_ns, is_fresh=number == 0)
 
-    def ask(self, pdu: bytes) -> bytes:
+    def ask(self, pdu: bytes, port: Port | None = None, unit_id: int = 1) -> bytes:
         """Send a request, let the drive answer, return the controller's reply."""
-        self.send(pdu)
+        self.send(pdu, port, unit_id)
         self.serve()
-        return self.port.take()
+        return (port or self.port).take()
 
-    def move(self, counts: float, place: PositionField = COMMAND) -> bytes:
-        """Command a position with FC16 and let the axis get there; return what the drive was told."""
-        assert self.ask(write(place, counts)) == write(place, counts)[:5]
-        told = self.memory.get(place)
-        self.memory.put(ACTUAL, told)
-        self.wait(MOVE_MS)
+    def sent_for(self, pdu: bytes) -> bytes:
+        """Send a request and let the drive answer; return the last that the drive received for it."""
+        self.ask(pdu)
         return self.seen[-1]
+
+    def answers(self, reply: bytes) -> bytes:
+        """Let the drive of unit id 1 answer the only request on its way; return that."""
+        pdu = self.link.take()
+        self.line.reply(1, reply, self.now_ns)
+        return pdu
+
+    def move(self, *counts: float, place: PositionField = COMMAND) -> bytes:
+        """Command positions with FC16 and let the axis get to each; return what the drive was told last."""
+        for each in counts:
+            assert self.ask(write(place, each)) == write(place, each)[:5]
+            self.memory.put(ACTUAL, self.memory.get(place))
+            self.wait(MOVE_MS)
+        return self.seen[-1]
+
+    def command(self, counts: float) -> float:
+        """Command a position with FC16; return where the drive was told to go, in counts."""
+        self.ask(write(COMMAND, counts))
+        return self.memory.get(COMMAND)
+
+    def reach(self, counts: float) -> float:
+        """The same, and let the axis get there."""
+        self.move(counts)
+        return self.memory.get(COMMAND)
+
+    def frames(self, pdu: bytes) -> list[bytes]:
+        """Send a request and let the drive answer; return all that the drive received for it."""
+        before = len(self.seen)
+        self.ask(pdu)
+        return self.seen[before:]
+
+    def missed(self, pdu: bytes, *waits_ms: float, **to: Any) -> None:
+        """Send a request that the drive leaves unanswered, and let time pass."""
+        self.send(pdu, **to)
+        assert len(self.link.sent) == 1
+        self.link.sent.clear()
+        for ms in waits_ms:
+            self.wait(ms)
+
+    def unanswered(self, pdu: bytes, *waits_ms: float, **to: Any) -> list[bytes]:
+        """The same; return what the port was answered, and forget it."""
+        self.missed(pdu, *waits_ms, **to)
+        replies, self.port.replies = self.port.replies, []
+        return [each for _, _, each in replies]
+
+    def leaves_after(self, ms: float) -> tuple[int, bytes]:
+        """Let time pass, at whose end one request has to leave; a millisecond before nothing has happened."""
+        before = list(self.port.replies)
+        self.wait(ms - 1)
+        assert (self.link.sent, self.port.replies) == ([], before)
+        self.wait(1)
+        [request] = self.link.sent
+        self.link.sent.clear()
+        return request
+
+    def cut(self, ms: float) -> None:
+        """Lose the link for so long."""
+        self.line.link_down(self.now_ns)
+        self.wait(ms)
+        self.line.link_up(self.now_ns)
+        self.serve()
 
     def actual(self) -> float:
         """Read the actual position as the controller does."""

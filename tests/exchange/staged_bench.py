@@ -140,9 +140,15 @@ class StagedBench(Bench):
         """Write a target, and see it acknowledged as the controller wrote it."""
         assert self.ask(write(COMMAND, counts)) == write(COMMAND, counts)[:5]
 
-    def trigger(self, pdu: bytes = RUN_PDU) -> None:
-        """Run the target, and see the trigger acknowledged."""
+    def trigger(self, pdu: bytes = RUN_PDU) -> tuple[str, float]:
+        """Run the target, and see the trigger acknowledged; return the last move of the drive."""
         assert self.ask(pdu) == pdu
+        return self.drive.moves[-1] if self.drive.moves else ("", 0)
+
+    def run(self, counts: float, pdu: bytes = RUN_PDU) -> tuple[str, float]:
+        """Write a target and run it; return the last move of the drive."""
+        self.stage(counts)
+        return self.trigger(pdu)
 
     def poll(self) -> int:
         """Read the status word as the controller does."""
@@ -156,11 +162,12 @@ class StagedBench(Bench):
             self.poll()
             self.ask(read(ACTUAL))
 
-    def go_to(self, counts: float) -> None:
-        """Stage, trigger, arrive."""
-        self.stage(counts)
-        self.trigger()
-        self.settle()
+    def go_to(self, *counts: float) -> tuple[str, float]:
+        """Stage, trigger, arrive, at each position; return the last move of the drive."""
+        for each in counts:
+            move = self.run(each)
+            self.settle()
+        return move
 
     def refused(self, pdu: bytes) -> int:
         """Send a request that must be refused without reaching the drive; return the exception code."""

@@ -41,9 +41,7 @@ def test_silence_lasts_from_the_first_request_without_an_answer_to_the_next_answ
         answered_s=5.0, silent_s=None, timeouts_in_a_row=0, tried_again_s=None
     )
     for _ in range(3):
-        bench.send(OTHER)
-        bench.link.take()
-        bench.wait(TIME_OUT_MS)
+        bench.missed(OTHER, TIME_OUT_MS)
     bench.wait(500)
     # 5 s without a request, three time-outs of 1 s, half a second more.
     assert drives(bench)["1"] == UnitStatus(

@@ -242,9 +242,7 @@ def test_a_monitor_that_gives_up_waiting_is_withdrawn_and_nothing_is_left_due() 
     assert plant.line.deadline_ns is None
 
 
-def test_a_monitors_turn_that_falls_due_while_the_line_is_down_does_not_end_the_silence_that_is_owed() -> (
-    None
-):
+def test_a_monitors_turn_due_while_the_line_is_down_does_not_end_the_silence_that_is_owed() -> None:
     bench = Bench(axis_plan(), timing=LineTiming(drain_ms=50.0, quiet_ms=5.0))
     poll = bytes.fromhex("03 1000 0002")
     bench.send(poll, port=monitor())

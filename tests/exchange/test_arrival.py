@@ -13,7 +13,6 @@ from tests.exchange.staged_bench import (
     BITS,
     HOME_PDU,
     JOG_PDU,
-    RUN_PDU,
     RUN_RELATIVE_PDU,
     STOP_PDU,
     ZERO_PDU,
@@ -56,8 +55,7 @@ def test_m6_a_done_bit_left_from_the_move_before_is_no_arrival() -> None:
     done(bench, is_set=True)  # the drive has not started yet
     bench.memory.put(ACTUAL, 80_000)
     bench.wait(300)
-    bench.ask(write(COMMAND, 90_000))
-    assert told(bench) == 90_410
+    assert bench.command(90_000) == 90_410
     assert not unsure(bench)
 
 
@@ -70,8 +68,7 @@ def test_m6_done_that_fell_and_came_back_with_the_axis_in_its_window_is_arrival(
     done(bench, is_set=True)
     bench.actual()
     frames = len(bench.seen)
-    bench.ask(write(COMMAND, 60_003))
-    assert told(bench) == 60_413
+    assert bench.command(60_003) == 60_413
     assert len(bench.seen) == frames + 1
     assert not unsure(bench)
 
@@ -96,8 +93,7 @@ def test_m6_a_place_on_a_way_from_a_known_start_tells_the_direction() -> None:
     bench.memory.put(ACTUAL, 55_000)
     bench.wait(300)
     place = bench.actual()
-    bench.ask(write(COMMAND, place + 100))
-    assert told(bench) == place + 100 + 410
+    assert bench.command(place + 100) == place + 100 + 410
     assert not unsure(bench)
 
 
@@ -129,8 +125,7 @@ def test_m9_a_read_that_waited_behind_another_one_is_no_jump() -> None:
     assert bench.seen[-3:] == [READ_DONE, read(ACTUAL), read(ACTUAL)]
     bench.port.replies.clear()
     assert ACTUAL.unpack(panel.take()[2:]) == 60_000
-    bench.ask(write(COMMAND, 60_003))
-    assert told(bench) == 60_413
+    assert bench.command(60_003) == 60_413
     assert not unsure(bench)
 
 
@@ -159,8 +154,7 @@ def test_m6_in_position_alone_never_is_arrival() -> None:
 def test_m6_a_reversal_shorter_than_the_hysteresis_is_one() -> None:
     bench = Bench(axis_plan(table=WORN, hysteresis=0.05))
     for counts, corrected in ((100_000, 100_410), (60_000, 59_740), (60_030, 60_440)):
-        bench.move(counts)
-        assert told(bench) == corrected
+        assert bench.reach(counts) == corrected
 
 
 def test_m6_a_target_that_trembles_hunts_is_told_and_can_be_stilled() -> None:
@@ -174,8 +168,7 @@ def test_m6_a_target_that_trembles_hunts_is_told_and_can_be_stilled() -> None:
     bench = Bench(axis_plan(table=WORN, repeat_within_counts=1))
     bench.move(60_000)
     for number in range(12):
-        bench.ask(write(COMMAND, 60_001 - number % 2))
-        assert told(bench) == 60_001 - number % 2 + 410
+        assert bench.command(60_001 - number % 2) == 60_001 - number % 2 + 410
         bench.memory.put(ACTUAL, told(bench))
         bench.wait(100)
     assert "branch-hunts" not in bench.kinds()
@@ -201,26 +194,21 @@ def jogged(**changes: object) -> Bench:
 @pytest.mark.parametrize(("counts", "corrected"), [(120_000, 119_740), (100_000, 99_740), (160_000, 160_410)])
 def test_m6_an_axis_that_nobody_saw_is_looked_at_before_it_moves(counts: int, corrected: int) -> None:
     bench = jogged()
-    frames = len(bench.seen)
-    bench.ask(write(COMMAND, counts))
-    assert bench.seen[frames:] == [read(ACTUAL), write(COMMAND, corrected)]
+    assert bench.frames(write(COMMAND, counts)) == [read(ACTUAL), write(COMMAND, corrected)]
 
 
 def test_m6_where_it_may_not_be_looked_at_it_is_flagged() -> None:
     bench = jogged(safe_read=False)
-    bench.ask(write(COMMAND, 120_000))
-    assert told(bench) == 120_410
+    assert bench.command(120_000) == 120_410
     assert unsure(bench)
 
 
 def test_m4_a_servo_that_stands_off_is_where_it_was_sent() -> None:
     bench = jogged()
     bench.memory.put(ACTUAL, 100_410 - 15)
-    bench.ask(write(COMMAND, 100_000))
-    assert told(bench) == 100_410
+    assert bench.command(100_000) == 100_410
     bench.wait(1200)
-    bench.ask(write(COMMAND, 100_003))
-    assert told(bench) == 100_413
+    assert bench.command(100_003) == 100_413
 
 
 def test_m6_who_polls_is_not_looked_for_and_streams_never_are() -> None:
@@ -228,24 +216,18 @@ def test_m6_who_polls_is_not_looked_for_and_streams_never_are() -> None:
     bench.memory.put(ACTUAL, 100_410)
     bench.actual()
     bench.wait(496)
-    frames = len(bench.seen)
-    bench.ask(write(COMMAND, 100_000))
-    assert bench.seen[frames:] == [write(COMMAND, 100_410)]
+    assert bench.frames(write(COMMAND, 100_000)) == [write(COMMAND, 100_410)]
 
 
 def test_m6_a_done_bit_that_is_read_after_a_pause_does_not_tell_where_the_axis_is() -> None:
     """The jog is over by then, and the bit looks as it did before. Who polled it all the time saw it fall."""
     bench = jogged()
     done(bench, is_set=True)
-    frames = len(bench.seen)
-    bench.ask(write(COMMAND, 120_000))
-    assert bench.seen[frames:] == [read(ACTUAL), write(COMMAND, 119_740)]
+    assert bench.frames(write(COMMAND, 120_000)) == [read(ACTUAL), write(COMMAND, 119_740)]
     for _ in range(4):
         bench.wait(400)
         done(bench, is_set=True)
-    frames = len(bench.seen)
-    bench.ask(write(COMMAND, 120_000))
-    assert bench.seen[frames:] == [write(COMMAND, 119_740)]
+    assert bench.frames(write(COMMAND, 120_000)) == [write(COMMAND, 119_740)]
 
 
 def test_m6_an_axis_that_says_done_elsewhere_is_not_on_its_way_any_more() -> None:
@@ -256,8 +238,7 @@ def test_m6_an_axis_that_says_done_elsewhere_is_not_on_its_way_any_more() -> Non
     done(bench, is_set=True)
     bench.memory.put(ACTUAL, 150_000)
     bench.actual()
-    bench.ask(write(COMMAND, 100_000))
-    assert told(bench) == 99_740
+    assert bench.command(100_000) == 99_740
     assert not unsure(bench)
 
 
@@ -269,8 +250,7 @@ def test_m4_an_axis_that_is_held_or_creeps_gets_the_same_words_over_a_switch() -
         bench.wait(400)
         bench.actual()
     bench.line.axes[0].correction.enable(is_on=False)
-    bench.ask(write(COMMAND, 100_000))
-    assert told(bench) == 100_410
+    assert bench.command(100_000) == 100_410
 
 
 def test_m4_an_axis_that_is_on_its_way_gets_the_same_words_again() -> None:
@@ -281,8 +261,7 @@ def test_m4_an_axis_that_is_on_its_way_gets_the_same_words_again() -> None:
         bench.memory.put(ACTUAL, counts)
         bench.actual()
         bench.wait(200)
-    bench.ask(write(COMMAND, 100_000))
-    assert told(bench) == 100_410
+    assert bench.command(100_000) == 100_410
 
 
 def test_the_look_does_not_count_towards_the_deadline() -> None:
@@ -309,8 +288,7 @@ def test_m5_a_distance_that_was_not_acknowledged_ends_where_it_stands(reply: str
         bench.drive.arrive()
     assert bench.actual() == (55_000 if has_run else 45_000)
     assert not unsure(bench)
-    bench.stage(10_000)
-    bench.trigger(RUN_RELATIVE_PDU)
+    bench.run(10_000, RUN_RELATIVE_PDU)
     # 65.000 forward: 0.49 mm more; 55.000: 0.415
     assert bench.drive.moves[-1] == ("relative", 65_490 if has_run else 55_415)
 
@@ -319,8 +297,7 @@ def standing_with_done() -> StagedBench:
     bench = StagedBench(staged_plan(table=SCREW, commanded=()), serial=False, tcp_drive=True)
     bench.drive.put(ACTUAL, 44_000)
     bench.go_to(60_000)
-    bench.go_to(45_000)
-    assert bench.drive.moves[-1][1] == 44_692
+    assert bench.go_to(45_000)[1] == 44_692
     return bench
 
 
@@ -345,8 +322,7 @@ def test_m5_a_moving_bit_alone_tells_that_a_distance_has_ended() -> None:
     plan = staged_plan(table=SCREW, commanded=(), bits={"moving": BITS["moving"]})
     bench = StagedBench(plan, serial=False, tcp_drive=True)
     bench.drive.put(ACTUAL, 44_000)
-    bench.go_to(60_000)
-    bench.go_to(45_000)
+    bench.go_to(60_000, 45_000)
     bench.stage(10_000)
     bench.send(RUN_RELATIVE_PDU)
     while (pdu := bench.link.take()) != RUN_RELATIVE_PDU:
@@ -383,8 +359,7 @@ def test_m5_a_done_bit_left_from_the_move_before_makes_no_base(base: Action) -> 
     """The drive says done until it has started: where it passes by is no place to count from."""
     bench = StagedBench(staged_plan(table=SCREW, motion=relative_by(base), commanded=()))
     bench.go_to(45_000)
-    bench.stage(60_000)
-    bench.trigger(RUN_PDU)
+    bench.run(60_000)
     bench.drive.put(ACTUAL, 50_000)
     bench.drive.set_bits(is_done=True)
     moves = len(bench.drive.moves)
@@ -404,8 +379,7 @@ def test_m5_after_a_motion_of_its_own_a_done_bit_needs_its_time_too() -> None:
     bench.stage(1_000)
     assert bench.refused(RUN_RELATIVE_PDU) == 6
     bench.wait(1000)
-    bench.trigger(RUN_RELATIVE_PDU)
-    assert bench.drive.moves[-1][0] == "relative"
+    assert bench.trigger(RUN_RELATIVE_PDU)[0] == "relative"
 
 
 def test_m5_a_jog_whose_end_was_seen_needs_no_time() -> None:
@@ -418,9 +392,7 @@ def test_m5_a_jog_whose_end_was_seen_needs_no_time() -> None:
     bench.drive.put(ACTUAL, 50_000)
     bench.drive.set_bits(is_done=True)
     bench.poll()
-    bench.stage(1_000)
-    bench.trigger(RUN_RELATIVE_PDU)
-    assert bench.drive.moves[-1][0] == "relative"
+    assert bench.run(1_000, RUN_RELATIVE_PDU)[0] == "relative"
 
 
 def test_m5_a_position_that_is_set_moves_nothing() -> None:
@@ -430,24 +402,19 @@ def test_m5_a_position_that_is_set_moves_nothing() -> None:
     bench.trigger(ZERO_PDU)
     bench.wait(50)
     bench.poll()
-    bench.stage(1_000)
-    bench.trigger(RUN_RELATIVE_PDU)
-    assert bench.drive.moves[-1][0] == "relative"
+    assert bench.run(1_000, RUN_RELATIVE_PDU)[0] == "relative"
 
 
 def test_m5_a_distance_that_passed_unchanged_is_a_motion_too() -> None:
     plan = staged_plan(
-        table=SCREW,
-        motion=relative_by(Action.RELATIVE_TO_ACTUAL, passes_unknown_relative=True),
-        commanded=(),
+        table=SCREW, motion=relative_by(Action.RELATIVE_TO_ACTUAL, passes_unknown_relative=True), commanded=()
     )
     bench = StagedBench(plan)
     bench.trigger(JOG_PDU)
     bench.drive.put(ACTUAL, 52_000)
     bench.drive.set_bits(is_done=False)
     bench.wait(3000)
-    bench.stage(10_000)
-    bench.trigger(RUN_RELATIVE_PDU)
+    bench.run(10_000, RUN_RELATIVE_PDU)
     assert bench.memory.get(COMMAND) == 10_000
     bench.wait(20)
     bench.drive.put(ACTUAL, 52_000)
@@ -466,8 +433,7 @@ def test_m5_where_the_look_is_not_answered_a_distance_has_no_base() -> None:
     moves = list(bench.drive.moves)
     bench.send(RUN_RELATIVE_PDU)
     for _ in range(2):
-        assert bench.link.take() == read(ACTUAL)
-        bench.line.reply(1, bytes.fromhex("83 06"), bench.now_ns)
+        assert bench.answers(bytes.fromhex("83 06")) == read(ACTUAL)
     bench.serve()
     assert bench.port.take() == bytes.fromhex("86 06")
     assert bench.drive.moves == moves
@@ -483,8 +449,7 @@ def test_m5_at_neither_end_there_is_no_base(stands_at: int) -> None:
     bench.stage(10_000)
     assert bench.refused(RUN_RELATIVE_PDU) == 6
     assert unsure(bench)
-    bench.stage(50_000)
-    bench.trigger(RUN_PDU)
+    bench.run(50_000)
     assert not bench.line.axes[0].motion.is_distance_unconfirmed
 
 
@@ -517,78 +482,57 @@ def test_m9_a_retained_target_moves_nothing_when_the_reference_goes_and_comes() 
     bench = Bench(axis_plan(table=WORN, referenced=Reference.DRIVE_BIT, bits={"homed": HOMED}))
     homed(bench, is_set=True)
     bench.move(100_000)
-    bench.move(60_000)
-    assert told(bench) == 59_740
+    assert bench.reach(60_000) == 59_740
     for is_set in (False, True, False):
         homed(bench, is_set=is_set)
         for _ in range(3):
-            bench.ask(write(COMMAND, 60_000))
-            assert told(bench) == 59_740
-    bench.ask(write(COMMAND, 70_000))  # another one passes 1:1
-    assert told(bench) == 70_000
+            assert bench.command(60_000) == 59_740
+    assert bench.command(70_000) == 70_000  # another one passes 1:1
     bench.memory.put(ACTUAL, 70_000)
     homed(bench, is_set=True)
-    bench.ask(write(COMMAND, 70_000))
-    assert told(bench) == 70_000
-    bench.move(80_000)
-    assert told(bench) == 80_410
+    assert bench.command(70_000) == 70_000
+    assert bench.reach(80_000) == 80_410
 
 
 @pytest.mark.parametrize("is_staged_again", [True, False])
-def test_m9_a_retained_target_is_run_again_as_it_was_when_the_reference_is_gone(
-    is_staged_again: bool,
-) -> None:
+def test_m9_a_retained_target_runs_as_it_was_when_the_reference_is_gone(is_staged_again: bool) -> None:
     bench = StagedBench(staged_plan(table=WORN, referenced=Reference.DRIVE_BIT))
-    bench.go_to(60_000)
-    assert bench.drive.moves[-1][1] == 60_410
+    assert bench.go_to(60_000)[1] == 60_410
     bench.drive.set_bits(is_done=True, is_homed=False)
     bench.poll()
     if is_staged_again:
         bench.stage(60_000)
-    bench.trigger()
-    assert bench.drive.moves[-1][1] == 60_410
+    assert bench.trigger()[1] == 60_410
     bench.drive.set_bits(is_done=True, is_homed=False)  # the drive on the bench shows it with each move
     bench.poll()
-    bench.stage(70_000)
-    bench.trigger()
-    assert bench.drive.moves[-1][1] == 70_000
+    assert bench.run(70_000)[1] == 70_000
 
 
 def test_m9_a_target_after_homing_is_a_new_one() -> None:
     bench = StagedBench(staged_plan(table=WORN, referenced=Reference.HOMING))
     bench.line.axes[0].declare_referenced()
-    bench.go_to(60_000)
-    assert bench.drive.moves[-1][1] == 60_410
+    assert bench.go_to(60_000)[1] == 60_410
     bench.ask(HOME_PDU)
     bench.drive.put(ACTUAL, 0)
     bench.drive.set_bits(is_done=True)
     bench.wait(500)
     bench.poll()
-    bench.go_to(60_000)
-    assert bench.drive.moves[-1][1] == 60_410
+    assert bench.go_to(60_000)[1] == 60_410
     bench.ask(HOME_PDU)
-    bench.go_to(60_000)  # while it homes
-    assert bench.drive.moves[-1][1] == 60_000
+    assert bench.go_to(60_000)[1] == 60_000  # while it homes
 
 
 def test_m9_a_retained_target_moves_nothing_after_a_silence_in_which_the_reference_went() -> None:
     plan = axis_plan(table=WORN, referenced=Reference.HOMING)
     bench = Bench(plan, timing=LineTiming(drain_ms=1))
     bench.line.axes[0].declare_referenced()
-    bench.move(100_000)
-    bench.move(60_000)
+    bench.move(100_000, 60_000)
     for _ in range(3):
-        bench.send(write(COMMAND, 60_000))
-        bench.link.sent.clear()
-        bench.wait(1001)
-        bench.wait(2)
-        bench.port.replies.clear()
+        bench.unanswered(write(COMMAND, 60_000), 1001, 2)
     bench.wait(1000)  # then it is tried again
-    bench.ask(write(COMMAND, 60_000))
-    assert told(bench) == 59_740
+    assert bench.command(60_000) == 59_740
     assert not bench.line.axes[0].reference.is_referenced
-    bench.ask(write(COMMAND, 60_001))
-    assert told(bench) == 60_001
+    assert bench.command(60_001) == 60_001
 
 
 def homed_bench() -> Bench:
@@ -596,8 +540,7 @@ def homed_bench() -> Bench:
     plan = axis_plan(table=WORN, referenced=Reference.DRIVE_BIT, bits={"homed": HOMED})
     bench = Bench(plan, timing=LineTiming(drain_ms=1), memory=homed_memory())
     bench.move(100_000)
-    bench.move(60_000)
-    assert told(bench) == 59_740
+    assert bench.reach(60_000) == 59_740
     return bench
 
 
@@ -609,11 +552,7 @@ def homed_memory() -> Memory:
 
 def be_silent(bench: Bench, times: int) -> None:
     for _ in range(times):
-        bench.send(read(ACTUAL))
-        bench.link.sent.clear()
-        bench.wait(1001)
-        bench.wait(2)
-        bench.port.replies.clear()
+        bench.unanswered(read(ACTUAL), 1001, 2)
     bench.wait(1000)  # then it is tried again
 
 
@@ -632,11 +571,9 @@ def test_m9_a_repeat_moves_nothing_where_the_homed_bit_is_gone_afterwards(troubl
     else:
         cut(bench, 500 if "short" in trouble else 3000)
         bench.serve()
-    bench.ask(write(COMMAND, 60_000))
-    assert told(bench) == 59_740
+    assert bench.command(60_000) == 59_740
     assert not bench.line.axes[0].reference.is_referenced
-    bench.ask(write(COMMAND, 60_001))
-    assert told(bench) == 60_001
+    assert bench.command(60_001) == 60_001
 
 
 @pytest.mark.parametrize("stands_at", [59_740, 52_000])
@@ -650,8 +587,7 @@ def test_m6_a_repeat_is_planned_anew_where_the_homed_bit_is_still_there(trouble:
         bench.serve()
     else:
         be_silent(bench, 3)
-    bench.ask(write(COMMAND, 60_000))
-    assert told(bench) == (59_740 if stands_at == 59_740 else 60_410)  # from 52 mm it comes forward
+    assert bench.command(60_000) == (59_740 if stands_at == 59_740 else 60_410)  # from 52 mm it comes forward
     assert not unsure(bench)
 
 
@@ -660,21 +596,18 @@ def test_m6_a_repeat_is_planned_anew_where_the_homed_bit_is_still_there(trouble:
 
 def test_m7_a_function_that_a_drive_does_not_know_has_written_nothing() -> None:
     bench = Bench(axis_plan(table=WORN))
-    bench.move(100_000)
-    bench.move(60_000)
+    bench.move(100_000, 60_000)
     data = COMMAND.pack(70_000)
     both = bytes.fromhex("17 0520 0002 0606 0002 04") + data
     bench.send(both)
     bench.line.reply(1, bench.memory.answer(bench.link.take()), bench.now_ns)  # it is looked at first
-    bench.link.take()
-    bench.line.reply(1, bytes.fromhex("97 01"), bench.now_ns)
+    bench.answers(bytes.fromhex("97 01"))
     assert bench.port.take() == bytes.fromhex("97 01")
     axis = bench.line.axes[0]
     assert axis.compensation.accepted == (60_000, 59_740)
     assert axis.motion.unacknowledged is None
     assert bench.actual() == 60_000
-    bench.move(60_010)
-    assert told(bench) == 60_420
+    assert bench.reach(60_010) == 60_420
     assert not unsure(bench)
 
 
@@ -690,8 +623,7 @@ def test_a3_a_done_bit_that_flickers_does_not_flip_the_branch_of_the_same_target
         bench.memory.write(0x005C, word.to_bytes(2, "big"))
         bench.ask(bytes.fromhex("03 005C 0001"))
         bench.wait(100)
-        bench.ask(write(COMMAND, 50_000))
-        assert bench.seen[-1] == told
+        assert bench.sent_for(write(COMMAND, 50_000)) == told
 
 
 def test_m4_after_the_done_bit_dropped_a_reading_tells_whether_the_axis_was_moved_away() -> None:
@@ -702,20 +634,17 @@ def test_m4_after_the_done_bit_dropped_a_reading_tells_whether_the_axis_was_move
         bench.ask(bytes.fromhex("03 005C 0001"))
     bench.memory.put(ACTUAL, 80_000)
     bench.wait(100)
-    bench.ask(write(COMMAND, 50_000))
-    assert bench.seen[-1] == write(COMMAND, 49_990)
+    assert bench.sent_for(write(COMMAND, 50_000)) == write(COMMAND, 49_990)
 
 
 def test_a11_the_reading_does_not_jump_at_a_reversal_although_the_last_one_is_old() -> None:
     bench = StagedBench()
     bench.go_to(50_000)
-    bench.stage(80_000)
-    bench.trigger()
+    bench.run(80_000)
     bench.drive.pass_by(51_000)
     bench.actual()
     bench.settle()  # the controller sees the done bit, and reads no position
-    bench.stage(20_000)
-    bench.trigger()
+    bench.run(20_000)
     assert bench.actual() == 80_000  # it has not moved yet
     bench.drive.pass_by(50_000)
     assert bench.actual() == 50_000  # half of the way: half of the 20 counts between the branches
@@ -726,12 +655,8 @@ def test_m4_a_repeat_whose_reply_was_lost_leaves_the_branch_as_it_is() -> None:
     bench.move(50_000)
     told = bench.seen[-1]
     bench.memory.put(ACTUAL, 50_025)  # 15 counts beside it, with 2 of hysteresis
-    bench.send(write(COMMAND, 50_000))
-    bench.link.sent.clear()
-    bench.wait(1000)
-    bench.port.take()
-    bench.ask(write(COMMAND, 50_000))
-    assert bench.seen[-1] == told
+    bench.unanswered(write(COMMAND, 50_000), 1000)
+    assert bench.sent_for(write(COMMAND, 50_000)) == told
 
 
 # --- traces that ``make verify`` found --------------------------------------------------------------------

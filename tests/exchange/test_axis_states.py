@@ -8,10 +8,8 @@ import pytest
 
 from gateway.catalogue import exchange_events
 from gateway.compensation.moves import Accepted
-from gateway.compiled import is_compiled
 from gateway.drives.motion import Action
 from gateway.exchange.access import Access
-from gateway.exchange.axis import impossible
 from gateway.exchange.axis.acknowledge import ON_WIRE_AFTER, OnWire, Outcome, Rendering, WireEvent
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.impossible import ImpossibleEventError
@@ -30,6 +28,7 @@ from gateway.exchange.request import NOTHING_PREFETCHED, Request
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan
+from tests.support.tables import walk
 
 # --- where the axis is -------------------------------------------------------------------------------------
 
@@ -66,15 +65,8 @@ cannot be."""
 
 
 def _walk() -> dict[tuple[MotionState, MotionEvent], MotionState | None]:
-    head, *rows = WALK.strip("\n").splitlines()
-    columns = [PLACES[letter] for letter in head.split()]
-    found: dict[tuple[MotionState, MotionEvent], MotionState | None] = {}
-    for row in rows:
-        name, *cells = row.split()
-        for place, cell in zip(columns, cells, strict=True):
-            if cell != "x":
-                found[place, MotionEvent(name)] = None if cell == "." else PLACES[cell]
-    return found
+    cells = walk(WALK).items()
+    return {(PLACES[p], MotionEvent(e)): None if c == "." else PLACES[c] for (p, e), c in cells if c != "x"}
 
 
 def test_the_table_of_motion_is_what_the_rules_say() -> None:
@@ -269,7 +261,7 @@ def test_a_distance_that_ran_leaves_it_at_its_end() -> None:
         (Outcome.EXCEPTION, 1, MotionState.MOVING),  # what a drive does not know it has not done
     ],
 )
-def test_a_distance_that_passed_unchanged_leaves_nobody_knowing_where_the_axis_is(
+def test_after_an_unchanged_distance_nothing_is_known(
     outcome: Outcome, code: int, after: MotionState
 ) -> None:
     axis = an_axis()
@@ -313,12 +305,8 @@ def test_what_cannot_be_is_raised_in_a_test() -> None:
         axis.motion.enter(MotionState.MOVING)
 
 
-def test_what_cannot_be_is_told_counted_and_taken_for_the_worst_at_a_machine(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    if is_compiled():
-        pytest.skip("the switch is no attribute of what is compiled")
-    monkeypatch.setattr(impossible, "_is_raised", False)
+@pytest.mark.usefixtures("in_production")
+def test_what_cannot_be_is_told_and_the_worst_is_assumed_in_production() -> None:
     bench = Bench(axis_plan(bits={"homed": BitField(0x30, 0)}, referenced=Reference.DRIVE_BIT))
     axis = bench.line.axes[0]
 
@@ -405,17 +393,14 @@ REFERENCE_WALK: Final = {
 
 @pytest.mark.parametrize("kind", Reference)
 def test_the_table_of_references_is_what_the_rules_say(kind: Reference) -> None:
-    head, *rows = REFERENCE_WALK[kind].strip().splitlines()
-    columns = [REFERENCES[letter] for letter in head.split()]
-    expected: dict[tuple[ReferenceState, ReferenceEvent], ReferenceState | None] = {}
-    for row in rows:
-        name, *cells = row.split()
-        for state, cell in zip(columns, cells, strict=True):
-            if cell != "x":
-                expected[state, ReferenceEvent(name)] = None if cell == "." else REFERENCES[cell]
+    expected = {
+        (REFERENCES[state], ReferenceEvent(event)): None if cell == "." else REFERENCES[cell]
+        for (state, event), cell in walk(REFERENCE_WALK[kind]).items()
+        if cell != "x"
+    }
     table = REFERENCE_AFTER[kind]
     assert {(state, e): then for state, row in table.items() for e, then in row.items()} == expected
-    assert REFERENCE_AT_START[kind] in columns
+    assert REFERENCE_AT_START[kind] in {state for state, _ in expected}
 
 
 UNCONFIRMED: Final = """
@@ -434,7 +419,7 @@ silence      u u
 
 @pytest.mark.parametrize("row", UNCONFIRMED.strip("\n").splitlines()[1:])
 @pytest.mark.parametrize("first", [None, ReferenceEvent.BIT_SET, ReferenceEvent.BIT_CLEAR])
-def test_a_bit_that_decides_is_read_again_after_all_that_may_have_changed_it(
+def test_a_bit_that_decides_is_read_after_all_that_may_change_it(
     row: str, first: ReferenceEvent | None
 ) -> None:
     name, unconfirmed, confirmed = row.split()
@@ -471,17 +456,12 @@ BLOCK_CAUSED: Final[dict[BlockEvent, Callable[[Axis], None]]] = {
     BlockEvent.LOST_OF_GROUP: lambda axis: axis.block_triggers(6, "lost", is_own=False),
     BlockEvent.COMPLETED: lambda axis: write_whole(axis, epoch=axis.interlock.epoch),
 }
-BLOCK_WALK: Final = {
-    (Block.NONE, BlockEvent.LOST): Block.OWN,
-    (Block.NONE, BlockEvent.LOST_OF_GROUP): Block.OF_GROUP,
-    (Block.NONE, BlockEvent.COMPLETED): Block.NONE,
-    (Block.OWN, BlockEvent.LOST): Block.OWN,
-    (Block.OWN, BlockEvent.LOST_OF_GROUP): Block.OWN,
-    (Block.OWN, BlockEvent.COMPLETED): Block.NONE,
-    (Block.OF_GROUP, BlockEvent.LOST): Block.OWN,
-    (Block.OF_GROUP, BlockEvent.LOST_OF_GROUP): Block.OF_GROUP,
-    (Block.OF_GROUP, BlockEvent.COMPLETED): Block.NONE,
-}
+BLOCK_WALK: Final = walk("""
+               none      own   of-group
+lost           own       own   own
+lost-of-group  of-group  own   of-group
+completed      none      none  none
+""")
 """By hand, from M3 and M11."""
 
 
@@ -498,14 +478,13 @@ def test_each_loss_blocks_and_each_complete_target_lets_go(block: Block, event: 
         step(axis)
     assert axis.interlock.block is block
     BLOCK_CAUSED[event](axis)
-    assert axis.interlock.block is BLOCK_WALK[block, event]
-    assert (BLOCK_AFTER[block][event] or block) is BLOCK_WALK[block, event]
+    assert axis.interlock.block.value == BLOCK_WALK[block.value, event.value]
+    assert axis.interlock.block is (BLOCK_AFTER[block][event] or block)
     if block is not Block.NONE:
         assert axis.interlock.block_code == 4  # that of the loss which blocked it
-    told = {
-        (True, False): ["axis-blocked"],
-        (False, True): ["axis-released"],
-    }.get((block is Block.NONE, axis.interlock.block is Block.NONE), [])
+    told = {(True, False): ["axis-blocked"], (False, True): ["axis-released"]}.get(
+        (block is Block.NONE, axis.interlock.block is Block.NONE), []
+    )
     assert [each.kind.name for each in axis.take_events()][len(BLOCKED[block]) :] == told
 
 
@@ -528,10 +507,8 @@ ended       .       nothing nothing
 
 
 def test_the_table_of_what_is_on_the_wire_is_what_a_record_says() -> None:
-    head, *rows = (line.split() for line in WIRE_WALK.strip("\n").splitlines())
     expected = {
         (OnWire(state), WireEvent(event)): None if cell == "." else OnWire(cell)
-        for event, *cells in rows
-        for state, cell in zip(head, cells, strict=True)
+        for (state, event), cell in walk(WIRE_WALK).items()
     }
     assert {(state, e): then for state, row in ON_WIRE_AFTER.items() for e, then in row.items()} == expected

@@ -53,15 +53,12 @@ def terms(bench: Bench) -> Any:
 
 def test_an_axis_that_is_out_of_square_is_corrected_by_where_the_other_one_is() -> None:
     bench = Bench(x_plan(), y_plan())
-    bench.move(100_000)
-    assert told(bench) == 100_000  # nobody knows yet where y is
+    assert bench.reach(100_000) == 100_000  # nobody knows yet where y is
     go_y(bench, 400_000)
-    bench.move(200_000)
-    assert told(bench) == 200_040
+    assert bench.reach(200_000) == 200_040
     assert bench.actual() == 200_000
     go_y(bench, 1_000_000)
-    bench.move(300_000)
-    assert told(bench) == 300_100
+    assert bench.reach(300_000) == 300_100
     assert bench.actual() == 300_000
 
 
@@ -70,8 +67,7 @@ def test_the_nominal_position_counts_and_not_the_corrected_one() -> None:
     bench = Bench(x_plan(), y_plan(table=steep, max_correction=5.0))
     go_y(bench, 500_000)
     assert bench.memory.get(Y_COMMAND) == 502_500
-    bench.move(200_000)
-    assert told(bench) == 200_050
+    assert bench.reach(200_000) == 200_050
 
 
 def test_another_target_of_the_other_axis_moves_nothing() -> None:
@@ -82,29 +78,24 @@ def test_another_target_of_the_other_axis_moves_nothing() -> None:
     bench.wait(1000.0)
     assert len(seen) == 1
     assert bench.actual() == 200_000
-    bench.move(200_000)  # M4
-    assert told(bench) == 200_000
-    bench.move(200_001)
-    assert told(bench) == 200_041
+    assert bench.reach(200_000) == 200_000  # M4
+    assert bench.reach(200_001) == 200_041
 
 
 def test_a_short_way_is_left_as_soon_as_the_other_axis_has_another_target() -> None:
     bench = Bench(x_plan(), y_plan())
     go_y(bench, 400_000)
     for counts in (100_000, 200_000, 300_000):
-        bench.move(counts)
-        assert told(bench) == counts + 40
+        assert bench.reach(counts) == counts + 40
     assert bench.ask(write(Y_COMMAND, 500_000))
-    bench.move(400_000)  # no second has passed
-    assert told(bench) == 400_050
+    assert bench.reach(400_000) == 400_050  # no second has passed
 
 
 def test_one_way_of_the_other_axis_sags_and_comes_back() -> None:
     bench = Bench(x_plan(cross=(SAG,)), y_plan())
     for y, added in ((0, 0), (250_000, 10), (500_000, 20), (750_000, 10), (1_000_000, 0), (1_200_000, 0)):
         go_y(bench, y)
-        bench.move(100_000 + y // 100 + 1)
-        assert told(bench) == 100_000 + y // 100 + 1 + added
+        assert bench.reach(100_000 + y // 100 + 1) == 100_000 + y // 100 + 1 + added
 
 
 def test_two_axes_that_act_on_each_other_do_not_run_in_circles() -> None:
@@ -125,10 +116,8 @@ def test_it_adds_to_the_temperature() -> None:
     bench = Bench(x_plan(thermal=ThermalSettings(11.5e-6, fixed_at=200.0)), y_plan())
     set_temperature(bench.line.axes, "x", 30.0, bench.now_ns)
     go_y(bench, 400_000)
-    bench.move(1_000_000)
-    assert told(bench) == 1_000_000 + 40 - 92
-    bench.move(200_000)
-    assert told(bench) == 200_040
+    assert bench.reach(1_000_000) == 1_000_000 + 40 - 92
+    assert bench.reach(200_000) == 200_040
     assert bench.actual() == 200_000
 
 
@@ -137,29 +126,23 @@ def test_an_other_axis_that_loses_its_reference_is_held_and_then_fades() -> None
     x, y = bench.line.axes
     bench.line.command(SetReference(axis="y"), bench.now_ns)
     go_y(bench, 400_000)
-    bench.move(100_000)
-    assert told(bench) == 100_040
+    assert bench.reach(100_000) == 100_040
     y.lose_reference()
     go_y(bench, 900_000)  # a target of an axis that does not know where it is says nothing
-    bench.move(200_000)
-    assert told(bench) == 200_040  # held
+    assert bench.reach(200_000) == 200_040  # held
     bench.wait(55_000.0)
-    bench.move(200_500)
-    assert told(bench) == 200_540
+    assert bench.reach(200_500) == 200_540
     bench.wait(33_000.0)  # 90 s: half of it is gone
-    bench.move(300_000)
-    assert told(bench) == 300_020
+    assert bench.reach(300_000) == 300_020
     bench.wait(60_000.0)
-    bench.move(400_000)
-    assert told(bench) == 400_000
+    assert bench.reach(400_000) == 400_000
     kinds = [(e.kind.name, dict(e.more)["term"]) for e in bench.events if e.kind.name.startswith("term-")]
     assert kinds == [("term-follows", "cross"), ("term-held", "cross"), ("term-fades", "cross")]
     found = terms(bench).status(x.compensation, bench.now_ns)
     assert found.cross == CrossStatus(state="faded", axes=["y"], correction=0.0)
     bench.line.command(SetReference(axis="y"), bench.now_ns)
     go_y(bench, 300_000)
-    bench.move(500_000)
-    assert told(bench) == 500_030
+    assert bench.reach(500_000) == 500_030
 
 
 def test_an_other_axis_without_a_target_counts_by_where_it_was_read_to_be() -> None:
@@ -170,12 +153,10 @@ def test_an_other_axis_without_a_target_counts_by_where_it_was_read_to_be() -> N
     bench.memory.put(Y_ACTUAL, 600_000)
     bench.ask(read(Y_ACTUAL))
     bench.wait(1000.0)
-    bench.move(200_000)
-    assert told(bench) == 200_060
+    assert bench.reach(200_000) == 200_060
     bench.wait(59_000.0)  # that reading is too old now, and what it gave is held
     bench.memory.put(Y_ACTUAL, 900_000)
-    bench.move(300_000)
-    assert told(bench) == 300_060
+    assert bench.reach(300_000) == 300_060
     found = terms(bench).status(bench.line.axes[0].compensation, bench.now_ns)
     assert found.cross
     assert found.cross.state == "held"
@@ -190,11 +171,9 @@ def test_an_other_axis_that_is_lost_before_it_ever_counted_is_waited_for() -> No
     assert terms(bench).events("x", bench.now_ns) == []
     bench.line.link_up(bench.now_ns)
     bench.serve()
-    bench.move(100_000)
-    assert told(bench) == 100_000
+    assert bench.reach(100_000) == 100_000
     go_y(bench, 400_000)
-    bench.move(200_000)
-    assert told(bench) == 200_040
+    assert bench.reach(200_000) == 200_040
     assert bench.kinds()[-1] == "term-follows"
 
 
@@ -203,24 +182,20 @@ def test_units_and_turns_of_the_other_axis_are_its_own() -> None:
     y = y_plan(units=Units.INCH, travel=(0.0, 40.0))
     bench = Bench(x_plan(cross=(inches,)), y)
     go_y(bench, 5_000)  # 5 inches
-    bench.move(100_000)
-    assert told(bench) == 100_013  # 12.7 µm
+    assert bench.reach(100_000) == 100_013  # 12.7 µm
     turn = CrossPlan("y", (0.0, 90.0, 180.0, 360.0), (0.0, 0.01, 0.0, 0.0), modulo=360.0)
     bench = Bench(x_plan(cross=(turn,)), y_plan(modulo=360.0))
     go_y(bench, 810_000)  # two turns and 90
-    bench.move(100_000)
-    assert told(bench) == 100_010
+    assert bench.reach(100_000) == 100_010
 
 
 def test_an_axis_of_another_line_counts_as_well() -> None:
     one, other = Bench(x_plan()), Bench(y_plan())
     go_y(other, 400_000)
-    one.move(100_000)
-    assert told(one) == 100_000
+    assert one.reach(100_000) == 100_000
     join_terms([*one.line.axes, *other.line.axes])
     one.wait(1000.0)
-    one.move(200_000)
-    assert told(one) == 200_040
+    assert one.reach(200_000) == 200_040
 
 
 def test_a_restart_goes_on_with_what_the_other_axis_added() -> None:
@@ -231,13 +206,10 @@ def test_a_restart_goes_on_with_what_the_other_axis_added() -> None:
     assert told(bench) == 100_040
     again = bench.restarted()
     assert again.actual() == 100_000
-    again.move(100_000)
-    assert told(again) == 100_040
-    again.move(200_000)
-    assert told(again) == 200_040
+    assert again.reach(100_000) == 100_040
+    assert again.reach(200_000) == 200_040
     go_y(again, 500_000)
-    again.move(300_000)
-    assert told(again) == 300_050
+    assert again.reach(300_000) == 300_050
 
 
 def test_a_restart_in_which_the_other_axis_is_lost_holds_what_it_added() -> None:
@@ -248,8 +220,7 @@ def test_a_restart_in_which_the_other_axis_is_lost_holds_what_it_added() -> None
     again.line.axes[1].lose_reference()
     again.line.axes[1].forget()
     assert again.actual() == 100_000
-    again.move(200_000)
-    assert told(again) == 200_040
+    assert again.reach(200_000) == 200_040
 
 
 @pytest.mark.parametrize("first", ["x", "y"])

@@ -144,9 +144,7 @@ shapes = st.one_of(
 
 
 @given(shape=shapes, in_ns=st.integers(1, 100), out_ns=st.integers(1, 100))
-def test_cut_through_never_begins_later_than_a_gateway_that_stores(
-    shape: FrameShape, in_ns: int, out_ns: int
-) -> None:
+def test_cut_through_never_begins_later_than_storing_does(shape: FrameShape, in_ns: int, out_ns: int) -> None:
     assert delay_ns(shape, in_ns, out_ns) <= stored_ns(shape, in_ns)
 
 
@@ -202,6 +200,14 @@ def steady(count: int, char_ns: int = 1000, late_ns: int = 0) -> list[Piece]:
     return [Piece(index * char_ns + (late_ns if index == 10 else 0), index + 1) for index in range(count)]
 
 
+def learned(pieces: list[Piece] | None = None) -> MeasuredDelay:
+    """Return what is known of writes after enough of them, by default byte by byte."""
+    delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
+    for _ in range(LEARNED_AFTER):
+        delay.add(pieces or steady(13))
+    return delay
+
+
 def test_nothing_is_known_of_a_port_before_enough_frames_have_come() -> None:
     delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER - 1):
@@ -213,9 +219,7 @@ def test_nothing_is_known_of_a_port_before_enough_frames_have_come() -> None:
 
 
 def test_a_late_byte_is_remembered_with_half_of_what_it_was_late_and_forgotten_after_a_while() -> None:
-    delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
-    for _ in range(LEARNED_AFTER):
-        delay.add(steady(13))
+    delay = learned()
     delay.add(steady(13, late_ns=900))
     assert delay.delay_ns == 3000 + 900 + 450 + 1000
     for _ in range(REMEMBERED - 1):
@@ -229,9 +233,7 @@ def test_a_late_byte_is_remembered_with_half_of_what_it_was_late_and_forgotten_a
     "late", [{"own_ns": 900}, {"written_need_ns": 3900}, {"own_ns": -50_000, "written_need_ns": 3900}]
 )
 def test_what_the_gateway_took_itself_is_remembered_and_forgotten_after_a_while(late: dict[str, int]) -> None:
-    delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
-    for _ in range(LEARNED_AFTER):
-        delay.add(steady(13))
+    delay = learned()
     delay.add(steady(13), **late)
     assert delay.delay_ns == 3000 + 900 + 1000
     for _ in range(REMEMBERED - 1):
@@ -262,24 +264,18 @@ def test_a_frame_that_gains_nothing_says_when_it_could_begin_and_when_it_is_whol
         assert delay.no_gain is None
     delay.add([Piece(0, 13)])
     assert delay.no_gain == (1000, 0)  # with its first piece it is whole, and the margin is waited for
-    delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
-    for _ in range(LEARNED_AFTER):
-        delay.add(steady(13))
+    delay = learned()
     assert delay.no_gain is None
 
 
 def test_lumps_are_no_hindrance_where_the_wire_behind_them_is_busy_meanwhile() -> None:
-    delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
-    for _ in range(LEARNED_AFTER):
-        delay.add([Piece(0, 9), Piece(5000, 13)])
+    delay = learned([Piece(0, 9), Piece(5000, 13)])
     # Seven bytes of the head leave at once, for 7 characters; after 5 the rest is there.
     assert delay.delay_ns == 1000
 
 
 def test_a_port_whose_needs_leave_no_gain_stores_and_cuts_through_again_when_they_have_passed() -> None:
-    delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
-    for _ in range(LEARNED_AFTER):
-        delay.add(steady(13))
+    delay = learned()
     late = [Piece(each.came_ns + (5000 if each.so_far > 10 else 0), each.so_far) for each in steady(13)]
     delay.add(late)
     assert delay.delay_ns is None  # 3 + 5 + 2.5 + 1 characters, and the others were whole after 12
@@ -292,9 +288,7 @@ FRAMES = st.integers(0, 2**32 - 1).map(lambda raw: bytes.fromhex("01 10 06 06 00
 
 
 @given(frame=FRAMES, reach=st.integers(0, 2**25))
-def test_a_first_byte_is_expected_to_stay_where_no_border_of_it_is_within_reach(
-    frame: bytes, reach: int
-) -> None:
+def test_a_first_byte_is_expected_to_stay_where_no_border_is_within_reach(frame: bytes, reach: int) -> None:
     raw = int.from_bytes(frame[7:])
     # 0 and 2^32 are borders as all other multiples of 2^24; the next one below belongs to the byte itself.
     is_far = raw % 2**24 >= reach and raw % 2**24 + reach < 2**24
@@ -344,7 +338,7 @@ def test_how_far_the_next_position_may_be() -> None:
         (9600, READ, POSITION, 0.390),
     ],
 )
-def test_the_figures_of_the_decision(
+def test_figures_of_the_decision(
     baudrate: int, asked: FrameShape, answered: FrameShape, share: float
 ) -> None:
     char_ns = 11 * 1_000_000_000 // baudrate

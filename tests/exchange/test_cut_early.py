@@ -17,9 +17,7 @@ from gateway.compensation.units import Units
 from gateway.exchange import dispatch
 from gateway.exchange.commands import Disable
 from gateway.exchange.cut_through.delay import (
-    LEARNED_AFTER,
     Delays,
-    Piece,
     acknowledgement_shape,
     read_shape,
     reply_shape,
@@ -32,6 +30,7 @@ from gateway.exchange.fast_path import ReadPath, WritePath
 from gateway.exchange.plan import AxisPlan, writes_alone
 from gateway.modbus.crc import INVERTED, append_crc, residue_after
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
+from tests.exchange.cut_bench import assert_spoilt, learn
 from tests.exchange.cut_line_bench import CHAR_NS, Site, frame_of
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, read, stream_plan, write
 from tests.exchange.staged_bench import STOP_PDU, staged_plan
@@ -59,10 +58,7 @@ def units_of(bench: Bench) -> dispatch.UnitMaps:
 def at_border(border: int, step: int = 40) -> Way:
     """A stream that has come from 8 mm in front of a border or farther, and is 1 mm before it."""
     way = Way(plan_at(border))
-    for shape in (EARLY, write_shape(2, 0, 2)):
-        pieces = [Piece(index * 1000, index + 1) for index in range(shape.length)]
-        for _ in range(LEARNED_AFTER):
-            way.heads.delays.measure(shape, pieces)
+    learn(way.heads.delays, EARLY, write_shape(2, 0, 2))
     for counts in range(border - 1_000 - step * (7_000 // step + 4), border - 999, step):
         way.store(write(TARGET, counts))
         way.bench.now_ns += 10 * MS
@@ -113,11 +109,7 @@ def test_targets_anywhere_leave_as_the_line_would_have_sent_them_or_as_no_frame(
         if forwarded.state is ForwardState.WHOLE:
             assert forwarded.left == frame_of(sent)
         elif forwarded.left:
-            assert (forwarded.state, len(forwarded.left), residue_after(forwarded.left)) == (
-                ForwardState.ABORTED,
-                13,
-                INVERTED,
-            )
+            assert_spoilt(forwarded)
     assert ForwardState.WHOLE in outcomes
 
 
@@ -142,11 +134,7 @@ def test_a_table_that_goes_behind_the_first_byte_of_a_position_spoils_it(after_b
         lambda: void(way.bench.line.command(Disable(axes=("x",)), way.bench.now_ns)),
         after_bytes,
     )
-    assert (forwarded.state, len(forwarded.left), residue_after(forwarded.left)) == (
-        ForwardState.ABORTED,
-        13,
-        INVERTED,
-    )
+    assert_spoilt(forwarded)
     assert way.events[-1] is (ForwardEvent.REFUSED if after_bytes == 10 else ForwardEvent.CHANGED)
 
 
@@ -163,7 +151,7 @@ def void(_anything: object) -> None:
     scale=st.sampled_from((1.0, 2.0, -1.0, 0.5)),
     counts_per_unit=st.sampled_from((1000.0, -1000.0)),
 )
-def test_what_is_said_to_be_decided_is_what_each_last_byte_gives(
+def test_what_is_decided_is_so_for_each_last_byte(
     border: int, near: int, scale: float, counts_per_unit: float
 ) -> None:
     field = replace(TARGET, scale=scale)
@@ -213,9 +201,7 @@ def decides(*, added: int, counts: int = 300) -> tuple[WritePath, Bench]:
         (-30, "80 00 00", 0x80, False),
     ],
 )
-def test_both_ends_of_what_the_last_byte_leaves_open_decide(
-    added: int, begun: str, byte: int, *, is_decided: bool
-) -> None:
+def test_both_ends_of_a_last_byte_decide(added: int, begun: str, byte: int, *, is_decided: bool) -> None:
     path, bench = decides(added=added)
     assert path.begins_with(byte, bench.port, bytes.fromhex(begun), bench.now_ns) is is_decided
 
@@ -264,10 +250,7 @@ def test_what_is_said_to_be_read_is_what_each_last_byte_reads(border: int, near:
 def heads() -> tuple[Heads, Bench]:
     """Return what is known of a port whose writes and their delays are known."""
     found = Heads(Delays(CHAR_NS, CHAR_NS, CHAR_NS))
-    for shape in (EARLY, write_shape(2, 0, 2)):
-        pieces = [Piece(index * CHAR_NS, index + 1) for index in range(shape.length)]
-        for _ in range(LEARNED_AFTER):
-            found.delays.measure(shape, pieces)
+    learn(found.delays, EARLY, write_shape(2, 0, 2), char_ns=CHAR_NS)
     return found, Bench(plan_at(0))
 
 
@@ -334,7 +317,7 @@ def test_the_first_one_that_was_seen_says_nothing_of_the_next() -> None:
         ({"command": (PositionField(0x0506, RegisterType.INT32),)}, True),
     ],
 )
-def test_a_target_with_another_one_of_its_unit_beside_it_begins_with_four_bytes(
+def test_a_target_with_another_one_beside_it_begins_with_four_bytes(
     other: dict[str, Any], *, is_alone: bool
 ) -> None:
     plan = plan_at(0)
@@ -378,12 +361,7 @@ HEAD = [(3.325, "01 10 06"), (4.0, "06"), (5.0, "00"), (6.0, "02"), (7.0, "04")]
 def test_a_setpoint_and_the_place_that_is_read_leave_three_characters_behind_themselves() -> None:
     line = settled()
     began_ns = line.come(frame_of(NEXT))
-    assert line.to_drives(began_ns) == [
-        *HEAD,
-        (10.0, "00"),
-        (11.0, "00 27 42"),
-        (13.0, SENT[-2:].hex(" ")),
-    ]
+    assert line.to_drives(began_ns) == [*HEAD, (10.0, "00"), (11.0, "00 27 42"), (13.0, SENT[-2:].hex(" "))]
     line.pass_to(began_ns + 20 * MS)
     line.reply(frame_of(NEXT[:5]))
     line.pass_to(line.bench.now_ns + 10 * MS)

@@ -12,15 +12,11 @@ from typing import Any
 import pytest
 
 from gateway.catalogue import exchange_events
-from gateway.compiled import is_compiled
-from gateway.exchange.axis import impossible
 from gateway.exchange.axis.record_layout import Remembered
 from gateway.exchange.commands import Disable
 from gateway.exchange.cut_through.delay import (
-    LEARNED_AFTER,
     REMEMBERED,
     Delays,
-    Piece,
     acknowledgement_shape,
     margin_ns,
     read_shape,
@@ -38,6 +34,7 @@ from gateway.modbus.rtu import RtuRequestDecoder
 from gateway.recording import traffic
 from gateway.recording.tap import RecordingTap
 from gateway.recording.trace_buffer import ANSWERED, REPLY, REQUEST, SENT, TICK
+from tests.exchange.cut_bench import learn
 from tests.exchange.cut_line_bench import CHAR_NS, PLAN, WIRE, Left, PieceLink, PiecePort, Site, frame_of
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, read, stream_plan, write
 from tests.exchange.record_bench import Records
@@ -181,9 +178,7 @@ def test_a_read_leaves_at_its_function_and_the_position_in_its_reply_when_it_is_
     ]
 
 
-def test_w3_a_bad_check_sum_leaves_as_one_that_is_bad_in_both_bytes_and_nothing_follows_in_the_silence() -> (
-    None
-):
+def test_w3_a_bad_check_sum_leaves_bad_in_both_bytes_and_nothing_follows_in_the_silence() -> None:
     line = site()
     frame = frame_of(NEXT)
     began_ns = line.come(frame[:-1] + bytes((frame[-1] ^ 0x10,)))
@@ -257,7 +252,7 @@ def test_a_target_that_may_not_leave_is_judged_in_its_turn_behind_the_silence() 
 
 
 @pytest.mark.parametrize(("bytes_come", "aborted_at"), [(6, 6.4), (8, 8.4), (12, 12.4)])
-def test_m3_a_stop_of_another_controller_spoils_what_leaves_and_goes_behind_the_silence(
+def test_m3_a_stop_of_another_controller_spoils_what_leaves_and_goes(
     bytes_come: int, aborted_at: float
 ) -> None:
     line = site(PLAN, staged_plan(name="y", unit_id=2))
@@ -362,7 +357,7 @@ def stands_still(line: Site, wire: PieceLink | PiecePort, before: int, late_ms: 
 
 
 @pytest.mark.parametrize(("late_ms", "torn"), [(0.1, 0), (1.0, 1)])
-def test_a_request_is_torn_where_it_is_written_later_than_the_transmitter_is_empty(
+def test_a_request_is_torn_where_it_is_written_after_the_transmitter_is_empty(
     late_ms: float, torn: int
 ) -> None:
     line = site()
@@ -395,9 +390,7 @@ def test_a_request_is_not_torn_whose_first_bytes_were_written_late_and_the_next_
         (1.0, (5.325, "01 10 06 06 00")),
     ],
 )
-def test_requests_leave_so_much_later_as_the_gateway_took_between_reading_and_writing(
-    late_ms: float, begins: tuple[float, str]
-) -> None:
+def test_requests_leave_as_much_later_as_the_gateway_took(late_ms: float, begins: tuple[float, str]) -> None:
     line = site()
     left = []
     for number in range(3):
@@ -435,9 +428,7 @@ def test_a_gateway_that_is_always_too_slow_tears_one_request_and_stores_all_othe
 
 
 @pytest.mark.parametrize("is_good", [True, False])
-def test_what_leaves_in_one_write_is_not_torn_however_late_that_is_and_its_silence_begins_behind_it(
-    is_good: bool,
-) -> None:
+def test_what_leaves_in_one_write_is_not_torn_and_its_silence_begins_behind_it(is_good: bool) -> None:
     line = site()
     frame = frame_of(NEXT)
     began_ns = line.come(frame[:4])  # nobody looks at 4.325
@@ -462,7 +453,7 @@ def test_the_guard_rings_in_time_also_where_the_writing_has_taken_its_time() -> 
 
 
 @pytest.mark.parametrize(("late_ms", "torn"), [(0.1, 0), (1.0, 1)])
-def test_a_reply_is_torn_where_it_is_written_later_than_the_transmitter_is_empty(
+def test_a_reply_is_torn_where_it_is_written_after_the_transmitter_is_empty(
     late_ms: float, torn: int
 ) -> None:
     line = site()
@@ -475,10 +466,7 @@ def test_a_reply_is_torn_where_it_is_written_later_than_the_transmitter_is_empty
     assert (line.replies(), line.forwarding.underruns) == ({ForwardEvent.COMMITTED: 1}, torn)
 
 
-@pytest.mark.parametrize(
-    "what",
-    ["down", "busy", "resting", "silent", "stopping", "link", "gate"],
-)
+@pytest.mark.parametrize("what", ["down", "busy", "resting", "silent", "stopping", "link", "gate"])
 def test_what_would_not_go_out_at_once_is_stored(what: str) -> None:
     line = site()
     if what == "down":
@@ -612,9 +600,7 @@ def test_what_is_a_loss_is_stored_for_the_next_ones() -> None:
     line = site()
     pdu = b"\x01" + NEXT
     heads.add(line.forwarding.units.path_of(1, NEXT), pdu, pdu)
-    pieces = [Piece(number * CHAR_NS, number + 1) for number in range(WRITE_SHAPE.length)]
-    for _ in range(LEARNED_AFTER):
-        heads.delays.measure(WRITE_SHAPE, pieces)
+    learn(heads.delays, WRITE_SHAPE, char_ns=CHAR_NS)
     assert heads.opening(pdu[:4]) is not None
     for _ in range(WEIGHED_AT_LEAST - 1):
         heads.pay(pdu, 9 * MS)
@@ -782,10 +768,8 @@ def test_w12_an_odd_frame_begins_like_a_read_and_goes_whole() -> None:
 # --- what cannot be ---------------------------------------------------------------------------------------
 
 
-def test_what_cannot_be_is_told_and_counted_and_the_line_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    if is_compiled():
-        pytest.skip("the switch is no attribute of what is compiled")
-    monkeypatch.setattr(impossible, "_is_raised", False)
+@pytest.mark.usefixtures("in_production")
+def test_what_cannot_be_is_told_and_counted_and_the_line_goes_on() -> None:
     line = site()
     line.measure(acknowledgement_shape(), of_replies=True)
     frame = frame_of(NEXT)
@@ -816,12 +800,8 @@ def test_what_cannot_be_is_told_and_counted_and_the_line_goes_on(monkeypatch: py
     assert line.line.counters.internal_faults == 2
 
 
-def test_a_request_that_its_line_does_not_let_begin_takes_nothing_of_another_one(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    if is_compiled():
-        pytest.skip("the switch is no attribute of what is compiled")
-    monkeypatch.setattr(impossible, "_is_raised", False)
+@pytest.mark.usefixtures("in_production")
+def test_a_request_that_may_not_begin_takes_nothing_of_another_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(PHASE_AFTER[Phase.WAITING], Step.BEGINS)
     line, frame = site(), frame_of(NEXT)
     other = PiecePort(line, ControllerPlan("mes"))

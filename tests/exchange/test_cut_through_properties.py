@@ -140,9 +140,7 @@ def run(course: Course) -> Left:
 
 
 @given(course=courses())
-def test_w3_a_check_sum_is_good_only_where_all_of_it_came_good_and_left_as_it_was_agreed(
-    course: Course,
-) -> None:
+def test_w3_a_check_sum_is_good_only_where_all_came_good_and_left_as_it_was_agreed(course: Course) -> None:
     left = run(course)
     forwarded = left.forwarded
     assert b"".join(data for _, data in left.pieces) == forwarded.left

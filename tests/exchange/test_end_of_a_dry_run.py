@@ -137,8 +137,7 @@ def test_the_fast_path_finds_the_same() -> None:
 
 def test_where_no_register_tells_the_drives_last_word_has_to_do() -> None:
     bench = Bench(axis_plan(compensation=SHADOW, actual=()))
-    bench.move(20_000)
-    bench.move(50_000)
+    bench.move(20_000, 50_000)
     assert bench.line.command(LIVE, bench.now_ns) == {"x": "next-target"}
     assert bench.move(50_000) == write(COMMAND, 50_000)
     assert bench.move(60_000) == write(COMMAND, 60_010)

@@ -281,7 +281,7 @@ def test_a_target_written_into_another_register_since_is_no_repeat(remembered_pa
     bench = Bench(axis_plan(command=(COMMAND, SECOND), bits=BITS), remembered_paths=remembered_paths)
     told = []
     for place, counts in ((COMMAND, 1000), (COMMAND, 4000), (SECOND, 9000), (COMMAND, 4000)):
-        bench.move(counts, place)
+        bench.move(counts, place=place)
         told.append(bench.memory.get(place))
         bench.memory.put(ACTUAL, told[-1])
         bench.memory.words[STATUS] = 0b011
@@ -292,7 +292,7 @@ def test_a_target_written_into_another_register_since_is_no_repeat(remembered_pa
 def test_before_a_target_that_another_register_replaced_comes_again_the_axis_is_looked_at() -> None:
     bench = Bench(axis_plan(command=(COMMAND, SECOND), bits=BITS, max_speed=0.0))
     for place, counts in ((COMMAND, 1000), (COMMAND, 4000), (SECOND, 9000)):
-        bench.move(counts, place)
+        bench.move(counts, place=place)
     bench.seen.clear()
     bench.move(4000)
     assert [pdu[0] for pdu in bench.seen] == [3, 16]

@@ -3,6 +3,7 @@
 10 counts more going forward, 10 less going backward (``line_bench.LOST_MOTION``): 50 000 is told as 50 010.
 """
 
+from collections.abc import Callable
 from typing import Any, Final
 
 import pytest
@@ -13,6 +14,7 @@ from gateway.exchange.axis.gantry import GANTRY_AFTER, GantryEvent, GantryState
 from gateway.exchange.commands import ClearTable, EndDryRun, SetTable, TableFor
 from gateway.exchange.control import ControlError
 from gateway.exchange.plan import CompensationMode, Reference
+from gateway.exchange.status import axis_status
 from tests.exchange.gantry_bench import STATUS_PDU, GantryBench
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, stream_plan, write
 from tests.exchange.staged_bench import (
@@ -26,6 +28,7 @@ from tests.exchange.staged_bench import (
     staged_plan,
 )
 from tests.exchange.world_trace import played
+from tests.support.tables import walk
 
 STATES: Final = {"o": GantryState.OPEN, "s": GantryState.SENT, "u": GantryState.UNDER_WAY}
 WALK: Final = """
@@ -43,25 +46,15 @@ expired   . . o
 
 
 def test_the_table_of_a_group_is_what_the_rule_says() -> None:
-    head, *rows = WALK.strip("\n").splitlines()
-    found: dict[GantryState, dict[GantryEvent, GantryState | None]] = {
-        STATES[each]: {} for each in head.split()
-    }
-    for row in rows:
-        name, *cells = row.split()
-        for letter, cell in zip(head.split(), cells, strict=True):
-            found[STATES[letter]][GantryEvent(name)] = STATES.get(cell)
-    assert found == GANTRY_AFTER
-    assert {each: set(row) for each, row in GANTRY_AFTER.items()} == {
-        s: set(GantryEvent) for s in GantryState
-    }
+    found = {(state, event): then for state, row in GANTRY_AFTER.items() for event, then in row.items()}
+    assert found == {(STATES[s], GantryEvent(e)): STATES.get(cell) for (s, e), cell in walk(WALK).items()}
+    assert len(found) == len(GantryState) * len(GantryEvent)
 
 
 def gantry(**changes: Any) -> GantryBench:
     """A beam that has gone to 50 mm, corrected."""
     bench = GantryBench(**changes)
-    bench.go(50_000)
-    assert bench.ends() == [50_010, 50_010]
+    assert bench.go(50_000) == [50_010, 50_010]
     return bench
 
 
@@ -74,9 +67,7 @@ def bit_gantry(**changes: Any) -> GantryBench:
 
 def test_a_switch_between_two_triggers_waits_until_both_have_gone() -> None:
     bench = gantry()
-    bench.stage(1, 60_000)
-    bench.stage(2, 60_000)
-    bench.run(1)
+    bench.begin(60_000)
     bench.switch(is_on=False)
     assert bench.group() == {
         "state": "under-way", "has_gone": True, "is_put_off": True, "is_skewed": False, "skew": None,
@@ -88,109 +79,88 @@ def test_a_switch_between_two_triggers_waits_until_both_have_gone() -> None:
     assert bench.kinds().count("group-held") == 1
     assert bench.group()["state"] == "open"
     bench.settle()
-    bench.go(60_000)  # the same again is the same words (M4)
-    assert bench.ends() == [60_010, 60_010]
-    bench.go(70_000)
-    assert bench.ends() == [70_000, 70_000]
+    assert bench.go(60_000) == [60_010, 60_010]  # the same again is the same words (M4)
+    assert bench.go(70_000) == [70_000, 70_000]
 
 
 def test_a_homed_bit_that_falls_between_two_triggers_waits_too() -> None:
     bench = bit_gantry()
-    bench.stage(1, 60_000)
-    bench.stage(2, 60_000)
-    bench.run(1)
+    bench.begin(60_000)
     bench.lose_homed_bit(2)
     bench.wait(1_200)
     lost = bench.kinds().count("reference-lost")
-    bench.to(2, bytes.fromhex("03 005C 0001"))
+    bench.to(2, STATUS_PDU)
     assert bench.kinds().count("reference-lost") == lost + 2  # it is told at once
     bench.log.clear()
     bench.run(2)
     assert bench.log == [(2, "06 05 0e 00 01")]
     assert bench.ends() == [60_010, 60_010]
     bench.settle()
-    bench.go(70_000)
-    assert bench.ends() == [70_000, 70_000]
+    assert bench.go(70_000) == [70_000, 70_000]
 
 
 def test_a_bit_that_falls_and_rises_between_is_a_lost_reference_afterwards() -> None:
     bench = bit_gantry()
-    bench.stage(1, 60_000)
-    bench.stage(2, 60_000)
-    bench.run(1)
+    bench.begin(60_000)
     bench.lose_homed_bit(2)
-    bench.to(2, bytes.fromhex("03 005C 0001"))
+    bench.to(2, STATUS_PDU)
     bench.drives[2].set_bits(is_done=True)
     bench.not_homed.clear()
     bench.wait(200)
-    bench.to(2, bytes.fromhex("03 005C 0001"))
-    bench.run(2)
-    assert bench.ends() == [60_010, 60_010]
+    bench.to(2, STATUS_PDU)
+    assert bench.run(2) == [60_010, 60_010]
     bench.settle()
     assert [axis.compensation.accepted for axis in bench.line.axes] == [None, None]
-    bench.go(70_000)
-    assert bench.ends() == [70_010, 70_010]
+    assert bench.go(70_000) == [70_010, 70_010]
 
 
-@pytest.mark.parametrize("share", [0.5, 0.0])
-def test_a_gain_between_two_triggers_waits(share: float) -> None:
-    bench = gantry()
-    bench.stage(1, 60_000)
-    bench.stage(2, 60_000)
-    bench.run(1)
-    bench.gain(share)
-    bench.run(2)
-    assert bench.ends() == [60_010, 60_010]
-    bench.settle()
-    bench.go(70_000)
-    assert bench.ends() == [70_000 + 10 * share] * 2
-
-
-@pytest.mark.parametrize("height_mm", [0.02, None])
-def test_another_table_between_two_triggers_waits(height_mm: float | None) -> None:
-    """One of twice the height, or none any more."""
-    bench = gantry()
-    bench.stage(1, 60_000)
-    bench.stage(2, 60_000)
-    bench.run(1)
+def set_tables(bench: GantryBench, height_mm: float | None) -> None:
     if height_mm is None:
         bench.line.command(ClearTable(axes=("y2",)), bench.now_ns)
-    else:
-        table = make_table([0, 100], [height_mm] * 2, [-height_mm] * 2, Units.MM)
-        wanted = tuple(TableFor(name, "y.tab", "csv", "0" * 64) for name in ("y1", "y2"))
-        bench.line.command(SetTable(tables=wanted), bench.now_ns, [table, table])
-    bench.run(2)
-    assert bench.ends() == [60_010, 60_010]
+        return
+    table = make_table([0, 100], [height_mm] * 2, [-height_mm] * 2, Units.MM)
+    wanted = tuple(TableFor(name, "y.tab", "csv", "0" * 64) for name in ("y1", "y2"))
+    bench.line.command(SetTable(tables=wanted), bench.now_ns, [table, table])
+
+
+@pytest.mark.parametrize(
+    ("change", "then_added"),
+    [
+        (lambda bench: bench.gain(0.5), 5),
+        (lambda bench: bench.gain(0.0), 0),
+        (lambda bench: set_tables(bench, 0.02), 20),
+        (lambda bench: set_tables(bench, None), 0),
+    ],
+    ids=["gain 0.5", "gain 0", "twice the height", "no table"],
+)
+def test_a_gain_or_another_table_between_two_triggers_waits(
+    change: Callable[[GantryBench], None], then_added: int
+) -> None:
+    bench = gantry()
+    bench.begin(60_000)
+    change(bench)
+    assert bench.run(2) == [60_010, 60_010]
     bench.settle()
-    bench.go(70_000)
-    assert bench.ends() == [70_000 + 1000 * (height_mm or 0)] * 2
+    assert bench.go(70_000) == [70_000 + then_added] * 2
 
 
 def test_a_target_that_is_staged_after_the_first_has_gone_goes_by_what_was_fixed() -> None:
     """Stage, run, stage, run: the axis that waits has to follow the one that went."""
     bench = gantry()
-    bench.stage(1, 60_000)
-    bench.run(1)
+    bench.start(1, 60_000)
     bench.switch(is_on=False)
-    bench.stage(2, 60_000)
-    bench.run(2)
-    assert bench.ends() == [60_010, 60_010]
+    assert bench.start(2, 60_000) == [60_010, 60_010]
 
 
 def test_what_is_enabled_between_waits_as_well() -> None:
     bench = gantry()
     bench.switch(is_on=False)
-    bench.go(60_000)
-    assert bench.ends() == [60_000, 60_000]
-    bench.stage(1, 70_000)
-    bench.run(1)
+    assert bench.go(60_000) == [60_000, 60_000]
+    bench.start(1, 70_000)
     bench.switch(is_on=True)
-    bench.stage(2, 70_000)
-    bench.run(2)
-    assert bench.ends() == [70_000, 70_000]
+    assert bench.start(2, 70_000) == [70_000, 70_000]
     bench.settle()
-    bench.go(80_000)
-    assert bench.ends() == [80_010, 80_010]
+    assert bench.go(80_000) == [80_010, 80_010]
 
 
 # --- before the first leaves -------------------------------------------------------------------------------
@@ -199,8 +169,7 @@ def test_what_is_enabled_between_waits_as_well() -> None:
 def reversed_gantry(**changes: Any) -> GantryBench:
     """Staged forward at 50 mm, and then found at 70: each target has to be written anew, backward."""
     bench = gantry(**changes)
-    for unit_id in (1, 2):
-        bench.stage(unit_id, 60_000)
+    bench.stage_all(60_000)
     assert [drive.get(COMMAND) for drive in bench.drives.values()] == [60_010, 60_010]
     for unit_id in (1, 2):
         bench.to(unit_id, STOP_PDU)
@@ -244,17 +213,14 @@ def test_where_that_is_refused_or_unanswered_the_first_is_refused(answer: bytes 
     bench.wait(3_000)
     assert bench.to(1, RUN_PDU)[0] == 0x86
     assert bench.counts_of_moves() == moves
-    bench.go(80_000)
-    assert bench.ends() == [80_010, 80_010]
+    assert bench.go(80_000) == [80_010, 80_010]
 
 
 def test_where_nothing_may_be_added_the_first_is_refused() -> None:
     bench = GantryBench(added_frames=False)
     bench.go(50_000)
-    bench.go(60_000)
-    assert bench.ends() == [60_010, 60_010]
-    bench.stage(1, 70_000)
-    bench.stage(2, 70_000)
+    assert bench.go(60_000) == [60_010, 60_010]
+    bench.stage_all(70_000)
     bench.gain(0.5)
     moves = bench.counts_of_moves()
     bench.log.clear()
@@ -265,13 +231,11 @@ def test_where_nothing_may_be_added_the_first_is_refused() -> None:
 
 def test_the_bits_of_all_are_read_before_the_first_leaves() -> None:
     bench = bit_gantry()
-    bench.stage(1, 60_000)
-    bench.stage(2, 60_000)
+    bench.stage_all(60_000)
     bench.lose_homed_bit(2)
     bench.wait(1_200)  # an older bit does not count
     bench.log.clear()
-    bench.run(1)
-    bench.run(2)
+    bench.run(1, 2)
     assert (2, "03 00 5c 00 01") in bench.log[: bench.log.index((1, "06 05 0e 00 01"))]
     assert bench.ends() == [60_000, 60_000]
 
@@ -287,8 +251,7 @@ def test_a_switch_before_the_first_leaves_counts_for_both() -> None:
     bench.switch(is_on=False)
     bench.serve()
     assert bench.port.take() == RUN_PDU
-    bench.run(2)
-    assert bench.ends() == [60_000, 60_000]
+    assert bench.run(2) == [60_000, 60_000]
 
 
 # --- what ends it ------------------------------------------------------------------------------------------
@@ -297,9 +260,7 @@ def test_a_switch_before_the_first_leaves_counts_for_both() -> None:
 def half_gone() -> GantryBench:
     """The first has gone to 60 mm, and the compensation is switched off."""
     bench = gantry()
-    bench.stage(1, 60_000)
-    bench.stage(2, 60_000)
-    bench.run(1)
+    bench.begin(60_000)
     bench.switch(is_on=False)
     return bench
 
@@ -309,18 +270,14 @@ def test_one_that_has_gone_and_is_given_another_target_begins_anew() -> None:
     bench.stage(1, 70_000)
     assert bench.group()["state"] == "open"
     bench.stage(2, 70_000)
-    bench.run(1)
-    bench.run(2)
-    assert bench.ends() == [70_000, 70_000]
+    assert bench.run(1, 2) == [70_000, 70_000]
 
 
 def test_the_same_target_again_does_not() -> None:
     bench = half_gone()
     for _ in range(3):
-        bench.stage(1, 60_000)
-        bench.run(1)
-    bench.run(2)
-    assert bench.ends() == [60_010, 60_010]
+        bench.start(1, 60_000)
+    assert bench.run(2) == [60_010, 60_010]
 
 
 def test_a_distance_that_is_run_again_does() -> None:
@@ -345,8 +302,7 @@ def test_a_stop_a_homing_and_a_jog_end_it(pdu: bytes, unit_id: int) -> None:
     assert not bench.group()["is_put_off"]
     bench.drives[1].put(ACTUAL, 55_000)
     bench.settle()
-    bench.go(80_000)
-    assert bench.ends() == [80_000, 80_000]
+    assert bench.go(80_000) == [80_000, 80_000]
 
 
 def test_after_ten_seconds_what_was_put_off_comes_into_force() -> None:
@@ -359,24 +315,19 @@ def test_after_ten_seconds_what_was_put_off_comes_into_force() -> None:
     assert not bench.group()["is_put_off"]
     bench.to(1, read(ACTUAL))  # whoever reads sees what is in force
     assert bench.line.axes[0].member.fixed is None
-    bench.run(2)
-    assert bench.ends() == [60_010, 60_000]
+    assert bench.run(2) == [60_010, 60_000]
 
 
 def test_a_lost_link_ends_it() -> None:
     bench = half_gone()
-    bench.line.link_down(bench.now_ns)
-    bench.wait(500)
-    bench.line.link_up(bench.now_ns)
-    bench.serve()
+    bench.cut(500)
     assert bench.group()["state"] == "open"
     assert bench.to(2, RUN_PDU)[0] == 0x86  # what it holds nobody knows
 
 
 def test_a_first_that_its_drive_refused_fixes_nothing() -> None:
     bench = gantry()
-    bench.stage(1, 60_000)
-    bench.stage(2, 60_000)
+    bench.stage_all(60_000)
     bench.refuses.append((1, RUN_PDU, bytes.fromhex("86 01")))
     assert bench.to(1, RUN_PDU) == bytes.fromhex("86 01")
     assert bench.group()["state"] == "open"
@@ -386,8 +337,7 @@ def test_a_first_that_its_drive_refused_fixes_nothing() -> None:
 
 def test_a_broadcast_trigger_is_one_of_all() -> None:
     bench = gantry()
-    bench.stage(1, 60_000)
-    bench.stage(2, 60_000)
+    bench.stage_all(60_000)
     bench.send(RUN_PDU, unit_id=0)
     bench.serve()
     assert bench.group()["state"] == "open"
@@ -407,18 +357,14 @@ def test_a_later_one_that_its_drive_refuses_is_told_with_the_skew() -> None:
     found = bench.group()
     assert (found["state"], found["is_skewed"], found["skew"]) == ("under-way", True, 10.0)
     # Levelled: written again, and run by what was fixed, though it was switched off meanwhile.
-    bench.stage(2, 60_000)
-    bench.run(2)
-    assert bench.ends() == [60_010, 60_010]
+    assert bench.start(2, 60_000) == [60_010, 60_010]
     assert bench.group()["is_skewed"] is False
 
 
 def test_a_later_target_that_was_lost_is_told_too() -> None:
     bench = gantry()
-    bench.stage(1, 60_000)
-    bench.run(1)
-    bench.refuses.append((2, bytes.fromhex("10 0606"), bytes.fromhex("90 04")))
-    assert bench.to(2, write(COMMAND, 60_000)) == bytes.fromhex("90 04")
+    bench.start(1, 60_000)
+    bench.lose_target(2, 60_000)
     assert bench.to(2, RUN_PDU) == bytes.fromhex("86 04")
     assert bench.group()["skew"] == 10.0
 
@@ -429,33 +375,26 @@ def test_a_later_target_that_was_lost_is_told_too() -> None:
 def movers(**changes: Any) -> GantryBench:
     plans = [axis_plan(name=f"y{unit}", unit_id=unit, **changes) for unit in (1, 2)]
     bench = GantryBench(*plans)
-    for unit_id in (1, 2):
-        bench.to(unit_id, write(COMMAND, 50_000))
-    assert bench.ends() == [50_010, 50_010]
+    assert bench.write_all(50_000) == [50_010, 50_010]
     return bench
 
 
 def test_the_first_target_fixes_it_for_movers() -> None:
     bench = movers()
-    bench.to(1, write(COMMAND, 60_000))
+    bench.write(1, 60_000)
     bench.switch(is_on=False)
-    bench.to(2, write(COMMAND, 60_000))
-    assert bench.ends() == [60_010, 60_010]
-    for unit_id in (1, 2):
-        bench.to(unit_id, write(COMMAND, 70_000))
-    assert bench.ends() == [70_000, 70_000]
+    assert bench.write(2, 60_000) == [60_010, 60_010]
+    assert bench.write_all(70_000) == [70_000, 70_000]
 
 
 def test_another_target_that_is_refused_begins_no_new_round() -> None:
     """y1 stays where the round has sent it, so y2 is levelled by what was fixed."""
     bench = movers()
-    bench.to(1, write(COMMAND, 60_000))
+    bench.write(1, 60_000)
     bench.switch(is_on=False)
-    bench.refuses.append((2, bytes.fromhex("10 06 06"), bytes.fromhex("90 04")))
-    assert bench.to(2, write(COMMAND, 60_000)) == bytes.fromhex("90 04")
+    bench.lose_target(2, 60_000)
     assert bench.to(1, write(COMMAND, 70_000)) == bytes.fromhex("90 04")
-    bench.to(2, write(COMMAND, 60_000))
-    assert bench.ends() == [60_010, 60_010]
+    assert bench.write(2, 60_000) == [60_010, 60_010]
 
 
 HALVES: Final = {60_000: ("EA60", "0000"), 150_000: ("49F0", "0002")}
@@ -512,9 +451,9 @@ def test_a_repeat_of_one_axis_alone_puts_nothing_off_for_ever() -> None:
     bench = movers()
     bench.switch(is_on=False)
     for _ in range(150):
-        bench.to(1, write(COMMAND, 50_000))
+        bench.write(1, 50_000)
         bench.wait(100)
-    bench.to(1, write(COMMAND, 60_000))
+    bench.write(1, 60_000)
     assert bench.drives[1].get(COMMAND) == 60_000
 
 
@@ -524,8 +463,8 @@ def test_the_bits_of_all_movers_are_read_before_the_first_target() -> None:
     bench.wait(1_200)
     bench.drives[2].write(STATUS, b"\0\0")
     bench.log.clear()
-    bench.to(1, write(COMMAND, 60_000))
-    bench.to(2, write(COMMAND, 60_000))
+    bench.write(1, 60_000)
+    bench.write(2, 60_000)
     assert (2, "03 00 5c 00 01") in bench.log[: bench.log.index((1, write(COMMAND, 60_000).hex(" ")))]
     assert bench.ends() == [60_000, 60_000]
 
@@ -533,22 +472,16 @@ def test_the_bits_of_all_movers_are_read_before_the_first_target() -> None:
 def test_a_dry_run_does_not_end_between_two_triggers() -> None:
     bench = GantryBench(compensation=CompensationMode.SHADOW)
     bench.go(50_000)
-    bench.stage(1, 60_000)
-    bench.run(1)
+    bench.start(1, 60_000)
     bench.drives[1].arrive()
     bench.wait(300)
-    for unit_id in (1, 2):
-        bench.to(unit_id, bytes.fromhex("03 005C 0001"))
-        bench.to(unit_id, read(ACTUAL))
+    bench.poll(STATUS_PDU, read(ACTUAL))
     with pytest.raises(ControlError, match="one axis of its group has gone"):
         bench.line.command(EndDryRun(axes=("y1",)), bench.now_ns)
-    bench.stage(2, 60_000)
-    bench.run(2)
-    assert bench.ends() == [60_000, 60_000]
+    assert bench.start(2, 60_000) == [60_000, 60_000]
     bench.settle()
     bench.line.command(EndDryRun(axes=("y1",)), bench.now_ns)
-    bench.go(70_000)
-    assert bench.ends() == [70_010, 70_010]
+    assert bench.go(70_000) == [70_010, 70_010]
 
 
 def test_after_a_kill_nobody_remembers() -> None:
@@ -560,22 +493,19 @@ def test_after_a_kill_nobody_remembers() -> None:
     assert after.to(2, RUN_PDU) == bytes.fromhex("86 04")
     assert after.counts_of_moves() == moves
     after.settle()
-    after.go(70_000)
-    assert after.ends() == [70_010, 70_010]
+    assert after.go(70_000) == [70_010, 70_010]
 
 
 def test_three_axes_go_by_the_first() -> None:
     plans = [staged_plan(name=f"y{unit}", unit_id=unit) for unit in (1, 2, 3)]
     bench = GantryBench(*plans)
     bench.go(50_000)
-    for unit_id in (1, 2, 3):
-        bench.stage(unit_id, 60_000)
+    bench.stage_all(60_000)
     bench.run(2)
     bench.switch(is_on=False)
     bench.run(3)
     assert bench.group()["state"] == "under-way"
-    bench.run(1)
-    assert bench.ends() == [60_010] * 3
+    assert bench.run(1) == [60_010] * 3
     assert bench.group()["state"] == "open"
 
 
@@ -597,43 +527,32 @@ def test_what_was_refused_to_the_first_may_be_given_again() -> None:
     settings = {"travel": (0.0, 100.0), "travel_margin": 0.0}
     bench = gantry(**settings)
     bench.stage(1, 60_000)
-    bench.refuses.append((2, bytes.fromhex("10 0606"), bytes.fromhex("90 04")))
-    assert bench.to(2, write(COMMAND, 60_000)) == bytes.fromhex("90 04")
+    bench.lose_target(2, 60_000)
     moves = bench.counts_of_moves()
     assert bench.to(1, RUN_PDU) == bytes.fromhex("86 04")
     assert bench.counts_of_moves() == moves
     bench.stage(2, 60_000)
-    bench.run(1)
-    bench.run(2)
-    assert bench.ends() == [60_010, 60_010]
+    assert bench.run(1, 2) == [60_010, 60_010]
 
 
 def test_an_alarm_between_two_triggers_leaves_the_other_corrected() -> None:
     bench = GantryBench(referenced=Reference.SET_POSITION)
     for unit_id in (1, 2):
         assert bench.to(unit_id, ZERO_PDU) == ZERO_PDU
-    bench.go(50_000)
-    assert bench.ends() == [50_010, 50_010]
-    bench.stage(1, 60_000)
-    bench.stage(2, 60_000)
-    bench.run(1)
+    assert bench.go(50_000) == [50_010, 50_010]
+    bench.begin(60_000)
     lost = bench.kinds().count("reference-lost")
     bench.drives[2].set_bits(is_done=True, is_alarmed=True)
-    bench.to(2, bytes.fromhex("03 005C 0001"))
+    bench.to(2, STATUS_PDU)
     assert bench.kinds().count("reference-lost") == lost + 2
-    bench.run(2)
-    assert bench.ends() == [60_010, 60_010]
+    assert bench.run(2) == [60_010, 60_010]
     bench.settle()
-    bench.go(70_000)
-    assert bench.ends() == [70_000, 70_000]
+    assert bench.go(70_000) == [70_000, 70_000]
 
 
 def test_an_axis_without_a_group_has_no_status_of_one() -> None:
-    from gateway.exchange.status import axis_status
-
     bench = Bench(axis_plan())
     assert axis_status(bench.line.axes[0], bench.now_ns).group is None
-    assert staged_plan().name == "x"
 
 
 # --- what its peers are prepared for -----------------------------------------------------------------------
@@ -647,20 +566,16 @@ def run_both(bench: GantryBench, pdu: bytes) -> list[bytes]:
 def test_an_absolute_target_behind_a_distance_is_no_distance_of_the_other_axis() -> None:
     """Prepared as 70 000 + 60 000, the other axis would have left its travel: both were refused for ever."""
     bench = gantry(travel=(0.0, 100.0))
-    for unit_id in (1, 2):
-        bench.stage(unit_id, 20_000)
+    bench.stage_all(20_000)
     assert run_both(bench, RUN_RELATIVE_PDU) == [RUN_RELATIVE_PDU] * 2
     bench.settle()
-    for unit_id in (1, 2):
-        bench.stage(unit_id, 60_000)
-    assert run_both(bench, RUN_PDU) == [RUN_PDU] * 2
-    assert bench.ends() == [59_990, 59_990]
+    bench.stage_all(60_000)
+    assert bench.run(1, 2) == [59_990, 59_990]
 
 
 def test_a_distance_behind_an_absolute_target_is_no_place_of_the_other_axis() -> None:
     bench = gantry(travel=(0.0, 100.0))
-    for unit_id in (1, 2):
-        bench.stage(unit_id, -5_000)
+    bench.stage_all(-5_000)
     assert run_both(bench, RUN_RELATIVE_PDU) == [RUN_RELATIVE_PDU] * 2
     assert bench.ends() == [44_990, 44_990]
 
@@ -668,16 +583,11 @@ def test_a_distance_behind_an_absolute_target_is_no_place_of_the_other_axis() ->
 def test_the_first_is_refused_where_another_axis_has_lost_the_target_that_it_held() -> None:
     """y2 was silent for longer than lost_ms between staging and running: what it holds nobody knows."""
     bench = gantry()
-    for unit_id in (1, 2):
-        bench.stage(unit_id, 70_000)
+    bench.stage_all(70_000)
     for _ in range(3):
-        bench.send(bytes.fromhex("03 005C 0001"), unit_id=2)
-        bench.link.sent.clear()
-        bench.wait(1001)
-        bench.wait(1001)
-        bench.port.replies.clear()
+        bench.unanswered(STATUS_PDU, 1001, 1001, unit_id=2)
     bench.wait(1000)
-    bench.to(2, bytes.fromhex("03 005C 0001"))
+    bench.to(2, STATUS_PDU)
     assert run_both(bench, RUN_PDU) == [bytes.fromhex("86 04")] * 2
     assert bench.ends() == [50_010, 50_010]
     assert "group-skewed" not in bench.kinds()
@@ -687,49 +597,31 @@ def test_the_first_is_refused_where_another_axis_was_refused_its_target_while_po
     bench = bit_gantry()
     for unit_id in (1, 2):
         bench.lose_homed_bit(unit_id)
-        bench.to(unit_id, bytes.fromhex("03 005C 0001"))
-    bench.refuses.append((1, bytes.fromhex("10 06 06"), bytes.fromhex("90 04")))
-    assert bench.to(1, write(COMMAND, 60_000)) == bytes.fromhex("90 04")
+        bench.to(unit_id, STATUS_PDU)
+    bench.lose_target(1, 60_000)
     bench.not_homed.clear()
     bench.settle()
     bench.stage(2, 60_000)
     assert bench.to(2, RUN_PDU) == bytes.fromhex("86 04")
     assert bench.ends() == [50_010, 50_010]
-    for unit_id in (1, 2):
-        bench.stage(unit_id, 60_000)
-    assert run_both(bench, RUN_PDU) == [RUN_PDU] * 2
-    assert bench.ends() == [60_010, 60_010]
+    bench.stage_all(60_000)
+    assert bench.run(1, 2) == [60_010, 60_010]
 
 
 # --- targets of before a loss ------------------------------------------------------------------------------
 
 
-def test_of_a_beam_all_targets_of_before_a_loss_count_or_none() -> None:
-    """y2 stands 40 counts beside where it was told to, y1 does not: both are gone to anew."""
+@pytest.mark.parametrize(("y2_stands_at", "end"), [(50_010, 50_010), (50_050, 50_000)])
+def test_of_a_beam_all_targets_of_before_a_loss_count_or_none(y2_stands_at: int, end: int) -> None:
+    """Where each stands where it was told to, they keep their words. 40 counts beside it, both go anew."""
     bench = bit_gantry()
     for unit_id in (1, 2):
         bench.lose_homed_bit(unit_id)
     bench.wait(1_200)
-    for unit_id in (1, 2):
-        bench.to(unit_id, bytes.fromhex("03 005C 0001"))
-    bench.drives[2].put(ACTUAL, 50_050)
-    for unit_id in (1, 2):
-        bench.stage(unit_id, 50_000)
-    assert run_both(bench, RUN_PDU) == [RUN_PDU] * 2
-    assert bench.ends() == [50_000, 50_000]
-
-
-def test_a_beam_that_stands_where_it_was_told_to_keeps_its_words() -> None:
-    bench = bit_gantry()
-    for unit_id in (1, 2):
-        bench.lose_homed_bit(unit_id)
-    bench.wait(1_200)
-    for unit_id in (1, 2):
-        bench.to(unit_id, bytes.fromhex("03 005C 0001"))
-    for unit_id in (1, 2):
-        bench.stage(unit_id, 50_000)
-    assert run_both(bench, RUN_PDU) == [RUN_PDU] * 2
-    assert bench.ends() == [50_010, 50_010]
+    bench.poll()
+    bench.drives[2].put(ACTUAL, y2_stands_at)
+    bench.stage_all(50_000)
+    assert bench.run(1, 2) == [end, end]
 
 
 def test_movers_of_a_beam_are_looked_at_before_the_first_goes() -> None:
@@ -739,13 +631,12 @@ def test_movers_of_a_beam_are_looked_at_before_the_first_goes() -> None:
             for unit in (1, 2)
         )
     )
-    for unit_id in (1, 2):
-        bench.to(unit_id, write(COMMAND, 70_000))
+    bench.write_all(70_000)
     bench.settle()
     assert bench.ends() == [70_010, 70_010]
     bench.drives[1].words[STATUS] = 0  # y1 says that it is not homed any more
     bench.wait(1_200)
-    bench.to(1, bytes.fromhex("03 005C 0001"))
+    bench.to(1, STATUS_PDU)
     bench.drives[2].put(ACTUAL, 69_600)  # y2 is 0.4 mm short of it
     for unit_id in (1, 2):
         assert bench.to(unit_id, write(COMMAND, 70_000)) == write(COMMAND, 70_000)[:5]
@@ -762,11 +653,8 @@ UNCONFIRMED: Final = [None, bytes.fromhex("86 04"), bytes.fromhex("86 05"), byte
 def perhaps_gone(answer: bytes | None, **changes: Any) -> GantryBench:
     """The first trigger was obeyed, and its reply says nothing of that; the second one is refused (M3)."""
     bench = gantry(**{"lost_ms": 5_000.0, **changes})
-    bench.stage(1, 60_000)
-    bench.stage(2, 60_000)
-    bench.hides.append((1, RUN_PDU, answer))
-    bench.send(RUN_PDU, unit_id=1)
-    bench.serve()
+    bench.stage_all(60_000)
+    bench.obeys_secretly(RUN_PDU, answer)
     bench.wait(1_000)
     bench.port.replies.clear()
     assert bench.drives[1].moves[-1] == ("absolute", 60_010)
@@ -777,33 +665,26 @@ def perhaps_gone(answer: bytes | None, **changes: Any) -> GantryBench:
 
 @pytest.mark.parametrize("order", [(1, 2), (2, 1)])
 @pytest.mark.parametrize("answer", UNCONFIRMED)
-def test_a_first_trigger_that_may_have_been_obeyed_fixes_what_the_others_go_by(
+def test_a_trigger_that_may_have_been_obeyed_fixes_the_decision(
     answer: bytes | None, order: tuple[int, int]
 ) -> None:
     bench = perhaps_gone(answer)
     assert bench.group()["state"] == "under-way"
     bench.switch(is_on=False)
     assert bench.group()["is_put_off"]
-    for unit_id in (1, 2):
-        bench.stage(unit_id, 60_000)
-    for unit_id in order:
-        bench.run(unit_id)
-    assert bench.ends() == [60_010, 60_010]
+    bench.stage_all(60_000)
+    assert bench.run(*order) == [60_010, 60_010]
     bench.settle()
     assert bench.group() == {
         "state": "open", "has_gone": False, "is_put_off": False, "is_skewed": False, "skew": None,
     }  # fmt: skip
-    bench.go(70_000)
-    assert bench.ends() == [70_000, 70_000]
+    assert bench.go(70_000) == [70_000, 70_000]
 
 
 def test_that_the_skew_is_not_known_is_told_at_once() -> None:
     bench = gantry()
-    bench.stage(1, 60_000)
-    bench.stage(2, 60_000)
-    bench.hides.append((1, RUN_PDU, None))
-    bench.send(RUN_PDU, unit_id=1)
-    bench.serve()
+    bench.stage_all(60_000)
+    bench.obeys_secretly(RUN_PDU)
     event = next(each for each in bench.events if each.kind.name == "group-skewed")
     assert event.axis == "y1"
     assert event.detail == (
@@ -815,8 +696,7 @@ def test_that_the_skew_is_not_known_is_told_at_once() -> None:
 @pytest.mark.parametrize("answer", [bytes.fromhex("86 01"), bytes.fromhex("86 04")])
 def test_what_proves_that_nothing_was_obeyed_fixes_nothing(answer: bytes) -> None:
     bench = gantry(exception_writes_nothing=True)
-    bench.stage(1, 60_000)
-    bench.stage(2, 60_000)
+    bench.stage_all(60_000)
     bench.refuses.append((1, RUN_PDU, answer))
     assert bench.to(1, RUN_PDU) == answer
     assert bench.group()["state"] == "open"
@@ -829,36 +709,26 @@ def test_after_ten_seconds_one_that_may_have_gone_is_told_anew_as_all_are() -> N
     bench.switch(is_on=False)
     for _ in range(11):
         bench.wait(1_000)
-        for unit_id in (1, 2):
-            bench.to(unit_id, STATUS_PDU)
+        bench.poll()
     assert bench.group()["state"] == "open"
-    for unit_id in (1, 2):
-        bench.stage(unit_id, 60_000)
-    for unit_id in (1, 2):
-        bench.run(unit_id)
-    assert bench.ends() == [60_000, 60_000]
+    bench.stage_all(60_000)
+    assert bench.run(1, 2) == [60_000, 60_000]
 
 
 def test_one_that_may_have_gone_and_is_given_another_target_begins_anew() -> None:
     bench = perhaps_gone(None)
     bench.switch(is_on=False)
-    for unit_id in (1, 2):
-        bench.stage(unit_id, 70_000)
+    bench.stage_all(70_000)
     assert bench.group()["state"] == "open"
-    for unit_id in (1, 2):
-        bench.run(unit_id)
-    assert bench.ends() == [70_000, 70_000]
+    assert bench.run(1, 2) == [70_000, 70_000]
 
 
 @pytest.mark.parametrize("order", [(1, 2), (2, 1)])
 def test_a_drive_that_cannot_be_reached_ends_it_and_neither_keeps_its_words(order: tuple[int, int]) -> None:
     bench = perhaps_gone(None, lost_ms=1_000.0)
     bench.switch(is_on=False)
-    for unit_id in (1, 2):
-        bench.stage(unit_id, 60_000)
-    for unit_id in order:
-        bench.run(unit_id)
-    assert bench.ends() == [60_000, 60_000]
+    bench.stage_all(60_000)
+    assert bench.run(*order) == [60_000, 60_000]
 
 
 def test_a_stop_ends_what_one_that_may_have_gone_has_fixed() -> None:
@@ -870,29 +740,21 @@ def test_a_stop_ends_what_one_that_may_have_gone_has_fixed() -> None:
 
 def test_a_homed_bit_that_falls_after_one_may_have_gone_refuses_nothing() -> None:
     bench = bit_gantry(lost_ms=5_000.0)
-    bench.stage(1, 60_000)
-    bench.stage(2, 60_000)
-    bench.hides.append((1, RUN_PDU, None))
-    bench.send(RUN_PDU, unit_id=1)
-    bench.serve()
+    bench.stage_all(60_000)
+    bench.obeys_secretly(RUN_PDU)
     bench.wait(1_000)
     bench.port.replies.clear()
     bench.lose_homed_bit(2)
     bench.to(2, STATUS_PDU)
-    for unit_id in (1, 2):
-        bench.stage(unit_id, 60_000)
-    for unit_id in (1, 2):
-        bench.run(unit_id)
-    assert bench.ends() == [60_010, 60_010]
+    bench.stage_all(60_000)
+    assert bench.run(1, 2) == [60_010, 60_010]
 
 
 @pytest.mark.parametrize(("lost_ms", "end"), [(5_000.0, 60_010), (1_000.0, 60_000)])
 def test_a_mover_that_may_have_gone_fixes_it_too(lost_ms: float, end: int) -> None:
     """Unless its drive could not be reached for so long; then neither axis keeps its words."""
     bench = movers(lost_ms=lost_ms)
-    bench.hides.append((1, bytes.fromhex("10 0606"), None))
-    bench.send(write(COMMAND, 60_000), unit_id=1)
-    bench.serve()
+    bench.obeys_secretly(write(COMMAND, 60_000))
     bench.wait(1_000)
     bench.port.replies.clear()
     bench.switch(is_on=False)
@@ -907,14 +769,11 @@ def test_a_mover_that_may_have_gone_fixes_it_too(lost_ms: float, end: int) -> No
 
 def apart(bench: GantryBench, elsewhere: float = 50_010) -> GantryBench:
     """Only y1 goes to 60 mm, y2 stays where it is; then the compensation is switched off."""
-    bench.stage(1, 60_000)
-    bench.run(1)
+    bench.start(1, 60_000)
     bench.settle()
     for _ in range(11):
         bench.wait(1_000)
-        for unit_id in (1, 2):
-            bench.to(unit_id, STATUS_PDU)
-            bench.to(unit_id, read(ACTUAL))
+        bench.poll(STATUS_PDU, read(ACTUAL))
     assert bench.ends() == [60_010, elsewhere]
     bench.switch(is_on=False)
     bench.log.clear()
@@ -925,11 +784,8 @@ def apart(bench: GantryBench, elsewhere: float = 50_010) -> GantryBench:
 def test_where_one_goes_by_what_is_asked_for_none_keeps_its_words(order: tuple[int, int]) -> None:
     """y1 was told 60 010 for it before the switch; y2 is told 60 000."""
     bench = apart(gantry())
-    for unit_id in (1, 2):
-        bench.stage(unit_id, 60_000)
-    for unit_id in order:
-        bench.run(unit_id)
-    assert bench.ends() == [60_000, 60_000]
+    bench.stage_all(60_000)
+    assert bench.run(*order) == [60_000, 60_000]
 
 
 def test_where_nothing_may_be_added_each_target_written_again_goes_by_what_is_asked_for() -> None:
@@ -938,23 +794,17 @@ def test_where_nothing_may_be_added_each_target_written_again_goes_by_what_is_as
     bench.go(50_000)
     bench.go(55_000)
     apart(bench, elsewhere=55_010)
-    for unit_id in (1, 2):
-        bench.stage(unit_id, 60_000)
+    bench.stage_all(60_000)
     assert bench.to(1, RUN_PDU) == bytes.fromhex("86 04")
-    for unit_id in (1, 2):
-        bench.stage(unit_id, 60_000)
-    for unit_id in (1, 2):
-        bench.run(unit_id)
-    assert bench.ends() == [60_000, 60_000]
+    bench.stage_all(60_000)
+    assert bench.run(1, 2) == [60_000, 60_000]
 
 
 def test_where_all_keep_their_words_nothing_moves() -> None:
     bench = apart(gantry())
     bench.stage(1, 60_000)
     bench.stage(2, 50_000)
-    for unit_id in (1, 2):
-        bench.run(unit_id)
-    assert bench.ends() == [60_010, 50_010]
+    assert bench.run(1, 2) == [60_010, 50_010]
 
 
 def test_a_gain_makes_all_anew_as_a_switch_does() -> None:
@@ -962,82 +812,67 @@ def test_a_gain_makes_all_anew_as_a_switch_does() -> None:
     bench = apart(gantry())
     bench.switch(is_on=True)
     bench.gain(0.5)
-    for unit_id in (1, 2):
-        bench.stage(unit_id, 60_000)
-    for unit_id in (1, 2):
-        bench.run(unit_id)
-    assert bench.ends() == [59_995, 60_005]
+    bench.stage_all(60_000)
+    assert bench.run(1, 2) == [59_995, 60_005]
 
 
 def test_what_is_enabled_makes_all_anew_too() -> None:
     bench = gantry()
     bench.switch(is_on=False)
     bench.go(60_000)
-    bench.stage(1, 70_000)
-    bench.run(1)
+    bench.start(1, 70_000)
     bench.settle()
     for _ in range(11):
         bench.wait(1_000)
-        for unit_id in (1, 2):
-            bench.to(unit_id, STATUS_PDU)
+        bench.poll()
     bench.switch(is_on=True)
-    for unit_id in (1, 2):
-        bench.stage(unit_id, 70_000)
-    for unit_id in (1, 2):
-        bench.run(unit_id)
-    assert bench.ends() == [70_010, 70_010]
+    bench.stage_all(70_000)
+    assert bench.run(1, 2) == [70_010, 70_010]
 
 
 def test_a_mover_keeps_no_words_behind_one_that_went_by_what_is_asked_for() -> None:
     bench = movers()
     bench.switch(is_on=False)
-    bench.to(2, write(COMMAND, 60_000))
-    bench.to(1, write(COMMAND, 50_000))
-    assert bench.ends() == [50_000, 60_000]
+    bench.write(2, 60_000)
+    assert bench.write(1, 50_000) == [50_000, 60_000]
 
 
 def test_movers_that_are_told_the_same_again_keep_their_words() -> None:
     bench = movers()
     bench.switch(is_on=False)
     for _ in range(3):
-        for unit_id in (1, 2):
-            bench.to(unit_id, write(COMMAND, 50_000))
+        bench.write_all(50_000)
     assert bench.ends() == [50_010, 50_010]
 
 
 def test_a_mover_that_kept_its_words_follows_one_that_did_not() -> None:
     """Whether the other one is told the same again nobody knows as the first target leaves."""
     bench = movers()
-    bench.to(1, write(COMMAND, 60_000))
+    bench.write(1, 60_000)
     bench.wait(10_100)
     bench.switch(is_on=False)
-    bench.to(1, write(COMMAND, 60_000))
-    assert bench.ends() == [60_010, 50_010]
-    bench.to(2, write(COMMAND, 60_000))
-    bench.to(1, write(COMMAND, 60_000))
-    assert bench.ends() == [60_000, 60_000]
+    assert bench.write(1, 60_000) == [60_010, 50_010]
+    bench.write(2, 60_000)
+    assert bench.write(1, 60_000) == [60_000, 60_000]
 
 
 def test_one_that_may_have_kept_its_words_follows_one_that_did_not_in_the_same_round() -> None:
     bench = GantryBench(*(axis_plan(name=f"y{unit}", unit_id=unit) for unit in (1, 2)))
-    bench.to(1, write(COMMAND, 50_000))
+    bench.write(1, 50_000)
     bench.wait(10_100)
     bench.switch(is_on=False)
     bench.hides.append((1, bytes.fromhex("10 06 06"), bytes.fromhex("90 04")))
     assert bench.to(1, write(COMMAND, 50_000)) == bytes.fromhex("90 04")
     assert bench.ends() == [50_010, 0]
-    bench.to(2, write(COMMAND, 60_000))
-    bench.to(1, write(COMMAND, 50_000))
-    assert bench.ends() == [50_000, 60_000]
+    bench.write(2, 60_000)
+    assert bench.write(1, 50_000) == [50_000, 60_000]
 
 
 def test_a_distance_makes_the_repeat_of_another_axis_anew() -> None:
     bench = apart(gantry())
     bench.stage(2, 10_000)
     assert bench.to(2, RUN_RELATIVE_PDU) == RUN_RELATIVE_PDU
-    bench.stage(1, 60_000)
-    bench.run(1)
-    assert bench.ends() == [60_000, 60_000]
+    assert bench.start(1, 60_000) == [60_000, 60_000]
 
 
 # --- a trace that ``make verify`` found -------------------------------------------------------------------

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from gateway.exchange.axis.acknowledge import PROOF_AFTER, Proof, WayEnd
+from gateway.exchange.axis.acknowledge import PROOF_AFTER
 from gateway.exchange.plan import AxisPlan
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
 from tests.exchange.record_bench import RecordBench, Records
@@ -17,6 +17,7 @@ from tests.exchange.staged_bench import (
     StagedDrive,
     staged_plan,
 )
+from tests.support.tables import walk
 
 READ_STATUS = bytes.fromhex("03 005C 0001")
 START, END = 50_010, 34_990
@@ -57,8 +58,7 @@ def killed(*, runs: bool = True, distance: int = -15_000, **changes: Any) -> tup
     records = Records()
     bench = StagedBench(staged_plan(**changes), before_up=records.attach)
     bench.go_to(20_000)
-    bench.stage(50_000)
-    bench.trigger()
+    bench.run(50_000)
     bench.drive.arrive()
     bench.stage(distance)
     bench.send(RUN_RELATIVE_PDU)
@@ -93,9 +93,7 @@ def test_m5_a_distance_that_was_obeyed_right_before_a_kill_counts_where_its_end_
     assert started.actual() == 35_000
     assert not unsure(started)
     assert started.accepted == (35_000, END)
-    started.stage(-5_000)
-    started.trigger(RUN_RELATIVE_PDU)
-    assert started.drive.moves[-1] == ("relative", 29_990.0)
+    assert started.run(-5_000, RUN_RELATIVE_PDU) == ("relative", 29_990.0)
 
 
 def test_m5_a_servo_that_stands_some_counts_off_is_at_its_end_too() -> None:
@@ -113,9 +111,7 @@ def test_m5_a_distance_that_never_came_to_the_drive_counts_where_its_start_is_se
     assert started.actual() == 50_000
     assert not unsure(started)
     assert started.accepted == (50_000, START)
-    started.stage(5_000)
-    started.trigger(RUN_RELATIVE_PDU)
-    assert started.drive.moves[-1] == ("relative", 55_010.0)
+    assert started.run(5_000, RUN_RELATIVE_PDU) == ("relative", 55_010.0)
 
 
 @pytest.mark.parametrize("place", [START, END])
@@ -212,9 +208,8 @@ def test_m5_a_machine_that_was_switched_off_meanwhile_leaves_the_direction_unkno
         started.actual()
     started.stage(-5_000)
     assert started.refused(RUN_RELATIVE_PDU) == 6
-    started.stage(60_000)  # a target from where it stands: 60 mm is forward for certain
-    started.trigger()
-    assert started.drive.moves[-1] == ("absolute", 60_010.0)
+    # a target from where it stands: 60 mm is forward for certain
+    assert started.run(60_000) == ("absolute", 60_010.0)
     assert not unsure(started)
 
 
@@ -234,8 +229,7 @@ def test_m5_ends_nearer_than_two_windows_decide_nothing() -> None:
 def test_m5_a_distance_after_a_stop_says_nothing_of_where_it_began() -> None:
     bench = StagedBench(staged_plan(), before_up=(records := Records()).attach)
     bench.go_to(20_000)
-    bench.stage(50_000)
-    bench.trigger()
+    bench.run(50_000)
     bench.drive.pass_by(40_000)
     bench.trigger(STOP_PDU)
     bench.settle()
@@ -269,9 +263,8 @@ def test_m5_a_second_kill_finds_what_the_first_one_found() -> None:
 def test_m5_a_target_that_follows_is_decided_on_the_scale_of_the_drive() -> None:
     bench, records = killed()
     started = again(bench, records, 400)
-    started.stage(35_005)  # its two branches are 35 015 and 34 995: it stands just short of both
-    started.trigger()
-    assert started.drive.moves[-1] == ("absolute", 35_015.0)
+    # its two branches are 35 015 and 34 995: it stands just short of both
+    assert started.run(35_005) == ("absolute", 35_015.0)
     assert not unsure(started)
 
 
@@ -279,8 +272,7 @@ def test_m5_a_distance_whose_trigger_waited_is_as_old_as_its_trigger() -> None:
     """The target was rendered, then written anew for 700 ms: the time to start begins with the trigger."""
     bench = StagedBench(staged_plan(), before_up=(records := Records()).attach)
     bench.go_to(20_000)
-    bench.stage(50_000)
-    bench.trigger()
+    bench.run(50_000)
     bench.drive.arrive()
     bench.stage(-15_000)
     bench.send(RUN_RELATIVE_PDU)
@@ -366,25 +358,17 @@ def test_m6_where_it_goes_on_to_the_target_before_it_is_that() -> None:
 
 
 def test_every_reading_at_an_end_leads_where_the_table_says() -> None:
-    """Written by hand: twice at one end decides; once elsewhere, and it begins anew."""
-    rows = {
-        (Proof.ONE, WayEnd.START): Proof.NOT_EXECUTED,
-        (Proof.ONE, WayEnd.END): Proof.EXECUTED,
-        (Proof.ONE, WayEnd.NEITHER): Proof.ONE,
-        (Proof.TWO, WayEnd.START): Proof.AT_START,
-        (Proof.TWO, WayEnd.END): Proof.AT_END,
-        (Proof.TWO, WayEnd.NEITHER): Proof.TWO,
-        (Proof.AT_START, WayEnd.START): Proof.NOT_EXECUTED,
-        (Proof.AT_START, WayEnd.END): Proof.AT_END,
-        (Proof.AT_START, WayEnd.NEITHER): Proof.TWO,
-        (Proof.AT_END, WayEnd.START): Proof.AT_START,
-        (Proof.AT_END, WayEnd.END): Proof.EXECUTED,
-        (Proof.AT_END, WayEnd.NEITHER): Proof.TWO,
-        (Proof.NONE, WayEnd.START): Proof.NONE,
-        (Proof.NONE, WayEnd.END): Proof.NONE,
-        (Proof.NONE, WayEnd.NEITHER): Proof.NONE,
+    """By hand: twice at one end decides; once elsewhere, and it begins anew."""
+    by_hand = walk("""
+             one           two       at-start      at-end    none
+    start    not-executed  at-start  not-executed  at-start  none
+    end      executed      at-end    at-end        executed  none
+    neither  one           two       two           two       none
+    """)
+    rows = PROOF_AFTER.items()
+    assert by_hand == {
+        (proof.value, end.value): then.value for proof, row in rows for end, then in row.items()
     }
-    assert rows == {(proof, end): after for proof, row in PROOF_AFTER.items() for end, after in row.items()}
 
 
 def test_the_bench_is_what_it_says() -> None:

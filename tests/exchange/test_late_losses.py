@@ -18,8 +18,7 @@ def test_m3_a_target_that_a_stop_withdrew_is_not_replaced_by_the_one_on_the_wire
     assert [pdu.hex() for _, _, pdu in bench.port.replies] == ["9006", "1006060002"]
     bench.port.replies.clear()
     assert bench.ask(RUN_PDU) == REFUSED
-    bench.go_to(30_000)
-    assert bench.drive.moves[-1:] == [("absolute", 29_990)]
+    assert bench.go_to(30_000) == ("absolute", 29_990)
 
 
 def test_m3_a_half_that_was_withdrawn_is_not_joined_with_what_was_on_the_wire() -> None:
@@ -34,9 +33,7 @@ def test_m3_a_half_that_was_withdrawn_is_not_joined_with_what_was_on_the_wire() 
     assert bench.ask(bytes.fromhex("06 0606 2222")) == bytes.fromhex("06 0606 2222")
     assert bench.ask(RUN_PDU)[0] == 0x86
     assert bench.ask(bytes.fromhex("06 0607 0001")) == bytes.fromhex("06 0607 0001")
-    bench.trigger()
-    # 0x0001_2222 = 74 274, forward
-    assert bench.drive.moves[-1:] == [("absolute", 74_284)]
+    assert bench.trigger() == ("absolute", 74_284)  # 0x0001_2222 = 74 274, forward
 
 
 def test_m3_a_mode_that_was_withdrawn_is_not_replaced_by_the_one_on_the_wire() -> None:
@@ -51,8 +48,7 @@ def test_m3_a_mode_that_was_withdrawn_is_not_replaced_by_the_one_on_the_wire() -
     bench.port.replies.clear()
     assert bench.ask(RUN_PDU)[0] == 0x86
     assert bench.ask(bytes.fromhex("06 0700 0002"))[0] == 6
-    bench.trigger()
-    assert bench.drive.moves[-1:] == [("relative", 51_010)]
+    assert bench.trigger() == ("relative", 51_010)
 
 
 def test_m3_a_part_whose_loss_shows_later_than_that_of_a_newer_one_counts_for_nothing() -> None:
@@ -90,6 +86,4 @@ def test_m3_halves_that_came_at_one_instant_are_lost_in_their_order() -> None:
     bench.ask(bytes.fromhex("06 0607 0001"))
     assert bench.refused(RUN_PDU) == 6  # the newest low half is 2222, and it was lost
     assert bench.ask(bytes.fromhex("06 0606 2222")) == bytes.fromhex("06 0606 2222")
-    bench.trigger()
-    # 0x0001_2222 = 74 274, forward
-    assert bench.drive.moves[-1:] == [("absolute", 74_284)]
+    assert bench.trigger() == ("absolute", 74_284)  # 0x0001_2222 = 74 274, forward

@@ -49,9 +49,7 @@ def test_the_page_has_each_wait_once() -> None:
 def test_behind_the_silence_of_its_own_unit(timeout_ms: float, pdu: bytes, *, leaves: bool) -> None:
     """50 ms of silence: half of 102 ms is behind its end, half of 98 ms is not."""
     bench = line(*two_axes())
-    bench.send(READ, unit_id=2)
-    bench.link.sent.clear()
-    bench.wait(100)
+    bench.missed(READ, 100, unit_id=2)
     plc = controller("plc2", timeout_ms=timeout_ms)
     bench.send(pdu, plc, unit_id=2)
     assert [reply for _, _, reply in plc.replies] == ([] if leaves else [bytes((pdu[0] | 0x80, 0x0B))])
@@ -65,8 +63,7 @@ def test_where_the_connection_is_down(after_ms: float, *, leaves: bool) -> None:
     bench.breaks()
     plc = tcp_controller(timeout_ms=1000.0)
     bench.send(WRITE, plc)
-    bench.returns(after_ms)
-    bench.serve()
+    bench.returns_and_serves(after_ms)
     bench.until(30)
     assert (WRITE in bench.seen) is leaves
     assert plc.take() == (WRITE if leaves else bytes.fromhex("86 0A"))
@@ -78,8 +75,7 @@ def test_a_stop_waits_for_a_connection_as_long_as_its_controller(after_ms: float
     bench.breaks()
     plc = tcp_controller(timeout_ms=1000.0)
     bench.send(STOP, plc)
-    bench.returns(after_ms)
-    bench.serve()
+    bench.returns_and_serves(after_ms)
     bench.until(100)
     assert (STOP in bench.seen) is leaves
     assert plc.take() == (STOP if leaves else bytes.fromhex("86 0A"))
@@ -92,8 +88,7 @@ def test_where_writes_are_held() -> None:
         bench.send(WRITE, slow)
         bench.link.sent.clear()
         bench.until(250)
-    bench.returns(20)
-    bench.until(201)
+    bench.returns(20, 201)
     bench.link.sent.clear()
     plc = tcp_controller(timeout_ms=1000.0)
     bench.send(WRITE, plc)

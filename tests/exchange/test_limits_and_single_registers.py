@@ -6,14 +6,7 @@ from gateway.drives.motion import Form
 from gateway.exchange.control import switch
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import COMMAND, Bench, axis_plan, read, write
-from tests.exchange.staged_bench import (
-    COMMANDED,
-    HOME_PDU,
-    ONLY_ABSOLUTE,
-    RUN_PDU,
-    StagedBench,
-    staged_plan,
-)
+from tests.exchange.staged_bench import COMMANDED, HOME_PDU, ONLY_ABSOLUTE, RUN_PDU, StagedBench, staged_plan
 
 INT32 = RegisterType.INT32
 LOW = WordOrder.LOW_FIRST
@@ -30,8 +23,7 @@ def test_limits_are_corrected_half_way_between_the_branches_and_read_back_exactl
     bench.ask(write(LIMIT, 90_000))
     assert bench.memory.get(LIMIT) == 90_005
     assert LIMIT.unpack(bench.ask(read(LIMIT))[2:]) == 90_000
-    bench.move(50_000)
-    bench.move(40_000)
+    bench.move(50_000, 40_000)
     assert LIMIT.unpack(bench.ask(read(LIMIT))[2:]) == 90_000
 
 
@@ -162,8 +154,7 @@ def test_fc06_a_target_of_which_one_word_was_written_anew_is_not_believed_whole(
     assert bench.link.take() == bytes.fromhex("06 0606 000A")
     bench.drive.write(0x0606, bytes.fromhex("000A"))
     bench.line.reply(1, bytes.fromhex("06 0606 000A"), bench.now_ns)
-    assert bench.link.take() == bytes.fromhex("06 0607 0000")
-    bench.line.reply(1, bytes.fromhex("86 04"), bench.now_ns)
+    assert bench.answers(bytes.fromhex("86 04")) == bytes.fromhex("06 0607 0000")
     assert bench.link.sent == []
     assert bench.port.take() == bytes.fromhex("86 04")
     assert bench.drive.get(COMMAND) == -65_526

@@ -1,24 +1,14 @@
 """What each kind of lost link does, and how requests wait for the next connection (W5, W7, M3)."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from gateway.catalogue import exchange_events
 from gateway.exchange.axis.motion import MotionState
-from gateway.exchange.link_loss import (
-    LINK_LOSS,
-    BaseAfterLoss,
-    LinkLoss,
-    Reached,
-    Recorded,
-    Silent,
-    Words,
-)
-from gateway.exchange.link_loss import (
-    ReferenceAfterLoss as ReferenceAfter,
-)
-from gateway.exchange.plan import Reference
+from gateway.exchange.link_loss import LINK_LOSS
+from gateway.exchange.plan import AxisPlan, Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.connection_bench import ConnectionBench, controller
 from tests.exchange.line_bench import COMMAND, MS, axis_plan, write
@@ -31,69 +21,30 @@ ABSENT_WRITE, ABSENT_READ = b"\x90\x0a", b"\x83\x0a"
 HOMED = BitField(0x1003, 6)
 READ_HOMED = bytes.fromhex("03 1003 0001")
 
-BY_HAND = {
-    LinkLoss.BLINK: (
-        Words.KEPT,
-        BaseAfterLoss.KEPT,
-        ReferenceAfter.KEPT,
-        Reached.KEPT,
-        Silent.NONE,
-        Recorded.GOES_ON,
-    ),
-    LinkLoss.IDLE_CLOSE: (
-        Words.UNTIL_READ,
-        BaseAfterLoss.FORGOTTEN,
-        ReferenceAfter.UNCONFIRMED,
-        Reached.ASKED_AGAIN,
-        Silent.UNTIL_UP,
-        Recorded.PAUSED,
-    ),
-    LinkLoss.OWN_CLOSE: (
-        Words.UNTIL_READ,
-        BaseAfterLoss.FORGOTTEN,
-        ReferenceAfter.UNCONFIRMED,
-        Reached.ASKED_AGAIN,
-        Silent.UNTIL_UP,
-        Recorded.PAUSED,
-    ),
-    LinkLoss.RENEWAL: (
-        Words.KEPT,
-        BaseAfterLoss.KEPT,
-        ReferenceAfter.KEPT,
-        Reached.KEPT,
-        Silent.GOES_ON,
-        Recorded.GOES_ON,
-    ),
-    LinkLoss.LOSS: (
-        Words.UNTIL_READ,
-        BaseAfterLoss.FORGOTTEN,
-        ReferenceAfter.UNCONFIRMED,
-        Reached.ASKED_AGAIN,
-        Silent.UNTIL_UP,
-        Recorded.PAUSED,
-    ),
-    LinkLoss.SILENCE: (
-        Words.UNTIL_READ,
-        BaseAfterLoss.FORGOTTEN,
-        ReferenceAfter.LOST,
-        Reached.KEPT,
-        Silent.UNTIL_FRAME,
-        Recorded.GOES_ON,
-    ),
-    LinkLoss.RESTART: (
-        Words.AS_RECORDED,
-        BaseAfterLoss.FORGOTTEN,
-        ReferenceAfter.AS_RECORDED,
-        Reached.ASKED_AGAIN,
-        Silent.ENDED,
-        Recorded.READ,
-    ),
-}
+BY_HAND = """
+             words        base       reference    reached      silent       recorded
+blink        kept         kept       kept         kept         none         goes_on
+idle-close   until_read   forgotten  unconfirmed  asked_again  until_up     paused
+own-close    until_read   forgotten  unconfirmed  asked_again  until_up     paused
+renewal      kept         kept       kept         kept         goes_on      goes_on
+loss         until_read   forgotten  unconfirmed  asked_again  until_up     paused
+silence      until_read   forgotten  lost         kept         until_frame  goes_on
+restart      as_recorded  forgotten  as_recorded  asked_again  ended        read
+"""
 """The table as it is to be, written once more by hand."""
 
 
 def test_the_table_of_lost_links_is_as_written_by_hand() -> None:
-    assert {kind: tuple(row) for kind, row in LINK_LOSS.items()} == BY_HAND
+    rows = [[kind.value, *(cell.name.lower() for cell in row)] for kind, row in LINK_LOSS.items()]
+    assert rows == [line.split() for line in BY_HAND.strip().splitlines()[1:]]
+
+
+def homed_bench(**timing: Any) -> ConnectionBench:
+    """An axis whose drive's homed bit references it, and was read."""
+    bench = ConnectionBench(axis_plan(referenced=Reference.DRIVE_BIT, bits={"homed": HOMED}), **timing)
+    bench.memory.words[HOMED.address] = 1 << HOMED.bit
+    bench.ask(READ_HOMED)
+    return bench
 
 
 # --- a server that closes idle connections ---------------------------------------------------------------
@@ -104,8 +55,7 @@ def test_w5_a_request_that_finds_an_idle_connection_closed_waits_for_the_next_on
     bench.peer_closes()
     bench.send(write(COMMAND, 50_000))
     assert (bench.link.sent, bench.port.replies, bench.connection.wanted) == ([], [], 1)
-    bench.returns(20)
-    bench.serve()
+    bench.returns_and_serves(20)
     assert bench.port.take() == write(COMMAND, 50_000)[:5]
     assert bench.memory.get(COMMAND) == 50_010
 
@@ -128,9 +78,7 @@ def test_w5_ten_of_ten_writes_pass_though_the_server_closes_after_each_answer() 
 
 
 @pytest.mark.parametrize(("serial", "answers"), [(False, [ABSENT_WRITE]), (True, [])])
-def test_w7_no_connection_until_half_of_the_time_out_is_answered_absent(
-    serial: bool, answers: list[bytes]
-) -> None:
+def test_w7_no_connection_for_half_of_the_time_out_is_absent(serial: bool, answers: list[bytes]) -> None:
     bench = ConnectionBench(axis_plan(), serial=serial)
     bench.peer_closes()
     bench.send(write(COMMAND, 50_000))
@@ -138,8 +86,7 @@ def test_w7_no_connection_until_half_of_the_time_out_is_answered_absent(
     assert bench.port.replies == []
     bench.until(1)
     assert [pdu for _, _, pdu in bench.port.replies] == answers
-    bench.returns(1)
-    bench.serve()
+    bench.returns_and_serves(1)
     assert write(COMMAND, 50_010) not in bench.seen
 
 
@@ -149,8 +96,7 @@ def test_m3_a_target_that_found_no_connection_is_lost_and_its_trigger_refused() 
     bench.send(write(COMMAND, 50_000))
     bench.until(500)
     assert bench.port.take() == ABSENT_WRITE
-    bench.returns(10)
-    bench.serve()
+    bench.returns_and_serves(10)
     assert bench.ask(TRIGGER) == bytes((TRIGGER[0] | 0x80, 0x0A))
     assert TRIGGER not in bench.seen
 
@@ -168,14 +114,11 @@ def test_a_connection_is_wanted_once_in_100_ms_while_something_waits() -> None:
 
 def test_what_may_write_leaves_only_while_half_of_the_time_out_remains() -> None:
     """Up after 499 ms; the reads that go first take until 501 ms."""
-    bench = ConnectionBench(axis_plan(referenced=Reference.DRIVE_BIT, bits={"homed": HOMED}))
-    bench.memory.words[HOMED.address] = 1 << HOMED.bit
-    bench.ask(READ_HOMED)
+    bench = homed_bench()
     bench.until(2000)  # nothing is known of it any more once the connection is lost
     bench.peer_closes()
     bench.send(write(COMMAND, 50_000))
-    bench.returns(499)
-    bench.until(2)
+    bench.returns(499, 2)
     bench.serve()
     assert bench.port.take() == ABSENT_WRITE
     assert [pdu for pdu in bench.seen if pdu[0] == 16] == []
@@ -194,8 +137,7 @@ def test_m3_a_stop_goes_first_withdraws_and_is_not_sent_after_its_time_out() -> 
     assert bench.port.replies == []
     bench.until(1.1)
     assert bench.port.take() == bytes((STOP[0] | 0x80, 0x0A))
-    bench.returns(1)
-    bench.serve()
+    bench.returns_and_serves(1)
     assert STOP not in bench.seen
 
 
@@ -222,25 +164,21 @@ def test_w5_bytes_given_to_a_connection_are_sent_and_never_again() -> None:
     assert bench.link.take() == write(COMMAND, 50_010)
     bench.peer_closes()
     assert bench.port.take() == b"\x90\x0b"
-    bench.returns(10)
-    bench.serve()
+    bench.returns_and_serves(10)
     bench.until(2000)
     assert [pdu for pdu in bench.seen[seen:] if pdu[0] == 16] == []
     assert bench.told() == ["closed by its peer while a request was unanswered"]
 
 
 def test_w5_a_prerequisite_that_is_lost_with_the_connection_is_asked_anew() -> None:
-    bench = ConnectionBench(axis_plan(referenced=Reference.DRIVE_BIT, bits={"homed": HOMED}))
-    bench.memory.words[HOMED.address] = 1 << HOMED.bit
-    bench.ask(READ_HOMED)
+    bench = homed_bench()
     bench.until(1500)
     bench.send(write(COMMAND, 50_000))
     assert bench.link.take() == READ_HOMED
     bench.peer_closes()
     assert bench.port.replies == []
     bench.memory.words[HOMED.address] = 0  # it was switched off and on
-    bench.returns(10)
-    bench.serve()
+    bench.returns_and_serves(10)
     assert bench.port.take() == write(COMMAND, 50_000)[:5]
     assert bench.memory.get(COMMAND) == 50_000  # 1:1
 
@@ -281,15 +219,12 @@ def test_a_connection_that_breaks_is_no_blink() -> None:
 
 
 def test_a_drive_that_was_switched_off_during_a_close_is_asked_whether_it_is_homed() -> None:
-    bench = ConnectionBench(axis_plan(referenced=Reference.DRIVE_BIT, bits={"homed": HOMED}))
-    bench.memory.words[HOMED.address] = 1 << HOMED.bit
-    bench.ask(READ_HOMED)
+    bench = homed_bench()
     bench.move(50_000)
     bench.peer_closes()
     bench.memory.words[HOMED.address] = 0
     bench.send(write(COMMAND, 20_000))
-    bench.returns(400)
-    bench.serve()
+    bench.returns_and_serves(400)
     assert bench.memory.get(COMMAND) == 20_000
     assert bench.seen[-2:] == [READ_HOMED, write(COMMAND, 20_000)]
 
@@ -374,31 +309,21 @@ def test_a_connection_on_demand_is_closed_after_a_second_without_an_answer_and_n
     assert (bench.told(), bench.connection.wanted) == ([], 0)
     bench.send(READ)
     assert bench.connection.wanted == 1
-    bench.returns(20)
-    bench.serve()
+    bench.returns_and_serves(20)
     assert bench.port.take() == b"\x03\x02\x00\x00"
     assert bench.told(exchange_events.LINE_UP) == []
 
 
-def test_a_connection_on_demand_stays_while_its_axis_is_under_way() -> None:
-    bench = ConnectionBench(axis_plan(), connects_on_demand=True)
-    bench.ask(write(COMMAND, 50_000))
-    bench.until(20_000)
-    assert bench.connection.hung_up == []
-
-
-def test_a_connection_on_demand_stays_while_a_target_is_staged() -> None:
-    bench = ConnectionBench(axis_plan(motion=STAGED), connects_on_demand=True)
+@pytest.mark.parametrize("plan", [axis_plan(), axis_plan(motion=STAGED)], ids=["under way", "staged"])
+def test_a_connection_on_demand_stays_while_its_axis_is_under_way_or_a_target_staged(plan: AxisPlan) -> None:
+    bench = ConnectionBench(plan, connects_on_demand=True)
     bench.ask(write(COMMAND, 50_000))
     bench.until(20_000)
     assert bench.connection.hung_up == []
 
 
 def test_after_a_close_of_our_own_the_homed_bit_is_read_first() -> None:
-    plan = axis_plan(referenced=Reference.DRIVE_BIT, bits={"homed": HOMED})
-    bench = ConnectionBench(plan, connects_on_demand=True)
-    bench.memory.words[HOMED.address] = 1 << HOMED.bit
-    bench.ask(READ_HOMED)
+    bench = homed_bench(connects_on_demand=True)
     bench.until(20_000)
     assert bench.connection.hung_up == [False]
     bench.send(write(COMMAND, 50_000))
@@ -425,8 +350,7 @@ def test_line_down_is_told_once_a_minute_for_each_reason() -> None:
     bench = ConnectionBench(axis_plan())
     for _ in range(60):
         bench.peer_closes()
-        bench.returns(10)
-        bench.until(400)
+        bench.returns(10, 400)
     assert bench.told() == ["closed by its peer when idle"]
     assert len(bench.told(exchange_events.LINE_UP)) == 1
     bench.breaks("closed after a malformed header: 00 01 00 00 00 01 01 83")
@@ -457,8 +381,7 @@ def test_a_loss_under_way_is_told_at_once() -> None:
     for _ in range(3):
         bench.ask(write(COMMAND, 50_000))
         bench.breaks()
-        bench.returns(10)
-        bench.serve()
+        bench.returns_and_serves(10)
     assert bench.told() == ["Connection reset by peer"] * 3
 
 

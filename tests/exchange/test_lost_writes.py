@@ -60,9 +60,7 @@ def test_halves_that_the_gateway_refused_are_not_joined_over_two_connections() -
     told = bench.memory.get(COMMAND)
     assert bench.ask(low) == REFUSED
     other = Port(ControllerPlan("hmi"))
-    bench.send(high, other)
-    bench.serve()
-    assert other.take() == REFUSED
+    assert bench.ask(high, other) == REFUSED
     assert bench.ask(low) == REFUSED  # the other half that it would join came from somebody else
     assert bench.memory.get(COMMAND) == told
 
@@ -130,10 +128,7 @@ def test_a_half_that_a_full_queue_refused_is_lost_until_the_other_follows() -> N
 def test_a_half_that_the_drive_did_not_answer_is_lost_until_the_other_follows() -> None:
     bench = Bench(axis_plan(), serial=False, tcp_drive=True)
     bench.move(65_530)
-    bench.send(HIGH_1)
-    bench.link.sent.clear()
-    bench.wait(1000)
-    bench.port.replies.clear()
+    bench.unanswered(HIGH_1, 1000)
     bench.wait(300)
     assert bench.ask(LOW_4) == REFUSED
     assert bench.ask(HIGH_1) == HIGH_1
@@ -175,23 +170,20 @@ def lost_acknowledgement() -> Bench:
 
 def test_the_same_target_after_a_lost_acknowledgement_is_the_same_words() -> None:
     bench = lost_acknowledgement()
-    bench.ask(write(COMMAND, 20_000))
-    assert bench.seen[-1] == write(COMMAND, 19_990)
+    assert bench.sent_for(write(COMMAND, 20_000)) == write(COMMAND, 19_990)
     assert bench.actual() == 20_000
 
 
 def test_the_same_target_after_a_lost_acknowledgement_is_the_same_words_beside_a_standing_error() -> None:
     bench = lost_acknowledgement()
     bench.memory.put(ACTUAL, 19_993)  # 3 counts beside where it was sent, with 2 of hysteresis
-    bench.ask(write(COMMAND, 20_000))
-    assert bench.seen[-1] == write(COMMAND, 19_990)
+    assert bench.sent_for(write(COMMAND, 20_000)) == write(COMMAND, 19_990)
 
 
 def test_the_same_target_from_somewhere_else_takes_the_branch_of_its_own_move() -> None:
     bench = lost_acknowledgement()
     bench.memory.put(ACTUAL, 0)  # it was jogged away meanwhile
-    bench.ask(write(COMMAND, 20_000))
-    assert bench.seen[-1] == write(COMMAND, 20_010)
+    assert bench.sent_for(write(COMMAND, 20_000)) == write(COMMAND, 20_010)
 
 
 def test_the_drives_own_command_register_proves_a_lost_acknowledgement() -> None:
@@ -201,13 +193,10 @@ def test_the_drives_own_command_register_proves_a_lost_acknowledgement() -> None
 
 
 @pytest.mark.parametrize("on_forward_branch", [True, False])
-def test_after_a_restart_the_target_on_which_the_axis_stands_does_not_move_it(
-    on_forward_branch: bool,
-) -> None:
+def test_after_a_restart_the_target_where_the_axis_stands_does_not_move_it(on_forward_branch: bool) -> None:
     bench = Bench(axis_plan())
     bench.memory.put(ACTUAL, 50_010 if on_forward_branch else 49_990)
-    bench.ask(write(COMMAND, 50_000))
-    assert bench.memory.get(COMMAND) == (50_010 if on_forward_branch else 49_990)
+    assert bench.command(50_000) == (50_010 if on_forward_branch else 49_990)
 
 
 def test_the_first_direction_is_decided_on_the_drives_scale() -> None:
@@ -217,8 +206,7 @@ def test_the_first_direction_is_decided_on_the_drives_scale() -> None:
 
     bench = Bench(axis_plan(table=make_table([0, 100], [0.31, 0.31], [0.29, 0.29], Units.MM)))
     bench.memory.put(ACTUAL, 50_310)
-    bench.ask(write(COMMAND, 50_100))
-    assert bench.memory.get(COMMAND) == 50_410
+    assert bench.command(50_100) == 50_410
 
 
 def test_a_request_that_grew_too_old_during_an_added_read_is_not_sent() -> None:
@@ -254,8 +242,7 @@ def test_a_cyclic_image_with_two_command_fields_never_flips() -> None:
         bench.memory.put(ACTUAL, actual)
         bench.ask(read(ACTUAL))
         bench.wait(30)
-        bench.ask(image)
-        assert bench.seen[-1] == first
+        assert bench.sent_for(image) == first
 
 
 def test_a_jog_that_was_seen_is_no_place_to_repeat_from() -> None:
@@ -264,8 +251,7 @@ def test_a_jog_that_was_seen_is_no_place_to_repeat_from() -> None:
     bench.memory.put(ACTUAL, 80_000)  # somebody jogged the axis
     bench.actual()
     bench.wait(100)
-    bench.ask(write(COMMAND, 50_000))
-    assert bench.memory.get(COMMAND) == 49_990  # backward from 80 mm
+    assert bench.command(50_000) == 49_990  # backward from 80 mm
 
 
 def test_an_actual_position_that_is_no_number_tells_nothing() -> None:
@@ -275,6 +261,5 @@ def test_an_actual_position_that_is_no_number_tells_nothing() -> None:
     bench.ask(read(reported))
     bench.wait(3_600_000)
     bench.memory.write(reported.address, bytes.fromhex("7FC0 0000"))
-    bench.ask(write(COMMAND, 50_000))
-    assert bench.memory.get(COMMAND) == 50_000  # half way, flagged: the hour-old position is not used
+    assert bench.command(50_000) == 50_000  # half way, flagged: the hour-old position is not used
     assert bench.kinds()[-1] == "direction-unsure"

@@ -47,11 +47,7 @@ class MeterBench(Bench):
         self.timed_link = TimedLink()
         self.timed_link.stamps.wire_ns_per_byte = wire_ns_per_byte
         self.ran: list[tuple[int, int]] = []
-        super().__init__(
-            stream_plan(budget_us=budget_us),
-            link=self.timed_link,
-            what_ran=self._what_ran,
-        )
+        super().__init__(stream_plan(budget_us=budget_us), link=self.timed_link, what_ran=self._what_ran)
         self.port = self.timed_port = TimedPort(ControllerPlan("cnc"))
 
     def _what_ran(self, since_ns: int, until_ns: int) -> str:

@@ -54,7 +54,7 @@ def test_w1_an_odd_request_and_its_reply_pass_as_they_are(pdu: bytes) -> None:
 
 @pytest.mark.parametrize("pdu", [START, SPEED])
 @pytest.mark.parametrize(("unit_id", "wired"), [(1, True), (6, True), (5, False)])
-def test_w1_for_an_axis_for_a_device_that_is_not_named_and_over_tcp_it_is_cut_short(
+def test_w1_for_others_and_over_tcp_an_odd_frame_is_cut_short(
     pdu: bytes, unit_id: int, *, wired: bool
 ) -> None:
     bench = line(port=port_of(wired=wired))
@@ -149,9 +149,7 @@ def test_w5_it_is_sent_once_and_not_again_after_a_time_out() -> None:
 @pytest.mark.parametrize("pdu", [START, LONG])
 def test_w6_after_a_time_out_of_another_unit_it_waits_for_silence_and_a_read_does_not(pdu: bytes) -> None:
     bench = line()
-    bench.send(READ, unit_id=9)
-    bench.link.sent.clear()
-    bench.wait(1000)
+    bench.missed(READ, 1000, unit_id=9)
     bench.send(pdu, unit_id=5)
     assert bench.link.sent == []
     bench.wait(47)
@@ -160,9 +158,7 @@ def test_w6_after_a_time_out_of_another_unit_it_waits_for_silence_and_a_read_doe
     assert bench.link.sent == [(5, pdu)]
 
     bench = line()
-    bench.send(READ, unit_id=9)
-    bench.link.sent.clear()
-    bench.wait(1000)
+    bench.missed(READ, 1000, unit_id=9)
     bench.send(READ, unit_id=5)
     assert bench.link.sent == [(5, READ)]
 
@@ -211,10 +207,7 @@ def test_w11_one_alone_waits_for_the_trial_while_half_of_its_time_is_left() -> N
     bench.send(START, unit_id=5)  # 150 ms too soon, and its controller waits for 1000
     assert bench.link.sent == []
     assert bench.port.replies == []
-    bench.wait(149)
-    assert bench.link.sent == []
-    bench.wait(1)
-    assert bench.link.take() == START
+    assert bench.leaves_after(150)[1] == START
 
 
 def test_w11_one_that_would_wait_for_longer_is_answered_at_once() -> None:

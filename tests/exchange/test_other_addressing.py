@@ -43,8 +43,9 @@ class Answering(Memory):
 def test_opcodes_the_golden_absolute_frame_is_corrected_in_its_block_only() -> None:
     bench = Bench(axis_plan(**OPCODES, actual=()))
     bench.ask(bytes.fromhex("10 00F5 0004 08 0002 012C 0000 C350"))
-    bench.ask(bytes.fromhex("10 00F5 0004 08 0002 012C 0000 EA60"))
-    assert bench.seen[-1] == bytes.fromhex("10 00F5 0004 08 0002 012C 0000 EA6A")
+    assert bench.sent_for(bytes.fromhex("10 00F5 0004 08 0002 012C 0000 EA60")) == bytes.fromhex(
+        "10 00F5 0004 08 0002 012C 0000 EA6A"
+    )
 
 
 def test_opcodes_a_stop_with_position_0_is_no_target() -> None:
@@ -57,8 +58,7 @@ def test_opcodes_a_stop_with_position_0_is_no_target() -> None:
 def test_opcodes_the_same_register_in_another_frame_is_another_thing() -> None:
     bench = Bench(axis_plan(**OPCODES, actual=()))
     for pdu in ("06 00F7 0001", "06 00F6 1234", "10 00F6 0002 04 0001 0002"):
-        bench.ask(bytes.fromhex(pdu))
-        assert bench.seen[-1] == bytes.fromhex(pdu)
+        assert bench.sent_for(bytes.fromhex(pdu)) == bytes.fromhex(pdu)
 
 
 @pytest.mark.parametrize("reply", ["10 00F5 0000", "06 00F7 FFFF"])
@@ -103,15 +103,13 @@ def object_bench() -> Bench:
 def test_objects_a_neighbouring_index_does_not_overlap() -> None:
     bench = object_bench()
     other = bytes.fromhex("10 607B 0004 08 0001 0002 0003 0004")
-    bench.ask(other)
-    assert bench.seen[-1] == other
+    assert bench.sent_for(other) == other
 
 
 def test_objects_a_target_and_its_reading_are_corrected() -> None:
     bench = object_bench()
     field = PositionField(0x607A, INT32, LOW)
-    bench.ask(write(field, 50_000))
-    assert bench.seen[-1] == write(field, 50_010)
+    assert bench.sent_for(write(field, 50_000)) == write(field, 50_010)
     bench.memory.held[0x6064] = field.pack(50_010)  # type: ignore[attr-defined]
     assert field.unpack(bench.ask(read(PositionField(0x6064, INT32, LOW)))[2:]) == 50_000
 
@@ -171,9 +169,7 @@ def test_mei_a_target_and_its_reading_are_corrected_like_the_rest() -> None:
     assert bench.port.take() == mei_write(0x607A, b"")[:11] + b"\x00"
     assert bench.memory.held[0x607A] == (50_010).to_bytes(4, "little")  # type: ignore[attr-defined]
     bench.memory.held[0x6064] = (50_010).to_bytes(4, "little")  # type: ignore[attr-defined]
-    bench.send(mei_read(0x6064, 4), unit_id=0)
-    bench.serve()
-    assert bench.port.take()[12:] == (50_000).to_bytes(4, "little")
+    assert bench.ask(mei_read(0x6064, 4), unit_id=0)[12:] == (50_000).to_bytes(4, "little")
 
 
 @pytest.mark.parametrize(
@@ -299,10 +295,7 @@ COILS = {
             TriggerPlan(0x19, is_coil=True, deeds={0: Operation(Action.STOP), 1: Operation(Action.IGNORE)}),
         ),
     ),
-    "bits": {
-        "done": BitField(0x4B, table=BitTable.INPUT),
-        "moving": BitField(0x48, table=BitTable.INPUT),
-    },
+    "bits": {"done": BitField(0x4B, table=BitTable.INPUT), "moving": BitField(0x48, table=BitTable.INPUT)},
 }
 
 

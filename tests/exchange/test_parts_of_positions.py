@@ -68,8 +68,7 @@ def test_a_drives_exception_to_a_recast_half_comes_back_in_the_controllers_funct
     bench.ask(read(ACTUAL))
     bench.wait(1)
     bench.send(bytes.fromhex("06 0606 0001"))
-    bench.link.take()
-    bench.line.reply(1, bytes.fromhex("90 03"), bench.now_ns)
+    bench.answers(bytes.fromhex("90 03"))
     assert bench.port.take() == bytes.fromhex("86 03")
 
 
@@ -129,9 +128,7 @@ def test_a_write_whose_counts_lie_about_a_position_is_refused(lie: str) -> None:
 @given(
     st.lists(st.tuples(st.sampled_from(["low", "high", "mask", "whole"]), st.integers(0, 65535)), max_size=12)
 )
-def test_any_sequence_of_parts_leaves_the_drive_with_the_corrected_whole(
-    writes: list[tuple[str, int]],
-) -> None:
+def test_any_sequence_of_parts_leaves_the_drive_the_corrected_whole(writes: list[tuple[str, int]]) -> None:
     bench = moved(1000)
     nominal = 1000
     for kind, number in writes:
@@ -167,12 +164,8 @@ def unreferenced(counts: int, **changes: object) -> Bench:
     bench.ask(STATUS)
     bench.move(1000)
     bench.actual()
-    bench.move(counts)
-    assert bench.memory.get(COMMAND) == counts + 10
-    bench.line.link_down(bench.now_ns)
-    bench.wait(50)
-    bench.line.link_up(bench.now_ns)
-    bench.serve()
+    assert bench.reach(counts) == counts + 10
+    bench.cut(50)
     bench.memory.words[HOMED.address] = 0
     bench.ask(STATUS)
     bench.seen.clear()
@@ -184,9 +177,7 @@ PARTS = ["06 0606 FFF0", "10 0606 0001 02 FFF0", "16 0606 0000 FFF0"]
 
 
 @pytest.mark.parametrize("part", PARTS)
-def test_a_part_beside_a_corrected_word_is_refused_without_a_reference_where_its_rest_is_not_known(
-    part: str,
-) -> None:
+def test_a_part_beside_a_corrected_word_is_refused_where_its_rest_is_not_known(part: str) -> None:
     """M1, M9: 65530 is 65540 forward, 0004 0001: its high word is not that of 65530, 0000.
 
     FFF0 beside 0001 would be 131056, and 65520 was meant.
@@ -205,9 +196,7 @@ def test_a_part_beside_a_corrected_word_is_refused_without_a_reference_where_its
     assert bench.memory.get(COMMAND) == 65_521
 
 
-def test_a_part_beside_a_corrected_word_goes_out_whole_without_a_reference_where_its_rest_is_certain() -> (
-    None
-):
+def test_a_part_beside_a_corrected_word_goes_out_whole_where_its_rest_is_certain() -> None:
     """M1, M9: 50000 is 50010 forward, C35A 0000, and no correction reaches the next high word.
 
     The low word C738 is 51000 then, and goes out as it came, with the rest.

@@ -8,7 +8,7 @@ import pytest
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import Action
-from gateway.exchange.axis.reach import READABILITY_AFTER, PositionAnswer, Readability
+from gateway.exchange.axis.reach import READABILITY_AFTER
 from gateway.exchange.plan import ControllerPlan
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import (
@@ -36,6 +36,7 @@ from tests.exchange.staged_bench import (
     staged_plan,
 )
 from tests.exchange.world_trace import played
+from tests.support.tables import walk
 from tests.verify.designs import BY_NAME
 
 WORN = make_table([0, 200], [0.41, 0.41], [-0.26, -0.26], Units.MM)
@@ -73,7 +74,7 @@ def jogged(at: int, *, ms: float = 300, is_done: bool = True, **changes: Any) ->
         (59_740, 60_410, True),
     ],
 )
-def test_m6_an_axis_that_was_just_jogged_is_looked_at_and_flagged_where_that_does_not_decide(
+def test_m6_an_axis_just_jogged_is_looked_at_and_may_be_flagged(
     stands_at: int, told: int, is_flagged: bool
 ) -> None:
     bench = jogged(stands_at)
@@ -87,9 +88,7 @@ def test_m6_an_axis_that_was_just_jogged_is_looked_at_and_flagged_where_that_doe
 
 def test_m6_a_second_later_it_stands_where_one_of_its_branches_is() -> None:
     bench = jogged(59_740, ms=1_001)
-    bench.stage(60_000)
-    bench.trigger(RUN_PDU)
-    assert bench.drive.moves[-1] == ("absolute", 59_740.0)
+    assert bench.run(60_000) == ("absolute", 59_740.0)
     assert not unsure(bench)
 
 
@@ -98,9 +97,7 @@ def test_m6_a_jog_that_was_seen_to_end_needs_no_second() -> None:
     bench.poll()
     bench.trigger(STOP_PDU)
     bench.poll()
-    bench.stage(60_000)
-    bench.trigger(RUN_PDU)
-    assert bench.drive.moves[-1] == ("absolute", 59_740.0)
+    assert bench.run(60_000) == ("absolute", 59_740.0)
     assert not unsure(bench)
 
 
@@ -123,8 +120,7 @@ def test_m6_where_nothing_may_be_added_it_keeps_its_branch_and_is_flagged(change
     bench = StagedBench(staged_plan(table=WORN, **change))
     bench.ask(read(ACTUAL))
     bench.go_to(45_000)
-    bench.go_to(46_000)
-    assert bench.drive.moves[-1][1] == 46_410
+    assert bench.go_to(46_000)[1] == 46_410
     bench.trigger(JOG_PDU)
     bench.drive.put(ACTUAL, 80_000)
     bench.wait(700)  # older than what counts as fresh, 500 ms
@@ -201,9 +197,8 @@ def test_w8_busy_is_asked_once_more_for_each_target() -> None:
     assert bench.seen == [read(ACTUAL), read(ACTUAL), write(COMMAND, 120_410)]
     assert unsure(bench)
     bench.wait(1_200)
-    bench.seen.clear()
-    bench.ask(write(COMMAND, 110_000))  # it stands at 150 mm yet
-    assert bench.seen == [read(ACTUAL), read(ACTUAL), write(COMMAND, 109_740)]
+    # it stands at 150 mm yet
+    assert bench.frames(write(COMMAND, 110_000)) == [read(ACTUAL), read(ACTUAL), write(COMMAND, 109_740)]
     assert not unsure(bench)
 
 
@@ -214,20 +209,14 @@ def test_w8_what_is_refused_twice_is_not_asked_before_the_link_comes_up() -> Non
     assert unsure(bench)
     for counts in (110_000, 130_000):
         bench.wait(1_200)
-        bench.seen.clear()
-        bench.ask(write(COMMAND, counts))
-        assert bench.seen == [write(COMMAND, counts + 410)]  # its branch is kept
+        assert bench.frames(write(COMMAND, counts)) == [write(COMMAND, counts + 410)]  # its branch is kept
         assert unsure(bench)
     told = [event.detail for event in bench.events if event.kind.name == "direction-unsure"]
     why = "its position could not be determined; it keeps its branch; its drive refuses to report its actual"
     assert told == [f"{why} position"]
-    bench.line.link_down(bench.now_ns)
-    bench.wait(100)
-    bench.line.link_up(bench.now_ns)
-    bench.serve()
-    bench.seen.clear()
-    bench.ask(write(COMMAND, 140_000))
-    assert bench.seen == [read(ACTUAL), write(COMMAND, 139_740)]  # it stands at 150 mm
+    bench.cut(100)
+    # it stands at 150 mm
+    assert bench.frames(write(COMMAND, 140_000)) == [read(ACTUAL), write(COMMAND, 139_740)]
     assert not unsure(bench)
 
 
@@ -273,9 +262,7 @@ def test_m6_where_it_is_not_asked_any_more_the_same_target_again_is_flagged() ->
     bench = unseen(ADDRESS, ADDRESS, jogged_to=100_410)
     bench.ask(write(COMMAND, 120_000))
     bench.wait(1_200)
-    bench.seen.clear()
-    bench.ask(write(COMMAND, 120_000))
-    assert bench.seen == [write(COMMAND, 120_410)]
+    assert bench.frames(write(COMMAND, 120_000)) == [write(COMMAND, 120_410)]
     assert unsure(bench)
 
 
@@ -332,8 +319,7 @@ def test_m5_a_distance_before_which_the_look_is_refused_twice_gets_6(refusal: by
         assert bench.refused(RUN_RELATIVE_PDU) == 6
         assert read(ACTUAL) not in bench.seen
     else:
-        bench.trigger(RUN_RELATIVE_PDU)
-        assert bench.drive.moves[-1] == ("relative", 55_410.0)
+        assert bench.trigger(RUN_RELATIVE_PDU) == ("relative", 55_410.0)
 
 
 def test_m3_a_stop_goes_between_both_reads() -> None:
@@ -354,8 +340,7 @@ def test_m3_a_stop_goes_between_both_reads() -> None:
 
 def test_w8_what_the_start_reads_is_asked_once_more_too() -> None:
     bench = RecordBench(axis_plan())
-    bench.move(50_000)
-    bench.move(20_000)
+    bench.move(50_000, 20_000)
     for refusals, is_restored in (((BUSY,), True), ((ADDRESS,), True), ((BUSY, BUSY), False)):
         memory = Reluctant(*refusals)
         memory.words = dict(bench.memory.words)
@@ -392,26 +377,16 @@ def test_w8_a_first_setpoint_is_read_for_once_more() -> None:
 
 
 def test_every_answer_leads_where_the_table_says() -> None:
-    """Written by hand."""
-    flat = {
-        (readability, told): after
-        for readability, row in READABILITY_AFTER.items()
-        for told, after in row.items()
-    }
-    assert flat == {
-        (Readability.OPEN, PositionAnswer.POSITION): Readability.OPEN,
-        (Readability.OPEN, PositionAnswer.PASSING): Readability.OPEN,
-        (Readability.OPEN, PositionAnswer.REFUSAL): Readability.REFUSED_ONCE,
-        (Readability.OPEN, PositionAnswer.LINK_LOST): Readability.OPEN,
-        (Readability.REFUSED_ONCE, PositionAnswer.POSITION): Readability.OPEN,
-        (Readability.REFUSED_ONCE, PositionAnswer.PASSING): Readability.REFUSED_ONCE,
-        (Readability.REFUSED_ONCE, PositionAnswer.REFUSAL): Readability.REFUSED,
-        (Readability.REFUSED_ONCE, PositionAnswer.LINK_LOST): Readability.OPEN,
-        (Readability.REFUSED, PositionAnswer.POSITION): Readability.REFUSED,
-        (Readability.REFUSED, PositionAnswer.PASSING): Readability.REFUSED_ONCE,
-        (Readability.REFUSED, PositionAnswer.REFUSAL): Readability.REFUSED,
-        (Readability.REFUSED, PositionAnswer.LINK_LOST): Readability.OPEN,
-    }
+    """By hand: columns are what is known, rows what the drive answers."""
+    by_hand = walk("""
+                open          refused-once  refused
+    place       open          open          refused
+    passing     open          refused-once  refused-once
+    refusal     refused-once  refused       refused
+    link-lost   open          open          open
+    """)
+    rows = READABILITY_AFTER.items()
+    assert by_hand == {(now.value, told.value): then.value for now, row in rows for told, then in row.items()}
 
 
 # --- traces that ``make verify`` found --------------------------------------------------------------------

@@ -58,8 +58,7 @@ def test_a_settled_axis_reads_back_what_was_commanded() -> None:
 
 def test_the_command_register_reads_back_nominal() -> None:
     bench = Bench(axis_plan())
-    bench.move(50_000)
-    assert bench.memory.get(COMMAND) == 50_010
+    assert bench.reach(50_000) == 50_010
     assert COMMAND.unpack(bench.ask(read(COMMAND))[2:]) == 50_000
     bench.memory.put(COMMAND, 50_110)  # somebody else wrote to the drive
     assert COMMAND.unpack(bench.ask(read(COMMAND))[2:]) == 50_100
@@ -112,8 +111,7 @@ def test_w1_what_holds_no_position_passes_byte_for_byte(function: int) -> None:
     bench = Bench(axis_plan())
     request = bytes((function, 0x06, 0x06, 1, 2, 3, 4, 5))
     bench.send(request)
-    assert bench.link.take() == request
-    bench.line.reply(1, bytes((function, 9, 8, 7)), bench.now_ns)
+    assert bench.answers(bytes((function, 9, 8, 7))) == request
     assert bench.port.take() == bytes((function, 9, 8, 7))
 
 
@@ -141,8 +139,7 @@ def test_m9_off_and_shadow_pass_one_to_one_both_ways(mode: CompensationMode) -> 
 
 def test_shadow_computes_and_shows_what_it_would_write() -> None:
     bench = Bench(axis_plan(compensation=CompensationMode.SHADOW))
-    bench.move(50_000)
-    bench.move(20_000)
+    bench.move(50_000, 20_000)
     status = axis_status(bench.line.axes[0], bench.now_ns)
     assert status.compensation == "shadow"
     assert status.correction == pytest.approx(-0.01)
@@ -177,16 +174,13 @@ def test_an_axis_is_corrected_only_while_its_homed_bit_is_set() -> None:
     homed = BitField(0x0030, 6)
     bench = Bench(axis_plan(referenced=Reference.DRIVE_BIT, bits={"homed": homed}))
     assert bench.seen == [bytes.fromhex("03 0030 0001")]  # asked once when the line came up
-    bench.move(10_000)
-    assert bench.memory.get(COMMAND) == 10_000
+    assert bench.reach(10_000) == 10_000
     bench.memory.words[0x0030] = 1 << 6
     bench.ask(bytes.fromhex("03 0030 0001"))  # the controller polls the status word
-    bench.move(50_000)
-    assert bench.memory.get(COMMAND) == 50_010
+    assert bench.reach(50_000) == 50_010
     bench.memory.words[0x0030] = 0
     bench.ask(bytes.fromhex("03 0030 0001"))
-    bench.move(20_000)
-    assert bench.memory.get(COMMAND) == 20_000
+    assert bench.reach(20_000) == 20_000
     assert bench.kinds() == ["line-up", "reference-lost", "axis-referenced", "reference-lost"]
 
 
@@ -235,10 +229,8 @@ def test_a_drive_that_refuses_the_added_read_leaves_the_branch_and_flags_it() ->
     bench.wait(30)
     bench.send(write(COMMAND, 20_000))
     for _ in range(2):  # it is asked once more
-        assert bench.link.take() == read(ACTUAL)
-        bench.line.reply(1, bytes((0x83, 2)), bench.now_ns)
-    assert bench.link.take() == write(COMMAND, 20_010)
-    bench.line.reply(1, write(COMMAND, 20_010)[:5], bench.now_ns)
+        assert bench.answers(bytes((0x83, 2))) == read(ACTUAL)
+    assert bench.answers(write(COMMAND, 20_010)[:5]) == write(COMMAND, 20_010)
     assert bench.port.take() == write(COMMAND, 20_000)[:5]
     assert direction_state(bench.line.axes[0]) == "unsure"
 
@@ -246,10 +238,8 @@ def test_a_drive_that_refuses_the_added_read_leaves_the_branch_and_flags_it() ->
 def test_an_axis_without_an_actual_position_follows_the_order_of_its_targets_flagged() -> None:
     bench = Bench(axis_plan(actual=()))
     bench.ask(write(COMMAND, 0))
-    bench.ask(write(COMMAND, 50_000))
-    assert bench.seen[-1] == write(COMMAND, 50_010)
-    bench.ask(write(COMMAND, 20_000))
-    assert bench.seen[-1] == write(COMMAND, 19_990)
+    assert bench.sent_for(write(COMMAND, 50_000)) == write(COMMAND, 50_010)
+    assert bench.sent_for(write(COMMAND, 20_000)) == write(COMMAND, 19_990)
     assert direction_state(bench.line.axes[0]) == "unsure"
 
 
@@ -275,7 +265,7 @@ def test_a_unidirectional_table_needs_no_read_of_the_actual_position() -> None:
         (RegisterType.FLOAT32, WordOrder.HIGH_FIRST, 70_000.5, 70_010.5),
     ],
 )
-def test_every_type_and_word_order(
+def test_each_type_and_order(
     register_type: RegisterType, order: WordOrder, nominal: float, corrected: float
 ) -> None:
     place = PositionField(0x0606, register_type, order)
@@ -308,6 +298,5 @@ def test_a_stream_takes_its_offset_from_the_drive_and_blends() -> None:
     bench.memory.put(ACTUAL, 4)
     bench.ask(write(COMMAND, 0))
     assert bench.seen == [read(ACTUAL), write(COMMAND, 4)]
-    bench.ask(write(COMMAND, 1000))
-    assert bench.seen[-1] == write(COMMAND, 1010)
+    assert bench.sent_for(write(COMMAND, 1000)) == write(COMMAND, 1010)
     assert len(bench.seen) == 3

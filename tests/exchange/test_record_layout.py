@@ -102,8 +102,7 @@ def test_a_slot_in_the_place_of_the_other_is_no_record() -> None:
 
 def test_numbers_come_back_as_they_were() -> None:
     bench = RecordBench(axis_plan())
-    bench.move(50_000)
-    bench.move(20_000)
+    bench.move(50_000, 20_000)
     axis = bench.line.axes[0]
     record = bench.records.read()
     assert record is not None

@@ -11,15 +11,7 @@ from gateway.exchange.plan import ControllerPlan, Reference, Role
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
 from tests.exchange import test_starting_words as starting
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Port, axis_plan, read, write
-from tests.exchange.staged_bench import (
-    BITS,
-    HOME_PDU,
-    RUN_PDU,
-    STOP_PDU,
-    ZERO_PDU,
-    StagedBench,
-    staged_plan,
-)
+from tests.exchange.staged_bench import BITS, HOME_PDU, RUN_PDU, STOP_PDU, ZERO_PDU, StagedBench, staged_plan
 from tests.exchange.world_trace import played
 
 
@@ -115,18 +107,14 @@ def test_a_persons_word_does_not_stand_against_the_drives_bit() -> None:
 def silence(bench: StagedBench, ms: float) -> None:
     """Let the drive answer nothing for a while, and the controller ask all the time."""
     for _ in range(int(ms / 1000) + 1):
-        bench.send(read(ACTUAL))
-        bench.link.sent.clear()
-        bench.wait(1000)
+        bench.missed(read(ACTUAL), 1000)
         bench.wait(1000)  # drained
     bench.wait(10_000)  # and tried again
     bench.port.replies.clear()
 
 
 @pytest.mark.parametrize("reference", [Reference.HOMING, Reference.SET_POSITION])
-def test_a15_a_drive_that_was_silent_for_long_has_lost_its_reference(
-    reference: Reference,
-) -> None:
+def test_a15_a_drive_that_was_silent_for_long_has_lost_its_reference(reference: Reference) -> None:
     bench = StagedBench(staged_plan(referenced=reference))
     if reference is Reference.HOMING:
         home(bench)
@@ -184,49 +172,43 @@ def gantry(**changes: object) -> StagedBench:
     return StagedBench(*plans, groups=[["y1", "y2"]])
 
 
-def ask(bench: StagedBench, unit_id: int, pdu: bytes) -> bytes:
-    bench.send(pdu, unit_id=unit_id)
-    bench.serve()
-    return bench.port.take()
-
-
 def test_m11_a_target_refused_for_one_refuses_the_triggers_of_all() -> None:
     bench = gantry()
     for unit_id in (1, 2):
-        ask(bench, unit_id, write(COMMAND, 50_000))
+        bench.ask(write(COMMAND, 50_000), unit_id=unit_id)
     bench.send(write(COMMAND, 60_000), unit_id=2)
     bench.link.take()
     bench.line.reply(2, bytes.fromhex("90 04"), bench.now_ns)
     bench.port.take()
-    assert ask(bench, 1, RUN_PDU) == bytes.fromhex("86 04")
-    assert ask(bench, 2, RUN_PDU) == bytes.fromhex("86 04")
-    assert ask(bench, 1, STOP_PDU) == STOP_PDU
-    ask(bench, 2, write(COMMAND, 50_000))
-    assert ask(bench, 1, RUN_PDU) == RUN_PDU
+    assert bench.ask(RUN_PDU, unit_id=1) == bytes.fromhex("86 04")
+    assert bench.ask(RUN_PDU, unit_id=2) == bytes.fromhex("86 04")
+    assert bench.ask(STOP_PDU, unit_id=1) == STOP_PDU
+    bench.ask(write(COMMAND, 50_000), unit_id=2)
+    assert bench.ask(RUN_PDU, unit_id=1) == RUN_PDU
 
 
 def test_m11_while_one_is_not_referenced_none_is_compensated() -> None:
     bench = gantry(referenced=Reference.HOMING)
-    ask(bench, 1, HOME_PDU)
+    bench.ask(HOME_PDU, unit_id=1)
     bench.wait(500)
-    ask(bench, 1, bytes.fromhex("03 005C 0001"))
-    ask(bench, 1, write(COMMAND, 50_000))
+    bench.ask(bytes.fromhex("03 005C 0001"), unit_id=1)
+    bench.ask(write(COMMAND, 50_000), unit_id=1)
     assert bench.drive.get(COMMAND) == 50_000
-    ask(bench, 2, HOME_PDU)
+    bench.ask(HOME_PDU, unit_id=2)
     bench.wait(500)
-    ask(bench, 2, bytes.fromhex("03 005C 0001"))
+    bench.ask(bytes.fromhex("03 005C 0001"), unit_id=2)
     assert bench.kinds().count("axis-referenced") == 2
     bench.drive.set_bits(is_done=True)
-    ask(bench, 1, write(COMMAND, 60_000))
-    ask(bench, 1, RUN_PDU)
+    bench.ask(write(COMMAND, 60_000), unit_id=1)
+    bench.ask(RUN_PDU, unit_id=1)
     assert bench.drive.get(COMMAND) == 60_010
 
 
 def test_m11_switching_one_off_switches_all_off() -> None:
     bench = gantry()
     assert set(switch(bench.line.axes, "y2", is_on=False)) == {"y1", "y2"}
-    ask(bench, 1, write(COMMAND, 50_000))
-    ask(bench, 1, RUN_PDU)
+    bench.ask(write(COMMAND, 50_000), unit_id=1)
+    bench.ask(RUN_PDU, unit_id=1)
     assert bench.drive.get(COMMAND) == 50_000
 
 
@@ -237,9 +219,7 @@ def test_a20_an_operator_may_read_and_stop_and_nothing_else() -> None:
     bench = StagedBench()
     panel = Port(ControllerPlan("panel", role=Role.OPERATOR))
     for pdu, function in ((STOP_PDU, 0x06), (read(ACTUAL), 0x03), (write(COMMAND, 1), 0x90), (RUN_PDU, 0x86)):
-        bench.send(pdu, panel)
-        bench.serve()
-        assert panel.take()[0] == function
+        assert bench.ask(pdu, panel)[0] == function
     assert [kind for kind, _ in bench.drive.moves] == ["stop"]
 
 
@@ -260,9 +240,7 @@ def test_a16_the_end_of_a_homing_that_nobody_watches_is_read_before_the_next_tar
     bench.drive.put(ACTUAL, 0)
     bench.drive.set_bits(is_done=True)
     bench.wait(500)
-    bench.stage(20_000)
-    bench.trigger()
-    assert bench.drive.moves[-1:] == [("absolute", 20_010)]
+    assert bench.run(20_000) == ("absolute", 20_010)
 
 
 # --- sequences that several rules have a part in ---------------------------------------------------------
@@ -274,18 +252,15 @@ def test_m9_a_target_staged_while_corrected_and_run_while_it_passes_is_given_bac
     bench.stage(50_000)
     bench.drive.set_bits(is_done=True, is_homed=False)
     bench.poll()
-    bench.trigger()
-    assert bench.drive.moves[-1:] == [("absolute", 50_000)]
+    assert bench.trigger() == ("absolute", 50_000)
 
 
 def test_m9_after_homing_began_a_target_staged_before_is_given_back_as_it_came() -> None:
     bench = StagedBench(staged_plan(referenced=Reference.DRIVE_BIT))
     bench.go_to(20_000)
-    bench.stage(50_000)
-    bench.trigger(HOME_PDU)
+    bench.run(50_000, HOME_PDU)
     bench.drive.set_bits(is_done=True, is_homed=False)
-    bench.trigger()
-    assert bench.drive.moves[-1:] == [("absolute", 50_000)]
+    assert bench.trigger() == ("absolute", 50_000)
 
 
 ONE_FRAME = bytes.fromhex("10 050C 0003 06 C350 0000 0001")
@@ -306,19 +281,19 @@ def lose(bench: StagedBench, unit_id: int, pdu: bytes) -> None:
 def test_m11_a_frame_of_target_and_trigger_does_not_run_while_the_other_axis_lost_its_own() -> None:
     bench = gantry(command=(WIDE,))
     lose(bench, 1, ONE_FRAME)
-    assert ask(bench, 2, ONE_FRAME) == bytes.fromhex("90 04")
+    assert bench.ask(ONE_FRAME, unit_id=2) == bytes.fromhex("90 04")
     assert bench.drive.moves == []
     for unit_id in (1, 2):  # given again, both run: the one refused for the other's sake holds up nobody
-        assert ask(bench, unit_id, ONE_FRAME) == ONE_FRAME[:5]
+        assert bench.ask(ONE_FRAME, unit_id=unit_id) == ONE_FRAME[:5]
 
 
 def test_m11_a_drive_that_moves_at_once_waits_for_its_beam_too() -> None:
     plans = [axis_plan(name=name, unit_id=unit) for name, unit in (("y1", 1), ("y2", 2))]
     bench = StagedBench(*plans, groups=[["y1", "y2"]])
     lose(bench, 1, write(COMMAND, 50_000))
-    assert ask(bench, 2, write(COMMAND, 50_000)) == bytes.fromhex("90 04")
-    assert ask(bench, 1, write(COMMAND, 50_000))[0] == 0x10
-    assert ask(bench, 2, write(COMMAND, 50_000))[0] == 0x10
+    assert bench.ask(write(COMMAND, 50_000), unit_id=2) == bytes.fromhex("90 04")
+    assert bench.ask(write(COMMAND, 50_000), unit_id=1)[0] == 0x10
+    assert bench.ask(write(COMMAND, 50_000), unit_id=2)[0] == 0x10
 
 
 def test_a16_a_position_set_on_a_drive_without_triggers_is_noticed() -> None:
@@ -345,11 +320,7 @@ def test_a16_a_homing_that_was_stopped_or_refused_makes_no_reference() -> None:
 
 def test_m9_an_axis_that_passes_is_never_blocked() -> None:
     bench = StagedBench(staged_plan(table=None), serial=False)
-    bench.send(write(COMMAND, 50_000))
-    bench.link.sent.clear()
-    bench.wait(1000)
-    bench.wait(1000)
-    bench.port.replies.clear()
+    bench.unanswered(write(COMMAND, 50_000), 1000, 1000)
     bench.trigger()
     assert bench.ask(bytes.fromhex("06 0606 1234")) == bytes.fromhex("06 0606 1234")
 
@@ -357,9 +328,9 @@ def test_m9_an_axis_that_passes_is_never_blocked() -> None:
 def test_m11_a_target_that_is_refused_at_its_trigger_keeps_the_other_axis_from_running() -> None:
     bench = gantry(travel=(0.0, 100.0))
     for unit_id, counts in ((1, 350_000), (2, 60_000)):
-        ask(bench, unit_id, write(COMMAND, counts))
-    assert ask(bench, 1, RUN_PDU) == bytes.fromhex("86 04")
-    assert ask(bench, 2, RUN_PDU) == bytes.fromhex("86 04")
+        bench.ask(write(COMMAND, counts), unit_id=unit_id)
+    assert bench.ask(RUN_PDU, unit_id=1) == bytes.fromhex("86 04")
+    assert bench.ask(RUN_PDU, unit_id=2) == bytes.fromhex("86 04")
     assert bench.drive.moves == []
 
 
@@ -389,8 +360,7 @@ def test_a_target_of_which_a_word_was_replaced_is_not_given_again_over_a_lost_re
                 bench.memory.put(starting.ACTUAL, bench.memory.get(starting.TARGET))
                 bench.wait(1000)
                 bench.ask(read(starting.ACTUAL))
-    bench.ask(write(starting.TARGET, 65_530))
-    assert bench.seen[-1] == write(starting.TARGET, 65_540)
+    assert bench.sent_for(write(starting.TARGET, 65_530)) == write(starting.TARGET, 65_540)
 
 
 CONTROL_WORD = 0x3100

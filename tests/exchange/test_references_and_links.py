@@ -19,26 +19,19 @@ def homed_bench(**plan: object) -> Bench:
     )
     bench.memory.words[HOMED.address] = 1 << HOMED.bit
     bench.ask(READ_HOMED)
-    bench.move(50_000)
-    assert bench.memory.get(COMMAND) == 50_010
+    assert bench.reach(50_000) == 50_010
     return bench
 
 
 def go_silent(bench: Bench) -> None:
-    bench.send(bytes.fromhex("03 0700 0001"))
-    bench.link.sent.clear()
-    bench.wait(1000)
-    bench.wait(1)
-    bench.port.replies.clear()
+    bench.unanswered(bytes.fromhex("03 0700 0001"), 1000, 1)
 
 
 def test_after_a_silence_the_homed_bit_is_asked_before_anything_is_corrected() -> None:
     bench = homed_bench()
     go_silent(bench)
     bench.memory.words[HOMED.address] = 0  # it was switched off and on
-    frames = len(bench.seen)
-    bench.ask(write(COMMAND, 5_000))
-    assert bench.seen[frames:] == [READ_HOMED, write(COMMAND, 5_000)]
+    assert bench.frames(write(COMMAND, 5_000)) == [READ_HOMED, write(COMMAND, 5_000)]
     assert bench.kinds()[-2:] == ["drive-answers", "reference-lost"]
 
 
@@ -57,16 +50,14 @@ def test_a_homed_bit_that_could_not_be_read_is_asked_again_with_the_next_request
     bench.wait(1000)
     bench.wait(1000)
     bench.memory.words[HOMED.address] = 1 << HOMED.bit
-    bench.ask(write(COMMAND, 50_000))
-    assert bench.memory.get(COMMAND) == 50_010
+    assert bench.command(50_000) == 50_010
 
 
 def test_where_nothing_may_be_read_a_silence_ends_the_reference() -> None:
     bench = homed_bench(added_frames=False, home_approach=1)
     go_silent(bench)
     assert bench.kinds()[-1] == "reference-lost"
-    bench.ask(write(COMMAND, 60_000))
-    assert bench.memory.get(COMMAND) == 60_000
+    assert bench.command(60_000) == 60_000
 
 
 def test_silence_is_counted_for_each_unit_by_itself() -> None:
@@ -88,17 +79,12 @@ def test_a_serial_link_that_comes_back_first_falls_silent_when_something_was_out
     bench.now_ns += 5 * MS
     bench.line.link_up(bench.now_ns)
     bench.send(bytes.fromhex("03 0701 0001"))
-    bench.wait(49)
-    assert bench.link.sent == []
-    bench.wait(1)
-    assert bench.link.take() == bytes.fromhex("03 0701 0001")
+    assert bench.leaves_after(50)[1] == bytes.fromhex("03 0701 0001")
 
 
 @pytest.mark.parametrize("unit_id", [0, 255])
 @pytest.mark.parametrize("request_pdu", [write(COMMAND, 50_000), read(ACTUAL)])
-def test_a_tcp_drive_is_not_reached_around_its_axis_by_unit_id_0_or_255(
-    unit_id: int, request_pdu: bytes
-) -> None:
+def test_a_tcp_drive_is_not_reached_around_its_axis_by_0_or_255(unit_id: int, request_pdu: bytes) -> None:
     bench = Bench(axis_plan(), serial=False, tcp_drive=True)
     bench.send(request_pdu, unit_id=unit_id)
     assert bench.link.sent == []
@@ -116,8 +102,7 @@ def test_the_done_bit_in_the_reply_to_a_write_is_that_of_the_move_before() -> No
     bench.ask(bytes.fromhex("17 0031 0001 0606 0002 04 C350 0000"))
     bench.memory.put(ACTUAL, 60_000)
     bench.wait(30)
-    bench.ask(write(COMMAND, 70_000))  # retargeted on the way down: forward from 60 mm, not from 50 mm
-    assert bench.memory.get(COMMAND) == 70_010
+    assert bench.command(70_000) == 70_010  # retargeted on the way down: forward from 60 mm, not from 50 mm
 
 
 def test_a_done_bit_that_was_cleared_without_a_target_means_that_something_else_moved_the_axis() -> None:
@@ -129,21 +114,18 @@ def test_a_done_bit_that_was_cleared_without_a_target_means_that_something_else_
         bench.ask(bytes.fromhex("03 0031 0001"))
     bench.memory.put(ACTUAL, 80_000)
     bench.wait(30)
-    bench.ask(write(COMMAND, 60_000))
-    assert bench.memory.get(COMMAND) == 59_990
+    assert bench.command(60_000) == 59_990
 
 
 def test_an_axis_with_a_done_bit_but_no_actual_position_keeps_its_branch_until_it_is_done() -> None:
     done = BitField(0x0031, 0)
     bench = Bench(axis_plan(actual=(), bits={"done": done}, home_approach=1))
     bench.ask(write(COMMAND, 50_000))
-    bench.ask(write(COMMAND, 20_000))
-    assert bench.memory.get(COMMAND) == 20_010
+    assert bench.command(20_000) == 20_010
     bench.ask(bytes.fromhex("03 0031 0001"))
     bench.memory.words[done.address] = 1
     bench.ask(bytes.fromhex("03 0031 0001"))
-    bench.ask(write(COMMAND, 10_000))
-    assert bench.memory.get(COMMAND) == 9_990
+    assert bench.command(10_000) == 9_990
 
 
 def test_a_stream_goes_on_with_its_correction_after_its_link_blinked() -> None:
@@ -153,8 +135,7 @@ def test_a_stream_goes_on_with_its_correction_after_its_link_blinked() -> None:
     bench.memory.put(ACTUAL, 2710)  # it lags by 300 counts
     bench.line.link_down(bench.now_ns)
     bench.line.link_up(bench.now_ns)
-    bench.ask(write(COMMAND, 3010))
-    assert bench.seen[-1] == write(COMMAND, 3020)
+    assert bench.sent_for(write(COMMAND, 3010)) == write(COMMAND, 3020)
 
 
 def test_a_dwell_is_no_part_of_a_reversal_by_time() -> None:
@@ -166,8 +147,7 @@ def test_a_dwell_is_no_part_of_a_reversal_by_time() -> None:
         bench.wait(50)
         bench.ask(write(COMMAND, 2000))
     bench.wait(2)
-    bench.ask(write(COMMAND, 1990))
-    assert bench.memory.get(COMMAND) == 2000  # still wholly on the forward branch
+    assert bench.command(1990) == 2000  # still wholly on the forward branch
 
 
 def test_an_equal_setpoint_advances_no_blend() -> None:
@@ -179,8 +159,7 @@ def test_an_equal_setpoint_advances_no_blend() -> None:
     for _ in range(5):
         bench.line.link_down(bench.now_ns)
         bench.line.link_up(bench.now_ns)
-        bench.ask(write(COMMAND, 1990))
-        assert bench.memory.get(COMMAND) == told
+        assert bench.command(1990) == told
 
 
 def test_nothing_without_a_function_code_does_anything() -> None:
@@ -197,20 +176,17 @@ def test_nothing_without_a_function_code_does_anything() -> None:
 def test_an_axis_that_is_homed_later_is_corrected_from_then_on_without_anybody_reading_the_bit() -> None:
     bench = Bench(axis_plan(referenced=Reference.DRIVE_BIT, bits={"homed": HOMED}))
     assert bench.kinds() == ["line-up", "reference-lost"]
-    bench.move(10_000)
-    assert bench.memory.get(COMMAND) == 10_000
+    assert bench.reach(10_000) == 10_000
     bench.memory.words[HOMED.address] = 1 << HOMED.bit
     bench.wait(1000)
-    bench.move(50_000)
-    assert bench.memory.get(COMMAND) == 50_010
+    assert bench.reach(50_000) == 50_010
 
 
 def test_a_reference_that_was_lost_unseen_is_noticed_before_the_next_target() -> None:
     bench = homed_bench()
     bench.memory.words[HOMED.address] = 0
     bench.wait(1001)
-    bench.ask(write(COMMAND, 20_000))
-    assert bench.memory.get(COMMAND) == 20_000
+    assert bench.command(20_000) == 20_000
 
 
 def test_a_homed_bit_seen_a_moment_ago_is_not_read_again() -> None:
@@ -237,10 +213,7 @@ def test_a_frame_that_nobody_asked_for_makes_the_line_fall_silent_first() -> Non
     bench.ask(bytes.fromhex("03 0700 0001"))
     bench.line.stray(bench.now_ns, unit_id=1)  # the drive answered twice
     bench.send(bytes.fromhex("03 0701 0001"))
-    bench.wait(49)
-    assert bench.link.sent == []
-    bench.wait(1)
-    assert bench.link.take() == bytes.fromhex("03 0701 0001")
+    assert bench.leaves_after(50)[1] == bytes.fromhex("03 0701 0001")
     assert bench.kinds()[-1] == "late-reply"
 
 
@@ -257,8 +230,7 @@ def test_a_stream_that_is_homed_on_the_way_blends_from_1_to_1_and_never_by_its_l
     )
     bench = Bench(plan)
     for counts in (0, 1000, 2000, 3000):
-        bench.ask(write(COMMAND, counts))
-        assert bench.memory.get(COMMAND) == counts
+        assert bench.command(counts) == counts
         bench.memory.put(ACTUAL, counts - 300)  # from now on the axis lags by 300 counts
     bench.memory.words[HOMED.address] = 1 << HOMED.bit
     bench.ask(READ_HOMED)
@@ -275,5 +247,4 @@ def test_a_frame_that_remaps_and_commands_at_once_ends_the_compensation_too() ->
     beside = PositionField(0x0608, RegisterType.UINT16)
     bench = Bench(axis_plan(remapping=(beside,)))
     bench.ask(bytes.fromhex("10 0606 0003 06 C350 0000 0001"))
-    bench.ask(write(COMMAND, 60_000))
-    assert bench.memory.get(COMMAND) == 60_000
+    assert bench.command(60_000) == 60_000

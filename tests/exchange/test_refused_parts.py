@@ -11,6 +11,7 @@ from gateway.exchange.plan import ControllerPlan
 from gateway.modbus.registers import PositionField
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Port, axis_plan, read, write
 from tests.exchange.staged_bench import RUN_PDU, StagedBench, staged_plan
+from tests.support.tables import walk
 
 PROVES, MAY_HAVE_WRITTEN = {"exception_writes_nothing": True}, {"exception_writes_nothing": False}
 HIGH_3 = bytes.fromhex("06 0607 0003")
@@ -42,19 +43,15 @@ parts-buffered   joined        joined           joined       joined
 
 @pytest.mark.parametrize(("state", "loss"), list(product(Completeness, Loss)))
 def test_m1_a_lost_part_leaves_its_field_as_the_rule_says(state: Completeness, loss: Loss) -> None:
-    head, *rows = (row.split() for row in LOSS_WALK.strip("\n").splitlines())
-    [after] = [cells[1:][head.index(state.value)] for cells in rows if cells[0] == loss.value]
-    assert COMPLETENESS_AFTER[state, loss].value == after
+    assert COMPLETENESS_AFTER[state, loss].value == walk(LOSS_WALK)[state.value, loss.value]
 
 
 @pytest.mark.parametrize(
     ("state", "waits", "heard"), list(product(Completeness, (True, False), (True, False)))
 )
 def test_m1_the_next_part_becomes_what_the_rule_says(state: Completeness, waits: bool, heard: bool) -> None:
-    head, *rows = (row.split() for row in NEXT_WALK.strip("\n").splitlines())
     column = f"{'waits' if waits else 'moves'},{'heard' if heard else 'pipelined'}"
-    [found] = [cells[1:][head.index(column)] for cells in rows if cells[0] == state.value]
-    assert NEXT_PART[state, waits, heard].value == found
+    assert NEXT_PART[state, waits, heard].value == walk(NEXT_WALK)[column, state.value]
 
 
 def test_the_tables_are_complete() -> None:
@@ -84,8 +81,7 @@ def mover(**plan: Any) -> Bench:
 def staged(**plan: Any) -> StagedBench:
     """A drive that waits for a trigger, at 95 000 = 0x0001_7318."""
     bench = StagedBench(staged_plan(**plan), tcp_drive=True, serial=False)
-    bench.stage(95_000)
-    bench.trigger()
+    bench.run(95_000)
     bench.drive.arrive()
     bench.wait(1000)
     bench.ask(read(ACTUAL))
@@ -97,9 +93,7 @@ def staged(**plan: Any) -> StagedBench:
 
 @pytest.mark.parametrize("frame", HIGH_FRAMES)
 @pytest.mark.parametrize("code", [1, 2, 3, 4])
-def test_m7_after_a_half_that_was_not_written_the_other_one_goes_to_what_the_drive_holds(
-    frame: str, code: int
-) -> None:
+def test_m7_after_a_half_that_was_not_written_the_other_joins_what_is_held(frame: str, code: int) -> None:
     """0x0001_2000 = 73 728, backward 10 less. Of FC23 only 1 proves that nothing was written."""
     bench = mover(**PROVES)
     refuse(bench, HIGH_FRAMES[frame], code)
@@ -117,7 +111,7 @@ def test_m7_after_a_half_that_was_not_written_the_other_one_goes_to_what_the_dri
     [(code, MAY_HAVE_WRITTEN) for code in (2, 4, 5, 6, 0x0A, 0x0B, 0x27)]
     + [(code, PROVES) for code in (5, 6, 0x0A, 0x0B, 0x27)],
 )
-def test_m7_after_a_half_that_may_have_been_written_a_drive_that_would_move_gets_both_again(
+def test_m7_after_a_doubtful_half_a_mover_gets_both_again(
     frame: str, code: int, plan: dict[str, Any]
 ) -> None:
     bench = mover(**plan)
@@ -152,9 +146,7 @@ def test_m1_a_half_that_was_refused_for_another_writer_joins_nothing() -> None:
     assert bench.ask(LOW_2000) == LOW_2000  # nothing was lost to whoever holds the axis
     assert bench.memory.get(COMMAND) == 73_718
     bench.wait(20_000)  # its hold has ended
-    bench.send(bytes.fromhex("06 0606 0000"), panel)
-    bench.serve()
-    assert panel.take() == bytes.fromhex("86 04")  # and not 0x0003_0000
+    assert bench.ask(bytes.fromhex("06 0606 0000"), panel) == bytes.fromhex("86 04")  # and not 0x0003_0000
     assert bench.memory.get(COMMAND) == 73_718
 
 
@@ -165,7 +157,7 @@ def test_m1_a_half_that_was_refused_for_another_writer_joins_nothing() -> None:
 @pytest.mark.parametrize(
     ("code", "plan"), [(1, MAY_HAVE_WRITTEN), (4, PROVES), (4, MAY_HAVE_WRITTEN), (6, PROVES), (0x0B, PROVES)]
 )
-def test_m3_a_trigger_behind_a_half_that_was_refused_is_refused(
+def test_m3_a_trigger_behind_a_refused_half_is_refused(
     halves: tuple[bytes, bytes], code: int, plan: dict[str, Any]
 ) -> None:
     bench = staged(**plan)
@@ -178,8 +170,7 @@ def test_m3_a_trigger_behind_a_half_that_was_refused_is_refused(
     assert bench.ask(RUN_PDU) == bytes((0x86, code))
     assert bench.drive.moves == moves
     assert bench.ask(first) == first  # now each word has come anew
-    bench.trigger()
-    assert bench.drive.moves[-1] == ("absolute", 0x0003_2000 + 10)
+    assert bench.trigger() == ("absolute", 0x0003_2000 + 10)
 
 
 def test_m3_the_same_half_twice_is_not_every_word() -> None:
@@ -194,23 +185,17 @@ def test_m3_one_frame_with_all_words_releases_the_trigger() -> None:
     bench = staged(**PROVES)
     refuse(bench, HIGH_3, 4)
     bench.ask(LOW_2000)
-    bench.stage(100_000)
-    bench.trigger()
-    assert bench.drive.moves[-1] == ("absolute", 100_010)
+    assert bench.run(100_000) == ("absolute", 100_010)
 
 
 def test_m1_after_a_time_out_a_half_goes_out_as_it_came_and_counts_when_it_was_acknowledged() -> None:
     bench = staged()
-    bench.send(HIGH_3)
-    bench.link.sent.clear()
-    bench.wait(1000)
-    bench.port.take()
+    bench.unanswered(HIGH_3, 1000)
     assert bench.ask(LOW_2000) == LOW_2000
     assert bench.seen[-1] == LOW_2000
     assert bench.ask(RUN_PDU)[0] == 0x86
     assert bench.ask(bytes.fromhex("06 0607 0001")) == bytes.fromhex("06 0607 0001")
-    bench.trigger()
-    assert bench.drive.moves[-1] == ("absolute", 73_718)
+    assert bench.trigger() == ("absolute", 73_718)
 
 
 def test_m3_a_word_that_the_drive_refused_is_not_written_again_for_a_trigger() -> None:
@@ -223,8 +208,7 @@ def test_m3_a_word_that_the_drive_refused_is_not_written_again_for_a_trigger() -
     assert bench.ask(RUN_PDU) == bytes.fromhex("86 04")
     assert bench.seen[written:] == []
     assert bench.ask(HIGH_3) == HIGH_3
-    bench.trigger()
-    assert bench.drive.moves[-1] == ("absolute", 200_010)
+    assert bench.trigger() == ("absolute", 200_010)
 
 
 def test_m3_a_half_that_starts_the_motion_does_not_run_beside_one_that_was_refused() -> None:
@@ -256,10 +240,7 @@ def test_m1_a_refused_half_is_forgotten_with_the_words_that_it_stood_beside() ->
     """The link was lost: the next pair goes out with its second half, as any first pair."""
     bench = mover(**PROVES)
     refuse(bench, HIGH_3, 4)
-    bench.line.link_down(bench.now_ns)
-    bench.wait(100)
-    bench.line.link_up(bench.now_ns)
-    bench.serve()
+    bench.cut(100)
     assert [bench.ask(LOW_2000), bench.ask(bytes.fromhex("06 0607 0001"))] == [
         bytes.fromhex("86 04"),
         bytes.fromhex("06 0607 0001"),

@@ -5,7 +5,7 @@ import pytest
 from gateway.exchange.plan import CompensationMode
 from gateway.exchange.status import compensation_state
 from gateway.modbus.registers import PositionField, RegisterType
-from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, write
+from tests.exchange.line_bench import ACTUAL, Bench, axis_plan, read, write
 
 ALIAS = PositionField(0x602A, RegisterType.INT32)
 REMAP = PositionField(0x0F10, RegisterType.UINT16)
@@ -51,8 +51,7 @@ def test_m10_a_write_to_a_remapping_register_ends_the_compensation_of_its_unit(a
     bench.port.replies.clear()
     assert "compensation-ended" in bench.kinds()
     assert compensation_state(bench.line.axes[0]) == "off"
-    bench.ask(write(COMMAND, 60_000))
-    assert bench.memory.get(COMMAND) == 60_000
+    assert bench.command(60_000) == 60_000
     bench.memory.put(ACTUAL, 60_000)
     assert bench.actual() == 60_000
 

@@ -37,8 +37,7 @@ BASES = {
 
 def by(bench: StagedBench, distance: int) -> None:
     """Move by a distance as the controller does, and let the axis arrive."""
-    bench.stage(distance)
-    bench.trigger(RUN_RELATIVE_PDU)
+    bench.run(distance, RUN_RELATIVE_PDU)
     bench.settle()
 
 
@@ -79,8 +78,7 @@ def test_m5_the_same_distance_again_is_another_move() -> None:
 
 def test_a8_after_a_stop_the_base_is_where_the_axis_stands() -> None:
     bench = StagedBench(staged_plan(table=SLOPE))
-    bench.stage(100_000)
-    bench.trigger()
+    bench.run(100_000)
     bench.drive.pass_by(30_150)
     bench.trigger(STOP_PDU)
     bench.settle()
@@ -118,8 +116,7 @@ def test_m5_relative_unknown_pass_sends_it_unchanged() -> None:
     )
     bench.go_to(20_000)
     bench.trigger(JOG_PDU)
-    bench.stage(10_000)
-    bench.trigger(RUN_RELATIVE_PDU)
+    bench.run(10_000, RUN_RELATIVE_PDU)
     assert bench.memory.get(COMMAND) == 10_000
 
 
@@ -138,11 +135,9 @@ def test_m5_a_lost_acknowledgement_makes_the_base_unknown_and_a_reading_finds_it
 
 def test_m5_from_the_last_target_a_moving_axis_needs_no_reading_of_its_place() -> None:
     bench = StagedBench(staged_plan(table=SLOPE, motion=relative_by(Action.RELATIVE)))
-    bench.stage(20_000)
-    bench.trigger()
+    bench.run(20_000)
     bench.drive.pass_by(5_000)
-    bench.stage(10_000)
-    bench.trigger(RUN_RELATIVE_PDU)
+    bench.run(10_000, RUN_RELATIVE_PDU)
     assert bench.memory.get(COMMAND) == 10_050
 
 
@@ -190,20 +185,17 @@ def block(mode: int, counts: int) -> bytes:
 
 def test_m5_in_frame_a_relative_block_keeps_its_shape() -> None:
     bench = Bench(axis_plan(table=SLOPE, motion=IN_FRAME))
-    bench.ask(block(0, 20_000))
-    assert bench.seen[-1] == block(0, 20_100)
+    assert bench.sent_for(block(0, 20_000)) == block(0, 20_100)
     assert bench.ask(block(1, 10_000)) == block(1, 10_000)[:5]
     assert bench.seen[-1] == block(1, 10_050)
-    bench.ask(block(1, 10_000))
-    assert bench.seen[-1] == block(1, 10_050)
+    assert bench.sent_for(block(1, 10_000)) == block(1, 10_050)
     assert bench.line.axes[0].compensation.accepted is not None
     assert bench.line.axes[0].compensation.accepted.nominal_counts == 40_000
 
 
 def test_m2_in_frame_a_target_without_its_mode_is_unknown_and_passes_untouched() -> None:
     bench = Bench(axis_plan(table=SLOPE, motion=IN_FRAME))
-    bench.ask(write(COMMAND, 20_000))
-    assert bench.seen[-1] == write(COMMAND, 20_000)
+    assert bench.sent_for(write(COMMAND, 20_000)) == write(COMMAND, 20_000)
     assert bench.line.counters.unknown_modes == 1
 
 
@@ -217,8 +209,7 @@ def test_a_distance_from_a_place_whose_branch_nobody_knows_is_flagged() -> None:
     bench.drive.set_bits(is_done=True)
     bench.wait(1200)
     bench.poll()
-    bench.stage(-1000)
-    bench.trigger(RUN_RELATIVE_PDU)
+    bench.run(-1000, RUN_RELATIVE_PDU)
     assert direction_state(bench.line.axes[0]) == "unsure"
 
 
@@ -240,5 +231,4 @@ def test_the_words_of_a_distance_are_no_place_when_the_same_words_come_as_an_abs
     for place in (ACTUAL, COMMANDED):
         bench.memory.put(place, 8150)
     bench.wait(MOVE_MS)
-    bench.ask(write(COMMAND, 3000))
-    assert bench.seen[-1] == write(COMMAND, 2863)
+    assert bench.sent_for(write(COMMAND, 3000)) == write(COMMAND, 2863)

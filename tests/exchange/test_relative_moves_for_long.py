@@ -52,8 +52,7 @@ class Walk:
         low, high = 1_000 - self.nominal, 99_000 - self.nominal
         distance = self.rng.randint(max(-3_000, low), min(3_000, high)) or 1
         bench = self.bench
-        bench.stage(distance)
-        bench.trigger(RUN_RELATIVE_PDU)
+        bench.run(distance, RUN_RELATIVE_PDU)
         bench.drive.arrive()
         bench.poll()
         self.nominal += distance
@@ -79,15 +78,11 @@ class Walk:
         bench, somewhere = self.bench, self.rng.randint(5_000, 95_000)
         kind = self.rng.choice(("stop", "jog", "home", "off"))
         if kind == "stop":
-            bench.stage(1_000)
-            bench.trigger(RUN_RELATIVE_PDU)
+            bench.run(1_000, RUN_RELATIVE_PDU)
             bench.drive.pass_by(somewhere)
             bench.trigger(STOP_PDU)
         elif kind == "off":
-            bench.line.link_down(bench.now_ns)
-            bench.wait(3000)
-            bench.line.link_up(bench.now_ns)
-            bench.serve()
+            bench.cut(3000)
         else:
             bench.trigger({"jog": JOG_PDU, "home": HOME_PDU}[kind])
         self.be_moved(somewhere)

@@ -1,6 +1,7 @@
 """A connection on which nothing answers any more is made anew; what it carries then (W5, W11)."""
 
 from itertools import pairwise
+from typing import Any
 
 import pytest
 
@@ -124,8 +125,7 @@ def test_the_silence_of_a_drive_goes_on_over_a_renewal_until_its_own_frame() -> 
     bench.move(50_000)
     bench.actual()
     mute(bench)
-    bench.returns(20)
-    bench.until(500)
+    bench.returns(20, 500)
     bench.send(write(COMMAND, 20_000))
     bench.serve()
     assert bench.seen[-2] == NAMED
@@ -177,6 +177,15 @@ def test_renewals_come_after_1_s_and_then_twice_as_late_up_to_60_s() -> None:
 # --- what may still be executed on the old connection -----------------------------------------------------
 
 
+def held(**plan: Any) -> ConnectionBench:
+    """A new connection behind a write without an answer: it carries named reads first."""
+    bench = ConnectionBench(axis_plan(motion=STAGED, **plan), retry_ms=0.0)
+    mute(bench, write(COMMAND, 50_000))
+    bench.returns(20, 201)
+    assert bench.link.sent == [(1, NAMED)]
+    return bench
+
+
 def test_w5_after_a_write_without_an_answer_only_named_reads_leave_until_one_is_answered() -> None:
     bench = ConnectionBench(axis_plan(), retry_ms=0.0)
     bench.move(20_000)
@@ -202,8 +211,7 @@ def test_w5_no_write_leaves_for_lost_ms_after_that() -> None:
     bench.move(20_000)
     bench.actual()
     mute(bench, write(COMMAND, 50_000))
-    bench.returns(20)
-    bench.until(200)
+    bench.returns(20, 200)
     bench.serve_one()  # the named read
     answered_ns = bench.now_ns
     early, late = controller("cnc", timeout_ms=1000.0), controller("cnc", timeout_ms=5000.0)
@@ -220,34 +228,17 @@ def test_w5_no_write_leaves_for_lost_ms_after_that() -> None:
     assert bench.memory.get(COMMAND) in (30_990, 31_010)
 
 
-def test_w5_a_stop_leaves_at_once_though_a_write_may_be_executed_yet() -> None:
-    bench = ConnectionBench(axis_plan(motion=STAGED), retry_ms=0.0)
-    mute(bench, write(COMMAND, 50_000))
-    bench.returns(20)
-    bench.until(201)
-    assert bench.link.sent == [(1, NAMED)]
-    bench.send(STOP)
+@pytest.mark.parametrize("timeout_ms", [1000.0, 100.0])  # 100: half as long as the named read takes
+def test_w5_a_stop_leaves_behind_the_named_read_though_a_write_may_be_executed_yet(timeout_ms: float) -> None:
+    bench = held()
+    bench.send(STOP, controller("cnc", timeout_ms=timeout_ms))
     bench.until(200)  # one exchange at a time
-    assert bench.link.sent == [(1, NAMED), (1, STOP)]
-
-
-def test_m3_a_stop_behind_a_named_read_is_sent_however_long_that_takes() -> None:
-    bench = ConnectionBench(axis_plan(motion=STAGED), retry_ms=0.0)
-    mute(bench, write(COMMAND, 50_000))
-    bench.returns(20)
-    bench.until(201)
-    assert bench.link.sent == [(1, NAMED)]
-    bench.send(STOP, controller("cnc", timeout_ms=100.0))
-    bench.until(200)  # twice as long as its controller waits
     assert bench.link.sent == [(1, NAMED), (1, STOP)]
 
 
 def test_w5_such_a_stop_leaves_once_more_before_the_first_write() -> None:
     """What it stops may have been executed after it."""
-    bench = ConnectionBench(axis_plan(motion=STAGED, lost_ms=700.0), retry_ms=0.0)
-    mute(bench, write(COMMAND, 50_000))
-    bench.returns(20)
-    bench.until(201)
+    bench = held(lost_ms=700.0)
     bench.send(STOP)
     bench.serve_one()  # the named read, and then the stop
     bench.serve()
@@ -280,8 +271,7 @@ def test_w5_writes_stay_held_when_the_new_connection_is_lost_too() -> None:
     bench.move(20_000)
     bench.actual()
     mute(bench, write(COMMAND, 50_000))
-    bench.returns(20)
-    bench.until(200)
+    bench.returns(20, 200)
     bench.breaks()
     bench.returns(20)
     plc = controller(timeout_ms=5000.0)
@@ -318,9 +308,7 @@ def test_rtu_over_tcp_is_made_anew_and_falls_silent_first() -> None:
 
 
 @pytest.mark.parametrize("asked", [(1, 2, 1), (2, 1, 1), (1, 1, 1, 2)])
-def test_w11_a_power_cut_behind_a_renewal_is_silence_until_the_drives_own_frame(
-    asked: tuple[int, ...],
-) -> None:
+def test_w11_a_power_cut_behind_a_renewal_is_silence_until_its_own_frame(asked: tuple[int, ...]) -> None:
     """Silent for 30 s, of which the old connection saw 0.8 s: a position that was set is lost."""
     plans = [
         axis_plan(name=name, unit_id=unit_id, referenced=Reference.SET_POSITION, lost_ms=1000.0)
@@ -334,8 +322,7 @@ def test_w11_a_power_cut_behind_a_renewal_is_silence_until_the_drives_own_frame(
     bench.link.sent.clear()
     bench.until(200)
     assert bench.connection.renewed == 1
-    bench.returns(30_000)
-    bench.until(201)
+    bench.returns(30_000, 201)
     bench.link.sent.clear()
     plc = controller()
     for unit_id in (1, 2):
@@ -389,8 +376,7 @@ def test_w5_writes_are_held_while_one_is_open_whatever_else_was_heard(sign: str)
     bench.link.sent.clear()
     bench.until(200)
     assert bench.connection.renewed == 1
-    bench.returns(20)
-    bench.until(201)
+    bench.returns(20, 201)
     bench.link.sent.clear()
     bench.seen.clear()
     bench.send(write(COMMAND, 10_000), controller())

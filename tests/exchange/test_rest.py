@@ -8,6 +8,7 @@ import pytest
 
 from gateway.exchange.plan import LineTiming
 from gateway.exchange.rest import Rest
+from tests.support.tables import walk
 
 MS: Final = 1_000_000
 WALK: Final = """
@@ -48,12 +49,11 @@ def kind(rest: Rest) -> str:
 
 @pytest.mark.parametrize(("state", "step"), list(product(REACHED, STEPS)))
 def test_each_step_leads_from_each_state_to_the_one_that_the_rule_says(state: str, step: str) -> None:
-    head, *rows = (line.split() for line in WALK.strip("\n").splitlines())
-    [after] = [cells[1:][head.index(state)] for cells in rows if cells[0] == step]
     rest = Rest(LineTiming(drain_ms=50.0, turnaround_ms=100.0))
     REACHED[state](rest)
     assert kind(rest) == state
     STEPS[step](rest)
+    after = walk(WALK)[state, step]
     assert kind(rest) == (state if after == "." else after)
 
 

@@ -123,7 +123,7 @@ def test_targets_go_on_after_a_kill_with_the_same_words_and_readings(ops: list[O
     ),
     st.data(),
 )
-def test_setpoints_go_on_after_a_kill_with_the_same_words_and_readings(
+def test_setpoints_go_on_after_a_kill_with_the_same_words(
     ops: list[Op], reversal: Reversal | None, data: Any
 ) -> None:
     at = data.draw(st.integers(1, len(ops)))
@@ -140,8 +140,7 @@ def test_a_change_over_that_was_asked_for_before_the_kill_is_made_after_it() -> 
 
 def test_m1_a_half_after_a_restart_is_completed_from_the_record() -> None:
     bench = RecordBench(axis_plan())
-    bench.move(50_000)
-    bench.move(20_000)
+    bench.move(50_000, 20_000)
     again = bench.restarted()
     part = bytes.fromhex("06 0606") + (20_001).to_bytes(2, "big")
     assert again.ask(part) == part
@@ -152,7 +151,7 @@ def test_m1_a_half_after_a_restart_is_completed_from_the_record() -> None:
 
 @settings(max_examples=repeated(400))
 @given(streams(), st.integers(11, 400), st.booleans(), st.data())
-def test_a_setpoint_that_was_on_the_wire_counts_as_it_is_found(
+def test_a_setpoint_on_the_wire_counts_as_it_is_found(
     ops: list[Op], step: int, has_arrived: bool, data: Any
 ) -> None:
     ops = [op for op in ops if op[0] == "follow"]
@@ -183,8 +182,7 @@ def test_a_setpoint_that_was_on_the_wire_counts_as_it_is_found(
 def test_a_standing_axis_reads_what_it_was_commanded_and_takes_the_same_words_again() -> None:
     bench = RecordBench(axis_plan())
     bench.move(50_000)
-    bench.move(20_000)
-    assert bench.memory.get(COMMAND) == 19_990
+    assert bench.reach(20_000) == 19_990
     again = bench.restarted()
     [told] = again.told
     assert told == (
@@ -199,8 +197,7 @@ def test_a_standing_axis_reads_what_it_was_commanded_and_takes_the_same_words_ag
 
 def test_without_a_record_the_reading_jumps_by_the_correction() -> None:
     bench = RecordBench(axis_plan())
-    bench.move(50_000)
-    bench.move(20_000)
+    bench.move(50_000, 20_000)
     bench.records.buffers["x"] = bytearray(len(bench.records.buffers["x"]))
     again = bench.restarted()
     assert again.told == []
@@ -210,8 +207,7 @@ def test_without_a_record_the_reading_jumps_by_the_correction() -> None:
 def test_an_axis_killed_in_the_middle_of_a_move_reads_on_without_a_jump() -> None:
     """10 to 30 mm forward after a backward move: 20 counts are faded out over 20 mm."""
     bench = RecordBench(axis_plan())
-    bench.move(50_000)
-    bench.move(10_000)
+    bench.move(50_000, 10_000)
     bench.ask(write(COMMAND, 30_000))
     bench.memory.put(ACTUAL, 20_000)
     expected = bench.actual()
@@ -224,8 +220,7 @@ def test_an_axis_killed_in_the_middle_of_a_move_reads_on_without_a_jump() -> Non
 
 def test_an_axis_moved_by_hand_meanwhile_starts_without_its_record() -> None:
     bench = RecordBench(axis_plan())
-    bench.move(50_000)
-    bench.move(20_000)
+    bench.move(50_000, 20_000)
     bench.actual()  # it was seen to arrive: its way does not count any more
     bench.memory.put(ACTUAL, 19_993)
     again = bench.restarted()
@@ -238,8 +233,7 @@ def test_an_axis_moved_by_hand_meanwhile_starts_without_its_record() -> None:
 
 def test_the_hysteresis_is_as_far_as_it_may_stand_off() -> None:
     bench = RecordBench(axis_plan())
-    bench.move(50_000)
-    bench.move(20_000)
+    bench.move(50_000, 20_000)
     bench.actual()
     bench.memory.put(ACTUAL, 19_992)
     assert bench.restarted().actual() == 20_002
@@ -268,8 +262,7 @@ def test_settings_that_do_not_change_the_map_leave_the_record_its_worth() -> Non
 
 def test_a_table_that_was_changed_meanwhile_ends_the_record() -> None:
     bench = RecordBench(axis_plan())
-    bench.move(50_000)
-    bench.move(20_000)
+    bench.move(50_000, 20_000)
     again = bench.restarted(axis_plan(table=SCREW))
     assert again.told == [
         "the table that was in force is not the one configured now; it starts without its record"
@@ -279,8 +272,7 @@ def test_a_table_that_was_changed_meanwhile_ends_the_record() -> None:
 
 def test_an_old_table_that_can_still_be_had_stays_in_force_until_the_next_target() -> None:
     bench = RecordBench(axis_plan())
-    bench.move(50_000)
-    bench.move(20_000)
+    bench.move(50_000, 20_000)
     tables = {table_digest(LOST_MOTION): LOST_MOTION}
     again = bench.restarted(axis_plan(table=SCREW), find_table=tables.get)
     assert again.actual() == 20_000
@@ -291,8 +283,7 @@ def test_an_old_table_that_can_still_be_had_stays_in_force_until_the_next_target
 
 def test_another_gain_comes_into_force_with_the_next_different_target() -> None:
     bench = RecordBench(axis_plan())
-    bench.move(50_000)
-    bench.move(20_000)
+    bench.move(50_000, 20_000)
     again = bench.restarted(axis_plan(gain=Gain(0.5, 0.5)))
     assert again.actual() == 20_000
     assert again.move(20_000) == write(COMMAND, 19_990)
@@ -301,8 +292,7 @@ def test_another_gain_comes_into_force_with_the_next_different_target() -> None:
 
 def test_an_axis_switched_off_in_the_configuration_is_transparent_at_once() -> None:
     bench = RecordBench(axis_plan())
-    bench.move(50_000)
-    bench.move(20_000)
+    bench.move(50_000, 20_000)
     again = bench.restarted(axis_plan(compensation=CompensationMode.OFF))
     assert again.told == ["the compensation of the axis is off; it starts without its record"]
     assert again.actual() == 19_990
@@ -314,8 +304,7 @@ def test_a_reference_that_only_passed_on_the_wire_does_not_come_back(referenced:
     bench = RecordBench(staged_plan(referenced=referenced, motion=DIRECT))
     bench.line.command(SetReference(axis="x"), bench.now_ns)
     bench.move(50_000)
-    bench.move(20_000)
-    assert bench.memory.get(COMMAND) == 19_990
+    assert bench.reach(20_000) == 19_990
     again = bench.restarted()
     assert again.told == ["the axis is not referenced now; it starts without its record"]
     assert again.actual() == 19_990
@@ -324,8 +313,7 @@ def test_a_reference_that_only_passed_on_the_wire_does_not_come_back(referenced:
 @pytest.mark.parametrize("is_homed", [True, False])
 def test_a_homed_bit_is_read_before_the_record_counts(is_homed: bool) -> None:
     bench = RecordBench(staged_plan(referenced=Reference.DRIVE_BIT, motion=DIRECT), memory=StagedDrive())
-    bench.move(50_000)
-    bench.move(20_000)
+    bench.move(50_000, 20_000)
     bench.memory.write(STATUS, (is_homed << HOMED_BIT).to_bytes(2, "big"))
     again = bench.restarted()
     assert [pdu.hex() for pdu in again.seen] == ["03005c0001", "0305200002"]
@@ -355,8 +343,7 @@ def test_a_target_before_any_reading_ends_the_record() -> None:
 
 def test_a_second_kill_before_the_drive_answered_leaves_the_record_as_it_is() -> None:
     bench = RecordBench(axis_plan())
-    bench.move(50_000)
-    bench.move(20_000)
+    bench.move(50_000, 20_000)
     records = bench.records.copy()
     silent = Bench(axis_plan(), before_up=records.attach, memory=SilentDrive())
     silent.line.tick(silent.line.deadline_ns or 0)

@@ -88,9 +88,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("rights", "request_pdu", "refusal"), CASES)
-def test_w9_what_rights_allow_reaches_the_drive_and_nothing_else(
-    rights: Rights, request_pdu: str, refusal: str
-) -> None:
+def test_w9_only_what_rights_allow_reaches_the_drive(rights: Rights, request_pdu: str, refusal: str) -> None:
     bench = Bench(axis_plan())
     port, seen = panel(rights), len(bench.seen)
     for _ in range(3):  # a verdict that is remembered is the same
@@ -105,10 +103,7 @@ def test_w9_what_rights_allow_reaches_the_drive_and_nothing_else(
 
 @pytest.mark.parametrize(
     ("good", "longer", "refusal"),
-    [
-        (READ_PLACE, READ_PLACE + "00", "8302"),
-        (WRITE_POSITION, WRITE_POSITION + "0000", "9002"),
-    ],
+    [(READ_PLACE, READ_PLACE + "00", "8302"), (WRITE_POSITION, WRITE_POSITION + "0000", "9002")],
 )
 def test_w9_what_a_head_allows_holds_for_its_length_only(good: str, longer: str, refusal: str) -> None:
     bench = Bench(axis_plan())
@@ -222,7 +217,7 @@ def test_w9_a_monitor_that_writes_is_told_of_once_a_minute() -> None:
         (Rights(requests_per_s=1.0), Role.MOTION, READ_PLACE, "8306"),
     ],
 )
-def test_w1_what_is_not_allowed_is_refused_behind_the_answers_before_it(
+def test_w1_a_refusal_comes_behind_earlier_answers(
     rights: Rights, role: Role, refused: str | None, answer: str
 ) -> None:
     bench = Bench(axis_plan(), axis_plan(name="y", unit_id=2))

@@ -11,6 +11,7 @@ from gateway.exchange.silent_units import REACH_AFTER, Reach, Sign
 from gateway.modbus.registers import BitField, BitTable
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
 from tests.exchange.silent_bench import ANSWER, OTHER, SILENT, controller, line, polled_in_turn, two_axes
+from tests.support.tables import walk
 
 WALK: Final = """
             answers    unheard    missed-one missed-two dead
@@ -31,17 +32,9 @@ def leave_unanswered(bench: Bench, times: int = 1, unit_id: int = 2) -> None:
         bench.wait(50)
 
 
-def ask(bench: Bench, pdu: bytes, unit_id: int = 2) -> bytes:
-    bench.send(pdu, unit_id=unit_id)
-    bench.serve()
-    return bench.port.take()
-
-
 @pytest.mark.parametrize(("state", "sign"), list(product(Reach, Sign)))
 def test_each_sign_leads_from_each_state_to_the_one_that_the_rule_says(state: Reach, sign: Sign) -> None:
-    head, *rows = (row.split() for row in WALK.strip("\n").splitlines())
-    [after] = [cells[1:][head.index(state.value)] for cells in rows if cells[0] == sign.value]
-    assert REACH_AFTER[state, sign].value == after
+    assert REACH_AFTER[state, sign].value == walk(WALK)[state.value, sign.value]
 
 
 # --- back-off ----------------------------------------------------------------------------------------------
@@ -52,8 +45,8 @@ def test_each_sign_leads_from_each_state_to_the_one_that_the_rule_says(state: Re
 def test_w11_after_three_time_outs_a_request_is_answered_at_once(*, serial: bool, tcp_drive: bool) -> None:
     bench = line(serial=serial, tcp_drive=tcp_drive)
     leave_unanswered(bench, 3)
-    assert ask(bench, OTHER) == SILENT
-    assert ask(bench, bytes.fromhex("06 0700 0001")) == bytes.fromhex("86 0B")
+    assert bench.ask(OTHER, unit_id=2) == SILENT
+    assert bench.ask(bytes.fromhex("06 0700 0001"), unit_id=2) == bytes.fromhex("86 0B")
     assert bench.link.sent == []
     assert bench.seen == []
     assert bench.line.counters.backed_off == 2
@@ -64,7 +57,7 @@ def test_w11_after_three_time_outs_a_request_is_answered_at_once(*, serial: bool
 def test_w11_two_time_outs_are_not_enough() -> None:
     bench = line()
     leave_unanswered(bench, 2)
-    assert ask(bench, OTHER) == bytes.fromhex("03 02 0000")
+    assert bench.ask(OTHER, unit_id=2) == bytes.fromhex("03 02 0000")
 
 
 def test_w11_with_retry_ms_0_it_is_asked_for_ever() -> None:
@@ -111,18 +104,13 @@ def test_w11_a_read_that_is_a_trial_costs_the_others_response_timeout_ms_and_no_
     bench.send(OTHER, unit_id=2)
     assert bench.link.take() == OTHER
     bench.send(write(COMMAND, 5000), panel, unit_id=1)
-    bench.wait(99)
-    assert (bench.link.sent, bench.port.replies) == ([], [])
-    bench.wait(1)
-    assert bench.link.take() == write(COMMAND, 5000)
+    assert bench.leaves_after(100)[1] == write(COMMAND, 5000)
     assert bench.port.take() == SILENT
 
 
 def test_w11_an_answer_to_a_trial_that_comes_after_it_is_nobodys_and_ends_the_back_off() -> None:
     bench, panel = patient(), controller("panel", timeout_ms=1000.0)
-    bench.send(OTHER, unit_id=2)
-    bench.link.take()
-    bench.wait(100)
+    bench.missed(OTHER, 100, unit_id=2)
     bench.port.take()
     bench.send(OTHER, panel, unit_id=1)
     assert bench.link.sent.pop() == (1, OTHER)
@@ -170,30 +158,23 @@ def test_w11_while_a_trial_is_on_the_wire_the_others_are_answered() -> None:
 def test_w11_a_trial_waits_for_the_silence_after_the_last_time_out_and_after_a_late_frame() -> None:
     bench = line(retry_ms=1.0)
     leave_unanswered(bench, 2)
-    bench.send(OTHER, unit_id=2)
-    bench.link.sent.clear()
-    bench.wait(100)
-    bench.port.replies.clear()
+    bench.unanswered(OTHER, 100, unit_id=2)
     bench.wait(30)
-    assert ask(bench, OTHER) == SILENT
+    assert bench.ask(OTHER, unit_id=2) == SILENT
     bench.line.stray(bench.now_ns)  # of nobody knows whom: 50 ms from here
     bench.wait(49)
-    assert ask(bench, OTHER) == SILENT
+    assert bench.ask(OTHER, unit_id=2) == SILENT
     bench.wait(1)
-    assert ask(bench, OTHER) == bytes.fromhex("03 02 0000")
+    assert bench.ask(OTHER, unit_id=2) == bytes.fromhex("03 02 0000")
 
 
 def test_w11_a_late_frame_ends_it_and_the_next_request_waits_for_the_silence() -> None:
     bench = line()
     leave_unanswered(bench, 2)
-    bench.send(OTHER, unit_id=2)
-    bench.link.sent.clear()
-    bench.wait(100)
+    bench.missed(OTHER, 100, unit_id=2)
     bench.line.stray(bench.now_ns, unit_id=2)
     bench.send(OTHER, unit_id=2)
-    assert bench.link.sent == []
-    bench.wait(50)
-    assert bench.link.take() == OTHER
+    assert bench.leaves_after(50)[1] == OTHER
 
 
 def test_w11_the_link_that_comes_up_ends_it_and_the_unit_stays_silent_until_it_answers() -> None:
@@ -222,8 +203,8 @@ def test_m11_the_group_of_a_dead_drive_is_answered_too_and_a_read_of_that_drive_
     bench = Bench(*two_axes(), timing=timing, serial=False, groups=[["x", "y"]])
     bench.port = controller("plc")
     leave_unanswered(bench, 3)
-    assert ask(bench, write(COMMAND, 5000), unit_id=1) == bytes.fromhex("90 0B")
-    assert ask(bench, read(ACTUAL), unit_id=1) == SILENT
+    assert bench.ask(write(COMMAND, 5000)) == bytes.fromhex("90 0B")
+    assert bench.ask(read(ACTUAL)) == SILENT
     assert bench.link.sent == []
     assert bench.seen == []
     bench.wait(150)
@@ -240,7 +221,7 @@ def homing_line(retry_ms: float = 200.0, **changes: Any) -> Bench:
     bench = line(plan, retry_ms=retry_ms)
     bench.line.axes[0].declare_referenced()
     for counts in (30_000, 60_000):
-        ask(bench, write(COMMAND, counts))
+        bench.ask(write(COMMAND, counts), unit_id=2)
         bench.memory.put(ACTUAL, bench.memory.get(COMMAND))
         bench.wait(1000)
     assert bench.line.axes[0].reference.is_referenced
@@ -266,10 +247,10 @@ def test_w11_what_was_answered_for_the_drive_counts_as_unanswered() -> None:
     leave_unanswered(bench, 3)  # 0.45 s
     for _ in range(7):
         bench.wait(100)
-        assert ask(bench, OTHER) == SILENT
+        assert bench.ask(OTHER, unit_id=2) == SILENT
     bench.line.stray(bench.now_ns, unit_id=2)  # it starts and says something
     bench.wait(150)
-    ask(bench, write(COMMAND, 70_000))
+    bench.ask(write(COMMAND, 70_000), unit_id=2)
     assert bench.seen[-1] == write(COMMAND, 70_000)
 
 
@@ -277,7 +258,7 @@ def test_w11_a_short_back_off_keeps_the_reference() -> None:
     bench = homing_line()
     leave_unanswered(bench, 3)  # 0.45 s
     bench.wait(200)
-    ask(bench, write(COMMAND, 70_000))
+    bench.ask(write(COMMAND, 70_000), unit_id=2)
     assert bench.seen[-1] == write(COMMAND, 70_010)
     assert bench.seen[0] == read(ACTUAL)
 
@@ -295,13 +276,13 @@ def test_w11_the_homed_bit_is_read_before_a_write_passes_again() -> None:
     plan = axis_plan(unit_id=2, referenced=Reference.DRIVE_BIT, bits={"homed": homed}, lost_ms=1000.0)
     bench = line(plan)
     bench.memory.words[homed.address] = 1
-    ask(bench, write(COMMAND, 60_000))
+    bench.ask(write(COMMAND, 60_000), unit_id=2)
     assert bench.memory.get(COMMAND) == 60_010
     leave_unanswered(bench, 3)
     bench.wait(200)
     bench.memory.words[homed.address] = 0
     bench.seen.clear()
-    ask(bench, write(COMMAND, 70_000))
+    bench.ask(write(COMMAND, 70_000), unit_id=2)
     assert bench.seen == [read(ACTUAL), bytes.fromhex("03 0100 0001"), write(COMMAND, 70_000)]
 
 
@@ -310,9 +291,7 @@ def test_w11_the_homed_bit_is_read_before_a_write_passes_again() -> None:
 
 def test_w6_a_read_of_another_unit_goes_without_the_silence_and_a_write_waits_for_it() -> None:
     bench, panel = line(), controller("panel")
-    bench.send(OTHER, unit_id=2)
-    bench.link.sent.clear()
-    bench.wait(100)
+    bench.missed(OTHER, 100, unit_id=2)
     bench.send(OTHER, unit_id=1)
     assert bench.link.sent.pop() == (1, OTHER)
     bench.line.reply(1, ANSWER, bench.now_ns)
@@ -320,35 +299,24 @@ def test_w6_a_read_of_another_unit_goes_without_the_silence_and_a_write_waits_fo
     bench.send(OTHER, unit_id=1)  # of the same controller: behind its write
     bench.send(OTHER, panel, unit_id=2)  # another function or size would be no proof either
     assert bench.link.sent == []
-    bench.wait(49)
-    assert bench.link.sent == []
-    bench.wait(1)
-    assert bench.link.take() == bytes.fromhex("06 0700 0001")
+    assert bench.leaves_after(50)[1] == bytes.fromhex("06 0700 0001")
 
 
 @pytest.mark.parametrize("pdu", ["04 0700 0001", "03 0700 0002", "01 0700 0001"])
 def test_w6_the_silent_unit_itself_is_asked_nothing_before_the_silence(pdu: str) -> None:
     bench = line()
-    bench.send(OTHER, unit_id=2)
-    bench.link.sent.clear()
-    bench.wait(100)
+    bench.missed(OTHER, 100, unit_id=2)
     bench.send(bytes.fromhex(pdu), unit_id=2)
-    assert bench.link.sent == []
-    bench.wait(50)
-    assert bench.link.take() == bytes.fromhex(pdu)
+    assert bench.leaves_after(50)[1] == bytes.fromhex(pdu)
 
 
 @pytest.mark.parametrize("is_owed_by_unit", [True, False])
-def test_w6_a_silence_through_which_the_gateway_stood_still_ends_when_what_came_has_been_read(
-    *, is_owed_by_unit: bool
-) -> None:
+def test_w6_a_silence_over_a_standstill_ends_when_what_came_is_read(*, is_owed_by_unit: bool) -> None:
     """The process stops after the time-out, for longer than the silence. Meanwhile its drive answers
     late, and its controller asks again. What is read first is chance: the request waits for the port."""
     bench = line()
     if is_owed_by_unit:
-        bench.send(OTHER, unit_id=2)
-        bench.link.sent.clear()
-        bench.wait(100)
+        bench.missed(OTHER, 100, unit_id=2)
     else:
         bench.line.stray(bench.now_ns, unit_id=2)  # a frame that nobody asked for: the whole line rests
     bench.now_ns += 60 * MS
@@ -356,37 +324,27 @@ def test_w6_a_silence_through_which_the_gateway_stood_still_ends_when_what_came_
     assert bench.link.sent == []
     bench.line.stray(bench.now_ns, unit_id=2)
     bench.wait(0)
-    assert bench.link.sent == []
-    bench.wait(50)
-    assert bench.link.take() == OTHER
+    assert bench.leaves_after(50)[1] == OTHER
 
 
 @pytest.mark.parametrize(("unit_id", "pdu"), [(1, "06 0700 0001"), (0, "06 0700 0001"), (1, "65 00")])
 def test_w6_writes_and_broadcasts_do_not_wait_for_a_dead_unit(unit_id: int, pdu: str) -> None:
     bench = line()
-    for missed in range(3):
-        bench.send(OTHER, unit_id=2)
-        bench.link.sent.clear()
-        bench.wait(100)
-        if missed < 2:
-            bench.wait(50)
+    leave_unanswered(bench, 2)
+    bench.missed(OTHER, 100, unit_id=2)
     bench.send(bytes.fromhex(pdu), unit_id=unit_id)
     assert bench.link.sent == [(unit_id, bytes.fromhex(pdu))]
 
 
 def test_w6_after_a_unit_that_was_late_once_everybody_waits_for_ten_minutes() -> None:
     bench = line()
-    bench.send(OTHER, unit_id=2)
-    bench.link.sent.clear()
-    bench.wait(100)
+    bench.missed(OTHER, 100, unit_id=2)
     bench.line.stray(bench.now_ns, unit_id=2)
 
     def waits_ms() -> float:
         """How long a read of unit 1 waits after a time-out of unit 2."""
         bench.wait(1000)
-        bench.send(OTHER, unit_id=2)
-        bench.link.sent.clear()
-        bench.wait(100)
+        bench.missed(OTHER, 100, unit_id=2)
         bench.send(OTHER, unit_id=1)
         waited_ms = 0.0
         while not bench.link.sent:
@@ -408,34 +366,21 @@ def test_w6_a_dead_unit_that_was_ever_late_keeps_writes_waiting_for_good() -> No
     bench = line()
     bench.line.stray(bench.now_ns, unit_id=2)
     bench.wait(700_000)
-    for missed in range(3):
-        bench.send(OTHER, unit_id=2)
-        bench.link.sent.clear()
-        bench.wait(100)
-        if missed < 2:
-            bench.wait(50)
+    leave_unanswered(bench, 2)
+    bench.missed(OTHER, 100, unit_id=2)
     bench.send(bytes.fromhex("06 0700 0001"), unit_id=1)
-    assert bench.link.sent == []
-    bench.wait(50)
-    assert bench.link.take() == bytes.fromhex("06 0700 0001")
+    assert bench.leaves_after(50)[1] == bytes.fromhex("06 0700 0001")
 
 
 def test_w6_a_late_frame_of_the_silent_unit_in_the_middle_of_another_exchange_is_remembered() -> None:
     bench = line()
-    bench.send(OTHER, unit_id=2)
-    bench.link.sent.clear()
-    bench.wait(100)
-    bench.send(OTHER, unit_id=1)
-    bench.link.sent.clear()
-    bench.wait(40)
+    bench.missed(OTHER, 100, unit_id=2)
+    bench.missed(OTHER, 40, unit_id=1)
     bench.line.stray(bench.now_ns, unit_id=2)
     bench.line.reply(1, ANSWER, bench.now_ns)
     assert bench.port.replies[-1][2] == ANSWER
     bench.send(OTHER, unit_id=1)
-    bench.wait(49)
-    assert bench.link.sent == []
-    bench.wait(1)
-    assert bench.link.take() == OTHER
+    assert bench.leaves_after(50)[1] == OTHER
 
 
 # --- stops -------------------------------------------------------------------------------------------------
@@ -454,10 +399,7 @@ def stoppable() -> Bench:
 
 def time_out(bench: Bench) -> None:
     """Unit 2 does not answer, and the line waits for its late reply."""
-    bench.send(OTHER, unit_id=2)
-    bench.link.sent.clear()
-    bench.wait(100)
-    bench.port.replies.clear()
+    bench.unanswered(OTHER, 100, unit_id=2)
 
 
 @pytest.mark.parametrize("unit_id", [1, 2])
@@ -476,15 +418,10 @@ def test_m3_a_stop_goes_at_once_on_a_line_that_waits_for_a_late_reply(unit_id: i
 def test_m3_only_an_exact_echo_answers_it_else_it_goes_once_more_after_the_silence(reply: str) -> None:
     bench = stoppable()
     time_out(bench)
-    bench.send(STOP, unit_id=2)
-    bench.link.sent.clear()
-    bench.wait(20)
+    bench.missed(STOP, 20, unit_id=2)
     bench.line.reply(2, bytes.fromhex(reply), bench.now_ns)
     assert bench.port.replies == []
-    bench.wait(49)
-    assert bench.link.sent == []
-    bench.wait(1)
-    assert bench.link.sent.pop() == (2, STOP)
+    assert bench.leaves_after(50) == (2, STOP)
     bench.line.reply(2, bytes.fromhex("86 04"), bench.now_ns)  # now it is its own
     assert bench.port.take() == bytes.fromhex("86 04")
     bench.wait(1000)
@@ -495,9 +432,7 @@ def test_w6_the_late_echo_of_a_stop_that_was_given_up_early_answers_nothing_else
     """A late frame ends the wait for the stop after 20 ms; its own echo may still come, for 150 ms in all."""
     bench = stoppable()
     time_out(bench)
-    bench.send(STOP, unit_id=2)
-    bench.link.sent.clear()
-    bench.wait(20)
+    bench.missed(STOP, 20, unit_id=2)
     bench.line.reply(2, bytes.fromhex("03 02 0005"), bench.now_ns)
     bench.wait(50)
     assert bench.link.sent.pop() == (2, STOP)
@@ -529,10 +464,7 @@ def test_m3_the_acknowledgement_of_several_registers_may_be_that_of_a_write_befo
 def test_m3_a_stop_that_nobody_answers_goes_twice_and_then_its_controller_is_told() -> None:
     bench = stoppable()
     time_out(bench)
-    bench.send(STOP, unit_id=2)
-    bench.link.sent.clear()
-    bench.wait(100)
-    assert bench.port.replies == []
+    assert bench.unanswered(STOP, 100, unit_id=2) == []
     bench.wait(50)
     assert bench.link.sent.pop() == (2, STOP)
     bench.wait(100)
@@ -590,9 +522,7 @@ def test_m3_between_two_of_these_stops_each_other_controller_gets_an_exchange() 
 
 @pytest.mark.parametrize("serial", [False, True])
 @pytest.mark.parametrize("ms", [1000.0, 300.0])
-def test_w11_polled_in_turn_with_a_dead_drive_the_other_answers_within_20_ms_and_loses_nothing(
-    *, ms: float, serial: bool
-) -> None:
+def test_w11_beside_a_dead_drive_the_other_answers_within_20_ms_each_time(*, ms: float, serial: bool) -> None:
     bench = Bench(timing=LineTiming(response_timeout_ms=ms, drain_ms=ms), serial=serial)
     bench.port = controller("plc", serial=serial, timeout_ms=ms)
     asked = polled_in_turn(bench, 12)  # two trials at least

@@ -6,7 +6,7 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import Action, ModePlan, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.control import switch
-from gateway.exchange.plan import ControllerPlan, Reference
+from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Port, axis_plan, read, write
 from tests.exchange.staged_bench import (
@@ -28,17 +28,29 @@ WIDE = PositionField(0x050C, COMMAND.type, COMMAND.order)
 """A target right before the trigger register: one frame can hold both."""
 
 
-def test_m2_a_staged_target_goes_out_corrected_and_its_trigger_runs_it() -> None:
-    bench = StagedBench()
+def standing(*plans: AxisPlan, **others: bool) -> StagedBench:
+    """An axis that went to 50 mm, forward."""
+    bench = StagedBench(*plans, **others)
     bench.go_to(50_000)
+    return bench
+
+
+def written(bench: StagedBench, trigger: bytes) -> list[str]:
+    """Run a trigger; return what the drive was written for it."""
+    bench.writes()
+    bench.trigger(trigger)
+    return bench.writes()
+
+
+def test_m2_a_staged_target_goes_out_corrected_and_its_trigger_runs_it() -> None:
+    bench = standing()
     assert bench.drive.moves == [("absolute", 50_010)]
     assert ACTUAL.unpack(bench.ask(read(ACTUAL))[2:]) == 50_000
 
 
 def test_m2_staging_alone_moves_nothing_and_changes_no_reading() -> None:
     # A11: before the trigger of a staged move the readback must not change.
-    bench = StagedBench()
-    bench.go_to(50_000)
+    bench = standing()
     bench.stage(20_000)
     assert bench.drive.moves == [("absolute", 50_010)]
     assert bench.actual() == 50_000
@@ -46,8 +58,7 @@ def test_m2_staging_alone_moves_nothing_and_changes_no_reading() -> None:
 
 
 def test_a1_a_target_that_the_gateway_refused_is_not_replaced_by_the_old_one() -> None:
-    bench = StagedBench(staged_plan(motion=ONLY_ABSOLUTE, travel=(0.0, 100.0)))
-    bench.go_to(50_000)
+    bench = standing(staged_plan(motion=ONLY_ABSOLUTE, travel=(0.0, 100.0)))
     assert bench.refused(write(COMMAND, 150_000)) == 4
     assert bench.refused(RUN_PDU) == 4
     assert bench.refused(RUN_PDU) == 4
@@ -59,11 +70,9 @@ def test_a1_a_target_that_the_gateway_refused_is_not_replaced_by_the_old_one() -
 
 @pytest.mark.parametrize("code", [1, 2, 3, 4, 6, 0x27, 0x35])
 def test_a1_a_target_that_the_drive_refused_refuses_its_trigger_with_the_same_code(code: int) -> None:
-    bench = StagedBench()
-    bench.go_to(50_000)
+    bench = standing()
     bench.send(write(COMMAND, 20_000))
-    bench.link.take()
-    bench.line.reply(1, bytes((0x90, code)), bench.now_ns)
+    bench.answers(bytes((0x90, code)))
     assert bench.port.take() == bytes((0x90, code))
     assert bench.refused(RUN_PDU) == code
     bench.go_to(20_000)
@@ -71,19 +80,13 @@ def test_a1_a_target_that_the_drive_refused_refuses_its_trigger_with_the_same_co
 
 
 def test_a1_a_target_that_was_never_answered_refuses_its_trigger_on_a_serial_line_too() -> None:
-    bench = StagedBench()
-    bench.go_to(50_000)
-    bench.send(write(COMMAND, 20_000))
-    bench.link.sent.clear()
-    bench.wait(1000)
-    bench.wait(1000)  # the line was silent long enough
-    assert bench.port.replies == []
+    bench = standing()
+    assert bench.unanswered(write(COMMAND, 20_000), 1000, 1000) == []  # the line was silent long enough
     assert bench.refused(RUN_PDU) == 0x0B
 
 
 def test_a1_a_withdrawn_target_refuses_its_trigger() -> None:
-    bench = StagedBench()
-    bench.go_to(50_000)
+    bench = standing()
     bench.send(bytes.fromhex("03 0800 0001"), Port(ControllerPlan("hmi")))
     bench.send(write(COMMAND, 20_000))  # waits
     bench.send(RUN_PDU)  # the serial controller has gone on: its target is withdrawn
@@ -94,8 +97,7 @@ def test_a1_a_withdrawn_target_refuses_its_trigger() -> None:
 
 @pytest.mark.parametrize("pdu", [STOP_PDU, bytes.fromhex("06 0800 0001"), read(ACTUAL)])
 def test_m3_a_blocked_axis_refuses_triggers_and_nothing_else(pdu: bytes) -> None:
-    bench = StagedBench(staged_plan(motion=ONLY_ABSOLUTE, travel=(0.0, 100.0)))
-    bench.go_to(50_000)
+    bench = standing(staged_plan(motion=ONLY_ABSOLUTE, travel=(0.0, 100.0)))
     bench.refused(write(COMMAND, 150_000))
     assert bench.ask(pdu)[0] == pdu[0]
 
@@ -104,8 +106,7 @@ def test_a2_direction_is_decided_at_the_trigger_from_where_the_axis_is_then() ->
     # Standing at 0, on the way to 100; at 30 the controller stages 50, waits, and triggers: 100 -> 50 is
     # backward, although 30 -> 50 was forward when it was staged.
     bench = StagedBench()
-    bench.stage(100_000)
-    bench.trigger()
+    bench.run(100_000)
     bench.drive.pass_by(30_000)
     assert bench.actual() == 29_997  # 10 counts forward, of which 70 % of the way is still to come
     bench.stage(50_000)
@@ -118,22 +119,16 @@ def test_a2_direction_is_decided_at_the_trigger_from_where_the_axis_is_then() ->
 
 
 def test_m2_a_trigger_whose_words_are_right_already_adds_no_frame() -> None:
-    bench = StagedBench()
-    bench.go_to(50_000)
+    bench = standing()
     bench.stage(60_000)
-    bench.writes()
-    bench.trigger()
-    assert bench.writes() == [RUN_HEX]
+    assert written(bench, RUN_PDU) == [RUN_HEX]
 
 
 def test_a2_a_gain_or_table_switched_between_staging_and_trigger_counts_at_the_trigger() -> None:
-    bench = StagedBench()
-    bench.go_to(50_000)
+    bench = standing()
     bench.stage(60_000)
     assert switch(bench.line.axes, "x", is_on=False) == ("x",)
-    bench.writes()
-    bench.trigger()
-    assert bench.writes() == [write(COMMAND, 60_000).hex(" "), RUN_HEX]
+    assert written(bench, RUN_PDU) == [write(COMMAND, 60_000).hex(" "), RUN_HEX]
 
 
 def test_m2_the_trigger_waits_for_the_acknowledgement_of_the_restaged_target() -> None:
@@ -142,8 +137,7 @@ def test_m2_the_trigger_waits_for_the_acknowledgement_of_the_restaged_target() -
     bench.stage(50_000)
     switch(bench.line.axes, "x", is_on=False)
     bench.send(RUN_PDU)
-    assert bench.link.take() == write(COMMAND, 50_000)
-    bench.line.reply(1, bytes.fromhex("90 04"), bench.now_ns)
+    assert bench.answers(bytes.fromhex("90 04")) == write(COMMAND, 50_000)
     assert bench.link.sent == []
     assert bench.port.take() == bytes.fromhex("86 04")
     assert bench.refused(RUN_PDU) == 4
@@ -156,16 +150,13 @@ def test_m2_a_restaged_target_that_was_never_acknowledged_runs_nothing() -> None
     bench.go_to(100_000)
     bench.stage(50_000)
     switch(bench.line.axes, "x", is_on=False)
-    bench.send(RUN_PDU)
-    bench.link.take()
-    bench.wait(1000)
+    bench.missed(RUN_PDU, 1000)
     assert bench.port.take() == bytes.fromhex("86 0B")
     assert bench.refused(RUN_PDU) == 0x0B
 
 
 def test_w8_without_added_frames_a_trigger_that_needs_one_is_refused() -> None:
-    bench = StagedBench(staged_plan(added_frames=False))
-    bench.go_to(50_000)
+    bench = standing(staged_plan(added_frames=False))
     bench.stage(60_000)
     switch(bench.line.axes, "x", is_on=False)
     assert bench.refused(RUN_PDU) == 4
@@ -173,8 +164,7 @@ def test_w8_without_added_frames_a_trigger_that_needs_one_is_refused() -> None:
 
 def test_w8_without_added_frames_the_same_target_again_is_made_for_where_the_axis_stands_now() -> None:
     """It was jogged past its target, so that it has to come from the other side."""
-    bench = StagedBench(staged_plan(added_frames=False))
-    bench.go_to(50_000)
+    bench = standing(staged_plan(added_frames=False))
     bench.stage(60_000)
     bench.drive.put(ACTUAL, 90_000)
     bench.actual()
@@ -204,8 +194,7 @@ def test_a_trigger_whose_target_came_from_before_the_gateway_is_refused() -> Non
 
 
 def test_a19_the_start_of_a_stored_position_is_refused_unless_it_may_pass_uncorrected() -> None:
-    bench = StagedBench()
-    bench.go_to(50_000)
+    bench = standing()
     assert bench.refused(STORED_PDU) == 4
     passing = sticky(passes_stored_moves=True)
     bench = StagedBench(staged_plan(motion=passing))
@@ -217,15 +206,14 @@ def test_a19_the_start_of_a_stored_position_is_refused_unless_it_may_pass_uncorr
 
 
 def set_mode(bench: StagedBench, value: int) -> None:
-    pdu = bytes((6,)) + MODE.to_bytes(2, "big") + value.to_bytes(2, "big")
+    pdu = bytes.fromhex(f"06 {MODE:04X} {value:04X}")
     assert bench.ask(pdu) == pdu
 
 
 def test_m2_a_mode_that_was_never_seen_is_read() -> None:
     bench = StagedBench(staged_plan(motion=sticky()))
     bench.memory.words[MODE] = 1
-    bench.stage(50_000)
-    bench.trigger()
+    bench.run(50_000)
     assert bytes.fromhex("03 0700 0001") in bench.seen
     assert bench.drive.moves == [("absolute", 50_010)]
 
@@ -245,8 +233,7 @@ def test_m2_a_mode_that_comes_after_the_target_counts() -> None:
 def test_an_unknown_mode_passes_untouched_and_is_counted(value: int) -> None:
     bench = StagedBench(staged_plan(motion=sticky()))
     set_mode(bench, value)
-    bench.stage(50_000)
-    bench.trigger()
+    bench.run(50_000)
     assert bench.memory.get(COMMAND) == 50_000
     assert bench.line.counters.unknown_modes == 1
     assert bench.kinds().count("unknown-mode") == 1
@@ -262,8 +249,7 @@ def test_m2_what_the_drive_keeps_is_not_run_in_a_mode_that_it_does_not_tell(befo
         bench.line.link_up(bench.now_ns)
     bench.drive.put(COMMAND, 5_010)  # 5000 as the gateway before this one corrected it
     bench.send(RUN_PDU)
-    assert bench.link.take() == bytes.fromhex("03 0700 0001")
-    bench.line.reply(1, bytes.fromhex("83 04"), bench.now_ns)
+    assert bench.answers(bytes.fromhex("83 04")) == bytes.fromhex("03 0700 0001")
     assert (bench.port.take(), bench.link.sent) == (bytes.fromhex("86 04"), [])
     assert bench.kinds()[-1] == "stored-move"
     set_mode(bench, 1)
@@ -284,23 +270,19 @@ def test_m3_a_lost_mode_refuses_triggers_until_it_was_accepted() -> None:
     set_mode(bench, 1)
     bench.go_to(50_000)
     bench.send(bytes.fromhex("06 0700 0002"))
-    bench.link.take()
-    bench.line.reply(1, bytes.fromhex("86 04"), bench.now_ns)
+    bench.answers(bytes.fromhex("86 04"))
     bench.port.take()
     bench.stage(60_000)
     assert bench.refused(RUN_PDU) == 4
     set_mode(bench, 2)
-    bench.stage(10_000)
-    bench.trigger()
-    assert bench.drive.moves[-1] == ("relative", 60_010)
+    assert bench.run(10_000) == ("relative", 60_010)
 
 
 # --- stops ------------------------------------------------------------------------------------------------
 
 
 def test_m3_a_stop_goes_to_the_head_of_the_queue_and_withdraws_what_would_move_its_axis() -> None:
-    bench = StagedBench(serial=False)
-    bench.go_to(50_000)
+    bench = standing(serial=False)
     hmi = Port(ControllerPlan("hmi"))
     bench.send(bytes.fromhex("03 0800 0001"), hmi)
     bench.send(write(COMMAND, 20_000), transaction_id=1)
@@ -318,8 +300,7 @@ def test_m3_a_stop_goes_to_the_head_of_the_queue_and_withdraws_what_would_move_i
 
 
 def test_m3_a_stop_overtakes_a_move_that_is_still_being_prepared() -> None:
-    bench = StagedBench(serial=False)
-    bench.go_to(50_000)
+    bench = standing(serial=False)
     bench.stage(20_000)
     bench.wait(5000)
     bench.drive.set_bits(is_done=False)
@@ -343,11 +324,9 @@ def test_m3_a_stop_is_sent_although_the_queue_is_full() -> None:
 
 
 def test_a4e_a_stop_between_the_halves_of_a_target_passes_at_once() -> None:
-    bench = StagedBench()
-    bench.go_to(50_000)
+    bench = standing()
     assert bench.ask(bytes.fromhex("06 0606 4E20")) == bytes.fromhex("06 0606 4E20")
-    bench.trigger(STOP_PDU)
-    assert bench.drive.moves[-1][0] == "stop"
+    assert bench.trigger(STOP_PDU)[0] == "stop"
 
 
 # --- broadcasts -------------------------------------------------------------------------------------------
@@ -361,8 +340,7 @@ def broadcast(bench: StagedBench, pdu: bytes) -> None:
 
 
 def test_a18_a_broadcast_trigger_runs_what_is_right_already() -> None:
-    bench = StagedBench()
-    bench.go_to(50_000)
+    bench = standing()
     bench.stage(60_000)
     broadcast(bench, RUN_PDU)
     assert bench.drive.moves[-1] == ("absolute", 60_010)
@@ -372,9 +350,7 @@ def test_a18_a_broadcast_trigger_is_refused_while_an_axis_is_blocked() -> None:
     other = staged_plan(name="y", unit_id=2, motion=ONLY_ABSOLUTE, travel=(0.0, 100.0))
     bench = StagedBench(staged_plan(), other)
     bench.stage(60_000)
-    bench.send(write(COMMAND, 150_000), unit_id=2)
-    bench.serve()
-    assert bench.port.take() == bytes.fromhex("90 04")
+    assert bench.ask(write(COMMAND, 150_000), unit_id=2) == bytes.fromhex("90 04")
     broadcast(bench, RUN_PDU)
     assert bench.drive.moves == []
 
@@ -387,8 +363,7 @@ def test_a18_a_broadcast_stop_always_passes() -> None:
 
 
 def test_a18_after_a_broadcast_trigger_the_place_of_the_axis_is_read_before_it_is_used() -> None:
-    bench = StagedBench()
-    bench.go_to(50_000)
+    bench = standing()
     bench.stage(60_000)
     broadcast(bench, RUN_PDU)
     bench.drive.arrive()
@@ -403,16 +378,14 @@ def test_a18_after_a_broadcast_trigger_the_place_of_the_axis_is_read_before_it_i
 
 
 def test_a_homing_command_passes_and_positions_pass_unchanged_until_the_drive_is_homed() -> None:
-    bench = StagedBench(staged_plan(referenced=Reference.DRIVE_BIT))
-    bench.go_to(50_000)
+    bench = standing(staged_plan(referenced=Reference.DRIVE_BIT))
     bench.trigger(HOME_PDU)
     bench.drive.set_bits(is_done=False, is_homed=False)
     bench.drive.pass_by(123)
     assert bench.actual() == 123
     bench.drive.set_bits(is_done=True, is_homed=True)
     bench.wait(500)
-    bench.go_to(20_000)
-    assert bench.drive.moves[-1] == ("absolute", 20_010)
+    assert bench.go_to(20_000) == ("absolute", 20_010)
 
 
 def test_m2_a_staged_target_is_given_back_as_it_came_when_its_mode_is_unknown_at_the_trigger() -> None:
@@ -421,19 +394,17 @@ def test_m2_a_staged_target_is_given_back_as_it_came_when_its_mode_is_unknown_at
     bench.go_to(50_000)
     bench.stage(60_000)
     set_mode(bench, 9)
-    bench.writes()
-    bench.trigger()
-    assert bench.writes() == [write(COMMAND, 60_000).hex(" "), RUN_HEX]
+    assert written(bench, RUN_PDU) == [write(COMMAND, 60_000).hex(" "), RUN_HEX]
     assert bench.line.counters.unknown_modes == 1
 
 
 def test_m2_a_trigger_value_that_the_map_does_not_list_runs_what_the_controller_wrote() -> None:
-    bench = StagedBench()
-    bench.go_to(50_000)
+    bench = standing()
     bench.stage(60_000)
-    bench.writes()
-    assert bench.ask(bytes.fromhex("06 050E 0077")) == bytes.fromhex("06 050E 0077")
-    assert bench.writes() == [write(COMMAND, 60_000).hex(" "), "06 05 0e 00 77"]
+    assert written(bench, bytes.fromhex("06 050E 0077")) == [
+        write(COMMAND, 60_000).hex(" "),
+        "06 05 0e 00 77",
+    ]
 
 
 # --- sequences that several rules have a part in ---------------------------------------------------------
@@ -460,8 +431,7 @@ def test_m2_following_is_switched_on_before_any_target_and_each_is_corrected_the
     assert bench.ask(follow) == follow
     bench.ask(write(COMMAND, 50_000))
     assert bench.drive.get(COMMAND) == 50_010
-    accepted = bench.line.axes[0].compensation.accepted
-    assert accepted is not None
+    assert bench.line.axes[0].compensation.accepted is not None
 
 
 def test_m2_targets_pass_as_they_come_while_the_trigger_register_holds_something_unknown() -> None:
@@ -476,8 +446,7 @@ def test_m2_an_opcode_frame_that_is_too_short_passes_as_it_came() -> None:
     bench = Bench(axis_plan(command=(block,), actual=()))
     bench.ask(bytes.fromhex("10 00F5 0004 08 0002 012C 0000 C350"))
     short = bytes.fromhex("10 00F5 0003 06 0002 012C 0001")
-    bench.ask(short)
-    assert bench.seen[-1] == short
+    assert bench.sent_for(short) == short
 
 
 def test_m2_what_passed_untouched_reads_back_as_it_was_written() -> None:
@@ -485,8 +454,7 @@ def test_m2_what_passed_untouched_reads_back_as_it_was_written() -> None:
     bench = Bench(axis_plan(motion=MotionPlan(modes=(mode,))))
     bench.ask(bytes.fromhex("10 0605 0003 06 0000") + COMMAND.pack(50_000))
     bench.memory.put(ACTUAL, bench.memory.get(COMMAND))
-    bench.ask(write(COMMAND, 33))
-    assert bench.memory.get(COMMAND) == 33
+    assert bench.command(33) == 33
     assert COMMAND.unpack(bench.ask(read(COMMAND))[2:]) == 33
 
 

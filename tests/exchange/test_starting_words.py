@@ -39,17 +39,14 @@ def test_m1_a_whole_target_is_gone_to_at_once() -> None:
 
 def test_m1_the_word_that_starts_nothing_waits_and_goes_out_as_it_came() -> None:
     bench = starting_bench()
-    high = bytes.fromhex("06 9900 0002")
-    assert bench.ask(high) == high
-    assert bench.seen == [high]
-    accepted = bench.line.axes[0].compensation.accepted
-    assert accepted is not None
-    assert accepted.nominal_counts == 65_530
+    assert bench.ask(HIGH_WORD) == HIGH_WORD
+    assert bench.seen == [HIGH_WORD]
+    assert told(bench) == (65_530, 65_540)
 
 
 def test_m1_the_starting_word_sends_the_whole_position_corrected() -> None:
     bench = starting_bench()
-    bench.ask(bytes.fromhex("06 9900 0002"))
+    bench.ask(HIGH_WORD)
     low = bytes.fromhex("06 9901 0000")
     assert bench.ask(low) == low
     # 0x0002_0000 = 131 072, forward
@@ -89,9 +86,7 @@ def test_m2_the_relative_flag_counts_for_one_move_only() -> None:
     relative = bytes.fromhex("10 9900 0009 12 0000 03E8 0000 0000 0000 0000 0000 0000 0008")
     bench.ask(relative)
     assert bench.seen[-1][6:10] == (1000).to_bytes(4, "big")
-    accepted = bench.line.axes[0].compensation.accepted
-    assert accepted is not None
-    assert accepted.nominal_counts == 66_530
+    assert told(bench) == (66_530, 66_540)
     bench.memory.put(ACTUAL, 66_540)
     bench.wait(1000)
     bench.ask(write(TARGET, 60_000))
@@ -101,23 +96,19 @@ def test_m2_the_relative_flag_counts_for_one_move_only() -> None:
 @pytest.mark.parametrize("flags", [1, 2, 9, 0x8000])
 def test_unknown_flags_pass_untouched_and_are_counted(flags: int) -> None:
     bench = starting_bench()
-    frame = bytes.fromhex("10 9900 0009 12 0000 03E8 0000 0000 0000 0000 0000 0000") + flags.to_bytes(
-        2, "big"
-    )
-    bench.ask(frame)
-    assert bench.seen[-1] == frame
+    frame = bytes.fromhex(f"10 9900 0009 12 0000 03E8 0000 0000 0000 0000 0000 0000 {flags:04X}")
+    assert bench.sent_for(frame) == frame
     assert bench.line.counters.unknown_modes == 1
 
 
 def test_m3_a_starting_word_after_a_lost_one_is_refused() -> None:
     bench = starting_bench()
-    bench.send(bytes.fromhex("06 9900 0002"))
-    bench.link.take()
-    bench.line.reply(1, bytes.fromhex("86 04"), bench.now_ns)
+    bench.send(HIGH_WORD)
+    bench.answers(bytes.fromhex("86 04"))
     bench.port.take()
     bench.wait(300)
     assert bench.ask(bytes.fromhex("06 9901 0000")) == bytes.fromhex("86 04")
-    assert bench.ask(bytes.fromhex("10 9904 0002 04 0000 1388")) == bytes.fromhex("90 04")
+    assert bench.ask(SPEED_ALONE) == bytes.fromhex("90 04")
 
 
 # --- what the gateway adds starts nothing (M2, W5) ----------------------------------------------------------
@@ -168,8 +159,7 @@ def refuse_speed(bench: Bench) -> None:
     assert bench.memory.read(SPEED, 2) == bytes(4)
     assert bench.line.axes[0].motion.state is MotionState.ARRIVED
     assert told(bench) == (65_530, 65_540)
-    reason = bench.events[-1].detail
-    assert "writing it starts the move" in reason
+    assert "writing it starts the move" in bench.events[-1].detail
     bench.seen.clear()
 
 
@@ -266,12 +256,11 @@ def test_a_kill_after_a_refused_trigger_finds_the_target_that_the_drive_goes_to(
     bench.memory.words[DONE.address] = 1 << DONE.bit
     bench.now_ns += 3000 * MS
     again = bench.restarted()
-    assert len(again.told) == 1
-    assert again.told[0].startswith("goes on from its record: nominal 131.056 mm, the drive at 131066 counts")
+    [told] = again.told
+    assert told.startswith("goes on from its record: nominal 131.056 mm, the drive at 131066 counts")
     assert again.ask(read(ACTUAL)) == bytes.fromhex("03 04 0001 FFF0")
     again.seen.clear()
-    again.ask(write(TARGET, 132_000))
-    assert again.seen[-1] == write(TARGET, 132_010)
+    assert again.sent_for(write(TARGET, 132_000)) == write(TARGET, 132_010)
     assert again.line.axes[0].is_unsure is False
 
 
@@ -320,5 +309,5 @@ def test_m5_a_distance_whose_rewriting_would_start_it_is_refused() -> None:
     assert bench.ask(flags) == flags
     bench.seen.clear()
     # the speed runs 65 530 as a distance; the drive holds 65 540, and writing it anew would already be a move
-    assert bench.ask(bytes.fromhex("10 9904 0002 04 0000 1388")) == bytes.fromhex("90 04")
+    assert bench.ask(SPEED_ALONE) == bytes.fromhex("90 04")
     assert [pdu for pdu in bench.seen if pdu[0] != 3] == []

@@ -69,14 +69,11 @@ def test_m3_a_stop_passes_where_everything_else_is_refused() -> None:
 def test_m5_after_a_stop_the_same_target_again_is_a_move_from_where_the_axis_stands() -> None:
     bench = StagedBench()
     bench.go_to(10_000)
-    bench.stage(90_000)
-    bench.trigger()
+    bench.run(90_000)
     bench.drive.pass_by(95_000)  # overshot
     bench.trigger(STOP_PDU)
     bench.settle()
-    bench.stage(90_000)
-    bench.trigger()
-    assert bench.drive.moves[-1] == ("absolute", 89_990)
+    assert bench.run(90_000) == ("absolute", 89_990)
 
 
 def test_a_target_staged_before_homing_is_written_anew_before_it_runs() -> None:
@@ -87,34 +84,25 @@ def test_a_target_staged_before_homing_is_written_anew_before_it_runs() -> None:
     bench.drive.set_bits(is_done=True)
     bench.wait(500)
     bench.poll()
-    bench.trigger()
-    assert bench.drive.moves[-1] == ("absolute", 50_010)
+    assert bench.trigger() == ("absolute", 50_010)
 
 
 def test_m6_after_a_stop_the_branch_is_still_known() -> None:
     # Standing at 50 000 by a backward move (49 990). A target 20 counts further back is told 49 990 on the
     # forward branch, where the axis stands already: it is backward all the same.
     bench = StagedBench()
-    bench.go_to(80_000)
-    bench.go_to(50_000)
+    bench.go_to(80_000, 50_000)
     bench.trigger(STOP_PDU)
     bench.poll()
-    bench.stage(49_980)
-    bench.trigger()
-    assert bench.drive.moves[-1:] == [("absolute", 49_970)]
+    assert bench.run(49_980) == ("absolute", 49_970)
 
 
 def test_m7_one_lost_reply_is_no_silence() -> None:
     bench = StagedBench()
-    bench.go_to(80_000)
-    bench.go_to(50_000)
-    bench.send(write(COMMAND, 30_000))
-    bench.link.sent.clear()
-    bench.wait(1000)
+    bench.go_to(80_000, 50_000)
+    bench.missed(write(COMMAND, 30_000), 1000)
     bench.wait(5000)
-    bench.stage(49_980)
-    bench.trigger()
-    assert bench.drive.moves[-1:] == [("absolute", 49_970)]
+    assert bench.run(49_980) == ("absolute", 49_970)
 
 
 def test_m3_a_stop_beside_a_target_waits_for_no_register_that_nobody_has_seen() -> None:
@@ -170,25 +158,19 @@ def test_m3_a_stop_of_two_axes_withdraws_the_targets_of_both() -> None:
     assert bench.drive.get(other) == 0
 
 
-def ask(bench: StagedBench, unit_id: int, pdu: bytes) -> bytes:
-    bench.send(pdu, unit_id=unit_id)
-    bench.serve()
-    return bench.port.take()
-
-
 def test_w7_a_trigger_to_another_name_of_the_unit_is_refused_and_a_stop_is_not() -> None:
     bench = StagedBench(serial=False, tcp_drive=True)
     bench.stage(50_000)
     for unit_id in (0, 255):
-        assert ask(bench, unit_id, RUN_PDU) == bytes.fromhex("86 0A")
-        assert ask(bench, unit_id, ZERO_PDU) == bytes.fromhex("86 0A")
-        assert ask(bench, unit_id, STOP_PDU) == STOP_PDU
+        assert bench.ask(RUN_PDU, unit_id=unit_id) == bytes.fromhex("86 0A")
+        assert bench.ask(ZERO_PDU, unit_id=unit_id) == bytes.fromhex("86 0A")
+        assert bench.ask(STOP_PDU, unit_id=unit_id) == STOP_PDU
 
 
 def test_m3_a_stop_does_not_wait_for_the_frames_that_another_unit_needs() -> None:
     bench = StagedBench(staged_plan(), staged_plan(name="y", unit_id=2), serial=False)
     for unit_id in (1, 2):
-        ask(bench, unit_id, write(COMMAND, 50_000))
+        bench.ask(write(COMMAND, 50_000), unit_id=unit_id)
     bench.send(RUN_PDU, unit_id=2, transaction_id=1)
     assert bench.link.sent[0][1][0] == 3
     bench.send(STOP_PDU, unit_id=1, transaction_id=2)
@@ -231,9 +213,7 @@ def test_m3_a_broadcast_stop_passes_with_a_position_in_its_frame() -> None:
 
 def test_w6_bytes_that_never_end_do_not_keep_the_line_for_ever() -> None:
     bench = StagedBench()
-    bench.send(read(ACTUAL))
-    bench.link.sent.clear()
-    bench.wait(1000)
+    bench.missed(read(ACTUAL), 1000)
     bench.send(STOP_PDU)
     for _ in range(40):
         bench.line.stray(bench.now_ns)
@@ -262,8 +242,7 @@ def two_on_a_unit() -> StagedBench:
     )
     bench = StagedBench(staged_plan(), y, serial=False)
     for counts in (-5000, 20_000):
-        bench.stage(counts)
-        bench.trigger()
+        bench.run(counts)
         bench.wait(100)
         bench.drive.arrive()
         bench.wait(1200)
@@ -278,9 +257,7 @@ def two_on_a_unit() -> StagedBench:
     return bench
 
 
-def test_a_stop_whose_frame_has_a_newer_target_of_another_axis_withdraws_the_trigger_of_the_older_one() -> (
-    None
-):
+def test_a_stop_in_a_frame_with_a_newer_target_withdraws_the_trigger_of_the_older_one() -> None:
     """M2, M3: the trigger of 50 000 has its target on the wire, 49 990 for it comes backward, when a frame
     with 70 000 and a stop of y comes. The trigger is refused, and the next one runs 70 000: 69 990."""
     bench = two_on_a_unit()
@@ -300,8 +277,7 @@ def test_a_stop_whose_frame_has_a_newer_target_of_another_axis_withdraws_the_tri
     assert bench.seen.count(RUN_PDU) == 0
     assert [(number, pdu.hex()) for number, _, pdu in bench.port.replies] == [(1, "8606"), (2, "1006060003")]
     bench.port.replies.clear()
-    bench.trigger()
-    assert bench.drive.moves[-1] == ("absolute", 69_990)
+    assert bench.trigger() == ("absolute", 69_990)
 
 
 def test_what_was_read_for_a_target_before_a_stop_went_first_is_read_again() -> None:
@@ -309,8 +285,7 @@ def test_what_was_read_for_a_target_before_a_stop_went_first_is_read_again() -> 
     x is at 98 000, so 60 000 is backward: 59 990."""
     y = replace(staged_plan(), name="y", unit_id=2)
     bench = Bench(axis_plan(max_speed=200.0), y, serial=False)
-    bench.move(-5000)
-    bench.move(0)
+    bench.move(-5000, 0)
     bench.wait(100)
     bench.actual()
     bench.ask(write(COMMAND, 100_000))
@@ -349,10 +324,7 @@ def test_a_mask_that_clears_the_enable_bit_stops_whatever_the_other_bits_are() -
     control = b"\x06" + CONTROL_WORD.to_bytes(2, "big")
     bench.ask(control + b"\x00\x0f")
     for lost in (write(COMMAND, 5000), control + b"\x00\x0f"):
-        bench.send(lost)
-        bench.link.sent.clear()
-        bench.wait(1001)
-        bench.port.replies.clear()
+        bench.unanswered(lost, 1001)
     bench.seen.clear()
     stop = bytes.fromhex("16 3100 FFFE 0000")
     assert bench.ask(stop) == stop
@@ -379,8 +351,7 @@ def stopped_on_a_flagged_way() -> StagedBench:
     bench = StagedBench(staged_plan(), serial=False)
     bench.go_to(1000)
     for target in (-3000, 1000):
-        bench.stage(target)
-        bench.trigger()
+        bench.run(target)
     assert direction_state(bench.line.axes[0]) == "unsure"
     bench.ask(STOP_PDU)
     return bench
@@ -399,6 +370,5 @@ def test_a_distance_from_a_way_whose_branch_was_assumed_is_flagged() -> None:
     """M5, M6: nobody knows whether 1010 is 1000 forward or 1020 backward."""
     bench = stopped_on_a_flagged_way()
     bench.wait(1200)
-    bench.stage(500)
-    bench.trigger(RUN_RELATIVE_PDU)
+    bench.run(500, RUN_RELATIVE_PDU)
     assert direction_state(bench.line.axes[0]) == "unsure"

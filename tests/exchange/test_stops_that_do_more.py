@@ -8,15 +8,8 @@ from dataclasses import replace
 from gateway.drives.motion import Action, ModePlan, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, Role
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
-from tests.exchange.line_bench import MS, Port, read, write
-from tests.exchange.staged_bench import (
-    DEEDS,
-    STOP,
-    STOP_PDU,
-    TRIGGER,
-    StagedBench,
-    staged_plan,
-)
+from tests.exchange.line_bench import Port, read, write
+from tests.exchange.staged_bench import DEEDS, STOP, STOP_PDU, TRIGGER, StagedBench, staged_plan
 
 OTHER = PositionField(0x0700, RegisterType.INT32, WordOrder.LOW_FIRST)
 OTHER_TRIGGER = 0x0608
@@ -27,7 +20,7 @@ OTHER_TRIGGER = 0x0608
 NEXT_TRIGGER = TRIGGER + 1
 NEXT_ACTUAL = PositionField(0x0720, RegisterType.INT32, WordOrder.LOW_FIRST)
 NEXT_STATUS = 0x005D
-NEXT_STOP_PDU = bytes.fromhex("06 050F 03E8")
+NEXT_RUN_PDU, NEXT_STOP_PDU = bytes.fromhex("06 050F 0001"), bytes.fromhex("06 050F 03E8")
 STRANGE = bytes.fromhex("03 0900 0001")
 
 
@@ -59,12 +52,11 @@ def arrive_next(bench: StagedBench, counts: float | None = None) -> None:
     bench.ask(read(NEXT_ACTUAL))
 
 
-def run_next(bench: StagedBench, *targets: float) -> None:
-    """Stage and run targets of y, one after the other."""
-    for counts in targets:
-        bench.ask(write(OTHER, counts))
-        bench.ask(b"\x06" + NEXT_TRIGGER.to_bytes(2, "big") + b"\0\1")
-        arrive_next(bench)
+def run_next(bench: StagedBench, counts: float) -> float:
+    """Stage and run a target of y; return where it goes."""
+    bench.ask(write(OTHER, counts))
+    bench.ask(NEXT_RUN_PDU)
+    return bench.memory.get(OTHER)
 
 
 def side_by_side(**changes: object) -> StagedBench:
@@ -72,26 +64,22 @@ def side_by_side(**changes: object) -> StagedBench:
     timing = LineTiming(response_timeout_ms=100.0, drain_ms=50.0, retry_ms=200.0)
     bench = StagedBench(staged_plan(), next_plan(**changes), serial=False, timing=timing)
     bench.port = Port(ControllerPlan("cnc", timeout_ms=5000.0))
-    run_next(bench, 0, 5000)
+    for counts in (0, 5000):
+        run_next(bench, counts)
+        arrive_next(bench)
     return bench
 
 
 def owe_silence(bench: StagedBench) -> None:
     """Let a read of another controller time out: its answer may come yet."""
-    bench.send(STRANGE, port=Port(ControllerPlan("plc", timeout_ms=100.0)))
-    bench.link.sent.clear()
-    bench.wait(101)
+    bench.missed(STRANGE, 101, port=Port(ControllerPlan("plc", timeout_ms=100.0)))
     bench.seen.clear()
 
 
 def serve_for(bench: StagedBench, ms: int) -> None:
     """Answer what comes, and let time pass."""
     for _ in range(ms // 10):
-        while bench.link.sent:
-            unit_id, pdu = bench.link.sent.pop(0)
-            bench.seen.append(pdu)
-            bench.now_ns += MS
-            bench.line.reply(unit_id, bench.memory.answer(pdu), bench.now_ns)
+        bench.serve()
         bench.wait(10)
 
 
@@ -127,10 +115,8 @@ def test_a_stop_that_comes_after_a_run_beside_a_stop_ends_it() -> None:
     bench.send(NEXT_STOP_PDU, transaction_id=9)
     serve_for(bench, 600)
     assert bench.seen == [NEXT_STOP_PDU, stop_beside(1), NEXT_STOP_PDU]
-    assert [(number, pdu.hex()) for number, _, pdu in bench.port.replies] == [
-        (8, "10050e0002"),
-        (9, "06050f03e8"),
-    ]
+    replies = [(number, pdu.hex()) for number, _, pdu in bench.port.replies]
+    assert replies == [(8, "10050e0002"), (9, "06050f03e8")]
 
 
 def test_stops_on_a_busy_line_keep_their_order_whatever_else_they_do() -> None:
@@ -153,7 +139,7 @@ def test_an_operator_sets_no_mode_of_another_axis_beside_a_stop_and_takes_nothin
     y = next_plan(motion=MotionPlan(is_staged=True, modes=modes, triggers=runs))
     bench = StagedBench(staged_plan(), y, serial=False)
     run_pdu = bytes.fromhex("06 0608 0001")
-    bench.ask(bytes.fromhex("06 050F 0001"))
+    bench.ask(NEXT_RUN_PDU)
     for counts in (1000, 5000):
         bench.ask(write(OTHER, counts))
         bench.ask(run_pdu)
@@ -183,21 +169,19 @@ def test_an_operator_that_stops_one_axis_and_leaves_the_other_alone_takes_nothin
         bench.send(stop_beside(0), port=operator)
         bench.serve()
         assert bench.seen == [stop_beside(0)]
-    bench.ask(bytes.fromhex("06 050F 0001"))
+    bench.ask(NEXT_RUN_PDU)
     assert bench.memory.get(OTHER) == 6010
-    assert bench.seen[-1] == bytes.fromhex("06 050F 0001")
+    assert bench.seen[-1] == NEXT_RUN_PDU
 
 
 def test_a_target_that_runs_beside_a_stop_with_words_that_are_not_right_is_flagged() -> None:
     """M2, M3: 7000 of y was staged as 7010 on its way from 5000 to 10 000. From there it is 6990, but a stop
     waits for no other frame: y runs 7010 and its branch is flagged, until the next target: 2000 is 1990."""
     bench = side_by_side()
-    bench.ask(write(OTHER, 10_000))
-    bench.ask(bytes.fromhex("06 050F 0001"))
+    run_next(bench, 10_000)
     bench.ask(write(OTHER, 7000))
     before = bench.memory.get(OTHER)
     arrive_next(bench, 10_010)
-    bench.kinds()
     bench.seen.clear()
     assert bench.ask(stop_beside(1)) == stop_beside(1)[:5]
     assert bench.seen == [stop_beside(1)]
@@ -206,9 +190,7 @@ def test_a_target_that_runs_beside_a_stop_with_words_that_are_not_right_is_flagg
     assert y.is_unsure
     assert bench.kinds()[-1] == "direction-unsure"
     arrive_next(bench)
-    bench.ask(write(OTHER, 2000))
-    bench.ask(bytes.fromhex("06 050F 0001"))
-    assert bench.memory.get(OTHER) == 1990
+    assert run_next(bench, 2000) == 1990
     assert not y.is_unsure
 
 
@@ -216,30 +198,25 @@ def test_a_target_that_runs_beside_a_stop_with_the_right_words_is_not_flagged() 
     """M2, M3: 9000 of y stands in the drive as 9010, for it goes forward: nothing has to be written."""
     bench = side_by_side()
     bench.ask(write(OTHER, 9000))
-    bench.seen.clear()
-    bench.ask(stop_beside(1))
-    assert bench.seen == [stop_beside(1)]
+    assert bench.frames(stop_beside(1)) == [stop_beside(1)]
     y = bench.line.axes[1]
     assert not y.is_unsure
     arrive_next(bench)
     assert bench.ask(read(NEXT_ACTUAL)) == b"\x03\x04" + OTHER.pack(9000)
-    bench.ask(write(OTHER, 8000))
-    bench.ask(bytes.fromhex("06 050F 0001"))
-    assert bench.memory.get(OTHER) == 7990
+    assert run_next(bench, 8000) == 7990
 
 
 def test_a_stop_passes_although_it_runs_another_axis_whose_target_was_refused() -> None:
     """M3: the drive refused 7000 of y. x is stopped; y runs what it has, is flagged, and stays blocked."""
     bench = side_by_side()
     bench.send(write(OTHER, 7000))
-    unit_id, _ = bench.link.sent.pop(0)
-    bench.line.reply(unit_id, bytes.fromhex("90 03"), bench.now_ns)
+    bench.answers(bytes.fromhex("90 03"))
     bench.port.replies.clear()
     bench.seen.clear()
     assert bench.ask(stop_beside(1)) == stop_beside(1)[:5]
     assert bench.seen == [stop_beside(1)]
     assert bench.line.axes[1].is_unsure
-    assert bench.ask(bytes.fromhex("06 050F 0001")) == bytes.fromhex("86 03")
+    assert bench.ask(NEXT_RUN_PDU) == bytes.fromhex("86 03")
 
 
 def test_a_stop_passes_although_it_runs_another_axis_that_another_controller_holds() -> None:
@@ -249,15 +226,13 @@ def test_a_stop_passes_although_it_runs_another_axis_that_another_controller_hol
     bench.ask(write(OTHER, 9000))
     bench.seen.clear()
     other = Port(ControllerPlan("plc"))
-    for pdu, reply in ((stop_beside(1), stop_beside(1)[:5]), (bytes.fromhex("06 050F 0001"), b"\x86\x06")):
+    for pdu, reply in ((stop_beside(1), stop_beside(1)[:5]), (NEXT_RUN_PDU, b"\x86\x06")):
         bench.send(pdu, port=other)
         bench.serve()
         assert other.replies[-1][2] == reply
     assert bench.seen == [stop_beside(1)]
     arrive_next(bench)
-    bench.ask(write(OTHER, 8000))
-    bench.ask(bytes.fromhex("06 050F 0001"))
-    assert bench.memory.get(OTHER) == 7990
+    assert run_next(bench, 8000) == 7990
 
 
 def test_what_a_stop_of_another_controller_writes_for_an_axis_that_it_does_not_move_is_not_run() -> None:
@@ -315,7 +290,7 @@ def test_a_stop_that_runs_another_axis_does_not_leave_its_target_to_be_written_a
     assert (replies[8], replies[9]) == ("9006", "10050e0002")
     bench.port.replies.clear()
     assert bench.line.axes[1].is_unsure
-    assert bench.ask(bytes.fromhex("06 050F 0001")) == b"\x86\x06"
+    assert bench.ask(NEXT_RUN_PDU) == b"\x86\x06"
 
 
 def test_a_broadcast_that_stops_one_drive_and_runs_a_blocked_one_reaches_both() -> None:

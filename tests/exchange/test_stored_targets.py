@@ -133,10 +133,7 @@ def test_m9_with_stored_moves_uncorrected_it_passes_and_its_axis_is_flagged() ->
 
 def test_m3_with_stored_moves_uncorrected_a_torn_one_stays_refused() -> None:
     line = bench(motion=replace(PATHS, passes_stored_moves=True))
-    line.send(write(PATH_3, 50_000))
-    line.link.sent.clear()
-    line.wait(1000)
-    line.port.replies.clear()
+    line.unanswered(write(PATH_3, 50_000), 1000)
     line.wait(1000)
     assert line.ask(RUN_3)[0] == 0x86
     assert ran(line) == 0

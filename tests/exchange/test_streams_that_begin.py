@@ -46,9 +46,7 @@ def test_m6_the_first_step_of_a_stream_is_motion_and_no_correction() -> None:
 
 @pytest.mark.parametrize("stands_at", [20_000 + 300, 20_000 + 260, 20_000 + 280, 20_000, 20_000 + 120])
 @pytest.mark.parametrize("is_referenced", [True, False])
-def test_m6_a_held_setpoint_that_may_have_been_corrected_moves_nothing(
-    stands_at: int, is_referenced: bool
-) -> None:
+def test_m6_a_held_setpoint_that_may_be_corrected_moves_nothing(stands_at: int, is_referenced: bool) -> None:
     referenced = Reference.ABSOLUTE if is_referenced else Reference.HOMING
     bench = Bench(stream_plan(table=LIFTED, reload_distance=1.2, referenced=referenced))
     bench.memory.put(ACTUAL, stands_at)

@@ -154,8 +154,7 @@ def test_an_axis_that_is_switched_off_reads_on_without_a_jump(way: str) -> None:
     else:
         control.clear_table(bench.line.axes, "x")
     assert bench.actual() == 10_000
-    bench.ask(write(COMMAND, 20_500))
-    assert bench.memory.get(COMMAND) == 20_500
+    assert bench.command(20_500) == 20_500
     readings = []
     for corrected in (10_500, 13_000, 15_500, 18_000, 20_500):
         bench.memory.put(ACTUAL, corrected)

@@ -101,19 +101,16 @@ def test_a_restart_with_a_mended_alpha_does_not_wait_for_a_hundred_kelvin(is_hea
     """A figure too many: 10 K at 11.5e-5 are 100 K at 11.5e-6, and would last for 45 minutes."""
     bench = RecordBench(warm_plan(replace(STEEL, alpha=11.5e-5), max_correction=2.0))
     warm(bench, 30.0)
-    bench.move(1_000_000)
-    assert told(bench) == 998_850
+    assert bench.reach(1_000_000) == 998_850
     again = bench.restarted(warm_plan(max_correction=2.0))
     if is_heard_first:
         warm(again, 30.0)
     assert again.actual() == 1_000_000
     if not is_heard_first:
-        again.move(800_000)  # until then what was in force holds
-        assert told(again) == 799_080
+        assert again.reach(800_000) == 799_080  # until then what was in force holds
         warm(again, 30.0)
     again.wait(1000.0)
-    again.move(900_000)
-    assert told(again) == 900_000 - 104
+    assert again.reach(900_000) == 900_000 - 104
 
 
 # --- the other axis -------------------------------------------------------------------------------------
@@ -122,13 +119,11 @@ def test_a_restart_with_a_mended_alpha_does_not_wait_for_a_hundred_kelvin(is_hea
 def test_an_other_axis_whose_registers_were_moved_about_is_nowhere() -> None:
     bench = Bench(x_plan(), y_plan())
     go_y(bench, 400_000)
-    bench.move(100_000)
-    assert told(bench) == 100_040
+    assert bench.reach(100_000) == 100_040
     bench.line.axes[1].end()
     bench.ask(write(Y_COMMAND, 900_000))  # whatever that is by now
     bench.wait(1000.0)
-    bench.move(200_000)
-    assert told(bench) == 200_040  # held
+    assert bench.reach(200_000) == 200_040  # held
 
 
 @pytest.mark.parametrize("pdu", [ZERO_PDU, HOME_PDU], ids=["set-position", "home"])

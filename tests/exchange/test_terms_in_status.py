@@ -55,8 +55,7 @@ def test_a_term_that_is_too_large_does_not_say_that_it_was_added() -> None:
     go_y(bench, 400_000)
     bench.move(100_000)
     go_y(bench, 900_000)
-    bench.move(200_000)
-    assert bench.memory.get(COMMAND) == 200_040
+    assert bench.reach(200_000) == 200_040
     found = terms(bench)
     assert (found["is_too_large"], found["correction"]) == (True, pytest.approx(0.04))
     assert found["cross"]["correction"] == pytest.approx(0.04)

@@ -44,9 +44,7 @@ def spend(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("serial", [False, True])
-def test_w6_polled_in_turn_with_a_dead_drive_the_other_loses_nothing_before_that_is_dead(
-    *, serial: bool
-) -> None:
+def test_w6_polled_in_turn_with_a_silent_drive_the_other_loses_nothing(*, serial: bool) -> None:
     """All time-outs and the silence 1000 ms; unit 1 takes 3 ms. Before, it waited 3, 1000, 1000 ms: as long
     as its controller does, and whatever else took a millisecond lost it."""
     bench = Bench(timing=LineTiming(), serial=serial, link=Link())
@@ -75,9 +73,7 @@ def test_w6_nor_with_shorter_and_longer_silences(*, serial: bool, drain_ms: floa
 
 
 @pytest.mark.parametrize("serial", [False, True])
-def test_w6_a_stop_that_goes_once_more_behind_the_silence_keeps_no_read_of_its_controller_waiting(
-    *, serial: bool
-) -> None:
+def test_w6_a_stop_that_goes_once_more_keeps_no_read_of_its_controller_waiting(*, serial: bool) -> None:
     """The stop left early and was not answered. Its controller reads unit 1: that owes nothing to anybody."""
     bench = silent(axis_plan(name="y", unit_id=2, motion=MOTION), serial=serial)
     bench.send(STOP, unit_id=2)
@@ -97,7 +93,7 @@ def test_w6_a_stop_that_goes_once_more_behind_the_silence_keeps_no_read_of_its_c
 
 @pytest.mark.parametrize("serial", [False, True])
 @pytest.mark.parametrize(("pdu", "answer"), [(OTHER, SILENT), (WRITE, WRITE_SILENT)])
-def test_w6_it_is_answered_at_once_on_serial_lines_too_and_counted(
+def test_w6_it_is_answered_on_serial_lines_too_and_counted(
     pdu: bytes, answer: bytes, *, serial: bool
 ) -> None:
     bench = silent(serial=serial)
@@ -114,10 +110,7 @@ def test_w6_what_leaves_with_half_of_its_time_left_waits(pdu: bytes) -> None:
     bench = silent()
     bench.wait(30)
     bench.send(pdu, unit_id=2)
-    bench.wait(49)
-    assert (bench.link.sent, bench.port.replies) == ([], [])
-    bench.wait(1)
-    assert bench.link.take() == pdu
+    assert bench.leaves_after(50)[1] == pdu
     assert bench.line.counters.too_late == 0
 
 
@@ -182,10 +175,7 @@ def test_w6_a_monitor_does_not_wait_for_a_gap_for_it() -> None:
 def test_w6_what_waits_for_another_unit_or_for_the_line_is_sent_late() -> None:
     bench = silent()
     bench.send(WRITE, unit_id=1)
-    bench.wait(79)
-    assert (bench.link.sent, bench.port.replies) == ([], [])
-    bench.wait(1)
-    assert bench.link.sent == [(1, WRITE)]
+    assert bench.leaves_after(80) == (1, WRITE)
 
 
 def test_w6_nor_is_a_broadcast_answered() -> None:
@@ -200,10 +190,7 @@ def test_m11_nor_what_is_for_another_drive_of_the_group() -> None:
     timing = LineTiming(response_timeout_ms=100, drain_ms=80, retry_ms=200)
     bench = Bench(*plans, timing=timing, serial=False, groups=[["x", "y"]])
     bench.port = controller("plc")
-    bench.send(OTHER, unit_id=2)
-    bench.link.sent.clear()
-    bench.wait(100)
-    bench.port.replies.clear()
+    bench.unanswered(OTHER, 100, unit_id=2)
     bench.send(read(ACTUAL), unit_id=1)
     assert bench.link.sent == [(1, read(ACTUAL))]
     bench.serve()
@@ -224,9 +211,7 @@ def test_w11_nor_is_a_trial_of_a_dead_drive_answered(pdu: bytes) -> None:
     bench = silent(retry_ms=1.0)
     for _ in range(2):
         bench.wait(80)
-        bench.send(OTHER, unit_id=2)
-        bench.link.take()
-        bench.wait(100)
+        bench.missed(OTHER, 100, unit_id=2)
         bench.port.take()
     bench.send(OTHER, unit_id=2)
     assert bench.port.take() == SILENT
@@ -268,10 +253,7 @@ def test_w6_behind_two_such_answers_the_next_read_waits_and_goes_late_and_a_writ
     bench.send(OTHER, unit_id=2)
     bench.send(WRITE, panel, unit_id=2)
     assert panel.take() == WRITE_SILENT
-    bench.wait(78)
-    assert (bench.link.sent, bench.port.replies) == ([], [])
-    bench.wait(1)
-    assert bench.link.sent.pop() == (2, OTHER)
+    assert bench.leaves_after(79) == (2, OTHER)
     assert bench.line.counters.too_late == 3
     bench.wait(100)
     assert bench.line.unit_ids_status(bench.now_ns).drives["2"].timeouts_in_a_row == 2
@@ -338,9 +320,7 @@ def test_w6_a_controller_that_reads_anew_at_once_for_ever_reaches_the_drive_in_e
 def test_w6_pipelined_requests_are_answered_in_their_order_and_never_sent_late(drain_ms: float) -> None:
     """Five reads of unit 2 and one of unit 1, all in flight on one connection at 90 ms."""
     bench = line(drain_ms=drain_ms)
-    bench.send(OTHER, unit_id=2)
-    bench.link.sent.clear()
-    bench.wait(90)
+    bench.missed(OTHER, 90, unit_id=2)
     for number in range(1, 6):
         bench.send(OTHER, unit_id=2, transaction_id=number)
     bench.send(OTHER, unit_id=1, transaction_id=6)
@@ -359,7 +339,7 @@ def test_w6_pipelined_requests_are_answered_in_their_order_and_never_sent_late(d
 
 
 @pytest.mark.parametrize(("drain_ms", "until_ms"), [(80.0, 60), (45.0, 100)])
-def test_w7_a_read_that_leaves_late_is_waited_for_no_longer_than_its_drive_may_take(
+def test_w7_a_late_read_is_waited_for_no_longer_than_its_drive_may_take(
     drain_ms: float, until_ms: int
 ) -> None:
     """The drive may take 60 ms, the controller waits for 100. Late, it has given up 20 ms after it left."""
@@ -411,9 +391,7 @@ def test_w6_nor_does_the_silence_of_its_axis_grow() -> None:
         bench.serve()
         bench.memory.put(ACTUAL, bench.memory.get(COMMAND))
         bench.wait(1000)
-    bench.send(OTHER, unit_id=2)
-    bench.link.sent.clear()
-    bench.wait(100)
+    bench.missed(OTHER, 100, unit_id=2)
     for wait_ms in (1500, 1300):
         bench.wait(wait_ms)
         bench.port.replies.clear()
@@ -436,12 +414,8 @@ def test_m3_a_target_that_was_answered_so_is_lost_and_its_trigger_is_refused(*, 
     assert bench.link.sent == []
     assert bench.port.take() == WRITE_SILENT
     assert "axis-blocked" in bench.kinds()
-    bench.send(write(COMMAND, 70_000), unit_id=2)
-    bench.serve()
-    assert bench.port.take() == write(COMMAND, 70_000)[:5]
-    bench.send(RUN_PDU, unit_id=2)
-    bench.serve()
-    assert bench.port.take() == RUN_PDU
+    assert bench.ask(write(COMMAND, 70_000), unit_id=2) == write(COMMAND, 70_000)[:5]
+    assert bench.ask(RUN_PDU, unit_id=2) == RUN_PDU
 
 
 def test_m3_a_trigger_that_was_answered_so_does_not_run_later() -> None:

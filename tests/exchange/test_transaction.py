@@ -6,9 +6,7 @@ from typing import Final
 import pytest
 
 from gateway.catalogue import exchange_events
-from gateway.compiled import is_compiled
 from gateway.exchange.added_frames import read_word
-from gateway.exchange.axis import impossible
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.impossible import ImpossibleEventError
@@ -27,6 +25,7 @@ from gateway.exchange.transaction import (
     Transactions,
 )
 from tests.exchange.line_bench import MS, Bench, Link, Port, axis_plan
+from tests.support.tables import walk
 
 PDU: Final = b"\x03\0\0\0\1"
 PIECE: Final = b"\x01\x03\0"
@@ -57,18 +56,7 @@ replaces         x      again  x      again  .
 goes-again       x      again  again  again  x
 """
 """By hand, from M3. In the last row a cell is how the other transaction begins; a dot changes nothing."""
-SENDS: Final = {
-    Step.FRAME: PDU,
-    Step.ADDED_FRAME: PDU,
-    Step.PIECE: PIECE,
-    Step.LAST_PIECE: PDU,
-}
-
-
-def walk(text: str) -> dict[tuple[str, str], str]:
-    """Return the cells of a table, by state and event."""
-    head, *rows = (line.split() for line in text.strip("\n").splitlines())
-    return {(state, e): cell for e, *cells in rows for state, cell in zip(head, cells, strict=True)}
+SENDS: Final = {Step.FRAME: PDU, Step.ADDED_FRAME: PDU, Step.PIECE: PIECE, Step.LAST_PIECE: PDU}
 
 
 class Line:
@@ -255,13 +243,6 @@ def test_no_way_leads_to_sending_twice() -> None:
 
 
 # --- what cannot be, in production -------------------------------------------------------------------------
-
-
-@pytest.fixture
-def in_production(monkeypatch: pytest.MonkeyPatch) -> None:
-    if is_compiled():
-        pytest.skip("the switch is no attribute of what is compiled")
-    monkeypatch.setattr(impossible, "_is_raised", False)
 
 
 @pytest.mark.usefixtures("in_production")

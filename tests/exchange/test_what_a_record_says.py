@@ -44,7 +44,7 @@ def staged(plan: AxisPlan | None = None) -> tuple[StagedBench, Records]:
 
 
 @pytest.mark.parametrize(("readings", "was_there"), [((50_022, 50_010), True), ((50_010, 50_022), False)])
-def test_the_newest_reading_decides_whether_the_axis_is_surely_at_its_target(
+def test_the_newest_reading_decides_whether_it_is_at_its_target(
     readings: tuple[int, int], was_there: bool
 ) -> None:
     """Both lie in the window of 25 counts, but only one within the hysteresis of 2."""
@@ -82,8 +82,7 @@ def test_a_stored_position_ends_it_too() -> None:
 
 def test_a_stop_leaves_the_way_and_no_target() -> None:
     bench, records = staged()
-    bench.stage(20_000)
-    bench.trigger()
+    bench.run(20_000)
     bench.send(STOP_PDU)
     for has_target in (True, False):  # while it is on the wire, and after its reply
         record = said(records)
@@ -101,8 +100,7 @@ def test_a_distance_begins_where_a_stop_has_ended_the_way_before_a_kill(is_answe
     """M5: from 50 mm (50,010) to 20 mm (19,990), and stopped half-way, at 35,000: half of the difference has
     faded, so that reads 35 mm. 5 mm more are forward, 40,010, whether the stop was answered or not."""
     bench, records = staged()
-    bench.stage(20_000)
-    bench.trigger()
+    bench.run(20_000)
     bench.send(STOP_PDU)
     if is_answered:
         bench.serve()
@@ -315,8 +313,7 @@ def test_m5_a_distance_that_never_arrived_leaves_no_base() -> None:
 
 def test_m5_an_axis_found_on_its_way_is_no_base_for_a_distance() -> None:
     bench, records = staged()
-    bench.stage(20_000)
-    bench.trigger()
+    bench.run(20_000)
     bench.drive.put(ACTUAL, 30_000)
     bench.drive.put(COMMANDED, 30_000)
     expected = bench.actual()

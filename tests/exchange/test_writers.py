@@ -33,18 +33,15 @@ def controller(name: str, peer: str = "", role: Role = Role.MOTION) -> Port:
     return port
 
 
-def ask(bench: Bench, port: Port, pdu: bytes, unit_id: int = 1) -> bytes:
-    bench.send(pdu, port, unit_id)
-    bench.serve()
-    return port.take()
-
-
 def refusal(pdu: bytes) -> bytes:
     return bytes((pdu[0] | 0x80, 6))
 
 
-def move(bench: Bench, port: Port, counts: float) -> None:
-    assert ask(bench, port, write(COMMAND, counts)) == write(COMMAND, counts)[:5]
+def move(bench: Bench, port: Port, counts: float, *, runs: bool = False) -> None:
+    """Write a target, and run it."""
+    assert bench.ask(write(COMMAND, counts), port) == write(COMMAND, counts)[:5]
+    if runs:
+        assert bench.ask(RUN_PDU, port) == RUN_PDU
 
 
 def writer(bench: Bench, number: int = 0) -> str | None:
@@ -70,19 +67,15 @@ def writer(bench: Bench, number: int = 0) -> str | None:
 def test_w10_another_controller_moves_nothing_of_an_axis_that_is_held(pdu: bytes) -> None:
     bench = StagedBench(staged_plan(), serial=False)
     cnc, panel = controller("cnc", "10.0.0.1"), controller("panel", "10.0.0.2")
-    move(bench, cnc, 50_000)
-    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    move(bench, cnc, 50_000, runs=True)
     seen, moves = len(bench.seen), list(bench.drive.moves)
     bench.wait(HOLD_MS - 10)
-    assert ask(bench, panel, pdu) == refusal(pdu)
+    assert bench.ask(pdu, panel) == refusal(pdu)
     assert (len(bench.seen), bench.drive.moves) == (seen, moves)
     assert writer(bench) == "cnc (10.0.0.1)"
     assert bench.line.counters.refused_by == {"panel": 1}
     [event] = [event for event in bench.events if event.kind.name == "second-writer"]
-    assert (event.axis, event.detail) == (
-        "x",
-        "panel (10.0.0.2) was refused: cnc (10.0.0.1) moves it",
-    )
+    assert (event.axis, event.detail) == ("x", "panel (10.0.0.2) was refused: cnc (10.0.0.1) moves it")
     assert dict(event.more) == {
         "holder": "cnc (10.0.0.1)",
         "controller": "panel",
@@ -92,7 +85,7 @@ def test_w10_another_controller_moves_nothing_of_an_axis_that_is_held(pdu: bytes
     }
     # The one who holds it goes on as if nothing had been.
     assert compensation_state(bench.line.axes[0]) == "active"
-    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    assert bench.ask(RUN_PDU, cnc) == RUN_PDU
 
 
 def test_w10_two_hosts_on_one_listener_are_two_writers_and_connections_of_one_are_one() -> None:
@@ -101,7 +94,7 @@ def test_w10_two_hosts_on_one_listener_are_two_writers_and_connections_of_one_ar
     other = controller("cnc", "10.0.0.2")
     move(bench, first, 1_000)
     move(bench, second, 2_000)
-    assert ask(bench, other, write(COMMAND, 3_000)) == refusal(write(COMMAND, 3_000))
+    assert bench.ask(write(COMMAND, 3_000), other) == refusal(write(COMMAND, 3_000))
     assert bench.memory.get(COMMAND) in (2_000, 2_010)
 
 
@@ -109,9 +102,9 @@ def test_w10_what_reads_or_touches_no_position_is_everybodys() -> None:
     bench = StagedBench(staged_plan())
     cnc, panel = controller("cnc"), controller("panel")
     move(bench, cnc, 1_000)
-    assert ask(bench, panel, read(ACTUAL))[0] == 3
-    assert ask(bench, panel, bytes.fromhex("06 1000 0001")) == bytes.fromhex("06 1000 0001")
-    assert ask(bench, panel, bytes.fromhex("06 1000 0001"), unit_id=2) == bytes.fromhex("06 1000 0001")
+    assert bench.ask(read(ACTUAL), panel)[0] == 3
+    assert bench.ask(bytes.fromhex("06 1000 0001"), panel) == bytes.fromhex("06 1000 0001")
+    assert bench.ask(bytes.fromhex("06 1000 0001"), panel, 2) == bytes.fromhex("06 1000 0001")
     assert writer(bench) == "cnc"
 
 
@@ -119,13 +112,12 @@ def test_w10_a_stop_of_another_one_passes_and_takes_nothing_over() -> None:
     bench = StagedBench(staged_plan())
     cnc, panel = controller("cnc"), controller("panel")
     operator = controller("pendant", role=Role.OPERATOR)
-    move(bench, cnc, 5_000)
-    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    move(bench, cnc, 5_000, runs=True)
     for port in (panel, operator):
-        assert ask(bench, port, STOP_PDU) == STOP_PDU
+        assert bench.ask(STOP_PDU, port) == STOP_PDU
     assert [kind for kind, _ in bench.drive.moves] == ["absolute", "stop", "stop"]
     assert writer(bench) == "cnc"
-    assert ask(bench, panel, JOG_PDU) == refusal(JOG_PDU)
+    assert bench.ask(JOG_PDU, panel) == refusal(JOG_PDU)
 
 
 def test_w10_the_hold_ends_so_long_after_the_last_move_and_each_move_begins_it_anew() -> None:
@@ -134,15 +126,15 @@ def test_w10_the_hold_ends_so_long_after_the_last_move_and_each_move_begins_it_a
     for counts in (1_000, 2_000, 3_000):  # the first goes the slow path, the others the fast one
         move(bench, cnc, counts)
         bench.wait(1_900)
-    assert ask(bench, panel, write(COMMAND, 9_000)) == refusal(write(COMMAND, 9_000))
+    assert bench.ask(write(COMMAND, 9_000), panel) == refusal(write(COMMAND, 9_000))
     bench.wait(110)
     assert writer(bench) is None
     move(bench, panel, 4_000)
     assert writer(bench) == "panel"
-    assert ask(bench, cnc, write(COMMAND, 5_000)) == refusal(write(COMMAND, 5_000))
+    assert bench.ask(write(COMMAND, 5_000), cnc) == refusal(write(COMMAND, 5_000))
     # A read of the one who holds it is no move.
     bench.wait(1_500)
-    assert ask(bench, panel, read(ACTUAL))[0] == 3
+    assert bench.ask(read(ACTUAL), panel)[0] == 3
     bench.wait(600)
     move(bench, cnc, 5_000)
 
@@ -152,13 +144,13 @@ def test_w10_the_hold_ends_two_seconds_after_the_last_connection_of_its_writer()
     first, second = controller("cnc", "10.0.0.1"), controller("cnc", "10.0.0.1")
     panel = controller("panel", "10.0.0.2")
     move(bench, first, 1_000)
-    assert ask(bench, second, read(ACTUAL))[0] == 3
+    assert bench.ask(read(ACTUAL), second)[0] == 3
     bench.line.controller_gone(first, bench.now_ns)
-    assert ask(bench, panel, write(COMMAND, 9_000)) == refusal(write(COMMAND, 9_000))
+    assert bench.ask(write(COMMAND, 9_000), panel) == refusal(write(COMMAND, 9_000))
     move(bench, second, 2_000)
     bench.line.controller_gone(second, bench.now_ns)
     bench.wait(2_000)
-    assert ask(bench, panel, write(COMMAND, 9_000)) == refusal(write(COMMAND, 9_000))
+    assert bench.ask(write(COMMAND, 9_000), panel) == refusal(write(COMMAND, 9_000))
     bench.wait(1)
     assert writer(bench) is None
     move(bench, panel, 3_000)
@@ -178,10 +170,10 @@ def test_w10_a_controller_that_connects_anew_for_each_request_holds_its_axis() -
     panel = controller("panel", "10.0.0.2")
     for pdu in (write(COMMAND, 4_000), RUN_PDU, write(COMMAND, 5_000), RUN_PDU):
         cnc = controller("cnc", "10.0.0.1")
-        assert ask(bench, cnc, pdu) == pdu[:5]
+        assert bench.ask(pdu, cnc) == pdu[:5]
         bench.line.controller_gone(cnc, bench.now_ns)
         bench.wait(900)
-        assert ask(bench, panel, JOG_PDU) == refusal(JOG_PDU)
+        assert bench.ask(JOG_PDU, panel) == refusal(JOG_PDU)
     assert [kind for kind, _ in bench.drive.moves] == ["absolute", "absolute"]
 
 
@@ -190,7 +182,7 @@ def test_w10_a_controller_that_connects_again_is_the_same_writer() -> None:
     cnc = controller("cnc", "10.0.0.1")
     move(bench, cnc, 4_000)
     bench.line.controller_gone(cnc, bench.now_ns)
-    assert ask(bench, controller("cnc", "10.0.0.1"), RUN_PDU) == RUN_PDU
+    assert bench.ask(RUN_PDU, controller("cnc", "10.0.0.1")) == RUN_PDU
     assert [kind for kind, _ in bench.drive.moves] == ["absolute"]
 
 
@@ -199,9 +191,9 @@ def test_w10_a_refused_frame_takes_nothing_from_the_one_who_holds_the_axis() -> 
     bench = StagedBench(staged_plan())
     cnc, panel = controller("cnc"), controller("panel")
     move(bench, cnc, 4_000)
-    assert ask(bench, panel, write(COMMAND, 9_000)) == refusal(write(COMMAND, 9_000))
-    assert ask(bench, panel, bytes.fromhex("06 0606 0001"))[1] == 6
-    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    assert bench.ask(write(COMMAND, 9_000), panel) == refusal(write(COMMAND, 9_000))
+    assert bench.ask(bytes.fromhex("06 0606 0001"), panel)[1] == 6
+    assert bench.ask(RUN_PDU, cnc) == RUN_PDU
     [(kind, counts)] = bench.drive.moves
     assert (kind, abs(counts - 4_000) <= 10) == ("absolute", True)
 
@@ -217,7 +209,7 @@ def test_w10_requests_of_another_one_that_never_went_out_take_nothing_either() -
     bench.line.controller_gone(panel, bench.now_ns)
     bench.serve()
     cnc.replies.clear()
-    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    assert bench.ask(RUN_PDU, cnc) == RUN_PDU
 
 
 def test_m3_a_trigger_does_not_run_the_target_of_another_one_also_later() -> None:
@@ -225,20 +217,19 @@ def test_m3_a_trigger_does_not_run_the_target_of_another_one_also_later() -> Non
     cnc, panel = controller("cnc"), controller("panel")
     move(bench, cnc, 4_000)
     bench.wait(HOLD_MS + 1_000)
-    assert ask(bench, panel, RUN_PDU) == refusal(RUN_PDU)
+    assert bench.ask(RUN_PDU, panel) == refusal(RUN_PDU)
     assert bench.drive.moves == []
-    assert ask(bench, cnc, RUN_PDU) == RUN_PDU  # nor was anything taken from the one who wrote it
+    assert bench.ask(RUN_PDU, cnc) == RUN_PDU  # nor was anything taken from the one who wrote it
 
 
 def test_m3_a_target_that_was_refused_to_a_second_writer_is_not_triggered_later() -> None:
     bench = StagedBench(staged_plan())
     cnc, panel = controller("cnc"), controller("panel")
     move(bench, cnc, 4_000)
-    assert ask(bench, panel, write(COMMAND, 9_000)) == refusal(write(COMMAND, 9_000))
+    assert bench.ask(write(COMMAND, 9_000), panel) == refusal(write(COMMAND, 9_000))
     bench.wait(HOLD_MS + 1_000)
-    assert ask(bench, panel, RUN_PDU) == refusal(RUN_PDU)
-    move(bench, panel, 9_000)
-    assert ask(bench, panel, RUN_PDU) == RUN_PDU
+    assert bench.ask(RUN_PDU, panel) == refusal(RUN_PDU)
+    move(bench, panel, 9_000, runs=True)
     [(_, counts)] = bench.drive.moves
     assert abs(counts - 9_000) <= 10
 
@@ -248,12 +239,11 @@ def test_m3_whoever_takes_an_axis_over_by_a_jog_does_not_run_what_stood_there() 
     cnc, panel = controller("cnc"), controller("panel")
     move(bench, cnc, 4_000)
     bench.wait(HOLD_MS + 1_000)
-    assert ask(bench, panel, JOG_PDU) == JOG_PDU
-    assert ask(bench, panel, RUN_PDU) == refusal(RUN_PDU)
+    assert bench.ask(JOG_PDU, panel) == JOG_PDU
+    assert bench.ask(RUN_PDU, panel) == refusal(RUN_PDU)
     bench.wait(HOLD_MS + 1_000)
-    assert ask(bench, cnc, RUN_PDU) == refusal(RUN_PDU)  # and neither does the former one
-    move(bench, cnc, 6_000)
-    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    assert bench.ask(RUN_PDU, cnc) == refusal(RUN_PDU)  # and neither does the former one
+    move(bench, cnc, 6_000, runs=True)
     assert [kind for kind, _ in bench.drive.moves] == ["jog", "absolute"]
 
 
@@ -262,30 +252,27 @@ def test_m1_parts_of_two_writers_never_make_one_position() -> None:
     cnc, panel = controller("cnc"), controller("panel")
     move(bench, cnc, 0x0001_0000)
     low, high = bytes.fromhex("06 0606 0005"), bytes.fromhex("06 0607 0000")
-    assert ask(bench, panel, high) == refusal(high)
+    assert bench.ask(high, panel) == refusal(high)
     bench.wait(HOLD_MS + 1_000)
     before = bench.memory.get(COMMAND)
-    reply = ask(
-        bench, panel, low
-    )  # its other part was refused: it is not combined with that of the other one
-    assert reply[0] == 0x86
+    # its other part was refused: it is not combined with that of the other one
+    assert bench.ask(low, panel)[0] == 0x86
     assert bench.memory.get(COMMAND) == before
 
 
 def test_m3_a_mode_that_was_refused_to_a_second_writer_has_to_come_again() -> None:
     bench = StagedBench(staged_plan(motion=sticky()))
     cnc, panel = controller("cnc"), controller("panel")
-    assert ask(bench, cnc, MODE_ABSOLUTE) == MODE_ABSOLUTE
-    move(bench, cnc, 4_000)
-    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    assert bench.ask(MODE_ABSOLUTE, cnc) == MODE_ABSOLUTE
+    move(bench, cnc, 4_000, runs=True)
     bench.settle(is_polled=False)
-    assert ask(bench, panel, MODE_RELATIVE) == refusal(MODE_RELATIVE)
+    assert bench.ask(MODE_RELATIVE, panel) == refusal(MODE_RELATIVE)
     bench.wait(HOLD_MS + 1_000)
     # It means a distance, and the drive would take it for a place.
-    assert ask(bench, panel, write(COMMAND, 100)) == write(COMMAND, 100)[:5]
-    assert ask(bench, panel, RUN_PDU) == refusal(RUN_PDU)
-    assert ask(bench, panel, MODE_RELATIVE) == MODE_RELATIVE
-    assert ask(bench, panel, RUN_PDU) == RUN_PDU
+    assert bench.ask(write(COMMAND, 100), panel) == write(COMMAND, 100)[:5]
+    assert bench.ask(RUN_PDU, panel) == refusal(RUN_PDU)
+    assert bench.ask(MODE_RELATIVE, panel) == MODE_RELATIVE
+    assert bench.ask(RUN_PDU, panel) == RUN_PDU
     assert [kind for kind, _ in bench.drive.moves] == ["absolute", "relative"]
     assert bench.drive.words[MODE] == 2
 
@@ -294,9 +281,9 @@ def test_w10_any_writer_may_where_the_axis_says_so() -> None:
     bench = StagedBench(staged_plan(has_one_writer=False))
     cnc, panel = controller("cnc"), controller("panel")
     move(bench, cnc, 4_000)
-    assert ask(bench, panel, RUN_PDU) == RUN_PDU
+    assert bench.ask(RUN_PDU, panel) == RUN_PDU
     move(bench, panel, 5_000)
-    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    assert bench.ask(RUN_PDU, cnc) == RUN_PDU
     assert writer(bench) == "cnc"
     assert "second-writer" not in bench.kinds()
 
@@ -315,14 +302,14 @@ def test_w10_a_group_is_held_as_a_whole() -> None:
     plans = [staged_plan(name=name, unit_id=n) for n, name in enumerate(("y1", "y2", "z"), start=1)]
     bench = StagedBench(*plans, groups=[("y1", "y2")])
     cnc, panel = controller("cnc"), controller("panel")
-    assert ask(bench, cnc, write(COMMAND, 1_000), 1) == write(COMMAND, 1_000)[:5]
-    assert ask(bench, panel, write(COMMAND, 2_000), 2) == refusal(write(COMMAND, 2_000))
-    assert ask(bench, panel, write(COMMAND, 2_000), 3) == write(COMMAND, 2_000)[:5]
+    assert bench.ask(write(COMMAND, 1_000), cnc, 1) == write(COMMAND, 1_000)[:5]
+    assert bench.ask(write(COMMAND, 2_000), panel, 2) == refusal(write(COMMAND, 2_000))
+    assert bench.ask(write(COMMAND, 2_000), panel, 3) == write(COMMAND, 2_000)[:5]
     assert [writer(bench, n) for n in range(3)] == ["cnc", "cnc", "panel"]
     for _ in range(3):  # one of them moves on and holds the other one
         bench.wait(HOLD_MS - 1_000)
-        assert ask(bench, cnc, write(COMMAND, 1_000), 1) == write(COMMAND, 1_000)[:5]
-    assert ask(bench, panel, write(COMMAND, 2_000), 2) == refusal(write(COMMAND, 2_000))
+        assert bench.ask(write(COMMAND, 1_000), cnc, 1) == write(COMMAND, 1_000)[:5]
+    assert bench.ask(write(COMMAND, 2_000), panel, 2) == refusal(write(COMMAND, 2_000))
     assert [writer(bench, n) for n in range(3)] == ["cnc", "cnc", None]
 
 
@@ -330,8 +317,8 @@ def test_w10_a_broadcast_trigger_asks_for_every_axis() -> None:
     plans = [staged_plan(name=name, unit_id=n) for n, name in enumerate(("x", "y"), start=1)]
     bench = StagedBench(*plans, serial=False)
     cnc, panel = controller("cnc"), controller("panel")
-    assert ask(bench, cnc, write(COMMAND, 1_000), 1) == write(COMMAND, 1_000)[:5]
-    assert ask(bench, panel, write(COMMAND, 2_000), 2) == write(COMMAND, 2_000)[:5]
+    assert bench.ask(write(COMMAND, 1_000), cnc, 1) == write(COMMAND, 1_000)[:5]
+    assert bench.ask(write(COMMAND, 2_000), panel, 2) == write(COMMAND, 2_000)[:5]
     for port in (cnc, panel):
         bench.send(RUN_PDU, port, 0)
         assert port.take() == refusal(RUN_PDU)
@@ -345,7 +332,7 @@ def test_w10_a_second_writer_is_told_of_once_a_minute() -> None:
     cnc, panel = controller("cnc"), controller("panel")
     for _ in range(90):
         move(bench, cnc, 1_000)
-        assert ask(bench, panel, write(COMMAND, 9_000)) == refusal(write(COMMAND, 9_000))
+        assert bench.ask(write(COMMAND, 9_000), panel) == refusal(write(COMMAND, 9_000))
         bench.now_ns += 999 * MS  # the move took one
     details = [event.detail for event in bench.events if event.kind.name == "second-writer"]
     assert details == [
@@ -362,9 +349,8 @@ def test_w10_more_refused_frames_than_are_kept_lose_everything_of_the_axis() -> 
     move(bench, cnc, 4_000)
     for number in range(2_000, 2_040):
         jog = bytes.fromhex("06 050E") + number.to_bytes(2, "big")
-        assert ask(bench, panel, jog) == refusal(jog)
+        assert bench.ask(jog, panel) == refusal(jog)
     bench.wait(HOLD_MS + 1_000)
-    assert ask(bench, panel, JOG_PDU) == JOG_PDU
-    assert ask(bench, panel, RUN_PDU) == refusal(RUN_PDU)
-    move(bench, panel, 1_000)
-    assert ask(bench, panel, RUN_PDU) == RUN_PDU
+    assert bench.ask(JOG_PDU, panel) == JOG_PDU
+    assert bench.ask(RUN_PDU, panel) == refusal(RUN_PDU)
+    move(bench, panel, 1_000, runs=True)

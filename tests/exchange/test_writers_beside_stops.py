@@ -14,7 +14,7 @@ from tests.exchange.staged_bench import (
     staged_plan,
     sticky,
 )
-from tests.exchange.test_writers import HOLD_MS, MODE_ABSOLUTE, ask, controller, move, refusal, writer
+from tests.exchange.test_writers import HOLD_MS, MODE_ABSOLUTE, controller, move, refusal, writer
 
 SPAN_TRIGGER = 0x0608
 """A trigger right behind the target: one frame writes both."""
@@ -47,19 +47,19 @@ def image(counts: int, trigger: int) -> bytes:
 
 @pytest.mark.parametrize("role", [Role.MOTION, Role.OPERATOR])
 @pytest.mark.parametrize("compensation", [CompensationMode.ON, CompensationMode.OFF])
-def test_m3_what_a_stop_of_another_one_writes_beside_is_never_run(
+def test_m3_what_a_stop_of_another_writes_beside_never_runs(
     role: Role, compensation: CompensationMode
 ) -> None:
     bench = span_bench(compensation=compensation)
     cnc, panel = controller("cnc"), controller("panel", role=role)
     move(bench, cnc, 4_000)
     stop = image(9_000, STOP)
-    assert ask(bench, panel, stop) == stop[:5]  # a stop is never refused
-    assert ask(bench, cnc, RUN_SPAN) == refusal(RUN_SPAN)
+    assert bench.ask(stop, panel) == stop[:5]  # a stop is never refused
+    assert bench.ask(RUN_SPAN, cnc) == refusal(RUN_SPAN)
     assert [kind for kind, _ in bench.drive.moves] == ["stop"]
     assert writer(bench) == "cnc"
     move(bench, cnc, 5_000)
-    assert ask(bench, cnc, RUN_SPAN) == RUN_SPAN
+    assert bench.ask(RUN_SPAN, cnc) == RUN_SPAN
     [_, (kind, counts)] = bench.drive.moves
     assert (kind, abs(counts - 5_000) <= 10) == ("absolute", True)
 
@@ -70,8 +70,8 @@ def test_m3_a_target_beside_ones_own_stop_comes_in_place_of_that_of_another_one(
     move(bench, cnc, 4_000)
     for port, counts in ((panel, 9_000), (cnc, 5_000)):
         stop = image(counts, STOP)
-        assert ask(bench, port, stop) == stop[:5]
-    assert ask(bench, cnc, RUN_SPAN) == RUN_SPAN
+        assert bench.ask(stop, port) == stop[:5]
+    assert bench.ask(RUN_SPAN, cnc) == RUN_SPAN
     assert bench.drive.moves[2:] == [("absolute", 5_000)]
 
 
@@ -81,8 +81,8 @@ def test_m3_a_stop_of_another_one_with_the_target_that_stands_there_takes_nothin
     cnc, panel = controller("cnc"), controller("panel", role=role)
     move(bench, cnc, 4_000)
     stop = image(4_000, STOP)
-    assert ask(bench, panel, stop) == stop[:5]
-    assert ask(bench, cnc, RUN_SPAN) == RUN_SPAN
+    assert bench.ask(stop, panel) == stop[:5]
+    assert bench.ask(RUN_SPAN, cnc) == RUN_SPAN
     assert [kind for kind, _ in bench.drive.moves] == ["stop", "absolute"]
 
 
@@ -91,8 +91,8 @@ def test_m3_ones_own_stop_with_another_target_takes_nothing() -> None:
     cnc = controller("cnc")
     move(bench, cnc, 4_000)
     stop = image(5_000, STOP)
-    assert ask(bench, cnc, stop) == stop[:5]
-    assert ask(bench, cnc, RUN_SPAN) == RUN_SPAN
+    assert bench.ask(stop, cnc) == stop[:5]
+    assert bench.ask(RUN_SPAN, cnc) == RUN_SPAN
     assert [kind for kind, _ in bench.drive.moves] == ["stop", "absolute"]
 
 
@@ -100,17 +100,16 @@ def test_m3_a_mode_that_was_refused_in_fc23_is_not_forgotten_for_another_fc23() 
     """Both read the same; what they write is not the same, and each loss counts."""
     bench = StagedBench(staged_plan(motion=sticky()))
     cnc, panel = controller("cnc"), controller("panel")
-    assert ask(bench, cnc, MODE_ABSOLUTE) == MODE_ABSOLUTE
-    move(bench, cnc, 4_000)
-    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
+    assert bench.ask(MODE_ABSOLUTE, cnc) == MODE_ABSOLUTE
+    move(bench, cnc, 4_000, runs=True)
     bench.settle(is_polled=False)
     mode = bytes.fromhex("17 005C 0001 0700 0001 02 0002")
     distance = bytes.fromhex("17 005C 0001 0606 0002 04 0064 0000")
     for pdu in (mode, distance):
-        assert ask(bench, panel, pdu) == refusal(pdu)
+        assert bench.ask(pdu, panel) == refusal(pdu)
     bench.wait(HOLD_MS + 1_000)
-    assert ask(bench, panel, distance)[0] == 0x17
-    assert ask(bench, panel, RUN_PDU) == refusal(RUN_PDU)  # it would be a place
+    assert bench.ask(distance, panel)[0] == 0x17
+    assert bench.ask(RUN_PDU, panel) == refusal(RUN_PDU)  # it would be a place
     assert len(bench.drive.moves) == 1
 
 
@@ -120,13 +119,13 @@ LET_GO = bytes.fromhex("06 050E 0000")
 def test_m3_whoever_jogs_may_let_go_although_another_one_took_the_axis_over() -> None:
     bench = StagedBench()
     pendant, cnc, other = controller("pendant"), controller("cnc"), controller("other")
-    assert ask(bench, pendant, JOG_PDU) == JOG_PDU
+    assert bench.ask(JOG_PDU, pendant) == JOG_PDU
     bench.wait(HOLD_MS + 1_000)  # the button is still held
     move(bench, cnc, 4_000)
-    assert ask(bench, other, LET_GO) == refusal(LET_GO)
-    assert ask(bench, pendant, LET_GO) == LET_GO
-    assert ask(bench, pendant, JOG_PDU) == refusal(JOG_PDU)
+    assert bench.ask(LET_GO, other) == refusal(LET_GO)
+    assert bench.ask(LET_GO, pendant) == LET_GO
+    assert bench.ask(JOG_PDU, pendant) == refusal(JOG_PDU)
     assert writer(bench) == "cnc"
-    assert ask(bench, cnc, RUN_PDU) == RUN_PDU
-    assert ask(bench, pendant, LET_GO) == refusal(LET_GO)  # its jog has ended: this is another move
+    assert bench.ask(RUN_PDU, cnc) == RUN_PDU
+    assert bench.ask(LET_GO, pendant) == refusal(LET_GO)  # its jog has ended: this is another move
     assert [kind for kind, _ in bench.drive.moves] == ["jog", "absolute"]
