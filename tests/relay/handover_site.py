@@ -103,9 +103,7 @@ async def machine(
     _, where = await bench.drive("tcp", script)
     link, _ = bench.controller_link("tcp")
     line = LinePlan("line", where, (link,), axes, TIMING, groups)
-    relay = Relay(GatewayPlan("bench", (line,)), bench.notes.append, state=state, recorder=recorder)
-    await relay.start()
-    bench.stack.push_async_callback(relay.stop)
+    relay = await bench.start(GatewayPlan("bench", (line,)), state=state, recorder=recorder)
     await until_up(relay)
     return Machine(relay, await bench.connect(relay.address("line", "cnc")), told)
 

@@ -14,13 +14,12 @@ from gateway.ipc.client import NoGatewayError, ask
 from gateway.ipc.messages import Ping
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
-from gateway.recording import traffic
-from gateway.recording.replay import Replay
 from gateway.recording.writer import Recorder
 from gateway.relay.errors import StartError
 from gateway.relay.gateway import Relay
 from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.transport.endpoints import SerialEndpoint
+from tests.support.recordings import HEADER, replayed
 from tests.support.relay import TIMING, Bench, RawEnd, eventually, line_status, until_up
 
 READ = bytes.fromhex("03 0010 0001")
@@ -41,19 +40,15 @@ async def pair(
 ) -> tuple[RawEnd, RawEnd, Relay]:
     far, where = await bench.drive(drives)
     link, _ = bench.controller_link("tcp")
-    relay = Relay(
-        GatewayPlan("bench", (LinePlan("line", where, (link,), (), timing),)), bench.notes.append, state=state
+    relay = await bench.start(
+        GatewayPlan("bench", (LinePlan("line", where, (link,), (), timing),)), state=state
     )
-    await relay.start()
-    bench.stack.push_async_callback(relay.stop)
     await far.until(lambda end: end.opens == 1)
     return await bench.connect(relay.address("line", "cnc")), far, relay
 
 
 @pytest.mark.parametrize("drives", ["rtu", "rtu_over_tcp"])
-async def test_the_line_rests_first_and_what_comes_meanwhile_waits(
-    bench: Bench, tmp_path: Path, drives: str
-) -> None:
+async def test_the_line_rests_first_and_requests_wait(bench: Bench, tmp_path: Path, drives: str) -> None:
     leave_a_dead_socket(tmp_path)
     near, far, _ = await pair(bench, tmp_path, replace(TIMING, drain_ms=FOR_EVER_MS), drives)
     number = -(-2 * WAITING_BYTES // (REQUEST_BYTES + len(READ)))
@@ -67,9 +62,7 @@ async def test_the_line_rests_first_and_what_comes_meanwhile_waits(
 
 
 @pytest.mark.parametrize("drives", ["rtu", "rtu_over_tcp"])
-async def test_what_drives_say_meanwhile_is_counted_and_answers_nothing(
-    bench: Bench, tmp_path: Path, drives: str
-) -> None:
+async def test_late_replies_are_counted_and_answer_nothing(bench: Bench, tmp_path: Path, drives: str) -> None:
     leave_a_dead_socket(tmp_path)
     near, far, relay = await pair(bench, tmp_path, TIMING, drives)
     far.write(encode_rtu(1, LATE))
@@ -82,9 +75,7 @@ async def test_what_drives_say_meanwhile_is_counted_and_answers_nothing(
 
 
 @pytest.mark.parametrize("drives", ["rtu", "rtu_over_tcp"])
-async def test_after_a_clean_stop_the_line_is_there_at_once(
-    bench: Bench, tmp_path: Path, drives: str
-) -> None:
+async def test_after_a_clean_stop_the_line_serves_at_once(bench: Bench, tmp_path: Path, drives: str) -> None:
     timing = replace(TIMING, drain_ms=FOR_EVER_MS)
     _, _, relay = await pair(bench, tmp_path, timing, drives)
     await relay.stop()
@@ -95,9 +86,7 @@ async def test_after_a_clean_stop_the_line_is_there_at_once(
     assert not [note for note in bench.notes if note.event == "line-rests"]
 
 
-async def test_replies_over_modbus_tcp_carry_a_number_and_need_no_silence(
-    bench: Bench, tmp_path: Path
-) -> None:
+async def test_replies_over_modbus_tcp_need_no_silence(bench: Bench, tmp_path: Path) -> None:
     leave_a_dead_socket(tmp_path)
     timing = replace(TIMING, drain_ms=FOR_EVER_MS)
     near, far, relay = await pair(bench, tmp_path, timing, "tcp")
@@ -112,9 +101,7 @@ def rests(bench: Bench) -> int:
 
 
 @pytest.mark.parametrize("drives", ["rtu", "rtu_over_tcp"])
-async def test_a_gateway_that_is_killed_while_it_stops_was_killed_too(
-    bench: Bench, tmp_path: Path, drives: str
-) -> None:
+async def test_a_gateway_killed_while_it_stops_was_killed(bench: Bench, tmp_path: Path, drives: str) -> None:
     near, far, relay = await pair(bench, tmp_path, TIMING, drives)
     await until_up(relay)
     near.write(encode_mbap(1, 1, READ))
@@ -133,9 +120,7 @@ async def test_a_gateway_that_is_killed_while_it_stops_was_killed_too(
 
 
 @pytest.mark.parametrize("drives", ["rtu", "rtu_over_tcp"])
-async def test_after_a_stop_that_nobody_answered_the_line_rests_first(
-    bench: Bench, tmp_path: Path, drives: str
-) -> None:
+async def test_after_an_unanswered_stop_the_line_rests(bench: Bench, tmp_path: Path, drives: str) -> None:
     near, far, relay = await pair(bench, tmp_path, TIMING, drives)
     await until_up(relay)
     near.write(encode_mbap(1, 1, READ))
@@ -149,9 +134,7 @@ async def test_after_a_stop_that_nobody_answered_the_line_rests_first(
     assert rests(bench) == 2
 
 
-async def test_a_start_that_fails_after_a_kill_leaves_the_rest_to_the_next(
-    bench: Bench, tmp_path: Path
-) -> None:
+async def test_a_start_that_fails_leaves_the_rest_to_another(bench: Bench, tmp_path: Path) -> None:
     leave_a_dead_socket(tmp_path)
     bad = LinePlan("line", SerialEndpoint("/dev/null"), (), (), TIMING)
     for _ in range(2):
@@ -166,18 +149,13 @@ async def test_a_rest_is_recorded_and_replayed(bench: Bench, tmp_path: Path) -> 
     far, where = await bench.drive("rtu")
     link, _ = bench.controller_link("tcp")
     plan = GatewayPlan("bench", (LinePlan("line", where, (link,), (), TIMING),))
-    header = traffic.Header(traffic.FORMAT, "0", "2026-01-01T00:00:00+00:00", "gateway.toml", "")
-    recorder = Recorder(tmp_path / "record.jsonl", header)
-    relay = Relay(plan, bench.notes.append, state=tmp_path, recorder=recorder)
-    await relay.start()
-    bench.stack.push_async_callback(relay.stop)
+    recorder = Recorder(tmp_path / "record.jsonl", HEADER)
+    relay = await bench.start(plan, state=tmp_path, recorder=recorder)
     near = await bench.connect(relay.address("line", "cnc"))
     near.write(encode_mbap(1, 1, READ))
     await far.receives(encode_rtu(1, READ))
     far.write(encode_rtu(1, REPLY))
     await near.receives(encode_mbap(1, 1, REPLY))
     await relay.stop()
-    replay = Replay(plan)
-    for number, line in enumerate(recorder.path.read_bytes().splitlines(keepends=True), start=1):
-        replay.feed(number, traffic.decode(line))
-    assert (replay.result.different, replay.result.is_truncated) == (0, False)
+    result = replayed(plan, recorder.path)
+    assert (result.different, result.is_truncated) == (0, False)

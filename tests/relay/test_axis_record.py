@@ -94,9 +94,7 @@ def _both_slots(path: Path) -> None:
     ],
     ids=["short", "garbage", "long", "three times as long", "other", "both"],
 )
-def test_a_spoilt_file_is_made_anew_and_the_axis_begins_without_it(
-    path: Path, spoil: object, why: str
-) -> None:
+def test_a_spoilt_file_is_made_anew_and_the_axis_goes_without(path: Path, spoil: object, why: str) -> None:
     assert callable(spoil)
     spoil(path)
     opened = Opened(path)

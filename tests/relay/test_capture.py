@@ -19,12 +19,13 @@ from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import BitField
 from gateway.recording import traffic
 from gateway.recording.capture import Capture, NoCaptureError, Timed
-from gateway.recording.replay import Replay, ReplayResult
+from gateway.recording.replay import ReplayResult
 from gateway.recording.trace_buffer import TEXT
 from gateway.relay.gateway import Relay
 from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import TcpEndpoint
 from tests.exchange.line_bench import Memory
+from tests.support.recordings import replayed
 from tests.support.relay import TIMING, Bench, RawEnd, axis_plan, until_up
 
 LOOPBACK = TcpEndpoint("127.0.0.1", 0)
@@ -64,9 +65,7 @@ async def running(
     _, where = await bench.drive("tcp", drive(memory))
     link = ControllerLink(ControllerPlan("cnc"), LOOPBACK)
     plan = GatewayPlan("bench", (LinePlan("line", where, (link,), (axis,), TIMING, tape_bytes=SMALLEST),))
-    relay = Relay(plan, bench.notes.append, state=state)
-    await relay.start()
-    bench.stack.push_async_callback(relay.stop)
+    relay = await bench.start(plan, state=state)
     await until_up(relay)
     return plan, relay, await bench.connect(relay.address("line", "cnc"))
 
@@ -89,14 +88,9 @@ async def captured(relay: Relay) -> list[Timed]:
         capture.close()
 
 
-def replayed(plan: GatewayPlan, timed: list[Timed]) -> ReplayResult:
-    replay = Replay(plan)
-    replay.feed(1, HEADER)
-    number = 1
-    for number, (_, entry) in enumerate(timed, start=2):
-        replay.feed(number, traffic.decode(traffic.encode(entry)))
-    replay.feed(number + 1, traffic.End(len(timed)))
-    return replay.result
+def replayed_capture(plan: GatewayPlan, timed: list[Timed]) -> ReplayResult:
+    entries = [traffic.decode(traffic.encode(entry)) for _, entry in timed]
+    return replayed(plan, [HEADER, *entries, traffic.End(len(timed))])
 
 
 async def test_a_capture_has_the_frames_of_both_sides(bench: Bench, tmp_path: Path) -> None:
@@ -116,7 +110,7 @@ async def test_a_capture_has_the_frames_of_both_sides(bench: Bench, tmp_path: Pa
     assert times == sorted(times)
     [up] = [(t_ns, entry.t) for t_ns, entry in timed if isinstance(entry, traffic.Up)]
     assert up[0] == up[1]
-    result = replayed(plan, timed)
+    result = replayed_capture(plan, timed)
     assert (result.different, result.outputs, result.is_truncated) == (0, 2, False)
 
 
@@ -130,9 +124,7 @@ async def test_what_only_a_newer_release_understands_is_told(bench: Bench, tmp_p
 
 
 @pytest.mark.parametrize("reference", [Reference.ABSOLUTE, Reference.DRIVE_BIT, Reference.SET_POSITION])
-async def test_what_is_left_of_a_long_run_is_replayed_from_where_it_begins(
-    bench: Bench, tmp_path: Path, reference: Reference
-) -> None:
+async def test_the_rest_of_a_long_run_is_replayed(bench: Bench, tmp_path: Path, reference: Reference) -> None:
     """Axes and their corrections are as they were in the middle of the run, although its start is lost."""
     memory = Memory()
     memory.words[HOMED] = 1
@@ -150,30 +142,26 @@ async def test_what_is_left_of_a_long_run_is_replayed_from_where_it_begins(
         await ask(controller, number, READ)
     timed = await captured(relay)
     assert not any(isinstance(entry, traffic.Up) for _, entry in timed)
-    result = replayed(plan, timed)
+    result = replayed_capture(plan, timed)
     assert result.first == []
     assert result.different == 0
     assert result.outputs > 400
 
 
 async def test_a_line_that_keeps_nothing_says_so(bench: Bench, tmp_path: Path) -> None:
-    relay = Relay(GatewayPlan("bench", ()), bench.notes.append, state=tmp_path)
-    await relay.start()
-    bench.stack.push_async_callback(relay.stop)
+    relay = await bench.start(GatewayPlan("bench", ()), state=tmp_path)
     with pytest.raises(NoCaptureError, match="set size_mb in"):
         await captured(relay)
 
 
-async def test_what_somebody_has_changed_since_the_start_is_known_where_the_capture_begins(
-    bench: Bench, tmp_path: Path
-) -> None:
+async def test_what_was_changed_since_the_start_is_known_to_a_capture(bench: Bench, tmp_path: Path) -> None:
     plan, relay, controller = await running(bench, tmp_path, axis_plan(), Memory())
     relay.command(SetGain(axes=("x",), forward=0.5, backward=0.5))
     for number in range(400):
         await ask(controller, number, write(number * 7919 % 100_000))
     timed = await captured(relay)
     assert not any(isinstance(entry, traffic.Commanded) for _, entry in timed)
-    assert replayed(plan, timed).different == 0
+    assert replayed_capture(plan, timed).different == 0
     [first, *_] = [entry for _, entry in timed if isinstance(entry, traffic.Beginning)]
     told = [traffic.as_command(each).command for each in first.controls]
     assert told == [SetGain(axes=("x",), forward=0.5, backward=0.5)]

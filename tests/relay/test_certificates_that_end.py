@@ -54,9 +54,7 @@ async def test_it_is_told_at_the_start_then_daily_and_when_it_ends(bench: Bench,
     assert len(site.told(SOON)) == 2
 
 
-async def test_one_that_was_renewed_while_nobody_connected_is_not_told_of(
-    bench: Bench, tmp_path: Path
-) -> None:
+async def test_one_that_was_renewed_while_nobody_connected_is_not_told(bench: Bench, tmp_path: Path) -> None:
     site, certificate, key = await ending(bench, tmp_path)
     await eventually(lambda: len(site.told(SOON)) == 1)
     new_certificate, new_key = site.shop.server("renewed")

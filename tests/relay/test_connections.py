@@ -11,12 +11,10 @@ import pytest
 
 from gateway.exchange.plan import LineTiming
 from gateway.modbus.mbap import encode_mbap
-from gateway.recording import traffic
-from gateway.recording.replay import Replay
 from gateway.recording.writer import Recorder
-from gateway.relay.gateway import Relay
 from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.transport.endpoints import TcpEndpoint
+from tests.support.recordings import HEADER, replayed
 from tests.support.relay import Bench, RawEnd, axis_plan, eventually, line_status
 
 COMMAND: Final = 100
@@ -112,8 +110,11 @@ class Server:
         return bytes((pdu[0], len(data))) + data
 
 
+Serve = Callable[[Habit], Server]
+
+
 @pytest.fixture
-async def serve() -> AsyncIterator[Callable[[Habit], Server]]:
+async def serve() -> AsyncIterator[Serve]:
     servers: list[Server] = []
 
     def make(habit: Habit) -> Server:
@@ -157,10 +158,8 @@ async def between(
         for pause_s in (0.0, 0.15)
     ],
 )
-async def test_w5_ten_of_ten_targets_pass_though_the_server_closes(
-    bench: Bench,
-    serve: Callable[[Habit], Server],
-    kind: tuple[Habit, bool, float],
+async def test_w5_ten_targets_pass_though_the_server_closes(
+    bench: Bench, serve: Serve, kind: tuple[Habit, bool, float]
 ) -> None:
     habit, added_frames, pause_s = kind
     server = serve(habit)
@@ -178,9 +177,7 @@ async def test_w5_ten_of_ten_targets_pass_though_the_server_closes(
     assert len(told) <= 2
 
 
-async def test_w5_what_was_given_to_a_socket_that_closes_is_lost_and_never_sent_again(
-    bench: Bench, serve: Callable[[Habit], Server]
-) -> None:
+async def test_w5_what_a_closing_socket_was_given_is_never_sent_again(bench: Bench, serve: Serve) -> None:
     server = serve(Habit.CLOSES_ON_WRITE)
     cnc = await between(bench, server)
     assert await ask(cnc, 1, target(50_000)) == NO_ANSWER
@@ -188,8 +185,8 @@ async def test_w5_what_was_given_to_a_socket_that_closes_is_lost_and_never_sent_
     assert [pdu for _, pdu in server.writes] == [target(50_050)]
 
 
-async def test_w7_without_a_server_requests_are_absent_after_half_of_the_time_out(
-    bench: Bench, serve: Callable[[Habit], Server]
+async def test_w7_without_a_server_requests_are_absent_after_half_a_time_out(
+    bench: Bench, serve: Serve
 ) -> None:
     server = serve(Habit.STAYS)
     cnc = await between(bench, server, timeout_ms=400.0)
@@ -201,8 +198,8 @@ async def test_w7_without_a_server_requests_are_absent_after_half_of_the_time_ou
     assert server.writes == []
 
 
-async def test_w5_a_server_that_was_restarted_gets_what_waited_for_it_within_half_of_the_time_out(
-    bench: Bench, serve: Callable[[Habit], Server]
+async def test_w5_a_restarted_server_gets_what_waited_within_half_a_time_out(
+    bench: Bench, serve: Serve
 ) -> None:
     server = serve(Habit.STAYS)
     cnc = await between(bench, server, timeout_ms=2000.0)
@@ -217,9 +214,7 @@ async def test_w5_a_server_that_was_restarted_gets_what_waited_for_it_within_hal
     assert [pdu for _, pdu in server.writes] == [target(50_050)]
 
 
-async def test_a_length_that_cannot_be_is_named_with_its_bytes_once(
-    bench: Bench, serve: Callable[[Habit], Server]
-) -> None:
+async def test_a_length_that_cannot_be_is_named_with_its_bytes_once(bench: Bench, serve: Serve) -> None:
     server = serve(Habit.MALFORMED)
     cnc = await between(bench, server)
     for number in range(1, 8):
@@ -231,9 +226,7 @@ async def test_a_length_that_cannot_be_is_named_with_its_bytes_once(
     assert server.connections < 20
 
 
-async def test_w11_a_server_that_forgot_its_connection_is_served_over_another_one(
-    bench: Bench, serve: Callable[[Habit], Server]
-) -> None:
+async def test_w11_a_server_that_forgot_its_connection_is_served_anew(bench: Bench, serve: Serve) -> None:
     server = serve(Habit.MUTE_AT_FIRST)
     cnc = await between(bench, server, timeout_ms=100.0)
     read = bytes.fromhex("03 00C8 0001")
@@ -250,9 +243,7 @@ async def test_w11_a_server_that_forgot_its_connection_is_served_over_another_on
     assert [note.event for note in bench.notes].count("line-down") == 0
 
 
-async def test_w5_after_a_write_that_was_not_answered_the_new_connection_carries_named_reads_first(
-    bench: Bench, serve: Callable[[Habit], Server]
-) -> None:
+async def test_w5_after_an_unanswered_write_named_reads_go_first(bench: Bench, serve: Serve) -> None:
     server = serve(Habit.STAYS)
     timing = LineTiming(response_timeout_ms=100.0, retry_ms=0.0)
     cnc = await between(bench, server, timing, timeout_ms=100.0)
@@ -274,9 +265,7 @@ async def test_w5_after_a_write_that_was_not_answered_the_new_connection_carries
 
 
 @pytest.mark.parametrize("delay_ms", [0.0, 350.0])
-async def test_a_server_that_must_not_be_asked_at_once_is_served_after_connect_delay_ms(
-    bench: Bench, serve: Callable[[Habit], Server], delay_ms: float
-) -> None:
+async def test_a_server_is_asked_after_connect_delay_ms(bench: Bench, serve: Serve, delay_ms: float) -> None:
     server = serve(Habit.MUTE_IF_HURRIED)
     timing = LineTiming(response_timeout_ms=400.0, retry_ms=0.0, connect_delay_ms=delay_ms)
     cnc = await between(bench, server, timing, timeout_ms=1000.0)
@@ -289,9 +278,7 @@ async def test_a_server_that_must_not_be_asked_at_once_is_served_after_connect_d
     assert [pdu for _, pdu in server.writes] == [target(50_050)]
 
 
-async def test_w5_a_server_killed_in_the_middle_of_a_renewal_gets_no_write_twice(
-    bench: Bench, serve: Callable[[Habit], Server]
-) -> None:
+async def test_w5_a_server_killed_in_a_renewal_gets_no_write_twice(bench: Bench, serve: Serve) -> None:
     server = serve(Habit.STAYS)
     timing = LineTiming(response_timeout_ms=100.0, retry_ms=0.0)
     cnc = await between(bench, server, timing, timeout_ms=100.0)
@@ -312,9 +299,7 @@ async def test_w5_a_server_killed_in_the_middle_of_a_renewal_gets_no_write_twice
     assert [pdu for _, pdu in server.writes] == [target(10_010), target(40_040)]
 
 
-async def test_a_connection_on_demand_is_there_for_a_request_and_closed_a_second_after_its_answer(
-    bench: Bench, serve: Callable[[Habit], Server]
-) -> None:
+async def test_a_connection_on_demand_is_closed_a_second_after_its_answer(bench: Bench, serve: Serve) -> None:
     server = serve(Habit.STAYS)
     where = await server.start()
     link, _ = bench.controller_link("tcp", timeout_ms=1000.0)
@@ -333,18 +318,15 @@ async def test_a_connection_on_demand_is_there_for_a_request_and_closed_a_second
 
 
 @pytest.mark.parametrize("habit", [Habit.MUTE_AT_FIRST, Habit.CLOSES_AFTER_ANSWER, Habit.CLOSES_WHEN_IDLE])
-async def test_a_run_over_connections_that_come_and_go_is_replayed_byte_for_byte(
-    bench: Bench, serve: Callable[[Habit], Server], habit: Habit, tmp_path: Path
+async def test_a_run_over_connections_is_replayed_byte_for_byte(
+    bench: Bench, serve: Serve, habit: Habit, tmp_path: Path
 ) -> None:
     server, path = serve(habit), tmp_path / "record.jsonl"
     link, _ = bench.controller_link("tcp", timeout_ms=150.0)
     timing = LineTiming(response_timeout_ms=50.0, retry_ms=100.0)
     line = LinePlan("line", await server.start(), (link,), (axis_plan(),), timing)
     plan = GatewayPlan("bench", (line,))
-    header = traffic.Header(traffic.FORMAT, "0", "2026-01-01T00:00:00+00:00", "gateway.toml", "")
-    relay = Relay(plan, bench.notes.append, recorder=Recorder(path, header))
-    await relay.start()
-    bench.stack.push_async_callback(relay.stop)
+    relay = await bench.start(plan, recorder=Recorder(path, HEADER))
     cnc = await bench.connect(relay.address("line", "cnc"))
     for number in range(1, 31):
         pdu = target(1_000 * number) if number % 2 else bytes.fromhex("03 00C8 0001")
@@ -352,8 +334,6 @@ async def test_a_run_over_connections_that_come_and_go_is_replayed_byte_for_byte
         await asyncio.sleep(0.07 if number % 5 == 0 else 0.0)
     await relay.stop()
     assert server.connections > 1
-    replay = Replay(plan)
-    for number, entry in enumerate(path.read_bytes().splitlines(keepends=True), start=1):
-        replay.feed(number, traffic.decode(entry))
-    assert (replay.result.first, replay.result.different) == ([], 0)
-    assert replay.result.outputs > 30
+    result = replayed(plan, path)
+    assert (result.first, result.different) == ([], 0)
+    assert result.outputs > 30

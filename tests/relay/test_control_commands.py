@@ -37,9 +37,7 @@ async def started(bench: Bench, state: Path) -> tuple[Relay, list[bytes]]:
     _, where = await bench.drive("tcp", script)
     link, _ = bench.controller_link("tcp")
     line = LinePlan("line", where, (link,), (axis_plan(),), TIMING)
-    relay = Relay(GatewayPlan("bench", (line,)), bench.notes.append, state=state)
-    await relay.start()
-    bench.stack.push_async_callback(relay.stop)
+    relay = await bench.start(GatewayPlan("bench", (line,)), state=state)
     await until_up(relay)
     return relay, told
 
@@ -78,9 +76,7 @@ async def test_the_relay_says_who_it_is_and_how_it_is(bench: Bench, tmp_path: Pa
     assert reply.status.axes["x"].units == "mm"
 
 
-async def test_an_axis_that_is_not_there_is_named_and_the_others_are_commanded(
-    bench: Bench, tmp_path: Path
-) -> None:
+async def test_an_unknown_axis_is_named_and_the_others_are_commanded(bench: Bench, tmp_path: Path) -> None:
     relay, _ = await started(bench, tmp_path)
     assert relay.control_socket is not None
     reply = await asyncio.to_thread(ask, relay.control_socket, Disable(axes=("nope", "x")))

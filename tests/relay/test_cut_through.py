@@ -23,7 +23,6 @@ from gateway.exchange.cut_through.delay import (
 from gateway.exchange.cut_through.frame import ForwardEvent
 from gateway.exchange.line import LineExchange
 from gateway.modbus.crc import INVERTED, append_crc, is_intact, residue_after
-from gateway.relay.gateway import Relay
 from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.serial import SerialPort
@@ -163,9 +162,7 @@ async def wires_of(bench: Bench, *, echo: bool = False, tape_bytes: int = 0) -> 
         cut_through=True,
         tape_bytes=tape_bytes,
     )
-    relay = Relay(GatewayPlan("bench", (plan,)), bench.notes.append)
-    await relay.start()
-    bench.stack.push_async_callback(relay.stop)
+    relay = await bench.start(GatewayPlan("bench", (plan,)))
     await until_up(relay)
     wires = Wires(controller, drive, relay._lines[0].exchange)
     bench.stack.callback(wires.close)
@@ -173,9 +170,7 @@ async def wires_of(bench: Bench, *, echo: bool = False, tape_bytes: int = 0) -> 
 
 
 @pytest.mark.parametrize(("echo", "tape_bytes"), [(False, 0), (True, 1 << 16)])
-async def test_a_setpoint_and_its_reply_leave_while_they_arrive(
-    bench: Bench, *, echo: bool, tape_bytes: int
-) -> None:
+async def test_setpoint_and_reply_leave_as_they_come(bench: Bench, *, echo: bool, tape_bytes: int) -> None:
     wires = await wires_of(bench, echo=echo, tape_bytes=tape_bytes)
     if echo:
         wires.drive.script = lambda data: data
@@ -217,10 +212,7 @@ async def test_a_setpoint_and_its_reply_leave_while_they_arrive(
     assert (
         wires.forwarding.requests.ended[ForwardEvent.MET],
         wires.forwarding.replies.ended[ForwardEvent.BAD],
-    ) == (
-        0,
-        0,
-    )
+    ) == (0, 0)
 
 
 async def test_w3_a_bad_check_sum_leaves_as_one_that_is_bad_in_both_bytes(bench: Bench) -> None:

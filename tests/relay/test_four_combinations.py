@@ -94,9 +94,7 @@ def words(counts: int) -> list[int]:
 
 @pytest.mark.parametrize("controller", ["tcp", "rtu"])
 @pytest.mark.parametrize("drives", ["tcp", "rtu"])
-async def test_an_axis_moves_and_reads_while_another_client_reads_other_registers(
-    bench: Bench, controller: str, drives: str
-) -> None:
+async def test_an_axis_moves_while_another_client_reads(bench: Bench, controller: str, drives: str) -> None:
     drive = Drive()
     async with serving(bench, drives, drive) as where:
         cnc, device = bench.controller_link(controller, timeout_ms=PATIENCE_MS)

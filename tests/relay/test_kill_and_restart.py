@@ -228,9 +228,7 @@ def test_a_kill_in_a_move_leaves_reading_and_words_as_they_were(tmp_path: Path) 
         assert 24_950 < each.readings[-2] < 25_050
 
 
-def test_a_kill_with_a_target_on_the_way_of_the_one_before_leaves_the_reading_of_its_end(
-    tmp_path: Path,
-) -> None:
+def test_a_kill_with_a_target_on_the_way_of_another_leaves_the_reading_of_its_end(tmp_path: Path) -> None:
     """It may have been stopped at 30 mm, or gone there: it read 30.01 mm until its next target."""
     with machine(tmp_path / "x") as each:
         each.drive.follows = False
@@ -254,7 +252,7 @@ def test_a_kill_with_a_target_on_the_way_of_the_one_before_leaves_the_reading_of
     ],
     ids=["table", "counts_per_unit"],
 )
-def test_a_record_of_another_configuration_does_not_count(
+def test_a_record_of_another_axis_does_not_count(
     tmp_path: Path, changes: dict[str, Any], reason: str
 ) -> None:
     with machine(tmp_path / "x") as each:

@@ -4,7 +4,6 @@ import pytest
 
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay import gateway as relay_module
-from gateway.relay.gateway import Relay
 from gateway.state.plan import GatewayPlan, LinePlan
 from tests.support.relay import TIMING, Bench, eventually
 
@@ -12,18 +11,14 @@ READ = bytes.fromhex("03 0010 0001")
 REPLY = bytes.fromhex("03 02 0007")
 
 
-async def test_every_line_begins_a_new_slot_although_nobody_looks(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_each_line_begins_a_new_slot_unwatched(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(relay_module, "TICK_EVERY_S", 0.01)
     names = ("a", "b", "c")
     plans = []
     for name in names:
         _, where = await bench.drive("tcp", lambda data: data[:5] + b"\x05" + data[6:7] + REPLY)
         plans.append(LinePlan(name, where, (bench.controller_link("tcp")[0],), (), TIMING))
-    relay = Relay(GatewayPlan("bench", tuple(plans)), bench.notes.append)
-    await relay.start()
-    bench.stack.push_async_callback(relay.stop)
+    relay = await bench.start(GatewayPlan("bench", tuple(plans)))
     await eventually(lambda: all(line.is_up for line in relay._lines))
     for name in names:
         near = await bench.connect(relay.address(name, "cnc"))

@@ -50,9 +50,7 @@ async def wires_of(
 
 @pytest.mark.parametrize("tape_bytes", [0, 1 << 20])
 @pytest.mark.parametrize("frame", [START, SPEED, LONG], ids=lambda frame: frame.hex())
-async def test_an_odd_frame_gets_through_and_so_does_its_answer(
-    bench: Bench, frame: bytes, tape_bytes: int
-) -> None:
+async def test_an_odd_frame_and_its_answer_get_through(bench: Bench, frame: bytes, tape_bytes: int) -> None:
     wires = await wires_of(bench, tape_bytes=tape_bytes)
     for _ in range(3):
         wires.controller.write(frame)

@@ -29,9 +29,7 @@ def reply_to(kind: str, request: bytes, reply: bytes) -> bytes:
 
 @COMBINATIONS
 @pytest.mark.parametrize("function", [0x41, 0x64, 0x65])
-async def test_w1_unknown_function_codes_pass_both_ways(
-    bench: Bench, controller: str, drives: str, function: int
-) -> None:
+async def test_w1_unknown_functions_pass(bench: Bench, controller: str, drives: str, function: int) -> None:
     request, reply = bytes([function, 1, 2, 3, 4, 5]), bytes([function, 0, 0xFF, 0x0D, 0x11, 0x13, 9])
     near, far, _ = await bench.raw_pair(controller, drives, lambda data: reply_to(drives, data, reply))
     near.write(framed(controller, request))
@@ -40,9 +38,7 @@ async def test_w1_unknown_function_codes_pass_both_ways(
 
 
 @COMBINATIONS
-async def test_w1_a_vendor_exception_passes_with_its_own_code(
-    bench: Bench, controller: str, drives: str
-) -> None:
+async def test_w1_a_vendor_exception_keeps_its_code(bench: Bench, controller: str, drives: str) -> None:
     near, _, _ = await bench.raw_pair(
         controller, drives, lambda data: reply_to(drives, data, bytes([0x83, 0xE7]))
     )
@@ -78,9 +74,7 @@ async def test_w1_pipelined_requests_are_answered_in_their_order(bench: Bench, d
 
 
 @COMBINATIONS
-async def test_requests_and_replies_in_single_bytes_are_put_together(
-    bench: Bench, controller: str, drives: str
-) -> None:
+async def test_frames_in_single_bytes_are_put_together(bench: Bench, controller: str, drives: str) -> None:
     near, far, _ = await bench.raw_pair(controller, drives)
     request = framed(controller, bytes.fromhex("03 0010 0001"))
     for byte in request:

@@ -6,25 +6,21 @@ from pathlib import Path
 import pytest
 
 from gateway.exchange.plan import Role
-from gateway.recording.replay import Replay, ReplayError
-from gateway.recording.traffic import FORMAT, Header, Request, decode
+from gateway.recording.replay import ReplayError
+from gateway.recording.traffic import Request, decode
 from gateway.recording.writer import Recorder
 from gateway.relay.gateway import Relay
 from gateway.state.plan import RoleRights, TlsPlan
 from tests.relay.secure_site import WRITE, WRITTEN, Site, ask
+from tests.support.recordings import HEADER, replayed
 from tests.support.relay import Bench, until_up
 
 
-async def test_a_recording_is_replayed_with_the_role_that_each_connection_had(
-    bench: Bench, tmp_path: Path
-) -> None:
+async def test_a_recording_is_replayed_with_the_roles(bench: Bench, tmp_path: Path) -> None:
     site = Site(bench, tmp_path)
     await site.start()
     [line] = site.relay_plan.lines
-    recorder = Recorder(
-        tmp_path / "record.jsonl", Header(FORMAT, "0", "2026-01-01T00:00:00+00:00", "g.toml", "")
-    )
-    relay = Relay(site.relay_plan, recorder=recorder)
+    relay = Relay(site.relay_plan, recorder=Recorder(tmp_path / "record.jsonl", HEADER))
     await relay.start()
     site.relay = relay
     await until_up(relay)
@@ -38,14 +34,11 @@ async def test_a_recording_is_replayed_with_the_role_that_each_connection_had(
     entries = [decode(each) for each in site.recorded(tmp_path / "record.jsonl")]
     requests = [each for each in entries if isinstance(each, Request)]
     assert [each.role for each in requests] == ["Beobachter Süd", "Operator"]
-    replay = Replay(site.relay_plan)
-    for number, entry in enumerate(entries, start=1):
-        replay.feed(number, entry)
-    assert (replay.result.different, replay.result.outputs > 0) == (0, True)
+    result = replayed(site.relay_plan, entries)
+    assert (result.different, result.outputs > 0) == (0, True)
     link = replace(line.controllers[0], tls=TlsPlan(site.files, {"Operator": RoleRights(Role.MOTION)}))
-    other = Replay(replace(site.relay_plan, lines=(replace(line, controllers=(link,)),)))
-    before = entries.index(requests[0])
-    for number, entry in enumerate(entries[:before], start=1):
-        other.feed(number, entry)
+    other = replace(site.relay_plan, lines=(replace(line, controllers=(link,)),))
+    before = entries[: entries.index(requests[0])]
+    assert replayed(other, before).different == 0
     with pytest.raises(ReplayError, match="controller cnc has no role 'Beobachter Süd'"):
-        other.feed(before + 1, requests[0])
+        replayed(other, [*before, requests[0]])

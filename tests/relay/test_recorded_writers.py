@@ -10,13 +10,12 @@ from gateway.exchange.plan import ControllerPlan
 from gateway.exchange.rights import Rights
 from gateway.modbus.mbap import encode_mbap
 from gateway.recording import traffic
-from gateway.recording.replay import Replay
 from gateway.recording.writer import Recorder
-from gateway.relay.gateway import Relay
 from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.endpoints import TcpEndpoint
 from tests.support.commands import typed
 from tests.support.config import axis, gateway_toml, line
+from tests.support.recordings import HEADER, entries_of, replayed
 from tests.support.relay import QUICK, Bench, axis_plan, until_up
 
 LOOPBACK = TcpEndpoint("127.0.0.1", 0)
@@ -28,25 +27,13 @@ def echo(data: bytes) -> bytes:
     return data[:4] + bytes((0, 6)) + data[6:12]
 
 
-def different(entries: list[traffic.Entry], plan: GatewayPlan) -> int:
-    replay = Replay(plan)
-    for number, entry in enumerate(entries, start=1):
-        replay.feed(number, entry)
-    return replay.result.different
-
-
-async def test_two_hosts_on_one_listener_are_two_writers_in_the_replay_too(
-    bench: Bench, tmp_path: Path
-) -> None:
+async def test_two_hosts_on_one_listener_are_two_writers_in_a_replay(bench: Bench, tmp_path: Path) -> None:
     path = tmp_path / "record.jsonl"
     _, where = await bench.drive("tcp", echo)
     rights = Rights(function_codes=frozenset({16}))
     link = ControllerLink(ControllerPlan("cnc", rights=rights), LOOPBACK)
     plan = GatewayPlan("bench", (LinePlan("line", where, (link,), (axis_plan(),), QUICK),))
-    header = traffic.Header(traffic.FORMAT, "0", "2026-01-01T00:00:00+00:00", "gateway.toml", "")
-    relay = Relay(plan, bench.notes.append, recorder=Recorder(path, header))
-    await relay.start()
-    bench.stack.push_async_callback(relay.stop)
+    relay = await bench.start(plan, recorder=Recorder(path, HEADER))
     await until_up(relay)
     place = relay.address("line", "cnc")
     answers = []
@@ -59,16 +46,16 @@ async def test_two_hosts_on_one_listener_are_two_writers_in_the_replay_too(
         bench.stack.callback(writer.close)
     await relay.stop()
     assert answers == ["1000640002", "8301", "9006", "8301", "1000640002", "8301"]
-    entries = [traffic.decode(line) for line in path.read_bytes().splitlines(keepends=True)]
+    entries = entries_of(path)
     peers = {entry.peer for entry in entries if isinstance(entry, traffic.Request)}
     assert peers == {"127.0.0.1", "127.0.0.9"}
-    assert different(entries, plan) == 0
+    assert replayed(plan, entries).different == 0
     # It is the host that makes the difference.
     nameless = [
         msgspec.structs.replace(entry, peer="") if isinstance(entry, traffic.Request) else entry
         for entry in entries
     ]
-    assert different(nameless, plan) >= 1
+    assert replayed(plan, nameless).different >= 1
 
 
 def recording(path: Path, number: int) -> Path:
@@ -105,9 +92,7 @@ def recording(path: Path, number: int) -> Path:
         ),
     ],
 )
-def test_recordings_of_before_play_as_they_were_recorded(
-    tmp_path: Path, number: int, code: int, said: str
-) -> None:
+def test_older_recordings_play_as_recorded(tmp_path: Path, number: int, code: int, said: str) -> None:
     done = typed("replay", str(recording(tmp_path / "old.jsonl", number)))
     assert said in done.stdout + done.stderr
     assert done.returncode == code

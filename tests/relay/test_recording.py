@@ -34,29 +34,18 @@ from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.registers import BitField
 from gateway.modbus.rtu import encode_rtu
 from gateway.recording import traffic
-from gateway.recording.replay import Replay, ReplayError, ReplayResult
+from gateway.recording.replay import Replay, ReplayError
 from gateway.recording.traffic import Answered, End, Entry, Header, Sent, Tick
 from gateway.recording.writer import Recorder
 from gateway.relay.gateway import Relay
 from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.state.tables import compiled
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from tests.support.recordings import HEADER, entries_of, replayed
 from tests.support.relay import QUICK, TIMING, Bench, RawEnd, axis_plan, eventually, line_status, until_up
 
-HEADER = Header(traffic.FORMAT, "0", "2026-01-01T00:00:00+00:00", "gateway.toml", "")
 ROUNDS = 120
 FLAT = make_table([0.0, 100.0], [0.0, 0.0], [0.0, 0.0], Units.MM)
-
-
-def entries_of(path: Path) -> list[Entry]:
-    return [traffic.decode(line) for line in path.read_bytes().splitlines(keepends=True)]
-
-
-def replayed(path: Path, plan: GatewayPlan, only: str | None = None) -> ReplayResult:
-    replay = Replay(plan, only)
-    for number, entry in enumerate(entries_of(path), start=1):
-        replay.feed(number, entry)
-    return replay.result
 
 
 BEFORE: Final[dict[str, Command]] = {
@@ -193,12 +182,7 @@ def staged() -> AxisPlan:
 
 
 async def recorded_relay(
-    bench: Bench,
-    kind: str,
-    recorder: Recorder,
-    seed: int = 1,
-    *,
-    axis: AxisPlan | None = None,
+    bench: Bench, kind: str, recorder: Recorder, seed: int = 1, *, axis: AxisPlan | None = None
 ) -> tuple[Relay, GatewayPlan]:
     """A relay with two axes between two TCP controllers and a moody drive."""
     drive = MoodyDrive(kind, seed)
@@ -206,9 +190,7 @@ async def recorded_relay(
     plans = (ControllerPlan("cnc", timeout_ms=30.0), ControllerPlan("hmi", timeout_ms=30.0))
     links = tuple(ControllerLink(each, bench.controller_link("tcp")[0].endpoint) for each in plans)
     plan = GatewayPlan("bench", (LinePlan("line", where, links, (axis or axis_plan(), staged()), QUICK),))
-    relay = Relay(plan, bench.notes.append, recorder=recorder)
-    await relay.start()
-    bench.stack.push_async_callback(relay.stop)
+    relay = await bench.start(plan, recorder=recorder)
     await until_up(relay)
     return relay, plan
 
@@ -238,39 +220,33 @@ async def chat(bench: Bench, relay: Relay, seed: int) -> None:
             relay.command(Enable(axes=("x",)))
 
 
+async def recorded_chat(bench: Bench, path: Path) -> tuple[GatewayPlan, list[Entry]]:
+    relay, plan = await recorded_relay(bench, "tcp", Recorder(path, HEADER))
+    await chat(bench, relay, 1)
+    await relay.stop()
+    return plan, entries_of(path)
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("kind", ["tcp", "rtu"])
-async def test_random_traffic_with_time_outs_and_reconnects_replays_to_the_same_bytes(
+async def test_random_traffic_replays_to_the_same_bytes(
     bench: Bench, tmp_path: Path, kind: str, seed: int
 ) -> None:
     path = tmp_path / "record.jsonl"
     relay, plan = await recorded_relay(bench, kind, Recorder(path, HEADER), seed)
     await chat(bench, relay, seed)
     await relay.stop()
-    result = replayed(path, plan)
+    result = replayed(plan, path)
     assert (result.different, result.first, result.is_truncated) == (0, [], False)
-    kinds = {type(entry).__name__ for entry in entries_of(path)}
-    assert kinds >= {
-        "Header",
-        "Request",
-        "Sent",
-        "Reply",
-        "Answered",
-        "Tick",
-        "Commanded",
-        "Gone",
-        "Stop",
-        "End",
-    }
+    kinds = set(map(type, entries_of(path)))
+    assert kinds >= {Header, traffic.Request, Sent, traffic.Reply, Answered, Tick}
+    assert kinds >= {traffic.Commanded, traffic.Gone, traffic.Stop, End}
     assert result.outputs > ROUNDS
-    status = line_status(relay)
-    assert status["timeouts"]
+    assert line_status(relay)["timeouts"]
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-async def test_temperatures_and_another_axis_replay_to_the_same_bytes(
-    bench: Bench, tmp_path: Path, seed: int
-) -> None:
+async def test_temperatures_and_another_axis_replay_alike(bench: Bench, tmp_path: Path, seed: int) -> None:
     path = tmp_path / "record.jsonl"
     axis = axis_plan()
     warm = replace(
@@ -286,13 +262,13 @@ async def test_temperatures_and_another_axis_replay_to_the_same_bytes(
             relay.command(SetTemperature(axis="x", celsius=3000.0))
         await chat(bench, relay, seed)
     await relay.stop()
-    result = replayed(path, plan)
+    result = replayed(plan, path)
     assert (result.different, result.first, result.is_truncated) == (0, [], False)
     told = [entry.command for entry in entries_of(path) if isinstance(entry, traffic.Commanded)]
     found = [each.celsius for each in told if isinstance(each, SetTemperature)]
     assert found == [21.0, 3000.0, 35.0, 3000.0, 15.0, 3000.0]
     cold = replace(plan.lines[0], axes=(replace(warm, thermal=None), *plan.lines[0].axes[1:]))
-    assert replayed(path, GatewayPlan("bench", (cold,))).different
+    assert replayed(GatewayPlan("bench", (cold,)), path).different
 
 
 def test_one_line_replays_alone_though_an_axis_of_another_one_acts_on_it() -> None:
@@ -318,10 +294,8 @@ def test_one_line_replays_alone_though_an_axis_of_another_one_acts_on_it() -> No
             Answered(name, 1, 7, 1, "1000640002"),
         )
     for only, outputs in ((None, 4), ("one", 2), ("other", 2)):
-        replay = Replay(plan, only)
-        for number, entry in enumerate([*entries, End(0)], start=1):
-            replay.feed(number, entry)
-        assert (replay.result.outputs, replay.result.first) == (outputs, [])
+        result = replayed(plan, [*entries, End(0)], only)
+        assert (result.outputs, result.first) == (outputs, [])
 
 
 def test_an_odd_frame_of_a_serial_port_replays_to_the_same_bytes() -> None:
@@ -336,10 +310,8 @@ def test_an_odd_frame_of_a_serial_port_replays_to_the_same_bytes() -> None:
         End(0),
     )
     for odd, different in ((frozenset({5}), 0), (frozenset(), 1)):
-        replay = Replay(GatewayPlan("bench", (replace(line, other_units=OtherUnits(odd, odd)),)), None)
-        for number, entry in enumerate(entries, start=1):
-            replay.feed(number, entry)
-        assert bool(replay.result.different) == different
+        plan = GatewayPlan("bench", (replace(line, other_units=OtherUnits(odd, odd)),))
+        assert bool(replayed(plan, entries).different) == different
 
 
 async def test_another_configuration_shows_what_it_would_have_done(bench: Bench, tmp_path: Path) -> None:
@@ -350,7 +322,7 @@ async def test_another_configuration_shows_what_it_would_have_done(bench: Bench,
     await near.until(lambda end: len(end.data) > 0)
     await relay.stop()
     without_x = replace(plan.lines[0], axes=plan.lines[0].axes[1:])
-    result = replayed(path, GatewayPlan("bench", (without_x,)))
+    result = replayed(GatewayPlan("bench", (without_x,)), path)
     first = result.first[0]
     # 50 000 counts; the axis of the bench adds 50 there, and without an axis they pass as they are.
     assert first.expected == Sent("line", 1, "10006400020400" + "00c382")
@@ -361,37 +333,20 @@ async def test_another_configuration_shows_what_it_would_have_done(bench: Bench,
 
 
 async def test_an_output_too_many_or_too_few_is_a_difference(bench: Bench, tmp_path: Path) -> None:
-    path = tmp_path / "record.jsonl"
-    relay, plan = await recorded_relay(bench, "tcp", Recorder(path, HEADER))
-    await chat(bench, relay, 1)
-    await relay.stop()
-    entries = entries_of(path)
+    plan, entries = await recorded_chat(bench, tmp_path / "record.jsonl")
     place = next(i for i, entry in enumerate(entries) if isinstance(entry, Answered))
     for changed in ([*entries[:place], *entries[place + 1 :]], [*entries[:place], *entries[place:][:1] * 2]):
-        replay = Replay(plan)
-        for number, entry in enumerate([*changed, End(0)], start=1):
-            replay.feed(number, entry)
-        assert replay.result.different >= 1
+        assert replayed(plan, [*changed, End(0)]).different >= 1
 
 
-async def test_a_recording_that_was_cut_off_is_replayed_as_far_as_it_goes(
-    bench: Bench, tmp_path: Path
-) -> None:
-    path = tmp_path / "record.jsonl"
-    relay, plan = await recorded_relay(bench, "tcp", Recorder(path, HEADER))
-    await chat(bench, relay, 1)
-    await relay.stop()
-    entries = entries_of(path)
+async def test_a_recording_that_was_cut_off_is_replayed_to_its_end(bench: Bench, tmp_path: Path) -> None:
+    plan, entries = await recorded_chat(bench, tmp_path / "record.jsonl")
     for length in range(1, 60):
-        replay = Replay(plan)
-        for number, entry in enumerate(entries[:length], start=1):
-            replay.feed(number, entry)
-        assert (replay.result.different, replay.result.is_truncated) == (0, True)
+        result = replayed(plan, entries[:length])
+        assert (result.different, result.is_truncated) == (0, True)
 
 
-async def test_a_full_disk_ends_the_recording_loudly_and_not_the_gateway(
-    bench: Bench, tmp_path: Path
-) -> None:
+async def test_a_full_disk_ends_the_recording_and_not_the_gateway(bench: Bench, tmp_path: Path) -> None:
     path = tmp_path / "record.jsonl"
     relay, plan = await recorded_relay(bench, "tcp", Recorder(path, HEADER, max_bytes=3000))
     await chat(bench, relay, 1)
@@ -408,7 +363,7 @@ async def test_a_full_disk_ends_the_recording_loudly_and_not_the_gateway(
     assert "its limit of 3000 bytes" in str(note.fields["detail"])
     assert "The gateway continues without it" in str(note.fields["detail"])
     assert path.stat().st_size <= 3000
-    assert replayed(path, plan).different == 0
+    assert replayed(plan, path).different == 0
 
 
 async def test_a_disk_that_is_too_slow_ends_the_recording(tmp_path: Path) -> None:

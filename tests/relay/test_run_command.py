@@ -33,9 +33,7 @@ async def event(program: Running, name: str) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-async def test_it_says_ready_serves_and_stops_cleanly(
-    bench: Bench, tmp_path: Path, number: signal.Signals
-) -> None:
+async def test_it_is_ready_serves_and_stops(bench: Bench, tmp_path: Path, number: signal.Signals) -> None:
     reply = bytes.fromhex("03 02 0007")
     _, where = await bench.drive(
         "tcp", lambda data: data[:4] + bytes([0, len(reply) + 1]) + data[6:7] + reply
@@ -60,9 +58,7 @@ async def test_it_says_ready_serves_and_stops_cleanly(
         assert await asyncio.to_thread(program.process.wait, SECONDS) == 0
 
 
-async def test_a_second_signal_ends_at_once_and_says_what_was_not_finished(
-    bench: Bench, tmp_path: Path
-) -> None:
+async def test_a_second_signal_ends_and_says_what_was_not_finished(bench: Bench, tmp_path: Path) -> None:
     silent, where = await bench.drive("tcp")
     port = free_port()
     config = configured(tmp_path, getattr(where, "port", 0), port, response_timeout_ms=3600000)
@@ -85,9 +81,7 @@ async def test_a_second_signal_ends_at_once_and_says_what_was_not_finished(
         assert await asyncio.to_thread(program.rest) == []
 
 
-async def test_the_log_is_in_the_order_of_its_times_and_status_lines_count_everything(
-    bench: Bench, tmp_path: Path
-) -> None:
+async def test_the_log_is_in_order_and_status_lines_count_everything(bench: Bench, tmp_path: Path) -> None:
     reply = bytes.fromhex("83 02")
     _, where = await bench.drive(
         "tcp", lambda data: data[:4] + bytes([0, len(reply) + 1]) + data[6:7] + reply

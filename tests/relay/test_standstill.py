@@ -51,9 +51,7 @@ def again(each: Machine) -> list[bytes]:
 
 
 @pytest.mark.parametrize("closes", [True, False])
-def test_w5_what_waited_for_longer_than_its_controller_is_not_sent_but_for_a_stop(
-    tmp_path: Path, closes: bool
-) -> None:
+def test_w5_what_waited_longer_than_its_controller_is_not_sent(tmp_path: Path, closes: bool) -> None:
     with machine(tmp_path, None, "homing") as each:
         assert each.follow(50_000)
         before = len(each.drive.writes)

@@ -122,7 +122,7 @@ def test_a_correction_below_zero_is_in_two_s_complement() -> None:
     ],
     ids=["shadow", "off", "unreferenced", "no-table"],
 )
-def test_the_state_of_an_axis_and_what_it_does_to_the_alarm(
+def test_the_state_of_an_axis_and_its_alarm(
     changes: dict[str, object], state: int, flags: int, alarm: int
 ) -> None:
     """What is only worth a warning on the page sets bit 4, and no alarm."""

@@ -21,7 +21,7 @@ def echo(data: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("controller", ["tcp", "rtu"])
-async def test_a_client_reads_the_gateway_on_any_port_and_no_drive_hears_of_it(
+async def test_a_client_reads_the_gateway_on_any_port_unheard_by_drives(
     bench: Bench, controller: str
 ) -> None:
     drive, where = await bench.drive("tcp", echo)

@@ -10,11 +10,10 @@ from gateway.compensation.settings import Setpoints
 from gateway.exchange.commands import ClearTable, Disable, Enable, SetGain, SetLimits
 from gateway.ipc.client import ask
 from gateway.ipc.messages import Done, GetStatus, Status
-from gateway.recording import traffic
-from gateway.recording.replay import Replay
 from gateway.recording.writer import Recorder
 from gateway.state.tables import compiled, digest_of
 from tests.relay.handover_site import STEEPER, machine, table_of, without_actual
+from tests.support.recordings import HEADER, replayed
 from tests.support.relay import Bench, eventually
 from tests.support.status_models import plain
 
@@ -132,9 +131,7 @@ async def test_of_a_group_all_axes_get_their_tables_or_none(bench: Bench, tmp_pa
     assert "two tables for axis y1" in (await mill.give(("y1", STEEPER), ("y1", STEEPER))).problems[0]
 
 
-async def test_a_command_gives_a_group_its_gain_and_the_configuration_each_axis_its_own(
-    bench: Bench, tmp_path: Path
-) -> None:
+async def test_a_command_sets_a_groups_gain_the_configuration_each_axis(bench: Bench, tmp_path: Path) -> None:
     y1 = without_actual(name="y1")
     y2 = without_actual(name="y2", unit_id=2)
     mill = await machine(bench, tmp_path, y1, y2, groups=(("y1", "y2"),))
@@ -160,8 +157,7 @@ async def test_a_command_gives_a_group_its_gain_and_the_configuration_each_axis_
 
 async def test_what_was_handed_over_is_in_a_recording_and_replayed(bench: Bench, tmp_path: Path) -> None:
     path = tmp_path / "record.jsonl"
-    header = traffic.Header(traffic.FORMAT, "0", "2026-01-01T00:00:00+00:00", "gateway.toml", "")
-    mill = await machine(bench, tmp_path / "state", without_actual(), recorder=Recorder(path, header))
+    mill = await machine(bench, tmp_path / "state", without_actual(), recorder=Recorder(path, HEADER))
     await mill.move(50_000)
     await mill.give(("x", STEEPER))
     await mill.give(("x", table_of(0.0, 0.6)))  # refused, then and now
@@ -176,8 +172,6 @@ async def test_what_was_handed_over_is_in_a_recording_and_replayed(bench: Bench,
     assert await mill.move(50_003) == 50_003
     plan = mill.relay._plan
     await mill.relay.stop()
-    replay = Replay(plan)
-    for number, line in enumerate(path.read_bytes().splitlines(keepends=True), start=1):
-        replay.feed(number, traffic.decode(line))
-    assert (replay.result.different, replay.result.is_truncated) == (0, False)
-    assert replay.result.outputs >= 8  # four requests, four answers
+    result = replayed(plan, path)
+    assert (result.different, result.is_truncated) == (0, False)
+    assert result.outputs >= 8  # four requests, four answers

@@ -70,7 +70,7 @@ def of(change: Callable[[bytes], bytes]) -> Callable[[], int]:
         ),
     ],
 )
-async def test_a_bad_table_is_refused_and_the_relay_is_unharmed(
+async def test_a_bad_table_is_refused(
     bench: Bench, tmp_path: Path, case: tuple[str, Callable[[], int], str]
 ) -> None:
     axis, make, said = case

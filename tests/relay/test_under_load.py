@@ -56,9 +56,7 @@ def write_of(value: int) -> bytes:
     return encode_mbap(value, 9, bytes((6,)) + OTHER.to_bytes(2, "big") + value.to_bytes(2, "big"))
 
 
-async def test_w5_what_gone_controllers_wanted_is_not_sent_and_the_rest_once_and_in_order(
-    bench: Bench,
-) -> None:
+async def test_w5_what_gone_controllers_wanted_is_not_sent_and_the_rest_in_order(bench: Bench) -> None:
     drive = SlowDrive()
     drive.end, where = await bench.drive("tcp", drive.take)
     relay = await bench.relay(where, (patient(bench, "cnc", Role.MOTION),), (), PATIENT)

@@ -7,7 +7,6 @@ from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, OtherUni
 from gateway.exchange.ports import ControllerPort
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.drive_link import MbapDriveLink, ReplyUnitIds
-from gateway.relay.gateway import Relay
 from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.transport import memory
 from tests.support.relay import QUICK, Bench, RawEnd, axis_plan, until_up
@@ -96,7 +95,7 @@ async def test_a_reply_that_is_too_long_ends_its_exchange_and_not_the_line(lengt
     [({}, [b"\3\2\x22\x22"]), ({"other_units": OtherUnits(frozenset({7}))}, [])],
     ids=["alone", "beside another device"],
 )
-async def test_the_configuration_says_how_many_there_are(
+async def test_the_configuration_has_their_number(
     bench: Bench, changes: dict[str, OtherUnits], expected: list[bytes]
 ) -> None:
     def script(data: bytes) -> bytes:
@@ -106,9 +105,7 @@ async def test_the_configuration_says_how_many_there_are(
     link, _ = bench.controller_link("tcp", timeout_ms=20.0)
     axes: tuple[AxisPlan, ...] = (axis_plan(),)
     plan = LinePlan("line", where, (link,), axes, QUICK, **changes)  # type: ignore[arg-type]
-    relay = Relay(GatewayPlan("bench", (plan,)), bench.notes.append)
-    await relay.start()
-    bench.stack.push_async_callback(relay.stop)
+    relay = await bench.start(GatewayPlan("bench", (plan,)))
     await until_up(relay)
     near = await bench.connect(relay.address("line", "cnc"))
     near.write(encode_mbap(4, 1, READ))

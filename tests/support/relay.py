@@ -7,6 +7,7 @@ import asyncio
 import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 from gateway.compensation.settings import AxisSettings
 from gateway.compensation.table import make_table
@@ -150,7 +151,11 @@ class Bench:
             other_units=other_units,
             tape_bytes=tape_bytes,
         )
-        relay = Relay(GatewayPlan("bench", (line,), status_unit=status_unit), self.notes.append)
+        return await self.start(GatewayPlan("bench", (line,), status_unit=status_unit))
+
+    async def start(self, plan: GatewayPlan, **options: Any) -> Relay:
+        """Start a relay; it is stopped with the bench."""
+        relay = Relay(plan, self.notes.append, **options)
         await relay.start()
         self.stack.push_async_callback(relay.stop)
         return relay
