@@ -66,9 +66,7 @@ def test_a_check_sum_with_all_bits_inverted_leaves_b001_behind_whatever_stands_b
 
 
 @given(body=bodies, behind=st.lists(bodies.map(append_crc), min_size=1, max_size=2))
-def test_a_spoilt_frame_that_is_taken_together_with_good_ones_behind_it_is_never_good(
-    body: bytes, behind: list[bytes]
-) -> None:
+def test_a_spoilt_frame_taken_together_with_good_ones_is_never_good(body: bytes, behind: list[bytes]) -> None:
     joined = spoilt(body)
     for frame in behind:
         joined += frame
@@ -76,9 +74,7 @@ def test_a_spoilt_frame_that_is_taken_together_with_good_ones_behind_it_is_never
 
 
 @given(before=bodies.map(append_crc), body=bodies)
-def test_a_good_frame_that_is_taken_together_with_a_spoilt_one_behind_it_is_never_good(
-    before: bytes, body: bytes
-) -> None:
+def test_a_good_frame_taken_together_with_a_spoilt_one_is_never_good(before: bytes, body: bytes) -> None:
     assert not is_intact(before + spoilt(body))
 
 

@@ -4,12 +4,9 @@ import pytest
 
 from gateway.modbus.crc import is_intact
 from gateway.modbus.rtu import RtuReplyDecoder, RtuRequestDecoder, encode_rtu
+from tests.modbus.frames import frame_of
 
 GARBAGE = bytes.fromhex("FF 7E 03")
-
-
-def frame_of(wire: bytes) -> tuple[int, bytes]:
-    return wire[0], wire[1:-2]
 
 
 def test_a_request_comes_out_whole(golden_request: bytes) -> None:
@@ -78,18 +75,22 @@ def test_a_misprinted_frame_does_not_come_out(misprint: tuple[bytes, bytes]) -> 
     assert decoder.feed(intact, 6000) == [frame_of(intact)]
 
 
-def test_a_reply_comes_out_whole(golden_exchange: tuple[bytes, bytes]) -> None:
-    request, reply = golden_exchange
-    decoder = RtuReplyDecoder()
+def expecting(exchange: tuple[bytes, bytes]) -> tuple[RtuReplyDecoder, bytes]:
+    """Return a decoder that waits for the reply of an exchange, and that."""
+    request, reply = exchange
+    decoder = RtuReplyDecoder(silence_ns=1000)
     decoder.expect(reply[0], request)
+    return decoder, reply
+
+
+def test_a_reply_comes_out_whole(golden_exchange: tuple[bytes, bytes]) -> None:
+    decoder, reply = expecting(golden_exchange)
     assert decoder.feed(reply, 0) == [frame_of(reply)]
     assert not decoder.is_expecting
 
 
 def test_a_reply_comes_out_with_its_last_byte(golden_exchange: tuple[bytes, bytes]) -> None:
-    request, reply = golden_exchange
-    decoder = RtuReplyDecoder()
-    decoder.expect(reply[0], request)
+    decoder, reply = expecting(golden_exchange)
     for byte in reply[:-1]:
         assert decoder.feed(bytes((byte,)), 0) == []
     assert decoder.feed(reply[-1:], 0) == [frame_of(reply)]
@@ -97,25 +98,19 @@ def test_a_reply_comes_out_with_its_last_byte(golden_exchange: tuple[bytes, byte
 
 @pytest.mark.parametrize("noise", [b"\x00", b"\xff", b"\x00\xff\x00", GARBAGE, b"\x01", b"\x07\x10"])
 def test_a_reply_behind_noise_is_found(golden_exchange: tuple[bytes, bytes], noise: bytes) -> None:
-    request, reply = golden_exchange
-    decoder = RtuReplyDecoder(silence_ns=1000)
-    decoder.expect(reply[0], request)
+    decoder, reply = expecting(golden_exchange)
     assert decoder.feed(noise + reply, 0) + decoder.on_silence(1000) == [frame_of(reply)]
     assert decoder.counters.dropped_bytes + decoder.counters.glitch_bytes == len(noise)
 
 
 def test_only_the_first_of_two_glued_replies_comes_out(golden_exchange: tuple[bytes, bytes]) -> None:
-    request, reply = golden_exchange
-    decoder = RtuReplyDecoder()
-    decoder.expect(reply[0], request)
+    decoder, reply = expecting(golden_exchange)
     assert decoder.feed(reply + reply, 0) == [frame_of(reply)]
     assert decoder.stray_bytes == len(reply)
 
 
 def test_zeros_behind_a_reply_are_counted_as_glitches(golden_exchange: tuple[bytes, bytes]) -> None:
-    request, reply = golden_exchange
-    decoder = RtuReplyDecoder()
-    decoder.expect(reply[0], request)
+    decoder, reply = expecting(golden_exchange)
     assert decoder.feed(reply + b"\x00", 0) == [frame_of(reply)]
     assert decoder.feed(b"\x00\x00", 1) == []
     assert (decoder.counters.glitch_bytes, decoder.stray_bytes) == (3, 0)

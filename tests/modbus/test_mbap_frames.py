@@ -122,9 +122,7 @@ def test_what_cannot_be_framed_is_refused(transaction_id: int, unit_id: int, pdu
 
 
 @given(frames=st.lists(st.tuples(ids, units, pdus), max_size=8), data=st.data())
-def test_any_split_of_a_stream_gives_the_same_frames(
-    frames: list[tuple[int, int, bytes]], data: st.DataObject
-) -> None:
+def test_any_split_gives_the_same_frames(frames: list[tuple[int, int, bytes]], data: st.DataObject) -> None:
     stream = b"".join(encode_mbap(*frame) for frame in frames)
     cuts = sorted(data.draw(st.lists(st.integers(0, len(stream)), max_size=12)))
     decoder = MbapDecoder()

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from gateway.modbus.crc import append_crc, is_intact
 from gateway.modbus.lengths import REQUESTS, request_length
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
+from tests.modbus.frames import frame_of
 from tests.modbus.test_rtu_properties import Frame, requests, units
 
 MS = 1_000_000
@@ -27,10 +28,6 @@ WRAPPED = append_crc(b"\x05\x03" + STOP)
 """An odd frame in which the stop of another unit stands whole."""
 LONGEST = append_crc(bytes((5, 0x41)) + bytes(range(252)))
 assert len(LONGEST) == 256
-
-
-def frame_of(wire: bytes) -> Frame:
-    return wire[0], wire[1:-2]
 
 
 def make(odd_units: frozenset[int] = ODD_UNITS) -> RtuRequestDecoder:
@@ -73,9 +70,7 @@ def test_it_waits_for_the_rest_that_an_adapter_may_hold_back(wire: bytes) -> Non
     assert decoder.counters.dropped_bytes == 0
 
 
-def test_where_the_last_byte_is_0_the_bytes_before_it_are_good_too_and_a_pause_there_cuts_nothing_off() -> (
-    None
-):
+def test_where_the_last_byte_is_0_a_pause_before_it_cuts_nothing_off() -> None:
     wires = [
         append_crc(bytes((5, function, 2, n >> 8, n & 0xFF))) for function in (3, 5) for n in range(2000)
     ]
@@ -139,9 +134,7 @@ def test_a_stop_after_a_silence_is_taken_with_its_last_byte() -> None:
 
 
 @pytest.mark.parametrize("behind", [b"", STOP, LONG, STOP + LONG], ids=len)
-def test_a_stop_after_half_an_odd_frame_waits_for_the_silence_in_which_the_rest_would_come(
-    behind: bytes,
-) -> None:
+def test_a_stop_after_half_an_odd_frame_waits_for_the_silence(behind: bytes) -> None:
     decoder = make()
     assert decoder.feed(LONG[:9], 0) == []
     assert decoder.on_silence(2 * MS) == []
@@ -314,9 +307,7 @@ some = st.one_of(units, st.sampled_from(sorted(ODD_UNITS)))
 
 
 @given(frames=st.lists(requests, max_size=5), data=st.data())
-def test_good_requests_come_out_as_they_do_where_no_unit_has_odd_frames(
-    frames: list[Frame], data: st.DataObject
-) -> None:
+def test_good_requests_come_out_as_without_odd_frames(frames: list[Frame], data: st.DataObject) -> None:
     moved = [(data.draw(some), pdu) for _, pdu in frames]
     stream = b"".join(encode_rtu(*frame) for frame in moved)
     plain, odd = make(frozenset()), make()

@@ -51,9 +51,7 @@ WHOLE = sorted(LIMITS, key=lambda kind: kind.value)
         (RegisterType.FLOAT32, LOW, -2.5, "00 00 C0 20"),
     ],
 )
-def test_a_value_has_these_bytes_on_the_wire(
-    kind: RegisterType, order: WordOrder, raw: float, wire: str
-) -> None:
+def test_a_value_has_these_bytes(kind: RegisterType, order: WordOrder, raw: float, wire: str) -> None:
     field = PositionField(0x0100, kind, order)
     assert field.pack(raw) == bytes.fromhex(wire)
     assert field.unpack(b"\xaa" + bytes.fromhex(wire) + b"\xbb", 1) == raw

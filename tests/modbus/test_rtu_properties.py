@@ -52,9 +52,7 @@ def pieces_of(stream: bytes, data: st.DataObject) -> list[bytes]:
 
 
 @given(frames=st.lists(requests, max_size=6), data=st.data())
-def test_w2_any_split_of_good_requests_gives_the_same_frames(
-    frames: list[Frame], data: st.DataObject
-) -> None:
+def test_w2_any_split_of_requests_gives_the_same_frames(frames: list[Frame], data: st.DataObject) -> None:
     stream = b"".join(encode_rtu(*frame) for frame in frames)
     decoder = RtuRequestDecoder()
     assert [f for piece in pieces_of(stream, data) for f in decoder.feed(piece, 0)] == frames
@@ -74,7 +72,7 @@ def test_pauses_of_a_usb_adapter_inside_a_request_change_nothing(frame: Frame, d
 
 
 @given(garbage=st.binary(max_size=300), frame=requests, data=st.data())
-def test_a_request_behind_garbage_comes_out_at_silence_at_the_latest(
+def test_a_request_behind_garbage_comes_out_at_silence(
     garbage: bytes, frame: Frame, data: st.DataObject
 ) -> None:
     decoder = RtuRequestDecoder(silence_ns=2 * MS, give_up_ns=30 * MS)

@@ -6,16 +6,13 @@ import pytest
 
 from gateway.modbus.crc import append_crc, is_intact
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
+from tests.modbus.frames import frame_of
 
 MS = 1_000_000
 READ = bytes.fromhex("03 02 00 00 02")
 REPLY = bytes.fromhex("01 03 04 00 B1 1F 40 A3 D4")
 WRITE = bytes.fromhex("06 31 00 00 0F")
 ECHO = bytes.fromhex("01 06 31 00 00 0F C7 32")
-
-
-def frame_of(wire: bytes) -> tuple[int, bytes]:
-    return wire[0], wire[1:-2]
 
 
 def expecting(request: bytes, unit_id: int = 1, *, echo: bool = False) -> RtuReplyDecoder:
@@ -335,9 +332,7 @@ def test_a_read_that_comes_back_is_noted_each_time(came: tuple[bytes, ...]) -> N
         ("03 0010 0002", (REPLY_2, adu("03 0010 0002"))),
     ],
 )
-def test_what_may_be_a_drives_own_reply_is_never_taken_for_an_echo(
-    request_pdu: str, came: tuple[bytes, ...]
-) -> None:
+def test_what_may_be_a_reply_is_never_taken_for_an_echo(request_pdu: str, came: tuple[bytes, ...]) -> None:
     decoder = RtuReplyDecoder(2 * MS, 30 * MS)
     assert [returned_by(decoder, bytes.fromhex(request_pdu), *came) for _ in range(3)] == [0, 0, 0]
 

@@ -5,16 +5,13 @@ import pytest
 from gateway.modbus.crc import append_crc
 from gateway.modbus.errors import FrameError
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu, silence_ns
+from tests.modbus.frames import frame_of
 
 MS = 1_000_000
 READ = bytes.fromhex("01 03 02 00 00 02 C5 B3")
 WRITE = bytes.fromhex("01 10 6F 00 00 02 04 55 55 00 08 1A 47")
 VENDOR = append_crc(bytes.fromhex("09 65 10 20 30 40"))
 BROADCAST = append_crc(bytes.fromhex("00 06 60 02 00 10"))
-
-
-def frame_of(wire: bytes) -> tuple[int, bytes]:
-    return wire[0], wire[1:-2]
 
 
 def make() -> RtuRequestDecoder:

@@ -55,6 +55,11 @@ class Drive:
             expected = pdu[:5] if pdu[0] in (15, 16) else pdu
             assert self.ask(request) == spaced(expected), request
 
+    def finishes(self, *requests: str) -> None:
+        """The same, and let every motion end."""
+        self.does(*requests)
+        self.wait()
+
     def read(self, address: int, count: int = 1, function: int = 3) -> list[int]:
         """Read registers."""
         request = bytes((function,)) + address.to_bytes(2) + count.to_bytes(2)

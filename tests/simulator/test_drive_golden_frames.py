@@ -38,7 +38,7 @@ PRINTED = [
 
 
 @pytest.mark.parametrize(("name", "drive_name", "before", "moves"), PRINTED, ids=[row[0] for row in PRINTED])
-def test_a_printed_frame_is_answered_as_printed(
+def test_printed_frames_are_answered(
     name: str, drive_name: str, before: list[str], moves: list[object]
 ) -> None:
     frame = GOLDEN_FRAMES[name]

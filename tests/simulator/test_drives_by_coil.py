@@ -152,8 +152,7 @@ def test_smc_follows_targets() -> None:
     drive.wait(0.1)
     assert drive.high(0x9000) == 5_000
     assert drive.high(0x9004) == 10_000
-    drive.does("10 9104 0002 04 0000 0005", SMC_RUN)
-    drive.wait()
+    drive.finishes("10 9104 0002 04 0000 0005", SMC_RUN)
     drive.does("10 9102 0003 06 0002 0064 FFFF", "10 9105 0001 02 FFFB", SMC_RUN)
     assert drive.moves == [(ABSOLUTE, 5), (RELATIVE, 0)]
 
@@ -170,8 +169,7 @@ def test_smc_homes_while_setup_is_on() -> None:
 
 def test_smc_that_still_has_setup_gives_an_alarm() -> None:
     drive = smc()
-    drive.does("05 001C FF00")
-    drive.wait()
+    drive.finishes("05 001C FF00")
     drive.does(SMC_RUN)
     assert drive.moves == [(HOME, None)]
     assert drive.input(0x4F)

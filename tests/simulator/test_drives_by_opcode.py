@@ -18,12 +18,10 @@ def test_mks_moves_as_the_frame_says() -> None:
     assert mks_position(drive) == 5_000
     drive.wait()
     assert mks_position(drive) == 10_000
-    drive.does("10 00F4 0004 08 0002 012C FFFF FFFB")
-    drive.wait()
+    drive.finishes("10 00F4 0004 08 0002 012C FFFF FFFB")
     assert mks_position(drive) == 9_995
     # 3200 pulses make a turn of 16 384 counts.
-    drive.does("10 00FE 0004 08 0002 012C FFFF F380")
-    drive.wait()
+    drive.finishes("10 00FE 0004 08 0002 012C FFFF F380")
     assert mks_position(drive) == -16_384
     assert drive.moves == [(ABSOLUTE, 10_000), (RELATIVE, 9_995), (ABSOLUTE, -16_384)]
 
@@ -68,8 +66,7 @@ def test_mks_homes_and_zeroes() -> None:
     drive.wait()
     drive.does("06 0092 0001")
     assert mks_position(drive) == 0
-    drive.does("06 0091 0001")
-    drive.wait()
+    drive.finishes("06 0091 0001")
     assert drive.motor.mechanics.motor_mm == pytest.approx(0.0)
     assert drive.moves == [(ABSOLUTE, 10_000), (SET_POSITION, 0), (HOME, None)]
 
@@ -104,11 +101,9 @@ def test_mks_obeys_a_broadcast_in_silence() -> None:
 )
 def test_applied_motion_decides_by_the_opcode(name: str, target: str, actual: int) -> None:
     drive = Drive(name)
-    drive.does(f"10 {target} 0002 04 0000 2710")
-    drive.wait()
+    drive.finishes(f"10 {target} 0002 04 0000 2710")
     assert drive.moves == []
-    drive.does("06 007C 0067")
-    drive.wait()
+    drive.finishes("06 007C 0067")
     assert drive.high(actual) == 10_000
     drive.does("06 007C 0066")
     drive.wait(0.05)
@@ -144,10 +139,8 @@ def test_ess_checks_its_block_before_it_runs_it() -> None:
     assert drive.moves == [(ABSOLUTE, 5_000)]
     assert drive.read(0x0007) == [0b0110]  # homed, running
     drive.wait(0.05)
-    drive.does("06 0027 0100")
-    drive.wait()
-    drive.does("06 0027 0001")
-    drive.wait()
+    drive.finishes("06 0027 0100")
+    drive.finishes("06 0027 0001")
     assert drive.moves == [(STOP, 2_500), (RELATIVE, 7_500)]
     assert drive.high(0x000A) == 7_500
     assert drive.read(0x0027) == [0]
@@ -156,10 +149,8 @@ def test_ess_checks_its_block_before_it_runs_it() -> None:
 def test_ess_has_a_bit_for_each_command() -> None:
     drive = Drive("stepperonline-ess-rs")
     drive.does("10 0024 0002 04 0000 1388", "06 0027 0005", "06 0027 0005")
-    drive.does("10 0024 0002 04 0000 0BB8", "06 0027 000D")  # Only bit 3 interrupts.
-    drive.wait()
-    drive.does("06 002D 0012", "06 002D 0021", "06 0027 0010")
-    drive.wait()
+    drive.finishes("10 0024 0002 04 0000 0BB8", "06 0027 000D")  # Only bit 3 interrupts.
+    drive.finishes("06 002D 0012", "06 002D 0021", "06 0027 0010")
     drive.does("06 002D 0031")
     assert drive.moves == [(ABSOLUTE, 5_000), (ABSOLUTE, 3_000), (HOME, None), (SET_POSITION, 0)]
     assert drive.read(0x0007) == [0b0011]
@@ -175,8 +166,7 @@ def test_a_command_that_nobody_knows_is_told(caplog: pytest.LogCaptureFixture) -
 
 def test_ess_turns_its_words_round_on_demand() -> None:
     drive = Drive("stepperonline-ess-rs")
-    drive.does("06 0019 0001", "10 0024 0002 04 1388 0000", "06 0027 0005")
-    drive.wait()
+    drive.finishes("06 0019 0001", "10 0024 0002 04 1388 0000", "06 0027 0005")
     assert drive.moves == [(ABSOLUTE, 5_000)]
     assert drive.low(0x000A) == 5_000
 
@@ -194,8 +184,7 @@ def test_tl_r_starts_as_often_as_it_is_told() -> None:
     drive.wait()
     assert drive.read(4) == [0b0011]
     assert drive.high(8) == 10_000
-    drive.does("06 004E 0001")  # The start bit needs no edge.
-    drive.wait()
+    drive.finishes("06 004E 0001")  # The start bit needs no edge.
     drive.does("06 004E 0000", "06 004E 0001")
     assert drive.moves == [(RELATIVE, 20_000), (RELATIVE, 30_000)]
 

@@ -31,8 +31,7 @@ def test_one_frame_moves(name: str) -> None:
     drive.wait()
     assert not drive.bit(0x007F, 13)
     assert drive.high(0x00CC) == 10_000
-    drive.does(block(2, "FFFF FFFF"))
-    drive.wait()
+    drive.finishes(block(2, "FFFF FFFF"))
     drive.does(block(3, "0000 0005"))
     assert drive.moves == [(RELATIVE, 9_999), (RELATIVE, 10_004)]
 
@@ -55,10 +54,7 @@ def test_a_trigger_clears_itself_and_can_be_given_again(name: str) -> None:
     assert drive.moves == [(ABSOLUTE, 9)]
 
 
-@pytest.mark.parametrize(
-    ("name", "trigger"),
-    [("oriental-az", "FFFF FFFB"), ("oriental-blv-r", "0000 FFFB")],
-)
+@pytest.mark.parametrize(("name", "trigger"), [("oriental-az", "FFFF FFFB"), ("oriental-blv-r", "0000 FFFB")])
 def test_with_trigger_minus_five_each_written_position_moves(name: str, trigger: str) -> None:
     drive = excited(name)
     drive.does("10 005A 0002 04 0000 0001", f"10 0066 0002 04 {trigger}", "10 005E 0002 04 0000 0064")
@@ -92,8 +88,7 @@ def test_continuous_operation_has_no_target() -> None:
 def test_a_push_goes_to_a_place_or_over_a_distance(name: str) -> None:
     drive = excited(name)
     for kind in (20, 21, 22):
-        drive.does(block(kind, "0000 0064"))
-        drive.wait()
+        drive.finishes(block(kind, "0000 0064"))
     assert drive.moves == [(ABSOLUTE, 100), (RELATIVE, 200), (RELATIVE, 300)]
 
 
@@ -108,11 +103,9 @@ def test_stored_data_run_on_a_rising_start(name: str, start: str) -> None:
 
 def test_blv_r_has_inputs_of_its_own() -> None:
     drive = excited("oriental-blv-r")
-    drive.does("06 007C 0010", "06 007C 0000")
-    drive.wait()
+    drive.finishes("06 007C 0010", "06 007C 0000")
     drive.does("06 007C 0004", "06 007C 0000")
-    drive.does("10 18C0 0004 08 0000 0001 0000 01F4", "06 007C 0300", "06 007C 0340")
-    drive.wait()
+    drive.finishes("10 18C0 0004 08 0000 0001 0000 01F4", "06 007C 0300", "06 007C 0340")
     for stop in ("0009", "0011", "0021", "0041"):  # CLR, QSTOP, STOP, FREE
         drive.does(f"06 007D {stop}", "06 007D 0001")
     assert drive.moves == [(HOME, None), (OTHER, None), (STOP, 0), (ABSOLUTE, 500), *[(STOP, 500)] * 4]
@@ -120,12 +113,9 @@ def test_blv_r_has_inputs_of_its_own() -> None:
 
 def test_blv_r_takes_its_inputs_at_three_places() -> None:
     drive = Drive("oriental-blv-r")
-    drive.does("06 0075 0001", block(1, "0000 2710"), "06 0079 0020")  # S-ON and STOP
-    drive.wait()
-    drive.does("06 0074 0010", "06 0074 0000")  # HOME
-    drive.wait()
-    drive.does("06 0078 0010")
-    drive.wait()
+    drive.finishes("06 0075 0001", block(1, "0000 2710"), "06 0079 0020")  # S-ON and STOP
+    drive.finishes("06 0074 0010", "06 0074 0000")  # HOME
+    drive.finishes("06 0078 0010")
     drive.does("06 0078 0010")
     assert drive.read(0x0078, 2) == [0, 0]
     assert drive.moves == [(ABSOLUTE, 10_000), (STOP, 0), *[(HOME, None)] * 3]
@@ -133,8 +123,7 @@ def test_blv_r_takes_its_inputs_at_three_places() -> None:
 
 def test_az_inputs() -> None:
     drive = Drive("oriental-az")
-    drive.does("10 1880 0004 08 0000 0001 0000 01F4", "06 007D 000A", "06 007D 0000")  # START of No. 2
-    drive.wait()
+    drive.finishes("10 1880 0004 08 0000 0001 0000 01F4", "06 007D 000A", "06 007D 0000")  # START of No. 2
     drive.does("06 007D 0400", "06 007D 0000")  # D-SEL2
     drive.does("06 007D 1000", "06 007D 0000")  # FW-JOG-P
     drive.does("06 007D 4000", "06 007D 0000")  # FW-POS
@@ -171,8 +160,7 @@ def test_stop_in_the_middle(name: str) -> None:
 
 def test_az_homes_on_zhome() -> None:
     drive = Drive("oriental-az")
-    drive.does(block(1, "0000 2710"))
-    drive.wait()
+    drive.finishes(block(1, "0000 2710"))
     drive.does("10 007C 0002 04 0000 0010", "10 007C 0002 04 0000 0000")
     assert drive.read(0x0178) == [0]
     drive.wait()

@@ -59,8 +59,7 @@ def test_kinco_stops_in_the_middle(word: str) -> None:
 
 def test_kinco_homes_and_zeroes() -> None:
     drive = kinco()
-    drive.does(KINCO_TARGET, "06 3100 003F")
-    drive.wait()
+    drive.finishes(KINCO_TARGET, "06 3100 003F")
     drive.does("10 3700 0002 04 0000 0000")
     assert drive.low(0x3700) == 0
     drive.does("06 3500 0006", "06 4D00 0011", "06 3100 000F", "06 3100 001F")
@@ -127,8 +126,7 @@ def test_mr_je_c_moves_when_the_start_bit_rises() -> None:
     drive = mr_je_c()
     drive.does(MRJE_TARGET, "10 6040 0001 02 001F")
     assert drive.read(0x6041) == [0x1227]  # enabled, remote, acknowledged
-    drive.does("10 6040 0001 02 000F")
-    drive.wait()
+    drive.finishes("10 6040 0001 02 000F")
     assert drive.read(0x6041) == [0x0627]
     assert drive.low(0x6064) == 10_000
     drive.does("10 607A 0002 04 FFFB FFFF", "10 6040 0001 02 005F")

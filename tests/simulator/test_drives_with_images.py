@@ -57,10 +57,8 @@ def test_cmmt_goes_on_after_a_pause() -> None:
     drive = Drive("festo-cmmt-111")
     drive.does(cmmt_image(READY), cmmt_image(TASK))
     drive.wait(0.05)
-    drive.does(cmmt_image(READY & ~0x20))
-    drive.wait()
-    drive.does(cmmt_image(READY))
-    drive.wait()
+    drive.finishes(cmmt_image(READY & ~0x20))
+    drive.finishes(cmmt_image(READY))
     assert drive.moves == [(ABSOLUTE, 10_000), (STOP, 2_500), (ABSOLUTE, 10_000)]
     assert drive.low(105) == 10_000
     drive.does(cmmt_image(READY & ~0x20), cmmt_image(READY))  # it stood: there is no rest of the way

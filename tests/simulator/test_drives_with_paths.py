@@ -30,8 +30,9 @@ def test_leadshine_moves_on_one_frame(name: str) -> None:
 @pytest.mark.parametrize("name", LEADSHINES)
 def test_leadshine_takes_halves_and_waits_for_the_trigger(name: str) -> None:
     drive = Drive(name)
-    drive.does("06 6200 0001", "06 6201 FFFF", "06 6202 FC18", "06 6203 0064", "06 6204 0032", "06 6205 0032")
-    drive.wait()
+    drive.finishes(
+        "06 6200 0001", "06 6201 FFFF", "06 6202 FC18", "06 6203 0064", "06 6204 0032", "06 6205 0032"
+    )
     assert drive.moves == []
     assert drive.high(0x6201) == -1_000
     drive.does("06 6002 0010")
@@ -98,30 +99,25 @@ def test_el7_shows_its_state_elsewhere() -> None:
 @pytest.mark.parametrize("name", LEADSHINES)
 def test_leadshine_zero_renames_the_place(name: str) -> None:
     drive = Drive(name)
-    drive.does(ONE_FRAME)
-    drive.wait()
+    drive.finishes(ONE_FRAME)
     drive.does("06 6002 0021")
     assert drive.high(0x602A) == drive.high(0x602C) == 0
-    drive.does(ONE_FRAME_RELATIVE)
-    drive.wait()
+    drive.finishes(ONE_FRAME_RELATIVE)
     assert drive.moves == [(ABSOLUTE, 10_000), (SET_POSITION, 0), (RELATIVE, -100)]
     assert drive.motor.mechanics.motor_mm == pytest.approx(9.9)
 
 
 def test_leadshine_homing_finds_the_switch_again_after_a_zero() -> None:
     drive = Drive("leadshine-pr")
-    drive.does(ONE_FRAME)
-    drive.wait()
-    drive.does("06 6002 0021", "06 6002 0020")
-    drive.wait()
+    drive.finishes(ONE_FRAME)
+    drive.finishes("06 6002 0021", "06 6002 0020")
     assert drive.high(0x602C) == 0
     assert drive.motor.mechanics.motor_mm == pytest.approx(0.0)
 
 
 def test_leadshine_proxies_lead_to_other_registers() -> None:
     drive = Drive("leadshine-pr")
-    drive.does(ONE_FRAME, "06 0F10 602C", "06 0F11 602D", "06 0F12 6002")
-    drive.wait()
+    drive.finishes(ONE_FRAME, "06 0F10 602C", "06 0F11 602D", "06 0F12 6002")
     assert drive.high(0x0F00) == 10_000
     drive.does("06 0F02 0021")
     assert drive.moves[-1] == (SET_POSITION, 0)
@@ -159,8 +155,7 @@ def test_leadshine_thinks_for_what_the_manual_says_without_the_wire(baudrate: in
 @pytest.mark.parametrize("trigger", ["06 050E 0001", "10 050E 0002 04 0001 0000"])
 def test_delta_runs_path_1(trigger: str) -> None:
     drive = Drive("delta-asda")
-    drive.does("06 023C 0005", "10 0606 0002 04 86A0 0001")  # 100 000 = 0x0001_86A0, the low word first.
-    drive.wait()
+    drive.finishes("06 023C 0005", "10 0606 0002 04 86A0 0001")  # 100 000 = 0x0001_86A0, the low word first.
     assert drive.moves == []
     drive.does(trigger)
     assert drive.moves == [(ABSOLUTE, 100_000)]
@@ -217,8 +212,7 @@ def test_delta_says_that_a_definition_is_not_known(caplog: pytest.LogCaptureFixt
 
 def test_delta_takes_the_place_where_it_stands_for_its_origin() -> None:
     drive = Drive("delta-asda")
-    drive.does("10 0606 0002 04 2710 0000", "06 050E 0001")
-    drive.wait()
+    drive.finishes("10 0606 0002 04 2710 0000", "06 050E 0001")
     drive.does("06 0508 0008", "06 050E 0000")
     assert drive.moves == [(ABSOLUTE, 10_000), (SET_POSITION, 0)]
     assert drive.low(0x0520) == 0
@@ -226,8 +220,7 @@ def test_delta_takes_the_place_where_it_stands_for_its_origin() -> None:
 
 def test_delta_builds_the_origin_of_its_encoder_once_it_is_unlocked() -> None:
     drive = Drive("delta-asda")
-    drive.does("10 0606 0002 04 2710 0000", "06 050E 0001")
-    drive.wait()
+    drive.finishes("10 0606 0002 04 2710 0000", "06 050E 0001")
     drive.does("06 028E 0001")
     assert drive.moves == [(ABSOLUTE, 10_000)]
     drive.does("06 0210 010F", "06 028E 0001")  # 271

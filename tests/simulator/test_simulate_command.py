@@ -135,9 +135,7 @@ def test_what_is_served_is_said_for_people_too(configuration: Path) -> None:
     ("map_of_y", "warned"),
     [("", False), ("registers.trigger = [{ address = 0x60, start = [1], stop = [2] }]", True)],
 )
-def test_a_map_that_the_plain_drive_cannot_play_is_warned_of(
-    configuration: Path, map_of_y: str, warned: bool
-) -> None:
+def test_a_map_that_cannot_be_played_is_warned_of(configuration: Path, map_of_y: str, warned: bool) -> None:
     staged = "registers.staged = true\n" if map_of_y else ""
     configuration.write_text(f"{configuration.read_text()}{map_of_y}\n{staged}")
     arguments = [*COMMAND_LINE, str(configuration), "--json"]
@@ -173,9 +171,7 @@ def test_a_configuration_that_is_not_there_is_named(tmp_path: Path) -> None:
     assert "none.toml" in result.stderr
 
 
-async def test_an_axis_with_a_shipped_profile_is_played_by_that_drive(
-    tmp_path: Path, unused_tcp_port: int
-) -> None:
+async def test_an_axis_with_a_profile_is_played_by_that_drive(tmp_path: Path, unused_tcp_port: int) -> None:
     text = gateway_toml(
         line(unused_tcp_port, {"plc": 1}),
         axis(registers=None, unit_id=255, travel=None, drive="mitsubishi-mr-je-c", compensation="off"),

@@ -27,7 +27,7 @@ def cmmt(control: int, kind: int, target: int) -> str:
         ),
     ],
 )
-def test_what_nobody_knows_is_told(
+def test_unknown_frames_are_told(
     name: str, frames: tuple[str, ...], told: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     drive = Drive(name)

@@ -56,9 +56,7 @@ async def read_status(device: Path) -> bytes:
 
 
 @pytest.mark.parametrize("paced", [True, False])
-async def test_a_serial_line_gets_its_ports_for_as_long_as_it_is_simulated(
-    tmp_path: Path, paced: bool
-) -> None:
+async def test_a_serial_line_has_its_ports_while_it_is_simulated(tmp_path: Path, paced: bool) -> None:
     drives, cnc = tmp_path / "dev" / "ttyDrives", tmp_path / "dev" / "ttyCnc"
     line = SerialEndpoint(str(drives), 1_000_000)
     async with World(plan(line, axis("x"), device=str(cnc)), lambda: 0.0, paced=paced) as world:

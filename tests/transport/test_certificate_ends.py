@@ -95,9 +95,7 @@ def test_the_same_certificate_read_anew_is_told_of_no_more_often(told: Told) -> 
 
 
 @pytest.mark.parametrize("is_own_first", [True, False])
-def test_of_each_file_the_first_to_end_is_in_the_status(
-    told: Told, tmp_path: Path, is_own_first: bool
-) -> None:
+def test_of_each_file_the_first_end_is_in_the_status(told: Told, tmp_path: Path, is_own_first: bool) -> None:
     own, authority = told.paths["certificate"], told.paths["clients"]
     both = [own.read_bytes(), authority.read_bytes()]
     own.write_bytes(b"".join(both if is_own_first else reversed(both)))

@@ -26,9 +26,7 @@ def no_more_descriptors() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
-async def test_whoever_waits_while_there_are_no_descriptors_comes_in_afterwards(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_who_waits_for_a_descriptor_comes_in_afterwards(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(listening, "PAUSE_S", 0.001)
     came: asyncio.Queue[socket.socket] = asyncio.Queue()
     failed: asyncio.Queue[int | None] = asyncio.Queue()

@@ -52,9 +52,7 @@ def test_a_timer_is_due_while_bytes_come_without_end(pair: tuple[socket.socket, 
     assert busy.reads > 1
 
 
-def test_a_transport_has_its_turn_while_bytes_come_without_end(
-    pair: tuple[socket.socket, socket.socket],
-) -> None:
+def test_a_transport_has_its_turn_while_bytes_come(pair: tuple[socket.socket, socket.socket]) -> None:
     loop = RelayLoop()
     busy = Busy(loop, *pair)
     near, far = socket.socketpair()
@@ -66,9 +64,7 @@ def test_a_transport_has_its_turn_while_bytes_come_without_end(
     assert busy.reads >= 1
 
 
-def test_another_thread_is_heard_while_bytes_come_without_end(
-    pair: tuple[socket.socket, socket.socket],
-) -> None:
+def test_another_thread_is_heard_while_bytes_come(pair: tuple[socket.socket, socket.socket]) -> None:
     loop = RelayLoop()
     busy = Busy(loop, *pair)
     run(loop, loop.run_in_executor(None, int))

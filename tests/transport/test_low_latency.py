@@ -17,13 +17,7 @@ import pytest
 from gateway.status.line import LatencySettings, Rs485
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.errors import RefusedError
-from gateway.transport.low_latency import (
-    flag_note,
-    remarks,
-    set_rs485,
-    tty_folder,
-    tune,
-)
+from gateway.transport.low_latency import flag_note, remarks, set_rs485, tty_folder, tune
 from gateway.transport.null_modem import NullModem
 from gateway.transport.serial import SerialPort, open_port
 from tests.support.lesser import nobody
@@ -272,9 +266,7 @@ def test_the_rs485_mode_is_set_and_its_delays_stay(monkeypatch: pytest.MonkeyPat
     assert set_rs485(3, hears_itself=True) == Rs485(True, True, False, True, 1, 2)
 
 
-def test_a_driver_that_takes_the_mode_and_does_nothing_is_seen_through(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_driver_that_takes_the_mode_and_does_nothing_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fcntl, "ioctl", Driver(bytes(32), takes=False).ioctl)
     found = set_rs485(3, hears_itself=False)
     assert found is not None

@@ -216,9 +216,7 @@ async def test_pymodbus_hears_no_drive_that_answers_with_another_unit_id(rig: Ri
 
 
 @pytest.mark.parametrize("kind", ["rtu", "rtu_over_tcp"])
-async def test_pymodbus_loses_the_reply_behind_a_zero_of_a_driver_that_switches_on(
-    rig: Rig, kind: str
-) -> None:
+async def test_pymodbus_loses_the_reply_behind_a_zero_of_a_driver(rig: Rig, kind: str) -> None:
     def behind_zero(data: bytes) -> bytes:
         return b"\x00" + encode_rtu(1, ANSWER)
 

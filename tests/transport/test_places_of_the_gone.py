@@ -62,7 +62,7 @@ def seen(
         (seen(LONGEST_NS // NS_PER_MS), None, PeerVerdict.THERE),
     ],
 )
-def test_a_peer_is_gone_only_where_it_did_not_acknowledge(
+def test_a_peer_is_gone_where_it_is_silent(
     what: PeerState, probed_ms: int | None, expected: PeerVerdict
 ) -> None:
     probed_ns = None if probed_ms is None else BEGAN_NS + probed_ms * NS_PER_MS
@@ -159,7 +159,7 @@ async def test_a_peer_that_takes_nothing_is_there_all_the_same(door: Door, event
 
 
 @pytest.mark.parametrize("how", ["closed", "reset"])
-async def test_the_place_of_a_peer_that_has_gone_is_free_at_once(
+async def test_the_place_of_a_gone_peer_is_free_at_once(
     door: Door, eventually: "Eventually", how: str
 ) -> None:
     """Also where the loop has not read it yet: it learns of both in the same turn."""

@@ -41,9 +41,7 @@ async def attempts(monkeypatch: pytest.MonkeyPatch, *heard: bool) -> int:
     return made
 
 
-async def test_a_peer_that_had_answered_is_looked_for_at_once_each_time(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_a_peer_that_had_answered_is_looked_for_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     assert await attempts(monkeypatch, True, True, True) == 3
 
 
@@ -73,9 +71,7 @@ async def test_one_on_demand_makes_no_attempt_until_it_is_wanted() -> None:
     await kept.stop()
 
 
-async def test_who_waits_cuts_a_long_pause_short_but_makes_one_attempt_in_100_ms_at_most(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+async def test_who_waits_cuts_a_pause_short_to_one_attempt_in_100_ms(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reconnector, "FIRST_RETRY_S", 0.0)
     monkeypatch.setattr(reconnector, "BACKOFF_START_S", NEVER_S)
     monkeypatch.setattr(reconnector, "BACKOFF_MAX_S", NEVER_S)

@@ -114,9 +114,7 @@ async def test_an_adapter_that_comes_later_is_opened(
     cable.close()
 
 
-async def test_an_adapter_that_is_plugged_in_elsewhere_is_found(
-    make_recorder: "type[Recorder]", tmp_path: Path
-) -> None:
+async def test_an_adapter_in_another_socket_is_found(make_recorder: "type[Recorder]", tmp_path: Path) -> None:
     near, far = make_recorder(), make_recorder()
     link = tmp_path / "by-id"
     cable = NullModem()
@@ -140,9 +138,7 @@ async def test_an_adapter_that_is_plugged_in_elsewhere_is_found(
     spare.close()
 
 
-async def test_losing_a_port_while_writing_is_told_later_not_inside_the_call(
-    make_recorder: "type[Recorder]",
-) -> None:
+async def test_losing_a_port_while_writing_is_told_after_the_call(make_recorder: "type[Recorder]") -> None:
     near = make_recorder()
     cable = NullModem()
     port = SerialPort(SerialEndpoint(cable.near), near, ignore)

@@ -105,9 +105,7 @@ def test_bytes_there_and_back(calls: Calls, ends: tuple[socket.socket, socket.so
         calls.write(other.fileno(), b"1")
 
 
-def test_what_the_system_does_not_take_is_told(
-    calls: Calls, ends: tuple[socket.socket, socket.socket]
-) -> None:
+def test_what_is_not_taken_is_told(calls: Calls, ends: tuple[socket.socket, socket.socket]) -> None:
     one, other = ends
     written = 0
     with suppress(BlockingIOError):
@@ -133,9 +131,7 @@ def test_a_descriptor_that_is_none(calls: Calls) -> None:
             call("1", b"")  # type: ignore[arg-type]
 
 
-def test_what_can_be_worked_on_is_named_with_its_events(
-    calls: Calls, ends: tuple[socket.socket, socket.socket]
-) -> None:
+def test_what_is_ready_is_named_with_events(calls: Calls, ends: tuple[socket.socket, socket.socket]) -> None:
     one, other = ends
     with select.epoll() as epoll:
         wait = calls.waiting(epoll)
@@ -206,12 +202,7 @@ def test_a_timer_is_set_to_an_instant_and_taken_back(calls: Calls) -> None:
 
 def test_numbers_that_cannot_be_are_refused(in_c: ModuleType) -> None:
     wait = in_c.waiting(0)
-    for call, arguments in (
-        (in_c.read, (0, 4097)),
-        (in_c.read, (0, -1)),
-        (wait, (0, 65)),
-        (wait, (0, 0)),
-    ):
+    for call, arguments in ((in_c.read, (0, 4097)), (in_c.read, (0, -1)), (wait, (0, 65)), (wait, (0, 0))):
         with pytest.raises(ValueError, match=r"to (4096|64)$"):
             call(*arguments)
     with pytest.raises(ValueError, match=r"wait\(\) of 5: -1 or 0"):

@@ -42,9 +42,7 @@ class WatchedChannel(TcpChannel):
         self.socket = transport.get_extra_info("socket")
 
 
-async def test_a_connection_sends_at_once_and_finds_out_when_the_peer_is_gone(
-    make_recorder: "type[Recorder]",
-) -> None:
+async def test_a_connection_sends_and_notices_that_its_peer_is_gone(make_recorder: "type[Recorder]") -> None:
     listener = TcpListener(LOOPBACK, (), make_recorder, nobody)
     await listener.open()
     where = listener.addresses[0]
@@ -218,7 +216,7 @@ async def test_who_was_accepted_while_the_listener_stopped_is_closed(make_record
 
 
 @pytest.mark.parametrize("turns", range(5))
-async def test_who_connected_just_before_the_listener_stopped_is_not_left_hanging(
+async def test_who_connected_just_before_a_stop_is_closed(
     make_recorder: "type[Recorder]", turns: int
 ) -> None:
     """At each turn of the loop between the system's taking the connection and the first byte."""
@@ -249,7 +247,7 @@ async def test_an_address_of_another_machine_is_named(make_recorder: "type[Recor
         await listener.open()
 
 
-async def test_a_peer_that_is_not_there_is_waited_for(
+async def test_a_missing_peer_is_waited_for(
     make_recorder: "type[Recorder]", eventually: "Eventually"
 ) -> None:
     near, far = make_recorder(), make_recorder()
