@@ -136,7 +136,7 @@ def world(name: str) -> Iterator[str]:
     """Walk through a world at random, seeded by its name: events, frames, and what axes keep."""
     design, rng, lines = BY_NAME[name], random.Random(name), list[str]()
     played = world_of(design)
-    explore._listen(played, lines.append)
+    explore.listen(played, lines.append)
     for _ in range(WORLD_EVENTS):
         events = played.happenings()
         if not events:
