@@ -17,6 +17,8 @@ from operator import attrgetter, is_
 from types import MemberDescriptorType, MethodType, ModuleType
 from typing import Any, Final, NamedTuple
 
+from msgspec import Struct
+
 from gateway.compensation.axis import AxisCompensation
 from gateway.exchange.axis.acknowledge import ON_WIRE_AFTER, SteadyTarget
 from gateway.exchange.axis.axis import Axis
@@ -376,6 +378,8 @@ class Lens:
 
     @staticmethod
     def _is_frozen(kind: type) -> bool:
+        if issubclass(kind, Struct):
+            return kind.__struct_config__.frozen
         return is_dataclass(kind) and bool(kind.__dataclass_params__.frozen)  # type: ignore[attr-defined]
 
     def share(self, other: "Lens") -> None:
@@ -531,7 +535,9 @@ class Lens:
         if self._is_frozen(kind):
             if kind.__module__.endswith(SETTINGS) and kind.__name__ != "FieldHit":
                 return self._setting
-            return self._fields_of(kind, tuple(kind.__dataclass_fields__))  # type: ignore[attr-defined]
+            is_struct = issubclass(kind, Struct)
+            names = kind.__struct_fields__ if is_struct else tuple(kind.__dataclass_fields__)  # type: ignore[attr-defined]
+            return self._fields_of(kind, names)
         if issubclass(kind, array):
             return lambda value: value.tobytes()
         if issubclass(kind, CONTAINERS):
