@@ -21,7 +21,8 @@ from tests.contract.bench import SESSIONS, DriveBench
 from tests.contract.script import run
 from tests.contract.through import master_through_gateway, table_of
 from tests.fuzz import line as fuzz_line
-from tests.fuzz.targets import CORPUS, TARGETS
+from tests.fuzz import targets
+from tests.fuzz.targets import TARGETS
 from tests.ledger import world as ledger_world
 from tests.ledger.events import Book
 from tests.ledger.ledger import Ledger
@@ -43,7 +44,7 @@ def session_names() -> list[str]:
 
 def corpus() -> list[str]:
     """Return the inputs that the fuzzer has kept, each as TARGET/NAME."""
-    return [f"{name}/{path.name}" for name in TARGETS for path in sorted((CORPUS / name).glob("*"))]
+    return [f"{name}/{label}" for name in TARGETS for label in targets.corpus(name)]
 
 
 def ledger(seed: int, requests: int) -> Iterator[str]:
@@ -80,8 +81,8 @@ def fuzzed(name: str) -> Iterator[str]:
     lines: list[str] = []
     _hear_events(fuzz_line, lines.append)
     _hear_fuzz(lines.append)
-    target, _, file = name.partition("/")
-    TARGETS[target].run(Path(CORPUS, target, file).read_bytes())
+    target, _, label = name.partition("/")
+    TARGETS[target].run(targets.corpus(target)[label])
     yield from lines
     yield "taken"
 
@@ -135,7 +136,7 @@ def world(name: str) -> Iterator[str]:
     """Walk through a world at random, seeded by its name: events, frames, and what axes keep."""
     design, rng, lines = BY_NAME[name], random.Random(name), list[str]()
     played = world_of(design)
-    explore._listen(played, lines.append)
+    explore.listen(played, lines.append)
     for _ in range(WORLD_EVENTS):
         events = played.happenings()
         if not events:
