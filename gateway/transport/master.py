@@ -15,9 +15,9 @@ from gateway.modbus.mbap import MbapDecoder, answers_with, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
 from gateway.times import NS_PER_MS, NS_PER_S
 from gateway.transport.channel import Channel
+from gateway.transport.devices import open_port
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.framing import frame_silence_ns, reply_decoder
-from gateway.transport.serial import open_port
 from gateway.transport.serial_channel import SerialChannel
 from gateway.transport.tcp import connect
 from gateway.transport.timer import Timer

@@ -5,7 +5,6 @@ import contextlib
 import errno
 import fcntl
 import io
-import os
 import termios
 from typing import Final
 
@@ -13,6 +12,7 @@ from gateway import system
 from gateway.clock import boot_ns
 from gateway.times import NS_PER_S
 from gateway.transport.channel import Channel, Receiver
+from gateway.transport.devices import is_pty
 from gateway.transport.endpoints import SerialEndpoint
 
 _read: Final = system.read
@@ -20,8 +20,6 @@ _write: Final = system.write
 RECEIVE_BYTES: Final = 1024
 """Four of the largest RTU frames (256 bytes)."""
 DRAIN_TIMEOUT_S: Final = 1.0
-PTY_MAJORS: Final = range(136, 144)
-"""Device numbers of UNIX98 pseudo terminals (Linux admin-guide/devices.txt)."""
 
 
 class SerialChannel(Channel):
@@ -136,11 +134,6 @@ def character_ns(endpoint: SerialEndpoint) -> int:
     572916
     """
     return endpoint.bits_per_character * NS_PER_S // endpoint.baudrate
-
-
-def is_pty(handle: int) -> bool:
-    """Whether a descriptor is the end of a pseudo terminal."""
-    return os.major(os.fstat(handle).st_rdev) in PTY_MAJORS
 
 
 def _why_lost(error: OSError) -> str:

@@ -13,8 +13,8 @@ from gateway.ipc.address import SocketFile
 from gateway.modbus.crc import is_intact
 from gateway.modbus.rtu import encode_rtu
 from gateway.simulator.pty import Pty
+from gateway.transport.devices import open_port
 from gateway.transport.endpoints import SerialEndpoint
-from gateway.transport.serial import open_port
 from tests.support.commands import Typed, typed
 from tests.support.config import axis, gateway_toml, line, registers, written
 

@@ -11,8 +11,8 @@ from gateway.modbus.rtu import encode_rtu
 from gateway.relay.errors import StartError
 from gateway.relay.gateway import Relay
 from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
+from gateway.transport.devices import open_port
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
-from gateway.transport.serial import open_port
 from tests.support.relay import Bench, eventually, first_controller, line_status
 
 READ = bytes.fromhex("03 0010 0001")

@@ -15,11 +15,12 @@ from pathlib import Path
 import pytest
 
 from gateway.status.line import LatencySettings, Rs485
+from gateway.transport.devices import open_port
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.errors import RefusedError
 from gateway.transport.low_latency import flag_note, remarks, set_rs485, tty_folder, tune
 from gateway.transport.null_modem import NullModem
-from gateway.transport.serial import SerialPort, open_port
+from gateway.transport.serial import SerialPort
 from tests.support.lesser import nobody
 from tests.support.status_models import plain
 

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from gateway.status.line import LatencySettings
+from gateway.transport.devices import open_port
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.errors import AbsentError, RefusedError
 from gateway.transport.null_modem import NullModem
-from gateway.transport.serial import SerialPort, open_port
+from gateway.transport.serial import SerialPort
 from gateway.transport.serial_channel import character_ns
 from tests.support.lesser import nobody
 

@@ -19,9 +19,8 @@ from typing import Final, NamedTuple, Self
 from gateway.clock import boot_ns
 from gateway.commissioning.listen.overhearing import Overheard, Overhearing, Unmarking
 from gateway.times import NS_PER_MS, NS_PER_S
+from gateway.transport.devices import is_pty, why_not_opened
 from gateway.transport.endpoints import SerialEndpoint
-from gateway.transport.serial import why_not_opened
-from gateway.transport.serial_channel import is_pty
 
 READ_BYTES: Final = 1024
 SILENCE_MS: Final = 40

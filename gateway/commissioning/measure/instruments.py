@@ -23,9 +23,9 @@ from gateway.commissioning.measure.errors import BadReadingError, InstrumentErro
 from gateway.metrology.gauge_kinds import GaugeKind
 from gateway.metrology.gauges import GaugeError, GaugeLines, reading_of
 from gateway.transport.channel import Channel
+from gateway.transport.devices import open_port
 from gateway.transport.endpoints import SerialEndpoint
 from gateway.transport.errors import TransportError
-from gateway.transport.serial import open_port
 from gateway.transport.serial_channel import SerialChannel
 
 SHOWN: Final = 60
