@@ -1,11 +1,12 @@
 """The pause before the next attempt after a failure: it doubles each time, up to a longest one."""
 
-import os
 from collections.abc import Callable
+
+from gateway import system
 
 
 def _drawn() -> float:
-    return int.from_bytes(os.urandom(2), "big") / 0xFFFF
+    return int.from_bytes(system.random_bytes(2), "big") / 0xFFFF
 
 
 class Backoff:

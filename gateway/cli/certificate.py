@@ -48,8 +48,8 @@ def ca(
 
       pitch-gateway certificate ca machine-ca --name "Hall 2"
     """
+    from gateway.clock import now_utc
     from gateway.commissioning.certificates import found_authority, make_authority
-    from gateway.transport.certificates import now_utc
 
     now = now_utc()
     with _problems():
@@ -73,8 +73,8 @@ def server(
 
       pitch-gateway certificate server machine-ca --host 192.168.0.6 --name mill-2
     """
+    from gateway.clock import now_utc
     from gateway.commissioning.certificates import make_server, read_authority, write_signed
-    from gateway.transport.certificates import now_utc
 
     now = now_utc()
     with _problems():
@@ -99,8 +99,8 @@ def controller(
 
       pitch-gateway certificate controller machine-ca panel --role Viewer
     """
+    from gateway.clock import now_utc
     from gateway.commissioning.certificates import make_controller, read_authority, write_signed
-    from gateway.transport.certificates import now_utc
 
     now = now_utc()
     with _problems():
@@ -122,8 +122,8 @@ def revoke(
     Examples:
       pitch-gateway certificate revoke machine-ca cnc
     """
+    from gateway.clock import now_utc
     from gateway.commissioning.certificates import revoke as revoke_in
-    from gateway.transport.certificates import now_utc
 
     with _problems():
         _print_written(revoke_in(folder, name, now_utc()))
@@ -142,9 +142,9 @@ def show(
 
       pitch-gateway certificate show /etc/pitch-gateway/server.pem --json | jq .certificates[0].until
     """
+    from gateway.clock import now_utc
     from gateway.commissioning.certificates import read_file
     from gateway.files import FileRefusedError
-    from gateway.transport.certificates import now_utc
 
     try:
         found = read_file(file, now_utc())

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from gateway.clock import now_utc
 from gateway.config.build import build_plan
 from gateway.config.checks.axes import check_axes, check_groups, check_terms
 from gateway.config.checks.files import (
@@ -34,7 +35,6 @@ from gateway.config.sections import Sections, read_sections
 from gateway.config.tables import AxisTable
 from gateway.config.toml import KeyLines
 from gateway.state.plan import GatewayPlan, TablesFolder
-from gateway.transport.certificates import now_utc
 
 
 @dataclass(frozen=True, slots=True)

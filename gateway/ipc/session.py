@@ -6,10 +6,10 @@ import contextlib
 import itertools
 import os
 import socket
-import time
 from collections.abc import Mapping, Sequence
 from typing import Final
 
+from gateway.clock import monotonic_ns
 from gateway.exchange.commands import MAX_TABLES, SetTable
 from gateway.ipc.handlers import ASKED_AGAIN_S, LONGEST_WAIT_S, RequestHandlers
 from gateway.ipc.listener import Subscriber
@@ -59,7 +59,7 @@ class Clients:
 
     def complain(self, kind: str, detail: str) -> None:
         """Log the first refusal of a kind, then one a minute with the number since."""
-        if sentence := self._complaints.sentence(kind, detail, time.monotonic_ns()):
+        if sentence := self._complaints.sentence(kind, detail, monotonic_ns()):
             self.handlers.complain(sentence)
 
     @property

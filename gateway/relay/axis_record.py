@@ -15,13 +15,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from gateway import system
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.record import FindTable, Record, digest_of_axis
 from gateway.exchange.axis.record_layout import RECORD_SIZE, RecordSlots, header, why_not_readable
 from gateway.exchange.plan import CompensationMode
 
 SUFFIX: Final = ".record"
-BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
 Report = Callable[[str], None]
 
 
@@ -37,14 +37,6 @@ def why_not_kept(axis: Axis) -> str:
     if axis.plan.table is None:
         return "the axis has no table"
     return "" if axis.plan.actual else "no register tells where the axis stands"
-
-
-def boot_id() -> bytes:
-    """Return the id of this boot of the machine; zeros if the system gives none."""
-    try:
-        return bytes.fromhex(BOOT_ID.read_text().strip().replace("-", ""))
-    except (OSError, ValueError):
-        return bytes(16)
 
 
 class AxisRecord:
@@ -84,7 +76,7 @@ class AxisRecord:
             report(f"{self.path}: {wrong}; it is made anew, and the axis starts without its record")
         self._map = mapped
         digest = digest_of_axis(axis.plan)
-        slots = self._slots = RecordSlots(memoryview(mapped), digest, boot_id(), self._may_store)
+        slots = self._slots = RecordSlots(memoryview(mapped), digest, system.boot_id(), self._may_store)
         saved, reason = slots.read(), ""
         if saved is None and slots.is_damaged and not wrong:
             reason = "both of its copies are damaged"

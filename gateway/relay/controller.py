@@ -16,7 +16,7 @@ from gateway.catalogue.line_events import (
     PORT_NOT_OPEN,
     SERIAL_LATENCY,
 )
-from gateway.clock import boot_ns
+from gateway.clock import boot_ns, now_utc
 from gateway.exchange.cut_through.forward import SerialTiming
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import ControllerPlan
@@ -34,7 +34,6 @@ from gateway.relay.watchdog import Accepting
 from gateway.state.plan import ControllerLink
 from gateway.status.line import ControllerStatus, PortMinute
 from gateway.times import NS_PER_MS, NS_PER_S
-from gateway.transport.certificates import now_utc
 from gateway.transport.channel import Receiver
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint, host_of
 from gateway.transport.framing import RETURNS, frame_silence_ns, request_decoder

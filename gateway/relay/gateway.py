@@ -2,7 +2,6 @@
 
 import asyncio
 import os
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -15,7 +14,7 @@ import gateway
 from gateway.catalogue import process_events as processes
 from gateway.catalogue import starts
 from gateway.catalogue import table_events as tables
-from gateway.clock import boot_ns
+from gateway.clock import boot_ns, monotonic_ns
 from gateway.compensation.table import CorrectionTable
 from gateway.compiled import is_compiled
 from gateway.exchange.axis.axis import join_terms
@@ -332,7 +331,7 @@ class Relay:
 
     def _log_refused(self, detail: str) -> None:
         """Log that a table was refused; at most once a minute."""
-        if sentence := self._refused_tables.sentence("table", detail, time.monotonic_ns()):
+        if sentence := self._refused_tables.sentence("table", detail, monotonic_ns()):
             self._journal.log(tables.TABLE_REFUSED, detail=sentence)
 
     @property

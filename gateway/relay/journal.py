@@ -3,12 +3,12 @@
 A full pipe blocks the process that writes into it. So nothing here writes: ``ipc.log_thread`` does.
 """
 
-import time
 from collections import deque
 from collections.abc import Callable
 
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.exchange_events import RECORD_NOT_USED
+from gateway.clock import wall_s
 from gateway.exchange.events import Event
 from gateway.ipc.log import LogEntry, log_entry
 from gateway.ipc.log_thread import CAPACITY
@@ -25,7 +25,7 @@ class Journal:
 
     def log(self, event: EventEntry, **fields: object) -> None:
         """Log an event of the catalogue; never blocks."""
-        entry = log_entry(event, fields, time.time())
+        entry = log_entry(event, fields, wall_s())
         self._write(entry)
         self.on_entry(entry)
 

@@ -1,12 +1,11 @@
 """One line: its controllers, the exchange between, and the link to the drives."""
 
-import time
 from collections.abc import Callable, Sequence
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Final
 
+from gateway import system
 from gateway.catalogue.line_events import (
     ADAPTER_ECHOES,
     DRIVES_NOT_REACHED,
@@ -16,7 +15,7 @@ from gateway.catalogue.line_events import (
     SERIAL_LATENCY,
     WRONG_UNIT,
 )
-from gateway.clock import boot_ns
+from gateway.clock import boot_ns, now_utc
 from gateway.compensation.settings import Gain
 from gateway.compensation.table import CorrectionTable
 from gateway.exchange.axis.axis import Axis
@@ -45,7 +44,7 @@ from gateway.recording.trace_buffer import TraceBuffer
 from gateway.recording.writer import Recorder
 from gateway.relay.activity import Activity
 from gateway.relay.alarm import LineAlarm
-from gateway.relay.axis_record import AxisRecord, boot_id, record_path
+from gateway.relay.axis_record import AxisRecord, record_path
 from gateway.relay.computed import computed
 from gateway.relay.controller import Controller, make_controller, wire_of
 from gateway.relay.drive_link import Instead, Link, MbapDriveLink, OtherIds, ReplyUnitIds, RtuDriveLink
@@ -59,7 +58,6 @@ from gateway.state.tables import compiled
 from gateway.status.axis import AxisStatus
 from gateway.status.line import ControllerStatus, DrivesStatus, LineMinute, LineStatus, UnitStatus
 from gateway.times import NS_PER_MS, NS_PER_S
-from gateway.transport.certificates import now_utc
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.errors import TransportError
 from gateway.transport.framing import endpoint_key, frame_silence_ns, reply_decoder, returns_requests
@@ -389,7 +387,7 @@ class Line:
             now_ns,
             axes,
             self._exchange.is_up,
-            boot_id(),
+            system.boot_id(),
             in_force,
             state.up_ns,
             state.closes_soon,
@@ -456,7 +454,7 @@ class Line:
 
 def _make_trace_buffer(plan: LinePlan, journal: Journal) -> TraceBuffer | None:
     try:
-        return TraceBuffer(plan.name, plan.tape_bytes, boot_ns(), time.time_ns())
+        return TraceBuffer(plan.name, plan.tape_bytes, boot_ns(), system.wall_ns())
     except OSError as error:
         why = error.strerror or str(error)
         journal.log(FRAMES_NOT_KEPT, line=plan.name, detail=f"no memory for them: {why}")
@@ -473,7 +471,7 @@ def _shares(gain: Gain) -> dict[str, float]:
 
 
 def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
+    return now_utc().isoformat(timespec="seconds")
 
 
 def _make_link(

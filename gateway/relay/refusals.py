@@ -1,11 +1,11 @@
 """Refused connections: each is counted, and one a minute is reported."""
 
-import time
 from collections.abc import Callable
 from typing import Final
 
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.line_events import CONNECTION_REFUSED
+from gateway.clock import monotonic_ns
 from gateway.limits import MOST_KEYS, Reports, times
 from gateway.transport.connections import Closing
 from gateway.transport.tcp import Refusal
@@ -31,7 +31,7 @@ class Refusals:
     def __init__(
         self,
         log: Callable[[EventEntry, str], None],
-        clock_ns: Callable[[], int] = time.monotonic_ns,
+        clock_ns: Callable[[], int] = monotonic_ns,
         *,
         event: EventEntry = CONNECTION_REFUSED,
     ) -> None:

@@ -5,7 +5,6 @@ import contextlib
 import os
 import signal
 import sys
-import time
 import traceback
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from msgspec import UNSET, Struct
 from gateway.catalogue import process_events as events
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.exchange_events import RECORD_NOT_USED, RESTORED, STREAM_BEGAN
+from gateway.clock import wall_s
 from gateway.compiled import is_compiled
 from gateway.exchange.plan import CompensationMode
 from gateway.ipc.children import RELOADS
@@ -197,7 +197,7 @@ class _Log:
         """The line of each axis."""
 
     def log(self, event: EventEntry, **fields: Any) -> None:
-        self.thread.write(log_entry(event, fields, time.time()))
+        self.thread.write(log_entry(event, fields, wall_s()))
 
     def unexpected(self, _loop: asyncio.AbstractEventLoop, context: Mapping[str, Any]) -> None:
         """Log what the loop would print itself, and block: a bug of ours, or no more descriptors."""

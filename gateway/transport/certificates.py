@@ -196,11 +196,6 @@ def day(when: datetime) -> str:
     return when.date().isoformat()
 
 
-def now_utc() -> datetime:
-    """Return the time to check certificates against."""
-    return datetime.now(UTC)
-
-
 # --- The content of a certificate
 
 SMALLEST_RSA: Final = 2048

@@ -4,7 +4,6 @@ The transport of asyncio keeps the connection: it closes it, and takes the bytes
 immediately.
 """
 
-import select
 from typing import Final, Protocol
 
 from gateway import system
@@ -25,9 +24,7 @@ class FarEnd:
     """The other end of a connection, queried by the descriptor of this end."""
 
     def __init__(self, descriptor: int) -> None:
-        asked = select.poll()
-        asked.register(descriptor, select.POLLRDHUP)
-        self._poll = asked.poll
+        self._poll = system.hang_ups(descriptor)
 
     def has_gone(self) -> bool:
         """Whether it has closed or reset the connection, also if that was not read yet."""

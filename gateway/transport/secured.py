@@ -16,8 +16,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-from gateway.clock import boot_ns
-from gateway.transport.certificates import Identity, identity_of, now_utc
+from gateway.clock import boot_ns, now_utc
+from gateway.transport.certificates import Identity, identity_of
 from gateway.transport.channel import CLOSED, Channel, Receiver
 from gateway.transport.connections import RequestProgress
 from gateway.transport.endpoints import host_of

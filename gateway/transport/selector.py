@@ -9,7 +9,6 @@ the system reports them.
 It uses public interfaces of the standard library only: asyncio takes any selector (``SelectorEventLoop``).
 """
 
-import os
 import select
 import selectors
 from collections.abc import Callable, Mapping
@@ -17,10 +16,10 @@ from contextlib import suppress
 from math import ceil
 from typing import Any, Final
 
+from gateway import system
 from gateway.clock import boot_ns
-from gateway.system import read, waiting
+from gateway.system import create_timer, read, set_at, waiting
 from gateway.times import NS_PER_S
-from gateway.transport.timerfd import create, set_at
 
 READABLE: Final[int] = select.EPOLLIN
 HUNG_UP: Final[int] = select.EPOLLRDHUP | select.EPOLLHUP | select.EPOLLERR
@@ -38,12 +37,12 @@ class RelaySelector:
     """
 
     def __init__(self) -> None:
-        self._others = selectors.DefaultSelector()
+        self._others = system.Selector()
         self._others_fd: int = self._others.fileno()
-        self._epoll = select.epoll()
+        self._epoll = system.Epoll()
         self._epoll.register(self._others_fd, READABLE)
         self._wait = waiting(self._epoll)
-        self._alarm_fd = create()
+        self._alarm_fd = create_timer()
         self._epoll.register(self._alarm_fd, READABLE)
         self._wakes_ns = 0
         """When the timer wakes it; 0: it does not."""
@@ -145,7 +144,7 @@ class RelaySelector:
         """See ``selectors``."""
         self._watchers.clear()
         self._epoll.close()
-        os.close(self._alarm_fd)
+        system.close(self._alarm_fd)
         self._others.close()
 
 

@@ -5,12 +5,11 @@ the exact instant: so it is precise enough for silences of 3.5 characters (1.75 
 """
 
 import asyncio
-import os
 from collections.abc import Callable
 
 from gateway import system
 from gateway.clock import boot_ns
-from gateway.transport.timerfd import create, set_at
+from gateway.system import create_timer, set_at
 
 
 class Timer:
@@ -25,7 +24,7 @@ class Timer:
         self._callback = callback
         self._deadline_ns: int | None = None
         self._set_ns = 0
-        self._fd = create()
+        self._fd = create_timer()
         self._loop.add_reader(self._fd, self._woke)
 
     @property
@@ -52,7 +51,7 @@ class Timer:
         self._deadline_ns = None
         if self._fd >= 0:
             self._loop.remove_reader(self._fd)
-            os.close(self._fd)
+            system.close(self._fd)
             self._fd = -1
 
     def _program(self, deadline_ns: int) -> None:

@@ -10,7 +10,7 @@ from tools.walks import files_of_positions
 
 NOT_COMPILED: Final = {
     "drives/motion.py": "plans of motion, which msgspec takes apart as those of PLAIN",
-    "transport/timerfd.py": "calls of the C library by ctypes; a deadline that moves later needs none",
+    "system.py": "calls of the C library by ctypes; a deadline that moves later needs none",
 }
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.clock import now_utc
 from gateway.commissioning import certificates
 from gateway.commissioning.first_configuration import AS_WHEN_NEW, Draft
 from gateway.commissioning.probe.probing import probe
@@ -14,7 +15,6 @@ from gateway.config.load import load
 from gateway.metrology.errors import ReadingsError
 from gateway.options import OptionError
 from gateway.tabfile import FileContext, explain, read_table
-from gateway.transport.certificates import now_utc
 from tests.docs.pages import ROOT
 
 EXAMPLE = ROOT / "deploy" / "gateway.example.toml"

@@ -6,7 +6,7 @@ from pathlib import Path
 from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
-from gateway.transport.certificates import now_utc
+from gateway.clock import now_utc
 from tests.relay.secure_site import Site
 from tests.support.relay import Bench, eventually
 

@@ -11,6 +11,7 @@ from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
+from gateway.clock import now_utc
 from gateway.commissioning.certificates import (
     SKEW,
     Signed,
@@ -21,7 +22,6 @@ from gateway.commissioning.certificates import (
     make_server,
     read_authority,
 )
-from gateway.transport.certificates import now_utc
 
 
 def openssl(*arguments: str) -> None:

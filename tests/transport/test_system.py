@@ -20,7 +20,6 @@ from types import ModuleType
 import pytest
 
 from gateway import system
-from gateway.transport import timerfd
 
 SOURCE = Path(system.__file__).with_name("_system.c")
 TOOL = Path(__file__).parents[2] / "tools" / "compiled.py"
@@ -33,7 +32,7 @@ class Calls:
         self.boot_ns: Callable[[], int] = partial(time.clock_gettime_ns, system.CLOCK)
         self.read: Callable[[int, int], bytes] = os.read
         self.write: Callable[[int, bytes], int] = os.write
-        self.set_at: Callable[[int, int], None] = timerfd.set_at
+        self.set_at: Callable[[int, int], None] = system.set_in_python
         self._module = module
         if module is not None:
             self.boot_ns, self.read, self.write = module.boot_ns, module.read, module.write
@@ -179,7 +178,7 @@ def test_the_clock_is_that_of_the_machine(calls: Calls) -> None:
 
 
 def test_a_timer_is_set_to_an_instant_and_taken_back(calls: Calls) -> None:
-    timer = timerfd.create()
+    timer = system.create_timer()
     try:
         calls.set_at(timer, 1)  # long ago
         assert calls.read(timer, 8) == (1).to_bytes(8, sys.byteorder)

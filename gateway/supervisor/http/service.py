@@ -13,6 +13,7 @@ from typing import Final
 from gateway.backoff import Backoff
 from gateway.catalogue.publishing_events import HTTP_NOT_OPEN, HTTP_READY, HTTP_REFUSED, TOKEN_UNUSABLE
 from gateway.catalogue.tls_events import CERTIFICATES_RENEWED
+from gateway.clock import now_utc
 from gateway.config.checks.lines import is_loopback
 from gateway.config.files import NamedFileError
 from gateway.config.http_model import HttpSection
@@ -25,7 +26,7 @@ from gateway.supervisor.http.guard import READS, Guard, Rules
 from gateway.supervisor.http.listener import HttpServer, HttpSettings, http_settings_of
 from gateway.supervisor.http.login import CHECK_EVERY_S, Authenticator, Sessions, Tokens
 from gateway.supervisor.http.refusals import HttpRefusals, site_of
-from gateway.transport.certificates import Endings, now_utc
+from gateway.transport.certificates import Endings
 from gateway.transport.listener import HandshakesAtOnce, ProtocolListener, Tls, bound
 
 FIRST_WAIT_S: Final = 0.5

@@ -9,10 +9,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from gateway.clock import now_utc
 from gateway.config.http_model import HttpSection, HttpTlsSection, TokenSection
 from gateway.supervisor.acknowledged import AlarmAcknowledgement
 from gateway.supervisor.http.answers import TCP, Limits
-from gateway.transport.certificates import now_utc
 from gateway.transport.listener import HandshakesAtOnce
 from tests.supervisor.http.http_bench import Answer, Line, Served, model, serving, until
 from tests.support.certificates import authority, signed_by

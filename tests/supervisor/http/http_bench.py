@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.catalogue.entry import EventEntry, Severity
+from gateway.clock import now_utc
 from gateway.compensation.settings import AxisSettings
 from gateway.compensation.table import CorrectionTable
 from gateway.config.http_model import HttpSection
@@ -25,7 +26,6 @@ from gateway.supervisor.http.service import HttpService
 from gateway.supervisor.model import whole_model
 from gateway.supervisor.outcome import ReloadOutcome
 from gateway.supervisor.past import Noted
-from gateway.transport.certificates import now_utc
 from gateway.transport.listener import HandshakesAtOnce
 from tests.support.ports import free_port
 from tests.support.status_models import model_of, plain, relay_model_of, supervisor_of

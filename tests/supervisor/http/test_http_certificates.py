@@ -9,8 +9,9 @@ from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from gateway.catalogue.tls_events import CERTIFICATE_ENDS_SOON
+from gateway.clock import now_utc
 from gateway.supervisor.http.listener import http_settings_of
-from gateway.transport.certificates import SOON, now_utc
+from gateway.transport.certificates import SOON
 from tests.supervisor.http.doors import asking, section
 from tests.supervisor.http.exposition import samples
 from tests.supervisor.http.http_bench import CERTIFICATE, CONTROLLER, model, snapshot, until
