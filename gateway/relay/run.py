@@ -75,6 +75,8 @@ def run_relay(
     on_ready: Callable[[], None] | None = None,
     service: Service | None = None,
     shape: str = "",
+    make_loop: Callable[[], RelayLoop] = RelayLoop,
+    make_log: Callable[[Callable[[LogEntry], None]], LogThread] = LogThread,
 ) -> None:
     """Run until SIGTERM or SIGINT, then stop cleanly. ``status_every_s`` 0: no status lines.
 
@@ -83,14 +85,15 @@ def run_relay(
     ``write`` writes a log entry and may block: its own thread calls it. Only the end waits for that thread,
     for ``ipc.log_thread.CLOSE_S`` seconds at most. ``state`` is the folder of the gateway's socket; a
     ``recorder`` records all traffic. ``on_ready`` is called when all listeners are open. ``service`` is this
-    process as a service, ``shape`` the shape of the compiled plan (``state.plan``).
+    process as a service, ``shape`` the shape of the compiled plan (``state.plan``). A simulated system
+    (``tests/year``) brings its own loop and log.
 
     Raises:
         StartError: a listener, a port, the socket or the recording cannot be opened.
     """
     sys.setswitchinterval(SWITCH_INTERVAL_S)
-    with asyncio.Runner(loop_factory=RelayLoop) as runner:
-        log = LogThread(write)
+    with asyncio.Runner(loop_factory=make_loop) as runner:
+        log = make_log(write)
         service = service or Service(ServiceManager())
         relay = Relay(
             plan, noting(log), state=state, recorder=recorder, fd_store=service.fd_store, shape=shape
