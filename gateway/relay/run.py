@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import os
 import signal
 import sys
 import traceback
@@ -12,6 +11,7 @@ from typing import Any, Final
 
 from msgspec import UNSET, Struct
 
+from gateway import system
 from gateway.catalogue import process_events as events
 from gateway.catalogue.entry import EventEntry
 from gateway.catalogue.exchange_events import RECORD_NOT_USED, RESTORED, STREAM_BEGAN
@@ -188,7 +188,7 @@ def _end_at_once(relay: Relay, log: "_Log") -> None:
     log.log(events.STOPPED_AT_ONCE, lines=lines, detail=detail)
     log.thread.close(AT_ONCE_S)
     # An orderly end of the loop would wait for tasks, and for a thread that looks up a host name.
-    os._exit(1)
+    system.end_now(1)
 
 
 class _Log:
