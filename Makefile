@@ -105,6 +105,9 @@ mutants: setup ## breaks the gateway in one place at a time: which world notices
 verify: setup ## every state that small worlds around the gateway can reach, each rule in each; at most 30 minutes
 	@$(BIN)/python -m tests.verify
 
+year: setup ## simulated machines with their relay, whole, faster than the clock; HOURS=…, YEAR="--faults rough"
+	@$(BIN)/python -m tests.year --hours $(or $(HOURS),8) $(YEAR)
+
 # An extra of its own: atheris exists for x86-64 Linux and Python 3.11 to 3.14 only.
 fuzz: setup ## inputs that nobody thought of; TARGET=… one target, SECONDS=… for each (60)
 	@$(BIN)/python -c 'import atheris' 2>/dev/null \

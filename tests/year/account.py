@@ -1,0 +1,469 @@
+"""The account: what each controller asked for, what left for the drives, and what came of it.
+
+It sees the bytes on the wires alone, and the log. What must hold:
+
+- A write leaves once, in time, and only if a controller asked for it (W5); one request is on a line at a time
+  (W6). What is no position is the same byte for byte. The gateway itself may add reads, and write a staged
+  target once more before its trigger (W8, M2).
+- A target has the words of its nominal position, corrected for the direction in which the axis goes; or the
+  axis was flagged as unsure. The same target again has the same words (M4).
+- A controller gets its drive's success only if the drive did what it asked for. An axis at rest reads back
+  what was commanded.
+- Without a fault nothing is refused, and nothing stays without an answer.
+"""
+
+import hashlib
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from typing import Final, NoReturn
+
+from tests.ledger.drives import Drive, Operation
+from tests.ledger.frames import Parsed, native_success, parse, words_of
+from tests.ledger.layouts import Layout
+from tests.ledger.screws import Screw
+from tests.year.machine import MS, Machine, S
+
+ROUNDING: Final = 0.5 + 1e-6
+BESIDE: Final = 12
+"""Counts beside an axis within which a target's direction is nobody's certainty."""
+BAND: Final = 3
+"""Counts that rounding may put a reading beside the two branches."""
+LATE_NS: Final = 5 * MS
+"""What a request may be late by the gateway's own steps."""
+TROUBLED_NS: Final = 15 * S
+"""After a fault: the longest pause before a silent drive is tried again is 10 s."""
+KEPT: Final = 60
+"""Lines of the story that are printed with a finding."""
+UNSURE: Final = frozenset({"direction-unsure", "record-not-used", "reference-lost", "stood-still"})
+"""Events by which an axis is flagged: its next words may be those of the other direction."""
+ALARMS: Final = frozenset({"internal-fault", "unexpected", "no-progress"})
+"""Events that are findings by themselves."""
+
+
+class FindingError(SystemExit):
+    """Something that must hold does not; the text is the story."""
+
+
+class Book:
+    """Counts, the last lines of the story, a digest of all of it, and the finding."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        self.seen: Counter[str] = Counter()
+        self.finding = ""
+        self.trace: Callable[[str], None] | None = None
+        self._story: deque[tuple[int, str, bytes]] = deque(maxlen=KEPT)
+        self._digest = hashlib.sha256()
+
+    def note(self, what: str, data: bytes = b"") -> None:
+        """Write down what happened."""
+        now_ns = self._machine.now_ns
+        self._story.append((now_ns, what, data))
+        self._digest.update(b"%d %s " % (now_ns, what.encode()))
+        self._digest.update(data)
+        if self.trace is not None:
+            self.trace(_line(now_ns, what, data))
+
+    def find(self, kind: str, detail: str) -> NoReturn:
+        """End the run with a finding.
+
+        Raises:
+            FindingError: always.
+        """
+        self.finding = f"{kind} at {self._machine.now_ns / S:.6f} s: {detail}"
+        raise FindingError(self.finding)
+
+    def story(self) -> str:
+        """Return the last lines."""
+        return "\n".join(_line(*each) for each in self._story)
+
+    def digest(self) -> str:
+        """Return the digest of everything so far: the same seed has the same."""
+        return self._digest.hexdigest()[:16]
+
+
+class Request:
+    """A request of a controller."""
+
+    __slots__ = (
+        "arrived_ns",
+        "asked_ns",
+        "axis",
+        "controller",
+        "frame",
+        "is_closed",
+        "parsed",
+        "patience_ns",
+        "pdu",
+        "unit",
+    )
+
+    def __init__(self, controller: str, unit: int, pdu: bytes, asked_ns: int, patience_ns: int) -> None:
+        self.controller, self.unit, self.pdu = controller, unit, pdu
+        self.asked_ns, self.patience_ns = asked_ns, patience_ns
+        self.parsed = parse(pdu)
+        self.axis: Axis | None = None
+        self.frame: Frame | None = None
+        self.arrived_ns = asked_ns
+        """When the last of its bytes reaches the machine of the gateway."""
+        self.is_closed = False
+        """It was answered, or its controller has given up, or its connection is gone."""
+
+
+class Frame:
+    """A frame that left for a drive."""
+
+    __slots__ = (
+        "axis",
+        "data",
+        "is_acknowledged",
+        "is_taken",
+        "parsed",
+        "pdu",
+        "reply",
+        "request",
+        "sent_ns",
+        "unit",
+    )
+
+    def __init__(self, unit: int, pdu: bytes, data: bytes, sent_ns: int) -> None:
+        self.unit, self.pdu, self.data, self.sent_ns = unit, pdu, data, sent_ns
+        self.parsed = parse(pdu)
+        self.axis: Axis | None = None
+        self.request: Request | None = None
+        self.is_taken = False
+        """Its drive has taken it."""
+        self.reply = b""
+        """What its drive answered to it."""
+        self.is_acknowledged = False
+        """The success of its drive has arrived whole."""
+
+
+class Axis:
+    """One axis as the account knows it."""
+
+    def __init__(self, name: str, layout: Layout, screw: Screw, drive: Drive) -> None:
+        self.name, self.layout, self._screw, self.drive = name, layout, screw, drive
+        self.staged: int | None = None
+        """The nominal target that left last."""
+        self.place: int | None = None
+        """The nominal target that was run last; None: something else moved the axis."""
+        self.words: int | None = None
+        """With these corrected counts."""
+        self.sure = 0
+        """Acknowledged moves since the last doubt."""
+        self.is_settled = False
+        """It has come to rest after a move that was acknowledged: the correction of before has faded."""
+        self.faded = 0.0
+        """Counts that a reading may lie beside the branches: that of before fades on the way."""
+        self.is_flagged = True
+        """Flagged since its last certain move."""
+        self.is_referenced = True
+        self.is_new = True
+        """No move since the process began, and its record was not restored."""
+
+    def value(self, nominal: int, *, is_forward: bool) -> float:
+        """Counts at which the drive has to be for a nominal position."""
+        correction = self._screw.correction_mm(self.layout.machine_mm(nominal), is_forward=is_forward)
+        return nominal + correction * self.layout.counts_per_unit
+
+    def branches(self, nominal: int) -> tuple[float, float]:
+        """Return where the drive has to be for a nominal position, reached forward and backward."""
+        return self.value(nominal, is_forward=True), self.value(nominal, is_forward=False)
+
+    def is_one_of(self, corrected: int, nominal: int) -> bool:
+        """Whether these are the words of a target: for either direction, or half way between."""
+        up, down = self.branches(nominal)
+        if any(abs(corrected - value) <= ROUNDING for value in (up, down, (up + down) / 2)):
+            return True
+        return not self.is_referenced and corrected == nominal
+
+    def doubt(self) -> None:
+        """Where it is, and from where it came, may not be known any more."""
+        self.sure, self.is_flagged, self.is_settled = 0, True, False
+
+
+class Line:
+    """A bus of drives."""
+
+    def __init__(
+        self, name: str, axes: Mapping[int, Axis], open_frame: Callable[[bytes], tuple[int, bytes] | None]
+    ):
+        self.name, self.axes, self.open_frame = name, axes, open_frame
+        self.frames: deque[Frame] = deque(maxlen=32)
+        """The newest frames that left."""
+        self.waiting: list[Request] = []
+        """Writes that have not left."""
+        self.troubled_ns = 0
+
+
+class Account:
+    """The account of all lines."""
+
+    def __init__(self, machine: Machine, book: Book, lines: Mapping[str, Line]) -> None:
+        self._machine, self.book, self.lines = machine, book, lines
+
+    # --- controllers
+
+    def asked(self, line: Line, request: Request) -> None:
+        """A controller sends a request."""
+        request.axis = line.axes.get(request.unit)
+        self.book.seen["requests"] += 1
+        self.book.note(f"{request.controller} asks {request.unit}", request.pdu)
+        line.waiting.append(request)
+        if len(line.waiting) > 64:
+            del line.waiting[:32]
+
+    def answered(self, line: Line, request: Request, pdu: bytes) -> None:
+        """A controller has its reply."""
+        self.book.note(f"{request.controller} hears {request.unit}", pdu)
+        self._close(line, request, is_answered=True)
+        frames = self._equal_reads(line, request) if request.parsed.write is None else []
+        if request.frame is not None and request.frame not in frames:
+            frames.append(request.frame)
+        if pdu[0] & 0x80:
+            self.book.seen[f"exceptions {pdu[1]:#04x}"] += 1
+            if all(frame.reply != pdu for frame in frames):
+                self._need_trouble(line, "refused-for-nothing", request, f"with {pdu[1]:#04x}")
+            return
+        if not frames:
+            self.book.find("reply-from-nowhere", f"{_text(request)}: {pdu.hex(' ')}, and it never left")
+        if request.parsed.write is not None:
+            if not native_success(request.pdu, pdu):
+                self.book.find("wrong-echo", f"{_text(request)}: {pdu.hex(' ')}")
+            if not frames[0].is_acknowledged:
+                self.book.find("success-from-nowhere", f"{_text(request)}: its drive did not say so")
+            self.book.seen["writes done"] += 1
+        elif request.axis is not None:
+            problems = [self._why_no_reading(request.axis, request, frame, pdu) for frame in frames]
+            if all(problems):
+                self.book.find("wrong-reading", f"axis {request.axis.name}: {problems[0]}")
+
+    @staticmethod
+    def _equal_reads(line: Line, request: Request) -> list[Frame]:
+        """Return the reads that a read may have been answered from: equal ones cannot be told apart."""
+        return [
+            frame
+            for frame in line.frames
+            if (frame.unit, frame.pdu) == (request.unit, request.pdu) and frame.sent_ns >= request.asked_ns
+        ]
+
+    def gave_up(self, line: Line, request: Request) -> None:
+        """A controller has no reply in time, or its connection has ended."""
+        self.book.note(f"{request.controller} gives up on {request.unit}", request.pdu)
+        self.book.seen["unanswered"] += 1
+        self._close(line, request, is_answered=False)
+        self._need_trouble(line, "unanswered", request, "no fault explains it")
+
+    def _close(self, line: Line, request: Request, *, is_answered: bool) -> None:
+        """Nobody waits for it any more: a write that was given up must not leave, and is kept to see that."""
+        request.is_closed = True
+        if request in line.waiting and (is_answered or request.parsed.write is None):
+            line.waiting.remove(request)
+
+    # --- to the drives
+
+    def left(self, line: Line, data: bytes) -> None:
+        """The gateway has sent a frame to a drive."""
+        book, now_ns = self.book, self._machine.now_ns
+        opened = line.open_frame(data)
+        if opened is None:
+            book.find("no-frame", f"line {line.name}: {data.hex(' ')}")
+        frame = Frame(*opened, data, now_ns)
+        book.seen["exchanges"] += 1
+        book.note(f"to {line.name} {frame.unit}", frame.pdu)
+        self._doubt_unacknowledged(line)
+        line.frames.append(frame)
+        frame.axis = axis = line.axes.get(frame.unit)
+        frame.request = request = self._request_of(line, frame, axis)
+        if request is not None:
+            line.waiting.remove(request)
+            request.frame = frame
+            if now_ns - request.arrived_ns > request.patience_ns + LATE_NS:
+                book.find(
+                    "W5-too-old", f"{_text(request)} left {(now_ns - request.arrived_ns) // MS} ms later"
+                )
+        elif frame.parsed.write is None:
+            book.seen["added reads"] += 1
+        elif axis is not None and axis.layout.is_staged and self._is_restaged(axis, frame.parsed):
+            book.seen["restaged"] += 1
+        else:
+            book.find("invented-write", f"line {line.name}, unit id {frame.unit}: {frame.pdu.hex(' ')}")
+        if axis is not None and request is not None:
+            nominal = target_of(axis.layout, request.parsed)
+            axis.staged = axis.staged if nominal is None else nominal
+
+    def _doubt_unacknowledged(self, line: Line) -> None:
+        """The next frame leaves: what was not acknowledged before may have been done or not."""
+        if line.frames:
+            before = line.frames[-1]
+            if before.parsed.write is not None and not before.is_acknowledged and before.axis is not None:
+                before.axis.doubt()
+
+    def _request_of(self, line: Line, frame: Frame, axis: Axis | None) -> Request | None:
+        """Return whose frame it is: the oldest request that waits, else one that was given up."""
+        fitting = [request for request in line.waiting if self._may_become(request, frame, axis)]
+        return next((each for each in fitting if not each.is_closed), fitting[0] if fitting else None)
+
+    def _may_become(self, request: Request, frame: Frame, axis: Axis | None) -> bool:
+        if request.unit != frame.unit:
+            return False
+        if axis is None or target_of(axis.layout, request.parsed) is None:
+            return request.pdu == frame.pdu
+        return self._are_words_of(axis, request, frame)
+
+    @staticmethod
+    def _are_words_of(axis: Axis, request: Request, frame: Frame) -> bool:
+        """Whether a frame is a target that was asked for, corrected."""
+        nominal = target_of(axis.layout, request.parsed)
+        corrected = target_of(axis.layout, frame.parsed)
+        return nominal is not None and corrected is not None and axis.is_one_of(corrected, nominal)
+
+    @staticmethod
+    def _is_restaged(axis: Axis, parsed: Parsed) -> bool:
+        corrected = target_of(axis.layout, parsed)
+        return corrected is not None and axis.staged is not None and axis.is_one_of(corrected, axis.staged)
+
+    # --- at the drives and back
+
+    def taken(self, line: Line, unit: int, pdu: bytes, data: bytes) -> Frame | None:
+        """A drive takes a frame: return it as it left; None if it never did, or twice."""
+        for frame in line.frames:
+            if frame.data == data and not frame.is_taken:
+                frame.is_taken = True
+                return frame
+        self.book.note(f"line {line.name} {unit} takes a copy", pdu)
+        return None
+
+    def ran(self, frame: Frame, operation: Operation) -> None:
+        """A drive moves its axis."""
+        axis = frame.axis
+        if axis is None:
+            return
+        self.book.seen["moves"] += 1
+        nominal, end = axis.staged, operation.end
+        if operation.kind != "absolute":
+            axis.place = None
+            return
+        if nominal is None or not axis.is_one_of(end, nominal):
+            self.book.find("wrong-target", f"axis {axis.name} goes to {end} for {nominal}")
+        if axis.is_new:
+            axis.doubt()
+        axis.is_new = False
+        is_at_rest = not operation.was_moving and axis.place is not None and operation.was_at == axis.words
+        axis.is_settled |= axis.sure > 0 and is_at_rest
+        up, down = axis.branches(operation.was_at)
+        axis.faded = abs(up - down) + (0.0 if is_at_rest else axis.faded)
+        ways = self._ways(axis, nominal, operation)
+        is_again = nominal == axis.place and axis.sure > 0 and not axis.is_flagged
+        if is_again and end != axis.words:
+            self.book.find("M4-other-words", f"axis {axis.name}: {axis.words} became {end} for {nominal}")
+        if len(ways) == 1 and not is_again:
+            up, down = axis.branches(nominal)
+            if abs(end - (up if ways[0] else down)) <= ROUNDING:
+                axis.is_flagged = False
+                self.book.seen["certain moves"] += 1
+            elif axis.is_flagged:
+                self.book.seen["unsure moves"] += 1
+            else:
+                way = "forward" if ways[0] else "backward"
+                detail = f"axis {axis.name} goes {way} to {end} for {nominal}, from {operation.was_at}; "
+                self.book.find("wrong-branch", detail + f"forward {up:.3f}, backward {down:.3f}")
+        axis.place, axis.words = nominal, end
+
+    @staticmethod
+    def _ways(axis: Axis, nominal: int, operation: Operation) -> tuple[bool, ...]:
+        """Directions in which a move may be taken to go: one, where two ways to see it agree."""
+        if axis.place is None or axis.sure < 1:
+            return (True, False)
+        sign = axis.layout.machine_sign
+        way = nominal - axis.place
+        ends = axis.branches(nominal)
+        if way > BESIDE and min(ends) > operation.was_at + BESIDE:
+            return (sign > 0,)
+        if way < -BESIDE and max(ends) < operation.was_at - BESIDE:
+            return (sign < 0,)
+        return (True, False)
+
+    def acknowledged(self, frame: Frame) -> None:
+        """The reply of a drive has arrived at the gateway, whole and in time."""
+        if frame.parsed.write is not None and native_success(frame.pdu, frame.reply):
+            frame.is_acknowledged = True
+            if frame.axis is not None and frame.axis.place == frame.axis.staged:
+                frame.axis.sure += 1
+
+    def _why_no_reading(self, axis: Axis, request: Request, frame: Frame, pdu: bytes) -> str:
+        """Return why a position that was read back cannot be that of the drive, "" if it can."""
+        layout = axis.layout
+        if request.parsed.read != (layout.actual, 2) or len(frame.reply) != len(pdu):
+            return ""
+        nominal = layout.join(_pair(pdu[2:]))
+        corrected = layout.join(_pair(frame.reply[2:]))
+        if axis.is_new:
+            self.book.seen["readings of axes that were not restored"] += 1
+            return ""
+        if axis.sure > 1 and not axis.is_flagged and corrected == axis.words and axis.place is not None:
+            self.book.seen["exact readings"] += 1
+            return "" if nominal == axis.place else f"{nominal} for {axis.place} at {corrected}"
+        up, down = axis.branches(nominal)
+        band = BAND + axis.faded
+        if not axis.is_referenced or min(up, down) - band <= corrected <= max(up, down) + band:
+            return ""
+        if axis.is_flagged or not axis.is_settled:
+            self.book.seen["unsure readings"] += 1
+            return ""
+        return f"{nominal} for {corrected} of the drive, not {up:.2f} or {down:.2f}"
+
+    # --- the process
+
+    def event(self, name: str, fields: Mapping[str, object]) -> None:
+        """The process logs an event."""
+        self.book.seen[f"event {name}"] += 1
+        named = fields.get("axis")
+        lines = [line for line in self.lines.values() if fields.get("line") in (line.name, None)]
+        for axis in (axis for line in lines for axis in line.axes.values()):
+            if named in (axis.name, None):
+                axis.is_flagged |= name in UNSURE
+                axis.is_new &= name != "restored"
+                if name in ("reference-lost", "axis-referenced"):
+                    axis.is_referenced = name == "axis-referenced"
+        if name in ALARMS:
+            self.book.find(f"event-{name}", str(fields.get("detail", "")) + str(fields.get("traceback", "")))
+
+    def began(self) -> None:
+        """A process begins: what it knows of the axes is in their records."""
+        for line in self.lines.values():
+            self._doubt_unacknowledged(line)
+            line.frames.clear()
+            line.waiting.clear()
+            for axis in line.axes.values():
+                axis.is_new = True
+            self.trouble(line)
+
+    def trouble(self, line: Line, lasts_ns: int = 0) -> None:
+        """A fault on a line: for a while it explains what is refused or not answered."""
+        line.troubled_ns = max(line.troubled_ns, self._machine.now_ns + lasts_ns)
+
+    def _need_trouble(self, line: Line, kind: str, request: Request, why: str) -> None:
+        if min(self._machine.now_ns, request.asked_ns) - line.troubled_ns > TROUBLED_NS:
+            self.book.find(kind, f"{_text(request)}: {why}")
+
+
+def target_of(layout: Layout, parsed: Parsed) -> int | None:
+    """Return the target that a request writes; None if it writes none."""
+    if parsed.write is None or parsed.write[0] != layout.command or len(parsed.write[1]) != 2:
+        return None
+    return layout.join((parsed.write[1][0], parsed.write[1][1]))
+
+
+def _pair(data: bytes) -> tuple[int, int]:
+    first, second = words_of(data[:4])
+    return first, second
+
+
+def _text(request: Request) -> str:
+    return f"{request.controller} unit id {request.unit} {request.pdu.hex(' ')}"
+
+
+def _line(now_ns: int, what: str, data: bytes) -> str:
+    return f"{now_ns / S:14.6f} s  {what:<28} {data.hex(' ') if len(data) < 300 else data[:300].hex(' ')}"

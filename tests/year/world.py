@@ -1,0 +1,357 @@
+"""A machine with its gateway, whole: the process of the relay again and again, until the time is over."""
+
+import gc
+import hashlib
+import os
+import random
+import signal
+from collections.abc import Callable, Collection, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from gateway.exchange.plan import ControllerPlan, LineTiming, Role
+from gateway.ipc.log import LogEntry
+from gateway.relay.errors import StartError
+from gateway.relay.run import run_relay
+from gateway.state.folder import StateError
+from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan, read_plan, write_plan
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from tests.ledger.frames import open_mbap, open_rtu
+from tests.ledger.layouts import Layout, Style, axis_plan
+from tests.ledger.screws import Screw, random_screw
+from tests.year.account import Account, Axis, Book, FindingError, Line
+from tests.year.disk import WRITTEN_BACK_S, Disk
+from tests.year.faults import Faults
+from tests.year.field import (
+    PATIENCE_MS,
+    Bus,
+    Manner,
+    SerialController,
+    SerialDrives,
+    Site,
+    TcpController,
+    TcpDrives,
+    make_drive,
+    program,
+)
+from tests.year.loop import LogAtOnce, SimulatedLoop
+from tests.year.machine import MS, KilledError, S, SpinningError
+from tests.year.network import Address, Network, Peer
+from tests.year.serial_ports import Wire
+from tests.year.system import MACHINE
+
+DRIVES: Final = SerialEndpoint("/dev/drives", 115200, "E")
+CNC: Final = SerialEndpoint("/dev/cnc", 115200, "E")
+Z_DRIVES: Final = TcpEndpoint("10.0.0.20", 502)
+HMI_PORT, PLC_PORT, PANEL_PORT = 1502, 1503, 1504
+TIMEOUT_MS: Final = 150.0
+XY: Final = (
+    Layout("x", 1, Style.DIRECT, low_first=True),
+    Layout("y", 2, Style.PLAIN, counts_per_unit=-1000.0, zero_counts=3_000),
+)
+Z: Final = (
+    Layout("z", 1, Style.TRIGGERED),
+    Layout("w", 2, Style.DIRECT, counts_per_unit=-1250.0, zero_counts=-70_000),
+)
+STARTS_NS: Final = S
+"""After its end the service manager starts the process again (RestartSec)."""
+MOST_DESCRIPTORS: Final = 64
+STOPS_NS: Final = 10 * S
+"""A stop that takes longer hangs."""
+SPEC: Final = "simulated"
+
+
+class World:
+    """One machine, made from a seed; ``folder`` is empty and has the state."""
+
+    def __init__(self, seed: int, folder: Path, level: str, without: Collection[str] = ()) -> None:
+        rng = random.Random(f"{seed} world")
+        MACHINE.random.seed(f"{seed} machine")
+        self.book = Book(MACHINE)
+        self.faults = Faults(seed, level, without)
+        self._network = Network(MACHINE, random.Random(f"{seed} network"), self._tell_tcp)
+        self._disk = Disk(folder)
+        self._is_over = False
+        screws = {layout.name: random_screw(rng) for layout in (*XY, *Z)}
+        self._plan = _plan(screws)
+        write_plan(folder, self._plan, {}, "")
+        self._disk.write_back()
+        self.xy = Line("xy", _axes(XY, screws, rng), open_rtu)
+        self.z = Line("z", _axes(Z, screws, rng), lambda data: open_mbap(data)[1:])
+        self.account = Account(MACHINE, self.book, {"xy": self.xy, "z": self.z})
+        self._drives_wire = self._wire(seed, DRIVES)
+        self._cnc_wire = self._wire(seed, CNC)
+        self._buses = {
+            line.name: Bus(
+                MACHINE,
+                self.account,
+                line,
+                random.Random(f"{seed} {line.name}"),
+                self.faults.share(line.name),
+                is_tcp=line is self.z,
+            )
+            for line in (self.xy, self.z)
+        }
+        SerialDrives(self._buses["xy"], self._drives_wire, random.Random(f"{seed} damage"))
+        self._network.servers[Z_DRIVES.host, Z_DRIVES.port] = self._z_server
+        self._begin_controllers(seed)
+        self._later(random.Random(f"{seed} disk"), WRITTEN_BACK_S, self._disk.write_back)
+        self.faults.arrange(MACHINE, self._troubles())
+
+    def run(self, until_ns: int) -> None:
+        """Run until an instant; what is wrong is in the book."""
+        MACHINE.at(until_ns, self._end)
+        try:
+            while not self._is_over:
+                self._run_process()
+                if not self._is_over:
+                    MACHINE.run_until(MACHINE.now_ns + STARTS_NS)
+        except (FindingError, SpinningError) as error:
+            self.book.finding = self.book.finding or f"{type(error).__name__} at {MACHINE.now_ns / S:.6f} s"
+        for name, content in sorted(self._disk.content().items()):
+            self.book.note(f"file {name}", hashlib.sha256(content).digest())
+
+    # --- the process
+
+    def _run_process(self) -> None:
+        before = _open_descriptors()
+        MACHINE.begin_process()
+        self.account.began()
+        self.book.note("process begins")
+        self.book.seen["processes"] += 1
+        try:
+            compiled = read_plan(self._disk.folder, Path(SPEC), is_compared=False)
+            run_relay(
+                compiled.plan,
+                self._take,
+                state=self._disk.folder,
+                shape=compiled.shape,
+                make_loop=partial(SimulatedLoop, self._network),
+                make_log=LogAtOnce,
+            )
+        except KilledError:
+            self._trouble("process was killed")
+        except (StartError, StateError) as error:
+            self.book.find("does-not-start", str(error))
+        finally:
+            MACHINE.end_process()
+            _forget(before)
+
+    def _take(self, entry: LogEntry) -> None:
+        if not MACHINE.is_dead:
+            self.book.note(f"event {entry.event}", str(entry.fields.get("detail", "")).encode())
+            self.account.event(entry.event, entry.fields)
+
+    def _end(self) -> None:
+        self._is_over = True
+        MACHINE.signal(signal.SIGTERM)
+        MACHINE.after(STOPS_NS, self.book.find, "does-not-stop", f"after {STOPS_NS // S} s")
+
+    # --- what it sends
+
+    def _tell_tcp(self, _what: str, address: Address, data: bytes) -> None:
+        if address == (Z_DRIVES.host, Z_DRIVES.port):
+            self.account.left(self.z, data)
+
+    def _tell_serial(self, device: str, data: bytes) -> None:
+        if device == DRIVES.device:
+            self.account.left(self.xy, data)
+        else:
+            self.book.note(device, data)
+
+    # --- what is around it
+
+    def _wire(self, seed: int, endpoint: SerialEndpoint) -> Wire:
+        wire = Wire(MACHINE, endpoint, random.Random(f"{seed} {endpoint.device}"), self._tell_serial)
+        wire.splits = 0.05
+        return wire
+
+    def _z_server(self) -> Peer | None:
+        bus = self._buses["z"]
+        return None if bus.is_silent else TcpDrives(bus)
+
+    def _begin_controllers(self, seed: int) -> None:
+        cnc = SerialController(self._site(seed, "cnc", self.xy, Manner.STREAM))
+        cnc.over(self._cnc_wire)
+        hmi = TcpController(self._site(seed, "hmi", self.xy, Manner.WATCH))
+        hmi.over(self._network, "10.0.0.30", HMI_PORT, hangs_up=False)
+        plc = TcpController(self._site(seed, "plc", self.z, Manner.SEQUENCE))
+        plc.over(self._network, "10.0.0.31", PLC_PORT, hangs_up=True)
+        panel = TcpController(self._site(seed, "panel", self.z, Manner.WATCH))
+        panel.over(self._network, "10.0.0.30", PANEL_PORT, hangs_up=False)
+        for number, controller in enumerate((cnc, hmi, plc, panel)):
+            MACHINE.after((2_000 + 37 * number) * MS, controller.begin)
+
+    def _site(self, seed: int, name: str, line: Line, manner: Manner) -> Site:
+        rng = random.Random(f"{seed} {name}")
+        programs = partial(program, manner, list(line.axes.values()), MACHINE, rng)
+        return Site(name, MACHINE, self.account, line, programs)
+
+    def _later(self, rng: random.Random, between_s: tuple[float, float], what: Callable[[], None]) -> None:
+        def again() -> None:
+            what()
+            self._later(rng, between_s, what)
+
+        MACHINE.after(int(rng.uniform(*between_s) * S), again)
+
+    # --- faults
+
+    def _troubles(self) -> dict[str, Callable[[random.Random], bool]]:
+        return {
+            "reset": self._reset,
+            "stall": self._stall,
+            "unplug": self._unplug,
+            "drive-off": self._drive_off,
+            "halt": self._halt,
+            "kill": self._kill,
+            "kill-at-write": self._kill_at_write,
+            "restart": self._restart,
+            "power-cut": self._power_cut,
+            "clock-step": self._step_clock,
+        }
+
+    def _trouble(self, what: str, lasts_ns: int = 0) -> None:
+        self.book.note(f"fault {what}", f"{lasts_ns / S:.3f} s".encode())
+        for line in (self.xy, self.z):
+            self.account.trouble(line, lasts_ns)
+
+    def _reset(self, rng: random.Random) -> bool:
+        streams = self._network.streams
+        if not streams:
+            return False
+        self._trouble("reset")
+        peer = rng.choice(streams).peer
+        if peer is not None:
+            peer.close(is_reset=True)
+            peer.closed()
+        return True
+
+    def _stall(self, rng: random.Random) -> bool:
+        streams = self._network.streams
+        if not streams:
+            return False
+        ns = int(rng.choice((0.1, 0.4, 2.0, 20.0)) * rng.uniform(0.5, 1.5) * S)
+        self._trouble("stall", ns)
+        rng.choice(streams).stall(ns)
+        return True
+
+    def _unplug(self, rng: random.Random) -> bool:
+        wire = rng.choice((self._drives_wire, self._cnc_wire))
+        if not wire.is_plugged:
+            return False
+        ns = int(rng.choice((0.05, 1.0, 30.0)) * rng.uniform(0.5, 1.5) * S)
+        self._trouble("unplug", ns)
+        wire.plug(is_plugged=False)
+        MACHINE.after(ns, partial(wire.plug, is_plugged=True))
+        return True
+
+    def _drive_off(self, rng: random.Random) -> bool:
+        bus = rng.choice(tuple(self._buses.values()))
+        if bus.is_silent:
+            return False
+        ns = int(rng.choice((0.3, 3.0, 30.0)) * rng.uniform(0.5, 1.5) * S)
+        self._trouble("drive-off", ns)
+        bus.is_silent = True
+        MACHINE.after(ns, setattr, bus, "is_silent", False)
+        return True
+
+    def _halt(self, rng: random.Random) -> bool:
+        if MACHINE.is_dead:
+            return False
+        ns = int(rng.choice((0.01, 0.1, 0.8, 4.0)) * rng.uniform(0.5, 1.5) * S)
+        self._trouble("halt", ns)
+        MACHINE.halt(ns)
+        return True
+
+    def _kill(self, _rng: random.Random) -> bool:
+        if not MACHINE.is_dead:
+            self._trouble("kill")
+            MACHINE.kill()
+        return False
+
+    def _kill_at_write(self, rng: random.Random) -> bool:
+        if MACHINE.is_dead or MACHINE.writes_left:
+            return False
+        MACHINE.writes_left = rng.randint(1, 40)
+        return True
+
+    def _restart(self, _rng: random.Random) -> bool:
+        if MACHINE.is_dead:
+            return False
+        self._trouble("restart")
+        MACHINE.signal(signal.SIGTERM)
+        return True
+
+    def _power_cut(self, rng: random.Random) -> bool:
+        if not MACHINE.is_dead:
+            self._trouble("power-cut")
+            MACHINE.on_end.append(partial(self._cut, rng))
+            MACHINE.kill()
+        return False
+
+    def _cut(self, rng: random.Random) -> None:
+        self._disk.cut(rng)
+        MACHINE.reboot()
+        for line in (self.xy, self.z):
+            for axis in line.axes.values():
+                axis.doubt()
+
+    def _step_clock(self, rng: random.Random) -> bool:
+        self.book.note("fault clock-step")
+        MACHINE.wall_ahead_ns += int(rng.choice((-86_400, -3600, -1, 1, 3600, 86_400)) * S)
+        return True
+
+
+def _axes(layouts: tuple[Layout, ...], screws: Mapping[str, Screw], rng: random.Random) -> dict[int, Axis]:
+    return {
+        layout.unit: Axis(layout.name, layout, screws[layout.name], make_drive(layout, rng))
+        for layout in layouts
+    }
+
+
+def _plan(screws: Mapping[str, Screw]) -> GatewayPlan:
+    timing = LineTiming(response_timeout_ms=TIMEOUT_MS, drain_ms=80.0)
+    return GatewayPlan(
+        "year",
+        (
+            LinePlan(
+                "xy",
+                DRIVES,
+                (
+                    ControllerLink(ControllerPlan("cnc", timeout_ms=PATIENCE_MS, serial=True), CNC),
+                    _link("hmi", Role.MONITOR, HMI_PORT),
+                ),
+                tuple(axis_plan(layout, screws[layout.name]) for layout in XY),
+                timing,
+                tape_bytes=1 << 20,
+            ),
+            LinePlan(
+                "z",
+                Z_DRIVES,
+                (_link("plc", Role.MOTION, PLC_PORT), _link("panel", Role.MONITOR, PANEL_PORT)),
+                tuple(axis_plan(layout, screws[layout.name]) for layout in Z),
+                timing,
+            ),
+        ),
+    )
+
+
+def _link(name: str, role: Role, port: int) -> ControllerLink:
+    return ControllerLink(ControllerPlan(name, role, timeout_ms=PATIENCE_MS), TcpEndpoint("0.0.0.0", port))
+
+
+def _open_descriptors() -> set[int]:
+    return set(map(int, os.listdir("/proc/self/fd")))  # noqa: PTH208 - names only
+
+
+def _forget(before: set[int]) -> None:
+    """Free what a killed process leaves: its objects, then its real descriptors that no object owns."""
+    gc.unfreeze()
+    gc.enable()
+    gc.collect()
+    for number in _open_descriptors() - before:
+        try:
+            os.close(number)
+        except OSError:
+            continue  # the folder of /proc that was listed
