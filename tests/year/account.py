@@ -317,7 +317,10 @@ class Account:
         """Whether a frame is a target that was asked for, corrected."""
         nominal = target_of(axis.layout, request.parsed)
         corrected = target_of(axis.layout, frame.parsed)
-        return nominal is not None and corrected is not None and axis.is_one_of(corrected, nominal)
+        if nominal is None or corrected is None:
+            return False
+        # While nothing shows where its axis is, a staged target waits as it came: it is judged when it runs.
+        return axis.is_one_of(corrected, nominal) or (axis.layout.is_staged and corrected == nominal)
 
     @staticmethod
     def _is_restaged(axis: Axis, parsed: Parsed) -> bool:

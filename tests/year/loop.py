@@ -80,35 +80,28 @@ class _Bound:
 
 
 class LogAtOnce(LogThread):
-    """Writes each entry when it is woken, without a thread."""
+    """Writes each entry as it comes, without a thread: the account must know of a flag before the frame."""
 
     def __init__(self, write: Callable[[LogEntry], None]) -> None:
         super().__init__(write)
         self._write_entry = write
-        self._waiting: list[LogEntry] = []
 
     def start(self) -> None:
         """No thread."""
 
     async def __aexit__(self, *_: object) -> None:
         """See ``LogThread``; a killed process comes here too, with no loop any more."""
-        self.close()
 
     def put(self, entry: LogEntry) -> None:
         """See ``LogThread``."""
-        self._waiting.append(entry)
+        self._write_entry(entry)
 
     def wake(self) -> None:
-        """See ``LogThread``."""
-        waiting, self._waiting = self._waiting, []
-        for entry in waiting:
-            self._write_entry(entry)
+        """Nothing waits."""
 
     def write(self, entry: LogEntry) -> None:
         """See ``LogThread``."""
-        self.put(entry)
-        self.wake()
+        self._write_entry(entry)
 
     def close(self, wait_s: float = 0.0) -> None:
-        """See ``LogThread``."""
-        self.wake()
+        """Nothing waits."""
