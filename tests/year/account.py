@@ -19,7 +19,7 @@ from typing import Final, NoReturn
 
 from tests.ledger.drives import Drive, Operation
 from tests.ledger.frames import Parsed, native_success, parse, words_of
-from tests.ledger.layouts import Layout
+from tests.ledger.layouts import STOP, Layout
 from tests.ledger.screws import Screw
 from tests.year.machine import MS, Machine, S
 
@@ -273,13 +273,14 @@ class Account:
         book.seen["exchanges"] += 1
         book.note(f"to {line.name} {frame.unit}", frame.pdu)
         self._doubt_unacknowledged(line)
-        line.frames.append(frame)
         frame.axis = axis = line.axes.get(frame.unit)
         frame.request = request = self._request_of(line, frame, axis)
         if request is not None:
             line.waiting.remove(request)
             request.frame = frame
-            if now_ns - request.arrived_ns > request.patience_ns + LATE_NS:
+            if now_ns - request.arrived_ns > request.patience_ns + LATE_NS and not _is_stop(
+                axis, frame.parsed
+            ):
                 book.find(
                     "W5-too-old", f"{_text(request)} left {(now_ns - request.arrived_ns) // MS} ms later"
                 )
@@ -287,8 +288,11 @@ class Account:
             book.seen["added reads"] += 1
         elif axis is not None and axis.layout.is_staged and self._is_restaged(axis, frame.parsed):
             book.seen["restaged"] += 1
+        elif _is_stop(axis, frame.parsed) and any(each.pdu == frame.pdu for each in line.frames):
+            book.seen["stops sent again"] += 1  # one that left before the silence, and was not answered (M3)
         else:
             book.find("invented-write", f"line {line.name}, unit id {frame.unit}: {frame.pdu.hex(' ')}")
+        line.frames.append(frame)
         if axis is not None and request is not None:
             nominal = target_of(axis.layout, request.parsed)
             axis.staged = axis.staged if nominal is None else nominal
@@ -457,6 +461,11 @@ def target_of(layout: Layout, parsed: Parsed) -> int | None:
     if parsed.write is None or parsed.write[0] != layout.command or len(parsed.write[1]) != 2:
         return None
     return layout.join((parsed.write[1][0], parsed.write[1][1]))
+
+
+def _is_stop(axis: Axis | None, parsed: Parsed) -> bool:
+    """Whether it stops its axis: a stop leaves however old it is."""
+    return axis is not None and parsed.write == (axis.layout.trigger, (STOP,))
 
 
 def _pair(data: bytes) -> tuple[int, int]:
