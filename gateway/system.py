@@ -90,6 +90,15 @@ def waiting(epoll: select.epoll) -> Wait:
     return wait
 
 
+PTY_MAJORS: Final = range(136, 144)
+"""Device numbers of UNIX98 pseudo terminals (Linux admin-guide/devices.txt)."""
+
+
+def is_pty(descriptor: int) -> bool:
+    """Whether a descriptor is the end of a pseudo terminal."""
+    return os.major(os.fstat(descriptor).st_rdev) in PTY_MAJORS
+
+
 def hang_ups(descriptor: int) -> Callable[[int], list[tuple[int, int]]]:
     """Return what tells whether the other end has closed or reset a connection: not empty if it has.
 

@@ -14,6 +14,7 @@ from typing import Final
 
 import serial
 
+from gateway import system
 from gateway.catalogue import starts
 from gateway.status.line import LatencySettings
 from gateway.transport.adopting import KeptSerial
@@ -22,8 +23,6 @@ from gateway.transport.errors import AbsentError, RefusedError, TransportError
 from gateway.transport.low_latency import flag_note, set_rs485, tune
 from gateway.transport.permissions import no_device
 
-PTY_MAJORS: Final = range(136, 144)
-"""Device numbers of UNIX98 pseudo terminals (Linux admin-guide/devices.txt)."""
 NO_RS485: Final = (
     "the driver of {} has no RS-485 mode: remove rs485 if the adapter switches automatically, as most USB "
     "adapters do; otherwise use a port with an RS-485 driver (a UART of the board)"
@@ -96,7 +95,7 @@ def _finish(handle: int, endpoint: SerialEndpoint, notes: list[str]) -> Opened:
         in_force = set_rs485(handle, hears_itself=endpoint.echo)
         if in_force is None or not in_force.enabled:
             raise RefusedError(NO_RS485.format(endpoint))
-    if is_pty(handle):
+    if system.is_pty(handle):
         return Opened((*notes, "a pseudo terminal has no low-latency mode"), LatencySettings())
     fcntl.ioctl(handle, termios.TIOCEXCL)  # pyserial's lock is advisory only
     settings, slow = tune(handle, is_low=endpoint.low_latency)
@@ -105,14 +104,9 @@ def _finish(handle: int, endpoint: SerialEndpoint, notes: list[str]) -> Opened:
     return Opened(tuple(notes), settings, slow)
 
 
-def is_pty(handle: int) -> bool:
-    """Whether a descriptor is the end of a pseudo terminal."""
-    return os.major(os.fstat(handle).st_rdev) in PTY_MAJORS
-
-
 def _is_pty_path(path: str) -> bool:
     try:
-        return os.major(os.stat(path).st_rdev) in PTY_MAJORS  # noqa: PTH116 - follows the link, as open does
+        return os.major(os.stat(path).st_rdev) in system.PTY_MAJORS  # noqa: PTH116 - follows the link, as open does
     except OSError:
         return False
 

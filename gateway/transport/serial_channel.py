@@ -12,7 +12,6 @@ from gateway import system
 from gateway.clock import boot_ns
 from gateway.times import NS_PER_S
 from gateway.transport.channel import Channel, Receiver
-from gateway.transport.devices import is_pty
 from gateway.transport.endpoints import SerialEndpoint
 
 _read: Final = system.read
@@ -36,7 +35,7 @@ class SerialChannel(Channel):
         self._is_over = False
         """It has ended, or is about to."""
         self.peer = endpoint.device
-        self.is_pty = is_pty(self._fd)
+        self.is_pty = system.is_pty(self._fd)
         self.wire_ns_per_byte = 0 if self.is_pty else character_ns(endpoint)
         self.bytes_received = 0
         self.lost: asyncio.Future[None] = self._loop.create_future()

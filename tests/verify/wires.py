@@ -51,7 +51,7 @@ class NoLoop:
 def timers_at_rest() -> Iterator[None]:
     """Timers that are made meanwhile keep their deadline, and that is all."""
     with (
-        mock.patch("gateway.transport.timer.create", return_value=NO_DESCRIPTOR),
+        mock.patch("gateway.transport.timer.create_timer", return_value=NO_DESCRIPTOR),
         mock.patch("asyncio.get_running_loop", NoLoop),
     ):
         yield

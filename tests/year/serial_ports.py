@@ -1,7 +1,7 @@
 """Serial ports of the process, and the wires behind them: each character takes its time.
 
-``open_port`` and ``is_pty`` take the place of those of ``gateway.transport.devices``: pyserial, termios and
-the settings of drivers are not simulated.
+``open_port`` takes the place of that of ``gateway.transport.devices``: pyserial, termios and the settings of
+drivers are not simulated.
 """
 
 import errno
@@ -149,11 +149,6 @@ def open_port(endpoint: SerialEndpoint, kept: int | None = None) -> tuple[Any, r
     wire.port = Port(wire)
     wire.port.show(select.EPOLLOUT)
     return wire.port, real_devices.Opened((), LatencySettings())
-
-
-def is_pty(_handle: int) -> bool:
-    """See ``gateway.transport.devices``."""
-    return False
 
 
 def _ignore(_data: bytes) -> None:

@@ -107,3 +107,8 @@ def set_at(number: int, deadline_ns: int) -> None:
     timer = MACHINE.descriptor(number)
     assert isinstance(timer, Timer)
     timer.set_at(deadline_ns)
+
+
+def is_pty(_descriptor: int) -> bool:
+    """See ``gateway.system``."""
+    return False

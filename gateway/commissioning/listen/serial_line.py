@@ -16,10 +16,11 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Final, NamedTuple, Self
 
+from gateway import system
 from gateway.clock import boot_ns
 from gateway.commissioning.listen.overhearing import Overheard, Overhearing, Unmarking
 from gateway.times import NS_PER_MS, NS_PER_S
-from gateway.transport.devices import is_pty, why_not_opened
+from gateway.transport.devices import why_not_opened
 from gateway.transport.endpoints import SerialEndpoint
 
 READ_BYTES: Final = 1024
@@ -136,7 +137,7 @@ class Sniffer:
     def _claim(self) -> None:
         if not os.isatty(self._fd):
             raise OSError(errno.ENOTTY, os.strerror(errno.ENOTTY))
-        self.is_pty = is_pty(self._fd)
+        self.is_pty = system.is_pty(self._fd)
         # Two programs that read one port each get a part of its bytes.
         fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if not self.is_pty:
