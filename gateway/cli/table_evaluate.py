@@ -12,7 +12,7 @@ from gateway.cli.table_options import AsJson
 from gateway.cli.table_output import PLAIN_WIDTH, PREDICTED, results_lines
 from gateway.cli.table_reading import inspect, problems
 from gateway.commissioning.judging import EvaluateOptions, Judged, judge
-from gateway.metrology.wrong_runs import settled
+from gateway.metrology.recipe import from_one_zero
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -43,13 +43,15 @@ def evaluate(
     source, screw = options.source, options.screw
     context = options.readings.context(source.units, source.axis)
     with problems():
-        before, after, loaded = settled(given.read_all(readings, context, screw, is_quiet=json)), None, None
+        after, loaded = None, None
+        read = given.read_all(readings, context, screw, is_quiet=json)
+        before, curves = from_one_zero(read, screw.periods(read))
         if options.after:
             after = given.read_all(options.after, context, screw, is_quiet=json)
-            after = settled(after.in_units(before.units))
+            after, _ = from_one_zero(after.in_units(before.units), screw.periods(after))
         if options.table is not None:
             loaded = inspect(options.table, source.context())
-        found = judge(before, after, loaded, options)
+        found = judge(before, after, loaded, options, curves)
     show(found, Format.INDENTED if json else Format.TEXT, _words(found), plain_width=PLAIN_WIDTH)
 
 

@@ -24,10 +24,9 @@ from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate, results_json
 from gateway.metrology.lead import longest
 from gateway.metrology.readings import Survey, check_uncorrected, understood
-from gateway.metrology.recipe import Recipe, build_from
+from gateway.metrology.recipe import Recipe, build_from, from_one_zero
 from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
 from gateway.metrology.scale import check_scale
-from gateway.metrology.wrong_runs import settled
 from gateway.options import Option, Options
 from gateway.plain import JsonObject
 from gateway.tabfile import LoadedTable, TabFileError, axis_of_name, dialect_named
@@ -85,8 +84,8 @@ def build(survey: Survey, out: Path, options: BuildOptions) -> "BuiltTable":
             notes of the error name what looks wrong in the readings, as a possible reason.
     """
     check_uncorrected(survey.source, survey.facts, "table refine adds it to that table")
-    survey = settled(survey, drop=options.drop_outliers)
     periods = options.shape.screw.periods(survey)
+    survey, screw = from_one_zero(survey, periods, drop=options.drop_outliers)
     if not options.keep_scale:
         try:
             check_scale(survey, options.counts_per_unit, longest(periods))
@@ -109,7 +108,7 @@ def build(survey: Survey, out: Path, options: BuildOptions) -> "BuiltTable":
         periods=periods,
         refusal=lambda each: refusal(target, each.in_units(unit), writing, steepest),
     )
-    built = build_from(survey, recipe)
+    built = build_from(survey, recipe, screw)
     table = built.table.in_units(unit)
     try:
         written = written_table(table, target, writing, steepest, OWN_OPTIONS)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from gateway.commissioning.table_options import Counts, FormatOptions, ReadOptions, ScrewOptions
 from gateway.metrology.doubts import json_of, notes_of
@@ -20,6 +20,9 @@ from gateway.plain import JsonObject
 from gateway.report.axis_data import AxisData, Report
 from gateway.report.findings import find, other_stretch
 from gateway.tabfile import LoadedTable
+
+if TYPE_CHECKING:
+    from gateway.metrology.screw import MeasuredScrew
 
 NO_PREDICTION: Final = "evaluate it without a table: it cannot show what another table would leave"
 
@@ -61,7 +64,11 @@ class EvaluateOptions(Options):
 
 
 def judge(
-    before: Survey, after: Survey | None, loaded: LoadedTable | None, options: EvaluateOptions
+    before: Survey,
+    after: Survey | None,
+    loaded: LoadedTable | None,
+    options: EvaluateOptions,
+    screw: "MeasuredScrew | None" = None,
 ) -> "Judged":
     """Evaluate readings, and write the report if requested.
 
@@ -70,6 +77,7 @@ def judge(
         after: a second measurement, settled, in the same units; it excludes a table.
         loaded: the table whose effect on the readings is predicted.
         options: the other options; the files that they name are these.
+        screw: the curves of the readings, if they were joined from differences.
 
     Raises:
         MetrologyError, ReportError: see the called functions.
@@ -90,7 +98,7 @@ def judge(
         notes = (*notes, *(f"after: {note}" for note in notes_of(after, with_scale=False)))
     left_out = None
     if loaded is not None:
-        left_out, warnings = _between(before, loaded, periods)
+        left_out, warnings = _between(before, loaded, periods, screw)
         notes = (*notes, *warnings)
     last = results[1] if results[1] is not None and loaded is None else results[0]
     by_others, more = _by_others(last, options)
@@ -166,14 +174,14 @@ def _by_others(last: Evaluation, options: EvaluateOptions) -> tuple[tuple[str, .
 
 
 def _between(
-    survey: Survey, loaded: LoadedTable, periods: tuple[Period, ...]
+    survey: Survey, loaded: LoadedTable, periods: tuple[Period, ...], screw: "MeasuredScrew | None"
 ) -> tuple[LeftOut | None, tuple[str, ...]]:
     """Return E that a table will leave between the targets, and what they do not show."""
     from gateway.metrology.fitting import warnings_of
     from gateway.metrology.screw import screw_of
 
     try:
-        screw = screw_of(survey.readings, survey.units, periods)
+        screw = screw or screw_of(survey.readings, survey.units, periods)
     except ReadingsError as error:
         return None, (f"{error}: the error that the table leaves between its points is unknown",)
     return screw.left_out(loaded.table), warnings_of(screw)

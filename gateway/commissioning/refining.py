@@ -18,6 +18,7 @@ from gateway.commissioning.table_options import (
 )
 from gateway.commissioning.tables import WrittenTable, refusal, steep_notes, written_table
 from gateway.metrology.doubts import notes_of
+from gateway.metrology.errors import ReadingsError
 from gateway.metrology.readings import Survey, check_corrected, check_same_axis, small_unit
 from gateway.metrology.refine import Points, Refined, refine_table
 from gateway.metrology.residue import left_out_json, left_out_text
@@ -60,6 +61,11 @@ def refine(loaded: LoadedTable, survey: Survey, out: Path, options: RefineOption
     source, file = options.source, Path(loaded.file)
     target = dialect_named(options.to or loaded.format)
     check_same_axis(survey.source, survey.axis, file.name, loaded.source.axis)
+    if survey.standard is not None:
+        raise ReadingsError(
+            f"{survey.source}: differences over a block: walk the block without a table, and make a new one "
+            "with table build"
+        )
     check_corrected(survey.source, survey.facts, file.name, loaded.sha256)
     old = loaded.table.in_units(survey.units)
     asked = options.out.writing(letter_for(loaded, source.axis, out))

@@ -59,17 +59,51 @@ _SMOOTH, _LENGTH, _SHORT, _NOISE, _CHANGE = "smooth", "length", "short", "noise"
 
 
 @dataclass(frozen=True, slots=True)
+class Shared:
+    """What values have in common beside the curve: unknown zeros of an instrument, an unknown length.
+
+    ``setups`` numbers the set-up of each value. All values of one have the same unknown zero, of the standard
+    deviation ``zero``. A column of ``columns`` is the effect of another unknown amount on each value, for one
+    standard deviation of it.
+    """
+
+    setups: NDArray[np.intp]
+    zero: float
+    columns: Array
+
+    def covariance(self) -> Array:
+        """Return the covariance that it gives the values."""
+        is_same = self.setups[:, None] == self.setups[None, :]
+        result: Array = self.zero**2 * is_same + self.columns @ self.columns.T
+        return result
+
+    def draws(self, count: int, random: np.random.Generator) -> Array:
+        """Return what it adds to the values, one draw a column."""
+        zeros = self.zero * random.standard_normal((int(self.setups.max()) + 1, count))
+        result: Array = zeros[self.setups] + self.columns @ random.standard_normal(
+            (self.columns.shape[1], count)
+        )
+        return result
+
+    def of(self, chosen: NDArray[np.intp]) -> "Shared":
+        """Return it for the chosen values only."""
+        return Shared(self.setups[chosen], self.zero, self.columns[chosen])
+
+
+@dataclass(frozen=True, slots=True)
 class Samples:
     """Values at ascending positions, and the variance that the scatter of readings gives each.
 
     ``noise_spread`` is the uncertainty of that variance, as the standard deviation of its logarithm's half.
-    0: it is known. Infinity: it must be fitted too (then ``variance`` has the proportions).
+    0: it is known. Infinity: it must be fitted too (then ``variance`` has the proportions). ``shared``: the
+    values are not from one zero; only those of one set-up compare directly.
     """
 
     positions: Array
     values: Array
     variance: Array
     noise_spread: float = 0.0
+    shared: Shared | None = None
 
     @property
     def span(self) -> float:
@@ -122,12 +156,19 @@ class Process:
         precision = np.diag(self._inverse)
         return self._weights / precision, 1.0 / precision
 
+    def left_out_together(self, own: NDArray[np.intp]) -> tuple[Array, Array]:
+        """Return some samples less their prediction from all others, and the expected covariance."""
+        expected: Array = np.linalg.inv(self._inverse[np.ix_(own, own)]).astype(np.float64)
+        return expected @ self._weights[own], expected
+
     def draws(self, at: Array, count: int, random: np.random.Generator) -> Array:
         """Return curves, one a column, that the samples allow with equal likelihood (Matheron's rule)."""
         positions = self.samples.positions
         all_positions = np.concatenate((positions, at))
         curves = self._free_curves(all_positions, count, random)
         noise = np.sqrt(self._noise())[:, None] * random.standard_normal((len(positions), count))
+        if self.samples.shared is not None:
+            noise += self.samples.shared.draws(count, random)
         rest = (self.samples.values - self._straight(positions))[:, None] - curves[: len(positions)] - noise
         drawn = (
             self._straight(at)[:, None] + curves[len(positions) :] + self._reach(at) @ (self._inverse @ rest)
@@ -383,11 +424,24 @@ def _moved(process: Process, position: float | None) -> Process:
 
 def _thinned(samples: Samples, rest: Array) -> Samples:
     """Return the samples for fitting the sizes; of many a random choice, so that no period is aliased."""
-    count = len(samples.positions)
+    count, shared = len(samples.positions), samples.shared
     chosen = np.arange(count)
-    if count > MOST_TUNED:
+    if count > MOST_TUNED and shared is None:
         chosen = np.sort(np.random.default_rng(count).choice(count, MOST_TUNED, replace=False))
-    return Samples(samples.positions[chosen], rest[chosen], samples.variance[chosen], samples.noise_spread)
+    elif count > MOST_TUNED and shared is not None:
+        # A value without the others of its set-up shows nothing: whole set-ups are chosen.
+        setups = np.unique(shared.setups)
+        kept = np.random.default_rng(count).choice(
+            setups, max(len(setups) * MOST_TUNED // count, 2), replace=False
+        )
+        chosen = np.flatnonzero(np.isin(shared.setups, kept))
+    return Samples(
+        samples.positions[chosen],
+        rest[chosen],
+        samples.variance[chosen],
+        samples.noise_spread,
+        None if shared is None else shared.of(chosen),
+    )
 
 
 class _Search:
@@ -501,18 +555,22 @@ class _Covariance:
     kind: CurveKind
     free: float
     distances: _Distances
-    trend: Array
+    fixed: Array
+    """Of the trend, and of what the samples share."""
 
     @classmethod
     def of(cls, samples: Samples, kind: CurveKind, free: float) -> "_Covariance":
         positions = samples.positions
         trend = _trend(samples, kind, positions)
         distances = _Distances.of(kind, positions[:, None] - positions[None, :])
-        return cls(samples, kind, free, distances, free * (trend @ trend.T))
+        fixed = free * (trend @ trend.T)
+        if samples.shared is not None:
+            fixed = fixed + samples.shared.covariance()
+        return cls(samples, kind, free, distances, fixed)
 
     def at(self, sizes: Mapping[str, float]) -> Array:
         """Return the covariance of the samples with these sizes."""
-        covariance = _kernel(self.kind, sizes, self.distances) + self.trend
+        covariance = _kernel(self.kind, sizes, self.distances) + self.fixed
         short = np.exp(2 * sizes[_SHORT]) if self.kind.has_short else 0.0
         # A share below all measurement keeps the sums solvable if readings have no scatter.
         alone = _noise_variance(self.samples, sizes) + short + 3e-12 * self.free

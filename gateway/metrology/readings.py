@@ -16,6 +16,7 @@ from typing import Final, NamedTuple
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import MM_PER_INCH, Units
 from gateway.metrology.errors import ReadingsError
+from gateway.metrology.standard import Standard
 
 NEAR: Final = 0.01
 """Targets closer than this share of the usual distance are one target in two spellings; with several files it
@@ -33,7 +34,9 @@ _DIGEST: Final = re.compile(r"\b[0-9a-f]{64}\b")
 class Reading:
     """One stop at a target, and the position of the nut by the instrument: in machine units, from one zero.
 
-    ``run`` counts the passes over the targets, from 1; each direction has its own count.
+    ``run`` counts the passes over the targets, from 1; each direction has its own count. ``block`` is the
+    nominal length of the gauge block between the instrument and its stop, included in ``measured``; below 0
+    if that gap closes while the axis moves forward.
     """
 
     target: float
@@ -42,6 +45,7 @@ class Reading:
     run: int = 1
     temperature_c: float | None = None
     """Of the screw or the machine at the time of the reading; None if unknown."""
+    block: float = 0.0
 
     @property
     def deviation(self) -> float:
@@ -56,6 +60,9 @@ class Survey:
     ``facts`` are the other data in the instrument's file: machine, serial number, date, temperature, by the
     names in the file. ``source`` is the file, or what took the readings. ``remarks`` name what is odd about
     the readings but does not prevent their use, with a remedy.
+
+    With a ``standard`` the readings are differences: each run is one placement of the instrument and its
+    stop, with its own unknown zero (:mod:`gateway.metrology.differences`).
     """
 
     readings: tuple[Reading, ...]
@@ -64,6 +71,7 @@ class Survey:
     source: str = ""
     facts: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    standard: Standard | None = None
 
     @property
     def targets(self) -> list[float]:
@@ -86,7 +94,12 @@ class Survey:
             return self
         factor = self.units.convert_factor(units)
         readings = (
-            replace(each, target=each.target * factor, measured=each.measured * factor)
+            replace(
+                each,
+                target=each.target * factor,
+                measured=each.measured * factor,
+                block=each.block * factor,
+            )
             for each in self.readings
         )
         return replace(self, readings=tuple(readings), units=units)
@@ -186,6 +199,12 @@ def understood(survey: Survey) -> str:
     """Return axis, unit, targets, runs of each direction, and the sign by its largest deviations."""
     small = small_unit(survey.units)
     targets = survey.targets
+    if survey.standard is not None:
+        axis = f"axis {survey.axis}" if survey.axis else "an axis without a name"
+        return (
+            f"{survey.source}: {axis}, {survey.units.value}, {len({each.run for each in survey.readings})} "
+            f"placements of a block, {survey.standard.describe()}, from {targets[0]:.9g} to {targets[-1]:.9g}"
+        )
     deviations = [each.deviation * small.factor for each in survey.readings]
     runs = " and ".join(
         f"{len({each.run for each in survey.readings if each.direction is way})} {way.name.lower()}"
@@ -218,16 +237,18 @@ def merged(surveys: Sequence[Survey]) -> Survey:
         for what, one, two, is_same in (
             ("units", first.units.value, other.units.value, first.units is other.units),
             ("axis", first.axis, other.axis, is_same_axis(first.axis, other.axis)),
+            ("block", _block(first), _block(other), first.standard == other.standard),
         ):
             if not is_same:
                 raise ReadingsError(
                     f"{first.source} is of {what} {one}, {other.source} of {what} {two}: give only "
-                    "readings of one axis in one unit together"
+                    "readings of one axis in one unit together, and by one block"
                 )
         check_together(first.source, first.facts, other.source, other.facts)
         # A fine run of two revolutions may be beside a grid: its targets are closer than those of the grid.
         usual = min(usual, _usual_distance(other))
-        _check_targets(readings, other, NEAR * usual)
+        if first.standard is None:
+            _check_targets(readings, other, NEAR * usual)
         runs = max((reading.run for reading in readings), default=0)
         readings.extend(replace(reading, run=reading.run + runs) for reading in other.readings)
     return replace(
@@ -238,6 +259,10 @@ def merged(surveys: Sequence[Survey]) -> Survey:
         facts={key: fact for survey in reversed(surveys) for key, fact in survey.facts.items()},
         remarks=(*(remark for survey in surveys for remark in survey.remarks), *_doubled(surveys)),
     )
+
+
+def _block(survey: Survey) -> str:
+    return "none" if survey.standard is None else survey.standard.describe()
 
 
 def _usual_distance(survey: Survey) -> float:

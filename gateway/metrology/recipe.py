@@ -18,6 +18,7 @@ from gateway.metrology.build import (
 )
 from gateway.metrology.doubts import plausibility_warnings
 from gateway.metrology.errors import ReadingsError
+from gateway.metrology.lead import Period
 from gateway.metrology.outliers import Outlier, find_outliers, without_outliers
 from gateway.metrology.readings import APPROACHES, Reading, Survey, mean_corrections
 from gateway.metrology.resample import fewest_points, on_grid, smoothed, with_point
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from gateway.metrology.fitting import FitEvidence
     from gateway.metrology.screw import MeasuredScrew
 
-__all__ = ["Built", "Recipe", "build_from"]
+__all__ = ["Built", "Recipe", "build_from", "from_one_zero"]
 
 STEP_TOLERANCE: Final = 1e-6
 """Share of a step by which targets may differ from an even grid and still count as one."""
@@ -52,8 +53,27 @@ class Built:
     """Why the table has this curve; None if there was no choice."""
 
 
-def build_from(survey: Survey, recipe: Recipe) -> Built:
-    """Make a table from readings.
+def from_one_zero(
+    survey: Survey, periods: tuple[Period, ...], *, drop: bool = False
+) -> "tuple[Survey, MeasuredScrew | None]":
+    """Return readings from one zero; differences are joined, and their curves are the second result.
+
+    Runs that are wrong as a whole, and placements that slipped, are omitted with ``drop``.
+
+    Raises:
+        ReadingsError: see :func:`gateway.metrology.wrong_runs.settled` and
+            :func:`gateway.metrology.differences.joined`.
+    """
+    if survey.standard is None:
+        return settled(survey, drop=drop), None
+    from gateway.metrology.differences import joined
+
+    found = joined(survey, periods, drop=drop)
+    return found.survey, found.screw
+
+
+def build_from(survey: Survey, recipe: Recipe, screw: "MeasuredScrew | None" = None) -> Built:
+    """Make a table from readings; ``screw``: their curves, if they were joined from differences.
 
     In this order: refuse runs that are wrong as a whole, find outliers (both are dropped if requested), take
     the mean at each target and in each direction, estimate turn-around points, smooth the curves, choose the
@@ -94,7 +114,8 @@ def build_from(survey: Survey, recipe: Recipe) -> Built:
     home = recipe.reference(table)
     measured = table
     table, loss = _with_points(table, recipe, home)
-    screw = _screw(readings, survey, recipe, notes)
+    if screw is None:
+        screw = _screw(readings, survey, recipe, notes)
     evidence = None
     if screw is not None and recipe.fit is not None:
         evidence = _choose(screw, table, recipe)

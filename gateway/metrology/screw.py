@@ -5,7 +5,7 @@ The mean of both directions and half their difference (the reversal) are two sep
 the scatter of readings is in both. Needs numpy; its users import it locally.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import atan2, degrees, hypot, inf, pi
 from statistics import fmean
@@ -134,11 +134,17 @@ class MeasuredScrew:
     _positions: Array
     _likely: "_Draws"
     _plausible: "tuple[_Draws, ...]"
+    is_scale_known: bool = True
+    """False: the readings leave the straight part of the error open. No curve and no E includes one."""
+    concealed: tuple[Period, ...] | None = None
+    """Periods that differences do not show; None if the readings are from one zero."""
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
         """The shapes that can be made from these readings."""
-        return tuple(Shape) if self.harmonic is not None else (Shape.LINES, Shape.SMOOTH)
+        curves = (Shape.SMOOTH, Shape.HARMONICS) if self.harmonic is not None else (Shape.SMOOTH,)
+        # Differences have no readings to draw lines through.
+        return curves if self.concealed is not None else (Shape.LINES, *curves)
 
     def correction(self, shape: Shape, direction: Direction, at: Array) -> Array:
         """Return the correction for the drive position ``at``."""
@@ -156,6 +162,8 @@ class MeasuredScrew:
         middle = self.harmonic if shape is Shape.HARMONICS else self.smooth
         assert middle is not None, "harmonics are fitted"
         result = middle.mean(at)
+        if self.concealed is not None:
+            result = result - _zero_line(middle, self._positions, is_scale_known=self.is_scale_known)(at)
         if self.reversal is not None:
             result = result + direction.value * self.reversal.mean(at)
         return result
@@ -223,7 +231,9 @@ class MeasuredScrew:
     @property
     def unseen(self) -> tuple[Period, ...]:
         """Possible periods that every target confuses with a slower curve."""
-        return unseen(self.means.targets, self.periods, self.units)
+        found = unseen(self.means.targets, self.periods, self.units)
+        more = self.concealed or ()
+        return (*found, *(each for each in more if each not in found))
 
     def left_out(self, table: CorrectionTable) -> LeftOut:
         """Return E of what a table leaves everywhere between the first and the last target."""
@@ -240,6 +250,19 @@ class MeasuredScrew:
             return LeftOut(None, low, None, hidden)
         return LeftOut(middle, low, high)
 
+    def spread(self, reference: float) -> tuple[Array, Array, Array]:
+        """Return positions, and the standard uncertainty of the forward and the backward correction there.
+
+        The corrections are those of a table that is 0 at ``reference``, approached forward.
+        """
+        curves = np.vstack(self._likely)
+        if not self.is_scale_known:
+            curves = _without_slope(np.tile(self._positions, 2), curves)
+        count = len(self._positions)
+        at = int(np.argmin(np.abs(self._positions - reference)))
+        spread = (curves - curves[at]).std(axis=1, ddof=1)
+        return self._positions, spread[:count], spread[count:]
+
     def _quantiles(self, table: CorrectionTable, drawn: "_Draws") -> tuple[float, float, float]:
         """Return quantiles of E over curves that the readings allow.
 
@@ -255,6 +278,8 @@ class MeasuredScrew:
         if self.reversal is None:
             ways = [0] if any(value is not None for value in self.means.forward) else [1]
         left = np.vstack([added[way][:, None] - _at(drawn[way], self._positions, added[way]) for way in ways])
+        if not self.is_scale_known:
+            left = _without_slope(np.tile(self._positions, len(ways)), left)
         low, middle, high = np.quantile(left.max(axis=0) - left.min(axis=0), QUANTILES).tolist()
         return low, middle, high
 
@@ -264,6 +289,25 @@ class _Draws(NamedTuple):
 
     forward: Array
     backward: Array
+
+
+def _zero_line(process: Process, positions: Array, *, is_scale_known: bool) -> Callable[[Array], Array]:
+    """Return what differences leave open: a constant, and with an unknown scale a straight line.
+
+    Without it a curve is 0 at the first of the positions.
+    """
+    start, slope = positions[0], 0.0
+    if not is_scale_known:
+        slope = float(np.polyfit(positions - start, process.mean(positions), 1)[0])
+    first = float(process.mean(positions[:1])[0])
+    return lambda at: first + slope * (at - start)
+
+
+def _without_slope(positions: Array, curves: Array) -> Array:
+    """Return curves, one a column, each without its best straight slope."""
+    middle = positions - positions.mean()
+    result: Array = curves - np.outer(middle, middle @ curves / float(middle @ middle))
+    return result
 
 
 def _at(curves: Array, positions: Array, moved: Array) -> Array:
@@ -315,6 +359,54 @@ def screw_of(readings: Iterable[Reading], units: Units, periods: Iterable[Period
     return MeasuredScrew(
         units, means, smooth, harmonic, reversal, _harmonics(harmonic, shown), given, aliased, jumps,
         unsettled, scatter, positions, likely, plausible,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Differences:
+    """Samples of readings that are not from one zero (:mod:`gateway.metrology.differences`)."""
+
+    units: Units
+    middle: Samples
+    """Mean correction of both directions, with what the samples share."""
+    reversal: Process | None
+    scatter: float | None
+    """Standard deviation of a middle by the scatter of the readings; None if unknown."""
+    periods: tuple[Period, ...]
+    concealed: tuple[Period, ...]
+    """Possible periods that the differences do not show."""
+    is_scale_known: bool
+    orders: tuple[float, ...]
+    """Kinds of curves to be tried."""
+
+
+def screw_of_differences(given: Differences) -> MeasuredScrew:
+    """Fit the curves to differences; the curve begins with the correction 0."""
+    middle, periods = given.middle, given.periods
+    targets = tuple(sorted(set(middle.positions.tolist())))
+    shown = tuple(each for each in shown_by(targets, periods)[0] if each not in given.concealed)
+    lengths = tuple(period.length for period in shown)
+    kinds = [fitted(middle, CurveKind(order, short)) for order in given.orders for short in (False, True)]
+    kinds += [
+        fitted(middle, CurveKind(order, has_short=False, periods=lengths, changes=changes))
+        for order in given.orders
+        for changes in (False, True)
+        if lengths
+    ]
+    smooth = min((each for each in kinds if not each.kind.periods), key=lambda each: each.score)
+    repeating = [each for each in kinds if each.kind.periods]
+    harmonic = min(repeating, key=lambda each: each.score) if repeating else None
+    positions = _positions(middle, lengths)
+    likely, plausible = _draw(kinds, given.reversal, positions)
+    best = smooth if harmonic is None or smooth.score < harmonic.score else harmonic
+    at = np.array(targets)
+    mean = best.mean(at) - _zero_line(best, positions, is_scale_known=given.is_scale_known)(at)
+    half = np.zeros_like(at) if given.reversal is None else given.reversal.mean(at)
+    means = MeanCorrections(targets, tuple((mean + half).tolist()), tuple((mean - half).tolist()))
+    aliased = tuple(each for each in periods if each not in shown)
+    return MeasuredScrew(
+        given.units, means, smooth, harmonic, given.reversal, _harmonics(harmonic, shown), periods, aliased,
+        (), "", given.scatter, positions, likely, plausible, given.is_scale_known, given.concealed,
     )  # fmt: skip
 
 

@@ -60,6 +60,8 @@ def recognise(source: SourceText) -> bool:
     cells = heading_words(source)
     names = {name for cell in cells for name in cell}
     # "run 1" is one of several columns.
+    if ("placement",) in cells:  # a block walked along the axis
+        return False
     is_listed = "direction" in names or ("run",) in cells
     if "dro" in names:
         return is_listed
@@ -85,8 +87,10 @@ def read(source: SourceText, context: ReadingsContext) -> Survey:
         }
         measured = values[reading] + (values["target"] if reading == "deviation" else 0.0)
         run = _run(source, line, cells[columns["run"]])
-        direction = _direction(source, line, cells[columns["direction"]])
-        warm = _temperature(source, line, cells[columns["temperature"]]) if "temperature" in columns else None
+        direction = direction_of(source, line, cells[columns["direction"]])
+        warm = (
+            temperature_of(source, line, cells[columns["temperature"]]) if "temperature" in columns else None
+        )
         rows.append(Row(line, values["target"], direction, run, measured, warm))
     axis = settled_axis(source, context, worksheet.facts.get("axis"))
     return to_survey(source, rows, units, axis=axis, facts=worksheet.facts)
@@ -146,7 +150,8 @@ def _columns(source: SourceText, worksheet: Worksheet) -> dict[str, int]:
     return columns
 
 
-def _temperature(source: SourceText, line: int, text: str) -> float:
+def temperature_of(source: SourceText, line: int, text: str) -> float:
+    """Return the temperature in a cell, in °C. Raises TabFileError: it is none of a machine."""
     warm = decimal(source, line, text, "temperature")
     if not COLDEST_C <= warm <= WARMEST_C:
         raise source.error(
@@ -162,7 +167,8 @@ def _run(source: SourceText, line: int, text: str) -> int:
     return run
 
 
-def _direction(source: SourceText, line: int, text: str) -> Direction:
+def direction_of(source: SourceText, line: int, text: str) -> Direction:
+    """Return the direction in a cell. Raises TabFileError: it is none."""
     direction = _DIRECTIONS.get(text.lower())
     if direction is None:
         raise source.error(

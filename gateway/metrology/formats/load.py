@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.files import FileRefusedError, read_regular_file
-from gateway.metrology.formats import api_pos, iso_csv, manual, renishaw_rtl, wide_csv, workbook
+from gateway.metrology.formats import api_pos, block_walk, iso_csv, manual, renishaw_rtl, wide_csv, workbook
 from gateway.metrology.formats.context import ReadingsContext
 from gateway.metrology.readings import Survey
 from gateway.tabfile.errors import FileProblem, TabFileError
@@ -27,6 +27,7 @@ FORMATS: Final = (
     ReadingsFormat(renishaw_rtl.NAME, renishaw_rtl.TITLE, renishaw_rtl.recognise, renishaw_rtl.read),
     ReadingsFormat(api_pos.NAME, api_pos.TITLE, api_pos.recognise, api_pos.read),
     ReadingsFormat(iso_csv.NAME, iso_csv.TITLE, iso_csv.recognise, iso_csv.read),
+    ReadingsFormat(block_walk.NAME, block_walk.TITLE, block_walk.recognise, block_walk.read),
     ReadingsFormat(wide_csv.NAME, wide_csv.TITLE, wide_csv.recognise, wide_csv.read),
     ReadingsFormat(manual.NAME, manual.TITLE, manual.recognise, manual.read),
 )
