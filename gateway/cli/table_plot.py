@@ -16,6 +16,7 @@ from gateway.commissioning.table_options import Counts, Force, ReadOptions, Scre
 from gateway.compensation.table import CorrectionTable
 from gateway.metrology.formats import ReadingsContext, Runs, read_survey
 from gateway.metrology.readings import Survey, check_same_axis, check_uncorrected, merged
+from gateway.metrology.recipe import from_one_zero
 from gateway.metrology.residue import LeftOut, predicted_residue
 from gateway.plain import JsonObject
 from gateway.report.axis_data import AxisData, Report
@@ -165,6 +166,9 @@ def _with_readings(axis_data: AxisData, options: PlotOptions) -> AxisData:
     runs = None if options.runs is None else Runs(options.runs)
     context = ReadingsContext(options.readings_format, None, None, runs)
     before = merged([read_survey(file, context) for file in options.readings or ()]).in_units(axis_data.units)
+    screw = None
+    if before.standard is not None:
+        before, screw = from_one_zero(before, ScrewOptions().periods(before))
     check_same_axis(before.source, before.axis, "the table", axis_data.axis)
     check_uncorrected(
         before.source, before.facts, "draw the table without them, or give readings taken before it"
@@ -175,7 +179,7 @@ def _with_readings(axis_data: AxisData, options: PlotOptions) -> AxisData:
         before=before,
         after=after,
         is_predicted=True,
-        left_out=_left_out(before, table),
+        left_out=_left_out(before, table) if screw is None else screw.left_out(table),
         facts={**before.facts, **axis_data.facts, "readings": before.source},
         notes=(*axis_data.notes, *after.remarks),
     )

@@ -126,3 +126,11 @@ def test_a_walk_is_evaluated_and_not_refined(tmp_path: Path) -> None:
     refused = typed("table", "refine", str(out), str(path), str(tmp_path / "y.csv"))
     assert refused.returncode == 1
     assert "walk the block without a table, and make a new one with table build" in refused.stderr
+
+
+def test_a_walk_is_drawn_beside_its_table(tmp_path: Path) -> None:
+    path, table, out = written(tmp_path), tmp_path / "x.csv", tmp_path / "x.html"
+    table.write_text("position_mm,forward_mm,backward_mm\n0,0,0\n300,-0.009,-0.009\n")
+    found = typed("table", "plot", str(table), str(out), "--readings", str(path))
+    assert found.returncode == 0, found.stderr
+    assert "joined from differences of 14 placements" in out.read_text()
