@@ -35,6 +35,9 @@ def measure(
     table, switch the compensation off (pitch-gateway disable). With compensation on, the active table is
     refined.
 
+    --method block-walk needs one gauge block and a dial: it leads from placement to placement, and says
+    before the first one how good the table can become. b takes a placement back that slipped.
+
     Exit code 1 if the run did not finish; 130 or 143 if a signal stopped it.
 
     Examples:
@@ -45,6 +48,9 @@ def measure(
         pitch-gateway measure gateway.toml --axis x --from -298 --to -2 --step 8 --table-step 25 --out x.tab
 
         pitch-gateway measure gateway.toml --axis x --resume x.readings.csv --gauge /dev/ttyUSB0
+
+        pitch-gateway measure gateway.toml --axis x --method block-walk --from -290 --to -10 --block 50 \
+            --dial-range 10 --block-grade 1 --lead 5
     """
     from gateway.commissioning.measure.errors import EndedEarlyError, MeasureError
     from gateway.commissioning.measure.measuring import Measuring
@@ -93,12 +99,13 @@ def _ask(config: Path) -> None:
 
 def _run(measuring: "Measuring", *, as_json: bool) -> None:
     """Run the measurement, and show its events. Raises MeasureError."""
-    from gateway.cli.measure_progress import AsBar, AsJson, AsLines
+    from gateway.cli.measure_progress import AsBar, AsDial, AsJson, AsLines
     from gateway.commissioning.measure.instruments import Keyboard
 
     units = measuring.units.value
     is_bar = sys.stderr.isatty() and not isinstance(measuring.instrument, Keyboard)
-    showing = AsJson(units) if as_json else AsBar(units) if is_bar else AsLines(units)
+    lines = AsDial(units, measuring.gap) if measuring.gap else AsBar(units) if is_bar else AsLines(units)
+    showing = AsJson(units) if as_json else lines
     try:
         measuring.run(showing, can_ask=sys.stdin.isatty())
     finally:

@@ -35,6 +35,23 @@ class AsLines(Showing):
         self._done += 1
         self.show(line_of(self._done, self._total, reading, self._units))
 
+    def took_back(self, count: int) -> None:
+        """See :class:`Showing`."""
+        self._done -= count
+
+
+class AsDial(AsLines):
+    """The same for the readings of a dial; ``gap`` is 1 if it opens while the axis moves forward, else -1."""
+
+    def __init__(self, units: str, gap: float) -> None:
+        super().__init__(units)
+        self._gap = gap
+
+    def took(self, reading: Reading) -> None:
+        """See :class:`Showing`."""
+        self._done += 1
+        self.show(dial_line_of(self._done, self._total, reading, self._units, self._gap))
+
 
 class AsBar(AsLines):
     """A bar on a terminal, with the lines above it."""
@@ -100,7 +117,13 @@ class AsJson(AsLines):
     def took(self, reading: Reading) -> None:
         """See :class:`Showing`."""
         self._done += 1
-        facts = {"target": reading.target, "direction": reading.direction.name.lower(), "run": reading.run}
+        facts: dict[str, Any] = {
+            "target": reading.target,
+            "direction": reading.direction.name.lower(),
+            "run": reading.run,
+        }
+        if reading.block:
+            facts["block"] = reading.block
         self.happened("reading", {**facts, "measured": reading.measured})
 
     def happened(self, event: str, facts: Mapping[str, Any]) -> None:
@@ -120,3 +143,15 @@ def line_of(number: int, total: int, reading: Reading, units: str) -> str:
         f"{number}/{total}  run {reading.run}  {reading.target:.9g} {units} {way}: "
         f"{reading.measured:.9g}, deviation {reading.deviation:+.4f}"
     )
+
+
+def dial_line_of(number: int, total: int, reading: Reading, units: str, gap: float) -> str:
+    """Return a reading of a dial as text for a person.
+
+    >>> from gateway.compensation.direction import Direction
+    >>> dial_line_of(3, 200, Reading(52.5, Direction.FORWARD, 52.5123, 1, block=50.0), "mm", 1.0)
+    '3/200  placement 1  52.5 mm forward over the block: dial +2.5123'
+    """
+    way, over = reading.direction.name.lower(), " over the block" if reading.block else ""
+    where = f"{number}/{total}  placement {reading.run}  {reading.target:.9g} {units} {way}{over}"
+    return f"{where}: dial {gap * (reading.measured - reading.block):+.4f}"

@@ -6,6 +6,7 @@ look the same at each of them. The standard's ``P_i = (i - 1) p + r`` moves ever
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from enum import Enum
 from itertools import pairwise
 from math import ceil, isfinite
 from random import Random
@@ -104,17 +105,35 @@ def check_targets(targets: Sequence[float], units: Units, travel: tuple[float, f
 # --- The order of the stops
 
 
+class Hands(Enum):
+    """What a person does at a stop."""
+
+    CLEAR = "clear"
+    """Before the move: take dial, stop and block out of the way of the axis."""
+    PLACE = "place"
+    """After the move: set up dial and stop against each other."""
+    INSERT = "insert"
+    """After the move: put the block between dial and stop."""
+    REMOVE = "remove"
+    """Before the move: take the block out, or the move would crush it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Stop:
     """One stop of a cycle. ``direction`` is that of the move to it; ends are not measuring stops.
 
-    ``run`` counts the cycles, from 1.
+    ``run`` counts the cycles, from 1. ``block`` is the length of a block between dial and stop, as in a
+    :class:`~gateway.metrology.readings.Reading`. ``before`` and ``after`` are for a person, before the move
+    and after it.
     """
 
     nominal: float
     direction: Direction
     measure: bool
     run: int = 1
+    block: float = 0.0
+    before: Hands | None = None
+    after: Hands | None = None
 
 
 def bidirectional_cycle(targets: Sequence[float], overrun: float, cycles: int = 1) -> Iterator[Stop]:

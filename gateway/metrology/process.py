@@ -248,12 +248,18 @@ def fitted(samples: Samples, kind: CurveKind, start: Mapping[str, float] | None 
     lengths = (samples.span / 3, samples.span / 8, samples.gap * 1.5)
     starts += [search.usual(length) for length in (lengths[:1] if start else lengths)]
     _, sizes = min((search.climb(each) for each in starts), key=lambda found: found[0])
-    return _with_sizes(samples, kind, sizes)
+    return with_sizes(samples, kind, sizes)
 
 
-def _with_sizes(samples: Samples, kind: CurveKind, sizes: Mapping[str, float]) -> Process:
-    """Return a process with known sizes, and how well it explains the samples."""
-    line, rest, typical = _about_line(samples)
+def with_sizes(
+    samples: Samples, kind: CurveKind, sizes: Mapping[str, float], *, typical: float | None = None
+) -> Process:
+    """Return a process with known sizes, and how well it explains the samples.
+
+    ``typical`` is the size of what a straight line leaves; default: that of the samples.
+    """
+    line, rest, found = _about_line(samples)
+    typical = found if typical is None else typical
     free = TREND * typical**2
     inverse: Array = np.linalg.inv(_Covariance.of(samples, kind, free).at(sizes)).astype(np.float64)
     score = _Search(_thinned(samples, rest), kind, typical).cost(sizes)
@@ -332,7 +338,7 @@ def jumped(samples: Samples, candidates: Sequence[Process]) -> list[Process]:
         positions = (
             float(low + share * (high - low)) for share, (low, high) in zip(shares, edges, strict=True)
         )
-        spread.append(_with_sizes(samples, replace(chosen.kind, jumps=tuple(positions)), chosen.sizes))
+        spread.append(with_sizes(samples, replace(chosen.kind, jumps=tuple(positions)), chosen.sizes))
     # All positions between its targets explain the samples equally: together they are one jump.
     return [replace(each, score=chosen.score + log(JUMP_POSITIONS)) for each in spread]
 
@@ -351,7 +357,7 @@ def _with_jump(process: Process, best: Process, middles: Sequence[float]) -> Pro
             for order in dict.fromkeys((best.kind.order, 1.5, ANALYTIC))
         ]
         found = min([*tried, *([found] if found is not process else [])], key=lambda each: each.score)
-        bare = _with_sizes(samples, replace(found.kind, jumps=process.kind.jumps), found.sizes)
+        bare = with_sizes(samples, replace(found.kind, jumps=process.kind.jumps), found.sizes)
     return replace(found, score=found.score + log(len(middles)))
 
 
@@ -419,7 +425,7 @@ def _explains(process: Process, column: Array) -> float:
 
 def _moved(process: Process, position: float | None) -> Process:
     """Return the same curve with another joint, or without one."""
-    return _with_sizes(process.samples, replace(process.kind, joint=position), process.sizes)
+    return with_sizes(process.samples, replace(process.kind, joint=position), process.sizes)
 
 
 def _thinned(samples: Samples, rest: Array) -> Samples:

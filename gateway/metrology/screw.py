@@ -257,7 +257,7 @@ class MeasuredScrew:
         """
         curves = np.vstack(self._likely)
         if not self.is_scale_known:
-            curves = _without_slope(np.tile(self._positions, 2), curves)
+            curves = without_slope(np.tile(self._positions, 2), curves)
         count = len(self._positions)
         at = int(np.argmin(np.abs(self._positions - reference)))
         spread = (curves - curves[at]).std(axis=1, ddof=1)
@@ -279,7 +279,7 @@ class MeasuredScrew:
             ways = [0] if any(value is not None for value in self.means.forward) else [1]
         left = np.vstack([added[way][:, None] - _at(drawn[way], self._positions, added[way]) for way in ways])
         if not self.is_scale_known:
-            left = _without_slope(np.tile(self._positions, len(ways)), left)
+            left = without_slope(np.tile(self._positions, len(ways)), left)
         low, middle, high = np.quantile(left.max(axis=0) - left.min(axis=0), QUANTILES).tolist()
         return low, middle, high
 
@@ -303,7 +303,7 @@ def _zero_line(process: Process, positions: Array, *, is_scale_known: bool) -> C
     return lambda at: first + slope * (at - start)
 
 
-def _without_slope(positions: Array, curves: Array) -> Array:
+def without_slope(positions: Array, curves: Array) -> Array:
     """Return curves, one a column, each without its best straight slope."""
     middle = positions - positions.mean()
     result: Array = curves - np.outer(middle, middle @ curves / float(middle @ middle))

@@ -6,14 +6,15 @@ Random distances show errors that repeat with a turn of the screw. A block of te
 because both of its ends are at the same angle.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import cos, hypot, pi, sin
 from random import Random
 from typing import Final
 
+from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
-from gateway.metrology.cycle import DECIMALS
+from gateway.metrology.cycle import DECIMALS, Hands, Stop
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import Period
 
@@ -27,6 +28,9 @@ USUAL_MM: Final = 9.2
 """Distance of placements without a given number: each place is measured by five blocks of 50 mm."""
 LEAST: Final = 5
 MOST: Final = 500
+MOST_PER_SIDE: Final = 20
+APART: Final = 0.002
+"""Of the block: the range of the dial for each position on one side, so that no two are the same."""
 ASIDE: Final = 0.4
 """Of the distance of placements: how far each may be moved aside."""
 LEAST_SEEN: Final = 0.05
@@ -41,6 +45,11 @@ class Placement:
     """From 1."""
     bare: tuple[float, ...]
     over_block: tuple[float, ...]
+
+    @property
+    def positions(self) -> tuple[float, ...]:
+        """All positions with readings."""
+        return self.bare + self.over_block
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +67,8 @@ class Walk:
     reach: float
     seed: int = 1
     closes: bool = False
+    per_side: int = 1
+    """Positions without the block at each placement, and as many with it."""
 
     def __post_init__(self) -> None:
         """Check the lengths.
@@ -77,6 +88,11 @@ class Walk:
                 f"a block of {self.block:g} from {self.low:g} to {self.high:g}: the range must be at least "
                 "twice the block; use a shorter block"
             )
+        if self.per_side > 1 and self.reach < self.per_side * APART * self.block:
+            raise ReadingsError(
+                f"{self.per_side} positions on each side of the block: give a dial range of at least "
+                f"{self.per_side * APART * self.block:.3g}"
+            )
         if not LEAST <= self.placements <= MOST:
             raise ReadingsError(f"{self.placements} placements: give {LEAST} to {MOST}")
 
@@ -88,24 +104,89 @@ class Walk:
         ((0.0,), (50.0,), (450.0,), (500.0,))
         """
         random = Random(self.seed)
-        free = self.high - self.low - self.block
+        lowest, highest = self.low + self.reach / 2, self.high - self.block - self.reach / 2
+        step = (self.high - self.block - self.low) / (self.placements - 1)
         found = []
         for index in range(self.placements):
-            start = self.low + free * index / (self.placements - 1)
             # Not on a grid: an error that repeats would look the same at each placement.
-            start += random.uniform(-ASIDE, ASIDE) * free / (self.placements - 1)
-            low = min(max(start, self.low), self.high - self.block)
-            aside = random.uniform(-1.0, 1.0) * self.reach / 2
-            if index == 0:
-                # The first shows a wrong sign of the dial most clearly.
-                low, aside = self.low, self.reach / 2
-            high = min(low + self.block + aside, self.high)
-            if index == self.placements - 1:
-                high = self.high
-            positions = round(low, DECIMALS[units]), round(high, DECIMALS[units])
-            bare, over = positions if not self.closes else positions[::-1]
-            found.append(Placement(index + 1, (bare,), (over,)))
+            start = self.low + step * (index + random.uniform(-ASIDE, ASIDE))
+            start = min(max(start, lowest), highest)
+            is_first, is_last = index == 0, index == self.placements - 1
+            start = lowest if is_first else highest if is_last else start
+            lower, upper = self._around(start, random), self._around(start + self.block, random)
+            if is_first:
+                # It shows a wrong sign of the dial most clearly.
+                lower[0], upper[-1] = self.low, self.low + self.block + self.reach
+            if is_last:
+                upper[-1] = self.high
+            bare, over = (tuple(round(each, DECIMALS[units]) for each in side) for side in (lower, upper))
+            if self.closes:
+                bare, over = over, bare
+            found.append(Placement(index + 1, bare, over))
         return found
+
+    def _around(self, middle: float, random: Random) -> list[float]:
+        """Return positions of one side, within the range of the dial."""
+        parts = [(index + random.uniform(0.1, 0.9)) / self.per_side for index in range(self.per_side)]
+        return [middle + (part - 0.5) * self.reach for part in parts]
+
+    def stops(self, units: Units, overrun: float) -> Iterator[Stop]:
+        """Yield the stops: at each placement without the block and with it, turn round, and back.
+
+        Between the readings the axis moves away from the stop of the dial, so the gap opens. It closes in the
+        end, after the block was taken out.
+
+        >>> walk = Walk(0.0, 500.0, 50.0, 10, 0.0)
+        >>> for stop in list(walk.stops(Units.MM, 1.0))[:6]:
+        ...     print(stop.nominal, stop.direction.name, stop.block, stop.before, stop.after)
+        -1.0 BACKWARD 0.0 Hands.CLEAR None
+        0.0 FORWARD 0.0 None Hands.PLACE
+        50.0 FORWARD 50.0 None Hands.INSERT
+        51.0 FORWARD 0.0 None None
+        50.0 BACKWARD 50.0 None None
+        0.0 BACKWARD 0.0 Hands.REMOVE None
+        """
+        out, back = Direction.FORWARD, Direction.BACKWARD
+        if self.closes:
+            out, back = back, out
+        block = out.value * self.block
+        for each in self.placed(units):
+            run, bare, over = each.number, each.bare, each.over_block
+            if self.closes:
+                bare, over = bare[::-1], over[::-1]
+            yield Stop(bare[0] - out.value * overrun, back, measure=False, run=run, before=Hands.CLEAR)
+            for x in bare:
+                after = Hands.PLACE if x == bare[0] else None
+                yield Stop(x, out, measure=True, run=run, after=after)
+            for x in over:
+                after = Hands.INSERT if x == over[0] else None
+                yield Stop(x, out, measure=True, run=run, block=block, after=after)
+            yield Stop(over[-1] + out.value * overrun, out, measure=False, run=run)
+            for x in over[::-1]:
+                yield Stop(x, back, measure=True, run=run, block=block)
+            for x in bare[::-1]:
+                before = Hands.REMOVE if x == bare[-1] else None
+                yield Stop(x, back, measure=True, run=run, before=before)
+
+    @property
+    def readings(self) -> int:
+        """Readings of a placement: on both sides of the block, in both directions."""
+        return 4 * self.per_side
+
+
+def from_placement(stops: Sequence[Stop], placement: int) -> list[Stop]:
+    """Return the stops from the beginning of a placement on."""
+    return [each for each in stops if each.run >= placement]
+
+
+def usual_placements(low: float, high: float, block: float, units: Units) -> int:
+    """Return a number of placements with which each position is measured by several blocks.
+
+    >>> usual_placements(0.0, 500.0, 50.0, Units.MM)
+    50
+    """
+    count = round((high - low - block) / units.from_mm(USUAL_MM)) + 1
+    return min(max(count, 2 * LEAST), MOST)
 
 
 # --- What a walk cannot show
@@ -148,3 +229,14 @@ def _seen(placements: Sequence[Sequence[float]], period: float) -> float:
     # The smaller eigenvalue of the information matrix.
     least = (a + c) / 2 - hypot((a - c) / 2, b)
     return least / max(count, 1)
+
+
+def hidden_warning(periods: Sequence[Period], walk: Walk, unit: str) -> str:
+    """Return what the walk does not show, and the remedy."""
+    names = " and ".join(each.name for each in periods)
+    longest = max(each.length for each in periods)
+    return (
+        f"an error that repeats with {names} is not seen, because the block of {walk.block:.9g} {unit} is "
+        f"nearly a whole number of turns long: use a dial of more range (--dial-range {longest:.6g}), or "
+        "another block"
+    )

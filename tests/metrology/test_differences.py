@@ -266,6 +266,7 @@ def test_a_block_of_whole_turns_hides_the_turn_and_no_figure_is_promised() -> No
         ({"placements": 4}, "4 placements: give 5 to 500"),
         ({"reach": 50.0}, "give less than the block"),
         ({"block": 0.0}, "a block longer than 0"),
+        ({"per_side": 20}, "20 positions on each side of the block: give a dial range of at least 2"),
     ],
 )
 def test_a_walk_that_cannot_be_gone_is_refused(change: dict[str, Any], told: str) -> None:
@@ -273,17 +274,21 @@ def test_a_walk_that_cannot_be_gone_is_refused(change: dict[str, Any], told: str
         replace(Walk(0.0, 300.0, 50.0, 20, 1.0), **change)
 
 
-@given(st.integers(1, 10_000), st.integers(5, 60), st.floats(0.0, 12.0))
-def test_a_walk_stays_inside_and_the_dial_in_its_range(seed: int, count: int, reach: float) -> None:
-    planned = Walk(-10.0, 290.0, 50.0, count, reach, seed).placed(Units.MM)
+@given(st.integers(1, 10_000), st.integers(5, 60), st.floats(0.3, 12.0), st.integers(1, 3), st.booleans())
+def test_a_walk_stays_inside_and_the_dial_in_its_range(
+    seed: int, count: int, reach: float, per_side: int, closes: bool
+) -> None:
+    planned = Walk(-10.0, 290.0, 50.0, count, reach, seed, closes, per_side).placed(Units.MM)
     assert [each.number for each in planned] == list(range(1, count + 1))
-    assert planned[0].bare == (-10.0,)
-    assert planned[-1].over_block == (290.0,)
+    assert min(planned[0].positions) == -10.0
+    assert max(planned[-1].positions) == 290.0
     for each in planned:
-        [low], [high] = each.bare, each.over_block
-        assert -10.0 <= low < high <= 290.0
-        # The last digit of each position is rounded; the last placement reaches the end.
-        assert each.number == count or abs(high - low - 50.0) <= reach / 2 + 0.001 or high == 290.0
+        low, high = (each.over_block, each.bare) if closes else (each.bare, each.over_block)
+        assert len(set(low)) == len(set(high)) == per_side
+        assert -10.0 <= low[0] <= low[-1] < high[0] <= high[-1] <= 290.0
+        # What the dial shows over the block and without it; the last digit of each position is rounded.
+        shown = [*low, *(x - 50.0 for x in high)]
+        assert max(shown) - min(shown) <= reach + 0.0021
 
 
 def test_too_few_placements_make_no_curve() -> None:
@@ -321,7 +326,7 @@ def test_walks_by_two_blocks_that_are_known_differently_are_not_one() -> None:
 def test_one_block_and_a_dial_leave_a_few_micrometres(name: str) -> None:
     """A seed of the table in bench/screws.md: E of 25 µm before, one block of 50 mm of grade 1."""
     [kind] = [each for each in walks.kinds() if each.name == name]
-    found = walks.case(kind, walks.Set(), 1)
+    found = walks.case(kind, walks.SetUp(), 1)
     assert found.before > 24.0
     assert found.true <= 5.0
     assert found.high is not None

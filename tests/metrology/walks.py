@@ -3,8 +3,9 @@
 ``python -m tests.metrology.walks [SEEDS]`` prints a row for each kind of screw, of 100 each unless told: 50
 placements of one block of 50 mm on 500 mm, with a dial of 1 µm. The truth is E of what the table leaves, of
 8001 places in both directions (:mod:`tests.metrology.screws`). ``--grade 2`` has another block, ``--reach 0``
-a dial that shows only the block itself, ``--placements N`` so many, ``--jobs N`` processes; ``--write`` puts
-the rows into ``bench/screws.md``.
+a dial that shows only the block itself, ``--placements N`` and ``--per-side N`` other walks. Names of kinds
+run those alone, ``--jobs N`` that many at a time; ``--write`` puts the rows into ``bench/screws.md``, between
+the comments that name the command.
 """
 
 import sys
@@ -48,7 +49,7 @@ USUAL_LEAD: Final = 5.0
 
 
 @dataclass(frozen=True)
-class Set:
+class SetUp:
     """How a walk is measured; lengths in µm where the name says so."""
 
     placements: int = 50
@@ -60,6 +61,7 @@ class Set:
     """Of the block, each time that it is placed."""
     digit_um: float = 1.0
     dial_error_um: float = 2.0
+    per_side: int = 1
 
 
 @dataclass(frozen=True)
@@ -80,13 +82,13 @@ def kinds() -> list[CurveKind]:
     return found
 
 
-def measured(screw: Screw, made: Set, random: Random, seed: int, slipped: Slipped | None = None) -> Survey:
+def measured(screw: Screw, made: SetUp, random: Random, seed: int, slipped: Slipped | None = None) -> Survey:
     """Return the readings of a walk."""
     known = made.grade is not Grade.UNKNOWN
     limit = limit_um(made.grade if known else Grade.TWO, BLOCK) / 1000
     deviation, gain = random.uniform(-limit, limit), random.uniform(-1, 1) * made.dial_error_um / 1000
     readings = []
-    walk = Walk(0.0, LENGTH, BLOCK, made.placements, made.reach, seed)
+    walk = Walk(0.0, LENGTH, BLOCK, made.placements, made.reach, seed, per_side=made.per_side)
     for placement in walk.placed(Units.MM):
         zero = placement.bare[0] + random.uniform(-0.2, 0.2)
         seat = random.gauss(0, made.seat_um / 1000)
@@ -120,7 +122,7 @@ class Case:
 
 
 def case(
-    kind: CurveKind, made: Set, seed: int, slipped: Slipped | None = None, *, drop: bool = False
+    kind: CurveKind, made: SetUp, seed: int, slipped: Slipped | None = None, *, drop: bool = False
 ) -> Case:
     screw, random = screws.screw_of(kind, seed)
     survey = measured(screw, made, random, seed, slipped)
@@ -159,7 +161,7 @@ def case(
     )
 
 
-def _case(of: tuple[str, Set, int]) -> Case:
+def _case(of: tuple[str, SetUp, int]) -> Case:
     name, made, seed = of
     return case(next(kind for kind in kinds() if kind.name == name), made, seed)
 
@@ -184,21 +186,32 @@ def row(name: str, found: Sequence[Case]) -> str:
     )
 
 
+COMMAND: Final = "python -m tests.metrology.walks"
+
+
 def main(told: Sequence[str]) -> None:
     """Print the rows; see above."""
     words = list(told)
 
     def given(name: str, default: str) -> str:
-        return words[words.index(name) + 1] if name in words else default
+        return words.pop(words.index(name) + 1) if name in words else default
 
-    jobs, count = int(given("--jobs", "1")), next((int(each) for each in words[:1] if each.isdecimal()), 100)
-    made = Set(
-        int(given("--placements", "50")), float(given("--reach", "10")), Grade(given("--grade", "1").lower())
+    jobs = int(given("--jobs", "1"))
+    made = SetUp(
+        placements=int(given("--placements", "50")),
+        reach=float(given("--reach", "10")),
+        grade=Grade(given("--grade", "0").lower()),
+        per_side=int(given("--per-side", "2")),
     )
-    rows, everything = [], []
+    seeds = next((int(each) for each in words if each.isdecimal()), screws.SEEDS)
+    names = [each for each in words if not each.isdecimal() and not each.startswith("--")]
+    rows: list[str] = []
+    everything: list[Case] = []
     with ProcessPoolExecutor(jobs) as pool:
         for kind in kinds():
-            found = list(pool.map(_case, [(kind.name, made, seed) for seed in range(count)]))
+            if names and kind.name not in names:
+                continue
+            found = list(pool.map(_case, [(kind.name, made, seed) for seed in range(seeds)]))
             everything += found
             rows.append(row(kind.name, found))
             sys.stdout.write(f"{rows[-1]}\n")
@@ -206,10 +219,8 @@ def main(told: Sequence[str]) -> None:
     rows.append(row("all", everything))
     sys.stdout.write(f"{rows[-1]}\n")
     if "--write" in words:
-        screws.into_page(f"{COMMAND}", lambda _: "\n".join([HEADING, *rows, ""]))
+        screws.into_page(COMMAND, lambda _: "\n".join([HEADING, *rows, ""]))
 
-
-COMMAND: Final = "python -m tests.metrology.walks"
 
 if __name__ == "__main__":
     main(sys.argv[1:])

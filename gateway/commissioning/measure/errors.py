@@ -23,6 +23,10 @@ class BadReadingError(MeasureError):
     """The received value is not a reading of this stop. Another one may be requested."""
 
 
+class TakenBackError(MeasureError):
+    """The user takes back the readings of this placement, because something slipped."""
+
+
 class StoppedError(MeasureError):
     """The user ended it: Ctrl-C, SIGTERM, a q on the keyboard."""
 

@@ -19,7 +19,12 @@ from math import isfinite
 from pathlib import Path
 from typing import Final, Protocol
 
-from gateway.commissioning.measure.errors import BadReadingError, InstrumentError, StoppedError
+from gateway.commissioning.measure.errors import (
+    BadReadingError,
+    InstrumentError,
+    StoppedError,
+    TakenBackError,
+)
 from gateway.metrology.gauge_kinds import GaugeKind
 from gateway.metrology.gauges import GaugeError, GaugeLines, reading_of
 from gateway.transport.channel import Channel
@@ -222,9 +227,11 @@ class Keyboard:
 
     title = "keyboard"
 
-    def __init__(self, lines: Lines, show: Callable[[str], None]) -> None:
+    def __init__(self, lines: Lines, show: Callable[[str], None], *, is_walk: bool = False) -> None:
+        """``is_walk``: b takes a placement back."""
         self._lines = lines
         self._show = show
+        self._is_walk = is_walk
 
     async def open(self) -> None:
         """See :class:`Instrument`."""
@@ -239,12 +246,15 @@ class Keyboard:
     async def read(self, stop: str) -> float:
         """See :class:`Instrument`. Asks until it is a number; ``q`` ends the run."""
         while True:
-            self._show(f"{stop}: reading (q stops): ")
+            back = "b takes this placement back, " if self._is_walk else ""
+            self._show(f"{stop}: reading ({back}q stops): ")
             line = await self._lines.line()
             if line is None:
                 raise InstrumentError("standard input has ended, so no more readings can come")
             if line == "q":
                 raise StoppedError("q on the keyboard")
+            if line == "b" and self._is_walk:
+                raise TakenBackError("b on the keyboard")
             try:
                 return number_of(line)
             except BadReadingError as error:

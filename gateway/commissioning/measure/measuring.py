@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from gateway.commissioning.measure import outcome
 from gateway.commissioning.measure.axis_link import recipe_of
@@ -30,12 +30,21 @@ from gateway.commissioning.measure.errors import (
     MeasureError,
 )
 from gateway.commissioning.measure.instruments import GrowingCsv, Instrument, Keyboard, Lines, SerialGauge
-from gateway.commissioning.measure.options import Grid, InstrumentOptions, MeasureOptions, Pace
+from gateway.commissioning.measure.options import (
+    Gap,
+    Grid,
+    InstrumentOptions,
+    MeasureOptions,
+    Pace,
+    WalkOptions,
+)
 from gateway.commissioning.measure.readings_file import (
     SUFFIX,
     Earlier,
     MeasuringPlan,
+    Plan,
     ReadingsFile,
+    WalkPlan,
     check_order,
     facts_of,
     read_earlier,
@@ -55,23 +64,21 @@ from gateway.config.load import Loaded
 from gateway.exchange.plan import AxisPlan
 from gateway.ipc.client import NoRelayError, ask_relay
 from gateway.ipc.messages import GetStatus, Ping, Status
-from gateway.metrology.cycle import (
-    DECIMALS,
-    Stop,
-    bidirectional_cycle,
-    even_targets,
-    random_targets,
-    remaining,
-)
+from gateway.metrology.cycle import DECIMALS, Stop, even_targets, random_targets
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.gauge_kinds import DEFAULTS, GaugeKind
 from gateway.metrology.gauges import GaugeError, pattern_of
-from gateway.metrology.lead import Period, lead_warnings, periods_of
+from gateway.metrology.lead import Period, periods_of
 from gateway.metrology.readings import Reading
+from gateway.metrology.standard import Standard
+from gateway.metrology.walk import MOST_DIFFERENCE_MM, Walk, usual_placements
 from gateway.plain import JsonObject
 from gateway.state.plan import shape_of
 from gateway.status.model import RelayModel
 from gateway.transport.endpoints import SerialEndpoint
+
+if TYPE_CHECKING:
+    from gateway.metrology.differences import Promise
 
 EVEN: Final = 1e-6
 """Fraction of a step by which the last target of an even grid may miss the end."""
@@ -79,6 +86,8 @@ OVERRUN_MM: Final = 1.0
 WINDOW_MM: Final = 0.01
 LARGEST_MM: Final = 1.0
 UM_PER_MM: Final = 1000.0
+SLIPPED_DIGITS: Final = 6.0
+"""Both lost motions of a placement are four readings of the dial: by chance they differ by less."""
 
 
 def plan_of(grid: Grid, axis: AxisPlan) -> MeasuringPlan:
@@ -113,6 +122,50 @@ def plan_of(grid: Grid, axis: AxisPlan) -> MeasuringPlan:
     return MeasuringPlan(tuple(round(target, 9) for target in targets), grid.runs, overrun)
 
 
+def walk_plan_of(grid: Grid, given: WalkOptions, axis: AxisPlan) -> WalkPlan:
+    """Return the walk of a block.
+
+    Raises:
+        AxisError: options that are missing or do not fit together.
+    """
+    if grid.low is None or grid.high is None:
+        raise AxisError("give --from and --to: the ends of the walk, as machine positions")
+    if grid.step is not None or grid.targets is not None:
+        raise AxisError("--step, --targets: remove them: block-walk places by --placements")
+    if given.block is None or given.dial_range is None:
+        raise AxisError(
+            "block-walk: give --block, the length of the block, and --dial-range, the range of the dial that "
+            "the walk may use, such as 0.8 or 10"
+        )
+    units = axis.settings.units
+    try:
+        standard = Standard(
+            given.grade,
+            given.deviation_um,
+            given.uncertainty_um,
+            given.temperature_range,
+            given.dial_error_um,
+        )
+        placements = given.placements
+        if placements is None:
+            placements = usual_placements(grid.low, grid.high, given.block, units)
+        walk = Walk(
+            grid.low,
+            grid.high,
+            given.block,
+            placements,
+            given.dial_range,
+            grid.seed,
+            given.gap is Gap.CLOSES,
+            given.per_side,
+        )
+    except ReadingsError as error:
+        raise AxisError(f"block-walk: {error}") from None
+    return WalkPlan(
+        walk, standard, units.from_mm(OVERRUN_MM) if grid.overrun is None else grid.overrun, units
+    )
+
+
 def _spread(grid: Grid) -> float | None:
     """Return the lead, if it fits between the targets."""
     assert grid.low is not None
@@ -123,7 +176,9 @@ def _spread(grid: Grid) -> float | None:
     return grid.lead
 
 
-def instrument_of(reader: InstrumentOptions, lines: Lines, unit: str = "mm") -> Instrument:
+def instrument_of(
+    reader: InstrumentOptions, lines: Lines, unit: str = "mm", *, is_walk: bool = False
+) -> Instrument:
     """Return the instrument, not yet open; ``unit`` is the unit of its readings.
 
     Raises:
@@ -134,7 +189,7 @@ def instrument_of(reader: InstrumentOptions, lines: Lines, unit: str = "mm") -> 
     if reader.csv is not None:
         return GrowingCsv(reader.csv, reader.column, reader.delimiter)
     if reader.gauge is None:
-        return Keyboard(lines, _prompt)
+        return Keyboard(lines, _prompt, is_walk=is_walk)
     if (reader.kind is GaugeKind.PATTERN) != (reader.pattern is not None):
         raise InstrumentError("give --gauge-kind pattern and --gauge-pattern together, or neither")
     try:
@@ -239,13 +294,18 @@ class Measuring:
         outcome.check_outputs(results.out, results.report, force=results.force)
         self._lines = Lines()
         unit = options.reader.units or plan.settings.units.value
-        self.instrument = instrument_of(options.reader, self._lines, unit)
+        self.is_walk = options.walk.is_walk
+        if options.walk.is_asked and not self.is_walk:
+            raise AxisError("the options of a block need --method block-walk")
+        self.instrument = instrument_of(options.reader, self._lines, unit, is_walk=self.is_walk)
         self._settings = run_settings_of(options.pace, options.reader, plan)
+        self._walk = options.walk
         self._loaded = loaded
         self._shape = shape_of(loaded.plan)
         self._section = loaded.sections.axes[plan.name]
         self._grid = options.grid
         self._pace = options.pace
+        self._largest = options.reader.largest
         self._results = results
         self._axis = plan
         self.units = plan.settings.units
@@ -255,7 +315,7 @@ class Measuring:
         self._table_step: float | None = None
         """Of the new table's even grid; None: its points are the targets."""
         self._before = None if results.before is None else outcome.survey_before(results.before, plan)
-        self._plan: MeasuringPlan | None = None
+        self._plan: Plan | None = None
         self._seen: StartConditions | None = None
         self._left: list[Stop] = []
         self.readings_file = results.resume
@@ -269,12 +329,19 @@ class Measuring:
             MeasureError: a condition is not met.
         """
         plan, done = self._planned()
-        stops = list(bidirectional_cycle(plan.targets, plan.overrun, plan.runs))
+        stops = plan.stops
         if self._results.resume is not None:
             check_order(self._results.resume, stops, done)
-        self._plan, self._left = plan, remaining(stops, len(done))
+        self._plan, self._left = plan, plan.left(len(done))
+        if isinstance(plan, WalkPlan):
+            self._settings = self._for_dial(plan)
         self._seen = asyncio.run(check_ready(self._route, plan, stops, self._status))
         self._check_same(self._seen)
+        if self.is_walk and self._seen.compensation.is_active:
+            raise AxisError(
+                f"axis {self._axis.name} is compensated, but a block is walked without a table: first type "
+                f"pitch-gateway disable {self._loaded.path} {self._axis.name}"
+            )
         self._choose_points(plan, self._seen)
         return len(self._left)
 
@@ -282,8 +349,36 @@ class Measuring:
         """Yield what the user must know before the axis moves, after :meth:`check_ready`."""
         plan, seen = self._looked()
         yield from preview(self._route, seen, self._left, self.instrument.title, self._pace)
-        for warning in lead_warnings(plan.targets, self._periods, self.units):
+        for warning in plan.warnings(self._periods, self.units):
             yield f"  lead          {warning}"
+        if isinstance(plan, WalkPlan):
+            walk = plan.walk
+            yield f"  placements    {walk.placements}, with {walk.readings} readings each; Enter between them"
+            yield f"  how good      {self._promised(plan)}"
+
+    @property
+    def _digit(self) -> float:
+        """The last digit of the dial."""
+        return self.units.from_mm(self._walk.dial_digit_um / UM_PER_MM)
+
+    def _broken_off(self, done: int) -> int:
+        """Return how many of ``done`` readings are of a placement that was not complete: its zero is lost."""
+        return done % self._plan.walk.readings if isinstance(self._plan, WalkPlan) else 0
+
+    def _promised(self, plan: WalkPlan) -> str:
+        """Return how good the table can become, in words."""
+        words = self._promise(plan).describe(self.units, is_scale_known=plan.standard.is_length_known)
+        return f"{words} (block: {plan.standard.describe()}; a dial of {self._walk.dial_digit_um:g} µm)"
+
+    def _promise(self, plan: WalkPlan) -> "Promise":
+        from gateway.metrology.differences import promise
+
+        return promise(plan.walk, plan.standard, self.units, self._digit)
+
+    @property
+    def gap(self) -> float | None:
+        """1 if the gap of the dial opens while the axis moves forward, -1 if it closes; None: no walk."""
+        return self._settings.gap
 
     def run(self, showing: Showing, *, can_ask: bool = False) -> None:
         """Move the axis from stop to stop and read at each. On return it is at standstill.
@@ -297,12 +392,16 @@ class Measuring:
         """
         plan, seen = self._looked()
         done = 0 if self._earlier is None else len(self._earlier.readings)
+        done -= self._broken_off(done)
         with self._file(plan, seen) as file:
             session = MeasureSession(self._route, self.instrument, self._settings, file, showing)
-            total = 2 * len(plan.targets) * plan.runs
+            total = sum(stop.measure for stop in plan.stops)
+            has_person = can_ask or self.is_walk
             try:
                 showing.begin(total, done)
-                asyncio.run(session.run(self._left, seen, self._status, self._lines if can_ask else None))
+                if isinstance(plan, WalkPlan):
+                    showing.happened("promise", self._promise(plan).as_data(self.units))
+                asyncio.run(session.run(self._left, seen, self._status, self._lines if has_person else None))
             except MeasureError as error:
                 took = done + len(session.readings)
                 if not took and self._results.resume is None:
@@ -339,20 +438,24 @@ class Measuring:
             raise MeasureError(f"{error} (the readings are in {path})") from None
         return RunResult(found, path, tuple(written))
 
-    def _looked(self) -> tuple[MeasuringPlan, StartConditions]:
+    def _looked(self) -> tuple[Plan, StartConditions]:
         assert self._plan is not None, "look comes first"
         assert self._seen is not None
         return self._plan, self._seen
 
-    def _planned(self) -> tuple[MeasuringPlan, tuple[Reading, ...]]:
+    def _planned(self) -> tuple[Plan, tuple[Reading, ...]]:
         resume = self._results.resume
+        if resume is None and self.is_walk:
+            return walk_plan_of(self._grid, self._walk, self._axis), ()
         if resume is None:
             return plan_of(replace(self._grid, lead=self._lead), self._axis), ()
-        if self._grid.is_asked or self._results.readings is not None:
+        if self._grid.is_asked or self._walk.is_asked or self._results.readings is not None:
             raise FileError("--resume: the file defines the measurement: remove targets and --readings")
         self._earlier = earlier = read_earlier(resume, self.units)
         if earlier.facts.get("axis") != self._axis.name:
             raise FileError(f"{resume}: is a measurement of axis {earlier.facts.get('axis')}")
+        if isinstance(earlier.plan, WalkPlan) and not self.is_walk:
+            raise FileError(f"{resume}: is a walk of a block: give --method block-walk too")
         return earlier.plan, earlier.readings
 
     def _check_same(self, seen: StartConditions) -> None:
@@ -366,7 +469,20 @@ class Measuring:
                 f"{seen.compensation.fact}: set it back, or start a new measurement"
             )
 
-    def _choose_points(self, plan: MeasuringPlan, seen: StartConditions) -> None:
+    def _for_dial(self, plan: WalkPlan) -> RunSettings:
+        """Return the settings for readings of a dial."""
+        largest = self._settings.largest_deviation
+        if self._largest is None:
+            largest = self.units.from_mm(MOST_DIFFERENCE_MM)
+        return replace(
+            self._settings,
+            gap=-1.0 if plan.walk.closes else 1.0,
+            largest_deviation=largest,
+            per_placement=plan.walk.readings,
+            slipped=SLIPPED_DIGITS * self._digit,
+        )
+
+    def _choose_points(self, plan: Plan, seen: StartConditions) -> None:
         """Choose the points of the new table before the run. Raises FileError: it cannot be written."""
         results, axis, section = self._results, self._axis, self._section
         if seen.compensation.is_active and axis.table is not None:
@@ -397,15 +513,19 @@ class Measuring:
         return reply.status
 
     @contextmanager
-    def _file(self, plan: MeasuringPlan, seen: StartConditions) -> Iterator[ReadingsFile]:
+    def _file(self, plan: Plan, seen: StartConditions) -> Iterator[ReadingsFile]:
         results, axis = self._results, self._axis
         now = time.strftime("%Y-%m-%dT%H:%M:%S%z")
         if results.resume is not None:
-            file = ReadingsFile(results.resume, self.units)
+            file = ReadingsFile(results.resume, self.units, self._settings.gap)
             file.go_on()
+            if self._earlier is not None:
+                file.take_back(self._broken_off(len(self._earlier.readings)))
         else:
             stamp = time.strftime("%Y%m%d-%H%M%S")
-            file = ReadingsFile(results.readings or Path(f"{axis.name}-{stamp}{SUFFIX}"), self.units)
+            file = ReadingsFile(
+                results.readings or Path(f"{axis.name}-{stamp}{SUFFIX}"), self.units, self._settings.gap
+            )
             facts = facts_of(plan, axis.name, seen.compensation.fact, self.units)
             if self._lead is not None:
                 facts["lead"] = f"{self._lead:.9g}"

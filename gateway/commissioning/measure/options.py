@@ -4,10 +4,13 @@ A value outside its limits raises an ``OptionError`` here, before anything is ch
 """
 
 from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
 from gateway.metrology.gauge_kinds import GaugeKind
+from gateway.metrology.standard import Grade
+from gateway.metrology.walk import LEAST, MOST, MOST_PER_SIDE
 from gateway.options import Option, Options
 
 
@@ -46,6 +49,102 @@ class Grid(Options):
     def is_asked(self) -> bool:
         """Whether any option about targets was given."""
         return any(each is not None for each in (self.low, self.high, self.step, self.targets, self.overrun))
+
+
+class Method(Enum):
+    """How an axis is measured."""
+
+    POSITIONS = "positions"
+    """One instrument shows the position everywhere: a laser, a scale."""
+    BLOCK_WALK = "block-walk"
+    """A gauge block is walked along the axis, and a dial shows differences."""
+
+
+class Gap(Enum):
+    """What the gap between dial and stop does while the axis moves forward."""
+
+    OPENS = "opens"
+    CLOSES = "closes"
+
+
+@dataclass(frozen=True, slots=True)
+class WalkOptions(Options):
+    """With ``block-walk``: the block, the dial, and how often they are placed."""
+
+    method: Annotated[
+        Method,
+        Option(
+            "positions: one instrument shows the position everywhere. block-walk: one gauge block is walked "
+            "along the axis, and a dial shows differences."
+        ),
+    ] = Method.POSITIONS
+    block: Annotated[float | None, Option("With block-walk: nominal length of the block.")] = None
+    dial_range: Annotated[
+        float | None,
+        Option(
+            "With block-walk: range of the dial that the walk may use. As much as the lead shows errors that "
+            "repeat with the turn; 0 moves exactly by the block.",
+            min=0.0,
+        ),
+    ] = None
+    placements: Annotated[
+        int | None,
+        Option(
+            "With block-walk: how often dial and stop are placed; default: about every 9 mm.",
+            min=LEAST,
+            max=MOST,
+        ),
+    ] = None
+    per_side: Annotated[
+        int,
+        Option(
+            "With block-walk: positions without the block at each placement, and as many with it. More show "
+            "the turn better, if the dial has the range.",
+            min=1,
+            max=MOST_PER_SIDE,
+        ),
+    ] = 1
+    gap: Annotated[
+        Gap, Option("With block-walk: whether the gap of the dial opens while the axis moves forward.")
+    ] = Gap.OPENS
+    grade: Annotated[
+        Grade | None, Option("Grade of the block, or unknown: then no scale is found.", "block-grade")
+    ] = None
+    deviation_um: Annotated[
+        float, Option("From the block's certificate: actual less nominal length, in µm.", "block-deviation")
+    ] = 0.0
+    uncertainty_um: Annotated[
+        float | None,
+        Option(
+            "In place of a grade, from the certificate: uncertainty (k = 2) in µm.",
+            "block-uncertainty",
+            min=0.0,
+        ),
+    ] = None
+    temperature_range: Annotated[
+        float,
+        Option(
+            "Largest difference of the temperatures of block and axis, in K.",
+            "block-temperature-range",
+            min=0.0,
+        ),
+    ] = 0.0
+    dial_error_um: Annotated[
+        float, Option("Limit of the dial's error over its range, in µm.", "dial-error", min=0.0)
+    ] = 0.0
+    dial_digit_um: Annotated[
+        float, Option("Last digit of the dial, in µm, to say how good the walk can become.", "dial-digit")
+    ] = 1.0
+
+    @property
+    def is_walk(self) -> bool:
+        """Whether a block is walked."""
+        return self.method is Method.BLOCK_WALK
+
+    @property
+    def is_asked(self) -> bool:
+        """Whether any option about a walk was given."""
+        return self != WalkOptions(self.method)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +205,11 @@ class InstrumentOptions(Options):
     zero_at: Annotated[float, Option("Machine position at which the instrument shows 0.")] = 0.0
     largest: Annotated[
         float | None,
-        Option("A reading further from its target counts as a mistake; default: 1 mm.", "largest-deviation"),
+        Option(
+            "A reading further from its target counts as a mistake; default: 1 mm. With block-walk: further "
+            "from the first of its placement; 0.5 mm.",
+            "largest-deviation",
+        ),
     ] = None
 
 
@@ -141,3 +244,4 @@ class MeasureOptions:
     pace: Pace = Pace()
     reader: InstrumentOptions = InstrumentOptions()
     results: Results = Results()
+    walk: WalkOptions = WalkOptions()

@@ -7,6 +7,7 @@ from tempfile import TemporaryFile
 from typing import Final
 
 from gateway.commissioning.measure.errors import FileError, MeasureError
+from gateway.commissioning.table_options import ScrewOptions
 from gateway.compensation.backlash import with_backlash
 from gateway.compensation.correction_spec import spec_of_table
 from gateway.compensation.direction import Direction
@@ -24,7 +25,7 @@ from gateway.metrology.formats.context import ReadingsContext
 from gateway.metrology.formats.load import is_readings, read_survey
 from gateway.metrology.lead import Period, longest
 from gateway.metrology.readings import Survey, check_uncorrected, small_unit
-from gateway.metrology.recipe import Built, Recipe, build_from
+from gateway.metrology.recipe import Built, Recipe, build_from, from_one_zero
 from gateway.metrology.refine import Refined, refine_table
 from gateway.metrology.resample import grid_positions
 from gateway.metrology.residue import LeftOut, left_out_json, left_out_line, left_out_text, predicted_residue
@@ -121,6 +122,12 @@ def outcome_of(
     if active is not None and axis.settings.backlash is not None:
         active = with_backlash(active, axis.settings.backlash)
         notes.append("remove the key backlash when you use the new table: it contains the backlash")
+    screw = None
+    if survey.standard is not None:
+        try:
+            survey, screw = from_one_zero(survey, periods)
+        except ReadingsError as error:
+            raise MeasureError(str(error)) from None
     longest_period = longest(periods)
     notes += notes_of(survey, axis.settings.counts_per_unit, with_scale=not is_active, lead=longest_period)
     if not is_active and (scale := reliable_scale(survey, longest_period)) and scale.is_large:
@@ -146,7 +153,7 @@ def outcome_of(
                 step=step,
                 travel=axis.settings.travel if step is not None else None,
             )
-            built = done = build_from(survey, recipe)
+            built = done = build_from(survey, recipe, screw)
             left_out = None if built.screw is None else built.screw.left_out(built.table)
     except (ReadingsError, TableError) as error:
         raise MeasureError(str(error)) from None
@@ -348,6 +355,8 @@ def survey_before(path: Path, axis: AxisPlan) -> Survey:
     """Read the "before" readings of a report. Raises FileError: a table was in use already."""
     survey = survey_of(path, axis)
     try:
+        if survey.standard is not None:
+            survey, _ = from_one_zero(survey, ScrewOptions().periods(survey))
         check_uncorrected(
             str(path), survey.facts, "give with --before readings that were measured without a table"
         )

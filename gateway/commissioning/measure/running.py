@@ -6,15 +6,16 @@ A stop request may come at any time. It takes effect between two exchanges, neve
 import asyncio
 from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Any, Final, TypeVar
 
 from gateway.commissioning.measure.axis_link import AxisLink, AxisSnapshot, LostAxisError
-from gateway.commissioning.measure.errors import AxisError, BadReadingError, StoppedError
-from gateway.commissioning.measure.instruments import Instrument, Lines
+from gateway.commissioning.measure.errors import AxisError, BadReadingError, StoppedError, TakenBackError
+from gateway.commissioning.measure.instruments import Instrument, Keyboard, Lines
 from gateway.commissioning.measure.options import Pace
 from gateway.commissioning.measure.readings_file import ReadingsFile
-from gateway.metrology.cycle import Stop
-from gateway.metrology.readings import Reading
+from gateway.metrology.cycle import Hands, Stop
+from gateway.metrology.readings import Reading, small_unit
 
 POLL_S: Final = 0.02
 STILL: Final = 3
@@ -42,6 +43,9 @@ class Showing:
 
     def took(self, reading: Reading) -> None:
         """A reading was taken, and is on the disk."""
+
+    def took_back(self, count: int) -> None:
+        """So many readings of a placement were taken back."""
 
     def happened(self, event: str, facts: Mapping[str, Any]) -> None:
         """An event for a program; a person gets it in words."""
@@ -116,6 +120,12 @@ class RunSettings:
     """Machine position at which the instrument shows 0."""
     scale: float = 1.0
     """Units of the axis in one unit of the instrument."""
+    gap: float | None = None
+    """With a walk: 1 if the gap of the dial opens while the axis moves forward, -1 if it closes."""
+    per_placement: int = 0
+    """With a walk: readings of a placement."""
+    slipped: float = inf
+    """With a walk: a placement whose lost motions differ by more is named."""
 
 
 class Run:
@@ -139,6 +149,7 @@ class Run:
         self._units = link.plan.settings.units.value
         self.halt = halt
         self.readings: list[Reading] = []
+        self._block = 0.0
         self.may_move = False
         """Whether the axis may be moving: a command was sent, and its arrival was not observed."""
         self.lines: Lines | None = None
@@ -152,15 +163,100 @@ class Run:
         Raises:
             MeasureError: it ended early; the axis may still be moving: see :meth:`bring_to_standstill`.
         """
-        for stop in stops:
-            self.halt.check()
-            await self._move(stop)
-            if stop.measure:
-                await self.halt.wait(self._settings.pace.dwell_s)
-                reading = await self._reading(stop)
-                self._file.append(reading)
-                self.readings.append(reading)
-                self._showing.took(reading)
+        self._block = max((abs(stop.block) for stop in stops), default=0.0)
+        index = 0
+        while index < len(stops):
+            try:
+                await self._stop(stops[index])
+                index += 1
+            except TakenBackError:
+                index = self._take_back(stops, index)
+
+    async def _stop(self, stop: Stop) -> None:
+        self.halt.check()
+        if stop.before is not None:
+            await self._ask_for(stop.before, stop)
+        await self._move(stop)
+        if not stop.measure:
+            return
+        if stop.after is not None:
+            await self._ask_for(stop.after, stop)
+        await self.halt.wait(self._settings.pace.dwell_s)
+        reading = await self._reading(stop)
+        self._file.append(reading)
+        self.readings.append(reading)
+        self._showing.took(reading)
+        if self._settings.gap is not None:
+            self._judge_placement()
+
+    def _take_back(self, stops: Sequence[Stop], index: int) -> int:
+        """Remove the readings of this placement, or of the one before it; return its first stop."""
+        run = stops[index].run
+        if not any(each.run == run for each in self.readings):
+            run = max((each.run for each in self.readings), default=run)
+        count = sum(each.run == run for each in self.readings)
+        self._file.take_back(count)
+        self.readings[:] = [each for each in self.readings if each.run != run]
+        self._showing.took_back(count)
+        what = f"placement {run}: its {count} readings are taken back" if count else "nothing to take back"
+        self._showing.show(f"{what}; placement {run} begins again")
+        self._showing.happened("taken-back", {"placement": run, "readings": count})
+        return next(at for at, stop in enumerate(stops) if stop.run == run)
+
+    async def _ask_for(self, hands: Hands, stop: Stop) -> None:
+        """Ask a person to do something at a stop, and wait until it is done.
+
+        Raises:
+            StoppedError: the user ended the run.
+            TakenBackError: the user takes a placement back.
+        """
+        text = f"placement {stop.run}: {self._words(hands, stop)}"
+        self._showing.happened("hands", {"do": hands.value, "placement": stop.run, "target": stop.nominal})
+        if hands in (Hands.PLACE, Hands.INSERT) and isinstance(self._instrument, Keyboard):
+            self._showing.show(f"{text}, and type what the dial shows")
+            return
+        assert self.lines is not None, "a walk has a person"
+        self._showing.show(f"{text}. Enter goes on, b takes the placement back, q stops")
+        while True:
+            answer = await self.halt.during(self.lines.line())
+            if answer == "":
+                return
+            if answer == "b":
+                raise TakenBackError("b on the keyboard")
+            if answer in ("q", None):
+                raise StoppedError("q on the keyboard" if answer else "standard input has ended")
+            self._showing.show("Enter goes on, b takes the placement back, q stops")
+
+    def _words(self, hands: Hands, stop: Stop) -> str:
+        block = f"the block of {self._block:.9g} {self._units}"
+        return {
+            Hands.CLEAR: f"take dial, stop and block out of the way. THE AXIS MOVES to {stop.nominal:.9g}",
+            Hands.PLACE: "set up dial and stop against each other, without the block, near the middle of the "
+            "dial's range",
+            Hands.INSERT: f"put {block} between dial and stop",
+            Hands.REMOVE: f"take {block} OUT: the axis moves back by it, to {stop.nominal:.9g}",
+        }[hands]
+
+    def _judge_placement(self) -> None:
+        """Name a placement whose lost motion differs without the block and with it: something slipped."""
+        run = self.readings[-1].run
+        own = [each for each in self.readings if each.run == run]
+        if len(own) < self._settings.per_placement:
+            return
+        rises: dict[bool, float] = {}
+        for each in own:
+            over = bool(each.block)
+            share = 4 * each.direction.value / self._settings.per_placement
+            rises[over] = rises.get(over, 0.0) + share * each.deviation
+        apart = abs(rises[True] - rises[False])
+        units = self._link.plan.settings.units
+        if apart > self._settings.slipped:
+            small = small_unit(units)
+            self._showing.show(
+                f"placement {run}: the lost motion is {small.text(-rises[False])} without the block and "
+                f"{small.text(-rises[True])} with it. If something slipped, b takes this placement back"
+            )
+            self._showing.happened("doubt", {"placement": run, "apart": apart})
 
     async def bring_to_standstill(self, link: AxisLink | None = None) -> str:
         """Stop the axis if it may be moving; return its position and how it was stopped.
@@ -259,6 +355,9 @@ class Run:
     async def _reading(self, stop: Stop) -> Reading:
         way = stop.direction.name.lower()
         where = f"{stop.nominal:.9g} {self._units} {way}, run {stop.run}"
+        if self._settings.gap is not None:
+            over = " over the block" if stop.block else ""
+            where = f"placement {stop.run}, {stop.nominal:.9g} {self._units} {way}{over}"
         while True:
             try:
                 before = await self._position_at(stop)
@@ -289,6 +388,8 @@ class Run:
 
     def _checked(self, stop: Stop, raw: float) -> Reading:
         settings = self._settings
+        if settings.gap is not None:
+            return self._checked_dial(stop, settings.gap, raw)
         measured = settings.zero_at + settings.sign * settings.scale * raw
         reading = Reading(stop.nominal, stop.direction, measured, stop.run)
         if abs(reading.deviation) > settings.largest_deviation:
@@ -297,6 +398,22 @@ class Run:
                 f"target: more than {settings.largest_deviation:g} (--largest-deviation). Check for a "
                 "typing mistake, and the instrument's zero (--zero-at), sign (--reversed) and units "
                 "(--reading-units)"
+            )
+        return reading
+
+    def _checked_dial(self, stop: Stop, gap: float, raw: float) -> Reading:
+        """Return a reading of the dial; it must fit the first one of its placement."""
+        settings = self._settings
+        measured = stop.block + gap * settings.sign * settings.scale * raw
+        reading = Reading(stop.nominal, stop.direction, measured, stop.run, block=stop.block)
+        first = next((each for each in self.readings if each.run == stop.run), reading)
+        away = reading.deviation - first.deviation
+        if abs(away) > settings.largest_deviation:
+            raise BadReadingError(
+                f"{raw:.9g} is {away:+.6g} {self._units} from what the first reading of this placement leads "
+                f"to: more than {settings.largest_deviation:g} (--largest-deviation). Check for a typing "
+                "mistake, the block, the dial's sign (--reversed: it counts down while the gap opens) and "
+                "its units (--reading-units)"
             )
         return reading
 

@@ -25,7 +25,7 @@ from gateway.commissioning.measure.checks import (
 from gateway.commissioning.measure.errors import AxisError, MeasureError
 from gateway.commissioning.measure.instruments import Instrument, Lines
 from gateway.commissioning.measure.options import Pace
-from gateway.commissioning.measure.readings_file import MeasuringPlan, ReadingsFile
+from gateway.commissioning.measure.readings_file import Plan, ReadingsFile
 from gateway.commissioning.measure.running import Halt, Run, RunSettings, Showing
 from gateway.exchange.plan import AxisPlan, Reference
 from gateway.metrology.cycle import Stop
@@ -98,9 +98,7 @@ async def connected(route: AxisRoute) -> AsyncIterator[AxisLink]:
         ) from None
 
 
-async def check_ready(
-    route: AxisRoute, plan: MeasuringPlan, stops: list[Stop], status: Status
-) -> StartConditions:
+async def check_ready(route: AxisRoute, plan: Plan, stops: list[Stop], status: Status) -> StartConditions:
     """Check all conditions before the axis moves. Nothing is written.
 
     Raises:
