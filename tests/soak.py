@@ -2,6 +2,7 @@
 
 And what takes minutes, and is the same each time: in ``make soak`` alone (``IS_FULL``). Elsewhere
 
+- ``metrology/test_differences.py``: a block is walked along 2 screws, in place of 102;
 - ``processes/test_brokers.py``: a broker stays away for 3 s, in place of 30;
 - ``processes/test_streaming_through_saves.py``: each table is saved 10 times, in place of 50;
 - ``relay/test_kills_at_any_instant.py``: a relay is killed 3 times, in place of 125;

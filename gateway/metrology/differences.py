@@ -59,6 +59,8 @@ NORMAL: Final = 0.6745
 """Median of the absolute value of a standard normal distribution."""
 MOST_SCORE: Final = 6.0
 """A placement whose differences miss by more of their robust standard deviations has slipped."""
+MOST_SLIPS: Final = 5
+"""More are no slips: the screw is another one than its curve, or the block moves each time."""
 LEAST_MM: Final = 0.002
 """A smaller miss has no cause that a person could find."""
 LEAST_SCATTER_MM: Final = 1e-5
@@ -119,11 +121,20 @@ def joined(survey: Survey, periods: Iterable[Period] = (), *, drop: bool = False
             "(# block_grade) in place of deviation and uncertainty"
         )
     given = tuple(periods)
-    fit, slips = _fitted(survey, given)
-    if slips and drop:
-        left_out = {each.placement for each in slips}
-        kept = tuple(each for each in survey.readings if each.run not in left_out)
-        fit, _ = _fitted(replace(survey, readings=kept), given)
+    fit, slip = _fitted(survey, given)
+    slips: list[Slip] = []
+    sound, sound_fit = survey, fit
+    # The curve follows a wrong placement a little, so its neighbours seem wrong too: one after the other.
+    while slip is not None and len(slips) < MOST_SLIPS:
+        number = slip.placement
+        kept = tuple(each for each in sound.readings if each.run != number)
+        if len({each.run for each in kept}) < LEAST_PLACEMENTS:
+            break
+        slips.append(slip)
+        sound = replace(sound, readings=kept)
+        sound_fit, slip = _fitted(sound, given)
+    if drop:
+        fit = sound_fit
     done = "left out" if drop else "kept; --drop-outliers leaves it out, or take it back and measure it again"
     notes = [f"{each.describe(survey.units)}: {done}" for each in slips]
     count = len({each.run for each in survey.readings}) - (len(slips) if drop else 0)
@@ -138,7 +149,7 @@ def joined(survey: Survey, periods: Iterable[Period] = (), *, drop: bool = False
             "grade of the block (# block_grade)"
         )
     found = _absolute(survey, fit)
-    return Joined(replace(found, remarks=(*survey.remarks, *notes)), fit, slips)
+    return Joined(replace(found, remarks=(*survey.remarks, *notes)), fit, tuple(slips))
 
 
 def _lengths(survey: Survey) -> list[float]:
@@ -189,8 +200,8 @@ def _places(survey: Survey) -> list[_Place]:
     return sorted(found, key=lambda each: (each.position, each.setup))
 
 
-def _fitted(survey: Survey, periods: tuple[Period, ...]) -> tuple[MeasuredScrew, tuple[Slip, ...]]:
-    """Fit both curves, and find the placements that do not fit.
+def _fitted(survey: Survey, periods: tuple[Period, ...]) -> tuple[MeasuredScrew, Slip | None]:
+    """Fit both curves, and find the placement that fits worst, if it slipped.
 
     Raises:
         ReadingsError: too few placements or positions.
@@ -223,7 +234,7 @@ def _fitted(survey: Survey, periods: tuple[Period, ...]) -> tuple[MeasuredScrew,
             orders=KINDS,
         )
     )
-    return screw, _slips(places, survey, screw)
+    return screw, _slip(places, survey, screw)
 
 
 def _reversal(places: Sequence[_Place], least: float) -> tuple[Process | None, float | None]:
@@ -296,29 +307,29 @@ def _columns(places: Sequence[_Place], survey: Survey) -> Array:
 # --- Placements that slipped
 
 
-def _slips(places: Sequence[_Place], survey: Survey, screw: MeasuredScrew) -> tuple[Slip, ...]:
-    """Return the placements that miss their prediction from all others far more than is usual."""
+def _slip(places: Sequence[_Place], survey: Survey, screw: MeasuredScrew) -> Slip | None:
+    """Return the placement that misses its prediction from all others most, if far more than is usual."""
     shared = screw.smooth.samples.shared
     assert shared is not None
     setups = shared.setups
     least = survey.units.from_mm(LEAST_MM)
-    worst: dict[int, float] = {}
+    found = (MOST_SCORE, 0, 0.0)
     # A slip that one curve follows at the expense of the others shows in the other curve.
     curves = [each for each in (screw.smooth, screw.harmonic) if each is not None]
     for misses in (
         *(_left_out(each, setups) for each in curves),
         _left_out_halves(places, setups, screw.reversal),
     ):
-        usual = median(score for score, _ in misses.values()) / NORMAL if misses else 1.0
+        usual = median([score for score, _ in misses.values()] or [1.0]) / NORMAL
         for setup, (score, miss) in misses.items():
-            if score > MOST_SCORE * usual and miss > least:
-                worst[setup] = max(miss, worst.get(setup, 0.0))
+            if usual and miss > least and score > found[0] * usual:
+                found = (score / usual, setup, miss)
+    _, worst, miss = found
+    if not miss:
+        return None
+    own = [each for each, number in zip(places, setups.tolist(), strict=True) if number == worst]
     runs = sorted({each.run for each in survey.readings})
-    found = []
-    for setup, miss in sorted(worst.items()):
-        own = [each for each, number in zip(places, setups.tolist(), strict=True) if number == setup]
-        found.append(Slip(runs[own[0].setup], own[0].position, own[-1].position, miss))
-    return tuple(found)
+    return Slip(runs[own[0].setup], own[0].position, own[-1].position, miss)
 
 
 def _left_out_halves(

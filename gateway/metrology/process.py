@@ -55,7 +55,9 @@ _FINEST: Final = 0.08
 _FIRST: Final = 1.2
 _ROUNDS: Final = 60
 
-_SMOOTH, _LENGTH, _SHORT, _NOISE, _CHANGE = "smooth", "length", "short", "noise", "change"
+CHANGE: Final = "change"
+"""Name of the size that says over which length the repeating parts change."""
+_SMOOTH, _LENGTH, _SHORT, _NOISE = "smooth", "length", "short", "noise"
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,9 +220,7 @@ class Process:
         waves = random.standard_normal(FEATURES) / np.sqrt(wide) / np.exp(sizes[_LENGTH])
         curves: Array = np.exp(sizes[_SMOOTH]) * _random_waves(at, waves, count, random)
         for index, period in enumerate(kind.periods):
-            shift = (
-                random.standard_normal(MODULATED) / np.exp(sizes[_CHANGE]) if kind.changes else np.zeros(1)
-            )
+            shift = random.standard_normal(MODULATED) / np.exp(sizes[CHANGE]) if kind.changes else np.zeros(1)
             curves += np.exp(sizes[_period(index)]) * _random_waves(
                 at, 2 * pi / period + shift, count, random
             )
@@ -465,7 +465,7 @@ class _Search:
             _LENGTH: (log(gap * 0.7), log(span * 2)),
             _SHORT: (low, log(typical * 2)),
             _NOISE: (low, log(typical * 2)),
-            _CHANGE: (log(max(4 * gap, span / 10)), log(span * 4)),
+            CHANGE: (log(max(4 * gap, span / 10)), log(span * 4)),
             **{_period(index): (low, log(typical * 5)) for index in range(len(kind.periods))},
         }
 
@@ -479,7 +479,7 @@ class _Search:
             sizes[_NOISE] = log(max(self._stated_noise(), typical * 0.1))
         sizes |= {_period(index): log(typical * 0.3) for index in range(len(kind.periods))}
         if kind.changes:
-            sizes[_CHANGE] = log(self._samples.span)
+            sizes[CHANGE] = log(self._samples.span)
         return sizes
 
     def climb(self, start: Mapping[str, float]) -> tuple[float, dict[str, float]]:
@@ -601,7 +601,7 @@ def _kernel(kind: CurveKind, sizes: Mapping[str, float], distances: _Distances) 
             np.exp(2 * sizes[_period(index)]) * wave for index, wave in enumerate(distances.waves)
         )
         if kind.changes:
-            repeating = repeating * np.exp(-0.5 * (distances.signed / np.exp(sizes[_CHANGE])) ** 2)
+            repeating = repeating * np.exp(-0.5 * (distances.signed / np.exp(sizes[CHANGE])) ** 2)
         covariance = covariance + repeating
     return covariance
 

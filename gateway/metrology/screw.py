@@ -7,7 +7,7 @@ the scatter of readings is in both. Needs numpy; its users import it locally.
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from math import atan2, degrees, hypot, inf, pi
+from math import atan2, degrees, hypot, inf, log, pi
 from statistics import fmean
 from typing import Final, NamedTuple
 
@@ -20,6 +20,7 @@ from gateway.metrology.build import Shape
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.lead import Period, may_be_more, shown_by, unseen
 from gateway.metrology.process import (
+    CHANGE,
     KERNELS,
     ROUGH,
     Array,
@@ -75,6 +76,8 @@ may be as large as all of it."""
 SAME: Final = 1e-10
 """Of the largest information: less is none."""
 SEED: Final = 20
+QUICK: Final = 1 / 8
+"""Of the span: the length over which a repeating error changes, at the beginning of the search."""
 ROUNDS: Final = 4
 """Iterations from a nut position to its drive position; each is nearer by the error's slope."""
 
@@ -386,13 +389,16 @@ def screw_of_differences(given: Differences) -> MeasuredScrew:
     targets = tuple(sorted(set(middle.positions.tolist())))
     shown = tuple(each for each in shown_by(targets, periods)[0] if each not in given.concealed)
     lengths = tuple(period.length for period in shown)
-    kinds = [fitted(middle, CurveKind(order, short)) for order in given.orders for short in (False, True)]
-    kinds += [
-        fitted(middle, CurveKind(order, has_short=False, periods=lengths, changes=changes))
-        for order in given.orders
-        for changes in (False, True)
-        if lengths
-    ]
+    kinds = []
+    for order in given.orders:
+        plain = fitted(middle, CurveKind(order))
+        kinds += [plain, fitted(middle, CurveKind(order, has_short=True), plain.sizes)]
+        if lengths:
+            steady = fitted(middle, CurveKind(order, periods=lengths))
+            # From a slow change the search finds none at all.
+            start = {**steady.sizes, CHANGE: log(middle.span * QUICK)}
+            changing = fitted(middle, CurveKind(order, periods=lengths, changes=True), start)
+            kinds += [steady, changing]
     smooth = min((each for each in kinds if not each.kind.periods), key=lambda each: each.score)
     repeating = [each for each in kinds if each.kind.periods]
     harmonic = min(repeating, key=lambda each: each.score) if repeating else None

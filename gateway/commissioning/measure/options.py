@@ -133,7 +133,8 @@ class WalkOptions(Options):
         float, Option("Limit of the dial's error over its range, in µm.", "dial-error", min=0.0)
     ] = 0.0
     dial_digit_um: Annotated[
-        float, Option("Last digit of the dial, in µm, to say how good the walk can become.", "dial-digit")
+        float,
+        Option("Last digit of the dial, in µm, to say how good the walk can become.", "dial-digit", min=0.01),
     ] = 1.0
 
     @property
