@@ -15,6 +15,7 @@ from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.readings import APPROACHES, Reading, Survey, mean_corrections
+from gateway.metrology.standard import GRADE, Grade
 
 MOST: Final = 3e-4
 """0.3 mm/m: more is not a screw error but a wrong scale; the user must correct it first."""
@@ -122,10 +123,13 @@ def scale_of(readings: Iterable[Reading]) -> ScaleError | None:
 def reliable_scale(survey: Survey, lead: float | None = None) -> ScaleError | None:
     """Return the linear part, or None if the readings span only a few revolutions of the screw.
 
-    ``lead`` is the longest possible period of the error, if given.
+    Readings over a block of unknown length have none. ``lead`` is the longest possible period of the error,
+    if given.
     """
     found = scale_of(survey.readings)
     if found is None or survey.units is Units.DEGREE:  # a revolution needs no scale
+        return None
+    if survey.facts.get(GRADE, "").lower() == Grade.UNKNOWN.value:
         return None
     made = abs(found.share) * survey.span
     is_reliable = not is_short(survey, lead) or made > survey.units.from_mm(NO_WAVE_MM)

@@ -1,5 +1,6 @@
 """Files of a gauge block walked along an axis: read as they say, or refused with the line and the remedy."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -113,9 +114,11 @@ def test_table_build_takes_a_walk(tmp_path: Path) -> None:
 
 def test_an_unknown_block_makes_a_table_without_a_scale_and_says_so(tmp_path: Path) -> None:
     out = tmp_path / "x.csv"
-    found = typed("table", "build", str(written(tmp_path, "unknown")), str(out), "--to", "csv")
+    found = typed("table", "build", str(written(tmp_path, "unknown")), str(out), "--to", "csv", "--json")
     assert found.returncode == 0, found.stderr
-    assert "the scale cannot be determined" in " ".join(found.stderr.split())
+    result = json.loads(found.stdout)
+    assert any("the scale cannot be determined" in each for each in result["notes"])
+    assert result["scale"] is None
 
 
 def test_a_walk_is_evaluated_and_not_refined(tmp_path: Path) -> None:
