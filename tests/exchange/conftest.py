@@ -41,7 +41,7 @@ def arrival(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 
 @pytest.fixture
 def in_production(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What cannot be is told, not raised."""
+    """An impossible event is reported, as in production, not raised."""
     if is_compiled():
         pytest.skip("the switch is no attribute of what is compiled")
     monkeypatch.setattr(impossible, "_is_raised", False)

@@ -117,7 +117,7 @@ class StagedDrive(Memory):
         self.put(ACTUAL, counts)
 
     def stand_at(self, counts: int) -> None:
-        """Stand somewhere, done, after a motion that nobody commanded through the gateway."""
+        """Report done at a position that no controller commanded through the gateway."""
         for place in (ACTUAL, COMMANDED):
             self.put(place, counts)
         self.set_bits(is_done=True)

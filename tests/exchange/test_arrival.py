@@ -666,7 +666,7 @@ def test_m4_a_repeat_whose_reply_was_lost_leaves_the_branch_as_it_is() -> None:
     "again", ["to 0", "to 1", "status, ack: 03 005C 0001 -> 0110, to 0", "status, ack, to 1"]
 )
 def test_an_axis_whose_done_bit_fell_and_rose_is_looked_at_before_any_target(again: str) -> None:
-    """M4, M6: it stands, and nobody knows where. 9007 is 9172 forward; 5003 is 5108, or 4888 backward."""
+    """M4, M6: it is at rest at an unknown position. 9007 is 9172 forward; 5003 is 5108, or 4888 backward."""
     crept = """
         to 0: 10 0606 0002 04 232F 0000, ack: 03 0520 0002 -> 0000 0000
         ack: 10 0606 0002 04 23D4 0000, arrive, status, ack: 03 005C 0001 -> 0110   # done

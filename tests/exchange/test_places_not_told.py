@@ -424,7 +424,7 @@ def test_a_target_given_again_after_its_axis_moved_on_is_flagged_where_nothing_t
 
 
 def test_a_target_that_is_repeated_while_its_axis_is_on_its_way_keeps_its_branch() -> None:
-    """M4: an axis that is slow to begin was not moved by somebody else."""
+    """M4: an axis that begins late has not been moved otherwise."""
     played(
         replace(BY_NAME["short"], is_prompt=False),
         """

@@ -13,7 +13,7 @@ from tests.year.machine import Epoll as SimulatedEpoll
 from tests.year.machine import Selector as SimulatedSelector
 
 MACHINE: Final = Machine()
-"""The one of this program: a seed has a program of its own."""
+"""The simulated process. Each seed is played by another interpreter, so there is one."""
 CLOCK: Final = time.CLOCK_BOOTTIME
 Wait = Callable[[int, int], list[tuple[int, int]]]
 IN_C: Final = None
