@@ -30,6 +30,8 @@ BAND: Final = 3
 """Counts that rounding may put a reading beside the two branches."""
 LATE_NS: Final = 5 * MS
 """What a request may be late by the gateway's own steps."""
+TOLD_NS: Final = 2 * S
+"""A flag is reported with the end of the exchange that it concerns."""
 TROUBLED_NS: Final = 15 * S
 """After a fault: the longest pause before a silent drive is tried again is 10 s."""
 KEPT: Final = 60
@@ -158,6 +160,8 @@ class Axis:
         """Counts that a reading may lie beside the branches: that of before fades on the way."""
         self.is_flagged = True
         """Flagged since its last certain move."""
+        self.flags = 0
+        """How often it was flagged."""
         self.is_referenced = True
         self.is_new = True
         """No move since the process began, and its record was not restored."""
@@ -375,7 +379,8 @@ class Account:
             else:
                 way = "forward" if ways[0] else "backward"
                 detail = f"axis {axis.name} goes {way} to {end} for {nominal}, from {operation.was_at}; "
-                self.book.find("wrong-branch", detail + f"forward {up:.3f}, backward {down:.3f}")
+                detail += f"forward {up:.3f}, backward {down:.3f}"
+                self._machine.after(TOLD_NS, self._need_flag, axis, axis.flags, detail)
         axis.place, axis.words = nominal, end
 
     @staticmethod
@@ -431,6 +436,7 @@ class Account:
         for axis in (axis for line in lines for axis in line.axes.values()):
             if named in (axis.name, None):
                 axis.is_flagged |= name in UNSURE
+                axis.flags += name in UNSURE
                 axis.is_new &= name != "restored"
                 if name in ("reference-lost", "axis-referenced"):
                     axis.is_referenced = name == "axis-referenced"
@@ -450,6 +456,11 @@ class Account:
     def trouble(self, line: Line, lasts_ns: int = 0) -> None:
         """A fault on a line: for a while it explains what is refused or not answered."""
         line.troubled_ns = max(line.troubled_ns, self._machine.now_ns + lasts_ns)
+
+    def _need_flag(self, axis: Axis, flags: int, detail: str) -> None:
+        """An axis moved in an unlikely direction, and must have been flagged since it had so many flags."""
+        if axis.flags == flags:
+            self.book.find("wrong-branch", detail)
 
     def _need_trouble(self, line: Line, kind: str, request: Request, why: str) -> None:
         if min(self._machine.now_ns, request.asked_ns) - line.troubled_ns > TROUBLED_NS:

@@ -22,6 +22,8 @@ from tests.year.serial_ports import Wire
 
 Step = tuple[int, bytes] | float
 Program = Generator[Step, bytes | None, None]
+TIMEOUT_MS: Final = 150.0
+"""``response_timeout_ms``: how long the gateway waits for replies to its own reads."""
 PATIENCE_MS: Final = 1_000.0
 """Of each controller. The gateway waits as long for a drive (W7)."""
 PATIENCE_NS: Final = int(PATIENCE_MS * MS)
@@ -75,7 +77,8 @@ class Bus:
         if fault == "refused":
             reply = frame.reply = bytes((frame.pdu[0] | 0x80, 4))
         if fault == "reply-late":
-            late_ms = PATIENCE_MS + self._rng.uniform(5.0, 60.0)  # within the silence that follows (W6)
+            patience_ms = TIMEOUT_MS if frame.request is None else PATIENCE_MS
+            late_ms = patience_ms + self._rng.uniform(5.0, 60.0)  # within the silence that follows (W6)
             self._machine.after(int(late_ms * MS), answer, reply, False)
             return
         is_garbled = fault == "reply-garbled"

@@ -115,7 +115,7 @@ class Stream(Descriptor):
 
     def stall(self, ns: int) -> None:
         """Let nothing arrive for a while; if it is too long the connection breaks."""
-        self.stalled_until_ns = self.machine.now_ns + ns
+        self.stalled_until_ns = max(self.stalled_until_ns, self.machine.now_ns + ns)
         if ns >= GIVEN_UP_NS:
             self.machine.after(GIVEN_UP_NS, self._break)
 
@@ -150,8 +150,9 @@ class Stream(Descriptor):
         self._show()
 
     def _break(self) -> None:
-        peer, self.peer = self.peer, None
+        peer = self.peer
         if self.stalled_until_ns > self.machine.now_ns and peer is not None:
+            self.peer = None
             self._end(errno.ETIMEDOUT)
             peer.stream = None
             peer.closed()

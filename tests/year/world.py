@@ -25,6 +25,7 @@ from tests.year.disk import WRITTEN_BACK_S, Disk
 from tests.year.faults import Faults
 from tests.year.field import (
     PATIENCE_MS,
+    TIMEOUT_MS,
     Bus,
     Manner,
     SerialController,
@@ -45,7 +46,6 @@ DRIVES: Final = SerialEndpoint("/dev/drives", 115200, "E")
 CNC: Final = SerialEndpoint("/dev/cnc", 115200, "E")
 Z_DRIVES: Final = TcpEndpoint("10.0.0.20", 502)
 HMI_PORT, PLC_PORT, PANEL_PORT = 1502, 1503, 1504
-TIMEOUT_MS: Final = 150.0
 XY: Final = (
     Layout("x", 1, Style.DIRECT, low_first=True),
     Layout("y", 2, Style.PLAIN, counts_per_unit=-1000.0, zero_counts=3_000),
