@@ -235,10 +235,13 @@ BUDGET_KEPT: Final = EventEntry(
 LATE_REPLY: Final = EventEntry(
     "late-reply",
     Severity.WARNING,
-    "a drive sent a frame that answers no request; it was dropped",
-    "the drive answers after `response_timeout_ms` or twice, or another master is on the line",
-    "raise `response_timeout_ms`; with the gateway stopped, `pitch-gateway probe CONFIG --timing` "
-    "measures what the drive needs. Check that no other master uses the line",
+    "a drive sent a frame that answers no request, or its reply came later than the `timeout_ms` of an RTU "
+    "controller; it was dropped",
+    "the drive answers after `response_timeout_ms` or twice, another master is on the line, or the "
+    "controller waits longer than `timeout_ms` says",
+    "raise `response_timeout_ms`, and `timeout_ms` to the time that the controller waits; with the gateway "
+    "stopped, `pitch-gateway probe CONFIG --timing` measures what the drive needs. Check "
+    "that no other master uses the line",
 )
 REQUEST_REFUSED: Final = EventEntry(
     "request-refused",

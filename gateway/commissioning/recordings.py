@@ -11,7 +11,7 @@ from gateway.config.load import load
 from gateway.config.recording_header import ANY_BYTES
 from gateway.exchange.events import Event
 from gateway.files import open_regular_file
-from gateway.recording.replay import Replay, ReplayError, ReplayResult
+from gateway.recording.replay import Replay, ReplayError, ReplayResult, paced_first
 from gateway.recording.traffic import (
     CAPTURED,
     FORMAT,
@@ -79,7 +79,7 @@ class RecordedFile:
         again = Replay(plan, line, on_event)
         assert self._first is not None
         again.feed(*self._first)
-        for number, entry in self._entries:
+        for number, entry in paced_first(self._entries):
             different = again.result.different
             is_ours = again.feed(number, entry)
             if on_entry and is_ours and not isinstance(entry, Header | End | Port):

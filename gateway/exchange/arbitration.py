@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from gateway.exchange.plan import LineTiming
+from gateway.exchange.ports import Stamps
 from gateway.exchange.transaction import Transaction
 from gateway.times import NS_PER_MS, NS_PER_S
 
@@ -32,6 +33,8 @@ SHRINKS: Final = 8
 """An expected duration that was not reached again shrinks by an eighth each time."""
 PAID_BACK: Final = 9
 """Motion then gets the line for this multiple of a forced transaction's time."""
+JUST_NS: Final = NS_PER_MS
+"""A timer that ends a silence comes no later, unless the machine is busy."""
 HEAD_BYTES: Final = 5
 """Bytes of a PDU that identify a request."""
 
@@ -68,13 +71,16 @@ class _Shortest:
 class Gaps:
     """The gaps between the motion transactions of one line, and what fits into them."""
 
-    def __init__(self, timing: LineTiming) -> None:
+    def __init__(self, timing: LineTiming, stamps: Stamps) -> None:
+        self._stamps = stamps
         self._quiet_ns = int(timing.quiet_ms * NS_PER_MS)
         self._max_wait_ns = int(timing.monitor_max_wait_ms * NS_PER_MS)
         self.is_watching = False
         """Whether others than motion controllers use the line; gaps are not recorded before."""
         self._ended_ns: int | None = None
-        """When the last motion transaction ended; None: none was seen yet."""
+        """From when the line was free after the last motion transaction; None: none was seen yet."""
+        self._was_paced = False
+        """Whether that was only after a silence: a timer ends it, and comes a little late."""
         self._any = _Shortest()
         self._long = _Shortest()
         """Of the gaps of ``quiet_ms`` and more."""
@@ -90,7 +96,7 @@ class Gaps:
         """Record a motion request that found no other motion transaction under way."""
         if self._ended_ns is None:
             return
-        gap_ns = now_ns - self._ended_ns
+        gap_ns = max(now_ns - self._ended_ns, 0)
         self._any.add(gap_ns, now_ns)
         if gap_ns >= self._quiet_ns:
             self._long.add(gap_ns, now_ns)
@@ -99,11 +105,13 @@ class Gaps:
         """Record the end of a transaction, answered or not, and the rest that the line takes after it."""
         if not self.is_watching:
             return
+        next_ns = self._stamps.next_ns
         if transaction.is_motion:
-            self._ended_ns = now_ns
+            self._was_paced = next_ns > now_ns
+            self._ended_ns = next_ns if self._was_paced else now_ns
             self._motion_ns = max(now_ns - transaction.sent_ns, self._motion_ns - self._motion_ns // SHRINKS)
             return
-        free_ns = now_ns if rests_until_ns is None else rests_until_ns
+        free_ns = max(now_ns if rests_until_ns is None else rests_until_ns, next_ns)
         if len(self._durations_ns) >= REMEMBERED:
             self._durations_ns.clear()
         before_ns = self._durations_ns.get(_key(transaction), 0)
@@ -147,7 +155,11 @@ class Gaps:
         return max(now_ns + 1, min(next_ns, ended_ns + NS_PER_S))
 
     def _idle_ns(self, now_ns: int) -> int:
-        return NS_PER_S if self._ended_ns is None else now_ns - self._ended_ns
+        """Return how long the line has been free of motion; 0: the last transaction has just ended."""
+        if self._ended_ns is None:
+            return NS_PER_S
+        idle_ns = now_ns - self._ended_ns
+        return 0 if self._was_paced and idle_ns < JUST_NS else idle_ns
 
     def _forced_from_ns(self, transaction: Transaction) -> int:
         """When it starts at the next possible moment although it does not fit."""

@@ -8,6 +8,7 @@ States of the line:
 - *busy*: one transaction is on the wire (W6). Others wait, stops at their head (M3).
 - *resting*: only stops are sent until a certain time. It is the silence after an unexpected frame (W6), or
   the turnaround after a broadcast, in which stops wait too.
+- *paced*: nothing is sent until the wire has been silent long enough for a frame (``Stamps.next_ns``).
 
 The other decisions have files of their own:
 
@@ -171,7 +172,7 @@ class LineExchange:
             silent_units=self.silent_units,
             rest=self.rest,
             renewal=self._renewal,
-            is_serial=link.is_serial,
+            link=link,
         )
         self.meter = LineMeter(self.axes, link, on_event, what_ran)
         self._deadlines = Deadlines(self.axes, self._units, self.counters, on_event)
@@ -338,6 +339,7 @@ class LineExchange:
             and self.rest.until_ns is None
             and not self.silent_units.silences
             and not self._renewal.holds
+            and now_ns >= self._link.stamps.next_ns
         )
         if why_given_up and not (
             self.link_state.is_up and self._units.stops_of(self._units.frames_of(transaction))
@@ -353,7 +355,7 @@ class LineExchange:
         assert self._own_unit is not None
         self._transactions.go_on(transaction, Outcome.NEVER_SENT)
         if not why_given_up:
-            self._transactions.reply(transaction, self._own_unit.answer(transaction.pdu, now_ns))
+            self._transactions.reply(transaction, self._own_unit.answer(transaction.pdu, now_ns), now_ns)
 
     def _judge(self, transaction: Transaction, now_ns: int, *, is_free: bool) -> None:
         """Start, queue or refuse a request that cannot simply be sent."""
@@ -514,7 +516,7 @@ class LineExchange:
             self.counters.exceptions += pdu[0] >= EXCEPTION_BIT
             outcome = ACKNOWLEDGED if pdu[0] < EXCEPTION_BIT else EXCEPTION
             self._transactions.go_on(transaction, outcome)
-            self._transactions.reply(transaction, nominal_reply)
+            self._transactions.reply(transaction, nominal_reply, now_ns)
             path.settle(transaction, now_ns)
             self._transactions.free_wire()
             assert transaction.port is not None
@@ -572,6 +574,8 @@ class LineExchange:
             self._waiting.put_back(transaction)
         elif self.rest.is_closing or self._renewal.holds:  # do not send it into a connection that closes
             self._waiting.put_back(transaction)
+        elif self._is_paced(now_ns):
+            self._scheduler.put_next(transaction)
         else:
             self._start(transaction, now_ns)
 
@@ -669,6 +673,7 @@ class LineExchange:
         elif current is not None:
             self._end_reply(ForwardEvent.GONE, now_ns)
             self._end_unanswered(current, now_ns)
+        self._scheduler.forget_next()
         self._hold_up_waiting(now_ns)
         self._report(self.axes)
 
@@ -777,14 +782,31 @@ class LineExchange:
             if not self.link_state.is_up:
                 return
         while self._waiting.total and self._transactions.current is None:
+            if self._is_paced(now_ns):
+                return
             chosen = scheduler.next(now_ns)
             if chosen is None:
                 break
             self._start(chosen, now_ns)
-        if self._renewal.holds and self._transactions.current is None and self.rest.until_ns is None:
+        if not self._renewal.holds or self._transactions.current is not None or self._is_paced(now_ns):
+            return
+        if self.rest.until_ns is None:
             read = scheduler.held_read(now_ns)
             if read is not None:
                 self._put_on_wire(read, read.pdu, read.unit_id, now_ns)
+
+    def _is_paced(self, now_ns: int) -> bool:
+        """Whether nothing may be sent yet, because the wire needs a silence; then the line wakes behind it.
+
+        What waits can still be withdrawn, and bytes that come meanwhile answer nothing (W5, W6).
+        """
+        until_ns = self._link.stamps.next_ns
+        if now_ns >= until_ns:
+            return False
+        if self._tap is not None:
+            self._tap.paced(until_ns)
+        self._scheduler.wake_at(until_ns)
+        return True
 
     def _is_answered_at_once(self, transaction: Transaction, now_ns: int) -> bool:
         """Whether the gateway answers an arriving request itself; not if the next link polls dead drives."""

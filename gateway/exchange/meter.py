@@ -2,9 +2,9 @@
 
 Times are those of ``read()`` and ``write()``. A transaction has these parts:
 
-- *queue*: from its last byte until the line was free for it;
+- *queue*: from its last byte until the line was free for it, and the wire had been silent long enough;
 - *request leg*: from then until its frame was written to the drive; without the frames of the gateway that
-  went first (*added*), and without the silence that a wire needs;
+  went first (*added*);
 - *drive*: from then to the last byte of the reply, without the transmission time of the bytes (under
   cut-through, only of the bytes still to be sent then);
 - *reply leg*: from then until the reply was written to the controller.
@@ -151,7 +151,7 @@ class LineMeter:
         """Measure a transaction whose reply has been passed on."""
         sent, replied = self._link.stamps, port.stamps
         sent_ns, started_ns = sent.sent_ns, transaction.started_ns
-        leg_ns = replied.sent_ns - reply_ns - replied.paced_ns
+        leg_ns = replied.sent_ns - reply_ns
         if not sent_ns or leg_ns < 0:
             return  # times are not recorded, or the controller is gone
         unit_id = transaction.unit_id
@@ -159,7 +159,7 @@ class LineMeter:
         if port is not self._last_port or unit_id != self._last_unit_id or measured is None:
             measured = self.measured.get((port.name, unit_id)) or self._measured(port.name, unit_id)
             self._last_port, self._last_unit_id, self._last = port, unit_id, measured
-        request_ns = sent_ns - (started_ns or transaction.arrived_ns) - sent.paced_ns
+        request_ns = sent_ns - (started_ns or transaction.arrived_ns)
         gateway_ns = request_ns + leg_ns
         drive_ns = reply_ns - sent_ns
         if sent.wire_ns_per_byte:
@@ -224,8 +224,8 @@ class LineMeter:
         started_ns = transaction.started_ns or transaction.arrived_ns
         steps = {
             "working out what is sent": sent.ready_ns - started_ns,
-            "writing it to the drive": sent.sent_ns - sent.ready_ns - sent.paced_ns,
-            "turning the reply back and writing it": replied.sent_ns - reply_ns - replied.paced_ns,
+            "writing it to the drive": sent.sent_ns - sent.ready_ns,
+            "turning the reply back and writing it": replied.sent_ns - reply_ns,
         }
         slowest = max(steps, key=lambda step: steps[step])
         all_us = sum(steps.values()) / NS_PER_US

@@ -27,8 +27,8 @@ class Stamps:
         """When it was ready to be written; only kept for requests."""
         self.sent_ns = 0
         """When the system had taken it; while it is held back, when it was ready; 0: not measured."""
-        self.paced_ns = 0
-        """How long it was held back, for the silence that a wire or a drive needs before it."""
+        self.next_ns = 0
+        """From when the next frame may be sent: the wire or the other end needs a silence before it."""
         self.wire_ns_per_byte = 0
         """Time of one byte on its wire; 0: there is no wire."""
 

@@ -7,6 +7,7 @@
 - While the line rests, only stops are sent, and only those that the rest does not hold back.
 - While a unit id is silent, ``silent_units`` says how long each request waits.
 - While a new connection holds requests back, those wait that it does not carry yet (``renewal``).
+- A request whose prerequisite was answered goes next, behind stops: what was read for it is new then.
 
 Requests of one controller keep their order; its stops wait for none of them.
 
@@ -27,6 +28,7 @@ from gateway.exchange.axis.axis import Axis
 from gateway.exchange.decode import AxisCommand
 from gateway.exchange.dispatch import UnitMaps, is_acting_on, moves_one_of
 from gateway.exchange.plan import LineTiming
+from gateway.exchange.ports import DriveLink
 from gateway.exchange.queue import WaitingQueue
 from gateway.exchange.renewal import Held, Renewal
 from gateway.exchange.rest import Rest
@@ -59,7 +61,7 @@ class Scheduler:
         silent_units: the units that do not answer.
         rest: the pauses of the line.
         renewal: what a new connection holds back.
-        is_serial: replies carry no number (W6).
+        link: the link to the drives.
     """
 
     def __init__(
@@ -73,7 +75,7 @@ class Scheduler:
         silent_units: SilentUnits,
         rest: Rest,
         renewal: Renewal,
-        is_serial: bool,
+        link: DriveLink,
     ) -> None:
         self._unit_ids = tuple(dict.fromkeys(axis.plan.unit_id for axis in axes))
         self._units = units
@@ -82,8 +84,10 @@ class Scheduler:
         self._silent_units = silent_units
         self._rest = rest
         self._renewal = renewal
-        self._is_serial = is_serial
-        self.gaps = Gaps(timing)
+        self._is_serial = link.is_serial
+        self.gaps = Gaps(timing, link.stamps)
+        self._goes_next: Transaction | None = None
+        """Its prerequisite was answered, and it waits only for the silence before its own frame."""
         self.waits_until_ns: int | None = None
         """When a waiting request may be sent: of a monitor, or one that waits for late frames."""
         self._early_stops: list[Transaction] = []
@@ -105,6 +109,10 @@ class Scheduler:
 
     def next(self, now_ns: int) -> Transaction | None:
         """Remove and return what may be started now on a line that is not busy; None: nothing may."""
+        if self._goes_next is not None:
+            chosen = self._take_next()
+            if chosen is not None:
+                return chosen
         if self._rest.until_ns is not None or self._silent_units.silences or self._renewal.holds:
             if self._silent_units.awaits_late_reply:
                 self._silent_units.answer_waiting(now_ns)
@@ -116,6 +124,31 @@ class Scheduler:
         if chosen is not None:
             self._waiting.take(chosen)
         return chosen
+
+    def put_next(self, transaction: Transaction) -> None:
+        """Queue a request whose prerequisite was answered: it goes next."""
+        self._waiting.put_back(transaction)
+        self._goes_next = transaction
+
+    def forget_next(self) -> None:
+        """The link was lost: what was read for the request that goes next is read again at its turn."""
+        if self._goes_next is not None:
+            self._goes_next.begin_anew()
+            self._goes_next = None
+
+    def _take_next(self) -> Transaction | None:
+        """Remove and return the request that goes next.
+
+        None: something else goes first, so what was read for it is read again at its turn.
+        """
+        transaction, self._goes_next = self._goes_next, None
+        assert transaction is not None
+        is_held_back = self._rest.until_ns is not None or self._silent_units.silences or self._renewal.holds
+        if is_held_back or self._waiting.has_stops or transaction not in self._waiting:
+            transaction.begin_anew()
+            return None
+        self._waiting.take(transaction)
+        return transaction
 
     def wake_at(self, due_ns: int) -> None:
         """Make the line check the waiting requests at this time, or earlier."""

@@ -64,6 +64,9 @@ class Tap:
     def answered_early(self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """A reply was forwarded while the drive's still came in: :meth:`reply` comes after it."""
 
+    def paced(self, until_ns: int) -> None:
+        """What waits is not sent before then, because the wire needs a silence."""
+
     # --- time and commands
 
     def timer(self, now_ns: int) -> None:

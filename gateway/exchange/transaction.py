@@ -465,6 +465,7 @@ class Transactions:
         self._lose = lose
         self._unit_of = unit_of
         self._withdrawals: Reports[tuple[str, str]] = Reports(NS_PER_S, others=others_of_pairs)
+        self._late: Reports[str] = Reports(NS_PER_S)
         self._arrived_ns = 0
         """When the newest request arrived."""
         self.current: Transaction | None = None
@@ -635,7 +636,7 @@ class Transactions:
             for request in transaction.requests:
                 finish(request, outcome, code, now_ns)
         if answer is not Answer.NOTHING:
-            self._answer(transaction, code, answer)
+            self._answer(transaction, code, answer, now_ns)
 
     def refuse(
         self, transaction: Transaction, code: int, now_ns: int, *, loss: Loss | None = Loss.DENIED
@@ -661,10 +662,13 @@ class Transactions:
         code = ExceptionCode.SERVER_DEVICE_BUSY
         self.finish(transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.REFUSAL, withdrawn=why)
 
-    def reply(self, transaction: Transaction, pdu: bytes) -> None:
+    def reply(self, transaction: Transaction, pdu: bytes, now_ns: int) -> None:
         """Give the controller its reply, if it still waits for one."""
         port = transaction.port
         if port is None or transaction.is_orphan:
+            return
+        if port.is_serial and now_ns > transaction.given_up_ns:
+            self._report_late(port.name, now_ns)
             return
         if not (port.is_serial and transaction.unit_id == BROADCAST_UNIT_ID):  # a broadcast has no reply
             if self._tap is not None:
@@ -683,7 +687,7 @@ class Transactions:
         self._counters.count_reply(reply)
         requests = transaction.requests
         if not requests:
-            self.reply(transaction, reply)
+            self.reply(transaction, reply, now_ns)
             unit = self._unit_of(transaction.unit_id)
             observe_discrete(unit, transaction.pdu, reply, transaction.sent_ns)
             return
@@ -692,15 +696,15 @@ class Transactions:
             is_read = request.reads_too
             if is_acknowledged and is_read:
                 finish(request, outcome, code, now_ns)
-                self.reply(transaction, nominal_reply(request, reply))
+                self.reply(transaction, nominal_reply(request, reply), now_ns)
             else:
                 passed = reply_without_positions(request, reply, is_acknowledged=is_acknowledged)
-                self.reply(transaction, passed)
+                self.reply(transaction, passed, now_ns)
                 finish(request, outcome, code, now_ns)
             if is_read:
                 self._counters.unmapped_reads += request.reads_unmapped
 
-    def _answer(self, transaction: Transaction, code: int, answer: Answer) -> None:
+    def _answer(self, transaction: Transaction, code: int, answer: Answer, now_ns: int) -> None:
         port = transaction.port
         if answer is Answer.BACK_OFF:
             self._counters.backed_off += 1
@@ -712,7 +716,13 @@ class Transactions:
             answer is Answer.DENIAL and code == ExceptionCode.GATEWAY_PATH_UNAVAILABLE
         )
         if not (is_absent and (port is None or port.is_serial)):
-            self.reply(transaction, exception_pdu(transaction.pdu[0], code))
+            self.reply(transaction, exception_pdu(transaction.pdu[0], code), now_ns)
+
+    def _report_late(self, name: str, now_ns: int) -> None:
+        """Report a reply that an RTU controller would take for the one to its next request (W6)."""
+        if count := self._late.due(name, now_ns):
+            late = f"a reply came after timeout_ms of {name} and was not passed on{times(count)}"
+            self._on_event(Event(exchange_events.LATE_REPLY, None, late))
 
     def _count_withdrawn(self, transaction: Transaction, why: str, now_ns: int) -> None:
         """Count it; report one for each controller and reason in a second, with their number."""

@@ -12,6 +12,7 @@ from gateway.recording import traffic
 from gateway.recording.trace_buffer import (
     ABANDONED,
     ANSWERED,
+    PACED,
     REPLY,
     REQUEST,
     SENT,
@@ -46,6 +47,8 @@ def frame_entry(line: str, ports: Mapping[int, tuple[str, str, str]], raw: Raw) 
         return traffic.Sent(line, unit, pdu.hex())
     if kind == ANSWERED:
         return traffic.Answered(line, port, transaction, unit, pdu.hex())
+    if kind == PACED:
+        return traffic.Paced(line, int.from_bytes(pdu, "little"))
     return traffic.Abandoned(line) if kind == ABANDONED else traffic.Tick(line, t_ns)
 
 

@@ -23,6 +23,7 @@ ARROWS: Final = {
 
 PLAIN: Final[Mapping[type, str]] = {
     traffic.Abandoned: "          × the reply is not waited for any longer",
+    traffic.Paced: "          … the wire needs a silence before the next frame",
     traffic.RestFirst: "the previous gateway left a request unanswered: the line rests first",
     traffic.Up: "the drives can be reached",
     traffic.Down: "the drives cannot be reached",
@@ -56,6 +57,8 @@ def output_words(output: traffic.Output | None) -> str:
         return "nothing"
     if isinstance(output, traffic.Abandoned):
         return "to give up waiting"
+    if isinstance(output, traffic.Paced):
+        return "to wait for a silence of the wire"
     pdu = bytes.fromhex(output.pdu)
     to = f"controller port {output.port}" if isinstance(output, traffic.Answered) else "drive"
     return f"to {to} unit {output.unit}: {pdu_name(pdu)} {pdu.hex(' ')}"

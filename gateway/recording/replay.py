@@ -3,7 +3,7 @@
 import contextlib
 import zlib
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -26,6 +26,8 @@ from gateway.state.tables import WrongTableError, checked
 from gateway.times import NS_PER_MS
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
+Numbered = tuple[int, traffic.Entry]
+"""An entry with its line in the file."""
 KEPT_DIFFERENCES: Final = 10
 """The first ones matter: later differences mostly follow from them."""
 
@@ -313,8 +315,30 @@ def _recall(axis: Axis, at: traffic.AxisAt, boot: bytes) -> None:
     axis.recall.attach(Record(slots, saved))
 
 
+def paced_first(entries: Iterable[Numbered]) -> Iterator[Numbered]:
+    """Yield entries so that a replay knows when the wire was not free before the input that it concerned.
+
+    It is recorded behind that input. Once an input has caused a frame, it sends no second one.
+    """
+    group: list[Numbered] = []
+    has_sent = False
+    for numbered in entries:
+        entry = numbered[1]
+        if isinstance(entry, traffic.Paced) and not has_sent:
+            group.insert(0, numbered)
+            continue
+        if not isinstance(entry, traffic.Output):
+            yield from group
+            group, has_sent = [], False
+        has_sent = has_sent or isinstance(entry, traffic.Sent)
+        group.append(numbered)
+    yield from group
+
+
 class Replay:
-    """Takes the entries of a recording one after the other; read :attr:`result` when all are fed.
+    """Takes the entries of a recording one after the other, in the order of :func:`paced_first`.
+
+    Read :attr:`result` when all are fed.
 
     ``only`` is the name of the one line that counts; ``on_event`` gets what the exchange reports.
     """
@@ -368,6 +392,11 @@ class Replay:
                 return False
             case traffic.Answered(unit=unit) if unit and unit == self._own_unit_id:
                 return False
+            case traffic.Paced(line=name, until=until):
+                line = self._others.get(name) or self._line(name)
+                if line is None:
+                    return False
+                line.stamps.next_ns = until
             case traffic.Sent() | traffic.Abandoned() | traffic.Answered():
                 if self._line(entry.line) is None:
                     return False

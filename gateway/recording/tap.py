@@ -12,6 +12,7 @@ from gateway.recording.capture import frame_entry
 from gateway.recording.trace_buffer import (
     ABANDONED,
     ANSWERED,
+    PACED,
     REPLY,
     REQUEST,
     SENT,
@@ -34,6 +35,7 @@ class RecordingTap(Tap):
         self._last_number = 0
         self._answered: list[tuple[int, bytes]] = []
         """Replies to controllers that were sent before the drive's reply was complete."""
+        self._paced_until_ns = 0
 
     def frame(self, kind: int, t_ns: int, ids: int, pdu: bytes) -> None:
         """Keep a frequent entry in the format of ``recording.trace_buffer``; outputs have no ``t_ns`` (0)."""
@@ -117,6 +119,12 @@ class RecordingTap(Tap):
     def answered_early(self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """See ``Tap``. It is kept after the reply of the drive, as if that had been complete."""
         self._answered.append((ids_of(port.number, transaction_id, unit_id), pdu))
+
+    def paced(self, until_ns: int) -> None:
+        """See ``Tap``. Kept once for each time."""
+        if until_ns != self._paced_until_ns:
+            self._paced_until_ns = until_ns
+            self.frame(PACED, 0, 0, until_ns.to_bytes(8, "little"))
 
     def timer(self, now_ns: int) -> None:
         """See ``Tap``."""

@@ -39,7 +39,9 @@ ABANDONED: Final = 5
 TICK: Final = 6
 TEXT: Final = 7
 """An entry in the format of a recording (``recording.traffic``)."""
-_KINDS: Final = frozenset((REQUEST, REPLY, SENT, ANSWERED, ABANDONED, TICK, TEXT))
+PACED: Final = 8
+"""Its bytes are the time, little-endian."""
+_KINDS: Final = frozenset((REQUEST, REPLY, SENT, ANSWERED, ABANDONED, TICK, TEXT, PACED))
 
 MOST_GATHERED: Final = 1 << 14
 """Most bytes that are gathered before they are shown."""

@@ -291,6 +291,13 @@ class Abandoned(_Entry, frozen=True, tag="abandoned"):
     line: str
 
 
+class Paced(_Entry, frozen=True, tag="paced"):
+    """What waits is not sent before ``until`` ns: the wire needs a silence. Not in older recordings."""
+
+    line: str
+    until: int
+
+
 class Answered(_Entry, frozen=True, tag="answered"):
     """A frame sent to a controller."""
 
@@ -310,7 +317,7 @@ class End(_Entry, frozen=True, tag="end"):
 Input = (
     Request | Gone | Reply | Stray | RestFirst | Up | Down | Unframed | Tick | Stop | Beginning | Commanded
 )
-Output = Sent | Abandoned | Answered
+Output = Sent | Abandoned | Answered | Paced
 Entry = Header | Input | Output | Port | End
 
 

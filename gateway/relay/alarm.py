@@ -2,16 +2,11 @@
 
 import asyncio
 from collections.abc import Callable
-from typing import Final
 
 from gateway.clock import boot_ns
 from gateway.exchange.line import LineExchange
 from gateway.exchange.ports import Alarm
-from gateway.times import NS_PER_MS
 from gateway.transport.timer import Timer
-
-LATE_NS: Final = 20 * NS_PER_MS
-"""A time-out that is handled this late was not waited for: the process was halted."""
 
 
 class LineAlarm(Alarm):
@@ -25,6 +20,7 @@ class LineAlarm(Alarm):
         self._up_ns = 0
         """When that connection was made."""
         self._timer = Timer(self._rang)
+        self._is_closed = False
         self._idle: asyncio.Future[None] | None = None
         exchange.alarm = self
 
@@ -46,21 +42,18 @@ class LineAlarm(Alarm):
             await asyncio.wait([self._idle], timeout=timeout_s)
 
     def close(self) -> None:
-        """Release the timer."""
+        """Release the timer; nothing is done after this."""
+        self._is_closed = True
         self._timer.close()
 
     def _rang(self, now_ns: int) -> None:
-        if self.late_ns(now_ns) > LATE_NS:
-            # First the loop reads, in this same cycle, what the drives have sent meanwhile.
-            asyncio.get_running_loop().call_soon(self._due_now)
+        # First the loop reads, in this same cycle, what the drives have sent: it ends a silence, or a wait.
+        asyncio.get_running_loop().call_soon(self._due)
+
+    def _due(self) -> None:
+        exchange, now_ns = self._exchange, boot_ns()
+        if self._is_closed:
             return
-        self._due(now_ns)
-
-    def _due_now(self) -> None:
-        self._due(boot_ns())
-
-    def _due(self, now_ns: int) -> None:
-        exchange = self._exchange
         if not exchange.is_idle and self.late_ns(now_ns) >= 0:
             up_ns = exchange.link_state.up_ns
             before = self._counted if up_ns == self._up_ns else 0

@@ -17,7 +17,7 @@ from gateway.modbus.mbap import Adu, MbapCounters, MbapDecoder, encode_mbap, too
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from gateway.modbus.rtu import Frame, RtuRequestDecoder, encode_rtu
 from gateway.modbus.rtu_echo import Echo, ReplyEcho
-from gateway.relay.pacing import PacedSender
+from gateway.relay.pacing import PacedReplies, PacedWire
 from gateway.relay.pulse import FRESH_NS, Beats
 from gateway.transport.channel import IN_ORDER, Channel
 from gateway.transport.endpoints import host_of
@@ -173,7 +173,8 @@ class RtuControllerPort(ControllerPort):
         self._forward_timer: Timer | None = None
         self._channel: Channel | None = None
         self._timer: Timer | None = None
-        self._sender: PacedSender | None = None
+        self._replies: PacedReplies | None = None
+        self._paced_wire: PacedWire | None = None
         self.asked_ns = 0
         """When its last whole request came; 0: never."""
         self.whole = 0
@@ -186,8 +187,8 @@ class RtuControllerPort(ControllerPort):
 
     async def drained(self) -> None:
         """Wait until every reply has been sent after its silence."""
-        if self._sender is not None:
-            await self._sender.drained()
+        if self._replies is not None:
+            await self._replies.drained()
 
     def opened(self, channel: Channel, now_ns: int) -> None:
         """See ``Receiver``."""
@@ -198,9 +199,10 @@ class RtuControllerPort(ControllerPort):
         self.peer = host_of(channel.peer)
         self.writer = writer_name(self.plan.name, self.peer)
         self._timer = Timer(self._silent)
-        self._sender = PacedSender(0, self._gap_ns)
-        self.stamps = self._sender.stamps
-        self._sender.opened(channel, now_ns)
+        self._paced_wire = PacedWire(0, self._gap_ns)
+        self.stamps = self._paced_wire.stamps
+        self._paced_wire.opened(channel, now_ns)
+        self._replies = PacedReplies(self._paced_wire, self._expect_echo)
         if self._wire is not None and self._exchange.forwarding is not None:
             self._forwarder = self._exchange.forwarding.follow(self, self._wire)
         if self._forwarder is not None:
@@ -208,8 +210,8 @@ class RtuControllerPort(ControllerPort):
 
     def received(self, data: bytes, now_ns: int) -> None:
         """See ``Receiver``."""
-        if self._sender is not None:
-            self._sender.heard(now_ns)
+        if self._paced_wire is not None:
+            self._paced_wire.heard(now_ns)
         if self._echo is not None:
             data = self._without_echo(self._echo, data, now_ns)
             if not data:
@@ -223,6 +225,8 @@ class RtuControllerPort(ControllerPort):
             self.whole += 1
             pdu, requests = b"", requests[1:]
         is_one = len(pdu) > 0
+        if self._replies is not None and (has_left or is_one or len(requests)):
+            self._replies.discard()  # the controller has given up on it
         beats = self._beats
         why_given_up = ""
         if beats.stood_still(now_ns, self.patience_ns):
@@ -243,34 +247,35 @@ class RtuControllerPort(ControllerPort):
 
     def closed(self, reason: str, now_ns: int) -> None:
         """See ``Receiver``."""
-        if self._timer is not None and self._sender is not None:
+        if self._timer is not None and self._replies is not None:
             self._timer.close()
-            self._sender.close()
+            self._replies.close()
         if self._forward_timer is not None:
             self._forward_timer.close()
-        self._timer = self._forward_timer = self._sender = self._channel = self._forwarder = None
+        self._timer = self._forward_timer = self._channel = self._forwarder = None
+        self._paced_wire = self._replies = None
         self._exchange.controller_gone(self, now_ns, is_broken=reason not in IN_ORDER)
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
         """See ``ControllerPort``."""
-        if self._sender is not None:
+        if self._replies is not None:
             if unit_id != self._replied_unit_id or pdu != self._replied_pdu:
                 self._replied_frame = encode_rtu(unit_id, pdu)
                 self._replied_unit_id, self._replied_pdu = unit_id, pdu
-            self._expect_echo(self._replied_frame)
-            self._sender.send(self._replied_frame)
+            self._replies.send(self._replied_frame, self.newest_ns + self.patience_ns)
 
     def may_forward(self, now_ns: int) -> bool:
         """See ``ControllerPort``."""
         if self._echo is not None and self._echo.echo is Echo.UNKNOWN:
             return False  # the first reply shows whether the adapter echoes: it is sent whole
-        return self._sender is not None and self._sender.may_begin(now_ns)
+        wire, replies = self._paced_wire, self._replies
+        return wire is not None and replies is not None and wire.may_begin(now_ns) and not replies.is_waiting
 
     def forward(self, piece: bytes) -> None:
         """See ``ControllerPort``."""
-        if self._sender is not None:
+        if self._paced_wire is not None:
             self._expect_echo(piece)
-            self._sender.add(piece)
+            self._paced_wire.write(piece)
 
     def forward_last(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
         """See ``ControllerPort``."""
@@ -298,11 +303,11 @@ class RtuControllerPort(ControllerPort):
         While the echo is unknown, bytes sent during a request are skipped: the rest of that request is no
         echo.
         """
-        echo, sender = self._echo, self._sender
-        if echo is None or echo.echo is Echo.ABSENT or sender is None:
+        echo = self._echo
+        if echo is None or echo.echo is Echo.ABSENT:
             return
         if echo.echo is Echo.PRESENT or self._decoder.is_between_frames:
-            wire_ns = self._gap_ns + len(sent) * sender.stamps.wire_ns_per_byte
+            wire_ns = self._gap_ns + len(sent) * self.stamps.wire_ns_per_byte
             echo.sent(sent, boot_ns(), wire_ns)
 
     def _without_echo(self, echo: ReplyEcho, data: bytes, now_ns: int) -> bytes:
@@ -338,6 +343,8 @@ class RtuControllerPort(ControllerPort):
 
     def _silent(self, now_ns: int) -> None:
         requests = self._decoder.on_silence(now_ns)
+        if self._replies is not None and requests:
+            self._replies.discard()
         if self._timer is not None:
             self._timer.arm(self._decoder.deadline_ns)
         has_stood_still = self._beats.stood_still(now_ns, self.patience_ns)

@@ -16,7 +16,7 @@ from gateway.exchange.ports import DriveLink
 from gateway.modbus.mbap import LARGEST_SENT, MbapDecoder, answers_with, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
 from gateway.modbus.rtu_replies import RETURNED_OFTEN
-from gateway.relay.pacing import PacedSender
+from gateway.relay.pacing import PacedWire
 from gateway.transport.channel import CLOSED_BY_PEER, Channel
 from gateway.transport.tcp import TcpConnector
 from gateway.transport.timer import Timer
@@ -136,10 +136,6 @@ class Link(DriveLink):
         """Return the framing counters, for the status."""
         raise NotImplementedError
 
-    async def drained(self) -> None:
-        """Wait until every request has been sent after its silence."""
-        raise NotImplementedError
-
     def close(self) -> None:
         """Release the timers."""
         raise NotImplementedError
@@ -166,7 +162,7 @@ class RtuDriveLink(Link):
         self._on_return = on_return
         self._has_reported_return = False
         self._decoder = decoder
-        self._sender = PacedSender(gap_ns, wire_gap_ns)
+        self._wire = PacedWire(gap_ns, wire_gap_ns)
         self._timer = Timer(self._silent)
         self._exchange: LineExchange
         self._forwarder: Forwarder | None = None
@@ -179,7 +175,7 @@ class RtuDriveLink(Link):
         self._asked_unit_id = 0
         self._damaged_before = 0
         """Count of damage when the newest request was sent."""
-        self.stamps = self._sender.stamps
+        self.stamps = self._wire.stamps
 
     @property
     def returns_requests(self) -> bool:
@@ -204,17 +200,17 @@ class RtuDriveLink(Link):
             self._decoder.expect(unit_id, pdu)
         else:
             self._decoder.expect_echo(unit_id, pdu)
-        self._sender.send(encode_rtu(unit_id, pdu))
+        self._wire.write(encode_rtu(unit_id, pdu))
 
     def may_forward(self, now_ns: int) -> bool:
         """See ``DriveLink``."""
-        return self._sender.may_begin(now_ns)
+        return self._wire.may_begin(now_ns)
 
     def forward(self, piece: bytes) -> None:
         """See ``DriveLink``."""
         if self._has_echo:
             self._own += piece
-        self._sender.add(piece)
+        self._wire.write(piece)
 
     def forward_last(self, unit_id: int, pdu: bytes, rest: bytes) -> None:
         """See ``DriveLink``."""
@@ -224,12 +220,11 @@ class RtuDriveLink(Link):
         self.forward(rest)
 
     def abandon(self) -> None:
-        """See ``DriveLink``. A request that still waits for its silence is dropped."""
+        """See ``DriveLink``."""
         self._forget_own()
         if self._decoder.is_expecting:
             self._decoder.cancel()
             self._timer.arm(None)
-            self._sender.discard()
             damage = self.damage.setdefault(self._asked_unit_id, Instead())
             damage.add(came=self._decoder.counters.damaged != self._damaged_before)
 
@@ -238,12 +233,12 @@ class RtuDriveLink(Link):
         self.opened_channel, self.was_asked = channel, False
         self._decoder.reset()
         self._forget_own()
-        self._sender.opened(channel, now_ns)
+        self._wire.opened(channel, now_ns)
         self._exchange.link_up(now_ns)
 
     def received(self, data: bytes, now_ns: int) -> None:
         """See ``Receiver``."""
-        self._sender.heard(now_ns)
+        self._wire.heard(now_ns)
         if self._forwarder is not None:
             data = self._forward(self._forwarder, data, now_ns)
             if not data:
@@ -270,7 +265,7 @@ class RtuDriveLink(Link):
         self._decoder.reset()
         self._forget_own()
         self._timer.arm(None)
-        self._sender.closed()
+        self._wire.closed()
         self._exchange.link_down(now_ns, reason, is_orderly=reason == CLOSED_BY_PEER)
 
     def counters(self) -> dict[str, int]:
@@ -286,16 +281,11 @@ class RtuDriveLink(Link):
             "echoes": counters.echoes,
         }
 
-    async def drained(self) -> None:
-        """See ``Link``."""
-        await self._sender.drained()
-
     def close(self) -> None:
         """See ``Link``."""
         self._timer.close()
         if self._forward_timer is not None:
             self._forward_timer.close()
-        self._sender.close()
 
     def _forward(self, forwarder: Forwarder, data: bytes, now_ns: int) -> bytes:
         """Forward the bytes of a reply that may be sent; return the received bytes without the echo."""
@@ -386,7 +376,7 @@ class MbapDriveLink(Link):
         self._on_wrong_unit = on_wrong_unit
         self._reported: set[tuple[int, int]] = set()
         self._wrong_units = 0
-        self._sender = PacedSender(gap_ns)
+        self._wire = PacedWire(gap_ns)
         self._decoder = MbapDecoder(longest_length=LARGEST_SENT)
         self._channel: Channel | None = None
         self._exchange: LineExchange
@@ -399,7 +389,7 @@ class MbapDriveLink(Link):
         """Unit ids of the unanswered requests, by transaction id."""
         self._late = 0
         self._malformed = 0
-        self.stamps = self._sender.stamps
+        self.stamps = self._wire.stamps
 
     def attach(self, exchange: LineExchange) -> None:
         """See ``Link``."""
@@ -411,7 +401,7 @@ class MbapDriveLink(Link):
         self.was_asked = True
         self._awaited_id = transaction_id
         self._awaited_unit_id = unit_id
-        self._sender.send(encode_mbap(transaction_id, unit_id, pdu))
+        self._wire.write(encode_mbap(transaction_id, unit_id, pdu))
 
     def abandon(self) -> None:
         """See ``DriveLink``."""
@@ -422,7 +412,6 @@ class MbapDriveLink(Link):
             del self._unanswered[next(iter(self._unanswered))]
         self._count_unanswered(self._awaited_id, self._awaited_unit_id)
         self._awaited_id = NONE
-        self._sender.discard()
 
     def came_instead(self, unit_id: int) -> str:
         """See ``DriveLink``."""
@@ -436,12 +425,12 @@ class MbapDriveLink(Link):
         self._decoder = MbapDecoder(longest_length=LARGEST_SENT)
         self._awaited_id = self._other_for = NONE
         self._unanswered.clear()
-        self._sender.opened(channel, now_ns - self._gap_ns)
+        self._wire.opened(channel, now_ns - self._gap_ns)
         self._exchange.link_up(now_ns)
 
     def received(self, data: bytes, now_ns: int) -> None:
         """See ``Receiver``. A connection that does not carry Modbus/TCP is closed and opened again."""
-        self._sender.heard(now_ns)
+        self._wire.heard(now_ns)
         decoder = self._decoder
         pdu = decoder.one(data)
         if len(pdu):
@@ -458,7 +447,7 @@ class MbapDriveLink(Link):
         """See ``Receiver``."""
         self._channel = None
         self._awaited_id = NONE
-        self._sender.closed()
+        self._wire.closed()
         if len(self._decoder.broken_by):
             reason = f"closed after a malformed header: {self._decoder.broken_by.hex(' ')}"
         self._exchange.link_down(now_ns, reason, is_orderly=reason == CLOSED_BY_PEER)
@@ -472,13 +461,8 @@ class MbapDriveLink(Link):
             "wrong_units": self._wrong_units,
         }
 
-    async def drained(self) -> None:
-        """See ``Link``."""
-        await self._sender.drained()
-
     def close(self) -> None:
         """See ``Link``."""
-        self._sender.close()
 
     def _take(self, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
         if transaction_id != self._awaited_id:

@@ -236,8 +236,8 @@ class Line:
             controller.stop_accepting()
         self._exchange.stop(boot_ns())
         await self._alarm.idle(self.longest_stop_s)
-        for way in (self._link, *self._controllers):
-            await way.drained()
+        for controller in self._controllers:
+            await controller.drained()
         await self.close()
 
     async def close(self) -> None:

@@ -27,17 +27,16 @@ class TimedPort(Port):
 
 
 class TimedLink(Link):
-    """A link that takes its time, and holds frames back for ``held_ns``."""
+    """A link that takes its time."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.work_ns = self.write_ns = self.clock_ns = self.held_ns = 0
+        self.work_ns = self.write_ns = self.clock_ns = 0
 
     def send_request(self, unit_id: int, pdu: bytes) -> None:
         super().send_request(unit_id, pdu)
-        self.stamps.paced_ns = self.held_ns
         self.stamps.ready_ns = self.clock_ns + self.work_ns
-        self.stamps.sent_ns = self.stamps.ready_ns + self.held_ns + self.write_ns
+        self.stamps.sent_ns = self.stamps.ready_ns + self.write_ns
 
 
 class MeterBench(Bench):
@@ -92,9 +91,8 @@ def test_every_part_of_an_exchange_is_measured_apart() -> None:
     assert bench.line.meter.measured["cnc", 1].high.ever_ns == 62 * US
 
 
-def test_silence_before_a_frame_and_bytes_on_the_wire_are_not_the_gateways() -> None:
+def test_bytes_on_the_wire_are_not_the_gateways() -> None:
     bench = MeterBench(wire_ns_per_byte=95 * US)  # about 115200 Bd
-    bench.timed_link.held_ns = 1_750 * US
     bench.exchange(work_us=10, write_us=5, drive_us=3000, turn_us=10, answer_us=5)
     found = times_us(bench.line.meter.measured["cnc", 1])
     assert is_about(found["gateway"], 30)
@@ -120,6 +118,22 @@ def test_waiting_for_the_line_is_no_gateway_time() -> None:
     [queue_ns] = [middle_ns(i) for i, count in enumerate(measured.queue) for _ in range(count)]
     assert is_about(queue_ns, 4 * MS)
     assert measured.high.ever_ns == 2 * US
+
+
+def test_the_silence_before_a_frame_counts_as_waiting_for_the_line() -> None:
+    bench = MeterBench(wire_ns_per_byte=95 * US)
+    link, port = bench.timed_link, bench.timed_port
+    link.work_ns = port.turn_ns = US
+    link.clock_ns = link.stamps.next_ns = bench.now_ns + 1_750 * US
+    port.clock_ns = link.clock_ns + 2 * MS  # 15 bytes take 1.425 ms
+    bench.send(OTHER)
+    assert link.sent == []
+    bench.wait(1.75)
+    bench.line.reply(1, ANSWER, port.clock_ns)
+    measured = bench.line.meter.measured["cnc", 1]
+    assert measured.queue is not None
+    [queue_ns] = [middle_ns(i) for i, count in enumerate(measured.queue) for _ in range(count)]
+    assert is_about(queue_ns, 1_750 * US)
 
 
 def line_times(status: LatencyStatus) -> LineStatus:

@@ -42,6 +42,7 @@ ENTRIES: Final[dict[traffic.Input | traffic.Output, str]] = {
     traffic.Commanded("xyz", 7, SetTemperature(axis="x", celsius=21.5)): "command set-temperature x 21.5 °C",
     traffic.Sent("xyz", 2, "06006400ff"): "→ drive  unit 2  write single register  06 00 64 00 ff",
     traffic.Abandoned("xyz"): "× the reply is not waited for any longer",
+    traffic.Paced("xyz", 9): "… the wire needs a silence before the next frame",
     traffic.Answered("xyz", 1, 9, 2, "0304000000ff"): (
         "controller ← #1  unit 2  read holding registers  03 04 00 00 00 ff"
     ),

@@ -1,12 +1,14 @@
 """The silence before a frame."""
 
 import asyncio
+import os
 
 from gateway.clock import boot_ns
-from gateway.relay.pacing import PacedSender
+from gateway.relay.pacing import PacedReplies, PacedWire
 from gateway.transport.channel import Channel
 
 MS = 1_000_000
+LONG_MS = 60_000
 
 
 class Wire(Channel):
@@ -15,6 +17,10 @@ class Wire(Channel):
     def __init__(self, wire_ns_per_byte: int = 0) -> None:
         self.wire_ns_per_byte = wire_ns_per_byte
         self.written: list[tuple[bytes, int]] = []
+
+    @property
+    def frames(self) -> list[bytes]:
+        return [data for data, _ in self.written]
 
     def write(self, data: bytes) -> None:
         self.written.append((data, boot_ns()))
@@ -26,98 +32,165 @@ class Wire(Channel):
         pass
 
 
-async def drained(sender: PacedSender) -> None:
+def opened(wire: Wire, gap_ns: int, wire_gap_ns: int = 0, *, at_ns: int = 0) -> PacedWire:
+    paced = PacedWire(gap_ns, wire_gap_ns)
+    paced.opened(wire, at_ns)
+    return paced
+
+
+async def drained(replies: PacedReplies) -> None:
     async with asyncio.timeout(30):
-        await sender.drained()
+        await replies.drained()
 
 
-async def test_a_quiet_line_sends_at_once() -> None:
-    wire, sender = Wire(), PacedSender(5 * MS)
-    sender.opened(wire, boot_ns() - 6 * MS)
-    sender.send(b"one")
-    assert [data for data, _ in wire.written] == [b"one"]
-    sender.close()
+# --- the wire -----------------------------------------------------------------------------------------------
 
 
-async def test_a_frame_waits_for_the_gap_after_what_was_heard() -> None:
-    wire, sender = Wire(), PacedSender(5 * MS)
-    sender.opened(wire, 0)
+def test_the_traffic_before_the_port_was_opened_is_unknown() -> None:
+    paced = opened(Wire(), 5 * MS, at_ns=100 * MS)
+    assert not paced.may_begin(105 * MS - 1)
+    assert paced.may_begin(105 * MS)
+
+
+def test_bytes_that_are_heard_begin_the_silence_again() -> None:
+    paced = opened(Wire(), 5 * MS)
+    paced.heard(103 * MS)
+    assert paced.stamps.next_ns == 108 * MS
+    paced.heard(101 * MS)  # read later, came earlier
+    assert paced.stamps.next_ns == 108 * MS
+
+
+def test_the_time_that_written_bytes_take_on_the_wire_counts() -> None:
+    wire = Wire(wire_ns_per_byte=1 * MS)
+    paced = opened(wire, 2 * MS)
+    before_ns = boot_ns()
+    paced.write(b"four")
+    [(_, after_ns)] = wire.written
+    assert before_ns + 6 * MS <= paced.stamps.next_ns <= after_ns + 6 * MS  # 4 ms of bytes, 2 ms of silence
+
+
+def test_a_piece_follows_the_bytes_of_the_pieces_before_it() -> None:
+    wire = Wire(wire_ns_per_byte=10 * MS)
+    paced = opened(wire, 2 * MS)
+    before_ns = boot_ns()
+    for _ in range(4):
+        paced.write(b"one")
+    assert before_ns + 122 * MS <= paced.stamps.next_ns <= wire.written[0][1] + 122 * MS
+
+
+def test_the_silence_between_characters_is_kept_only_where_there_is_a_wire() -> None:
+    assert opened(Wire(), 0, 50 * MS, at_ns=MS).may_begin(MS)
+    assert not opened(Wire(wire_ns_per_byte=1), 0, 2 * MS, at_ns=MS).may_begin(3 * MS - 1)
+    assert opened(Wire(wire_ns_per_byte=1), 0, 2 * MS, at_ns=MS).may_begin(3 * MS)
+
+
+def test_without_a_gap_there_is_never_a_wait() -> None:
+    paced = opened(Wire(), 0, at_ns=MS)
+    paced.write(b"one")
+    paced.heard(boot_ns())
+    assert paced.stamps.next_ns == 0
+
+
+def test_nothing_begins_on_a_closed_port() -> None:
+    wire = Wire()
+    paced = opened(wire, 0)
+    paced.closed()
+    assert not paced.may_begin(MS)
+    paced.write(b"one")
+    assert wire.written == []
+
+
+# --- replies ------------------------------------------------------------------------------------------------
+
+
+async def test_a_reply_waits_for_the_silence_behind_what_was_heard() -> None:
+    wire = Wire()
+    paced = opened(wire, 5 * MS)
+    replies = PacedReplies(paced)
     heard_ns = boot_ns()
-    sender.heard(heard_ns)
-    sender.send(b"one")
+    paced.heard(heard_ns)
+    replies.send(b"one", heard_ns + LONG_MS * MS)
     assert wire.written == []
-    await drained(sender)
+    await drained(replies)
+    assert wire.frames == [b"one"]
     assert wire.written[0][1] >= heard_ns + 5 * MS
-    sender.close()
+    replies.close()
 
 
-async def test_bytes_heard_while_waiting_put_the_frame_off() -> None:
-    wire, sender = Wire(), PacedSender(5 * MS)
+async def test_bytes_heard_while_it_waits_put_it_off() -> None:
+    wire = Wire()
     start_ns = boot_ns()
-    sender.opened(wire, start_ns)
-    sender.send(b"one")
-    sender.heard(start_ns + 3 * MS)
-    await drained(sender)
+    paced = opened(wire, 5 * MS, at_ns=start_ns)
+    replies = PacedReplies(paced)
+    replies.send(b"one", start_ns + LONG_MS * MS)
+    paced.heard(start_ns + 3 * MS)
+    await drained(replies)
     assert wire.written[0][1] >= start_ns + 8 * MS
-    sender.close()
+    replies.close()
 
 
-async def test_the_time_that_written_bytes_take_on_the_wire_counts() -> None:
-    wire, sender = Wire(wire_ns_per_byte=1 * MS), PacedSender(2 * MS)
-    sender.opened(wire, 0)
-    sender.send(b"four")  # 4 ms on the wire, then 2 ms of silence
-    sender.send(b"two")
-    await drained(sender)
-    (first, first_ns), (second, second_ns) = wire.written
-    assert (first, second) == (b"four", b"two")
-    assert second_ns - first_ns >= 6 * MS - MS // 10  # the first stamp is taken a little after the decision
-    sender.close()
+async def test_w6_a_reply_is_not_sent_once_its_controller_has_given_up() -> None:
+    wire = Wire()
+    start_ns = boot_ns()
+    replies = PacedReplies(opened(wire, 5 * MS, at_ns=start_ns))
+    replies.send(b"too late", start_ns + 4 * MS)
+    await drained(replies)
+    assert wire.frames == []
+    replies.send(b"next", boot_ns() + LONG_MS * MS)
+    assert wire.frames == [b"next"]
+    replies.close()
 
 
-async def test_frames_keep_their_order() -> None:
-    wire, sender = Wire(), PacedSender(MS)
-    sender.opened(wire, boot_ns())
-    for number in range(4):
-        sender.send(bytes([number]))
-    await drained(sender)
-    assert [data for data, _ in wire.written] == [bytes([number]) for number in range(4)]
-    sender.close()
+async def test_w6_a_reply_is_dropped_when_the_next_one_comes_or_it_is_discarded() -> None:
+    wire = Wire()
+    start_ns = boot_ns()
+    by_ns = start_ns + LONG_MS * MS
+    replies = PacedReplies(opened(wire, 5 * MS, at_ns=start_ns))
+    replies.send(b"one", by_ns)
+    replies.send(b"two", by_ns)
+    await drained(replies)
+    assert wire.frames == [b"two"]
+    paced = opened(wire, 5 * MS, at_ns=boot_ns())
+    replies.close()
+    replies = PacedReplies(paced)
+    replies.send(b"three", by_ns)
+    replies.discard()
+    await drained(replies)
+    assert wire.frames == [b"two"]
+    replies.close()
 
 
-async def test_what_is_discarded_is_never_sent() -> None:
-    wire, sender = Wire(), PacedSender(MS)
-    sender.opened(wire, boot_ns())
-    sender.send(b"never")
-    sender.discard()
-    await drained(sender)
-    sender.send(b"later")
-    await drained(sender)
-    assert [data for data, _ in wire.written] == [b"later"]
-    sender.close()
+async def test_w6_what_the_controller_has_sent_is_read_before_a_reply_is_written_late() -> None:
+    """The process stands still while a reply waits; the controller's next request is read first."""
+    wire = Wire()
+    start_ns = boot_ns()
+    replies = PacedReplies(opened(wire, MS, at_ns=start_ns))
+    replies.send(b"one", start_ns + LONG_MS * MS)
+    loop = asyncio.get_running_loop()
+    reading, writing = os.pipe()
+
+    def request_came() -> None:
+        os.read(reading, 1)
+        replies.discard()
+
+    loop.add_reader(reading, request_came)
+    os.write(writing, b"x")
+    while boot_ns() < start_ns + 3 * MS:  # it stands still: silence and request are both over
+        pass
+    await drained(replies)
+    loop.remove_reader(reading)
+    os.close(reading)
+    os.close(writing)
+    assert wire.frames == []
+    replies.close()
 
 
-async def test_a_closed_channel_takes_what_waited_with_it() -> None:
-    wire, sender = Wire(), PacedSender(MS)
-    sender.opened(wire, boot_ns())
-    sender.send(b"never")
-    sender.closed()
-    sender.send(b"nobody there")
-    await drained(sender)
-    assert wire.written == []
-    sender.close()
-
-
-async def test_the_silence_between_characters_is_kept_only_where_there_is_a_wire() -> None:
-    pty, sender = Wire(), PacedSender(0, 50 * MS)
-    sender.opened(pty, boot_ns())
-    sender.send(b"one")
-    assert [data for data, _ in pty.written] == [b"one"]
-    sender.close()
-    port, sender = Wire(wire_ns_per_byte=1), PacedSender(0, 2 * MS)
-    opened_ns = boot_ns()
-    sender.opened(port, opened_ns)
-    sender.send(b"one")
-    assert port.written == []
-    await drained(sender)
-    assert port.written[0][1] >= opened_ns + 2 * MS
-    sender.close()
+async def test_each_reply_is_named_as_it_is_written() -> None:
+    named: list[bytes] = []
+    start_ns = boot_ns()
+    replies = PacedReplies(opened(Wire(), 2 * MS, at_ns=start_ns), named.append)
+    replies.send(b"one", start_ns + LONG_MS * MS)
+    assert named == []
+    await drained(replies)
+    assert named == [b"one"]
+    replies.close()

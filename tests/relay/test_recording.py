@@ -182,14 +182,21 @@ def staged() -> AxisPlan:
 
 
 async def recorded_relay(
-    bench: Bench, kind: str, recorder: Recorder, seed: int = 1, *, axis: AxisPlan | None = None
+    bench: Bench,
+    kind: str,
+    recorder: Recorder,
+    seed: int = 1,
+    *,
+    axis: AxisPlan | None = None,
+    gap_ms: float = 0.0,
 ) -> tuple[Relay, GatewayPlan]:
     """A relay with two axes between two TCP controllers and a moody drive."""
     drive = MoodyDrive(kind, seed)
     drive.end, where = await bench.drive(kind, drive)
     plans = (ControllerPlan("cnc", timeout_ms=30.0), ControllerPlan("hmi", timeout_ms=30.0))
     links = tuple(ControllerLink(each, bench.controller_link("tcp")[0].endpoint) for each in plans)
-    plan = GatewayPlan("bench", (LinePlan("line", where, links, (axis or axis_plan(), staged()), QUICK),))
+    axes = (axis or axis_plan(), staged())
+    plan = GatewayPlan("bench", (LinePlan("line", where, links, axes, replace(QUICK, gap_ms=gap_ms)),))
     relay = await bench.start(plan, recorder=recorder)
     await until_up(relay)
     return relay, plan
@@ -243,6 +250,21 @@ async def test_random_traffic_replays_to_the_same_bytes(
     assert kinds >= {traffic.Commanded, traffic.Gone, traffic.Stop, End}
     assert result.outputs > ROUNDS
     assert line_status(relay)["timeouts"]
+
+
+@pytest.mark.parametrize("kind", ["tcp", "rtu"])
+async def test_requests_that_waited_for_a_silence_replay_to_the_same_bytes(
+    bench: Bench, tmp_path: Path, kind: str
+) -> None:
+    path = tmp_path / "record.jsonl"
+    relay, plan = await recorded_relay(bench, kind, Recorder(path, HEADER), gap_ms=3.0)
+    await chat(bench, relay, 1)
+    await relay.stop()
+    result = replayed(plan, path)
+    assert (result.different, result.first, result.is_truncated) == (0, [], False)
+    entries = entries_of(path)
+    assert len([entry for entry in entries if isinstance(entry, traffic.Paced)]) > 10
+    assert replayed(plan, [each for each in entries if not isinstance(each, traffic.Paced)]).different
 
 
 @pytest.mark.parametrize("seed", [1, 2])

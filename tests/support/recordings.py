@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.recording import traffic
-from gateway.recording.replay import Replay, ReplayResult
+from gateway.recording.replay import Replay, ReplayResult, paced_first
 from gateway.state.plan import GatewayPlan
 
 HEADER: Final = traffic.Header(traffic.FORMAT, "0", "2026-01-01T00:00:00+00:00", "gateway.toml", "")
@@ -21,6 +21,6 @@ def replayed(
     """Replay a file or entries, all lines or one; return the result."""
     replay = Replay(plan, only)
     entries = entries_of(recorded) if isinstance(recorded, Path) else recorded
-    for number, entry in enumerate(entries, start=1):
+    for number, entry in paced_first(enumerate(entries, start=1)):
         replay.feed(number, entry)
     return replay.result

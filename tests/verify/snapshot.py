@@ -92,7 +92,6 @@ NOT_COMPARED: Final = {
     "_map": "a cache",
     "_map_key": "the key of a cache",
     "_arrived_ns": "only keeps the instants of requests apart",
-    "_quiet_from_ns": "of a silence before a frame: no world waits for any",
     "_lost_ns": "counts only against requests that came before it: they are compared with it",
     "_heard_ns": "the same",
     "epoch": "counts only against what was sent before: that is compared with it",

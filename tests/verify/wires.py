@@ -22,7 +22,7 @@ from gateway.exchange.ports import DriveLink
 from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap
 from gateway.relay.controller_port import MbapControllerPort
 from gateway.relay.drive_link import NONE, MbapDriveLink, RtuDriveLink
-from gateway.relay.pacing import PacedSender
+from gateway.relay.pacing import PacedWire
 from gateway.relay.pulse import Beats
 from gateway.transport.channel import Channel
 from gateway.transport.timer import Timer
@@ -35,7 +35,6 @@ NOBODY: Final = 0xFFFF
 CUT: Final = 9
 """So many bytes of a request come first: its header, its function code, a byte of its address."""
 REPLY_CUT: Final = 8
-NO_GAP_NS: Final = -(10**18)
 """A silence that is over, whatever was heard: the clock of a sender is not that of a world."""
 NO_DESCRIPTOR: Final = -1
 
@@ -71,11 +70,10 @@ def pass_by(timer: Timer) -> None:
         pass_once(timer)
 
 
-def let_go(sender: PacedSender) -> None:
-    """Let a sender that was opened wait for no silence, and not for the one at its beginning either."""
-    sender._gap_ns = NO_GAP_NS
-    sender._timer.arm(None)
-    sender._send_held(0)
+def let_go(wire: PacedWire) -> None:
+    """Let a wire that was opened need no silence, and not the one at its beginning either."""
+    wire._gap_ns = 0
+    wire.stamps.next_ns = 0
 
 
 class Pipe(Channel):
@@ -143,7 +141,7 @@ class BytesLink(DriveLink):
     def opened(self, now_ns: int) -> None:
         """See ``Receiver``."""
         self.real.opened(self.pipe, now_ns)
-        let_go(self.real._sender)
+        let_go(self.real._wire)
 
 
 class TimedLine(LineExchange):

@@ -220,8 +220,8 @@ class Forwarding:
         if way is None or transaction.added is not None:
             return
         asked, answered = self.link.stamps, way.port.stamps
-        way.own_ns = asked.sent_ns - asked.paced_ns - (transaction.started_ns or transaction.arrived_ns)
-        self._reply_way.own_ns = answered.sent_ns - answered.paced_ns - now_ns
+        way.own_ns = asked.sent_ns - (transaction.started_ns or transaction.arrived_ns)
+        self._reply_way.own_ns = answered.sent_ns - now_ns
         if reply[0] != pdu[0] or transaction.unit_id in self.stored_units:
             return
         if pdu[0] == WRITE and reply != pdu[:5]:

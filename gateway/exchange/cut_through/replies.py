@@ -143,7 +143,8 @@ class ReplyJudge(Judge):
         """Whether its controller still waits for it, and its wire is free."""
         transaction = self.transaction
         port = transaction.port
-        return port is not None and not transaction.is_orphan and port.may_forward(now_ns)
+        is_awaited = not transaction.is_orphan and now_ns <= transaction.given_up_ns
+        return port is not None and is_awaited and port.may_forward(now_ns)
 
     def fits(self, opening: Opening, begun: bytes) -> bool:
         """See ``Judge``: ``ReplyArrival`` has compared unit id, function and byte count."""

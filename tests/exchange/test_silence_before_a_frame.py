@@ -1,0 +1,207 @@
+"""A request waits for the silence that the wire needs: it can be withdrawn, and nothing answers it."""
+
+from gateway.catalogue import exchange_events
+from gateway.exchange.plan import ControllerPlan, LineTiming
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Link, Port, axis_plan, monitor, read, write
+from tests.exchange.staged_bench import RUN_PDU, STOP_PDU, StagedBench, staged_plan
+from tests.exchange.test_arbitration import MOTION, WATCH, Plant, watching
+
+OTHER = bytes.fromhex("03 0700 0001")
+WORD = bytes.fromhex("06 0700 0001")
+SILENCE_MS = 1.75
+
+
+def holds(bench: Bench, ms: float = SILENCE_MS) -> None:
+    """The wire needs a silence from now."""
+    bench.link.stamps.next_ns = bench.now_ns + int(ms * MS)
+
+
+def test_it_leaves_when_the_silence_is_over() -> None:
+    bench = Bench()
+    holds(bench)
+    bench.send(OTHER)
+    assert bench.link.sent == []
+    due_ns = bench.link.stamps.next_ns
+    assert bench.line.deadline_ns == due_ns
+    bench.line.tick(due_ns - 1)
+    assert bench.link.sent == []
+    bench.line.tick(due_ns)
+    assert bench.link.sent == [(1, OTHER)]
+
+
+def test_bytes_that_come_meanwhile_put_it_off() -> None:
+    bench = Bench()
+    holds(bench)
+    bench.send(OTHER)
+    bench.now_ns += MS
+    holds(bench)  # a byte was heard
+    bench.wait(0.75)
+    assert bench.link.sent == []
+    assert bench.leaves_after(1) == (1, OTHER)
+
+
+def test_w5_it_is_not_sent_once_its_controller_has_given_up() -> None:
+    """The process stands still while the silence passes."""
+    for unit_id in (1, 0):
+        bench = Bench()
+        holds(bench)
+        bench.send(WORD, unit_id=unit_id)
+        bench.wait(1001)  # timeout_ms = 1000
+        assert bench.link.sent == []
+        assert bench.kinds()[-1] == "withdrawn"
+        assert bench.port.replies == []
+
+
+def test_w5_nor_if_its_controller_sends_another_one_or_disconnects() -> None:
+    bench = Bench()
+    holds(bench)
+    bench.send(WORD)
+    bench.send(OTHER)
+    bench.wait(SILENCE_MS)
+    assert bench.link.sent == [(1, OTHER)]
+    bench.link.sent.clear()
+    bench.line.reply(1, bytes.fromhex("03 02 0000"), bench.now_ns)
+    holds(bench)
+    bench.send(WORD)
+    bench.line.controller_gone(bench.port, bench.now_ns)
+    bench.wait(10)
+    assert bench.link.sent == []
+
+
+def test_m3_a_target_that_was_given_up_in_the_silence_is_lost() -> None:
+    bench = StagedBench()
+    assert bench.ask(write(COMMAND, 10_000)) == write(COMMAND, 10_000)[:5]
+    holds(bench)
+    bench.send(write(COMMAND, 20_000))
+    bench.wait(1001)
+    assert bench.link.sent == []
+    bench.port.replies.clear()
+    assert bench.ask(RUN_PDU) == bytes.fromhex("86 04")
+
+
+def test_w6_a_late_frame_that_comes_meanwhile_does_not_answer_it() -> None:
+    """A drive answers later than ``drain_ms``: the next request still waits for the wire."""
+    bench = Bench(timing=LineTiming(drain_ms=50))
+    holds(bench)
+    bench.send(OTHER)
+    bench.line.stray(bench.now_ns, unit_id=1)
+    assert bench.kinds()[-1] == "late-reply"
+    assert bench.port.replies == []
+    assert bench.leaves_after(50) == (1, OTHER)
+
+
+def test_m3_a_stop_goes_before_what_waits_and_overtakes_it() -> None:
+    bench = StagedBench()
+    assert bench.ask(write(COMMAND, 10_000)) == write(COMMAND, 10_000)[:5]
+    plc = Port(ControllerPlan("plc"))
+    holds(bench)
+    bench.send(RUN_PDU)
+    bench.send(STOP_PDU, plc)
+    assert bench.link.sent == []
+    assert bench.port.take() == bytes.fromhex("86 06")
+    assert bench.leaves_after(SILENCE_MS) == (1, STOP_PDU)
+
+
+HALF = bytes.fromhex("06 0606 8009")
+"""Writes half a position: the whole one is read first."""
+
+
+def beside_a_staged_drive(*, connects: bool = False) -> tuple[Bench, Port, bytes]:
+    """A line with two drives, in which the position behind :data:`HALF` has just been read."""
+    link = Link()
+    link.connects = connects
+    bench = Bench(axis_plan(), staged_plan(name="y", unit_id=2), link=link)
+    bench.memory.put(COMMAND, 0x00018005)
+    bench.send(HALF)
+    [(_, asked)] = bench.link.sent
+    assert asked == read(COMMAND)
+    bench.link.sent.clear()
+    holds(bench)
+    bench.line.reply(1, bench.memory.answer(asked), bench.now_ns)
+    assert bench.link.sent == []
+    return bench, Port(ControllerPlan("plc")), asked
+
+
+def test_the_frame_behind_its_prerequisite_waits_too_and_reads_nothing_twice() -> None:
+    bench, plc, _ = beside_a_staged_drive()
+    bench.send(OTHER, plc, unit_id=2)
+    bench.wait(SILENCE_MS)
+    assert bench.link.sent == [(1, read(ACTUAL))]
+    bench.link.sent.clear()
+    holds(bench)
+    bench.line.reply(1, bench.memory.answer(read(ACTUAL)), bench.now_ns)
+    assert bench.link.sent == []
+    bench.wait(SILENCE_MS)
+    # 0x00018009 forward, with the correction of 10 counts that holds behind the table
+    assert bench.link.sent == [(1, bytes.fromhex("10 0606 0002 04 8013 0001"))]
+
+
+def test_what_was_read_is_read_again_if_a_stop_goes_first() -> None:
+    bench, plc, asked = beside_a_staged_drive()
+    bench.send(STOP_PDU, plc, unit_id=2)
+    bench.wait(SILENCE_MS)
+    assert bench.link.sent == [(2, STOP_PDU)]
+    bench.link.sent.clear()
+    holds(bench)
+    bench.line.reply(2, STOP_PDU, bench.now_ns)
+    bench.wait(SILENCE_MS)
+    assert bench.link.sent == [(1, asked)]
+
+
+def test_what_was_read_is_read_again_behind_a_lost_link() -> None:
+    bench, _, asked = beside_a_staged_drive(connects=True)
+    bench.line.link_down(bench.now_ns)
+    bench.line.link_up(bench.now_ns)
+    bench.wait(SILENCE_MS)
+    assert (1, asked) in bench.link.sent
+
+
+def test_a_monitor_still_gets_the_gap_behind_a_motion_exchange() -> None:
+    """Motion of 2 ms each 20 ms: a read of a monitor fits into the gap, and begins when the wire is free."""
+    plant: Plant = watching(20, 400)
+    plant.at(400)
+    plant.send(MOTION)
+    plant.send(WATCH, plant.hmi)
+    plant.at(402)
+    plant.link.stamps.next_ns = plant.now_ns + 1_750_000
+    plant.answer()
+    assert plant.on_wire() is None
+    plant.at(403.8)  # a timer comes a little late
+    assert plant.on_wire() == WATCH
+
+
+def test_w6_a_reply_behind_timeout_ms_is_not_given_to_an_rtu_controller() -> None:
+    """It would take it for the reply to its newest request. What the reply proves still counts."""
+    timing = LineTiming(response_timeout_ms=2000)
+    for serial in (True, False):
+        bench = Bench(axis_plan(), serial=serial, timing=timing)
+        bench.send(read(ACTUAL))
+        bench.link.sent.clear()
+        bench.wait(1000.5)
+        bench.line.reply(1, bytes.fromhex("03 04 0000 2710"), bench.now_ns)
+        assert len(bench.port.replies) == (0 if serial else 1)
+        late = [each.detail for each in bench.events if each.kind is exchange_events.LATE_REPLY]
+        assert late == (["a reply came after timeout_ms of cnc and was not passed on"] if serial else [])
+        assert bench.line.axes[0].reach.silent_since_ns is None
+
+
+def test_w6_a_reply_that_comes_in_time_is_passed_on() -> None:
+    bench = Bench(timing=LineTiming(response_timeout_ms=2000))
+    bench.send(OTHER)
+    bench.link.sent.clear()
+    bench.wait(1000)
+    bench.line.reply(1, bytes.fromhex("03 02 0000"), bench.now_ns)
+    assert bench.port.take() == bytes.fromhex("03 02 0000")
+
+
+def test_the_gateways_own_reads_wait_for_the_wire() -> None:
+    bench = Bench()
+    bench.line.link_down(bench.now_ns)
+    holds(bench, 5)
+    bench.line.link_up(bench.now_ns)
+    assert bench.link.sent == []
+    hmi = monitor()
+    bench.send(OTHER, hmi)
+    assert bench.link.sent == []
+    bench.wait(5)
+    assert len(bench.link.sent) == 1
