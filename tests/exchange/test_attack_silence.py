@@ -17,6 +17,7 @@ def test_w1_a_request_read_behind_the_silence_but_before_its_alarm_does_not_over
     bench.send(WORD, transaction_id=1)
     passes(bench, 2)
     bench.send(OTHER, transaction_id=2)
+    bench.wait(0)  # now the alarm comes
     assert bench.link.sent == [(1, WORD)]
 
 
@@ -27,6 +28,7 @@ def test_m3_a_trigger_read_then_does_not_run_the_target_before() -> None:
     bench.send(write(COMMAND, 20_000), transaction_id=1)
     passes(bench, 2)
     bench.send(RUN_PDU, transaction_id=2)
+    bench.wait(0)
     assert [pdu[0] for _, pdu in bench.link.sent] == [0x10], "the trigger overtook its target"
 
 

@@ -48,7 +48,7 @@ async def test_w1_nor_does_a_short_standstill_of_the_gateway_change_their_order(
     drive = Drive()
     _, where = await bench.drive("tcp", drive)
     link, _ = bench.controller_link("tcp")
-    relay = await bench.relay(where, (link,), timing=replace(TIMING, gap_ms=GAP_MS))
+    relay = await bench.relay(where, (link,), timing=replace(TIMING, gap_ms=50.0))
     await until_up(relay)
     cnc = await bench.connect(relay.address("line", "cnc"))
     cnc.write(numbered(1))
@@ -58,6 +58,6 @@ async def test_w1_nor_does_a_short_standstill_of_the_gateway_change_their_order(
         await asyncio.sleep(0)  # it is read
     assert drive.values == [1]
     cnc.write(numbered(3))
-    time.sleep(0.01)  # noqa: ASYNC251 - the process stands still
+    time.sleep(0.1)  # noqa: ASYNC251 - the process stands still
     await cnc.until(lambda end: len(end.data) >= 36)
     assert drive.values == [1, 2, 3]
