@@ -340,6 +340,8 @@ class LineExchange:
             and not self.silent_units.silences
             and not self._renewal.holds
             and now_ns >= self._link.stamps.next_ns
+            # What waited for the silence before a frame goes first, also if its alarm has not come yet.
+            and self._waiting.only_others
         )
         if why_given_up and not (
             self.link_state.is_up and self._units.stops_of(self._units.frames_of(transaction))

@@ -110,7 +110,7 @@ class Scheduler:
     def next(self, now_ns: int) -> Transaction | None:
         """Remove and return what may be started now on a line that is not busy; None: nothing may."""
         if self._goes_next is not None:
-            chosen = self._take_next()
+            chosen = self._take_next(now_ns)
             if chosen is not None:
                 return chosen
         if self._rest.until_ns is not None or self._silent_units.silences or self._renewal.holds:
@@ -136,14 +136,16 @@ class Scheduler:
             self._goes_next.begin_anew()
             self._goes_next = None
 
-    def _take_next(self) -> Transaction | None:
+    def _take_next(self, now_ns: int) -> Transaction | None:
         """Remove and return the request that goes next.
 
         None: something else goes first, so what was read for it is read again at its turn.
         """
         transaction, self._goes_next = self._goes_next, None
         assert transaction is not None
-        is_held_back = self._rest.until_ns is not None or self._silent_units.silences or self._renewal.holds
+        is_held_back = self._rest.until_ns is not None or self._renewal.holds
+        # Another unit that is silent holds it back only while a late frame may come.
+        is_held_back = is_held_back or self._from_ns(transaction, now_ns) > now_ns
         if is_held_back or self._waiting.has_stops or transaction not in self._waiting:
             transaction.begin_anew()
             return None
