@@ -105,7 +105,7 @@ class Gaps:
         """Record the end of a transaction, answered or not, and the rest that the line takes after it."""
         if not self.is_watching:
             return
-        next_ns = self._stamps.next_ns
+        next_ns = self._stamps.next_ns if rests_until_ns is None else now_ns
         if transaction.is_motion:
             self._was_paced = next_ns > now_ns
             self._ended_ns = next_ns if self._was_paced else now_ns

@@ -481,7 +481,7 @@ class LineExchange:
             self._renewal.mark_alive()
             self.counters.oversized += 1
             self._end_unanswered(transaction, now_ns)
-            self._scheduler.gaps.ended(transaction, now_ns)
+            self._end_turn(transaction, now_ns)
             self._next(now_ns)
             return
         if transaction.stopping is Stopping.EARLY and not self._scheduler.is_answer(transaction, pdu):
@@ -526,7 +526,7 @@ class LineExchange:
         if forwarding is not None:
             forwarding.add(transaction, pdu, nominal_reply, now_ns)
         if self._scheduler.gaps.is_watching:
-            self._scheduler.gaps.ended(transaction, now_ns)
+            self._end_turn(transaction, now_ns)
         if axes:
             self._report(axes)
         if self._waiting.total or self._renewal.holds:
@@ -810,6 +810,12 @@ class LineExchange:
         self._scheduler.wake_at(until_ns)
         return True
 
+    def _end_turn(self, transaction: Transaction, now_ns: int, rests_until_ns: int | None = None) -> None:
+        """Tell the gaps that a transaction has ended; they begin when the wire is free."""
+        if self._tap is not None and rests_until_ns is None and self._link.stamps.next_ns > now_ns:
+            self._tap.paced(self._link.stamps.next_ns)
+        self._scheduler.gaps.ended(transaction, now_ns, rests_until_ns)
+
     def _is_answered_at_once(self, transaction: Transaction, now_ns: int) -> bool:
         """Whether the gateway answers an arriving request itself; not if the next link polls dead drives."""
         return not self.link_state.asks_again and self.silent_units.is_answered_for(transaction, now_ns)
@@ -934,7 +940,7 @@ class LineExchange:
         """Give the drives time to execute a broadcast, which none of them answers."""
         self.counters.broadcasts += 1
         self.rest.begin_turnaround(now_ns)
-        self._scheduler.gaps.ended(transaction, now_ns, self.rest.until_ns)
+        self._end_turn(transaction, now_ns, self.rest.until_ns)
         if transaction.stopping is Stopping.EARLY:
             self._scheduler.wait_again(transaction)
         self._transactions.finish(transaction, Outcome.BROADCAST, now_ns)
@@ -1017,4 +1023,4 @@ class LineExchange:
         if has_died and self.silent_units.backs_off:
             self._on_event(Event(exchange_events.DRIVE_BACKED_OFF, None, self._unanswered_by(unit_id)))
             self.silent_units.answer_waiting(now_ns)
-        self._scheduler.gaps.ended(transaction, now_ns, silence.quiet_ns or None)
+        self._end_turn(transaction, now_ns, silence.quiet_ns or None)

@@ -4,6 +4,7 @@ import asyncio
 import random
 import time
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -47,7 +48,7 @@ async def test_w1_requests_on_one_connection_reach_the_drive_in_order(bench: Ben
         cnc.write(numbered(number))
         await asyncio.sleep(rng.uniform(0.001, 0.006))
     await cnc.until(lambda end: len(end.data) >= 12 * REQUESTS)
-    out_of_order = [b for a, b in zip(drive.values, drive.values[1:]) if b < a]
+    out_of_order = [b for a, b in pairwise(drive.values) if b < a]
     assert not out_of_order, f"{len(out_of_order)} of {REQUESTS}: {out_of_order[:5]}"
 
 
