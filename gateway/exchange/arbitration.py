@@ -33,8 +33,6 @@ SHRINKS: Final = 8
 """An expected duration that was not reached again shrinks by an eighth each time."""
 PAID_BACK: Final = 9
 """Motion then gets the line for this multiple of a forced transaction's time."""
-JUST_NS: Final = NS_PER_MS
-"""A timer that ends a silence comes no later, unless the machine is busy."""
 HEAD_BYTES: Final = 5
 """Bytes of a PDU that identify a request."""
 
@@ -80,7 +78,9 @@ class Gaps:
         self._ended_ns: int | None = None
         """From when the line was free after the last motion transaction; None: none was seen yet."""
         self._was_paced = False
-        """Whether that was only after a silence: a timer ends it, and comes a little late."""
+        """Whether that was only after a silence, and no other transaction has ended since."""
+        self._has_waited = False
+        """Whether something has waited since that end only for the silence: it may start behind it."""
         self._any = _Shortest()
         self._long = _Shortest()
         """Of the gaps of ``quiet_ms`` and more."""
@@ -107,11 +107,12 @@ class Gaps:
             return
         next_ns = self._stamps.next_ns if rests_until_ns is None else now_ns
         if transaction.is_motion:
-            self._was_paced = next_ns > now_ns
+            self._was_paced, self._has_waited = next_ns > now_ns, False
             self._ended_ns = next_ns if self._was_paced else now_ns
             self._motion_ns = max(now_ns - transaction.sent_ns, self._motion_ns - self._motion_ns // SHRINKS)
             return
-        free_ns = max(now_ns if rests_until_ns is None else rests_until_ns, next_ns)
+        self._was_paced = self._has_waited = False
+        free_ns = now_ns if rests_until_ns is None else rests_until_ns
         if len(self._durations_ns) >= REMEMBERED:
             self._durations_ns.clear()
         before_ns = self._durations_ns.get(_key(transaction), 0)
@@ -123,6 +124,10 @@ class Gaps:
             occupied_ns = free_ns - self._forced_since_ns
             self._next_forced_ns = free_ns + max(self._max_wait_ns, PAID_BACK * occupied_ns)
 
+    def wait_for_silence(self) -> None:
+        """Something waits for the silence of the wire, perhaps behind the end of a motion transaction."""
+        self._has_waited = self._was_paced
+
     def choose(self, first: Sequence[Transaction], now_ns: int) -> tuple[Transaction | None, int | None]:
         """Return the first transaction that may start; else None, and when to ask again.
 
@@ -130,13 +135,15 @@ class Gaps:
         and one that is to be refused: neither is sent, and neither holds back what waits behind it.
         """
         idle_ns = self._idle_ns(now_ns)
-        is_chance = not 0 < idle_ns < self._quiet_ns
+        is_behind_motion = idle_ns <= 0 or self._has_waited
+        self._has_waited = False
+        is_chance = is_behind_motion or idle_ns >= self._quiet_ns
         for transaction in first:
             if idle_ns >= NS_PER_S or transaction.is_denied or transaction.why_given_up(now_ns):
                 return transaction, None
             if not is_chance:
                 continue
-            if self._fits(transaction, idle_ns, now_ns):
+            if self._fits(transaction, idle_ns, now_ns, is_behind_motion=is_behind_motion):
                 return transaction, None
             if now_ns >= self._forced_from_ns(transaction):
                 self._forced, self._forced_since_ns = transaction, now_ns
@@ -147,7 +154,7 @@ class Gaps:
         """When to ask again, if no motion transaction comes before."""
         ended_ns = now_ns - self._idle_ns(now_ns)
         next_ns = ended_ns + self._quiet_ns
-        if not self._fits(transaction, self._quiet_ns, next_ns) or next_ns <= now_ns:
+        if not self._fits(transaction, self._quiet_ns, next_ns, is_behind_motion=False) or next_ns <= now_ns:
             next_ns = max(next_ns, self._forced_from_ns(transaction))
         if transaction.port is not None:  # it is withdrawn then
             given_up_ns = transaction.arrived_ns + transaction.port.patience_ns + 1
@@ -158,8 +165,7 @@ class Gaps:
         """Return how long the line has been free of motion; 0: the last transaction has just ended."""
         if self._ended_ns is None:
             return NS_PER_S
-        idle_ns = now_ns - self._ended_ns
-        return 0 if self._was_paced and idle_ns < JUST_NS else idle_ns
+        return now_ns - self._ended_ns
 
     def _forced_from_ns(self, transaction: Transaction) -> int:
         """When it starts at the next possible moment although it does not fit."""
@@ -168,8 +174,8 @@ class Gaps:
             max_wait_ns = min(max_wait_ns, transaction.port.patience_ns // 2)
         return max(transaction.arrived_ns + max_wait_ns, self._next_forced_ns)
 
-    def _fits(self, transaction: Transaction, idle_ns: int, now_ns: int) -> bool:
-        gap_ns = (self._long if idle_ns else self._any).get(now_ns)
+    def _fits(self, transaction: Transaction, idle_ns: int, now_ns: int, *, is_behind_motion: bool) -> bool:
+        gap_ns = (self._any if is_behind_motion else self._long).get(now_ns)
         return (
             gap_ns is None or self._durations_ns.get(_key(transaction), self._motion_ns) <= gap_ns - idle_ns
         )

@@ -278,8 +278,8 @@ class LineExchange:
 
     @property
     def is_idle(self) -> bool:
-        """Whether no transaction is on the wire."""
-        return self._transactions.current is None
+        """Whether no transaction is on the wire, and no stop waits."""
+        return self._transactions.current is None and not self._waiting.has_stops
 
     # --- from controllers ------------------------------------------------------------------------------
 
@@ -317,7 +317,7 @@ class LineExchange:
         if not len(pdu):
             return
         if port.is_serial and (self._transactions.current is not None or self._waiting.total):
-            self._give_up(port, "its controller sent another request", now_ns)
+            self._give_up(port, "its controller sent another request", now_ns, is_gone=False)
         if self.link_state.is_stopping:
             return
         transaction = self._transactions.come(port, transaction_id, unit_id, pdu, now_ns)
@@ -423,15 +423,15 @@ class LineExchange:
             self.forwarding.gone(port, now_ns)
             if self._transactions.current is not None and self._transactions.current.port is port:
                 self._end_reply(ForwardEvent.LOST, now_ns)
-        self._give_up(port, "its connection closed", now_ns)
+        self._give_up(port, "its connection closed", now_ns, is_gone=True)
         self._admission.gone(port, now_ns, is_broken=is_broken)
         if is_broken and self._transactions.current is not None and self._transactions.current.port is port:
             self._broken_off = port
         self._settle()
 
-    def _give_up(self, port: ControllerPort, reason: str, now_ns: int) -> None:
+    def _give_up(self, port: ControllerPort, reason: str, now_ns: int, *, is_gone: bool) -> None:
         """Withdraw what a controller has given up on; it gets no reply to the request on the wire (W5)."""
-        for transaction in self._waiting.give_up(port):
+        for transaction in self._waiting.give_up(port, is_gone=is_gone):
             self._transactions.withdraw(transaction, reason, now_ns)
         if self._transactions.current and self._transactions.current.port is port:
             self._end_reply(ForwardEvent.ANEW, now_ns)
@@ -766,11 +766,11 @@ class LineExchange:
         self._next(now_ns)
 
     def stop(self, now_ns: int) -> None:
-        """Send nothing new; the transaction on the wire ends as usual (see :attr:`is_idle`)."""
+        """Send nothing new but waiting stops; the transaction on the wire ends as usual (:attr:`is_idle`)."""
         if self._tap is not None:
             self._tap.stop(now_ns)
         self.link_state.stop()
-        for transaction in self._waiting.withdraw(lambda _: True):
+        for transaction in self._waiting.withdraw(lambda each: not each.is_stop):
             self._transactions.withdraw(transaction, "the gateway stops", now_ns)
 
     # --- sending ---------------------------------------------------------------------------------------
@@ -785,6 +785,8 @@ class LineExchange:
                 return
         while self._waiting.total and self._transactions.current is None:
             if self._is_paced(now_ns):
+                scheduler.gaps.wait_for_silence()
+                self._withdraw_given_up(now_ns)
                 return
             chosen = scheduler.next(now_ns)
             if chosen is None:
@@ -810,6 +812,14 @@ class LineExchange:
         self._scheduler.wake_at(until_ns)
         return True
 
+    def _withdraw_given_up(self, now_ns: int) -> None:
+        """Withdraw what its controller has given up: a wire with noise on it may never be silent (W5)."""
+        for transaction in tuple(self._waiting):
+            reason = transaction.why_given_up(now_ns)
+            if reason:
+                self._waiting.take(transaction)
+                self._transactions.withdraw(transaction, reason, now_ns)
+
     def _end_turn(self, transaction: Transaction, now_ns: int, rests_until_ns: int | None = None) -> None:
         """Tell the gaps that a transaction has ended; they begin when the wire is free."""
         if self._tap is not None and rests_until_ns is None and self._link.stamps.next_ns > now_ns:
@@ -829,7 +839,8 @@ class LineExchange:
     def _start(self, transaction: Transaction, now_ns: int) -> None:
         """Send a transaction or its prerequisite; or withdraw or refuse it."""
         transaction.start(now_ns)
-        reason = "the gateway stops" if self.link_state.is_stopping else transaction.why_given_up(now_ns)
+        is_stopping = self.link_state.is_stopping and not transaction.is_stop
+        reason = "the gateway stops" if is_stopping else transaction.why_given_up(now_ns)
         if reason:
             self._transactions.withdraw(transaction, reason, now_ns)
         elif transaction.is_denied:

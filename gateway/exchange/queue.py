@@ -7,6 +7,7 @@ from typing import Final
 from gateway.exchange.added_frames import AddedFrame
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.transaction import Transaction
+from gateway.modbus.pdu import BROADCAST_UNIT_ID
 
 WAITING_BYTES: Final = 1 << 16
 """Limit for the waiting requests of one host; above it they get exception 6 (Messaging guide V1.0b, p.
@@ -141,11 +142,17 @@ class WaitingQueue:
             if count:
                 self._port_counts[transaction.port] = count
 
-    def give_up(self, port: ControllerPort) -> list[Transaction]:
-        """Remove and return what a controller does not wait for any more; its stops stay, without it."""
-        taken = self.withdraw(lambda each: each.port is port and not each.is_stop)
+    def give_up(self, port: ControllerPort, *, is_gone: bool) -> list[Transaction]:
+        """Remove and return what a controller does not wait for any more; its stops stay, without it.
+
+        ``is_gone``: it has disconnected. Otherwise it has sent another request, and its broadcasts stay too:
+        an RTU controller never waits for them.
+        """
+        taken = self.withdraw(
+            lambda each: each.port is port and not each.is_stop and (is_gone or not _is_broadcast(each))
+        )
         for transaction in self:
-            if transaction.port is port:
+            if transaction.port is port and transaction.is_stop:
                 transaction.give_up()
         return taken
 
@@ -163,6 +170,10 @@ class WaitingQueue:
         for transaction in taken:
             self._left(transaction)
         return taken
+
+
+def _is_broadcast(transaction: Transaction) -> bool:
+    return transaction.unit_id == BROADCAST_UNIT_ID
 
 
 def _host(port: ControllerPort) -> str:

@@ -1,7 +1,7 @@
 """A request waits for the silence that the wire needs: it can be withdrawn, and nothing answers it."""
 
 from gateway.catalogue import exchange_events
-from gateway.exchange.plan import ControllerPlan, LineTiming
+from gateway.exchange.plan import ControllerPlan, Late, LineTiming
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Link, Port, axis_plan, monitor, read, write
 from tests.exchange.staged_bench import RUN_PDU, STOP_PDU, StagedBench, staged_plan
 from tests.exchange.test_arbitration import MOTION, WATCH, Plant, watching
@@ -295,3 +295,48 @@ def test_a_request_with_a_prerequisite_is_sent_although_another_unit_is_silent()
         else:
             raise AssertionError(f"read {reads} times, never written; {bench.kinds()}")
         assert reads <= 2
+
+
+def test_w5_a_broadcast_that_waits_is_not_withdrawn_by_the_next_request() -> None:
+    """An RTU controller waits for no reply to a broadcast: both frames may be read at once."""
+    bench = Bench(timing=LineTiming(turnaround_ms=10))
+    holds(bench, 5)
+    bench.send(WORD, unit_id=0)
+    bench.send(OTHER)
+    bench.wait(5)
+    assert bench.link.sent == [(0, WORD)], bench.kinds()
+
+
+def test_a_stop_that_waits_is_sent_although_the_gateway_stops() -> None:
+    bench = StagedBench()
+    holds(bench, 5)
+    bench.send(STOP_PDU)
+    bench.line.stop(bench.now_ns)
+    bench.wait(5)
+    assert bench.link.sent == [(1, STOP_PDU)]
+
+
+def test_a_deadline_counts_the_silence_too() -> None:
+    """``deadline_ms`` goes to the first byte to the drive: 3 ms, of which the drive's silence takes 4."""
+    bench = Bench(axis_plan(deadline_ms=3.0, late=Late.REJECT), serial=False)
+    bench.ask(write(COMMAND, 10_000))
+    holds(bench, 5)
+    bench.now_ns += MS
+    bench.send(write(COMMAND, 10_100))
+    bench.wait(4)
+    assert bench.link.sent == []
+    assert bench.port.take() == bytes.fromhex("90 06")
+
+
+def test_w5_on_a_wire_that_is_never_silent_requests_are_withdrawn_in_time() -> None:
+    """Noise: a byte each millisecond."""
+    bench = Bench(serial=False, timing=LineTiming(response_timeout_ms=100))
+    bench.port.patience_ns = 100 * MS
+    holds(bench)
+    bench.send(OTHER)
+    for _ in range(103):
+        holds(bench)
+        bench.line.stray(bench.now_ns)
+        bench.wait(1)
+    assert bench.kinds()[-1] == "withdrawn"
+    assert bench.line.is_still

@@ -118,6 +118,7 @@ class Frame:
     __slots__ = (
         "axis",
         "data",
+        "doubled_ns",
         "is_acknowledged",
         "is_taken",
         "parsed",
@@ -139,6 +140,8 @@ class Frame:
         """What its drive answered to it."""
         self.is_acknowledged = False
         """The success of its drive has arrived whole."""
+        self.doubled_ns = 0
+        """When its reply came once more: on RTU it may answer an equal read."""
 
 
 class Axis:
@@ -249,7 +252,8 @@ class Account:
         return [
             frame
             for frame in line.frames
-            if (frame.unit, frame.pdu) == (request.unit, request.pdu) and frame.sent_ns >= request.asked_ns
+            if (frame.unit, frame.pdu) == (request.unit, request.pdu)
+            and max(frame.sent_ns, frame.doubled_ns) >= request.asked_ns
         ]
 
     def gave_up(self, line: Line, request: Request) -> None:
@@ -311,7 +315,11 @@ class Account:
     def _request_of(self, line: Line, frame: Frame, axis: Axis | None) -> Request | None:
         """Return whose frame it is: the oldest request that waits, else one that was given up."""
         fitting = [request for request in line.waiting if self._may_become(request, frame, axis)]
-        return next((each for each in fitting if not each.is_closed), fitting[0] if fitting else None)
+        waiting = next((each for each in fitting if not each.is_closed), None)
+        is_staged = axis is not None and axis.layout.is_staged
+        if waiting is None and is_staged and self._is_restaged(axis, frame.parsed):
+            return None
+        return waiting or next(iter(fitting), None)
 
     def _may_become(self, request: Request, frame: Frame, axis: Axis | None) -> bool:
         if request.unit != frame.unit:
@@ -331,7 +339,9 @@ class Account:
         return axis.is_one_of(corrected, nominal) or (axis.layout.is_staged and corrected == nominal)
 
     @staticmethod
-    def _is_restaged(axis: Axis, parsed: Parsed) -> bool:
+    def _is_restaged(axis: Axis | None, parsed: Parsed) -> bool:
+        if axis is None:
+            return False
         corrected = target_of(axis.layout, parsed)
         return corrected is not None and axis.staged is not None and axis.is_one_of(corrected, axis.staged)
 

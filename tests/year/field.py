@@ -86,7 +86,9 @@ class Bus:
             self._account.acknowledged(frame)
         answer(reply, is_garbled)
         if fault == "reply-doubled":
-            self._machine.after(self._rng.randrange(MS, 40 * MS), answer, reply, False)
+            again_ns = self._rng.randrange(MS, 40 * MS)
+            frame.doubled_ns = self._machine.now_ns + again_ns
+            self._machine.after(again_ns, answer, reply, False)
 
 
 class SerialDrives:
