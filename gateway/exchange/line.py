@@ -571,7 +571,7 @@ class LineExchange:
         code = self._learn(transaction, frame, pdu, now_ns)
         if code is not None:
             self._transactions.refuse(transaction, code, now_ns)
-        elif self._waiting.has_stops and not transaction.overtaken_by:
+        elif self._scheduler.has_due_stop(now_ns) and not transaction.overtaken_by:
             transaction.begin_anew()
             self._waiting.put_back(transaction)
         elif self.rest.is_closing or self._renewal.holds:  # do not send it into a connection that closes

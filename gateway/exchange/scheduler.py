@@ -146,11 +146,16 @@ class Scheduler:
         is_held_back = self._rest.until_ns is not None or self._renewal.holds
         # Another unit that is silent holds it back only while a late frame may come.
         is_held_back = is_held_back or self._from_ns(transaction, now_ns) > now_ns
-        if is_held_back or self._waiting.has_stops or transaction not in self._waiting:
+        if is_held_back or self.has_due_stop(now_ns) or transaction not in self._waiting:
             transaction.begin_anew()
             return None
         self._waiting.take(transaction)
         return transaction
+
+    def has_due_stop(self, now_ns: int) -> bool:
+        """Whether a waiting stop goes next; one that is to be repeated may wait for longer."""
+        rests = self._rest.until_ns is not None
+        return any(rests or self._from_ns(stop, now_ns) <= now_ns for stop in self._waiting.stops)
 
     def wake_at(self, due_ns: int) -> None:
         """Make the line check the waiting requests at this time, or earlier."""

@@ -1,5 +1,7 @@
 """A request waits for the silence that the wire needs: it can be withdrawn, and nothing answers it."""
 
+import pytest
+
 from gateway.catalogue import exchange_events
 from gateway.exchange.plan import ControllerPlan, Late, LineTiming
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Link, Port, axis_plan, monitor, read, write
@@ -340,3 +342,35 @@ def test_w5_on_a_wire_that_is_never_silent_requests_are_withdrawn_in_time() -> N
         bench.wait(1)
     assert bench.kinds()[-1] == "withdrawn"
     assert bench.line.is_still
+
+
+def reads_until_written(bench: Bench, gap_ms: float, ms: int) -> int:
+    """Let a request be sent that needs a prerequisite; return how many frames of the gateway go first."""
+    bench.send(HALF)
+    for count in range(ms):
+        while not bench.link.sent and bench.line.deadline_ns is not None:
+            bench.now_ns = max(bench.now_ns, bench.line.deadline_ns)
+            bench.line.tick(bench.now_ns)
+        unit_id, pdu = bench.link.sent.pop()
+        if pdu[0] != 3:
+            return count
+        bench.now_ns += MS
+        holds(bench, gap_ms)
+        bench.line.reply(unit_id, bench.memory.answer(pdu), bench.now_ns)
+    raise AssertionError(f"read {ms} times, never written; {bench.kinds()}")
+
+
+@pytest.mark.parametrize("gap_ms", [0, SILENCE_MS])
+def test_a_stop_that_waits_to_be_repeated_does_not_make_others_read_again_and_again(gap_ms: float) -> None:
+    """Unit 2 left a stop unanswered; the same stop waits for ``retry_ms``."""
+    timing = LineTiming(response_timeout_ms=20, drain_ms=5, retry_ms=1000)
+    plans = (axis_plan(), staged_plan(name="y", unit_id=2))
+    bench = Bench(*plans, serial=False, tcp_drive=True, timing=timing)
+    bench.port.patience_ns = 300 * MS
+    bench.memory.put(COMMAND, 0x00018005)
+    plc = Port(ControllerPlan("plc", timeout_ms=20))
+    for _ in range(2):
+        bench.send(STOP_PDU, plc, unit_id=2)
+        bench.link.sent.clear()
+        bench.wait(20)
+    assert reads_until_written(bench, gap_ms, 40) <= 2
