@@ -44,6 +44,8 @@ class Wire(DriveLink):
         self._fault_share = fault_share
         self._taken_ns = 0
         self.line: LineExchange | None = None
+        self.gap_ns = 0
+        """The silence that it needs before each frame."""
         self._heard_for: Frame | None = None
         """The frame that the bytes on their way in answer."""
         self._connection = 0
@@ -59,7 +61,13 @@ class Wire(DriveLink):
         self._is_open = True
         self._connection += 1
         self._ledger.is_down = False
+        self._begin_silence()
         self.line.link_up(self._clock.now_ns)
+
+    def _begin_silence(self) -> None:
+        """A frame leaves, or bytes came: the next frame waits."""
+        if self.gap_ns:
+            self.stamps.next_ns = self._clock.now_ns + self.gap_ns
 
     def drop(self) -> None:
         """Lose the connection: what is on its way to a drive arrives, what comes back does not."""
@@ -79,6 +87,9 @@ class Wire(DriveLink):
         current = None if self.line is None else self.line._transactions.current
         is_early = current is not None and current.stopping is Stopping.EARLY
         frame = self._ledger.sent(unit_id, pdu, is_early=is_early)
+        if self._clock.now_ns < self.stamps.next_ns:
+            self._ledger.book.violation("W1-no-silence", pdu.hex(" "), self._ledger.witness(unit_id).journal)
+        self._begin_silence()
         frame.connection = self._connection
         drive = self._drive(unit_id)
         fault = choose(
@@ -159,6 +170,7 @@ class Wire(DriveLink):
     def _read(self, data: bytes, frame: Frame) -> None:
         if frame.connection == self._connection and self._is_open:
             self._heard_for = frame
+            self._begin_silence()
             self._received(data)
 
     def _garbled(self, data: bytes) -> bytes:

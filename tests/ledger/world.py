@@ -7,7 +7,7 @@ from typing import Final
 
 from gateway.exchange.plan import ControllerPlan, LineTiming, Role
 from gateway.exchange.rest import LONGEST_DRAIN
-from tests.ledger.clock import Clock
+from tests.ledger.clock import MS, Clock
 from tests.ledger.connections import BookedLine, TcpMaster
 from tests.ledger.controllers import Master, Script, SerialMaster
 from tests.ledger.cut import ForwardingMaster, ForwardingWire, check_counts, random_speeds
@@ -30,6 +30,10 @@ CONNECTED_MS: Final = 6_000.0
 AWAKE_MS: Final = 3_000.0
 """Between two standstills, in the mean."""
 LAST_REPLIES_NS: Final = 3_000_000_000
+GAPS_MS: Final = (0.0, 1.75, 5.0)
+"""The silence that a wire needs before each frame."""
+ALARM_LATE_MS: Final = 2.0
+"""The longest time by which the alarm of such a line comes late: requests are read before it."""
 
 
 @dataclass(frozen=True)
@@ -132,6 +136,8 @@ class World:
         cut_through = None if self._speeds is None else self._speeds.drives
         self.line = BookedLine(plans, timing, self.wire, lambda event: None, cut_through=cut_through)
         self.wire.line = self.line
+        self._silences = random.Random(f"{seed} {setup.name} silences")
+        self.wire.gap_ns = 0 if is_cut else int(self._silences.choice(GAPS_MS) * MS)
         if isinstance(self.wire, ForwardingWire) and self._speeds is not None:
             self.wire.become(self._speeds)
         self.masters = self._masters()
@@ -187,7 +193,9 @@ class World:
         deadline_ns = self.line.deadline_ns
         if deadline_ns is not None and deadline_ns != self._ticked_ns:
             self._ticked_ns = deadline_ns
-            self.clock.at(deadline_ns, lambda: self.stillness.after_reading(self._tick))
+            late_ms = self._silences.uniform(0.0, ALARM_LATE_MS) if self.wire.gap_ns else 0.0
+            tick_ns = deadline_ns + int(late_ms * MS)
+            self.clock.at(tick_ns, lambda: self.stillness.after_reading(self._tick))
         return went_on
 
     def _tick(self) -> None:
