@@ -278,8 +278,9 @@ class LineExchange:
 
     @property
     def is_idle(self) -> bool:
-        """Whether no transaction is on the wire, and no stop waits."""
-        return self._transactions.current is None and not self._waiting.has_stops
+        """Whether no transaction is on the wire, and no stop waits that can be sent."""
+        waits = self._waiting.has_stops and self.link_state.is_up
+        return self._transactions.current is None and not waits
 
     # --- from controllers ------------------------------------------------------------------------------
 
