@@ -18,4 +18,4 @@ async def test_stop_of_the_gateway_with_a_stop_that_waits_for_a_lost_link(bench:
     await asyncio.sleep(0.1)
     began_s = time.monotonic()
     await relay.stop()
-    assert time.monotonic() - began_s < 1.0
+    assert time.monotonic() - began_s < 4.0
