@@ -225,8 +225,9 @@ class RtuControllerPort(ControllerPort):
             self.whole += 1
             pdu, requests = b"", requests[1:]
         is_one = len(pdu) > 0
-        if self._replies is not None and (has_left or is_one or len(requests)):
-            self._replies.discard()  # the controller has given up on it
+        replies = self._replies
+        if replies is not None and replies.is_waiting and (has_left or is_one or len(requests)):
+            replies.discard()  # the controller has given up on it
         beats = self._beats
         why_given_up = ""
         if beats.stood_still(now_ns, self.patience_ns):
