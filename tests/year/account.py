@@ -458,7 +458,7 @@ class Account:
         for line in self.lines.values():
             self._doubt_unacknowledged(line)
             line.frames.clear()
-            line.waiting.clear()
+            line.waiting = [each for each in line.waiting if each.arrived_ns > self._machine.now_ns]
             for axis in line.axes.values():
                 axis.is_new = True
             self.trouble(line)
