@@ -59,6 +59,10 @@ class WaitingQueue:
     def __len__(self) -> int:
         return self.total
 
+    def holds(self, transaction: Transaction) -> bool:
+        """Whether it waits."""
+        return any(each is transaction for each in self)
+
     def __iter__(self) -> Iterator[Transaction]:
         for queue in self._queues:
             yield from queue

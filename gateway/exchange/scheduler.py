@@ -146,7 +146,7 @@ class Scheduler:
         is_held_back = self._rest.until_ns is not None or self._renewal.holds
         # Another unit that is silent holds it back only while a late frame may come.
         is_held_back = is_held_back or self._from_ns(transaction, now_ns) > now_ns
-        if is_held_back or self.has_due_stop(now_ns) or transaction not in self._waiting:
+        if is_held_back or self.has_due_stop(now_ns) or not self._waiting.holds(transaction):
             transaction.begin_anew()
             return None
         self._waiting.take(transaction)
