@@ -37,18 +37,21 @@ demo: program ## see a worn machine become accurate
 test-programs: # a broker and a browser
 	@tools/test_programs.sh
 
-quick: check quick-tests ## the checks, and the tests that need no other program, no browser and no root (tests/needs.py)
+# Nothing in these waits: a worker for each core, no more, for each loads all of them.
+quick: setup ## in a minute on two cores: the checks, and the tests that need nothing but Python (tests/needs.py)
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync $(CHECKS)
+	$(BIN)/python -m pytest --numprocesses $(shell nproc) --dist loadfile --no-loadscope-reorder --quiet -m quick
 
-quick-tests: setup # of quick the tests alone
-	$(PYTEST) -m quick
+test-anywhere: setup ## the tests that need nothing but Python and time: those of quick, random cases, walks, a relay
+	$(PYTEST) -m anywhere
 
-test-pythons: setup ## the tests of quick on every Python that is claimed and found; PYTHONS="PATH ..." names more
+test-pythons: setup ## test-anywhere on every Python that is claimed and found; PYTHONS="PATH ..." names more
 	$(BIN)/python tools/pythons.py
 
-test-lowest: setup ## the tests of quick on the lowest versions that pyproject.toml allows; needs Python 3.11 or 3.12
+test-lowest: setup ## test-anywhere on the lowest versions that pyproject.toml allows; needs Python 3.11 or 3.12
 	@mkdir -p build && $(BIN)/python -m tools.lowest > $(LOWEST).txt
 	@VENV=$(LOWEST) tools/bootstrap.sh --constraint $(LOWEST).txt --editable '.[dev,docs]'
-	$(LOWEST)/bin/python -m pytest $(PYTEST_OPTIONS) -m quick
+	$(LOWEST)/bin/python -m pytest $(PYTEST_OPTIONS) -m anywhere
 
 test: setup test-programs ## everything: checks, unit, property and end-to-end tests
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync $(CHECKS) collected

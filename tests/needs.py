@@ -1,11 +1,12 @@
 """What a test needs beside Python and this checkout, and which tests are quick because they need nothing.
 
-The rule: a test is ``quick`` where a word of ``NEEDS`` stands neither in its file, nor in a ``conftest.py``
-above it, nor in a file below ``tests``, ``bench`` or ``tools`` that these import, directly or not. A file is
-quick as a whole or not at all: what needs nothing stands in a file of its own, apart from what needs more.
+The rule: a test needs what the words of ``NEEDS`` say that stand in its file, in a ``conftest.py`` above it,
+or in a file below ``tests``, ``bench`` or ``tools`` that these import, directly or not. All tests of a file
+need the same: what needs less stands in a file of its own.
 
-pytest marks them (``pytest -m quick``), nobody does by hand; and it holds them to it in every run: a quick
-test that starts a program nevertheless, through whatever code, fails with a sentence that says so.
+A test is ``quick`` where it needs nothing, and runs ``anywhere`` where it needs nothing but time. pytest
+marks them (``pytest -m quick``), nobody does by hand; and it holds them to it in every run: a test for
+anywhere that starts a program nevertheless, through whatever code, fails with a sentence that says so.
 """
 
 import functools
@@ -19,6 +20,7 @@ import pytest
 
 ROOT: Final = Path(__file__).parents[1]
 PROGRAM: Final = "another program"
+TIME: Final = "time"
 NEEDS: Final = {
     "subprocess": PROGRAM,
     "multiprocessing": PROGRAM,
@@ -32,11 +34,21 @@ NEEDS: Final = {
     "setuid": "root",
     "seteuid": "root",
     "setresuid": "root",
+    "hypothesis": TIME,  # hundreds of cases, drawn at random
+    "tests.soak": TIME,  # repeated
+    "tests.verify": TIME,  # walks
+    "tests.ledger": TIME,
+    "tests.support.relay": TIME,  # a relay, whose clock none of its tests moves
+    "CliRunner": TIME,  # whole commands, each of which reads all options anew
+    "gateway.report": TIME,  # pages, with their pictures
+    "matplotlib": TIME,
 }
 """Words of a file, and what each of them says that its tests need.
 
 A broker, systemd, OpenSSL, all that is installed and another Python are programs.
 """
+MARKS: Final = {"quick": frozenset[str](), "anywhere": frozenset({TIME})}
+"""Marks of tests, and what those that have it may need."""
 FOLLOWED: Final = ("tests", "bench", "tools")
 """Whose imports count. What the gateway could start is not what a test of it starts."""
 STARTS: Final = frozenset(
@@ -57,7 +69,7 @@ DISPENSABLE: Final = frozenset({"fc-list"})
 
 MODULE: Final = rf"(?:{'|'.join(FOLLOWED)})(?:\.\w+)*"
 IMPORTS: Final = re.compile(rf"^\s*(?:from|import)\s+({MODULE})(?:\s+import\s+(\([^)]*\)|.*))?", re.MULTILINE)
-WORDS: Final = re.compile(rf"\b(?:{'|'.join(NEEDS)})\b")
+WORDS: Final = re.compile(rf"\b(?:{'|'.join(map(re.escape, NEEDS))})\b")
 
 
 @functools.cache
@@ -74,7 +86,7 @@ def _read(file: Path) -> tuple[frozenset[str], frozenset[Path]]:
 def needs_of(file: Path) -> frozenset[str]:
     """Return what the tests of a file need: values of ``NEEDS``; none where they are quick."""
     found: set[str] = set()
-    seen = {Path(__file__)}
+    seen = {Path(__file__), ROOT / "tests" / "conftest.py"}  # what all of them load makes no difference
     ahead = [file, *(path for folder in file.parents if (path := folder / "conftest.py").exists())]
     while ahead:
         path = ahead.pop()
@@ -87,17 +99,17 @@ def needs_of(file: Path) -> frozenset[str]:
 
 
 class _Watch:
-    """Whether a quick test is running, and what it started."""
+    """Whether a test for anywhere is running, and what it started."""
 
     def __init__(self) -> None:
-        self.is_quick = False
+        self.is_for_anywhere = False
         self.started = ""
         sys.addaudithook(self._heard)
 
     def _heard(self, event: str, arguments: tuple[Any, ...]) -> None:
-        if self.is_quick and event in STARTS and not DISPENSABLE.intersection(map(str, arguments[:1])):
+        if self.is_for_anywhere and event in STARTS and not DISPENSABLE.intersection(map(str, arguments[:1])):
             started = (
-                f"a quick test started a program ({event} {arguments[:2]}): it needs {PROGRAM}; "
+                f"a test for anywhere started a program ({event} {arguments[:2]}): it needs {PROGRAM}; "
                 f"move it to a file that imports what starts it, or name that in NEEDS of tests/needs.py"
             )
             self.started = started
@@ -105,12 +117,12 @@ class _Watch:
 
     def over(self, item: pytest.Item) -> Iterator[None]:
         """Watch while a test is set up, run or taken down."""
-        self.is_quick = item.get_closest_marker("quick") is not None
+        self.is_for_anywhere = item.get_closest_marker("anywhere") is not None
         self.started = ""
         try:
             return (yield)
         finally:
-            self.is_quick = False
+            self.is_for_anywhere = False
             if self.started:  # also where the code under test caught it, or a thread died of it
                 pytest.fail(self.started, pytrace=False)
 
@@ -119,20 +131,26 @@ _watch = _Watch()
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    config.addinivalue_line("markers", "quick: needs nothing but Python and this checkout (tests/needs.py)")
+    for mark, needed in MARKS.items():
+        more = "".join(f", and {need}" for need in needed)
+        config.addinivalue_line(
+            "markers", f"{mark}: needs nothing but Python and this checkout{more} (tests/needs.py)"
+        )
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Where quick tests alone are asked for, load no other file."""
-    is_file = config.option.markexpr == "quick" and collection_path.suffix == ".py"
-    return True if is_file and needs_of(collection_path) else None
+    """Where the tests of one mark alone are asked for, load no other file."""
+    allowed = MARKS.get(config.option.markexpr)
+    is_other = allowed is not None and collection_path.suffix == ".py" and needs_of(collection_path) - allowed
+    return True if is_other else None
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        if not needs_of(item.path):
-            item.add_marker("quick")
+        for mark, needed in MARKS.items():
+            if needs_of(item.path) <= needed:
+                item.add_marker(mark)
 
 
 @pytest.hookimpl(wrapper=True)

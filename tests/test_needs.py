@@ -10,7 +10,7 @@ import pytest
 from tests.needs import needs_of
 
 ROOT = Path(__file__).parents[1]
-FAILED = "a quick test started a program ("
+FAILED = "a test for anywhere started a program ("
 SWALLOWED = """
 import contextlib, os
 
@@ -48,6 +48,13 @@ import subprocess
 def test_that_says_so():
     subprocess.run(["true"], check=True)
 """
+DRAWN = """
+from hypothesis import given, strategies
+
+@given(strategies.integers())
+def test_of_any_number(number):
+    pass
+"""
 
 
 def pytest_said(*arguments: str | Path) -> "subprocess.CompletedProcess[str]":
@@ -58,7 +65,7 @@ def pytest_said(*arguments: str | Path) -> "subprocess.CompletedProcess[str]":
 
 
 @pytest.mark.parametrize("text", [SWALLOWED, OF_A_FIXTURE, OF_A_THREAD, OUT_OF_SIGHT])
-def test_a_quick_test_that_starts_a_program_fails(tmp_path: Path, text: str) -> None:
+def test_one_that_needs_nothing_and_starts_a_program_fails(tmp_path: Path, text: str) -> None:
     (tmp_path / "test_it.py").write_text(text)
     done = pytest_said("-p", "tests.needs", "--rootdir", tmp_path, tmp_path / "test_it.py", "-m", "quick")
     assert done.returncode == 1, done.stdout
@@ -66,23 +73,32 @@ def test_a_quick_test_that_starts_a_program_fails(tmp_path: Path, text: str) -> 
     assert "it needs another program; move it to a file" in done.stdout
 
 
-def test_who_says_what_it_starts_is_not_quick_and_may(tmp_path: Path) -> None:
+def test_who_says_what_it_starts_is_not_for_anywhere_and_may(tmp_path: Path) -> None:
     (tmp_path / "test_it.py").write_text(DECLARED)
     words = ("-p", "tests.needs", "--rootdir", tmp_path, tmp_path / "test_it.py")
-    assert "1 deselected" in pytest_said(*words, "-m", "quick").stdout
+    assert "1 deselected" in pytest_said(*words, "-m", "anywhere").stdout
     assert "1 passed" in pytest_said(*words).stdout
+
+
+def test_who_draws_its_cases_at_random_is_for_anywhere_and_not_quick(tmp_path: Path) -> None:
+    (tmp_path / "test_it.py").write_text(DRAWN)
+    words = ("-p", "tests.needs", "--rootdir", tmp_path, tmp_path / "test_it.py")
+    assert "1 passed" in pytest_said(*words, "-m", "anywhere").stdout
+    assert "1 deselected" in pytest_said(*words, "-m", "quick").stdout
 
 
 @pytest.mark.parametrize(
     ("file", "needs"),
     [
         ("modbus/test_rtu_requests.py", set()),
-        ("relay/test_kill_and_restart.py", {"another program"}),  # imports subprocess itself
+        ("relay/test_kill_and_restart.py", {"another program", "time"}),  # imports subprocess itself
         ("attacks/test_legitimate.py", {"another program"}),  # imports a file that does
         ("package/test_udev_rules.py", {"another program"}),
-        ("report/test_in_a_browser.py", {"a browser"}),
+        ("report/test_in_a_browser.py", {"a browser", "time"}),
         ("supervisor/mqtt/test_mqtt_discovery.py", {"another program"}),  # a broker
         ("config/test_config_state.py", {"root"}),
+        ("modbus/test_rtu_properties.py", {"time"}),  # imports hypothesis
+        ("relay/test_connections.py", {"time"}),  # imports a file that runs a relay
     ],
 )
 def test_what_a_file_needs_is_what_it_and_its_imports_name(file: str, needs: set[str]) -> None:
@@ -98,8 +114,11 @@ def test_an_import_over_several_lines_is_followed(tmp_path: Path) -> None:
     assert needs_of(other) == {"another program"}
 
 
-def test_at_least_4000_tests_are_quick(request: pytest.FixtureRequest) -> None:
+@pytest.mark.parametrize(("mark", "number"), [("quick", 8000), ("anywhere", 14_000)])
+def test_at_least_so_many_tests_need_so_little(
+    request: pytest.FixtureRequest, mark: str, number: int
+) -> None:
     items = request.session.items
     if len({item.path for item in items}) < len(list((ROOT / "tests").rglob("test_*.py"))):
         pytest.skip("only some of the files were asked for: of all of them is counted")
-    assert sum(item.get_closest_marker("quick") is not None for item in items) >= 4000
+    assert sum(item.get_closest_marker(mark) is not None for item in items) >= number

@@ -1,4 +1,4 @@
-"""Runs the tests of ``make quick`` on every Python that pyproject.toml claims and this machine has.
+"""Runs ``make test-anywhere`` on every Python that pyproject.toml claims and this machine has.
 
     make test-pythons
     make test-pythons PYTHONS="/opt/python3.13/bin/python3 ~/python3.14/bin/python3"
@@ -70,7 +70,7 @@ def run(version: str, python: str) -> Result:
     command = [
         "make",
         "--no-print-directory",
-        "quick-tests",
+        "test-anywhere",
         f"VENV={folder.relative_to(ROOT)}",
         f"PYTHON={python}",
     ]
