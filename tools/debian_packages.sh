@@ -1,16 +1,22 @@
 #!/usr/bin/env bash
 # Installs Debian packages, as root, and says nothing where that goes well. While another program has a package lock, it
-# says so once and waits, ten minutes at most: of the locks apt-get itself waits for none.
+# says so once and waits, ten minutes at most or as many seconds as PATIENCE_S says: of the locks apt-get itself waits for
+# none.
 set -euo pipefail
 export LC_ALL=C.UTF-8 DEBIAN_FRONTEND=noninteractive
-patience_s=600
+patience_s=${PATIENCE_S:-600}
+
+is_locked() { [[ $1 == *"Could not get lock"* || $1 == *"was locked by another process"* ]]; }
 
 patiently() {
     local said is_told=
     until said=$(apt-get -qq "$@" 2>&1); do
-        if [[ $said != *"Could not get lock"* && $said != *"was locked by another process"* ]] \
-            || [ "$SECONDS" -ge "$patience_s" ]; then
+        if ! is_locked "$said"; then
             printf 'apt-get %s failed:\n%s\n' "$1" "$said" >&2
+            exit 1
+        elif [ "$SECONDS" -ge "$patience_s" ]; then
+            echo "apt-get $1 failed, after $patience_s s: $(grep -m 1 lock <<<"$said")" >&2
+            echo "let that program finish, then start this again; PATIENCE_S=3600 waits for an hour" >&2
             exit 1
         fi
         [ -n "$is_told" ] || echo "waiting, at most $patience_s s: $(grep -m 1 lock <<<"$said")" >&2
