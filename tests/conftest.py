@@ -12,9 +12,15 @@ from hypothesis import HealthCheck, settings
 
 from gateway.exchange.axis import impossible
 from tests import needs
+from tests.soak import repeated
 
 # How long an example takes says how busy the machine is; what is fast enough is the business of `bench/`.
-settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile(
+    "any machine",
+    deadline=None,
+    max_examples=repeated(1000),
+    suppress_health_check=[HealthCheck.too_slow],
+)
 settings.load_profile("any machine")
 
 # What cannot be in a state of an axis is a bug: here it is raised.

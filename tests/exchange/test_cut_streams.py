@@ -17,7 +17,7 @@ from tests.exchange.test_fast_path import CURVE
 from tests.soak import repeated
 
 CYCLE_NS = 10 * MS
-MOVES = repeated(200)
+MOVES = repeated(400)
 LOW_COUNTS, HIGH_COUNTS = 1_000, 90_000
 
 

@@ -9,13 +9,13 @@ from gateway.exchange.field_counts import nearest
 from tests.soak import repeated
 
 
-@settings(max_examples=repeated(3000))
+@settings(max_examples=repeated(6000))
 @given(st.floats(-(2.0**60), 2.0**60))
 def test_the_nearest_whole_number_is_what_round_says(value: float) -> None:
     assert nearest(value) == round(value)
 
 
-@settings(max_examples=repeated(3000))
+@settings(max_examples=repeated(6000))
 @given(st.integers(-(2**40), 2**40), st.integers(-3, 3))
 def test_next_to_a_half_too(whole: int, steps: int) -> None:
     value = whole + 0.5

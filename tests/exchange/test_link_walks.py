@@ -11,7 +11,7 @@ from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Port, axis_plan, read
 from tests.exchange.staged_bench import RUN_PDU, STAGED, STOP_PDU
 from tests.soak import repeated
 
-WALKS, STEPS = repeated(3000), 120
+WALKS, STEPS = repeated(6000), 120
 TIMEOUT_MS = 300.0
 LOST_MS = 250.0
 NAMED = read(ACTUAL)

@@ -38,7 +38,7 @@ PLANS = (
     ),
 )
 PLACES = {COMMAND: ACTUAL, Y_COMMAND: Y_ACTUAL}
-STEPS = repeated(200)
+STEPS = repeated(400)
 LARGEST_STEP = 2.2
 """Counts told for one commanded, at most: blends, slopes and lines together; and 2 counts of rounding."""
 

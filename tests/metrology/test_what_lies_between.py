@@ -29,8 +29,10 @@ from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.screw import screw_of
 from gateway.tabfile import WriteOptions, dialect_named
 from tests.metrology import screws
+from tests.soak import IS_FULL
 
 UP, DOWN = Direction.FORWARD, Direction.BACKWARD
+SEEDS = (0, 1) if IS_FULL else (0,)
 
 
 def survey(targets: list[float], deviation: screws.Curve, lost: float = 0.01, runs: int = 1) -> Survey:
@@ -480,12 +482,12 @@ def test_the_upper_bound_does_not_hang_on_the_kind_that_few_targets_choose_by_lu
 @pytest.mark.parametrize("kind", screws.KINDS, ids=lambda kind: kind.name)
 def test_a_table_leaves_what_it_says_and_no_more_than_the_best(kind: screws.CurveKind) -> None:
     found = [
-        screws.case(kind, count, kind.noise_um, seed) for count in (kind.few, kind.many) for seed in (0, 1)
+        screws.case(kind, count, kind.noise_um, seed) for count in (kind.few, kind.many) for seed in SEEDS
     ]
     sys_out = [screws.row([each]) for each in found]
     print("\n".join(sys_out))  # noqa: T201
     assert all(each.is_good for each in found)
-    assert sum(each.is_within for each in found) >= 3
+    assert sum(each.is_within for each in found) >= len(found) - 1
     told = [each for each in found if each.predicted is not None]
     # A step between two targets has a bound; how near the figure is the place of the step decides.
     assert "butt joint" in kind.name or sum(each.is_near for each in told) >= len(told) - 1
@@ -494,4 +496,4 @@ def test_a_table_leaves_what_it_says_and_no_more_than_the_best(kind: screws.Curv
     if kind.is_even and kind.length > 200:
         assert told == []
     else:
-        assert len(told) >= 3
+        assert len(told) >= len(found) - 1

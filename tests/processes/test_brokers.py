@@ -16,7 +16,7 @@ from tests.support.ports import free_port
 from tests.support.processes import children, wait_until_dead
 
 ROOT = "pitch-gateway/trial"
-AWAY_S = float(repeated(30))
+AWAY_S = float(repeated(60))
 WITH_PASSWORD = "listener {port} 127.0.0.1\nallow_anonymous false\npassword_file "
 
 

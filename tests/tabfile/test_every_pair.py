@@ -127,7 +127,7 @@ def on_grid_for(table: CorrectionTable, name: str, step: float) -> tuple[Correct
 
 @pytest.mark.parametrize(("one", "other"), PAIRS)
 def test_a_table_goes_from_one_dialect_into_the_other_and_back(one: str, other: str) -> None:
-    @settings(max_examples=repeated(30))
+    @settings(max_examples=repeated(60))
     @given(tables((one, other)))
     def check(table: CorrectionTable) -> None:
         assume(table.max_correction() > 0)
