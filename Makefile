@@ -3,7 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 TOOLS := build/tools
 # More than cores, because most of the long ones wait for programs that they started.
-PYTEST_OPTIONS := --numprocesses $(shell expr $$(nproc) + 2) --dist loadfile --no-loadscope-reorder
+PYTEST_OPTIONS := --numprocesses $(shell expr $$(nproc) + 4) --dist loadfile --no-loadscope-reorder
 PYTEST := $(BIN)/python -m pytest $(PYTEST_OPTIONS)
 LOWEST := build/lowest
 # Of `make check`, side by side: types take as long as the others together.

@@ -93,17 +93,25 @@ def pytest_sessionfinish() -> None:
 
 FIRST = (
     "tests/package/",
+    "tests/metrology/test_what_lies_between.py",
     "tests/supervisor/page/test_page_for_everybody.py",
     "tests/service/",
     "tests/supervisor/page/test_page_shows.py",
-    "tests/metrology/test_what_lies_between.py",
-    "tests/supervisor/page/",
-    "tests/processes/test_sick_line.py",
-    "tests/measure/",
-    "tests/verify/",
-    "tests/report/test_writing.py",
-    "tests/compiled/",
+    "tests/processes/test_watched_tables.py",
+    "tests/relay/test_kills_at_any_instant.py",
     "tests/tools/test_bootstrap.py",
+    "tests/compiled/",
+    "tests/measure/",
+    "tests/processes/test_configuration_reload.py",
+    "tests/processes/test_stalled_log.py",
+    "tests/processes/test_two_services.py",
+    "tests/processes/test_sick_line.py",
+    "tests/verify/",
+    "tests/supervisor/page/",
+    "tests/report/test_writing.py",
+    "tests/simulator/test_demo_command.py",
+    "tests/cli/test_table_between_points.py",
+    "tests/docs/test_guides.py",
     "tests/tabfile/test_every_pair.py",
     "tests/tabfile/test_mutants.py",
 )
@@ -111,10 +119,11 @@ FIRST = (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with what takes longest."""
-    items.sort(key=lambda item: _place_in_order(item.nodeid.partition("::")[0]))
+    """Begin with what takes longest, and with what waits for programs: the others have work meanwhile."""
+    items.sort(key=lambda item: _place_in_order(item.nodeid.partition("::")[0], item.path))
 
 
 @functools.cache
-def _place_in_order(file: str) -> int:
-    return next((place for place, first in enumerate(FIRST) if file.startswith(first)), len(FIRST))
+def _place_in_order(file: str, path: Path) -> tuple[int, bool]:
+    place = next((place for place, first in enumerate(FIRST) if file.startswith(first)), len(FIRST))
+    return place, needs.needs_of(path) <= needs.MARKS["anywhere"]
