@@ -23,10 +23,10 @@ from tests.support.processes import COMMAND, ROOT, SECONDS, children, is_alive, 
 
 SMALLEST_PIPE = 4096
 MOVES = 1500
-MANY_NOTES = ("--status-every", "0.003")
+MANY_NOTES = ("--status-every", "0.001")
 """Notes of some 400 bytes: the pipe holds ten of them, the gateway a thousand; the rest is dropped."""
-UNREAD_S = 4.5
-"""Nobody reads for so long: it makes three times the notes that the gateway holds."""
+UNREAD_S = 3.0
+"""Nobody reads for so long: it makes twice the notes that the gateway holds, also on a busy machine."""
 TOO_FAR = 200_000
 """Twice as far as the axis goes, in counts of 1/1000 mm; behind the end of the table its last 0.1 mm hold."""
 WHY_TOO_FAR = (
@@ -140,13 +140,15 @@ def test_a_flood_of_refused_targets_is_a_few_notes(site: Site) -> None:
     with unread("relay", site) as relay:
         relay.until("line-up")
         with contextlib.closing(site.master()) as master:
+            begun_s = time.monotonic()
             assert all(master.is_refused(TOO_FAR) for _ in range(500))
+            took_s = time.monotonic() - begun_s
         relay.process.send_signal(signal.SIGTERM)
         relay.lines += relay.log.readlines()
         assert relay.process.wait(SECONDS) == 0
     told = [note["detail"] for note in relay.notes() if note["event"] == "refused-value"]
     assert told[0] == WHY_TOO_FAR
-    assert 10 <= len(told) < 250  # ten in a second, however long a busy machine takes for them
+    assert 10 <= len(told) <= 10 * (took_s + 2)  # ten in a second, and in a part of one
 
 
 def test_status_lines_that_nobody_reads_keep_no_frame(site: Site) -> None:
