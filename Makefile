@@ -57,6 +57,9 @@ test: setup test-programs ## everything: checks, unit, property and end-to-end t
 	@$(MAKE) --no-print-directory --jobs 2 --output-sync $(CHECKS) collected
 	$(PYTEST)
 
+costs: setup test-programs ## all tests, and the processor time and the seconds of the files that cost most
+	$(PYTEST) -p tests.costs
+
 # On a fresh checkout each worker would compile all tests, all at once; beside mypy there is a core for it. Not where a
 # folder is compiled that `make quick` leaves out. What is wrong the run itself says.
 collected: setup
