@@ -192,23 +192,30 @@ def test_a_configuration_that_was_compiled_for_the_next_start_outlives_a_table_t
         assert supervisor.end() == 0
 
 
+def answer_the_next_subscriber(relay: socket.socket, answer: bytes) -> None:
+    """Give whoever asks this answer, up to one that subscribes, and let each of them read it and go."""
+    has_subscribed = False
+    while not has_subscribed:  # between them it asks who is there
+        connection, _ = relay.accept()
+        with connection:
+            has_subscribed = b'"subscribe"' in connection.recv(300)
+            connection.sendall(answer)
+            connection.shutdown(socket.SHUT_WR)
+            while connection.recv(300):
+                pass
+
+
 def test_a_supervisor_says_once_that_the_relay_is_of_another_version(site: Site) -> None:
     site.socket.parent.mkdir()
     with socket.socket(socket.AF_UNIX) as other:
         other.bind(str(site.socket))
         other.listen()
         with running("supervise", str(site.config)) as supervisor:
-            subscribers = 0
-            while subscribers < 3:  # between them it asks who is there
-                connection, _ = other.accept()
-                with connection:
-                    subscribers += b'"subscribe"' in connection.recv(300)
-                    connection.sendall(b'{"kind":"subscribed","interval_s":0.2,"version":3}\n')
+            for _ in range(3):
+                answer_the_next_subscriber(other, b'{"kind":"subscribed","interval_s":0.2,"version":3}\n')
             said = supervisor.until("relay-not-reached")
             assert said["detail"].startswith("a message of version 3, but this side speaks version 2")
-            connection, _ = other.accept()
-            with connection:
-                connection.recv(300)
+            answer_the_next_subscriber(other, b"")
             assert supervisor.until("relay-not-reached")["detail"] == "the connection was closed"
             assert supervisor.end() == 0
     assert [note["event"] for note in supervisor.notes].count("relay-not-reached") == 2
