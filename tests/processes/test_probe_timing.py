@@ -51,7 +51,8 @@ def test_times_are_measured_and_what_they_ask_for_is_proposed_with_its_cost(sick
 
 
 def test_the_silence_that_a_drive_needs_is_found(sick: SickLine) -> None:
-    sick.drives.needs_silence_s = 0.015
+    # Just below 20 ms: on a busy machine a silence of 10 ms may last nearly as long.
+    sick.drives.needs_silence_s = 0.0195
     sick.config.write_text(sick.config.read_text().replace("drain_ms = 20", "drain_ms = 20\ngap_ms = 30"))
     result = typed("probe", str(sick.config), "--timing")
     assert result.returncode == 0, result.stderr
