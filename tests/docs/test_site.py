@@ -27,7 +27,7 @@ def make_site(
 ) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(
         [sys.executable, *python, "-m", "tools.make_site", *arguments],
-        cwd=root, capture_output=True, text=True, timeout=110, check=False,
+        cwd=root, capture_output=True, text=True, timeout=250, check=False,
     )  # fmt: skip
 
 

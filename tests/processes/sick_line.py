@@ -91,8 +91,8 @@ class Drives:
                 health = self.health.get(unit_id, Health.SILENT)
                 select.select([self._ending], [], [], self.takes_s.get(unit_id, 0.0))
                 if health is Health.WELL:
+                    answered_s = time.monotonic()  # before: no silence seems shorter than it is
                     os.write(self.port.fd, encode_rtu(unit_id, self._reply(unit_id, pdu)))
-                    answered_s = time.monotonic()
                 elif health is Health.GARBLED:
                     os.write(self.port.fd, GARBAGE)
 

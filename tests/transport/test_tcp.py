@@ -15,6 +15,7 @@ from gateway.transport.errors import RefusedError
 from gateway.transport.limits import MAX_CONNECTIONS
 from gateway.transport.loop import RelayLoop
 from gateway.transport.tcp import Refusal, TcpChannel, TcpConnector, TcpListener, _AcceptedChannel
+from tests.support.ports import free_port
 
 if TYPE_CHECKING:
     from tests.transport.conftest import Eventually, Recorder
@@ -163,12 +164,12 @@ async def test_ipv6_is_served(make_recorder: "type[Recorder]") -> None:
 
 async def test_all_ipv6_addresses_are_no_ipv4_addresses(make_recorder: "type[Recorder]") -> None:
     """So ``allow`` of one kind never lets the other kind in, and a port may have a listener of each."""
-    listener = TcpListener(TcpEndpoint("::", 0), (), make_recorder, nobody)
+    port = free_port()  # of both kinds: no other test listens there with the other one
+    listener = TcpListener(TcpEndpoint("::", port), (), make_recorder, nobody)
     try:
         await listener.open()
     except RefusedError:
         pytest.skip("this machine has no IPv6")
-    port = listener.addresses[0].port
     with pytest.raises(ConnectionRefusedError):
         await connect(TcpEndpoint("127.0.0.1", port))
     other = TcpListener(TcpEndpoint("0.0.0.0", port), (), make_recorder, nobody)
