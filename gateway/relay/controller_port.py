@@ -17,7 +17,7 @@ from gateway.modbus.mbap import Adu, MbapCounters, MbapDecoder, encode_mbap, too
 from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from gateway.modbus.rtu import Frame, RtuRequestDecoder, encode_rtu
 from gateway.modbus.rtu_echo import Echo, ReplyEcho
-from gateway.relay.pacing import PacedReplies, PacedWire
+from gateway.relay.pacing import PacedReplies, WireWriter
 from gateway.relay.pulse import FRESH_NS, Beats
 from gateway.transport.channel import IN_ORDER, Channel
 from gateway.transport.endpoints import host_of
@@ -174,7 +174,7 @@ class RtuControllerPort(ControllerPort):
         self._channel: Channel | None = None
         self._timer: Timer | None = None
         self._replies: PacedReplies | None = None
-        self._paced_wire: PacedWire | None = None
+        self._paced_wire: WireWriter | None = None
         self.asked_ns = 0
         """When its last whole request came; 0: never."""
         self.whole = 0
@@ -199,7 +199,7 @@ class RtuControllerPort(ControllerPort):
         self.peer = host_of(channel.peer)
         self.writer = writer_name(self.plan.name, self.peer)
         self._timer = Timer(self._silent)
-        self._paced_wire = PacedWire(0, self._gap_ns)
+        self._paced_wire = WireWriter(0, self._gap_ns)
         self.stamps = self._paced_wire.stamps
         self._paced_wire.opened(channel, now_ns)
         self._replies = PacedReplies(self._paced_wire, self._expect_echo)

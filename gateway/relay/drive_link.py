@@ -16,7 +16,7 @@ from gateway.exchange.ports import DriveLink
 from gateway.modbus.mbap import LARGEST_SENT, MbapDecoder, answers_with, encode_mbap
 from gateway.modbus.rtu import RtuReplyDecoder, encode_rtu
 from gateway.modbus.rtu_replies import RETURNED_OFTEN
-from gateway.relay.pacing import PacedWire
+from gateway.relay.pacing import WireWriter
 from gateway.transport.channel import CLOSED_BY_PEER, Channel
 from gateway.transport.tcp import TcpConnector
 from gateway.transport.timer import Timer
@@ -162,7 +162,7 @@ class RtuDriveLink(Link):
         self._on_return = on_return
         self._has_reported_return = False
         self._decoder = decoder
-        self._wire = PacedWire(gap_ns, wire_gap_ns)
+        self._wire = WireWriter(gap_ns, wire_gap_ns)
         self._timer = Timer(self._silent)
         self._exchange: LineExchange
         self._forwarder: Forwarder | None = None
@@ -376,7 +376,7 @@ class MbapDriveLink(Link):
         self._on_wrong_unit = on_wrong_unit
         self._reported: set[tuple[int, int]] = set()
         self._wrong_units = 0
-        self._wire = PacedWire(gap_ns)
+        self._wire = WireWriter(gap_ns)
         self._decoder = MbapDecoder(longest_length=LARGEST_SENT)
         self._channel: Channel | None = None
         self._exchange: LineExchange

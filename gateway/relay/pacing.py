@@ -13,7 +13,7 @@ from gateway.transport.channel import Channel
 from gateway.transport.timer import Timer
 
 
-class PacedWire:
+class WireWriter:
     """Writes frames to a channel, and knows from when the next one may follow (``Stamps.next_ns``).
 
     ``gap_ns`` is the silence that the other end needs on any connection. ``wire_gap_ns`` is what the
@@ -70,7 +70,7 @@ class PacedReplies:
     ``on_write`` is called with each reply before it is written.
     """
 
-    def __init__(self, wire: PacedWire, on_write: Callable[[bytes], None] = lambda _reply: None) -> None:
+    def __init__(self, wire: WireWriter, on_write: Callable[[bytes], None] = lambda _reply: None) -> None:
         self._wire = wire
         self._on_write = on_write
         self._waiting = b""

@@ -4,7 +4,7 @@ import asyncio
 import os
 
 from gateway.clock import boot_ns
-from gateway.relay.pacing import PacedReplies, PacedWire
+from gateway.relay.pacing import PacedReplies, WireWriter
 from gateway.transport.channel import Channel
 
 MS = 1_000_000
@@ -32,8 +32,8 @@ class Wire(Channel):
         pass
 
 
-def opened(wire: Wire, gap_ns: int, wire_gap_ns: int = 0, *, at_ns: int = 0) -> PacedWire:
-    paced = PacedWire(gap_ns, wire_gap_ns)
+def opened(wire: Wire, gap_ns: int, wire_gap_ns: int = 0, *, at_ns: int = 0) -> WireWriter:
+    paced = WireWriter(gap_ns, wire_gap_ns)
     paced.opened(wire, at_ns)
     return paced
 

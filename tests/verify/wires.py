@@ -22,7 +22,7 @@ from gateway.exchange.ports import DriveLink
 from gateway.modbus.mbap import MbapCounters, MbapDecoder, encode_mbap
 from gateway.relay.controller_port import MbapControllerPort
 from gateway.relay.drive_link import NONE, MbapDriveLink, RtuDriveLink
-from gateway.relay.pacing import PacedWire
+from gateway.relay.pacing import WireWriter
 from gateway.relay.pulse import Beats
 from gateway.transport.channel import Channel
 from gateway.transport.timer import Timer
@@ -70,7 +70,7 @@ def pass_by(timer: Timer) -> None:
         pass_once(timer)
 
 
-def let_go(wire: PacedWire) -> None:
+def let_go(wire: WireWriter) -> None:
     """Let a wire that was opened need no silence, and not the one at its beginning either."""
     wire._gap_ns = 0
     wire.stamps.next_ns = 0
