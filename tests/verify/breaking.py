@@ -6,6 +6,7 @@ words of a message.
 """
 
 import ast
+import marshal
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -84,6 +85,10 @@ class Mutant:
         broken = _Breaker(self.number, _members(path)).visit(ast.parse(path.read_text()))
         assert isinstance(broken, ast.Module)
         return ast.fix_missing_locations(broken)
+
+    def code(self) -> bytes:
+        """The same compiled, as marshal keeps it: to be sent to another process."""
+        return marshal.dumps(compile(self.tree(), str(ROOT / self.file), "exec"))
 
 
 @dataclass(frozen=True)

@@ -1,21 +1,22 @@
 """``make mutants``: breaks the gateway in one place at a time; who notices?
 
 Each mutant (``breaking``) is loaded in a process of its own, in place of the file that it was made of. The
-small worlds that run through the broken place are walked until one of them breaks a rule, or for so long. No
-other test is asked. A trace that breaks a rule on the gateway as it is too counts for nothing.
+small worlds that run through the broken place are walked until one of them breaks a rule, or for so long. A
+trace that breaks a rule on the gateway as it is too counts for nothing. Tests of the exchange are asked with
+``--by-tests``: of most mutants that is quicker, so it may come first.
 
 Verdicts are kept in ``mutants_verdicts.tsv``, by a digest of the method that was broken: a run that was
 stopped goes on where it was, and after a change only the mutants of changed methods are tried. Mutants are
 tried in an order that is drawn by lot from their names, so the first hundred are a sample of all. A first run
 asks some worlds of each mutant (``--most-worlds``); what survives these is tried with all of them later
-(``--again``). What all worlds let pass is shown to the tests of the exchange (``--by-tests``).
-``mutants_explained.toml`` has the reason for each that survives then.
+(``--again``). ``mutants_explained.toml`` has the reason for each that survives tests and worlds.
 """
 
 import argparse
 import ast
 import importlib.util
 import json
+import marshal
 import multiprocessing
 import os
 import resource
@@ -72,7 +73,7 @@ EXAMPLES: Final = """examples:
   python -m tests.verify.mutants --minutes 140             as many as that, then go on another day
   python -m tests.verify.mutants --most-worlds 24          of each only so many worlds, the likeliest first
   python -m tests.verify.mutants --again                   then what survived, with all worlds
-  python -m tests.verify.mutants --by-tests                what the worlds let pass: does a test notice it?
+  python -m tests.verify.mutants --by-tests                what nothing has noticed yet: does a test?
   python -m tests.verify.mutants --summary                 what is known by now
   python -m tests.verify.mutants gateway/exchange/scheduler.py --list
   python -m tests.verify.mutants --named scheduler:Scheduler.take --again
@@ -102,6 +103,11 @@ class Verdict:
     """Of one that the worlds do not notice: the first test that does; "": none; None: not asked yet."""
 
     @property
+    def is_noticed(self) -> bool:
+        """Whether a world or a test notices it."""
+        return self.is_killed or bool(self.test)
+
+    @property
     def row(self) -> str:
         """What is kept of it: one row of the file of verdicts."""
         if self.is_killed:
@@ -124,8 +130,8 @@ class Verdict:
 class BrokenFile:
     """Gives a mutant to those who import its file, in place of the file."""
 
-    def __init__(self, mutant: Mutant) -> None:
-        self._module, self._tree = _module_of(mutant.file), mutant.tree()
+    def __init__(self, mutant: Mutant, code: CodeType) -> None:
+        self._module, self._code = _module_of(mutant.file), code
 
     def find_spec(self, name: str, path: object = None, target: object = None) -> object:
         """See importlib."""
@@ -138,24 +144,26 @@ class BrokenFile:
 
     def exec_module(self, module: object) -> None:
         """See importlib."""
-        exec(compile(self._tree, self._module, "exec"), module.__dict__)
+        exec(self._code, module.__dict__)
 
 
-def load(mutant: Mutant) -> None:
-    """Break the gateway in this process.
+def load(mutant: Mutant, compiled: bytes) -> bool:
+    """Break the gateway in this process, with ``Mutant.code``; return whether what was imported stays.
 
     A method gets the code of the broken one: whoever holds the method calls that. Where a file is broken
     outside of its methods, everything that was imported is imported anew.
     """
     name = _module_of(mutant.file)
     method = _method(sys.modules.get(name), mutant.unit)
-    code = _code_of(compile(mutant.tree(), str(ROOT / mutant.file), "exec"), mutant.unit)
+    whole = marshal.loads(compiled)
+    code = _code_of(whole, mutant.unit)
     if method is not None and code is not None and method.__code__.co_freevars == code.co_freevars:
         method.__code__ = code
-        return
+        return True
     for each in [each for each in sys.modules if each.partition(".")[0] in ("gateway", "tests")]:
         del sys.modules[each]
-    sys.meta_path.insert(0, BrokenFile(mutant))  # type: ignore[arg-type]
+    sys.meta_path.insert(0, BrokenFile(mutant, whole))  # type: ignore[arg-type]
+    return False
 
 
 def _method(found: Any, path: str) -> FunctionType | None:
@@ -178,14 +186,14 @@ def _code_of(code: CodeType, path: str) -> CodeType | None:
     return found[0] if len(found) == 1 else None
 
 
-def _try(mutant: Mutant, worlds: Sequence[str], seconds: float, answer: Any) -> None:
+def _try(mutant: Mutant, compiled: bytes, worlds: Sequence[str], seconds: float, answer: Any) -> None:
     """Walk the worlds with a mutant, in a process of its own.
 
     Sent are the name of each world before it is walked, and what it broke; the last is None. Asked back is
     whether that counts.
     """
     resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
-    load(mutant)
+    load(mutant, compiled)
     world = ""
     try:
         from tests.verify.running import walked
@@ -216,7 +224,7 @@ def judged(mutant: Mutant, worlds: Sequence[str], seconds: float) -> Verdict:
         verdict.how = "no world runs through it"
         return verdict
     ours, theirs = multiprocessing.Pipe()
-    process = LOADED.Process(target=_try, args=(mutant, worlds, seconds, theirs))
+    process = LOADED.Process(target=_try, args=(mutant, mutant.code(), worlds, seconds, theirs))
     process.start()
     theirs.close()
     try:
@@ -539,7 +547,14 @@ def _parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--most-worlds", type=int, default=0, metavar="N", help="of each mutant, the likeliest first (all)"
     )
     parser.add_argument(
-        "--by-tests", action="store_true", help="ask the tests of the exchange about those that survived"
+        "--by-tests", action="store_true", help="ask the tests of the exchange about what nothing has noticed"
+    )
+    parser.add_argument(
+        "--tests-seconds",
+        type=float,
+        default=0.0,
+        metavar="S",
+        help="of each mutant only the first tests",
     )
     parser.add_argument("--summary", action="store_true", help="say what is known, and what is unexplained")
     parser.add_argument("--list", action="store_true", help="say what mutants there are")
@@ -569,7 +584,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         left = [
             mutant
             for mutant in drawn
-            if (known := verdicts.get(mutant.digest)) is None or (asked.again and not known.is_killed)
+            if (known := verdicts.get(mutant.digest)) is None or (asked.again and not known.is_noticed)
         ]
         print(f"{len(left)} of {len(drawn)} mutants are to be tried", file=sys.stderr)
         if left:
@@ -582,36 +597,31 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return _tell_unexplained(mutants, verdicts)
 
 
-def _try_by_tests(
-    mutants: Sequence[Mutant], verdicts: Mapping[str, Verdict], asked: argparse.Namespace
-) -> None:
-    """Ask the tests about each survivor, and keep each verdict as it falls."""
-    from tests.verify.mutants_by_tests import all_tests, noticed
+def _try_by_tests(mutants: Sequence[Mutant], verdicts: dict[str, Verdict], asked: argparse.Namespace) -> None:
+    """Ask the tests about each mutant that nothing has noticed yet, and keep each verdict as it falls."""
+    from tests.verify.mutants_by_tests import Asker, all_tests
 
     until = time.monotonic() + asked.minutes * 60.0 if asked.minutes else float("inf")
-    survived = [
-        mutant
-        for mutant in mutants
-        if (verdict := verdicts.get(mutant.digest)) is not None
-        and not verdict.is_killed
-        and verdict.test is None
-    ][: asked.most or None]
-    print(f"{len(survived)} survivors: do the tests of the exchange notice them?", file=sys.stderr)
-    ran = all_tests(FILES, TESTS_REACH, asked.jobs) if survived else []
-
-    def ask(mutant: Mutant) -> tuple[Mutant, str | None]:
-        return mutant, noticed(mutant, ran) if time.monotonic() < until else None
-
-    with ThreadPoolExecutor(asked.jobs) as pool, KEPT.open("a") as kept:
-        for done in as_completed([pool.submit(ask, mutant) for mutant in survived]):
-            mutant, test = done.result()
-            if test is None:
-                continue
-            verdict = verdicts[mutant.digest]
-            verdict.test = test
-            kept.write(verdict.row)
-            kept.flush()
+    left: list[tuple[Mutant, Verdict]] = []
+    for mutant in mutants:
+        verdict = verdicts.get(mutant.digest) or Verdict(mutant.digest, mutant.name, mutant.line)
+        if not verdict.is_noticed and (verdict.test is None or asked.again):
+            left.append((mutant, verdict))
+    print(f"{len(left)} mutants: do the tests of the exchange notice them?", file=sys.stderr)
+    if not left:
+        return
+    asker = Asker(all_tests(FILES, TESTS_REACH, asked.jobs), asked.tests_seconds, verdicts.values())
+    with KEPT.open("a") as kept:
+        for mutant, verdict in left[: asked.most or None]:
+            if time.monotonic() >= until:
+                break
+            test = asker(mutant)
             print(f"{test or 'NO TEST'}: {mutant.name} (line {mutant.line})", flush=True)
+            if test or (test is not None and mutant.digest in verdicts):
+                verdict.test = test
+                kept.write(verdict.row)
+                kept.flush()
+    asker.end()
 
 
 def _try_all(mutants: Sequence[Mutant], judge: Judge, asked: argparse.Namespace) -> None:

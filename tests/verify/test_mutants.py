@@ -10,7 +10,7 @@ import pytest
 from gateway.compiled import is_compiled
 from tests.verify.breaking import ROOT, mutants_of
 from tests.verify.mutants import FILES, Reasons, Verdict, by_lot
-from tests.verify.mutants_by_tests import Ran, noticed
+from tests.verify.mutants_by_tests import Asker, Ran
 
 REGISTERS = ROOT / "gateway" / "exchange" / "axis" / "registers.py"
 KINDS = {"equivalent", "left out", "open"}
@@ -88,9 +88,14 @@ def test_a_mutant_in_no_world_is_noticed_by_the_tests_that_run_through_it() -> N
     file = ROOT / "gateway" / "exchange" / "scheduler.py"
     name = "scheduler:Scheduler.held_read:negated: if read is None:"
     [mutant] = [each for each in mutants_of(file) if each.name == name]
+    held_read = "test_w5_after_a_write_without_an_answer_only_named_reads_leave_until_one_is_answered"
     ran = [
         Ran("tests/exchange/test_rest.py", 0.1, {mutant.file: {1}}),
-        Ran("tests/exchange/test_renewal.py", 2.0, {mutant.file: {mutant.line}}),
+        Ran(f"tests/exchange/test_renewal.py::{held_read}", 2.0, {mutant.file: {mutant.line}}),
     ]
-    assert noticed(mutant, ran).startswith("tests/exchange/test_renewal.py::")
-    assert noticed(mutant, ran[:1]) == ""
+    asker = Asker(ran, 0.0, [])
+    test = asker(mutant)
+    asker.end()
+    assert test == ran[1].test
+    assert Asker(ran[:1], 0.0, [])(mutant) == ""  # none runs through it
+    assert Asker(ran, 1.0, [])(mutant) is None  # there was no time for the only one
