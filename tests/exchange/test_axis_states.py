@@ -27,7 +27,7 @@ from gateway.exchange.plan import Reference
 from gateway.exchange.request import NOTHING_PREFETCHED, Request
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.registers import BitField
-from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, stream_plan
 from tests.support.tables import walk
 
 # --- where the axis is -------------------------------------------------------------------------------------
@@ -512,3 +512,122 @@ def test_the_table_of_what_is_on_the_wire_is_what_a_record_says() -> None:
         for (state, event), cell in walk(WIRE_WALK).items()
     }
     assert {(state, e): then for state, row in ON_WIRE_AFTER.items() for e, then in row.items()} == expected
+
+
+# --- what is seen of it ------------------------------------------------------------------------------------
+
+NOT_AT_REST: Final = {
+    "unknown": "its position is unknown",
+    "stopped": "its position is unknown",
+    "unreferenced": "its position is unknown",
+    "out-of-reach": "its position is unknown",
+    "unacknowledged": "a target of it is not acknowledged",
+    "unacknowledged-done": "a target of it is not acknowledged",
+    "moving": "it was not seen at its target",
+    "moving-from-a-known-start": "it was not seen at its target",
+    "done-reported": "",
+    "in-window": "",
+    "arrived": "",
+    "may-have-left": "it was not seen at its target",
+    "at-rest": "",
+}
+"""By hand: why an axis may not be at standstill at its target."""
+
+
+@pytest.mark.parametrize("way", list(REACHED))
+def test_an_axis_is_at_rest_where_its_drive_or_its_position_says_so(way: str) -> None:
+    axis = an_axis()
+    for step in REACHED[way][1]:
+        step(axis)
+    assert axis.motion.why_not_at_rest == NOT_AT_REST[way]
+
+
+def test_an_axis_whose_moving_bit_is_set_is_not_at_rest() -> None:
+    axis = an_axis()
+    assert axis.motion.why_not_at_rest == ""
+    for step in REACHED["arrived"][1]:
+        step(axis)
+    axis.motion.observe_moving(6 * MS, is_moving=True)
+    assert axis.motion.why_not_at_rest == "it moves"
+
+
+def test_a_position_in_the_dry_run_is_compared_with_the_nominal_target() -> None:
+    """It need not be where the corrected target is: 50 010. The window is 20 counts on either side."""
+    axis = an_axis()
+    acknowledge(axis)
+    see(axis, 49_979)
+    assert axis.motion.why_not_at_rest == "it is not at its target yet"
+    see(axis, 49_980)
+    assert axis.motion.why_not_at_rest == ""
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        acknowledge,
+        leave_unacknowledged,
+        lambda axis: do(axis, Action.STOP),
+        lambda axis: axis.lose_link(7 * MS),
+        lambda axis: axis.wait_for_peers(waits=True),
+    ],
+)
+def test_after_a_command_or_a_loss_the_moving_bit_is_old(command: Callable[[Axis], None]) -> None:
+    axis = an_axis()
+    acknowledge(axis, 40_000)
+    axis.motion.observe_moving(3 * MS, is_moving=True)
+    command(axis)
+    assert not axis.motion.is_moving
+
+
+def test_a_moving_bit_alone_says_when_an_axis_may_stand() -> None:
+    """At the end of an unacknowledged distance a position proves it only after the bit has fallen (M5)."""
+    axis = Axis(axis_plan(bits={"moving": BitField(0x30, 1)}, done_drop_ms=0.0))
+    leave_unacknowledged(axis)
+    axis.observe_bit("moving", 3 * MS, is_set=True)
+    see(axis, 70_010)
+    assert axis.motion.state is MotionState.UNACKNOWLEDGED
+    axis.observe_bit("moving", 4 * MS, is_set=False)
+    see(axis, 70_010)
+    assert axis.compensation.accepted == Accepted(70_000, 70_010)
+
+
+def test_where_a_done_bit_is_mapped_the_moving_bit_does_not_decide() -> None:
+    axis = an_axis()
+    leave_unacknowledged(axis)
+    axis.observe_bit("done", 3 * MS, is_set=True)
+    axis.observe_bit("moving", 4 * MS, is_set=True)
+    see(axis, 70_010)
+    assert axis.compensation.accepted == Accepted(70_000, 70_010)
+
+
+def test_an_axis_of_unknown_branch_is_not_seen_at_its_target_while_its_reading_still_fades() -> None:
+    """Read at 20 000 before any target: it may stand there already, and 50 010 may be the end of its way."""
+    axis = an_axis()
+    see(axis, 20_000)
+    acknowledge(axis, 20_005)  # to 20 015: in the window from its start on
+    assert axis.compensation.readback.fade is not None
+    assert not axis.motion.is_start_known
+    see(axis, 20_014)
+    assert axis.motion.state is MotionState.MOVING
+
+
+@pytest.mark.parametrize(
+    ("way", "after"),
+    [
+        ("done-reported", MotionState.DONE_REPORTED),
+        ("arrived", MotionState.UNKNOWN),
+        ("in-window", MotionState.UNKNOWN),
+    ],
+)
+def test_only_a_stream_lags_behind_its_setpoints_when_it_is_done(way: str, after: MotionState) -> None:
+    """40 000 counts from its setpoint."""
+    axis = Axis(stream_plan(bits=DONE_BIT, done_drop_ms=0.0))
+    for step in REACHED[way][1]:
+        step(axis)
+    see(axis, 10_000)
+    assert axis.motion.state is after
+    waits = an_axis()
+    for step in REACHED["done-reported"][1]:
+        step(waits)
+    see(waits, 10_000)
+    assert waits.motion.state is MotionState.UNKNOWN
