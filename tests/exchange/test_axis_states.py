@@ -9,8 +9,7 @@ import pytest
 from gateway.catalogue import exchange_events
 from gateway.compensation.moves import Accepted
 from gateway.drives.motion import Action
-from gateway.exchange.access import Access
-from gateway.exchange.axis.acknowledge import ON_WIRE_AFTER, OnWire, Outcome, Rendering, WireEvent
+from gateway.exchange.axis.acknowledge import ON_WIRE_AFTER, OnWire, Outcome, WireEvent
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.impossible import ImpossibleEventError
 from gateway.exchange.axis.interlock import BLOCK_AFTER, Block, BlockEvent
@@ -21,13 +20,21 @@ from gateway.exchange.axis.reference import (
     ReferenceEvent,
     ReferenceState,
 )
-from gateway.exchange.decode import AxisCommand, DecodedRequest
-from gateway.exchange.effects import finish
+from gateway.exchange.decode import AxisCommand
 from gateway.exchange.plan import Reference
-from gateway.exchange.request import NOTHING_PREFETCHED, Request
 from gateway.exchange.unit import UnitMap
 from gateway.modbus.registers import BitField
-from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, stream_plan
+from tests.exchange.axis_bench import (
+    DONE_BIT,
+    REACHED,
+    acknowledge,
+    an_axis,
+    do,
+    end,
+    leave_unacknowledged,
+    see,
+)
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan
 from tests.support.tables import walk
 
 # --- where the axis is -------------------------------------------------------------------------------------
@@ -74,69 +81,6 @@ def test_the_table_of_motion_is_what_the_rules_say() -> None:
     assert list(MOTION_AFTER) == list(MotionState)
 
 
-DONE_BIT: Final = {"done": BitField(0x30, 0)}
-WRITE: Final = bytes((0x10,)) + COMMAND.address.to_bytes(2, "big") + bytes.fromhex("0002 04 00000000")
-
-
-def an_axis(*, has_actual: bool = True) -> Axis:
-    return Axis(axis_plan(bits=DONE_BIT, done_drop_ms=0.0, actual=(ACTUAL,) if has_actual else ()))
-
-
-def target(axis: Axis, counts: int, *, is_distance: bool = False) -> Rendering:
-    move = axis.compensation.plan(counts, None, 0)
-    start = Accepted(1000, 1010) if is_distance else None
-    return Rendering(
-        0, COMMAND.pack(counts), COMMAND.pack(counts + 10), counts + 10, move, is_distance, start
-    )
-
-
-def see(axis: Axis, counts: int) -> None:
-    axis.observe_actual(ACTUAL, ACTUAL.pack(counts), 5 * MS)
-
-
-def do(axis: Axis, action: Action) -> None:
-    end(AxisCommand(axis, action), Outcome.ACKNOWLEDGED, 0, 1 * MS)
-
-
-def end(command: AxisCommand, outcome: Outcome, code: int, now_ns: int) -> None:
-    """Let a request end that does no more than this to its axis."""
-    frame = DecodedRequest(
-        UnitMap([command.axis]), WRITE, Access(write_address=COMMAND.address, write_quantity=2), {}
-    )
-    finish(Request(frame, [command], NOTHING_PREFETCHED, 0, arrived_ns=0), outcome, code, now_ns)
-
-
-def acknowledge(axis: Axis, counts: int = 50_000) -> None:
-    axis.targets.acknowledge(target(axis, counts), 1 * MS)
-
-
-def leave_unacknowledged(axis: Axis) -> None:
-    axis.targets.leave_unacknowledged(target(axis, 70_000, is_distance=True), 1 * MS)
-
-
-def done(at_ms: int, *, is_done: bool = True) -> Callable[[Axis], None]:
-    return lambda axis: axis.motion.observe_done(at_ms * MS, is_done=is_done)
-
-
-REACHED: Final[dict[str, tuple[MotionState, tuple[Callable[[Axis], None], ...]]]] = {
-    "unknown": (MotionState.UNKNOWN, (acknowledge, lambda axis: do(axis, Action.OTHER_MOTION))),
-    "stopped": (MotionState.STOPPED, (acknowledge, lambda axis: do(axis, Action.STOP))),
-    "unreferenced": (MotionState.SUPERSEDED, (acknowledge, lambda axis: axis.wait_for_peers(waits=True))),
-    "out-of-reach": (MotionState.SUPERSEDED, (acknowledge, lambda axis: axis.lose_link(2 * MS))),
-    "unacknowledged": (MotionState.UNACKNOWLEDGED, (leave_unacknowledged,)),
-    "unacknowledged-done": (MotionState.UNACKNOWLEDGED, (leave_unacknowledged, done(3))),
-    "moving": (MotionState.MOVING, (acknowledge,)),
-    "moving-from-a-known-start": (
-        MotionState.MOVING,
-        (lambda axis: acknowledge(axis, 40_000), lambda axis: do(axis, Action.STOP), acknowledge),
-    ),
-    "done-reported": (MotionState.DONE_REPORTED, (acknowledge, done(3))),
-    "in-window": (MotionState.IN_WINDOW, (acknowledge, lambda axis: see(axis, 50_010))),
-    "arrived": (MotionState.ARRIVED, (acknowledge, done(3), lambda axis: see(axis, 50_010))),
-    "may-have-left": (MotionState.MAY_HAVE_LEFT, (acknowledge, done(3), done(4, is_done=False))),
-    "at-rest": (MotionState.AT_REST, (acknowledge, done(3), done(4, is_done=False), done(4))),
-}
-"""Each state, with what it may bring along, and what leads there."""
 CAUSED: Final[dict[MotionEvent, Callable[[Axis], None]]] = {
     MotionEvent.NOT_ACKNOWLEDGED: leave_unacknowledged,
     MotionEvent.STOPPED: lambda axis: do(axis, Action.STOP),
@@ -512,122 +456,3 @@ def test_the_table_of_what_is_on_the_wire_is_what_a_record_says() -> None:
         for (state, event), cell in walk(WIRE_WALK).items()
     }
     assert {(state, e): then for state, row in ON_WIRE_AFTER.items() for e, then in row.items()} == expected
-
-
-# --- what is seen of it ------------------------------------------------------------------------------------
-
-NOT_AT_REST: Final = {
-    "unknown": "its position is unknown",
-    "stopped": "its position is unknown",
-    "unreferenced": "its position is unknown",
-    "out-of-reach": "its position is unknown",
-    "unacknowledged": "a target of it is not acknowledged",
-    "unacknowledged-done": "a target of it is not acknowledged",
-    "moving": "it was not seen at its target",
-    "moving-from-a-known-start": "it was not seen at its target",
-    "done-reported": "",
-    "in-window": "",
-    "arrived": "",
-    "may-have-left": "it was not seen at its target",
-    "at-rest": "",
-}
-"""By hand: why an axis may not be at standstill at its target."""
-
-
-@pytest.mark.parametrize("way", list(REACHED))
-def test_an_axis_is_at_rest_where_its_drive_or_its_position_says_so(way: str) -> None:
-    axis = an_axis()
-    for step in REACHED[way][1]:
-        step(axis)
-    assert axis.motion.why_not_at_rest == NOT_AT_REST[way]
-
-
-def test_an_axis_whose_moving_bit_is_set_is_not_at_rest() -> None:
-    axis = an_axis()
-    assert axis.motion.why_not_at_rest == ""
-    for step in REACHED["arrived"][1]:
-        step(axis)
-    axis.motion.observe_moving(6 * MS, is_moving=True)
-    assert axis.motion.why_not_at_rest == "it moves"
-
-
-def test_a_position_in_the_dry_run_is_compared_with_the_nominal_target() -> None:
-    """It need not be where the corrected target is: 50 010. The window is 20 counts on either side."""
-    axis = an_axis()
-    acknowledge(axis)
-    see(axis, 49_979)
-    assert axis.motion.why_not_at_rest == "it is not at its target yet"
-    see(axis, 49_980)
-    assert axis.motion.why_not_at_rest == ""
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        acknowledge,
-        leave_unacknowledged,
-        lambda axis: do(axis, Action.STOP),
-        lambda axis: axis.lose_link(7 * MS),
-        lambda axis: axis.wait_for_peers(waits=True),
-    ],
-)
-def test_after_a_command_or_a_loss_the_moving_bit_is_old(command: Callable[[Axis], None]) -> None:
-    axis = an_axis()
-    acknowledge(axis, 40_000)
-    axis.motion.observe_moving(3 * MS, is_moving=True)
-    command(axis)
-    assert not axis.motion.is_moving
-
-
-def test_a_moving_bit_alone_says_when_an_axis_may_stand() -> None:
-    """At the end of an unacknowledged distance a position proves it only after the bit has fallen (M5)."""
-    axis = Axis(axis_plan(bits={"moving": BitField(0x30, 1)}, done_drop_ms=0.0))
-    leave_unacknowledged(axis)
-    axis.observe_bit("moving", 3 * MS, is_set=True)
-    see(axis, 70_010)
-    assert axis.motion.state is MotionState.UNACKNOWLEDGED
-    axis.observe_bit("moving", 4 * MS, is_set=False)
-    see(axis, 70_010)
-    assert axis.compensation.accepted == Accepted(70_000, 70_010)
-
-
-def test_where_a_done_bit_is_mapped_the_moving_bit_does_not_decide() -> None:
-    axis = an_axis()
-    leave_unacknowledged(axis)
-    axis.observe_bit("done", 3 * MS, is_set=True)
-    axis.observe_bit("moving", 4 * MS, is_set=True)
-    see(axis, 70_010)
-    assert axis.compensation.accepted == Accepted(70_000, 70_010)
-
-
-def test_an_axis_of_unknown_branch_is_not_seen_at_its_target_while_its_reading_still_fades() -> None:
-    """Read at 20 000 before any target: it may stand there already, and 50 010 may be the end of its way."""
-    axis = an_axis()
-    see(axis, 20_000)
-    acknowledge(axis, 20_005)  # to 20 015: in the window from its start on
-    assert axis.compensation.readback.fade is not None
-    assert not axis.motion.is_start_known
-    see(axis, 20_014)
-    assert axis.motion.state is MotionState.MOVING
-
-
-@pytest.mark.parametrize(
-    ("way", "after"),
-    [
-        ("done-reported", MotionState.DONE_REPORTED),
-        ("arrived", MotionState.UNKNOWN),
-        ("in-window", MotionState.UNKNOWN),
-    ],
-)
-def test_only_a_stream_lags_behind_its_setpoints_when_it_is_done(way: str, after: MotionState) -> None:
-    """40 000 counts from its setpoint."""
-    axis = Axis(stream_plan(bits=DONE_BIT, done_drop_ms=0.0))
-    for step in REACHED[way][1]:
-        step(axis)
-    see(axis, 10_000)
-    assert axis.motion.state is after
-    waits = an_axis()
-    for step in REACHED["done-reported"][1]:
-        step(waits)
-    see(waits, 10_000)
-    assert waits.motion.state is MotionState.UNKNOWN
