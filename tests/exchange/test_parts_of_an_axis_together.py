@@ -1,0 +1,433 @@
+"""What concerns several parts of an axis: losses, other writers, another zero, what is reported of it."""
+
+from collections.abc import Callable
+from typing import Final
+
+import pytest
+
+from gateway.compensation.correction_spec import NOTHING
+from gateway.compensation.moves import Accepted
+from gateway.drives.motion import Action, ModePlan, MotionPlan
+from gateway.exchange.axis.acknowledge import Rendering, SteadyTarget
+from gateway.exchange.axis.axis import Axis
+from gateway.exchange.axis.motion import MotionState
+from gateway.exchange.axis.reports import AxisReports
+from gateway.exchange.commands import EndDryRun
+from gateway.exchange.plan import CompensationMode, Reference
+from gateway.modbus.registers import BitField
+from tests.exchange.axis_bench import (
+    DONE_BIT,
+    REACHED,
+    acknowledge,
+    an_axis,
+    do,
+    leave_unacknowledged,
+    see,
+    target,
+)
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, stream_plan
+
+NOMINAL: Final = COMMAND.pack(50_000)
+CORRECTED: Final = COMMAND.pack(50_010)
+STAGED: Final = MotionPlan(is_staged=True, modes=(ModePlan(0x32),))
+REPEAT: Final = Rendering(0, NOMINAL, CORRECTED, 50_010, None)
+
+
+def state(axis: Axis) -> MotionState:
+    return axis.motion.state
+
+
+def reached(axis: Axis, way: str) -> Axis:
+    for step in REACHED[way][1]:
+        step(axis)
+    return axis
+
+
+def kinds(axis: Axis) -> list[str]:
+    return [event.kind.name for event in axis.take_events()]
+
+
+def see_at(axis: Axis, counts: int, at_ms: float) -> None:
+    axis.observe_actual(ACTUAL, ACTUAL.pack(counts), int(at_ms * MS))
+
+
+# --- what is seen of it ------------------------------------------------------------------------------------
+
+
+def test_only_an_axis_that_was_unseen_for_long_has_left_its_way() -> None:
+    """From 40 010 to 50 010; it is seen at 30 000. Heard last at 1 ms, with the acknowledgement."""
+    unseen_ms = an_axis().plan.unseen_ms
+    for late_ms, after in ((0.0, MotionState.MOVING), (0.1, MotionState.UNKNOWN)):
+        axis = reached(an_axis(), "moving-from-a-known-start")
+        see_at(axis, 30_000, 1 + unseen_ms + late_ms)
+        assert state(axis) is after
+
+
+def test_an_axis_that_jumped_is_anywhere_also_while_its_target_is_open() -> None:
+    """From 30 mm to 60 mm in 1 ms, done."""
+    axis = reached(an_axis(), "unacknowledged-done")
+    see_at(axis, 30_000, 5)
+    assert state(axis) is MotionState.UNACKNOWLEDGED
+    see_at(axis, 60_000, 6)
+    assert state(axis) is MotionState.UNKNOWN
+
+
+def test_only_a_rising_alarm_takes_its_position_away() -> None:
+    axis = an_axis(bits={"alarm": BitField(0x30, 2)})
+    states = []
+    for is_set in (True, True, False, True):
+        acknowledge(axis)
+        axis.observe_bit("alarm", 5 * MS, is_set=is_set)
+        states.append(state(axis))
+    moving, unknown = MotionState.MOVING, MotionState.UNKNOWN
+    assert states == [unknown, moving, moving, unknown]
+
+
+def test_a_bit_that_decides_is_not_read_again_for_a_reading() -> None:
+    """Seen at 1 ms; before a target it is too old after a second."""
+    axis = an_axis(referenced=Reference.DRIVE_BIT, bits={"homed": BitField(0x30, 3)})
+    axis.observe_bit("homed", 1 * MS, is_set=True)
+    assert axis.needs_reference(2_000 * MS, is_target=True)
+    assert not axis.needs_reference(2_000 * MS, is_target=False)
+
+
+def test_a_bit_that_decides_holds_up_no_stream() -> None:
+    bits = {"homed": BitField(0x30, 3)}
+    axis = Axis(stream_plan(referenced=Reference.DRIVE_BIT, bits=bits))
+    axis.observe_bit("homed", 1 * MS, is_set=True)
+    assert not axis.needs_reference(2_000 * MS, is_target=True)
+
+
+# --- losses ------------------------------------------------------------------------------------------------
+
+
+def test_after_a_fault_of_the_program_an_axis_passes_1_to_1_until_its_bit_was_read() -> None:
+    axis = an_axis(referenced=Reference.DRIVE_BIT, bits={"homed": BitField(0x30, 3)})
+    axis.observe_bit("homed", 1 * MS, is_set=True)
+    acknowledge(axis)
+    was_passing = [axis.passes_unchanged]
+    axis.report_fault("a sentence")
+    was_passing.append(axis.passes_unchanged)
+    assert was_passing == [False, True]
+    assert axis.interlock.is_blocked
+    assert kinds(axis) == ["internal-fault", "axis-blocked", "reference-lost"]
+
+
+def test_after_a_fault_of_the_program_an_axis_is_anywhere() -> None:
+    axis = reached(an_axis(), "moving")
+    axis.report_fault("a sentence")
+    assert state(axis) is MotionState.UNKNOWN
+    assert not axis.passes_unchanged  # no bit could show its reference again
+
+
+def test_of_what_is_forgotten_neither_position_nor_words_are_known() -> None:
+    axis = reached(an_axis(), "arrived")
+    axis.forget()
+    assert state(axis) is MotionState.UNKNOWN
+    assert axis.fields[0].nominal_words is None
+
+
+def test_behind_a_lost_link_its_last_position_is_old() -> None:
+    axis = reached(an_axis(), "arrived")
+    axis.lose_link(9 * MS)
+    assert axis.motion.actual is None
+
+
+def test_a_silence_leaves_an_open_target_open_and_its_record_names_it() -> None:
+    axis = reached(an_axis(), "unacknowledged")
+    open_target = axis.motion.unacknowledged
+    axis.acknowledgement.go_on_naming(open_target)
+    axis.fall_silent(2 * MS, 2 * MS)
+    until_ns = int((3 + axis.plan.lost_ms) * MS)
+    axis.end_silence(is_answer=True, until_ns=until_ns)
+    assert state(axis) is MotionState.UNACKNOWLEDGED
+    assert axis.acknowledgement.pending is open_target
+    assert axis.motion.sent_off_ns == until_ns
+
+
+def test_a_move_of_the_zero_voids_words_and_positions() -> None:
+    axis = reached(an_axis(), "arrived")
+    axis.move_zero()
+    assert (axis.fields[0].nominal_words, axis.fields[0].corrected_words) == (NOMINAL, None)
+    assert axis.motion.actual is None
+    assert axis.compensation.accepted is not None
+
+
+def test_a_stream_begins_anew_from_another_zero() -> None:
+    axis = Axis(stream_plan())
+    acknowledge(axis)
+    axis.move_zero()
+    assert axis.compensation.accepted is None
+    assert axis.compensation.state.position is None
+    assert not axis.passes_unchanged
+    lost = Axis(stream_plan(referenced=Reference.SET_POSITION))
+    lost.move_zero()
+    assert lost.passes_unchanged
+
+
+def test_compensation_ends_once() -> None:
+    axis = an_axis()
+    axis.end()
+    axis.end()
+    assert kinds(axis) == ["compensation-ended"]
+    assert axis.correction.requested is NOTHING
+
+
+# --- its group ---------------------------------------------------------------------------------------------
+
+
+def test_an_axis_of_a_group_is_corrected_when_all_of_them_are_referenced() -> None:
+    other = axis_plan(name="y", unit_id=2, referenced=Reference.SET_POSITION)
+    x, y = Bench(axis_plan(), other, groups=[["x", "y"]]).line.axes
+    was_passing = [x.passes_unchanged]
+    y.declare_referenced()
+    was_passing.append(x.passes_unchanged)
+    assert was_passing == [True, False]
+    assert not y.passes_unchanged
+
+
+def test_where_nothing_is_fixed_nothing_is_released() -> None:
+    axis = reached(an_axis(), "arrived")
+    axis.release()
+    axis.member.keep_no_other_words()
+    assert state(axis) is MotionState.ARRIVED
+    assert axis.member.fixed is None
+
+
+def test_what_a_group_fixes_is_where_its_controller_takes_an_axis_to_be() -> None:
+    """Its last target; without one the position that it was seen at; else nowhere."""
+    axis = an_axis()
+    fixed = []
+    steps: list[Callable[[], None]] = [lambda: None, lambda: see(axis, 30_000), lambda: acknowledge(axis)]
+    for step in steps:
+        step()
+        axis.member.fix(None, keeps_words=False)
+        assert axis.member.fixed is not None
+        fixed.append(axis.member.fixed.nominal_counts)
+        axis.member.release()
+    assert fixed[0] is None
+    assert fixed[1] == pytest.approx(axis.motion.nominal_of(30_000), abs=20.0)
+    assert fixed[2] == 50_000
+
+
+# --- another plan ------------------------------------------------------------------------------------------
+
+
+def test_after_a_dry_run_a_position_is_read_with_its_correction() -> None:
+    axis = an_axis(compensation=CompensationMode.SHADOW)
+    axis.end_dry_run()
+    acknowledge(axis)
+    assert axis.motion.nominal_of(50_010) == 50_000
+    assert axis.plan.compensation is CompensationMode.ON
+    bench = Bench(axis_plan(compensation=CompensationMode.SHADOW))
+    assert bench.line.command(EndDryRun(axes=("x",)), bench.now_ns) == {"x": "next-target"}
+
+
+def test_other_limits_count_from_now_on() -> None:
+    axis = an_axis()
+    other = axis_plan(max_correction=0.25)
+    axis.limit(other)
+    assert axis.compensation.settings is other.settings
+    assert axis.motion.plan is other
+
+
+def test_without_a_table_a_correction_has_no_branches() -> None:
+    axis = an_axis()
+    has_branches = [axis.correction.has_branches]
+    axis.correction.enable(is_on=False)
+    has_branches.append(axis.correction.has_branches)
+    assert has_branches == [True, False]
+
+
+# --- another writer ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("motion", "is_held", "is_blocked"),
+    [(STAGED, True, True), (STAGED, False, False), (MotionPlan(), True, False)],
+)
+def test_what_a_former_writer_staged_does_not_run_for_the_next_one(
+    motion: MotionPlan, is_held: bool, is_blocked: bool
+) -> None:
+    axis = an_axis(motion=motion)
+    acknowledge(axis)
+    if is_held:
+        axis.rules.stage(0)
+    axis.take_over("cnc", 4)
+    assert axis.fields[0].is_incomplete
+    assert axis.interlock.is_blocked is is_blocked
+
+
+@pytest.mark.parametrize(("motion", "is_blocked"), [(STAGED, True), (MotionPlan(), False)])
+def test_of_more_losses_than_are_remembered_everything_is_lost(motion: MotionPlan, is_blocked: bool) -> None:
+    axis = an_axis(motion=motion)
+    acknowledge(axis)
+    axis.lose_everything(4)
+    assert axis.fields[0].is_incomplete
+    assert axis.rules.lost_mode(0) == (4 if is_blocked else None)
+    assert axis.blocked_by == (4 if is_blocked else None)
+
+
+def test_a_field_without_a_mode_loses_none() -> None:
+    axis = an_axis(motion=MotionPlan(is_staged=True, modes=(None,)))
+    axis.lose_everything(4)
+    assert axis.interlock.epoch == 1  # of the block alone
+
+
+@pytest.mark.parametrize(
+    ("motion", "numbers", "is_blocked"),
+    [(STAGED, [0], True), (STAGED, [], False), (MotionPlan(), [0], False)],
+)
+def test_a_target_that_a_stop_of_another_controller_changed_must_come_again(
+    motion: MotionPlan, numbers: list[int], is_blocked: bool
+) -> None:
+    axis = an_axis(motion=motion)
+    acknowledge(axis)
+    axis.overwrite(numbers, "panel", 4)
+    assert axis.fields[0].is_incomplete is bool(numbers)
+    assert axis.hold.overwritten_by == ("panel" if numbers else "")
+    assert axis.interlock.is_blocked is is_blocked
+
+
+# --- targets -----------------------------------------------------------------------------------------------
+
+
+def test_a_repeat_is_a_sign_of_life_and_the_time_of_a_blend() -> None:
+    axis = reached(an_axis(), "arrived")
+    axis.targets.acknowledge(REPEAT, 11 * MS)
+    times = [(axis.motion.heard_ns, axis.compensation.state.at_ns)]
+    axis.targets.acknowledge_steady(0, SteadyTarget(NOMINAL, CORRECTED, 0.0, 0, None), 12 * MS)
+    times.append((axis.motion.heard_ns, axis.compensation.state.at_ns))
+    assert times == [(11 * MS, 11 * MS), (12 * MS, 12 * MS)]
+    assert state(axis) is MotionState.ARRIVED
+
+
+@pytest.mark.parametrize(
+    ("way", "after"),
+    [
+        ("arrived", MotionState.ARRIVED),
+        ("out-of-reach", MotionState.SUPERSEDED),
+        ("unknown", MotionState.UNKNOWN),
+    ],
+)
+def test_a_repeat_that_was_not_acknowledged_leaves_the_axis_where_it_is(way: str, after: MotionState) -> None:
+    """Where its target is not known it may have moved: the words in the drive are unknown then."""
+    axis = reached(an_axis(), way)
+    axis.fields[0].settle(NOMINAL, CORRECTED)
+    sent_off_ns = axis.motion.sent_off_ns
+    axis.targets.leave_unacknowledged(REPEAT, 11 * MS)
+    assert state(axis) is after
+    is_open = way == "unknown"
+    assert axis.motion.sent_off_ns == (11 * MS if is_open else sent_off_ns)
+    assert (axis.fields[0].nominal_words is None) is is_open
+
+
+def test_words_that_were_not_acknowledged_are_unknown_and_may_be_corrected_ones() -> None:
+    axis = an_axis()
+    axis.fields[0].settle(NOMINAL, NOMINAL)
+    axis.targets.leave_unacknowledged(target(axis, 50_000), 11 * MS)
+    assert axis.fields[0].may_be_corrected
+    assert axis.fields[0].nominal_words is None
+
+
+@pytest.mark.parametrize(
+    ("corrected", "after"), [(CORRECTED, MotionState.SUPERSEDED), (NOMINAL, MotionState.UNACKNOWLEDGED)]
+)
+def test_a_run_of_the_target_from_before_a_lost_link_leaves_the_same_words(
+    corrected: bytes, after: MotionState
+) -> None:
+    axis = reached(an_axis(), "out-of-reach")
+    run = target(axis, 50_000)._replace(corrected_words=corrected)
+    axis.targets.leave_run_unacknowledged(run, 11 * MS)
+    assert state(axis) is after
+    assert axis.motion.sent_off_ns == 11 * MS
+
+
+def test_a_run_of_an_unknown_target_goes_anywhere() -> None:
+    axis = reached(an_axis(), "arrived")
+    axis.targets.leave_run_unacknowledged(REPEAT._replace(nominal_words=b"\0\0\0\1"), 11 * MS)
+    assert state(axis) is MotionState.UNKNOWN
+
+
+@pytest.mark.parametrize(
+    ("words", "after"),
+    [(COMMAND.pack(70_010), MotionState.MOVING), (CORRECTED, MotionState.UNACKNOWLEDGED)],
+)
+def test_words_that_are_read_prove_an_open_target(words: bytes, after: MotionState) -> None:
+    axis = an_axis()
+    axis.targets.leave_unacknowledged(target(axis, 70_000), 1 * MS)
+    axis.targets.prove_by_words(0, words)
+    assert state(axis) is after
+
+
+@pytest.mark.parametrize(("is_lost", "is_known"), [(False, True), (True, False)])
+def test_words_that_are_read_back_are_those_from_before_a_lost_link(is_lost: bool, is_known: bool) -> None:
+    axis = reached(an_axis(), "out-of-reach")
+    if is_lost:
+        axis.fields[0].lose_all_words()
+    axis.targets.read_back(0, CORRECTED)
+    assert axis.fields[0].nominal_words == (NOMINAL if is_known else None)
+
+
+def test_a_target_that_its_controller_wrote_since_is_not_the_one_from_before() -> None:
+    axis = reached(an_axis(), "out-of-reach")
+    axis.fields[0].settle(COMMAND.pack(1), COMMAND.pack(2))
+    axis.targets.read_back(0, CORRECTED)
+    assert axis.fields[0].nominal_words == COMMAND.pack(1)
+
+
+def test_a_staged_target_was_not_run_until_a_trigger_runs_one() -> None:
+    axis = an_axis()
+    axis.targets.mark_staged()
+    held = [axis.targets.holds_unrun]
+    axis.targets.mark_run(Action.RELATIVE)
+    held.append(axis.targets.holds_unrun)
+    assert held == [True, False]
+    assert axis.targets.last_run is Action.RELATIVE
+
+
+# --- what is reported --------------------------------------------------------------------------------------
+
+
+def reports() -> AxisReports:
+    return an_axis().reports
+
+
+def names(told: AxisReports) -> list[str]:
+    return [event.kind.name for event in told.take(is_unsure=False)]
+
+
+def test_unknown_contents_are_reported_once_until_there_are_others() -> None:
+    told = reports()
+    for contents in (((1, 2),), ((1, 2),), ((1, 3),)):
+        told.report_unknown(contents)
+    assert names(told) == ["unknown-mode"] * 2
+
+
+def test_that_targets_are_rewritten_is_reported_once_in_a_minute() -> None:
+    told = reports()
+    counts = []
+    for at_ms in (5, 60_004, 60_005):
+        told.report_rewritten(1, at_ms * MS)
+        counts.append(len(names(told)))
+    assert counts == [1, 0, 1]
+
+
+@pytest.mark.parametrize(("offset", "rest", "count"), [(0.5, 0.0, 1), (0.0, 0.5, 1), (0.0, 0.0, 0)])
+def test_a_stream_that_begins_beside_its_first_setpoint_is_reported(
+    offset: float, rest: float, count: int
+) -> None:
+    told = reports()
+    told.begin_stream(offset, rest)
+    told.report_beginning()
+    told.report_beginning()
+    assert names(told) == ["stream-began"] * count
+
+
+def test_a_stop_between_two_readings_leaves_the_accepted_target_void() -> None:
+    axis = reached(an_axis(bits=DONE_BIT), "arrived")
+    do(axis, Action.STOP)
+    assert axis.compensation.accepted is None
+    leave_unacknowledged(axis)
+    axis.motion.run_not(Accepted(1000, 1010))
+    assert axis.compensation.accepted == Accepted(1000, 1010)
