@@ -16,8 +16,8 @@ from gateway.exchange.plan import CompensationMode, Reference
 from gateway.exchange.request import NOTHING_PREFETCHED, Request
 from gateway.exchange.unit import FieldHit, UnitMap
 from gateway.modbus.registers import BitField
-from tests.exchange.axis_bench import REACHED, WRITE, acknowledge, an_axis, end, see, target
-from tests.exchange.line_bench import COMMAND, MS
+from tests.exchange.axis_bench import REACHED, WRITE, an_axis, end, see, target
+from tests.exchange.line_bench import COMMAND, MS, Bench, axis_plan
 
 NOMINAL: Final = COMMAND.pack(50_000)
 CORRECTED: Final = COMMAND.pack(50_010)
@@ -114,21 +114,19 @@ def test_a_run_ends_a_homing_and_what_was_staged_is_run() -> None:
 
 @pytest.mark.parametrize("outcome", [ACK, SILENT])
 @pytest.mark.parametrize(
-    ("action", "mode", "is_unsure"),
-    [
-        (Action.STORED, CompensationMode.ON, True),
-        (Action.STORED, CompensationMode.OFF, False),
-        (Action.STOP, CompensationMode.ON, False),
-    ],
+    ("action", "passes", "is_unsure"),
+    [(Action.STORED, False, True), (Action.STORED, True, False), (Action.OTHER_MOTION, False, False)],
 )
 def test_a_stored_position_was_not_corrected(
-    outcome: Outcome, action: Action, mode: CompensationMode, is_unsure: bool
+    outcome: Outcome, action: Action, passes: bool, is_unsure: bool
 ) -> None:
-    axis = an_axis(compensation=mode)
-    acknowledge(axis)
-    was_unsure = axis.compensation.is_unsure
-    end(AxisCommand(axis, action), outcome, 0x0B, 2 * MS)
-    assert axis.compensation.is_unsure is (was_unsure or is_unsure)
+    bench = Bench(axis_plan(compensation=CompensationMode.SHADOW if passes else CompensationMode.ON))
+    bench.move(20_000, 50_000)
+    [axis] = bench.line.axes
+    was_unsure = [axis.compensation.is_unsure]
+    end(AxisCommand(axis, action), outcome, 0x0B, bench.now_ns)
+    was_unsure.append(axis.compensation.is_unsure)
+    assert was_unsure == [False, is_unsure]
 
 
 @pytest.mark.parametrize("outcome", [ACK, SILENT])
