@@ -1,0 +1,143 @@
+"""What cut-through remembers: beginnings of requests, what forwarding has gained, pauses, totals."""
+
+from typing import Final
+
+import pytest
+
+from gateway.exchange.cut_through.delay import REMEMBERED, Delays, Piece, read_shape, write_shape
+from gateway.exchange.cut_through.forward import WASTED, Pauses, Totals
+from gateway.exchange.cut_through.frame import ForwardEvent
+from gateway.exchange.cut_through.requests import (
+    REMEMBERED_BEGINNINGS,
+    STORED_FOR,
+    WEIGHED_AT_LEAST,
+    Heads,
+)
+from gateway.exchange.dispatch import UnitMaps
+from gateway.exchange.transaction import FastPath
+from tests.exchange.cut_bench import CHAR_NS, learn
+from tests.exchange.line_bench import COMMAND, Bench, stream_plan, write
+
+PATH: Final = FastPath(5)
+"""Of a read without any mapped content."""
+READ: Final = bytes.fromhex("01 03 0200 0003")
+OTHER_READ: Final = bytes.fromhex("01 03 0300 0001")
+WRITE: Final = b"\x01" + write(COMMAND, 1000)
+LONGER: Final = b"\x01" + bytes.fromhex("10 0606 0003 06 03E8 0000 0000")
+
+
+def heads() -> Heads:
+    found = Heads(Delays(CHAR_NS, CHAR_NS, CHAR_NS))
+    learn(found.delays, read_shape(), write_shape(2, 0, 2))
+    return found
+
+
+def unit_reads(count: int) -> list[bytes]:
+    """Reads with so many beginnings: units from 2 on, with functions 3 and 4."""
+    return [bytes((2 + number // 2, 3 + number % 2)) + READ[2:] for number in range(count)]
+
+
+def add(memory: Heads, *reads: bytes) -> None:
+    for each in reads:
+        memory.add(PATH, each, each)
+
+
+def is_expected(memory: Heads, begun: bytes = READ[:2]) -> bool:
+    return memory.opening(begun) is not None
+
+
+def test_reads_of_other_registers_are_expected_too() -> None:
+    memory = heads()
+    add(memory, READ, OTHER_READ)
+    assert is_expected(memory)
+    memory.add(None, OTHER_READ, OTHER_READ)  # one of them took the slow path
+    assert is_expected(memory)
+
+
+def test_a_write_that_goes_on_differently_is_stored_from_then_on() -> None:
+    memory, units = heads(), UnitMaps(Bench(stream_plan()).line.axes, is_serial=True)
+    memory.add(units.path_of(1, WRITE[1:]), WRITE, WRITE)
+    was_expected = [is_expected(memory, WRITE[:4])]
+    memory.add(units.path_of(1, LONGER[1:]), LONGER, LONGER)
+    was_expected.append(is_expected(memory, WRITE[:4]))
+    memory.add(units.path_of(1, WRITE[1:]), WRITE, WRITE)
+    was_expected.append(is_expected(memory, WRITE[:4]))
+    assert was_expected == [True, False, False]
+
+
+def test_so_many_beginnings_are_remembered_and_then_all_are_forgotten() -> None:
+    memory = heads()
+    *most, last = unit_reads(REMEMBERED_BEGINNINGS)
+    add(memory, READ, *most)
+    was_expected = [is_expected(memory), is_expected(memory, most[-1][:2])]
+    add(memory, READ, last)  # the first one is known
+    was_expected += [is_expected(memory), is_expected(memory, last[:2])]
+    assert was_expected == [True, True, False, True]
+
+
+def test_what_forwarding_gained_is_forgotten_with_them() -> None:
+    memory = heads()
+    add(memory, READ)
+    for _ in range(WEIGHED_AT_LEAST):
+        memory.pay(READ, -1)
+    was_expected = [is_expected(memory)]
+    add(memory, *unit_reads(REMEMBERED_BEGINNINGS), READ)
+    was_expected.append(is_expected(memory))
+    for _ in range(WEIGHED_AT_LEAST - 1):
+        memory.pay(READ, -1)
+    add(memory, *unit_reads(REMEMBERED_BEGINNINGS), READ)
+    memory.pay(READ, -1)
+    was_expected.append(is_expected(memory))
+    assert was_expected == [False, True, True]
+
+
+@pytest.mark.parametrize(("gain_ns", "goes_on"), [(1, True), (0, True), (-1, False)])
+def test_forwarding_that_loses_time_ends_for_a_while(gain_ns: int, goes_on: bool) -> None:
+    memory = heads()
+    add(memory, READ)
+    was_expected = []
+    for _ in range(WEIGHED_AT_LEAST):
+        was_expected.append(is_expected(memory))
+        memory.pay(READ, gain_ns)
+    assert all(was_expected)
+    assert is_expected(memory) is goes_on
+    for _ in range(STORED_FOR - 1):
+        memory.came(READ)
+    assert is_expected(memory) is goes_on
+    memory.came(READ)
+    assert is_expected(memory)
+    memory.pay(READ, gain_ns)  # what was lost before that is not weighed once more
+    assert is_expected(memory)
+
+
+def test_the_longest_pause_is_that_of_the_last_frames() -> None:
+    pauses = Pauses(100)
+    longest = [pauses.longest_ns]
+    pauses.add([Piece(0, 1), Piece(300, 2), Piece(500, 3)])
+    longest.append(pauses.longest_ns)
+    for _ in range(REMEMBERED):
+        pauses.add([Piece(0, 1), Piece(50, 2)])
+    longest.append(pauses.longest_ns)
+    assert longest == [100, 300, 50]
+
+
+def test_the_totals_say_what_was_forwarded_stored_and_spoilt() -> None:
+    """Three were forwarded, each 2 us early. Of four that did not fit, of one nothing had been sent."""
+    totals = Totals()
+    totals.ended[ForwardEvent.COMMITTED] = 3
+    totals.gain_ns = 6_000
+    totals.ended[ForwardEvent.KEPT] = totals.stored[ForwardEvent.KEPT] = 5
+    totals.ended[ForwardEvent.UNFIT], totals.stored[ForwardEvent.UNFIT] = 4, 1
+    status = totals.status()
+    assert (status.cut_through, status.gain_us) == (3, 2)
+    assert status.stored == {"kept": 5, "unfit": 1}
+    assert status.spoilt == {"unfit": 3}
+    assert Totals().status().gain_us is None
+
+
+def test_a_spoilt_frame_was_wasted_where_a_stored_one_would_have_left() -> None:
+    """Not one that is bad or overtaken, nor one whose wire or port was lost: stored, it stays too."""
+    none_left = {ForwardEvent.BAD, ForwardEvent.OVERTAKEN, ForwardEvent.GONE, ForwardEvent.LOST}
+    no_ends = {ForwardEvent.OPENED, ForwardEvent.FITTED, ForwardEvent.JUDGED}
+    well = {ForwardEvent.KEPT, ForwardEvent.COMMITTED}
+    assert set(ForwardEvent) - none_left - no_ends - well == WASTED
