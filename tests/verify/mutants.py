@@ -27,6 +27,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
+from dis import get_instructions
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
@@ -151,13 +152,22 @@ def load(mutant: Mutant, compiled: bytes) -> bool:
     """Break the gateway in this process, with ``Mutant.code``; return whether what was imported stays.
 
     A method gets the code of the broken one: whoever holds the method calls that. Where a file is broken
-    outside of its methods, everything that was imported is imported anew.
+    outside of its methods, or in a function that is called while it is imported, everything that was imported
+    is imported anew.
     """
     name = _module_of(mutant.file)
     method = _method(sys.modules.get(name), mutant.unit)
     whole = marshal.loads(compiled)
     code = _code_of(whole, mutant.unit)
-    if method is not None and code is not None and method.__code__.co_freevars == code.co_freevars:
+    is_late = not any(
+        each.opname == "LOAD_NAME" and each.argval == mutant.unit for each in get_instructions(whole)
+    )
+    if (
+        method is not None
+        and code is not None
+        and method.__code__.co_freevars == code.co_freevars
+        and is_late
+    ):
         method.__code__ = code
         return True
     for each in [each for each in sys.modules if each.partition(".")[0] in ("gateway", "tests")]:
