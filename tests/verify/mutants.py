@@ -476,13 +476,17 @@ def by_lot(mutants: Iterable[Mutant]) -> list[Mutant]:
 
 
 def kept_verdicts(mutants: Iterable[Mutant], path: Path = KEPT) -> dict[str, Verdict]:
-    """Return what is known of mutants, by digest: of each the last verdict."""
+    """Return what is known of mutants, by digest: of each the last verdict, or the last that noticed it."""
     by_digest = {mutant.digest: mutant for mutant in mutants}
     found: dict[str, Verdict] = {}
     for row in path.read_text().splitlines() if path.exists() else ():
         mutant = by_digest.get(row.partition("\t")[0])
-        if mutant is not None:
-            found[mutant.digest] = Verdict.of_row(row, mutant.name, mutant.line)
+        if mutant is None:
+            continue
+        verdict = Verdict.of_row(row, mutant.name, mutant.line)
+        before = found.get(mutant.digest)
+        if before is None or verdict.is_noticed or not before.is_noticed:  # two runs may have asked at a time
+            found[mutant.digest] = verdict
     return found
 
 
