@@ -23,6 +23,7 @@ from gateway.exchange.transaction import (
     Stopping,
     Transaction,
     Transactions,
+    outcome_of_reply,
 )
 from tests.exchange.line_bench import MS, Bench, Link, Port, axis_plan
 from tests.support.tables import walk
@@ -302,3 +303,82 @@ def test_a_line_that_would_send_a_request_twice_does_not_tells_it_and_goes_on() 
     bench.line._put_on_wire(sent, PDU, 1, bench.now_ns + MS)
     assert (bench.link.sent, bench.line.is_idle) == ([(1, PDU)], True)
     assert bench.line.counters.internal_faults == 2
+
+
+# --- what its controller and the drive are told ------------------------------------------------------------
+
+
+def test_a_transaction_that_was_not_sent_is_on_the_wire_to_its_own_unit() -> None:
+    assert Transaction(Port(ControllerPlan("cnc")), 1, 5, PDU, 0).wire_unit_id == 5
+
+
+def test_the_content_is_parsed_once_and_anew_when_a_forwarded_request_is_whole() -> None:
+    line = Line()
+    transaction = line.a_transaction(Phase.LEAVING)
+    transaction.set_frames(())
+    assert transaction.frames == ()
+    line.transactions.come_whole(transaction, line.port, PDU, 5)
+    assert transaction.frames is None
+
+
+def test_what_its_controller_gave_up_on_is_given_up_but_not_a_stop() -> None:
+    line = Line()
+    request, stop = line.a_transaction(), line.a_stop(Stopping.FIRST)
+    assert (request.why_given_up(1), stop.why_given_up(1)) == ("", "")
+    request.give_up()
+    stop.give_up()
+    assert (request.why_given_up(1), stop.why_given_up(1)) == ("its controller gave up on it", "")
+
+
+@pytest.mark.parametrize("is_asked_for", [False, True])
+def test_the_time_of_added_frames_is_apart_from_that_in_the_queue(is_asked_for: bool) -> None:
+    transaction = Line().a_transaction()
+    if is_asked_for:
+        transaction.knowledge()
+    transaction.start(7)
+    assert (transaction.queue_ns, transaction.added_ns) == ((0, 7) if is_asked_for else (7, 0))
+
+
+def test_a_refusal_reaches_a_controller_on_a_serial_line_with_any_code() -> None:
+    """Only where the unit may not be spoken to a serial line stays silent (W7)."""
+    for end in ("refuse", "overtaken", "refuse_absent"):
+        line = Line()
+        port = line.port = Port(ControllerPlan("cnc", serial=True))
+        transaction = line.a_transaction()
+        if end == "refuse":
+            line.transactions.refuse(transaction, 0x0A, 1)
+        elif end == "overtaken":
+            line.transactions.overtaken(transaction, "why", 1)
+        else:
+            line.transactions.refuse_absent(transaction, 1)
+        replies = {"refuse": b"\x83\x0a", "overtaken": b"\x83\x06"}
+        assert [pdu for _, _, pdu in port.replies] == ([replies[end]] if end in replies else [])
+
+
+def test_what_never_left_ends_without_an_answer() -> None:
+    line = Line()
+    transaction = line.a_transaction(Phase.LEAVING)
+    line.transactions.never_left(transaction, 1)
+    assert transaction.phase is Phase.ENDED
+    assert line.port.replies == []
+
+
+def test_what_was_withdrawn_is_counted_and_reported_once_a_second() -> None:
+    line = Line()
+    for at_ns in (1, 2):
+        line.transactions.withdraw(line.a_transaction(), "it is late", at_ns)
+    line.transactions.withdraw(Transaction(None, 0, 1, PDU, 0), "it is late", 3)  # of the gateway itself
+    assert line.counters.withdrawn == 3
+    [event] = line.events
+    assert event.kind is exchange_events.WITHDRAWN
+    assert event.detail == "a request of cnc was not sent: it is late"
+
+
+@pytest.mark.parametrize(
+    ("reply", "found"),
+    [(b"\x83\x02", (Outcome.EXCEPTION, 2)), (b"\x03\x02\0\0", (Outcome.ACKNOWLEDGED, 0))],
+)
+def test_without_mapped_content_an_exception_is_the_only_refusal(
+    reply: bytes, found: tuple[Outcome, int]
+) -> None:
+    assert outcome_of_reply(Line().a_transaction(Phase.SENT), reply) == found
