@@ -25,7 +25,7 @@ from tests.exchange.axis_bench import (
     see,
     target,
 )
-from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, stream_plan
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, stream_plan, write
 
 NOMINAL: Final = COMMAND.pack(50_000)
 CORRECTED: Final = COMMAND.pack(50_010)
@@ -96,6 +96,22 @@ def test_a_bit_that_decides_holds_up_no_stream() -> None:
     axis = Axis(stream_plan(referenced=Reference.DRIVE_BIT, bits=bits))
     axis.observe_bit("homed", 1 * MS, is_set=True)
     assert not axis.needs_reference(2_000 * MS, is_target=True)
+
+
+@pytest.mark.parametrize(("words", "is_read"), [((1,), False), ((1, 0), True), ((1, 0, 1), True)])
+def test_before_a_repeat_an_axis_that_may_have_left_is_looked_at(
+    words: tuple[int, ...], is_read: bool
+) -> None:
+    """Its done bit fell, or rose again since: the repeat is sent behind a read of its position (M4)."""
+    bench = Bench(axis_plan(bits=DONE_BIT, done_drop_ms=0.0))
+    bench.move(20_000, 50_000)
+    bench.actual()
+    for word in words:
+        bench.memory.words[0x30] = word
+        bench.ask(bytes.fromhex("03 0030 0001"))
+    repeat = write(COMMAND, 50_000)
+    expected = [read(ACTUAL)] if is_read else []
+    assert bench.frames(repeat) == [*expected, write(COMMAND, 50_010)]
 
 
 # --- losses ------------------------------------------------------------------------------------------------

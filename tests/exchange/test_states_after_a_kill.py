@@ -101,6 +101,18 @@ def test_a_target_that_was_on_the_wire_and_was_obeyed_is_the_last_one() -> None:
     )
 
 
+@pytest.mark.parametrize("bits", [{}, BITS])
+def test_a_repeat_on_the_wire_changes_nothing_of_a_record(bits: dict[str, BitField]) -> None:
+    bench = at_50_mm(bits=bits)
+    report(bench, DONE, 0, DONE)
+    bench.send(write(COMMAND, 50_000))
+    while bench.link.sent[0][1] != write(COMMAND, 50_010):
+        bench.answers(bench.memory.answer(bench.link.sent[0][1]))
+    again = bench.restarted()
+    assert again.kinds() == ["line-up", "restored"]
+    assert axis_of(again).compensation.accepted == (50_000, 50_010)
+
+
 def test_a_record_that_did_not_count_counts_for_no_later_run_either() -> None:
     bench = at_50_mm()
     bench.memory.put(ACTUAL, 70_000)
