@@ -16,11 +16,12 @@ from gateway.drives.motion import Action
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.gantry import Gantry, GantryEvent
 from gateway.exchange.axis.reference import ReferenceEvent
+from gateway.exchange.control import switch
 from gateway.exchange.group import join_groups, report_skew, settle_group
 from gateway.exchange.kept_words import is_other, is_repeat, keeps_other_words, may_keep_words, spec_of_words
 from gateway.exchange.plan import CompensationMode, Reference
 from tests.exchange.axis_bench import REACHED, acknowledge, an_axis, do, see, target
-from tests.exchange.line_bench import COMMAND, MS
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
 
 NOMINAL: Final = COMMAND.pack(50_000)
 OTHER_TABLE: Final = make_table([0, 100], [0.02, 0.02], [-0.02, -0.02], Units.MM)
@@ -298,3 +299,56 @@ def test_one_axis_of_a_group_keeps_other_words_only_if_all_do() -> None:
     assert not may_keep_words(x, asked)  # y must still get there
     y.targets.mark_staged()
     assert may_keep_words(x, asked)
+
+
+# --- over a line -------------------------------------------------------------------------------------------
+
+
+class Gantries(Bench):
+    """Axis x on unit id 1 and axis y on unit id 2, both at 20 000 and done with it."""
+
+    def __init__(self, **changes: Any) -> None:
+        both = (axis_plan(**changes), axis_plan(name="y", unit_id=2, **changes))
+        super().__init__(*both, groups=[["x", "y"]])
+        for unit_id in (1, 2):
+            self.ask(write(COMMAND, 20_000), unit_id=unit_id)
+        self.memory.put(ACTUAL, 20_010)
+        self.ask(read(ACTUAL))
+        self.ask(read(ACTUAL), unit_id=2)
+        gantry = self.line.axes[0].member.gantry
+        assert gantry is not None
+        assert gantry.is_open
+        self.gantry = gantry
+
+
+def test_another_target_for_the_first_axis_begins_a_new_decision() -> None:
+    """Switched off after x has started: y goes as x has gone, and x goes 1:1 with its next target."""
+    bench = Gantries()
+    assert bench.sent_for(write(COMMAND, 50_000)) == write(COMMAND, 50_010)
+    since_ns = bench.gantry.since_ns
+    switch(bench.line.axes, "x", is_on=False)
+    assert bench.sent_for(write(COMMAND, 50_000)) == write(COMMAND, 50_010)  # the same one
+    assert bench.gantry.since_ns == since_ns
+    assert bench.sent_for(write(COMMAND, 60_000)) == write(COMMAND, 60_000)
+    assert bench.gantry.since_ns > since_ns
+
+
+def test_the_words_of_its_target_begin_none() -> None:
+    """50 000 is C350 0000 with its low word first, 120 000 is D4C0 0001."""
+    bench = Gantries()
+    bench.ask(bytes.fromhex("06 0606 D4C0"))
+    since_ns = bench.gantry.since_ns
+    bench.ask(bytes.fromhex("06 0607 0001"))
+    assert bench.gantry.since_ns == since_ns
+    assert bench.memory.get(COMMAND) == 120_010
+    bench.ask(bytes.fromhex("06 0606 C350"))  # a word of another one
+    assert bench.gantry.since_ns > since_ns
+
+
+def test_a_word_that_comes_later_is_of_another_target() -> None:
+    bench = Gantries()
+    bench.ask(bytes.fromhex("06 0606 D4C0"))
+    since_ns = bench.gantry.since_ns
+    bench.wait(JOINED_MS + 1)
+    bench.ask(bytes.fromhex("06 0607 0001"))
+    assert bench.gantry.since_ns > since_ns
