@@ -502,7 +502,7 @@ class Reasons:
     def __init__(self, path: Path = EXPLAINED) -> None:
         rows = tomllib.loads(path.read_text()) if path.exists() else {}
         self.mutants: dict[str, tuple[str, str]] = {
-            row["name"]: (row["kind"], row["why"]) for row in rows.get("mutant", ())
+            name: (row["kind"], row["why"]) for row in rows.get("mutant", ()) for name in row["names"]
         }
         """By name: equivalent, left out or open, and why."""
         self.units: dict[str, str] = {row["unit"]: row["why"] for row in rows.get("unit", ())}

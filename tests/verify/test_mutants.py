@@ -63,7 +63,7 @@ def test_a_method_is_explained_as_a_whole_only_where_no_world_runs_through_it(tm
     path = tmp_path / "explained.toml"
     path.write_text(
         '[[unit]]\nunit = "axis:Axis.end"\nwhy = "left"\n'
-        '[[mutant]]\nname = "axis:Axis.end:dropped: x"\nkind = "equivalent"\nwhy = "same"\n'
+        '[[mutant]]\nnames = ["axis:Axis.end:dropped: x"]\nkind = "equivalent"\nwhy = "same"\n'
     )
     reasons = Reasons(path)
     assert reasons.kind(Verdict("1", "axis:Axis.end:negated: y", 1)) == "left out"
