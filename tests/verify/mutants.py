@@ -659,10 +659,10 @@ def _try_all(mutants: Sequence[Mutant], judge: Judge, asked: argparse.Namespace)
 def _tell_unexplained(mutants: Sequence[Mutant], verdicts: Mapping[str, Verdict]) -> int:
     reasons = Reasons()
     tried = [(each, verdicts[each.digest]) for each in mutants if each.digest in verdicts]
-    killed = sum(verdict.is_killed for _, verdict in tried)
-    print(f"{killed} of {len(tried)} killed, {100.0 * killed / max(1, len(tried)):.1f} %")
+    noticed = sum(verdict.is_noticed for _, verdict in tried)
+    print(f"{noticed} of {len(tried)} noticed, {100.0 * noticed / max(1, len(tried)):.1f} %")
     unexplained = [
-        (mutant, verdict) for mutant, verdict in tried if not verdict.is_killed and not reasons.kind(verdict)
+        (mutant, verdict) for mutant, verdict in tried if not verdict.is_noticed and not reasons.kind(verdict)
     ]
     for mutant, verdict in unexplained:
         print(f"unexplained: {mutant.file}:{mutant.line}: {mutant.name}; worlds: {verdict.worlds}")
