@@ -275,6 +275,8 @@ class FieldImage:
         covers_all = not self._all_words & ~self._missing & ~_mask(first, words)
         is_new = not self.is_incomplete or covers_all or not self._are_joined(arrived_ns, follows_ns)
         stays_buffered = is_new or self.completeness is Completeness.PARTS_BUFFERED
+        if is_new:
+            self.lose_all_words()
         self._store_part(first, words, arrived_ns, follows_ns)
         if stays_buffered and self.completeness is Completeness.PARTS_LOST:
             self.completeness = Completeness.PARTS_BUFFERED
