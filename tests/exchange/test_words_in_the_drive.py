@@ -302,3 +302,12 @@ def test_a_lost_mode_is_lost_until_it_is_written_anew_after_that() -> None:
     assert (FOLLOWS.lost_mode(1), FOLLOWS.lost_mode(None)) == (None, None)
     FOLLOWS.store_words({MODE: 1}, 3)
     assert FOLLOWS.lost_mode(0) is None
+
+
+def test_a_buffered_part_that_comes_again_begins_anew() -> None:
+    """Its 200 ms count from then: a part that was withdrawn joins the other one 110 ms later."""
+    image = FieldImage(COMMAND, waits=True)
+    for at_ms in (1, 151):
+        image.buffer(0, FIRST, at_ms * MS, (at_ms - 1) * MS)
+    lose(image, Loss.WITHDRAWN, 0, FIRST, at_ms=161, follows_ms=151)
+    assert image.completed(1, SECOND, 261 * MS, 161 * MS) == BOTH
