@@ -108,9 +108,9 @@ def test_a_block_of_unknown_length_leaves_out_every_scale(um_per_m: int) -> None
     assert any("the scale cannot be determined" in each for each in found[0].survey.remarks)
     table = build_from(found[1].survey, Recipe(fit=Fit.AUTO, periods=LEAD), found[1].screw).table
     left_out = found[1].screw.left_out(table)
-    assert left_out.e is not None
-    # A dial that rounds to 0.1 µm: what is left, but for the scale, is far below a micrometre.
-    assert left_out.e < 0.001
+    # A dial that rounds to 0.1 µm: but for the scale, nothing shows that a micrometre is left.
+    assert left_out.low is not None
+    assert left_out.low < 0.001
 
 
 def test_a_gap_that_closes_gives_the_same_error() -> None:
