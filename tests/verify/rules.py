@@ -11,7 +11,7 @@ from gateway.exchange.plan import Late, Role
 from gateway.exchange.transaction import Phase, Stopping
 from gateway.modbus.pdu import is_exception
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
-from gateway.times import NS_PER_S
+from gateway.times import NS_PER_MS, NS_PER_S
 from tests.exchange.line_bench import ACTUAL, COMMAND, write
 from tests.exchange.staged_bench import COMMANDED, JOG, MODE, RUN, RUN_RELATIVE, STATUS, STOP, STORED, TRIGGER
 from tests.verify import facts, gantries
@@ -1271,8 +1271,8 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
         if not is_exception(pdu):
             raise BrokenRuleError(f"what its controller had given up was carried out: {pdu.hex(' ')} (2, W5)")
         return  # to one that its controller has given up meanwhile
-    if request is None:
-        raise BrokenRuleError(f"an answer that nobody waits for: {pdu.hex(' ')}")
+    if request is None or _is_behind_patience(world, port, request):
+        raise BrokenRuleError(f"an answer that nobody waits for: {pdu.hex(' ')} (W6)")
     end(world, port, request)
     is_own = answered is not None and answered.owner == port and answered.transaction_id == transaction_id
     if is_exception(pdu):
@@ -1381,12 +1381,20 @@ def note_broadcast(world: "World", wire: "Wire") -> None:
         note_run(world, 0, is_told=False, is_acked=False)
 
 
+def _is_behind_patience(world: "World", port: int, request: "Asked") -> bool:
+    """Whether a serial controller would take a reply for the one to its next request (W6)."""
+    plan = world.design.controllers[port]
+    return plan.serial and request.ticks * world.tick_ns > plan.timeout_ms * NS_PER_MS
+
+
 def judge_answered(world: "World", wire: "Wire") -> None:
     """What the drive has answered has reached its controller (2, W1). Raises BrokenRuleError."""
     request = _find(world, wire.owner, wire.transaction_id) if wire.owner >= 0 else None
     if request is None:
         return
-    if world.design.has_record and wire.pdu in LOOKS:
+    if _is_behind_patience(world, wire.owner, request):
+        end(world, wire.owner, request)
+    elif world.design.has_record and wire.pdu in LOOKS:
         # The gateway's own read behind a restart looks the same: the one of the controller is still to come.
         _replace(world, wire.owner, request._replace(is_sent=False))
     else:
