@@ -137,8 +137,7 @@ class Link(DriveLink):
         raise NotImplementedError
 
     def close(self) -> None:
-        """Release the timers."""
-        raise NotImplementedError
+        """Release the timers, if there are any."""
 
 
 class RtuDriveLink(Link):
@@ -460,9 +459,6 @@ class MbapDriveLink(Link):
             "crc_errors": 0,
             "wrong_units": self._wrong_units,
         }
-
-    def close(self) -> None:
-        """See ``Link``."""
 
     def _take(self, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int) -> None:
         if transaction_id != self._awaited_id:
