@@ -1272,7 +1272,7 @@ def judge_reply(world: "World", port: int, transaction_id: int, pdu: bytes, answ
             raise BrokenRuleError(f"what its controller had given up was carried out: {pdu.hex(' ')} (2, W5)")
         return  # to one that its controller has given up meanwhile
     if request is None or _is_behind_patience(world, port, request):
-        raise BrokenRuleError(f"an answer that nobody waits for: {pdu.hex(' ')} (W6)")
+        raise BrokenRuleError(f"no controller waits for this reply: {pdu.hex(' ')} (W6)")
     end(world, port, request)
     is_own = answered is not None and answered.owner == port and answered.transaction_id == transaction_id
     if is_exception(pdu):
