@@ -295,12 +295,12 @@ def test_a_line_that_would_send_a_request_twice_does_not_tells_it_and_goes_on() 
     sent = bench.line._transactions.current
     assert sent is not None
     assert bench.link.sent == [(1, PDU)]
-    bench.line._put_on_wire(sent, PDU, 1, bench.now_ns)
+    bench.line._turn.put_on_wire(sent, PDU, 1, bench.now_ns)
     assert bench.link.sent == [(1, PDU)]
     assert [each.detail for each in bench.events] == ["transaction: frame cannot be in sent"]
     bench.line.reply(1, b"\x03\x02\0\x07", bench.now_ns + MS)
     assert bench.port.take() == b"\x03\x02\0\x07"
-    bench.line._put_on_wire(sent, PDU, 1, bench.now_ns + MS)
+    bench.line._turn.put_on_wire(sent, PDU, 1, bench.now_ns + MS)
     assert (bench.link.sent, bench.line.is_idle) == ([(1, PDU)], True)
     assert bench.line.counters.internal_faults == 2
 
