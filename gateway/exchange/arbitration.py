@@ -18,6 +18,7 @@ not wait at all if no motion transaction was seen for a second.
 """
 
 from collections.abc import Sequence
+from enum import Enum
 from typing import Final
 
 from gateway.exchange.plan import LineTiming
@@ -66,6 +67,19 @@ class _Shortest:
         self._window_ends_ns = now_ns + WINDOW_NS
 
 
+class _Behind(Enum):
+    """What the line was free after last."""
+
+    __hash__ = object.__hash__
+
+    ANYTHING = "anything"
+    """A motion transaction without a silence behind it, or another transaction."""
+    SILENCE = "silence"
+    """The silence behind a motion transaction; nothing waits for its end."""
+    AWAITED_SILENCE = "awaited-silence"
+    """The same, and something has waited only for its end: it may start behind the motion."""
+
+
 class Gaps:
     """The gaps between the motion transactions of one line, and what fits into them."""
 
@@ -77,10 +91,7 @@ class Gaps:
         """Whether others than motion controllers use the line; gaps are not recorded before."""
         self._ended_ns: int | None = None
         """From when the line was free after the last motion transaction; None: none was seen yet."""
-        self._was_paced = False
-        """Whether that was only after a silence, and no other transaction has ended since."""
-        self._has_waited = False
-        """Whether something has waited since that end only for the silence: it may start behind it."""
+        self._behind = _Behind.ANYTHING
         self._any = _Shortest()
         self._long = _Shortest()
         """Of the gaps of ``quiet_ms`` and more."""
@@ -107,11 +118,11 @@ class Gaps:
             return
         next_ns = self._stamps.next_ns if rests_until_ns is None else now_ns
         if transaction.is_motion:
-            self._was_paced, self._has_waited = next_ns > now_ns, False
-            self._ended_ns = next_ns if self._was_paced else now_ns
+            self._behind = _Behind.SILENCE if next_ns > now_ns else _Behind.ANYTHING
+            self._ended_ns = max(next_ns, now_ns)
             self._motion_ns = max(now_ns - transaction.sent_ns, self._motion_ns - self._motion_ns // SHRINKS)
             return
-        self._was_paced = self._has_waited = False
+        self._behind = _Behind.ANYTHING
         free_ns = now_ns if rests_until_ns is None else rests_until_ns
         if len(self._durations_ns) >= REMEMBERED:
             self._durations_ns.clear()
@@ -126,7 +137,8 @@ class Gaps:
 
     def wait_for_silence(self) -> None:
         """Something waits for the silence of the wire, perhaps behind the end of a motion transaction."""
-        self._has_waited = self._was_paced
+        if self._behind is _Behind.SILENCE:
+            self._behind = _Behind.AWAITED_SILENCE
 
     def choose(self, first: Sequence[Transaction], now_ns: int) -> tuple[Transaction | None, int | None]:
         """Return the first transaction that may start; else None, and when to ask again.
@@ -135,8 +147,10 @@ class Gaps:
         and one that is to be refused: neither is sent, and neither holds back what waits behind it.
         """
         idle_ns = self._idle_ns(now_ns)
-        is_behind_motion = idle_ns <= 0 or self._has_waited
-        self._has_waited = False
+        has_waited = self._behind is _Behind.AWAITED_SILENCE
+        is_behind_motion = idle_ns <= 0 or has_waited
+        if has_waited:
+            self._behind = _Behind.SILENCE
         is_chance = is_behind_motion or idle_ns >= self._quiet_ns
         for transaction in first:
             if idle_ns >= NS_PER_S or transaction.is_denied or transaction.why_given_up(now_ns):

@@ -174,7 +174,7 @@ class RtuControllerPort(ControllerPort):
         self._channel: Channel | None = None
         self._timer: Timer | None = None
         self._replies: PacedReplies | None = None
-        self._paced_wire: WireWriter | None = None
+        self._wire_writer: WireWriter | None = None
         self.asked_ns = 0
         """When its last whole request came; 0: never."""
         self.whole = 0
@@ -199,10 +199,10 @@ class RtuControllerPort(ControllerPort):
         self.peer = host_of(channel.peer)
         self.writer = writer_name(self.plan.name, self.peer)
         self._timer = Timer(self._silent)
-        self._paced_wire = WireWriter(0, self._gap_ns)
-        self.stamps = self._paced_wire.stamps
-        self._paced_wire.opened(channel, now_ns)
-        self._replies = PacedReplies(self._paced_wire, self._expect_echo)
+        self._wire_writer = WireWriter(0, self._gap_ns)
+        self.stamps = self._wire_writer.stamps
+        self._wire_writer.opened(channel, now_ns)
+        self._replies = PacedReplies(self._wire_writer, self._expect_echo)
         if self._wire is not None and self._exchange.forwarding is not None:
             self._forwarder = self._exchange.forwarding.follow(self, self._wire)
         if self._forwarder is not None:
@@ -210,8 +210,8 @@ class RtuControllerPort(ControllerPort):
 
     def received(self, data: bytes, now_ns: int) -> None:
         """See ``Receiver``."""
-        if self._paced_wire is not None:
-            self._paced_wire.heard(now_ns)
+        if self._wire_writer is not None:
+            self._wire_writer.heard(now_ns)
         if self._echo is not None:
             data = self._without_echo(self._echo, data, now_ns)
             if not data:
@@ -254,7 +254,7 @@ class RtuControllerPort(ControllerPort):
         if self._forward_timer is not None:
             self._forward_timer.close()
         self._timer = self._forward_timer = self._channel = self._forwarder = None
-        self._paced_wire = self._replies = None
+        self._wire_writer = self._replies = None
         self._exchange.controller_gone(self, now_ns, is_broken=reason not in IN_ORDER)
 
     def send_reply(self, transaction_id: int, unit_id: int, pdu: bytes) -> None:
@@ -269,14 +269,14 @@ class RtuControllerPort(ControllerPort):
         """See ``ControllerPort``."""
         if self._echo is not None and self._echo.echo is Echo.UNKNOWN:
             return False  # the first reply shows whether the adapter echoes: it is sent whole
-        wire, replies = self._paced_wire, self._replies
+        wire, replies = self._wire_writer, self._replies
         return wire is not None and replies is not None and wire.may_begin(now_ns) and not replies.is_waiting
 
     def forward(self, piece: bytes) -> None:
         """See ``ControllerPort``."""
-        if self._paced_wire is not None:
+        if self._wire_writer is not None:
             self._expect_echo(piece)
-            self._paced_wire.write(piece)
+            self._wire_writer.write(piece)
 
     def forward_last(self, transaction_id: int, unit_id: int, pdu: bytes, rest: bytes) -> None:
         """See ``ControllerPort``."""
