@@ -100,7 +100,7 @@ class DriveSide:
             self._renewal.mark_answered(unit_id)
             self._renewal.mark_alive()
             self._silent_units.mark_alive(unit_id, now_ns)
-        path, forwarding = transaction.path, self._context.forwarding
+        path, forwarding = transaction.path, self._turn.forwarding
         if path is None:
             nominal_reply = None
         elif forwarding is None:
@@ -248,8 +248,8 @@ class DriveSide:
 
     def end_reply(self, why: ForwardEvent, now_ns: int) -> None:
         """Send no more of the reply that is being forwarded."""
-        if self._context.forwarding is not None:
-            self._context.forwarding.end_reply(why, now_ns)
+        if self._turn.forwarding is not None:
+            self._turn.forwarding.end_reply(why, now_ns)
 
     def _end_unanswered(self, transaction: Transaction, now_ns: int) -> None:
         """End the request on the wire, which will not be answered any more."""

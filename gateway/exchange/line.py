@@ -112,20 +112,8 @@ class LineExchange:
         self.forwarding: Forwarding | None = None
         """Only on a line with cut-through; ``cut_through`` is the wire of its drives."""
         if cut_through is not None:
-            line = ForwardingLine(
-                timing,
-                link,
-                self._waiting,
-                transactions=self._transactions,
-                scheduler=self._scheduler,
-                silent_units=self.silent_units,
-                link_state=self.link_state,
-                rest=self.rest,
-                go_on=self._turn.next,
-                tap=tap,
-            )
-            context.forwarding = self.forwarding = Forwarding(
-                line,
+            self.forwarding = self._turn.forwarding = Forwarding(
+                ForwardingLine(context, go_on=self._turn.next),
                 link,
                 self._units,
                 cut_through,

@@ -7,7 +7,6 @@ from gateway.exchange.admission import Admission
 from gateway.exchange.axis.axis import Axis, join_terms
 from gateway.exchange.axis.registers import Loss
 from gateway.exchange.counters import LineCounters
-from gateway.exchange.cut_through.forward import Forwarding
 from gateway.exchange.deadlines import Deadlines
 from gateway.exchange.dispatch import UnitMaps
 from gateway.exchange.events import Event
@@ -97,8 +96,6 @@ class LineContext:
         )
         self.meter = LineMeter(self.axes, link, on_event, what_ran)
         self.deadlines = Deadlines(self.axes, self.units, self.counters, on_event)
-        self.forwarding: Forwarding | None = None
-        """Only on a line with cut-through."""
 
     def report(self, axes: tuple[Axis, ...]) -> None:
         """Report what is new about these axes; a group is referenced as a whole, or not at all."""

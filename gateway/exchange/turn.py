@@ -8,6 +8,7 @@ from typing import Final
 from gateway.catalogue import exchange_events
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.registers import Loss
+from gateway.exchange.cut_through.forward import Forwarding
 from gateway.exchange.cut_through.frame import ForwardEvent
 from gateway.exchange.effects import leave
 from gateway.exchange.events import Event
@@ -49,6 +50,8 @@ class Turn:
         self._deadlines = context.deadlines
         self._tap = context.tap
         self._response_timeout_ns = context.response_timeout_ns
+        self.forwarding: Forwarding | None = None
+        """Only on a line with cut-through, and set by it."""
         self._refusals: Reports[tuple[str, str]] = Reports(
             NS_PER_S, REFUSALS_REPORTED, others=others_of_pairs
         )
@@ -197,8 +200,8 @@ class Turn:
         if self._renewal.holds and transaction.is_stop:
             self._scheduler.add_early_stop(transaction)
         is_broadcast = unit_id == BROADCAST_UNIT_ID and self._link.is_serial
-        if self._context.forwarding is not None and not is_broadcast:
-            self._context.forwarding.expect(transaction)
+        if self.forwarding is not None and not is_broadcast:
+            self.forwarding.expect(transaction)
         step = FRAME if port is None or transaction.added is None else ADDED_FRAME
         has_left = self._transactions.send(transaction, step, unit_id, pdu, now_ns, patience_ns=patience_ns)
         if is_broadcast and has_left:
@@ -216,8 +219,8 @@ class Turn:
 
     def abort(self, transaction: Transaction, why: ForwardEvent, now_ns: int) -> None:
         """Send no more of the request that is being forwarded."""
-        assert self._context.forwarding is not None
-        self._context.forwarding.end_request(transaction, why, now_ns)
+        assert self.forwarding is not None
+        self.forwarding.end_request(transaction, why, now_ns)
 
     def hold_up_waiting(self, now_ns: int) -> None:
         """Let waiting requests wait for the next connection; if there will be none, refuse them."""

@@ -4,58 +4,28 @@ from collections.abc import Callable
 
 from gateway.exchange.axis.acknowledge import SteadyTarget
 from gateway.exchange.cut_through.requests import leave_on
-from gateway.exchange.link_state import LinkState
-from gateway.exchange.plan import LineTiming
-from gateway.exchange.ports import ControllerPort, DriveLink
-from gateway.exchange.queue import WaitingQueue
-from gateway.exchange.rest import Rest
-from gateway.exchange.scheduler import Scheduler
-from gateway.exchange.silent_units import SilentUnits
-from gateway.exchange.tap import Tap
-from gateway.exchange.transaction import FastPath, Step, Transaction, Transactions
-from gateway.times import NS_PER_MS
+from gateway.exchange.line_context import LineContext
+from gateway.exchange.ports import ControllerPort
+from gateway.exchange.transaction import FastPath, Step, Transaction
 
 
 class ForwardingLine:
     """What the line does for a request under cut-through.
 
-    Args:
-        timing: of the line.
-        link: the link to the drives.
-        waiting: the queue of the line.
-        transactions: of the line.
-        scheduler: decides which request is sent next.
-        silent_units: the units that do not answer.
-        link_state: whether the drives can be reached.
-        rest: the pauses of the line.
-        go_on: makes the line start what waits.
-        tap: sees the traffic.
+    ``go_on`` makes the line start what waits.
     """
 
-    def __init__(
-        self,
-        timing: LineTiming,
-        link: DriveLink,
-        waiting: WaitingQueue,
-        *,
-        transactions: Transactions,
-        scheduler: Scheduler,
-        silent_units: SilentUnits,
-        link_state: LinkState,
-        rest: Rest,
-        go_on: Callable[[int], None],
-        tap: Tap | None,
-    ) -> None:
-        self._response_timeout_ns = int(timing.response_timeout_ms * NS_PER_MS)
-        self._link = link
-        self._waiting = waiting
-        self._transactions = transactions
-        self._scheduler = scheduler
-        self._silent_units = silent_units
-        self._link_state = link_state
-        self._rest = rest
+    def __init__(self, context: LineContext, go_on: Callable[[int], None]) -> None:
+        self._response_timeout_ns = context.response_timeout_ns
+        self._link = context.link
+        self._waiting = context.waiting
+        self._transactions = context.transactions
+        self._scheduler = context.scheduler
+        self._silent_units = context.silent_units
+        self._link_state = context.link_state
+        self._rest = context.rest
+        self._tap = context.tap
         self._go_on = go_on
-        self._tap = tap
 
     def may_forward(self, port: ControllerPort, now_ns: int) -> bool:
         """Whether a request of a port may be forwarded now: if complete, it would be sent immediately."""
