@@ -125,7 +125,7 @@ class RtuSide(BytesSide):
         port = self.ports[number]
         with timers_at_rest():
             port.opened(self.pipes[number], now_ns)
-        let_go(port._paced_wire)
+        let_go(port._wire_writer)
         port.stamps = Stamps()  # of replies that are cut through the instants count, and none is the world's
 
     def open(self, now_ns: int) -> None:
