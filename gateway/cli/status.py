@@ -1,29 +1,59 @@
-"""``pitch-gateway status CONFIG``."""
+"""``pitch-gateway status CONFIG``, and ``pitch-gateway status URL…`` for many gateways."""
 
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Final
 
 import typer
 
-from gateway.cli.arguments import Config
 from gateway.cli.configuration import state_folder_or_exit
 from gateway.cli.output import Format, show
 
+URL_STARTS: Final = ("http://", "https://")
+FLEET_COLUMNS: Final = 160
+"""Of the table of many gateways, if standard output is no terminal."""
+
 
 def status(
-    config: Config,
+    targets: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="CONFIG|URL",
+            help="Configuration of a gateway on this computer; or addresses of pages.",
+            show_default=False,
+        ),
+    ],
     *,
     as_json: Annotated[bool, typer.Option("--json", help="Print the whole status as JSON.")] = False,
     watch: Annotated[
         bool, typer.Option("--watch", help="Update until Ctrl-C; with --json: a line for each change.")
     ] = False,
+    token_file: Annotated[
+        Path | None,
+        typer.Option("--token-file", metavar="FILE", help="With URLs: the token that is sent to each."),
+    ] = None,
+    ca: Annotated[
+        Path | None,
+        typer.Option(
+            "--ca", metavar="FILE", help="With URLs: the authority that signed their certificates, PEM."
+        ),
+    ] = None,
+    certificate: Annotated[
+        Path | None,
+        typer.Option("--certificate", metavar="FILE", help="With URLs: your certificate for them, PEM."),
+    ] = None,
+    key: Annotated[
+        Path | None, typer.Option("--key", metavar="FILE", help="The key of --certificate, PEM.")
+    ] = None,
 ) -> None:
-    """Show the state of the running gateway of CONFIG. It changes nothing.
+    """Show the state of the running gateway of CONFIG, or of many gateways. It changes nothing.
 
     It shows alarms with their remedies, the gateway, lines with their controllers, and axes with positions in
     their units. It also shows how long the gateway took for frames (microseconds), beside the budget. --json
     has everything; docs/operations.md and docs/latency.md explain the keys.
 
-    Exit code 1 if no gateway runs; 0 after Ctrl-C.
+    With URLs of status pages it asks each gateway once, and prints a row for each, the worst first.
+
+    Exit code 1 if no gateway runs, or one of many gives no status; 0 after Ctrl-C.
 
     Examples:
         pitch-gateway status gateway.toml
@@ -31,7 +61,24 @@ def status(
         pitch-gateway status gateway.toml --watch
 
         pitch-gateway status gateway.toml --json | jq .axes.x.latency
+
+        pitch-gateway status https://mill-1:8480 https://mill-2:8480 --token-file fleet.token
     """
+    if targets[0].startswith(URL_STARTS):
+        if watch:
+            raise typer.BadParameter(
+                "one gateway can be watched; for many: watch -n 10 pitch-gateway status …"
+            )
+        _show_many(targets, token_file, ca, certificate, key, as_json=as_json)
+        return
+    if len(targets) > 1:
+        raise typer.BadParameter("name one CONFIG, or addresses of pages such as http://192.168.0.7:8480")
+    if named := [each for each in (token_file, ca, certificate, key) if each is not None]:
+        raise typer.BadParameter(f"{named[0]}: this option is for URLs; a CONFIG needs none of them")
+    _show_one(Path(targets[0]), watch=watch, as_json=as_json)
+
+
+def _show_one(config: Path, *, watch: bool, as_json: bool) -> None:
     from gateway.cli import looking
     from gateway.ipc.client import NoRelayError
 
@@ -46,4 +93,27 @@ def status(
         raise typer.Exit(1) from None
     show(seen, Format.INDENTED if as_json else Format.TEXT, looking.words_of(seen))
     if seen.gateway.relay != "up":
+        raise typer.Exit(1)
+
+
+def _show_many(
+    urls: list[str],
+    token_file: Path | None,
+    ca: Path | None,
+    certificate: Path | None,
+    key: Path | None,
+    *,
+    as_json: bool,
+) -> None:
+    from gateway.cli.fleet_output import fleet_parts
+    from gateway.commissioning.fleet import UNREACHABLE, FleetError, access_by, look_at
+
+    try:
+        fleet = look_at(urls, access_by(token_file, ca, certificate, key))
+    except FleetError as error:
+        typer.echo(str(error), err=True)
+        raise typer.Exit(1) from None
+    form = Format.INDENTED if as_json else Format.TEXT
+    show(fleet, form, fleet_parts(fleet), plain_width=FLEET_COLUMNS)
+    if UNREACHABLE in fleet.states:
         raise typer.Exit(1)

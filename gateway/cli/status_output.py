@@ -66,7 +66,7 @@ def _verdict(verdict: Verdict) -> RenderableType:
     colour = OF_VERDICT[verdict.state]
     counts = (("error", verdict.errors), ("warning", verdict.warnings))
     counted = ", ".join(f"{count} {word}{'s' * (count != 1)}" for word, count in counts if count)
-    since = f" since {_time_of(verdict.since)}"
+    since = f" since {time_of(verdict.since)}"
     return _words(f"[bold {colour}]{verdict.state.upper()}[/]{since}{f': {counted}' if counted else ''}")
 
 
@@ -74,10 +74,10 @@ def _alarm(alarm: AlarmStatus) -> Iterator[RenderableType]:
     colour = "red" if alarm.severity == "error" else "yellow"
     what = f"{escape(alarm.where)}: {escape(alarm.what)}"
     yield _words(f"[bold {colour}]{escape(alarm.severity)}[/] {what}")
-    since = f"since {_time_of(alarm.since)} " if alarm.since else ""
+    since = f"since {time_of(alarm.since)} " if alarm.since else ""
     yield _words(f"  {since}→ {escape(alarm.remedy)}")
     if seen := alarm.acknowledged:
-        yield _words(f"  acknowledged by {escape(seen.by)}, {_time_of(seen.at)}")
+        yield _words(f"  acknowledged by {escape(seen.by)}, {time_of(seen.at)}")
 
 
 def _gateway(gateway: GatewayStatus) -> Iterator[RenderableType]:
@@ -109,7 +109,7 @@ def _line(name: str, line: LineStatus) -> Iterator[RenderableType]:
         if declared.is_shown and (getattr(line, key) or key in ALWAYS)
     ]
     yield _words(f"  {', '.join(counts)}")
-    table = _table("  controller", "role", "connected")
+    table = new_table("  controller", "role", "connected")
     for heading in ("gateway µs p50", "p99", "max", "computed ms exchange", "round", "time-out"):
         table.add_column(heading, justify="right")
     for controller in line.controllers:
@@ -165,7 +165,7 @@ def _positions(axes: Mapping[str, WholeAxis]) -> Table:
 
     Values that are not present readings are dim; :func:`_ages` reports their age.
     """
-    table = _table("axis", "compensation", "direction")
+    table = new_table("axis", "compensation", "direction")
     for heading in ("target", "on the\ndrive", "actual", "on the\ndrive"):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("units", no_wrap=True)
@@ -205,7 +205,7 @@ def _state_of(axis: WholeAxis) -> str:
 
 
 def _tables(axes: Mapping[str, WholeAxis]) -> Table:
-    table = _table("axis", "table")
+    table = new_table("axis", "table")
     table.add_column("points", justify="right")
     table.add_column("status", overflow="fold")
     table.add_column("moved by", overflow="fold")
@@ -224,7 +224,7 @@ def _tables(axes: Mapping[str, WholeAxis]) -> Table:
 
 def _terms(axes: Mapping[str, TermsStatus]) -> Table:
     """Return the corrections beside the tables, for axes with thermal or cross."""
-    table = _table("axis")
+    table = new_table("axis")
     for heading in ("added", "temperature", "counts", "sensor", "other axes"):
         table.add_column(heading, justify="right")
     for name, terms in axes.items():
@@ -242,7 +242,7 @@ def _terms(axes: Mapping[str, TermsStatus]) -> Table:
 
 def _times(axes: Mapping[str, WholeAxis]) -> Table:
     """Return the gateway's time for each axis, both directions together, and its limit."""
-    table = _table("axis, gateway µs")
+    table = new_table("axis, gateway µs")
     for heading in ("p50", "p99", "max", "of the last minute", "budget", "overruns"):
         table.add_column(heading, justify="right")
     for name, axis in axes.items():
@@ -258,7 +258,7 @@ def _times(axes: Mapping[str, WholeAxis]) -> Table:
     return table
 
 
-def _table(*headings: str) -> Table:
+def new_table(*headings: str) -> Table:
     """Return a table whose first column holds names: these are never wrapped, however narrow it gets."""
     table = Table(box=None, padding=(0, 1), collapse_padding=True, pad_edge=False, header_style="bold")
     for number, heading in enumerate(headings):
@@ -283,7 +283,7 @@ def _number(value: float | None, digits: int) -> str:
     return UNKNOWN if value is None else f"{value:.{digits}f}"
 
 
-def _time_of(iso: str) -> str:
+def time_of(iso: str) -> str:
     """Return a time on this machine's clock, with the date if it is another day."""
     then = datetime.fromisoformat(iso).astimezone()
     is_today = then.date() == datetime.now().astimezone().date()

@@ -11,6 +11,7 @@ import shlex
 import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from secrets import token_urlsafe
 from tempfile import TemporaryDirectory
 from typing import Any, Final, NamedTuple
 
@@ -142,6 +143,7 @@ OWN_TESTS: Final = frozenset({"add-a-dialect.md", "first-hour.md", "metrology.md
 NO_MACHINE: Final = (
     "no gateway runs",
     "is not there",
+    "no address is known for mill-1",
     "give --at, --forward-reading and --backward-reading",
     "cannot ask for confirmation: standard input is not a terminal",
 )
@@ -231,6 +233,8 @@ def _furnish(folder: Path) -> None:
     (folder / "gateway.toml").write_text(config)
     shutil.copytree(ROOT / "tables", folder / "tables")
     shutil.copy(ROOT / "deploy/tables/cnc10x.tab", folder / "tables/cnc10x.tab")
+    (folder / "fleet.token").write_text(token_urlsafe(32))
+    (folder / "fleet.token").chmod(0o600)
     etc = folder / "etc/pitch-gateway"
     shutil.copytree(folder / "tables", etc / "tables")
     (etc / "gateway.toml").write_text(config)
