@@ -345,6 +345,13 @@ MQTT: Final = AlarmEntry(
     "check the broker; the gateway keeps trying. If `[mqtt]` is wrong, correct it, then `pitch-gateway "
     "reload CONFIG`",
 )
+ALARM_OUTPUT: Final = AlarmEntry(
+    "alarm_output",
+    Severity.WARNING,
+    "the contact of `[alarm_output]` cannot be switched: it may not show that something is wrong",
+    "the device is off or unplugged, or address, unit id or coil is wrong",
+    "check the device. If `[alarm_output]` is wrong, correct it, then `pitch-gateway reload CONFIG`",
+)
 
 ALARMS: Final[Mapping[str, AlarmEntry]] = {
     entry.kind: entry for entry in tuple(globals().values()) if isinstance(entry, AlarmEntry)
@@ -352,7 +359,7 @@ ALARMS: Final[Mapping[str, AlarmEntry]] = {
 """Every kind of alarm, worst first within a severity: gateway, line, drive, axis, supervisor."""
 OF_COMPENSATION: Final = (BLOCKED, UNREFERENCED, OFF, SHADOW, NO_TABLE, OUTSIDE)
 """Alarms named after a state of the compensation; they only explain that state."""
-OF_SUPERVISOR: Final = (CONFIGURATION, TABLES_FOLDER, STATE_FOLDER, HTTP, MQTT)
+OF_SUPERVISOR: Final = (CONFIGURATION, TABLES_FOLDER, STATE_FOLDER, HTTP, MQTT, ALARM_OUTPUT)
 """Alarms named after the key of ``supervisor`` in the status that has their ``problem``."""
 
 _OF_TABLE: Final = (TABLE_REJECTED, TABLE_REMOVED)

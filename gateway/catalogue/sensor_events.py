@@ -1,4 +1,4 @@
-"""Sensors: the temperatures that `thermal` of an axis asks for."""
+"""Devices of the supervisor: the temperatures of `thermal`, and the contact of `[alarm_output]`."""
 
 from typing import Final
 
@@ -22,4 +22,18 @@ TEMPERATURE_NOT_READ: Final = EventEntry(
     "check the device, then `modbus`, `unit_id`, `address` and `function` of `thermal.source`; after a "
     "change `pitch-gateway reload CONFIG`. If it is read through the gateway, name its unit id in "
     "`other_units`. See `term-held` for the correction meanwhile",
+)
+ALARM_OUTPUT_FAILED: Final = EventEntry(
+    "alarm-output-failed",
+    Severity.WARNING,
+    "the contact of `[alarm_output]` cannot be switched. Reported once; the gateway keeps trying",
+    "the device is off or unplugged, or address, unit id or coil is wrong",
+    "check the device, then `modbus`, `unit_id` and `coil` of `[alarm_output]`; after a change "
+    "`pitch-gateway reload CONFIG`",
+)
+ALARM_OUTPUT_WORKS: Final = EventEntry(
+    "alarm-output-works",
+    Severity.INFO,
+    "the contact of `[alarm_output]` can be switched again",
+    "the fault was corrected",
 )

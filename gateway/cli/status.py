@@ -14,7 +14,7 @@ FLEET_COLUMNS: Final = 160
 
 
 def status(
-    targets: Annotated[
+    config: Annotated[
         list[str],
         typer.Argument(
             metavar="CONFIG|URL",
@@ -64,18 +64,18 @@ def status(
 
         pitch-gateway status https://mill-1:8480 https://mill-2:8480 --token-file fleet.token
     """
-    if targets[0].startswith(URL_STARTS):
+    if config[0].startswith(URL_STARTS):
         if watch:
             raise typer.BadParameter(
                 "one gateway can be watched; for many: watch -n 10 pitch-gateway status …"
             )
-        _show_many(targets, token_file, ca, certificate, key, as_json=as_json)
+        _show_many(config, token_file, ca, certificate, key, as_json=as_json)
         return
-    if len(targets) > 1:
+    if len(config) > 1:
         raise typer.BadParameter("name one CONFIG, or addresses of pages such as http://192.168.0.7:8480")
     if named := [each for each in (token_file, ca, certificate, key) if each is not None]:
         raise typer.BadParameter(f"{named[0]}: this option is for URLs; a CONFIG needs none of them")
-    _show_one(Path(targets[0]), watch=watch, as_json=as_json)
+    _show_one(Path(config[0]), watch=watch, as_json=as_json)
 
 
 def _show_one(config: Path, *, watch: bool, as_json: bool) -> None:

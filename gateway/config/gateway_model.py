@@ -1,13 +1,14 @@
-"""``[gateway]``, ``[status_unit]`` and ``[capture]``."""
+"""``[gateway]``, ``[status_unit]``, ``[alarm_output]`` and ``[capture]``."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
 from gateway.catalogue.events import EVENTS
 from gateway.config.findings import suggest
-from gateway.config.values import Name
+from gateway.config.values import Name, Tcp
 from gateway.drives.strict import ListOf, Live, StrictModel, documented
+from gateway.drives.words import Address
 from gateway.state.folder import DEFAULT_STATE
 
 
@@ -57,6 +58,33 @@ class StatusUnitSection(StrictModel):
                 "device may have it. 248 and above are reserved on serial lines but free in practice; "
                 "some panels reach only 247"
             ),
+        ),
+    )
+
+
+class AlarmOutputSection(StrictModel):
+    """A contact that opens when something is wrong, or when the gateway is dead."""
+
+    modbus: Tcp = Field(
+        description="HOST:PORT of the Modbus TCP device that has the contact",
+        json_schema_extra=documented(text="HOST:PORT of the Modbus TCP device that has the contact"),
+    )
+    unit_id: Annotated[int, Field(ge=0, le=255)] = Field(
+        default=1, description="Modbus unit id of the device"
+    )
+    coil: Address = Field(description="coil of the contact: 1 closes it")
+    opens_on: Literal["error", "warning"] = Field(
+        default="error",
+        description="the lightest verdict that opens it",
+        json_schema_extra=documented(
+            text="the lightest [verdict](messages.md#troubles) that opens it: `error`, or also `warning`"
+        ),
+    )
+    every_s: Annotated[float, Field(ge=0.1, le=60.0)] = Field(
+        default=1.0,
+        description="seconds between two writes; the watchdog of the device must wait longer",
+        json_schema_extra=documented(
+            text="seconds between two writes. Set the device's own watchdog to three times that, or more"
         ),
     )
 

@@ -17,7 +17,7 @@ from gateway.config import values
 from gateway.config.axis_model import AxisSection, GroupSection
 from gateway.config.axis_values import GainValue, OutsideValue, ReversalValue
 from gateway.config.bounds import bounds_text
-from gateway.config.gateway_model import CaptureSection, GatewaySection, StatusUnitSection
+from gateway.config.gateway_model import AlarmOutputSection, CaptureSection, GatewaySection, StatusUnitSection
 from gateway.config.http_model import HttpSection
 from gateway.config.line_model import ControllerSection, DrivesEndpoint, LineSection
 from gateway.config.mqtt_model import MqttSection
@@ -86,6 +86,7 @@ TABLES: Final[Mapping[str, KeyTable]] = {
     "mqtt": KeyTable((MqttSection,)),
     "status_unit": KeyTable((StatusUnitSection,)),
     "capture": KeyTable((CaptureSection,)),
+    "alarm_output": KeyTable((AlarmOutputSection,)),
     "group": KeyTable((GroupSection,)),
 }
 """By the name of their markers in the document."""

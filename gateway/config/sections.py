@@ -11,7 +11,12 @@ from pydantic import ValidationError
 
 from gateway.config.axis_model import AxisSection, GroupSection
 from gateway.config.findings import UNKNOWN_KEY, Findings, existing, explain, marks_at, suggest
-from gateway.config.gateway_model import CaptureSection, GatewaySection, StatusUnitSection
+from gateway.config.gateway_model import (
+    AlarmOutputSection,
+    CaptureSection,
+    GatewaySection,
+    StatusUnitSection,
+)
 from gateway.config.http_model import HttpSection
 from gateway.config.line_model import LineSection
 from gateway.config.mqtt_model import MqttSection
@@ -30,13 +35,14 @@ SINGLE: Final[Mapping[str, type[StrictModel]]] = {
     "mqtt": MqttSection,
     "status_unit": StatusUnitSection,
     "capture": CaptureSection,
+    "alarm_output": AlarmOutputSection,
 }
 NAMED: Final[Mapping[str, type[StrictModel]]] = {
     "line": LineSection,
     "axis": AxisSection,
     "group": GroupSection,
 }
-LIVE: Final = frozenset({"http", "mqtt"})
+LIVE: Final = frozenset({"http", "mqtt", "alarm_output"})
 """Sections of which a running gateway can take every key."""
 AXIS_STAND_INS: Final[Mapping[str, Any]] = {
     "line": "",
@@ -62,6 +68,8 @@ class Sections:
     status_unit: StatusUnitSection | None = None
     """None: the gateway has no unit id of its own."""
     capture: CaptureSection = field(default_factory=CaptureSection)
+    alarm_output: AlarmOutputSection | None = None
+    """None: there is no contact."""
     lines: dict[str, LineSection] = field(default_factory=dict)
     axes: dict[str, AxisSection] = field(default_factory=dict)
     partial_axes: dict[str, AxisSection] = field(default_factory=dict)
@@ -101,6 +109,8 @@ def read_sections(findings: Findings) -> Sections:
                 sections.status_unit = section
             elif isinstance(section, CaptureSection):
                 sections.capture = section
+            elif isinstance(section, AlarmOutputSection):
+                sections.alarm_output = section
     if "line" not in tables:
         findings.refuse(("line",), "missing", "needed: at least one [line.NAME], a bus of drives")
     sections.lines = read_named(findings, "line", LineSection)

@@ -102,6 +102,16 @@ class MqttStatus(Struct, frozen=True, kw_only=True):
     ] = 0
 
 
+class AlarmOutputStatus(Struct, frozen=True, kw_only=True):
+    """The contact that opens when something is wrong."""
+
+    contact: str | None = None
+    """Address of the device, unit id and coil; None: there is none."""
+    is_closed: bool | None = None
+    """As the device last acknowledged; None: it has not."""
+    problem: str | None = None
+
+
 class SupervisorStatus(Struct, frozen=True, kw_only=True):
     """The supervisor's own status; a ``problem`` is None if all is well."""
 
@@ -110,6 +120,7 @@ class SupervisorStatus(Struct, frozen=True, kw_only=True):
     state_folder: FolderStatus = FolderStatus()
     http: HttpStatus = HttpStatus()
     mqtt: MqttStatus = MqttStatus()
+    alarm_output: AlarmOutputStatus = AlarmOutputStatus()
 
 
 class AcknowledgedBy(Struct, frozen=True, kw_only=True):

@@ -35,6 +35,7 @@ from gateway.state.folder import FolderProblem, identity_of, why_not_usable
 from gateway.state.plan import GatewayPlan
 from gateway.status.model import ConfigurationStatus, FolderStatus, SupervisorStatus
 from gateway.supervisor.acknowledged import AlarmAcknowledgement
+from gateway.supervisor.alarm_output import AlarmOutput
 from gateway.supervisor.broadcast import Broadcast
 from gateway.supervisor.capturing import Capturing
 from gateway.supervisor.http.documents import Window, settings_in
@@ -124,6 +125,7 @@ class Supervisor:
         orders = Orders(self.reload, partial(ask, socket_path(state)))
         self._temperatures = Temperatures(orders.ask, self._log)
         self._capturing = Capturing(state, self._log)
+        self._alarm_output = AlarmOutput(lambda: self.broadcast.model, self._log)
         self._mqtt = MqttService(
             self.broadcast, self._log, orders, state, on_message=self._temperatures.on_message
         )
@@ -143,6 +145,7 @@ class Supervisor:
             self._mqtt.run(),
             self._temperatures.run(),
             self._capturing.run(),
+            self._alarm_output.run(),
             self._past.run(),
         )
 
@@ -271,6 +274,7 @@ class Supervisor:
         folder = loaded.path.parent
         self._temperatures.follow(loaded.sections)
         self._capturing.follow(loaded)
+        self._alarm_output.follow(loaded.sections.alarm_output)
         topics = self._temperatures.topics
         self._mqtt.follow(None if mqtt is None else settings_of(mqtt, loaded.plan.name, folder, topics))
 
@@ -336,6 +340,7 @@ class Supervisor:
                 silent_after_s={} if loaded is None else loaded.sections.silent_after_s,
             )
         )
+        self._alarm_output.changed()
 
     async def _history(self, axis: str, span_s: float) -> Sequence[Noted] | None:
         return await self._past.of(axis, span_s, time.monotonic(), time.time())
@@ -369,6 +374,7 @@ class Supervisor:
             state_folder=FolderStatus(folder=str(self._state), problem=state_problem),
             http=self._http.status,
             mqtt=self._mqtt.status(),
+            alarm_output=self._alarm_output.status,
         )
 
     def _reached(self) -> None:

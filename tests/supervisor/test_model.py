@@ -28,7 +28,8 @@ SNAPSHOT: dict[str, Any] = {
     "axes": {"x": AXIS},
 }
 WELL: dict[str, Any] = {
-    name: {"problem": None} for name in ("configuration", "tables_folder", "state_folder", "http", "mqtt")
+    name: {"problem": None}
+    for name in ("configuration", "tables_folder", "state_folder", "http", "mqtt", "alarm_output")
 }
 WAITING = TableFileEntry("y.tab", FileState.WAITING)
 REJECTED = Problem("tables/x.tab", "axis.x.table", "no number", "a number", 7)
@@ -237,7 +238,9 @@ def test_before_the_relay_was_reached_there_is_a_model_too() -> None:
     assert kinds(found) == [("error", "relay-down", "gateway")]
 
 
-@pytest.mark.parametrize("where", ["configuration", "tables_folder", "state_folder", "http", "mqtt"])
+@pytest.mark.parametrize(
+    "where", ["configuration", "tables_folder", "state_folder", "http", "mqtt", "alarm_output"]
+)
 def test_what_troubles_the_supervisor_is_a_warning(where: str) -> None:
     found = model(supervisor={**WELL, where: {"problem": "it is so"}})
     assert said(found, "warning", where, where.replace("_", " ")) == "it is so"
@@ -247,7 +250,7 @@ def test_every_trouble_says_what_to_do() -> None:
     snapshot = with_axis(compensation="blocked", latency={"is_over_budget": True, "budget_us": 500.0})
     problems = {name: {"problem": "so"} for name in WELL}
     found = model(snapshot, is_up=False, supervisor=problems)
-    assert len(found["troubles"]) == 6  # of a relay that is away nobody knows whether the axis is blocked
+    assert len(found["troubles"]) == 7  # of a relay that is away nobody knows whether the axis is blocked
     assert all(trouble["remedy"] and trouble["what"] for trouble in found["troubles"])
     assert all(begins_with_a_word(trouble["remedy"]) for trouble in found["troubles"])
 

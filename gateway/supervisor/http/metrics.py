@@ -27,7 +27,7 @@ from gateway.supervisor.verdict import Health
 
 US_PER_S: Final = 1e6
 TABLE_STATES: Final = (*(state.value for state in FileState), "none")
-COMPONENTS: Final = ("configuration", "tables_folder", "state_folder", "http", "mqtt")
+COMPONENTS: Final = ("configuration", "tables_folder", "state_folder", "http", "mqtt", "alarm_output")
 
 
 class StatusCollector(Collector):

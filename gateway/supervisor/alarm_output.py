@@ -1,0 +1,149 @@
+"""A contact that opens when something is wrong: a coil of a Modbus device, kept closed while all is well.
+
+The coil is written again and again. So the watchdog of the device opens the contact if the supervisor, its
+computer or the cable dies.
+"""
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Final
+
+from gateway.catalogue.sensor_events import ALARM_OUTPUT_FAILED, ALARM_OUTPUT_WORKS
+from gateway.config.gateway_model import AlarmOutputSection
+from gateway.modbus.pdu import is_exception
+from gateway.status.model import AlarmOutputStatus, Model
+from gateway.supervisor.active_alarms import is_fresh
+from gateway.supervisor.event_log import LogEvent
+
+if TYPE_CHECKING:
+    from gateway.transport.master import ModbusMaster
+
+PATIENCE_MS: Final = 1000.0
+ENDS_WITHIN_S: Final = 2.0
+"""At the end of the supervisor the contact is opened, or left to the watchdog of its device."""
+WRITE_COIL: Final = 5
+CLOSED: Final = bytes((0xFF, 0x00))
+OPEN: Final = bytes((0x00, 0x00))
+WELL: Final = {"error": ("healthy", "waiting", "warning"), "warning": ("healthy", "waiting")}
+"""By ``opens_on``: verdicts at which the contact is closed."""
+
+
+class AlarmOutput:
+    """Keeps the contact of a configuration.
+
+    ``model`` returns the newest status; None: there is none yet.
+    """
+
+    def __init__(self, model: Callable[[], Model | None], log: LogEvent) -> None:
+        self._model = model
+        self._log = log
+        self._section: AlarmOutputSection | None = None
+        self._writer: asyncio.Task[None] | None = None
+        self._ends = asyncio.Event()
+        """Set: the writer opens the contact and ends."""
+        self._wakes = asyncio.Event()
+        """Set: the writer does not wait for its next write."""
+        self._is_closed: bool | None = None
+        self._problem: str | None = None
+
+    @property
+    def status(self) -> AlarmOutputStatus:
+        """Return the contact, and as what it was last acknowledged."""
+        section = self._section
+        if section is None:
+            return AlarmOutputStatus()
+        contact = f"{section.modbus}, unit id {section.unit_id}, coil {section.coil}"
+        return AlarmOutputStatus(contact=contact, is_closed=self._is_closed, problem=self._problem)
+
+    def follow(self, section: AlarmOutputSection | None) -> None:
+        """Use the contact of a configuration. One that is no longer in it is opened."""
+        if section == self._section:
+            return
+        self._section, self._is_closed, self._problem = section, None, None
+        self._ends.set()
+        self._wakes.set()
+        if section is not None:
+            self._ends, self._wakes = asyncio.Event(), asyncio.Event()
+            self._writer = asyncio.create_task(self._write(section, self._ends, self._wakes, self._writer))
+
+    def changed(self) -> None:
+        """Compare the contact with the newest status: it is switched immediately."""
+        section = self._section
+        if section is not None and self._is_closed is not None and self._is_closed != self._is_well(section):
+            self._wakes.set()
+
+    async def run(self) -> None:
+        """Wait until cancelled; then open the contact."""
+        try:
+            await asyncio.get_running_loop().create_future()
+        finally:
+            self._ends.set()
+            self._wakes.set()
+            if self._writer is not None:
+                await asyncio.wait([self._writer], timeout=ENDS_WITHIN_S)
+                self._writer.cancel()
+
+    def _is_well(self, section: AlarmOutputSection) -> bool:
+        model = self._model()
+        return model is not None and is_fresh(model) and model.verdict.state in WELL[section.opens_on]
+
+    async def _write(
+        self,
+        section: AlarmOutputSection,
+        ends: asyncio.Event,
+        wakes: asyncio.Event,
+        before: asyncio.Task[None] | None,
+    ) -> None:
+        """Write the coil until ``ends`` is set; ``before`` opens its own contact first."""
+        # This loads serial ports and a Modbus master, which few supervisors need.
+        from gateway.transport.errors import TransportError
+        from gateway.transport.master import NoReplyError
+
+        if before is not None:
+            await asyncio.wait([before])
+        while not ends.is_set():
+            try:
+                await self._write_connected(section, ends, wakes)
+            except (TransportError, NoReplyError, OSError) as error:
+                self._fail(f"{section.modbus}: {str(error).removeprefix(f'{section.modbus} ')}")
+                await _at_most(ends, section.every_s)
+
+    async def _write_connected(
+        self, section: AlarmOutputSection, ends: asyncio.Event, wakes: asyncio.Event
+    ) -> None:
+        from gateway.transport.master import ModbusMaster
+
+        async with ModbusMaster(section.modbus, timeout_ms=PATIENCE_MS) as master:
+            while not ends.is_set():
+                await self._switch(master, section, is_closed=self._is_well(section))
+                await _at_most(wakes, section.every_s)
+                wakes.clear()
+            await self._switch(master, section, is_closed=False)
+
+    async def _switch(self, master: "ModbusMaster", section: AlarmOutputSection, *, is_closed: bool) -> None:
+        request = bytes((WRITE_COIL, *section.coil.to_bytes(2, "big"))) + (CLOSED if is_closed else OPEN)
+        reply = await master.exchange(section.unit_id, request)
+        if reply == request:
+            if self._problem is not None:
+                self._problem = None
+                self._log(ALARM_OUTPUT_WORKS)
+            self._is_closed = is_closed
+        elif is_exception(reply) and len(reply) > 1:
+            self._fail(f"{section.modbus}: exception {reply[1]:#04x}")
+        else:
+            self._fail(f"{section.modbus}: found {reply.hex(' ')}")
+
+    def _fail(self, why: str) -> None:
+        self._is_closed = None
+        is_new = self._problem is None
+        self._problem = why
+        if is_new:
+            self._log(ALARM_OUTPUT_FAILED, detail=why)
+
+
+async def _at_most(event: asyncio.Event, wait_s: float) -> None:
+    """Wait for an event, but not longer than ``wait_s``."""
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(wait_s):
+            await event.wait()
