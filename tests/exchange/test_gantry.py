@@ -20,12 +20,14 @@ from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, s
 from tests.exchange.staged_bench import (
     BITS,
     HOME_PDU,
+    JOG_PDU,
     RUN_PDU,
     RUN_RELATIVE_PDU,
     STATUS,
     STOP_PDU,
     ZERO_PDU,
     staged_plan,
+    sticky,
 )
 from tests.exchange.world_trace import played
 from tests.support.tables import walk
@@ -171,27 +173,34 @@ def reversed_gantry(**changes: Any) -> GantryBench:
     bench = gantry(**changes)
     bench.stage_all(60_000)
     assert [drive.get(COMMAND) for drive in bench.drives.values()] == [60_010, 60_010]
+    turn_back(bench)
+    return bench
+
+
+def turn_back(bench: GantryBench) -> None:
+    """Stop both, and let them be found at 70 mm."""
     for unit_id in (1, 2):
         bench.to(unit_id, STOP_PDU)
         bench.drives[unit_id].put(ACTUAL, 70_010)
         bench.drives[unit_id].set_bits(is_done=True)
     bench.wait(300)
     bench.log.clear()
-    return bench
 
 
 ANEW = "10 06 06 00 02 04 ea 56 00 00"
 """59 990, 0000 EA56."""
+BOTH_ANEW: Final = [(2, ANEW), (1, ANEW), (1, "06 05 0e 00 01")]
+
+
+def writes(bench: GantryBench) -> list[tuple[int, str]]:
+    """What was written to each drive, in order."""
+    return [each for each in bench.log if not each[1].startswith("03")]
 
 
 def test_each_staged_target_is_written_anew_before_the_first_leaves() -> None:
     bench = reversed_gantry()
     bench.run(1)
-    assert [each for each in bench.log if not each[1].startswith("03")] == [
-        (2, ANEW),
-        (1, ANEW),
-        (1, "06 05 0e 00 01"),
-    ]
+    assert writes(bench) == BOTH_ANEW
     bench.log.clear()
     bench.run(2)
     assert bench.log == [(2, "06 05 0e 00 01")]
@@ -240,18 +249,39 @@ def test_the_bits_of_all_are_read_before_the_first_leaves() -> None:
     assert bench.ends() == [60_000, 60_000]
 
 
-def test_a_switch_before_the_first_leaves_counts_for_both() -> None:
-    """While the target of the other axis is written anew for it."""
+@pytest.mark.parametrize("unit_id", [1, 2])
+def test_a_switch_before_the_first_leaves_counts_for_both(unit_id: int) -> None:
+    """While its own target, or that of the other axis, is written anew for it."""
     bench = reversed_gantry()
     bench.send(RUN_PDU, unit_id=1)
-    while bench.link.sent[0][1][0] == 3:
-        unit_id, pdu = bench.link.sent.pop(0)
-        bench.line.reply(unit_id, bench.drives[unit_id].answer(pdu), bench.now_ns)
-    assert bench.link.sent == [(2, bytes.fromhex(ANEW))]
+    while bench.link.sent != [(unit_id, bytes.fromhex(ANEW))]:
+        asked_id, pdu = bench.link.sent.pop(0)
+        bench.line.reply(asked_id, bench.drives[asked_id].answer(pdu), bench.now_ns)
     bench.switch(is_on=False)
     bench.serve()
     assert bench.port.take() == RUN_PDU
     assert bench.run(2) == [60_000, 60_000]
+
+
+@pytest.mark.parametrize("lost", [1, 2])
+def test_a_first_that_is_refused_has_no_drive_asked(lost: int) -> None:
+    """Its own target was lost, or that of the other axis. The homed bits are older than a second."""
+    bench = bit_gantry()
+    bench.stage_all(60_000)
+    bench.lose_target(lost, 70_000)
+    bench.wait(1_200)
+    bench.log.clear()
+    assert bench.to(1, RUN_PDU) == bytes.fromhex("86 04")
+    assert bench.log == []
+
+
+def test_nor_has_one_whose_drive_holds_no_target() -> None:
+    bench = GantryBench(referenced=Reference.DRIVE_BIT)
+    bench.stage(2, 60_000)
+    bench.wait(1_200)
+    bench.log.clear()
+    assert bench.to(1, RUN_PDU) == bytes.fromhex("86 04")
+    assert bench.log == []
 
 
 # --- what ends it ------------------------------------------------------------------------------------------
@@ -278,6 +308,20 @@ def test_the_same_target_again_does_not() -> None:
     for _ in range(3):
         bench.start(1, 60_000)
     assert bench.run(2) == [60_010, 60_010]
+
+
+@pytest.mark.parametrize(
+    ("first", "then", "end"), [(RUN_PDU, RUN_RELATIVE_PDU, 40_000), (RUN_RELATIVE_PDU, RUN_PDU, 20_000)]
+)
+def test_the_same_words_with_another_meaning_begin_anew(first: bytes, then: bytes, end: int) -> None:
+    """To 20 mm and 20 mm further, or from 50 mm 20 mm further and to 20 mm."""
+    bench = gantry()
+    bench.stage_all(20_000)
+    bench.to(1, first)
+    bench.drives[1].arrive()
+    bench.switch(is_on=False)
+    bench.to(1, then)
+    assert bench.ends() == [end, 50_010]
 
 
 def test_a_distance_that_is_run_again_does() -> None:
@@ -434,6 +478,29 @@ def test_a_low_word_that_stays_alone_ends_it_after_its_time() -> None:
     assert bench.ends() == [61_000, 61_000]
 
 
+@pytest.mark.parametrize(("ms", "end"), [(200, 150_010), (201, 150_000)])
+def test_the_high_word_belongs_to_a_low_one_for_200_ms(ms: int, end: int) -> None:
+    """No position is read, which would take time."""
+    plans = [axis_plan(name=f"y{unit}", unit_id=unit, actual=()) for unit in (1, 2)]
+    bench = GantryBench(*plans, serial=False)
+    bench.write_all(50_000)
+    bench.to(1, bytes.fromhex("06 0606 49F0"))
+    bench.switch(is_on=False)
+    bench.wait(ms)
+    bench.to(1, bytes.fromhex("06 0607 0002"))
+    halves(bench, 2, 150_000)
+    assert bench.ends() == [end, end]
+
+
+def test_a_whole_target_is_no_rest_of_one_that_began_with_a_mask() -> None:
+    """C350, its low byte masked to 60: 50 016."""
+    bench = movers()
+    bench.to(1, bytes.fromhex("16 0606 FF00 0060"))
+    assert bench.ends() == [50_026, 50_010]
+    bench.switch(is_on=False)
+    assert bench.write_all(60_000) == [60_000, 60_000]
+
+
 def test_a_stream_changes_over_between_whole_rounds() -> None:
     plans = [stream_plan(name=f"y{unit}", unit_id=unit) for unit in (1, 2)]
     bench = GantryBench(*plans)
@@ -580,6 +647,75 @@ def test_a_distance_behind_an_absolute_target_is_no_place_of_the_other_axis() ->
     assert bench.ends() == [44_990, 44_990]
 
 
+def test_a_distance_of_the_other_axis_is_written_anew_before_the_first_leaves() -> None:
+    """From 50 010 back to 44 990: by -5 020, FFFF EC64."""
+    bench = gantry()
+    bench.stage_all(-5_000)
+    bench.log.clear()
+    assert bench.to(1, RUN_RELATIVE_PDU) == RUN_RELATIVE_PDU
+    by = "10 06 06 00 02 04 ec 64 ff ff"
+    assert writes(bench) == [(2, by), (1, by), (1, "06 05 0e 00 02")]
+
+
+def test_a_target_before_which_the_other_axis_was_stopped_is_written_anew() -> None:
+    bench = gantry()
+    bench.begin(60_000)
+    bench.run(2)
+    turn_back(bench)
+    bench.run(1)
+    assert writes(bench) == BOTH_ANEW
+
+
+def test_nothing_is_added_for_a_target_that_the_other_axis_has_run() -> None:
+    bench = gantry()
+    assert bench.to(2, JOG_PDU) == JOG_PDU
+    bench.stage(1, 60_000)
+    bench.log.clear()
+    bench.run(1)
+    assert {unit_id for unit_id, _ in bench.log} == {1}
+
+
+ABSOLUTE_PDU: Final = bytes.fromhex("06 0700 0001")
+JOGGING_PDU: Final = bytes.fromhex("06 0700 0003")
+"""A mode in which the drive runs no target."""
+
+
+@pytest.mark.parametrize(("mode", "written"), [(ABSOLUTE_PDU, BOTH_ANEW), (JOGGING_PDU, BOTH_ANEW[1:])])
+def test_the_mode_of_the_other_axis_decides_what_is_written_anew(
+    mode: bytes, written: list[tuple[int, str]]
+) -> None:
+    bench = GantryBench(motion=sticky())
+    bench.poll(ABSOLUTE_PDU)
+    bench.go(50_000)
+    bench.stage_all(60_000)
+    bench.to(2, mode)
+    turn_back(bench)
+    bench.run(1)
+    assert writes(bench) == written
+
+
+@pytest.mark.parametrize("added_frames", [True, False])
+def test_an_unknown_mode_of_the_other_axis_is_asked_for_once_at_most(*, added_frames: bool) -> None:
+    """Its drive refuses to tell it, or nothing may be read: its target stays as it is."""
+    bench = GantryBench(motion=sticky(), added_frames=added_frames)
+    bench.to(1, ABSOLUTE_PDU)
+    bench.stage_all(60_000)
+    bench.log.clear()
+    bench.refuses.append((2, bytes.fromhex("03 0700"), bytes.fromhex("83 02")))
+    bench.run(1)
+    assert [pdu for unit_id, pdu in bench.log if unit_id == 2] == ["03 07 00 00 01"] * added_frames
+
+
+def test_an_axis_that_passes_1_1_holds_up_no_other_one() -> None:
+    bench = bit_gantry()
+    for unit_id in (1, 2):
+        bench.lose_homed_bit(unit_id)
+        bench.to(unit_id, STATUS_PDU)
+    bench.lose_target(1, 60_000)
+    bench.stage(2, 60_000)
+    assert bench.run(2) == [50_010, 60_000]
+
+
 def test_the_first_is_refused_where_another_axis_has_lost_the_target_that_it_held() -> None:
     """y2 was silent for longer than lost_ms between staging and running: what it holds nobody knows."""
     bench = gantry()
@@ -723,6 +859,19 @@ def test_one_that_may_have_gone_and_is_given_another_target_begins_anew() -> Non
     assert bench.run(1, 2) == [70_000, 70_000]
 
 
+def test_a_part_of_another_target_begins_nothing_yet() -> None:
+    """A distance may have been run. Its successor is lost to a wrong count (90 03), then comes in parts."""
+    bench = gantry()
+    bench.stage_all(5_000)
+    bench.obeys_secretly(RUN_RELATIVE_PDU, bytes.fromhex("86 04"))
+    bench.port.replies.clear()
+    assert bench.to(1, bytes.fromhex("10 0606 0002 02 EA60")) == bytes.fromhex("90 03")
+    bench.to(1, bytes.fromhex("06 0606 EA60"))
+    assert bench.group()["state"] == "under-way"
+    bench.to(1, bytes.fromhex("06 0607 0000"))
+    assert bench.group()["state"] == "open"
+
+
 @pytest.mark.parametrize("order", [(1, 2), (2, 1)])
 def test_a_drive_that_cannot_be_reached_ends_it_and_neither_keeps_its_words(order: tuple[int, int]) -> None:
     bench = perhaps_gone(None, lost_ms=1_000.0)
@@ -805,6 +954,14 @@ def test_where_all_keep_their_words_nothing_moves() -> None:
     bench.stage(1, 60_000)
     bench.stage(2, 50_000)
     assert bench.run(1, 2) == [60_010, 50_010]
+
+
+def test_where_all_are_only_run_again_none_is_told_anew() -> None:
+    bench = gantry()
+    bench.switch(is_on=False)
+    bench.log.clear()
+    bench.run(2, 1)
+    assert bench.log == [(2, "06 05 0e 00 01"), (1, "06 05 0e 00 01")]
 
 
 def test_a_gain_makes_all_anew_as_a_switch_does() -> None:
