@@ -253,3 +253,15 @@ def test_w11_an_answer_ends_it() -> None:
     assert bench.port.take() == START
     assert bench.kinds()[-1] == "drive-answers"
     assert bench.line.silent_units.silences == {}
+
+
+def test_w6_its_trial_waits_for_the_silence_of_another_unit() -> None:
+    """Unit 5 is dead: it is due 200 ms after the last time-out. Unit 1 owes a reply until 10 ms later."""
+    bench, plc = line(port=port_of(timeout_ms=5000.0)), port_of("plc", wired=False, timeout_ms=100.0)
+    for _ in range(3):
+        bench.missed(READ, 100, 50, port=plc, unit_id=5)
+    bench.send(START, unit_id=5)
+    bench.wait(10)
+    bench.missed(READ, 100, 40, port=plc)
+    plc.replies.clear()
+    assert bench.leaves_after(10) == (5, START)

@@ -254,6 +254,49 @@ def test_w5_such_a_stop_leaves_once_more_before_the_first_write() -> None:
     assert bench.port.replies == []
 
 
+def test_w5_two_equal_stops_leave_once_more_together() -> None:
+    bench = held(lost_ms=700.0)
+    for _ in range(2):
+        bench.send(STOP)
+    bench.serve_one()
+    bench.serve()
+    seen = len(bench.seen)
+    bench.until(1_400)
+    bench.serve()
+    assert bench.seen[seen:].count(STOP) == 1
+
+
+def test_w5_a_read_stays_behind_the_held_write_of_its_controller() -> None:
+    """Whatever others read meanwhile. Where the axis is is read for the write."""
+    bench = held(lost_ms=700.0)
+    bench.serve_one()
+    plc = controller("cnc", timeout_ms=5000.0)
+    bench.send(write(COMMAND, 31_000), plc)
+    bench.send(READ, plc)
+    bench.send(READ, controller("panel"))
+    bench.serve()
+    assert bench.seen == [NAMED, READ]
+    bench.until(700)
+    bench.serve()
+    assert [pdu[0] for pdu in bench.seen[2:]][-2:] == [16, 3]
+    assert bench.seen[-1] == READ
+
+
+def test_w11_on_a_new_connection_a_dead_drive_is_asked_as_seldom_as_before() -> None:
+    """300 ms after the last time-out, then 600 ms after that of the trial. Others are answered."""
+    bench = ConnectionBench(axis_plan(motion=STAGED), retry_ms=300.0)
+    mute(bench, write(COMMAND, 50_000))
+    bench.returns(20)
+    asked_ms = []
+    for ms in range(30, 1_500, 10):
+        bench.until(10)
+        if bench.link.sent:
+            assert bench.link.take() == NAMED
+            asked_ms.append(ms)
+            assert bench.ask(READ) == b"\x83\x0b"
+    assert asked_ms == [300, 1_100]
+
+
 def test_w5_where_nothing_may_be_read_a_connection_with_an_open_write_stays() -> None:
     bench = ConnectionBench(axis_plan(added_frames=False), retry_ms=0.0)
     mute(bench, write(COMMAND, 50_000), times=5)

@@ -6,10 +6,12 @@ from typing import Any, Final
 import pytest
 
 from gateway.drives.motion import Action, MotionPlan, Operation, TriggerPlan
-from gateway.exchange.plan import LineTiming, Reference
+from gateway.exchange.axis.motion import MotionState
+from gateway.exchange.plan import ControllerPlan, LineTiming, Reference
+from gateway.exchange.rights import Rights
 from gateway.exchange.silent_units import REACH_AFTER, Reach, Sign
 from gateway.modbus.registers import BitField, BitTable
-from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, write
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, axis_plan, read, write
 from tests.exchange.silent_bench import ANSWER, OTHER, SILENT, controller, line, polled_in_turn, two_axes
 from tests.support.tables import walk
 
@@ -402,6 +404,18 @@ def time_out(bench: Bench) -> None:
     bench.unanswered(OTHER, 100, unit_id=2)
 
 
+def test_w6_a_refusal_waits_for_no_silence_and_for_nobody_else() -> None:
+    """It is told behind the answer before it, though another one takes the line then."""
+    bench = line(*two_axes())
+    plc = Port(ControllerPlan("hmi", timeout_ms=100.0, rights=Rights(is_read_only=True)))
+    bench.missed(OTHER, port=plc, unit_id=2)
+    bench.send(write(COMMAND, 5_000), plc)
+    bench.send(OTHER)
+    bench.wait(100)
+    assert [pdu for _, _, pdu in plc.replies] == [SILENT, bytes.fromhex("90 01")]
+    assert bench.link.sent == [(1, OTHER)]
+
+
 @pytest.mark.parametrize("unit_id", [1, 2])
 def test_m3_a_stop_goes_at_once_on_a_line_that_waits_for_a_late_reply(unit_id: int) -> None:
     bench = stoppable()
@@ -412,6 +426,48 @@ def test_m3_a_stop_goes_at_once_on_a_line_that_waits_for_a_late_reply(unit_id: i
     assert bench.port.take() == STOP
     bench.wait(1000)
     assert bench.link.sent == []
+
+
+@pytest.mark.parametrize("stop", [STOP, STOP_16])
+def test_m3_the_drive_that_answers_is_sent_a_stop_once(stop: bytes) -> None:
+    bench = stoppable()
+    time_out(bench)
+    bench.send(stop, unit_id=1)
+    assert bench.link.take() == stop
+    bench.line.reply(1, stop[:5], bench.now_ns)
+    assert bench.port.take() == stop[:5]
+    bench.wait(1000)
+    assert bench.link.sent == []
+
+
+def test_m3_a_stop_takes_the_place_of_an_equal_one_that_nobody_waits_for() -> None:
+    """That one has left early, and has to leave once more behind the silence: both do so as one."""
+    bench, panel = stoppable(), controller("panel")
+    time_out(bench)
+    bench.missed(STOP, 100, port=panel, unit_id=2)
+    bench.line.controller_gone(panel, bench.now_ns)
+    bench.send(STOP, unit_id=2)
+    assert bench.leaves_after(50) == (2, STOP)
+    bench.line.reply(2, STOP, bench.now_ns)
+    assert bench.port.take() == STOP
+    bench.wait(1000)
+    assert bench.link.sent == []
+
+
+@pytest.mark.parametrize(("ms", "answered"), [(199, [8]), (200, [])])
+def test_m3_of_equal_stops_that_wait_for_a_dead_drive_only_the_newest_stays(
+    ms: int, answered: list[int]
+) -> None:
+    """200 ms after its time-out a stop leaves again; then nothing waits for longer."""
+    bench, panel = stoppable(), controller("panel")
+    leave_unanswered(bench, 3)
+    bench.missed(STOP, 100, port=panel, unit_id=2)
+    panel.replies.clear()
+    bench.wait(150)
+    bench.send(STOP, panel, unit_id=2, transaction_id=8)
+    bench.now_ns += (ms - 150) * MS
+    bench.send(STOP, panel, unit_id=2, transaction_id=9)
+    assert [number for number, _, _ in panel.replies] == answered
 
 
 @pytest.mark.parametrize("reply", ["86 04", "03 02 0005", "06 0900 0000", "10 0900 0001"])
@@ -463,8 +519,10 @@ def test_m3_the_acknowledgement_of_several_registers_may_be_that_of_a_write_befo
 
 def test_m3_a_stop_that_nobody_answers_goes_twice_and_then_its_controller_is_told() -> None:
     bench = stoppable()
+    bench.ask(write(COMMAND, 5_000), unit_id=2)
     time_out(bench)
     assert bench.unanswered(STOP, 100, unit_id=2) == []
+    assert bench.line.axes[1].motion.state is MotionState.STOPPED  # it may have been obeyed
     bench.wait(50)
     assert bench.link.sent.pop() == (2, STOP)
     bench.wait(100)

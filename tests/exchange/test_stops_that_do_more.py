@@ -5,9 +5,12 @@ The table adds 10 counts to a position that is come to forward and takes 10 away
 
 from dataclasses import replace
 
+import pytest
+
 from gateway.drives.motion import Action, ModePlan, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, Role
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
+from tests.exchange.connection_bench import ConnectionBench
 from tests.exchange.line_bench import Port, read, write
 from tests.exchange.staged_bench import DEEDS, STOP, STOP_PDU, TRIGGER, StagedBench, staged_plan
 
@@ -117,6 +120,35 @@ def test_a_stop_that_comes_after_a_run_beside_a_stop_ends_it() -> None:
     assert bench.seen == [NEXT_STOP_PDU, stop_beside(1), NEXT_STOP_PDU]
     replies = [(number, pdu.hex()) for number, _, pdu in bench.port.replies]
     assert replies == [(8, "10050e0002"), (9, "06050f03e8")]
+
+
+def test_a_stop_of_another_axis_is_answered_before_one_that_waits_for_the_silence() -> None:
+    plans = (staged_plan(), next_plan(), staged_plan(name="z", unit_id=2))
+    timing = LineTiming(response_timeout_ms=100.0, drain_ms=50.0, retry_ms=200.0)
+    bench = StagedBench(*plans, serial=False, timing=timing)
+    owe_silence(bench)
+    bench.send(stop_beside(1))
+    panel = Port(ControllerPlan("panel", timeout_ms=5000.0))
+    bench.send(STOP_PDU, panel, unit_id=2)
+    assert bench.link.sent == [(2, STOP_PDU)]
+    bench.line.reply(2, STOP_PDU, bench.now_ns)
+    assert panel.take() == STOP_PDU
+
+
+@pytest.mark.parametrize(("stop", "times"), [(STOP_PDU, 2), (stop_beside(1), 1)])
+def test_on_a_new_connection_a_stop_leaves_twice_unless_it_runs_another_axis(stop: bytes, times: int) -> None:
+    """A write without an answer may be executed behind the first one (W5)."""
+    bench = ConnectionBench(staged_plan(lost_ms=700.0), next_plan(lost_ms=700.0), retry_ms=0.0)
+    for _ in range(3):
+        bench.send(write(OTHER, 5_000), Port(ControllerPlan("cnc", timeout_ms=200.0)))
+        bench.link.sent.clear()
+        bench.until(200)
+    bench.returns(20, 201)
+    bench.send(stop)
+    for _ in range(2):
+        bench.serve()
+        bench.until(700)
+    assert bench.seen.count(stop) == times
 
 
 def test_stops_on_a_busy_line_keep_their_order_whatever_else_they_do() -> None:
