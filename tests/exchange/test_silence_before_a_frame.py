@@ -108,11 +108,13 @@ HALF = bytes.fromhex("06 0606 8009")
 """Writes half a position: the whole one is read first."""
 
 
-def beside_a_staged_drive(*, connects: bool = False) -> tuple[Bench, Port, bytes]:
+def beside_a_staged_drive(
+    *, connects: bool = False, timing: LineTiming | None = None
+) -> tuple[Bench, Port, bytes]:
     """A line with two drives, in which the position behind :data:`HALF` has just been read."""
     link = Link()
     link.connects = connects
-    bench = Bench(axis_plan(), staged_plan(name="y", unit_id=2), link=link)
+    bench = Bench(axis_plan(), staged_plan(name="y", unit_id=2), link=link, timing=timing)
     bench.memory.put(COMMAND, 0x00018005)
     bench.send(HALF)
     [(_, asked)] = bench.link.sent
@@ -135,7 +137,9 @@ def test_the_frame_behind_its_prerequisite_waits_too_and_reads_nothing_twice() -
     assert bench.link.sent == []
     bench.wait(SILENCE_MS)
     # 0x00018009 forward, with the correction of 10 counts that holds behind the table
-    assert bench.link.sent == [(1, bytes.fromhex("10 0606 0002 04 8013 0001"))]
+    assert bench.answers(bytes.fromhex("10 0606 0002")) == bytes.fromhex("10 0606 0002 04 8013 0001")
+    assert bench.port.take() == HALF
+    assert bench.link.sent == [(2, OTHER)]
 
 
 def test_what_was_read_is_read_again_if_a_stop_goes_first() -> None:
@@ -148,6 +152,13 @@ def test_what_was_read_is_read_again_if_a_stop_goes_first() -> None:
     bench.line.reply(2, STOP_PDU, bench.now_ns)
     bench.wait(SILENCE_MS)
     assert bench.link.sent == [(1, asked)]
+
+
+def test_what_was_read_is_read_again_behind_a_late_frame() -> None:
+    bench, _, asked = beside_a_staged_drive(timing=LineTiming(drain_ms=50.0))
+    bench.line.stray(bench.now_ns, unit_id=1)
+    bench.wait(SILENCE_MS)
+    assert bench.leaves_after(50 - SILENCE_MS) == (1, asked)
 
 
 def test_what_was_read_is_read_again_behind_a_lost_link() -> None:

@@ -280,8 +280,8 @@ def test_what_ends_in_a_way_that_cannot_be_ends_once_and_is_told(phase: Phase, o
     transaction = line.a_transaction(phase)
     code = 0x0B
     line.transactions.finish(transaction, outcome, 2 * MS, code=code)
-    line.transactions.finish(transaction, Outcome.NO_REPLY, 2 * MS, code=code)
     assert transaction.phase is Phase.ENDED
+    line.transactions.finish(transaction, Outcome.NO_REPLY, 2 * MS, code=code)
     faults = 1 + (outcome not in PHASE_AFTER[phase])
     assert line.counters.internal_faults == faults
     assert [each.kind for each in line.events] == [exchange_events.INTERNAL_FAULT] * faults
