@@ -255,6 +255,11 @@ CASES: list[tuple[dict[str, Any], dict[str, Any], str]] = [
     (model(snapshot(axis={"latency": LATENCY})), {"axis": "x"}, "PitchGatewayOverBudget"),
     (model(supervisor={"mqtt": {"problem": "refused"}}), {"component": "mqtt"}, "PitchGatewayMqttDown"),
     (
+        model(supervisor={"alarm_output": {"contact": "c", "problem": "silent"}}),
+        {"component": "alarm_output"},
+        "PitchGatewayAlarmOutputFailed",
+    ),
+    (
         model(supervisor={"tables_folder": {"problem": "gone"}}),
         {"component": "tables_folder"},
         "PitchGatewayConfigurationNotTaken",
