@@ -13,9 +13,9 @@ LINE_UP: Final = EventEntry(
 LINE_DOWN: Final = EventEntry(
     "line-down",
     Severity.WARNING,
-    "the connection to the drives of a line is lost; the detail says why. Requests over TCP wait for a "
-    "new connection for half of their controller's `timeout_ms`, then get exception 0x0A; on RTU they "
-    "get silence. Reported immediately if an axis was moving or the loss lasts a second",
+    "the connection to the drives of a line is lost; the detail says why. Requests over TCP wait for a new "
+    "one for half of their controller's `timeout_ms`, then get exception 0x0A; on RTU silence. Reported "
+    "immediately if an axis was moving or the loss lasts a second",
     "an unplugged adapter, or a connection closed by the drives or their device server. *When idle*: "
     "harmless, the server closes idle connections. *After a malformed header*: faulty Modbus/TCP",
     "check cable, adapter and power of the drives. The gateway reconnects automatically",
@@ -57,7 +57,7 @@ CUT_THROUGH_OFF: Final = EventEntry(
     "cut-through-off",
     Severity.INFO,
     "a line with `cut_through` stores requests or replies of a controller, because forwarding would save "
-    "no character time. Reported once for each; measured again later",
+    "no character. Reported once for each; measured again later",
     "an adapter that delivers bursts (a latency timer of 16 ms, a FIFO), a slow side before a fast one, "
     "or a busy computer",
     "run `pitch-gateway budget CONFIG`. If no frame gains, remove `cut_through`. Otherwise let the "
@@ -235,8 +235,8 @@ BUDGET_KEPT: Final = EventEntry(
 LATE_REPLY: Final = EventEntry(
     "late-reply",
     Severity.WARNING,
-    "a drive sent a frame that answers no request, or its reply came later than the `timeout_ms` of an RTU "
-    "controller; it was dropped",
+    "a frame of a drive was dropped: it answers no request, or came later than the `timeout_ms` of an RTU "
+    "controller",
     "the drive answers after `response_timeout_ms` or twice, another master is on the line, or the "
     "controller waits longer than `timeout_ms` says",
     "raise `response_timeout_ms`, and `timeout_ms` to the time that the controller waits; with the gateway "
@@ -258,14 +258,14 @@ SECOND_WRITER: Final = EventEntry(
     "a controller tried to move an axis that another one is moving; it got exception 6",
     "a panel that jogs while the program runs, two programs at once, or an attack. Or the first "
     "controller triggers in every cycle and so never releases the axis",
-    "let one finish: `writer` of the axis in `status` names it (`moved by` on a terminal). Trigger only "
-    'on changes. If both must move the axis, set `writers = "any"`',
+    "let one finish: `writer` (on a terminal `moved by`) of the axis in `status` names it. Trigger only on "
+    'changes. If both must move the axis, set `writers = "any"`',
 )
 INTERNAL_FAULT: Final = EventEntry(
     "internal-fault",
     Severity.ERROR,
-    "a fault in the gateway's program: an axis or request met an event impossible in its state. The axis "
-    "position now counts as unknown, its homed bit is read again, and triggers are refused until a "
+    "a fault in the gateway's program: an axis or request met an event impossible in its state. The "
+    "position now counts as unknown, the homed bit is read again, and triggers are refused until a "
     "complete target. Stops pass; the rest of the request is dropped",
     "a bug in the gateway; the detail names state and event",
     "write the target again; home the axis if it is not referenced. Send log and configuration to the "

@@ -32,9 +32,8 @@ SERIAL_LATENCY: Final = EventEntry(
 WRONG_UNIT: Final = EventEntry(
     "wrong-unit",
     Severity.WARNING,
-    "a Modbus/TCP drive replied with another unit id than requested. If it is the only drive of the "
-    "line, the reply counts by its transaction id; otherwise it is discarded. Reported once for each "
-    "pair of unit ids",
+    "a Modbus/TCP drive replied with another unit id than requested. The reply of the only drive of a line "
+    "counts by its transaction id; others are discarded. Reported once for each pair of unit ids",
     "a drive or converter that always answers with 0, 1 or 255, or two drives with one address",
     "do what the trouble `answers-as-another` says",
 )
@@ -75,8 +74,8 @@ CONNECTION_CLOSED: Final = EventEntry(
     Severity.WARNING,
     "the gateway closed a connection: it sent no request, did not finish one, or made room for another",
     "a controller that keeps unused connections, or an attack that occupies them",
-    "let the controller close unused connections. If `max_connections` or `idle_timeout_s` is too low, "
-    "raise it and restart the gateway",
+    "let the controller close unused connections. Or raise `max_connections` or `idle_timeout_s`, and "
+    "restart the gateway",
 )
 CONNECTION_MALFORMED: Final = EventEntry(
     "connection-malformed",

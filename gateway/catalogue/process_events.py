@@ -178,7 +178,6 @@ NO_PROGRESS: Final = EventEntry(
 DESCRIPTORS_DROPPED: Final = EventEntry(
     "descriptors-dropped",
     Severity.INFO,
-    "sockets or ports that systemd kept over the restart were closed, because the configuration no "
-    "longer uses them",
+    "sockets or ports that systemd kept over the restart were closed: the configuration no longer uses them",
     "a changed controller address or serial port",
 )

@@ -20,8 +20,8 @@ HTTP_REFUSED: Final = EventEntry(
     Severity.WARNING,
     "a client without permission asked for the page, or sent an unsupported request",
     "a browser before its log-in, an unknown certificate, a scanner, or an attack",
-    "nothing, if a person then logs in. For a program, such as a monitoring system, name a token in "
-    "`[[http.tokens]]`, then `pitch-gateway reload CONFIG`. Otherwise find out what runs at that address",
+    "nothing, if a person then logs in. For a program name a token in `[[http.tokens]]`, then "
+    "`pitch-gateway reload CONFIG`. Otherwise find out what runs at that address",
 )
 TOKEN_REFUSED: Final = EventEntry(
     "token-refused",
@@ -92,8 +92,8 @@ MQTT_COMMAND_IGNORED: Final = EventEntry(
     Severity.WARNING,
     "a command retained by the broker was ignored, because it would be executed again at every start",
     "it was published with the retain flag",
-    "clear it with the command in the detail, adding `-h`, and `-u` and `-P` if the broker needs a "
-    "log-in. Publish commands without retain",
+    "clear it with the command in the detail, with `-h`, and `-u` and `-P` if the broker needs a log-in. "
+    "Publish commands without retain",
 )
 MQTT_COMMANDS_TOO_MANY: Final = EventEntry(
     "mqtt-commands-too-many",
@@ -106,7 +106,7 @@ MQTT_COMMANDS_TOO_MANY: Final = EventEntry(
 MQTT_TOPICS_NOT_NOTED: Final = EventEntry(
     "mqtt-topics-not-noted",
     Severity.WARNING,
-    "the list of retained topics could not be written: messages of a removed axis would stay on the broker",
+    "the list of retained topics could not be written: messages of a removed axis would stay",
     "the state folder is full or not writable",
     "make room in the state folder",
 )

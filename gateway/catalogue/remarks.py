@@ -24,9 +24,8 @@ REMARKS: Final = (
     RemarkEntry(
         "L3",
         "warning",
-        "forward - backward would be less than half as rough with the backward list reversed: logged "
-        "from the other end? Not reported if the list ends with 0 at home, as it must, and reversed "
-        "would not",
+        "forward - backward would be less than half as rough with the backward list reversed: logged from "
+        "the other end? Not reported if the list ends with 0 at home, and reversed would not",
         "check from which end the backward list was logged, and reverse it if necessary",
     ),
     RemarkEntry(
@@ -48,10 +47,10 @@ REMARKS: Final = (
     RemarkEntry(
         "L6",
         "warning",
-        "a point bends the curve more than 8 times as much as the median, and by more than 1 µm; it is "
-        "left out, and the others are judged again. Up to 18 evenly spaced points: without it, or "
-        "without two, the others bend at most a quarter as much, and it bends by more than 3 µm. The "
-        "value at home, 0 by definition, is never named",
+        "a point bends the curve more than 8 times as much as the median, and by more than 1 µm; the "
+        "others are judged again without it. Up to 18 evenly spaced points: without it, or without two, "
+        "the others bend at most a quarter as much, and it bends by more than 3 µm. The value at home is "
+        "never named",
         "check this line of the file. If the file matches the measurement, measure the point again",
     ),
     RemarkEntry(
@@ -145,16 +144,16 @@ REMARKS: Final = (
     RemarkEntry(
         "R8",
         "warning",
-        "the file states lost motion outside its table, and the axis has no `backlash`",
+        "the file has lost motion outside its table, and the axis has no `backlash`",
         "if the lost motion was corrected so far, give the axis a `backlash`",
     ),
     RemarkEntry(
         "R9",
         "refused",
         "the screw offset in Mint has two readings, and `file_start` does not choose",
-        "check where mark A of the screw is on the machine, and set `file_start`. To prove it, send the "
-        "axis to the target in the message with the compensation off: the nut is as far to one side of "
-        "it as the right figure is to the other",
+        "find mark A of the screw on the machine, and set `file_start`. To prove it, send the axis to the "
+        "target in the message with the compensation off: the nut is as far to one side of it as the right "
+        "figure is to the other",
     ),
     RemarkEntry(
         "R10",

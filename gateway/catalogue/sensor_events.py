@@ -7,8 +7,8 @@ from gateway.catalogue.entry import EventEntry, Severity
 TEMPERATURE_WRONG: Final = EventEntry(
     "temperature-wrong",
     Severity.WARNING,
-    "a value is no plausible screw temperature and was not used. The last good value is held for "
-    "`timeout_s` and `hold_s`. Reported once until another fault or a good value comes",
+    "a value is no plausible screw temperature and was not used. The last good one is held for `timeout_s` "
+    "and `hold_s`. Reported once until another fault or a good value",
     "a broken or unwired sensor, a wrong `scale` or `type`, or a topic with other content",
     "check the value in the detail: the sensor must send °C. Correct the sensor or `thermal.source`, "
     "then `pitch-gateway reload CONFIG`. If the screw really is so warm, raise `largest_dt` and restart "
@@ -21,7 +21,7 @@ TEMPERATURE_NOT_READ: Final = EventEntry(
     "the device is off or unplugged, or address, unit id or register is wrong",
     "check the device, then `modbus`, `unit_id`, `address` and `function` of `thermal.source`; after a "
     "change `pitch-gateway reload CONFIG`. If it is read through the gateway, name its unit id in "
-    "`other_units`. See `term-held` for the correction meanwhile",
+    "`other_units`. See also `term-held`",
 )
 ALARM_OUTPUT_FAILED: Final = EventEntry(
     "alarm-output-failed",

@@ -10,8 +10,8 @@ CERTIFICATE_REFUSED: Final = EventEntry(
     "a controller was refused because of its certificate",
     "no certificate; one that is expired, revoked or of another authority; or one without a role of `roles`",
     "check its file with `pitch-gateway certificate show FILE`. If it is missing or bad, make one with "
-    "`pitch-gateway certificate controller DIR NAME --role ROLE` under a new name, and copy both files "
-    "to the controller. If only its role is missing, add it to `roles` and restart the gateway",
+    "`pitch-gateway certificate controller DIR NAME --role ROLE`, under a new name, and copy both files to "
+    "the controller. If only its role is missing, add that to `roles` and restart the gateway",
 )
 HANDSHAKE_FAILED: Final = EventEntry(
     "handshake-failed",

@@ -404,11 +404,11 @@ class AxisSection(StrictModel):
         description="time in milliseconds without a word of the axis after which it is looked at again",
         json_schema_extra=documented(
             text=(
-                "`targets`: if the axis was neither read nor commanded for this long, the gateway reads "
-                "its actual position before the next target, repeat or distance, because it may have "
-                "been jogged at the drive. That read does not count towards `deadline_ms`. A status bit "
-                "keeps the axis in sight only if it is read again within this time. If reading is not "
-                "allowed, the direction is flagged"
+                "`targets`: if the axis was neither read nor commanded for this long, it may have been "
+                "jogged at the drive: the gateway reads its actual position before the next target, repeat "
+                "or distance ([M6](wire-rules.md#m6-direction-and-arrival)). That read does not count "
+                "towards `deadline_ms`. A status bit counts only if it is read again within this time. If "
+                "reading is not allowed, the direction is flagged"
             )
         ),
     )

@@ -312,11 +312,10 @@ class LineSection(StrictModel):
         "response_timeout_ms when not given",
         json_schema_extra=documented(
             text=(
-                "RTU drives: silence after a time-out before its unit id is asked again, so that a late "
-                "reply answers nothing else. Reads of other unit ids go on; writes wait. A request for "
-                "the silent unit id gets 0x0B if less than half of its controller's `timeout_ms` would be "
-                "left (counter `too_late`). [W6](wire-rules.md#w6-late-replies) has the exceptions. "
-                "Refused with `tcp` drives, whose replies are numbered"
+                "RTU drives: silence after a time-out before the unit id is asked again, so that a late "
+                "reply answers nothing else ([W6](wire-rules.md#w6-late-replies)). A request that would "
+                "come too late after it gets 0x0B (counter `too_late`). Refused with `tcp` drives, whose "
+                "replies are numbered"
             ),
             default="`response_timeout_ms`",
         ),
@@ -329,9 +328,8 @@ class LineSection(StrictModel):
             text=(
                 "a unit id that left three requests in a row unanswered is dead: requests for it or its "
                 "group get 0x0B immediately, on RTU too ([W11](wire-rules.md#w11-silent-drives)). After "
-                "`retry_ms`, then twice as long each time up to 10 s, the next request is a trial; the "
-                "line waits `response_timeout_ms` for a read. A stop to a silent drive is repeated once "
-                "in `retry_ms`. `0`: the drive is always asked"
+                "`retry_ms`, then twice as long each time up to 10 s, the next request is a trial. A stop "
+                "to a silent drive is repeated once in `retry_ms`. `0`: the drive is always asked"
             )
         ),
     )
@@ -400,13 +398,12 @@ class LineSection(StrictModel):
         description="unit ids of further devices on the line, which have no axis",
         json_schema_extra=documented(
             text=(
-                "unit ids of further devices on the line; their frames pass unchanged. On Modbus/TCP "
-                "with one axis, a write to an unnamed unit id gets 0x0A if it would reach the axis "
-                "([W7](wire-rules.md#w7-patience-and-foreign-unit-ids)). Between "
-                "serial ports such a device may also use frames of non-standard length, as some "
-                "inverters do (`05 03 01 01 30 B8`). All bytes between two silences are then one frame; "
-                "it counts as a write and is sent some 30 ms after its last byte: let the controller "
-                "wait at least 100 ms. Not unit id 0"
+                "unit ids of further devices on the line; their frames pass unchanged "
+                "([W7](wire-rules.md#w7-patience-and-foreign-unit-ids) has the rule for other unit ids). "
+                "Between serial ports such a device may also use frames of non-standard length, as some "
+                "inverters do (`05 03 01 01 30 B8`). All bytes between two silences are then one frame; it "
+                "counts as a write and is sent some 30 ms after its last byte: let the controller wait at "
+                "least 100 ms. Not unit id 0"
             ),
             default="none",
         ),
@@ -439,9 +436,9 @@ class LineSection(StrictModel):
         json_schema_extra=documented(
             text=(
                 "a `monitor`'s request that has waited this long takes the next gap, even if it does not "
-                "fit. All monitors of a line share one such request per period, and a tenth of the "
-                "line's time. If many do not fit, lengthen their `timeout_ms` or let them poll less "
-                "often. Warned of: a monitor's `timeout_ms` that is not longer"
+                "fit. All monitors of a line share one such request per period, [at "
+                "most](wire-rules.md#whose-turn-it-is). If many do not fit, lengthen their `timeout_ms` or "
+                "let them poll less often. Warned of: a monitor's `timeout_ms` that is not longer"
             )
         ),
     )

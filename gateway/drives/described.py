@@ -113,13 +113,12 @@ class ProfileShown:
 
 def markdown_lines() -> Iterator[str]:
     """Yield the list of profiles as a table for the documentation."""
-    yield "| name | tier | transports | models | traps |"
-    yield "|---|---|---|---|---|"
+    yield "| name | tier | transports | models |"
+    yield "|---|---|---|---|"
     for drive in ProfileList().as_data():
-        traps = len(library.shipped(drive["name"]).traps)
         models = f"{drive['vendor']}: {', '.join(drive['models'])}"
         transports = ", ".join(drive["transports"])
-        yield f"| `{drive['name']}` | {drive['tier']} | {transports} | {models} | {traps} |"
+        yield f"| `{drive['name']}` | {drive['tier']} | {transports} | {models} |"
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:
