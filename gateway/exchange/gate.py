@@ -73,8 +73,7 @@ class Gate:
         """Return why a request is not allowed; None: it is.
 
         ``is_odd``: its length differs from its function code, and it counts as a write. It depends on unit
-            id, head and
-        length only, like the verdict.
+        id, head and length only, like the verdict.
         """
         head = pdu[: HEAD_BYTES[pdu[0]]]
         verdicts = self._verdicts.get(unit_id)

@@ -52,8 +52,7 @@ def prepare(request: Request, *, has_stop: bool = False) -> None:
     """Compute what is sent for a request.
 
     ``has_stop``: its frame stops an axis, of this unit or another one, and passes whatever else it does (M3).
-        A
-    target that is not corrected for its run is flagged then.
+    A target that is not corrected for its run is flagged then.
 
     Two things of an axis that do not depend on the reply are updated here: terms that are due, and the offset
     with which a stream begins. All else is done when the request is sent and when it ends.

@@ -273,8 +273,7 @@ class SilentUnits:
         """Record bytes that answer nothing; return whether a silence that something waits for begins again.
 
         ``unit_id``: of the complete frame in them; below 0: there is none, and they may be of any unit with a
-            pending
-        answer. The frame was late, or was recognised too late; this is remembered for its unit.
+        pending answer. The frame was late, or was recognised too late; this is remembered for its unit.
         """
         if unit_id >= 0:
             self._late_ns[unit_id] = now_ns

@@ -505,8 +505,7 @@ class Motion:
         """Something other than the last target decides where the axis is (M5).
 
         ``moved_ns``: since when it may be on a new way; None: it is on none. ``keeps_branch``: the last
-            target
-        brought it there all the same, as before a stop.
+        target brought it there all the same, as before a stop.
         """
         self.happens(MotionEvent.STOPPED if keeps_branch else MotionEvent.DISPLACED)
         if moved_ns is not None:

@@ -152,8 +152,7 @@ def write_shape(words: int, first_word: int, position_words: int, *, is_early: b
     then it may be refused.
 
     ``is_early``: the position comes first and has four bytes, the most significant first. No other address
-        with
-    the same first byte holds anything that moves or stops. So the frame is sent from that byte on.
+    with the same first byte holds anything that moves or stops. So the frame is sent from that byte on.
     """
     data_ends = BLOCK_HEAD + 2 * (first_word + position_words)
     length = BLOCK_HEAD + 2 * words + CRC_BYTES
@@ -221,8 +220,7 @@ def needed_ns(shape: FrameShape, pieces: Sequence[Piece], out_ns: int) -> int:
     """Return how long after its first piece a received frame should have begun to be sent.
 
     ``pieces``: all pieces of a complete frame, in order. Between two pieces only the first byte that needs
-        the
-    later one counts: the bytes behind it have more time.
+    the later one counts: the bytes behind it have more time.
     """
     begun_ns = pieces[0].came_ns
     most_ns, before = 0, 0
@@ -306,8 +304,7 @@ class MeasuredDelay:
 
         ``own_ns``: time that the gateway took between reading its last bytes and writing them.
         ``written_need_ns``: how long after its first piece a forwarded frame should have begun, by the times
-            of
-        writing (``ForwardedFrame.written_need_ns``).
+        of writing (``ForwardedFrame.written_need_ns``).
         """
         needs_ns, wholes_ns = self._needs_ns, self._wholes_ns
         need_ns = needed_ns(self.shape, pieces, self.out_ns)

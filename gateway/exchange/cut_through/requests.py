@@ -88,8 +88,7 @@ class Heads:
 
     A write is identified by its complete address. The first byte of the address is enough under two
     conditions: all writes of the port with this byte went to one address, and the register map has no other
-        target there
-    (``WritePath.is_early``).
+    target there (``WritePath.is_early``).
     """
 
     __slots__ = ("_expected", "_gains", "_pages", "_stored", "delays")
