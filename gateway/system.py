@@ -51,7 +51,7 @@ random_bytes: Callable[[int], bytes] = os.urandom
 """Return so many random bytes."""
 
 end_now: Callable[[int], NoReturn] = os._exit
-"""End the process with this code, without any step of its own."""
+"""End the process with this code, and do nothing before."""
 
 
 def boot_id() -> bytes:

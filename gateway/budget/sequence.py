@@ -172,7 +172,7 @@ def _target_shapes(
 
 
 def _trigger(axis: AxisPlan) -> TriggerPlan | None:
-    """Return the trigger with which a frame of its own starts a target; None if writing the target does."""
+    """Return the trigger that starts a target in a separate frame; None if writing the target does."""
     if not axis.motion.is_staged:
         return None
     triggers = axis.motion.triggers

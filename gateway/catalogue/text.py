@@ -18,7 +18,7 @@ class Text(str):
     values: dict[str, object]
 
     def __new__(cls, template: str, **values: object) -> Self:
-        """Make the sentence; every name between braces has to be in ``values``."""
+        """Make the sentence; every name between braces must be in ``values``."""
         made = super().__new__(cls, template.format(**values))
         made.template = template
         made.values = values

@@ -1,4 +1,4 @@
-"""The commands of ``pitch-gateway``, each in a file of its own."""
+"""The commands of ``pitch-gateway``, each in its own file."""
 
 import sys
 from collections import UserDict

@@ -342,7 +342,7 @@ class Draft:
         """Take an answer.
 
         Raises:
-            ValueError: there is no such answer, an axis has to be named first, or the configuration would
+            ValueError: there is no such answer, an axis must be named first, or the configuration would
                 refuse it; the error says what was found and what is allowed.
         """
         if name not in GENERAL_KEYS:

@@ -50,7 +50,7 @@ class HomeApproach(Enum):
 
 
 class AddedFrames(Enum):
-    """Whether the gateway may send frames of its own."""
+    """Whether the gateway may send its own frames."""
 
     AUTO = "auto"
     NEVER = "never"
@@ -414,7 +414,7 @@ class AxisSection(StrictModel):
     )
     added_frames: ByName[AddedFrames] = Field(
         default=AddedFrames.AUTO,
-        description="frames that the gateway adds by itself",
+        description="frames that the gateway adds",
         json_schema_extra=documented(
             text=(
                 "`never`: the gateway adds no frame. It refuses a trigger whose target must be rewritten "
@@ -446,7 +446,7 @@ class AxisSection(StrictModel):
 
     @property
     def is_corrected(self) -> bool:
-        """Whether the axis can be corrected: it has a table, or a backlash of its own."""
+        """Whether the axis can be corrected: it has a table, or its own backlash."""
         return self.table is not None or self.backlash is not None
 
 

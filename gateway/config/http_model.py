@@ -48,7 +48,7 @@ class HttpTlsSection(StrictModel):
     key: FileName = Field(description="file with the key of that certificate, or credential:NAME")
     clients: FileName | None = Field(
         default=None,
-        description="file with the authorities that sign certificates of clients: whoever has one may look",
+        description="file with the authorities that sign certificates of clients: a client with one may look",
     )
     revoked: FileName | None = Field(
         default=None, description="file with the list of certificates of clients that were revoked"
@@ -72,7 +72,7 @@ class HttpSection(StrictModel):
 
     tokens: Annotated[ListOf[TokenSection], Field(max_length=MOST_TOKENS)] = Field(
         default=(),
-        description="tokens with which somebody may look; none: the page asks for none",
+        description="tokens of the people and programs that may look; none: the page asks for none",
         json_schema_extra=documented(
             text=(
                 '`[{ name = "prometheus", file = "prometheus.token" }]`: a client with one of these '

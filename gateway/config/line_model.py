@@ -71,7 +71,7 @@ class _SerialSettings(StrictModel):
 
     low_latency: Planned[bool] = Field(
         default=_SERIAL.low_latency,
-        description="make the serial port's driver hand bytes over at once, where it can",
+        description="make the serial port's driver hand bytes over immediately, if it can",
         json_schema_extra=documented(
             text=(
                 "only with `rtu`: the port's driver passes bytes on immediately, if it can "
@@ -197,7 +197,7 @@ class ControllerSection(RightsKeys, _SerialSettings):
     )
     allow: ListOf[Network] = Field(
         default=(),
-        description="networks that may connect; none named: whoever reaches the port",
+        description="networks that may connect; none named: every host that reaches the port",
         json_schema_extra=documented(
             text=(
                 'networks that may connect, as in `["192.168.0.0/24", "fd00::/8"]`; `[]`: all. Not with `rtu`'
@@ -206,7 +206,7 @@ class ControllerSection(RightsKeys, _SerialSettings):
     )
     max_connections: Planned[Annotated[int, Field(ge=1, le=1024)]] = Field(
         default=DEFAULT_LIMITS.max_connections,
-        description="connections at once over tcp",
+        description="most open connections over tcp",
         json_schema_extra=documented(more="Not with `rtu`"),
     )
     connects_per_s: Planned[Annotated[float, Field(gt=0.0, le=1e6)]] = Field(

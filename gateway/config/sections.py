@@ -66,7 +66,7 @@ class Sections:
     mqtt: MqttSection | None = None
     """None: nothing is published."""
     status_unit: StatusUnitSection | None = None
-    """None: the gateway has no unit id of its own."""
+    """None: the gateway itself has no unit id."""
     capture: CaptureSection = field(default_factory=CaptureSection)
     alarm_output: AlarmOutputSection | None = None
     """None: there is no contact."""

@@ -33,7 +33,7 @@ OLD_NAME_LINT: Final = "R14"
 
 
 LOST_MOTION_LINT: Final = "R8"
-"""No longer reported when the axis has a backlash of its own."""
+"""No longer reported when the axis has its own backlash."""
 
 
 @dataclass(frozen=True, slots=True)

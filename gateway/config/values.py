@@ -130,7 +130,7 @@ def read_device(raw: object) -> str:
     """Read the path of a serial port.
 
     Raises:
-        ValueError: not an absolute path; a service has no working directory of its own.
+        ValueError: not an absolute path; a service has no working directory.
     """
     if not isinstance(raw, str) or not raw.startswith("/") or "\0" in raw:
         raise ValueError('allowed: the full path of a serial port, as in "/dev/serial/by-id/usb-…"')

@@ -33,7 +33,7 @@ CONSEQUENCES: Final = {
     ),
     "stop": "values go before everything else, and are never refused",
     "home": 'values and "set_position" pass unchanged, and end or make the reference as referenced says',
-    "other_motion": "values pass unchanged; where the axis is has to be read after them",
+    "other_motion": "values pass unchanged; the position must be read after them",
 }
 """The effect of a key of the register map, by the key or the meaning of a value."""
 NOT_LISTED: Final = (

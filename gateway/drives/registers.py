@@ -84,7 +84,7 @@ class PositionSpec(StrictModel):
     )
     block: Address | None = Field(
         default=None,
-        description="the position stands only in frames that begin at this address",
+        description="the position is only in frames that begin at this address",
         json_schema_extra=documented(
             text=(
                 "the position is only in frames that begin at this address. For drives whose addresses "
@@ -302,7 +302,7 @@ class RegisterMap(StrictModel):
     )
     mode: ModeSpec | None = Field(
         default=None,
-        description="how an absolute position is told from a distance",
+        description="whether a written position is absolute or a distance",
         json_schema_extra=documented(more="See below", default="absolute"),
     )
     trigger: ListOf[TriggerSpec] = Field(
@@ -370,7 +370,7 @@ class RegisterMap(StrictModel):
     )
     addressing: Planned[ByName[Addressing]] = Field(
         default=Addressing.REGISTERS,
-        description="whether an address is a register or an object of its own width",
+        description="whether an address is a register, or an object with its own width",
         json_schema_extra=documented(
             text=(
                 '`"objects"`: an address is the index of an object with its own width. Two registers at '
@@ -392,12 +392,12 @@ class RegisterMap(StrictModel):
     )
     read: ByName[Form] = Field(
         default=Form.FC03,
-        description="how the gateway reads a position by itself: fc03, fc04 or mei",
+        description="how the gateway itself reads a position: fc03, fc04 or mei",
         json_schema_extra=documented(kind='`"fc03"`, `"fc04"`, `"mei"`'),
     )
     write: ByName[Form] = Field(
         default=Form.FC16,
-        description="how the gateway writes a position by itself: fc16, fc06 or mei",
+        description="how the gateway itself writes a position: fc16, fc06 or mei",
         json_schema_extra=documented(
             text=(
                 "how the gateway writes a position; `fc06` writes a longer one word by word and needs "
@@ -420,7 +420,7 @@ class RegisterMap(StrictModel):
         default=OnException.UNKNOWN, description="what a refusal by the drive proves"
     )
     safe_read: Planned[bool] = Field(
-        default=True, description="the gateway may read mapped positions and bits by itself"
+        default=True, description="the gateway may add reads of mapped positions and bits"
     )
     checks_crc: Planned[bool] = Field(
         default=True,

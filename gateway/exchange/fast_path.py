@@ -1,7 +1,7 @@
 """The fast path: most frames need no judgement, and are sent after a lookup or after one correction.
 
 A path is found once for a unit id and the head of a request, which says what registers it touches, and is
-then cached. It decides nothing of its own: it holds prepared lookups, handles the usual case only, and calls
+then cached. It decides nothing: it holds prepared lookups, handles the usual case only, and calls
 the same transitions as the slow path. If anything is unusual it returns None. The request or reply then takes
 the slow path (``dispatch``, ``prepare``, ``transaction``), which handles every case. Both give the same bytes
 and leave the same state; tests/exchange/test_fast_path.py compares them.

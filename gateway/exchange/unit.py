@@ -120,7 +120,7 @@ class UnitMap:
         self._rules = tuple((axis, address) for axis in self.axes for address in axis.rules.addresses)
         self._widths = _object_widths(self.axes)
         self.has_objects = self._widths is not None
-        """Whether addresses are objects, each with a width of its own."""
+        """Whether addresses are objects, each with its own width."""
         self._writes: dict[int, Hits] = {}
         self._reads: dict[int, Hits] = {}
         """What requested spans touch: by address and quantity in one number."""

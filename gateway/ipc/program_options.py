@@ -14,7 +14,7 @@ from gateway.ipc.log import LogFormat
 
 @dataclass(frozen=True, slots=True)
 class ProgramOptions:
-    """``parent`` is the process to end with, 0: none. Each program has further options of its own.
+    """``parent`` is the process to end with, 0: none. Each program has further options.
 
     ``state`` is the folder into which ``run`` has just compiled CONFIG. The program runs that plan even if
     the file changes meanwhile: the user may be editing it. None: the folder that CONFIG names, after a

@@ -353,7 +353,7 @@ def _left_out(process: Process, setups: NDArray[np.intp]) -> dict[int, tuple[flo
     """Return for each placement how its differences miss those predicted from all others.
 
     The score is in standard deviations, the miss in the units of the readings (Rasmussen and Williams, 5.4.2,
-    for several values at once).
+    for several values together).
     """
     found = {}
     for setup in np.unique(setups).tolist():

@@ -21,7 +21,7 @@ MOST: Final = 3e-4
 """0.3 mm/m: more is not a screw error but a wrong scale; the user must correct it first."""
 LEAST_TARGETS: Final = 3
 LEAST_TURNS: Final = 10
-"""Over fewer revolutions of the screw, an error that repeats has a slope of its own."""
+"""Over fewer revolutions of the screw, a repeating error has a slope itself."""
 USUAL_LEAD_MM: Final = 5.0
 """Assumed for a screw without a given lead."""
 NO_WAVE_MM: Final = 0.1

@@ -25,7 +25,7 @@ UPPER_PDU: Final = 252
 MODBUS_PORT: Final = 502
 FIRST_CLIENT_PORT: Final = 49152
 HERE: Final = IPv4Address("127.0.0.1")
-"""The gateway; also stands for a host whose address is unknown."""
+"""The gateway, or a host whose address is unknown."""
 _SECTION: Final = 0x0A0D0D0A
 _INTERFACE: Final = 1
 _PACKET: Final = 6

@@ -172,7 +172,7 @@ GATEWAY: Final[RegisterBlock[Whole]] = RegisterBlock(
             1,
             "heartbeat",
             1,
-            "tenths of a second since the start, modulo 65536: one that stands still for a second is dead",
+            "tenths of a second since the start, modulo 65536: unchanged for a second means dead",
             lambda whole: whole.uptime_ns // HEARTBEAT_NS & WORD,
         ),
         Register(

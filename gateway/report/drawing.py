@@ -213,7 +213,7 @@ def thinning_text(count: int) -> str:
 
 
 def panel_svg(panel: Panel, prefix: str) -> str:
-    """Draw one panel as an SVG of its own; every id in it begins with ``prefix``."""
+    """Draw one panel as a separate SVG; every id in it begins with ``prefix``."""
     from matplotlib.figure import Figure
 
     with settings(f"{prefix}-{panel.name}"):

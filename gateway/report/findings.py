@@ -12,7 +12,7 @@ from gateway.report.errors import ReportError
 from gateway.report.words import NONE, Scale, clean, scale_of, shortest, truncated
 
 SAME_STRETCH: Final = 0.8
-"""Share of a measured length that has to be measured again before two results are comparable."""
+"""Share of a measured length that must be measured again before two results are comparable."""
 LEAST_LEFT: Final = 0.005
 """A value that is displayed as 0.00 is not used as a divisor."""
 _NAME_CHARACTERS: Final = 24

@@ -1,4 +1,4 @@
-"""A report as one self-contained HTML file: no script, no network, no font of its own."""
+"""A report as one self-contained HTML file: no script, no network, no own font."""
 
 import re
 from collections.abc import Iterable, Sequence
@@ -53,7 +53,7 @@ means; <b>M</b> is the range of the mean of both directions; the <b>reversal B</
 of the mean forward and the mean backward, B̄ its mean with its sign, negative where the nut stays behind.
 The readings are the ones that were given; none is left out unless a note says so. """
 _PREDICTED: Final = (
-    " Where a result is marked as predicted nobody measured it: it is computed from the readings before and "
+    " A result that is marked as predicted was not measured: it is computed from the readings before and "
     "the table. The means of readings that the table itself was made of vanish by that alone: what is left "
     "at the targets is their scatter. What is left <b>between the targets</b> is predicted by leaving "
     "targets out: each is compared with what all others say of it, and the curves that the readings allow "

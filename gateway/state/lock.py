@@ -30,7 +30,7 @@ def take_lock(path: Path) -> int:
 
 @contextlib.contextmanager
 def alone_in(state: Path) -> Iterator[None]:
-    """Wait until no other process writes here: two at once would remove each other's tables."""
+    """Wait until no other process writes here: two writers would remove each other's tables."""
     make_folder(state)
     make_folder(state / FOLDER_NAME)
     descriptor = os.open(state / FOLDER_NAME, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)

@@ -195,7 +195,7 @@ def shape_of(plan: GatewayPlan) -> str:
 
 
 def _encode(content: object) -> bytes:
-    """Return the same bytes for the same content: a set has no order of its own."""
+    """Return the same bytes for the same content: a set has no order."""
     return msgspec.msgpack.encode(msgspec.to_builtins(content, order="deterministic"))
 
 

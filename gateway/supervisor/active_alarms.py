@@ -303,7 +303,7 @@ def _of_controller(line: str, controller: ControllerStatus, unit_ids: UnitIds) -
 def _of_silence(name: str, line: LineStatus, axes: tuple[str, ...]) -> Iterator[Alarm]:
     """Yield an alarm for controllers that should poll and send no requests.
 
-    A controller with a ``silent_after_s`` of its own is judged by that. The other motion controllers of a
+    A controller with its own ``silent_after_s`` is judged by that. The other motion controllers of a
     line count together: one of them that sends requests is enough.
     """
     controllers = line.controllers

@@ -47,7 +47,7 @@ class Capturing:
         self._loaded = loaded
 
     def happened(self, event: str) -> None:
-        """Request a capture for an event. Of several at once the first one counts."""
+        """Request a capture for an event. Of several together the first one counts."""
         loaded = self._loaded
         if loaded is None or event in OWN or event not in loaded.sections.capture.on:
             return

@@ -1,4 +1,4 @@
-"""Temperatures that are read over Modbus, each on a connection of its own."""
+"""Temperatures that are read over Modbus, each on its own connection."""
 
 import asyncio
 from collections.abc import Callable

@@ -1,6 +1,6 @@
 """The verdict on the gateway and on each axis: one word for controller, line, drive, relay, supervisor.
 
-Page, title, terminal, ``/healthz``, MQTT and metrics show this word; none of them has a rule of its own. It
+Page, title, terminal, ``/healthz``, MQTT and metrics show this word; none of them has its own rule. It
 follows from the active alarms (``supervisor.active_alarms``): the worst one decides. For an axis the worst
 alarm that names it decides. An alarm of a whole line or of the relay names all of their axes.
 """

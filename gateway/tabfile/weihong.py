@@ -1,7 +1,7 @@
 """Weihong screw error files, ``axeserr.dat`` (Ncstudio, NK, EasyRoute controls): both directions, any grid.
 
 Grammar, from the manufacturer's manuals (screw error compensation file) and their examples; ``;`` begins a
-comment, which has a line of its own::
+comment on a separate line::
 
     file    := [";"] "unit" "=" "mm" table+         the examples have the semicolon, the text has none
     table   := "[" axis "]" point+                  a letter, in any case

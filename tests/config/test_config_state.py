@@ -91,7 +91,7 @@ def test_a_place_that_is_taken_after_the_check_is_no_matter_of_permission(tmp_pa
     with pytest.raises(StateError) as caught:
         compile_into_state(loaded)
     assert str(caught.value) == (
-        f"gateway.state: {tmp_path}/state: File exists; a file stands where a folder should be: move it "
+        f"gateway.state: {tmp_path}/state: File exists; a file is where a folder should be: move it "
         "away, or choose another folder with [gateway] state"
     )
 

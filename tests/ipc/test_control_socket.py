@@ -111,7 +111,7 @@ async def test_a_file_in_its_place_is_not_removed(tmp_path: Path) -> None:
 
 async def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(SocketError, match=r"file.*Not a directory; a file stands where a folder should be"):
+    with pytest.raises(SocketError, match=r"file.*Not a directory; a file is where a folder should be"):
         await ControlServer(tmp_path / "file" / "state", echo).open()
 
 

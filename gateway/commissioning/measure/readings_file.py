@@ -1,4 +1,4 @@
-"""The file of a measuring run: each reading is on the disk at once, so that none is lost.
+"""The file of a measuring run: each reading is written to the disk immediately, so that none is lost.
 
 Comment lines with facts, then a header and a row for each reading::
 

@@ -8,7 +8,7 @@ the target. A worn screw has lost motion, so it also depends on the side from wh
 target: its *branch*. So the gateway must know two things of an axis: whether its positions are meaningful
 (its reference), and where it is (its motion state).
 
-An axis consists of parts. Each is in a file of its own and owns the data that it changes. The first four are
+An axis consists of parts. Each is in its own file and owns the data that it changes. The first four are
 state machines, with their states, their events and the table of both:
 
 ===============  ==========================================  ===============================================
@@ -346,7 +346,7 @@ class Axis:
 
     @property
     def blocked_by(self) -> int | None:
-        """Exception code that refuses its triggers, for a lost target of its own or of its group."""
+        """Exception code that refuses its triggers, for its own lost target or one of its group."""
         return self.interlock.block_code if self.interlock.is_blocked else self.blocked_by_peer
 
     @property

@@ -2,7 +2,7 @@
 
 Stops always pass. Triggers stay refused until a complete target is accepted that was sent after the loss. A
 target that was sent before carries an older *epoch* and does not count. In a group, triggers are also refused
-while another axis is blocked for a loss of its own (``Axis.blocked_by``).
+while another axis is blocked for its own loss (``Axis.blocked_by``).
 """
 
 from collections.abc import Callable

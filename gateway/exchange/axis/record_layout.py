@@ -2,7 +2,7 @@
 
 A process may be killed between any two stores, and a power cut may leave half a page. The slot that is being
 written then fails its checksum, and the other slot, one generation older, is valid. Little-endian, no
-padding. The checksum is the CRC-32 of everything before it. Each slot has a page of its own.
+padding. The checksum is the CRC-32 of everything before it. Each slot has its own page.
 
 Behind the header: the boot id of the newest records, and the generation from which it applies.
 

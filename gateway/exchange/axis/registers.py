@@ -298,7 +298,7 @@ class FieldImage:
             arrived_ns: when it came from its controller. A loss that shows after that of a newer write has no
                 effect.
             follows_ns: when the request before it arrived on the same connection.
-            now_ns: when its controller is told.
+            now_ns: when its controller gets the answer.
         """
         after = COMPLETENESS_AFTER[self.completeness, loss]
         if after is Completeness.PART_REFUSED and self.nominal_words is None:

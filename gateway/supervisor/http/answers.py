@@ -71,7 +71,7 @@ class Limits:
     """Numbers and times of one listener."""
 
     connections: int = 256
-    """Maximum at once. A new connection replaces the one that has been idle for longest, else the one that
+    """Maximum number. A new connection replaces the one that has been idle for longest, else the one that
     has taken nothing of its response for longest. If the server is answering all of them, it refuses the new
     one."""
     event_readers: int = 32

@@ -116,7 +116,7 @@ def _file_mark(path: Path) -> Seen | None:
 LIFE_S: Final = 12 * 3600.0
 """A shift and the way home."""
 MOST: Final = 64
-"""Maximum at once. One more ends the oldest."""
+"""Maximum number. One more ends the oldest."""
 _BYTES: Final = 32
 
 

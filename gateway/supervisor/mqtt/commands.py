@@ -201,7 +201,7 @@ class _Waiting:
     missed: int = 0
     """Number of commands before it that were not executed and that no answer has reported."""
     repeated: int = 0
-    """Number of equal commands that it stands for."""
+    """Number of equal commands that it replaces."""
     answer: CommandResult | None = None
     """The answer, if it is known before the command's turn."""
 

@@ -1,9 +1,9 @@
 """One connection to the broker, from CONNECT to DISCONNECT.
 
-paho implements the protocol; asyncio's loop reads and writes its socket. Only connecting blocks, in a thread
-of its own; until that ends, nothing else uses the client. paho's own reconnecting is not used: it does not
-report why an attempt failed, does not read password and certificates again, and first resends what it had
-sent before, however old.
+paho implements the protocol; asyncio's loop reads and writes its socket. Only connecting blocks, in its own
+thread; until that ends, nothing else uses the client. paho's own reconnecting is not used: it does not report
+why an attempt failed, does not read password and certificates again, and first resends what it had sent
+before, however old.
 """
 
 import asyncio
