@@ -14,28 +14,30 @@ def may_keep_words(axis: Axis, spec: CorrectionSpec) -> bool:
 
     Words rendered with the requested correction are always right. Setpoints of a stream may keep others: the
     requested correction comes into force over the distance that they travel, and a repeat has no distance.
+
+    In a group it may only if all axes keep theirs. One whose target was not acknowledged keeps none.
     """
     member = axis.member
     if member.gantry is None or axis.compensation.is_stream or not is_other(axis, spec):
         return True
     if member.fixed is not None:
         return member.fixed.keeps_words
-    is_again = axis.motion.unacknowledged is None  # else the other axes must still get there
-    return all(keeps_other_words(peer) and (is_again or peer.targets.holds_unrun) for peer in axis.peers)
+    return all(keeps_other_words(each) for each in (axis, *axis.peers))
 
 
 def keeps_other_words(axis: Axis) -> bool:
     """Whether its next target probably keeps words of another switch, table or gain.
 
     A target that has not come yet is unknown. It is assumed to be a repeat of the last one.
+    One that was not acknowledged keeps none: where the axis is seen elsewhere, it is rendered anew.
     """
     number, motion = axis.rules.staged, axis.motion
+    if motion.unacknowledged is not None:
+        return False
     words = None if number is None else axis.fields[number].nominal_words
     if axis.targets.holds_unrun and number is not None and words is not None:
         spec = spec_of_words(axis, number, words)
         return spec is not None and is_other(axis, spec)
-    if motion.unacknowledged is not None and motion.unacknowledged.move is not None:
-        return is_other(axis, motion.unacknowledged.move.state.spec)
     if motion.superseded is not None:
         return is_other(axis, motion.superseded.move.state.spec)
     state = axis.compensation.state

@@ -12,7 +12,7 @@ from math import isfinite
 from typing import Final, NamedTuple
 
 from gateway.catalogue import refusals
-from gateway.compensation.correction_spec import NOTHING, CorrectionSpec
+from gateway.compensation.correction_spec import NOTHING
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
 from gateway.compensation.moves import Accepted, EstimateKind, Move, PositionEstimate
 from gateway.compensation.settings import Setpoints
@@ -22,7 +22,7 @@ from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, ON_BRANCH, Actual, MotionState, RepeatKind
 from gateway.exchange.field_counts import counts_of, steps_of
-from gateway.exchange.kept_words import is_other, may_have_gone_to, may_keep_words, spec_of_words
+from gateway.exchange.kept_words import may_keep_words, spec_of_words
 from gateway.exchange.refusal import refused
 from gateway.exchange.request import Prefetched, Standstill
 from gateway.modbus.errors import RegisterRangeError
@@ -117,8 +117,6 @@ def render(
         move = _plan_move(axis, counts_of(field_, raw), seen, is_kept=is_kept)
         if move.state.is_unsure and unacknowledged is not None:
             return _flagged(unacknowledged)  # no better knowledge: the same target keeps its words (M4)
-        if is_kept and spec is not None and _goes_as_its_group(axis, number, nominal_words, spec):
-            move = _kept_move(axis, move)
         corrected_words = nominal_words
         if move.correction_counts:
             corrected_words = field_.pack(raw + steps_of(field_, move.correction_counts))
@@ -293,23 +291,6 @@ def _flagged(unacknowledged: Rendering) -> Rendering:
     move = unacknowledged.move
     assert move is not None
     return unacknowledged._replace(move=move._replace(state=move.state._replace(is_unsure=True)))
-
-
-def _goes_as_its_group(axis: Axis, number: int, nominal_words: bytes, spec: CorrectionSpec) -> bool:
-    """Whether an unacknowledged target keeps another switch, table or gain, because its group does (M11)."""
-    is_member = axis.member.gantry is not None
-    return is_member and is_other(axis, spec) and may_have_gone_to(axis, number, nominal_words)
-
-
-def _kept_move(axis: Axis, planned: Move) -> Move:
-    """Return the move of the unacknowledged target; flagged if its words may be for the other branch."""
-    assert axis.motion.unacknowledged is not None
-    move = axis.motion.unacknowledged.move
-    assert move is not None
-    is_same_way = move.state.travel.direction is planned.state.travel.direction
-    if is_same_way and not planned.state.is_unsure:
-        return move
-    return move._replace(state=move.state._replace(is_unsure=True))
 
 
 def _plan_move(
