@@ -5,25 +5,27 @@ It sees the bytes on the wires alone, and the log. What must hold:
 - A write leaves once, in time, and only if a controller asked for it (W5); one request is on a line at a time
   (W6). What is no position is the same byte for byte. The gateway itself may add reads, and write a staged
   target once more before its trigger (W8, M2).
-- A target has the words of its nominal position, corrected for the direction in which the axis goes; or the
-  axis was flagged as unsure. The same target again has the same words (M4).
+- A target has the words of its nominal position, corrected for the direction in which the axis goes, by the
+  table that is in force then; or the axis was flagged as unsure. The same target again has the same words,
+  whatever was changed meanwhile (M4).
 - A controller gets its drive's success only if the drive did what it asked for. An axis at rest reads back
   what was commanded.
 - Without a fault nothing is refused, and nothing stays without an answer.
+- Each table, gain and switch that comes into force was asked for. What the status says is so (``status.py``).
 """
 
 import hashlib
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
-from typing import Final, NoReturn
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, NoReturn
 
 from tests.ledger.drives import Drive, Operation
 from tests.ledger.frames import Parsed, native_success, parse, words_of
 from tests.ledger.layouts import STOP, Layout
 from tests.ledger.screws import Screw
+from tests.year.corrections import ROUNDING, Correction, span
 from tests.year.machine import MS, Machine, S
 
-ROUNDING: Final = 0.5 + 1e-6
 BESIDE: Final = 12
 """Counts beside an axis within which a target's direction is nobody's certainty."""
 BAND: Final = 3
@@ -40,6 +42,9 @@ UNSURE: Final = frozenset({"direction-unsure", "record-not-used", "reference-los
 """Events by which an axis is flagged: its next words may be those of the other direction."""
 ALARMS: Final = frozenset({"internal-fault", "unexpected", "no-progress"})
 """Events that are findings by themselves."""
+
+
+NONE: Final = Correction("", None)
 
 
 class FindingError(SystemExit):
@@ -117,6 +122,7 @@ class Frame:
 
     __slots__ = (
         "axis",
+        "correction",
         "data",
         "doubled_ns",
         "is_acknowledged",
@@ -133,6 +139,8 @@ class Frame:
         self.unit, self.pdu, self.data, self.sent_ns = unit, pdu, data, sent_ns
         self.parsed = parse(pdu)
         self.axis: Axis | None = None
+        self.correction = NONE
+        """That of its axis when it left."""
         self.request: Request | None = None
         self.is_taken = False
         """Its drive has taken it."""
@@ -147,14 +155,28 @@ class Frame:
 class Axis:
     """One axis as the account knows it."""
 
-    def __init__(self, name: str, layout: Layout, screw: Screw, drive: Drive) -> None:
-        self.name, self.layout, self._screw, self.drive = name, layout, screw, drive
+    def __init__(self, name: str, layout: Layout, drive: Drive) -> None:
+        self.name, self.layout, self.drive = name, layout, drive
+        self.correction = NONE
+        """In force for its next different target."""
+        self.wanted = NONE
+        """The same, as it was asked for."""
+        self.planned = ""
+        """The table in its plan: what the next process begins with."""
+        self.made_with = NONE
+        """The words of the target that was run last were made with this."""
+        self.mixture = [NONE]
+        """What a reading may be a mixture of: that of before fades on the way."""
         self.staged: int | None = None
         """The nominal target that left last."""
         self.place: int | None = None
         """The nominal target that was run last; None: something else moved the axis."""
         self.words: int | None = None
         """With these corrected counts."""
+        self.came_from: tuple[int | None, int | None] = (None, None)
+        """Place and words before."""
+        self.ran_ns = 0
+        """When it was run."""
         self.sure = 0
         """Acknowledged moves since the last doubt."""
         self.is_settled = False
@@ -168,22 +190,29 @@ class Axis:
         self.is_referenced = True
         self.is_new = True
         """No move since the process began, and its record was not restored."""
+        self.readings: deque[tuple[int, int]] = deque(maxlen=16)
+        """The newest positions that its drive has told this process: when the read left, and the counts."""
 
-    def value(self, nominal: int, *, is_forward: bool) -> float:
-        """Counts at which the drive has to be for a nominal position."""
-        correction = self._screw.correction_mm(self.layout.machine_mm(nominal), is_forward=is_forward)
-        return nominal + correction * self.layout.counts_per_unit
-
-    def branches(self, nominal: int) -> tuple[float, float]:
-        """Return where the drive has to be for a nominal position, reached forward and backward."""
-        return self.value(nominal, is_forward=True), self.value(nominal, is_forward=False)
-
-    def is_one_of(self, corrected: int, nominal: int) -> bool:
-        """Whether these are the words of a target: for either direction, or half way between."""
-        up, down = self.branches(nominal)
-        if any(abs(corrected - value) <= ROUNDING for value in (up, down, (up + down) / 2)):
+    def is_one_of(self, corrected: int, nominal: int, correction: Correction) -> bool:
+        """Whether these are the words of a target: corrected, or those that the same target had before."""
+        if (nominal, corrected) == (self.place, self.words):
             return True
-        return not self.is_referenced and corrected == nominal
+        is_plain = not self.is_referenced and corrected == nominal
+        return is_plain or correction.makes(self.layout, corrected, nominal)
+
+    def goes(self, operation: Operation, correction: Correction) -> None:
+        """Its drive goes to the staged target: what was before fades on the way."""
+        is_at_rest = not operation.was_moving and self.place is not None and operation.was_at == self.words
+        self.is_settled |= self.sure > 0 and is_at_rest
+        if (self.staged, operation.end) == (self.place, self.words):
+            correction = self.made_with  # kept words
+        if is_at_rest:
+            self.mixture = [self.made_with]
+        if correction not in self.mixture:
+            self.mixture.append(correction)
+        low, high = span(self.layout, self.mixture, operation.was_at)
+        self.faded = high - low + (0.0 if is_at_rest else self.faded)
+        self.made_with = correction
 
     def doubt(self) -> None:
         """Where it is, and from where it came, may not be known any more."""
@@ -202,6 +231,12 @@ class Line:
         self.waiting: list[Request] = []
         """Writes that have not left."""
         self.troubled_ns = 0
+        self.left = 0
+        """Frames that have left since the process began."""
+        self.uncounted = 0
+        """Of these, those that its status did not count when it was seen last."""
+        self.counted_ns = 0
+        """When that was; 0: never."""
 
 
 class Account:
@@ -209,6 +244,12 @@ class Account:
 
     def __init__(self, machine: Machine, book: Book, lines: Mapping[str, Line]) -> None:
         self._machine, self.book, self.lines = machine, book, lines
+        self.tables: dict[str, Screw] = {}
+        """Each table that there may be, by the name of its file."""
+        self.digests: dict[str, str] = {}
+        """The same in compiled form."""
+        self.began_ns = 0
+        """When the process began."""
 
     # --- controllers
 
@@ -242,7 +283,7 @@ class Account:
                 self.book.find("success-from-nowhere", f"{_text(request)}: its drive did not say so")
             self.book.seen["writes done"] += 1
         elif request.axis is not None:
-            problems = [self._why_no_reading(request.axis, request, frame, pdu) for frame in frames]
+            problems = [self._why_wrong_reply(request.axis, request, frame, pdu) for frame in frames]
             if all(problems):
                 self.book.find("wrong-reading", f"axis {request.axis.name}: {problems[0]}")
 
@@ -279,9 +320,12 @@ class Account:
             book.find("no-frame", f"line {line.name}: {data.hex(' ')}")
         frame = Frame(*opened, data, now_ns)
         book.seen["exchanges"] += 1
+        line.left += 1
         book.note(f"to {line.name} {frame.unit}", frame.pdu)
         self._doubt_unacknowledged(line)
         frame.axis = axis = line.axes.get(frame.unit)
+        if axis is not None:
+            frame.correction = axis.correction
         frame.request = request = self._request_of(line, frame, axis)
         if request is not None:
             line.waiting.remove(request)
@@ -294,7 +338,7 @@ class Account:
                 )
         elif frame.parsed.write is None:
             book.seen["added reads"] += 1
-        elif axis is not None and axis.layout.is_staged and self._is_restaged(axis, frame.parsed):
+        elif axis is not None and axis.layout.is_staged and self._is_restaged(axis, frame):
             book.seen["restaged"] += 1
         elif _is_stop(axis, frame.parsed) and any(each.pdu == frame.pdu for each in line.frames):
             book.seen["stops sent again"] += 1  # one that left before the silence, and was not answered (M3)
@@ -317,7 +361,7 @@ class Account:
         fitting = [request for request in line.waiting if self._may_become(request, frame, axis)]
         waiting = next((each for each in fitting if not each.is_closed), None)
         is_staged = axis is not None and axis.layout.is_staged
-        if waiting is None and is_staged and self._is_restaged(axis, frame.parsed):
+        if waiting is None and is_staged and self._is_restaged(axis, frame):
             return None
         return waiting or next(iter(fitting), None)
 
@@ -336,14 +380,15 @@ class Account:
         if nominal is None or corrected is None:
             return False
         # While nothing shows where its axis is, a staged target waits as it came: it is judged when it runs.
-        return axis.is_one_of(corrected, nominal) or (axis.layout.is_staged and corrected == nominal)
+        is_one = axis.is_one_of(corrected, nominal, frame.correction)
+        return is_one or (axis.layout.is_staged and corrected == nominal)
 
     @staticmethod
-    def _is_restaged(axis: Axis | None, parsed: Parsed) -> bool:
-        if axis is None:
+    def _is_restaged(axis: Axis | None, frame: Frame) -> bool:
+        if axis is None or axis.staged is None:
             return False
-        corrected = target_of(axis.layout, parsed)
-        return corrected is not None and axis.staged is not None and axis.is_one_of(corrected, axis.staged)
+        corrected = target_of(axis.layout, frame.parsed)
+        return corrected is not None and axis.is_one_of(corrected, axis.staged, frame.correction)
 
     # --- at the drives and back
 
@@ -356,31 +401,41 @@ class Account:
         self.book.note(f"line {line.name} {unit} takes a copy", pdu)
         return None
 
-    def ran(self, frame: Frame, operation: Operation) -> None:
-        """A drive moves its axis."""
+    def did(self, frame: Frame, reply: bytes, operations: Sequence[Operation]) -> None:
+        """A drive has done what a frame asks for, and will reply so."""
+        frame.reply = reply
         axis = frame.axis
         if axis is None:
             return
+        if frame.parsed.read == (axis.layout.actual, 2):
+            axis.readings.append((frame.sent_ns, axis.layout.join(_pair(reply[2:]))))
+        for operation in operations:
+            self._ran(axis, frame, operation)
+
+    def _ran(self, axis: Axis, frame: Frame, operation: Operation) -> None:
         self.book.seen["moves"] += 1
         nominal, end = axis.staged, operation.end
         if operation.kind != "absolute":
             axis.place = None
             return
-        if nominal is None or not axis.is_one_of(end, nominal):
+        if nominal is None or not axis.is_one_of(end, nominal, frame.correction):
+            if (
+                frame.correction.is_plain
+            ):  # what its drive holds runs: nothing is refused to such an axis (M9)
+                axis.place = None
+                axis.doubt()
+                return
             self.book.find("wrong-target", f"axis {axis.name} goes to {end} for {nominal}")
         if axis.is_new:
             axis.doubt()
         axis.is_new = False
-        is_at_rest = not operation.was_moving and axis.place is not None and operation.was_at == axis.words
-        axis.is_settled |= axis.sure > 0 and is_at_rest
-        up, down = axis.branches(operation.was_at)
-        axis.faded = abs(up - down) + (0.0 if is_at_rest else axis.faded)
+        axis.goes(operation, frame.correction)
         ways = self._ways(axis, nominal, operation)
         is_again = nominal == axis.place and axis.sure > 0 and not axis.is_flagged
         if is_again and end != axis.words:
             self.book.find("M4-other-words", f"axis {axis.name}: {axis.words} became {end} for {nominal}")
         if len(ways) == 1 and not is_again:
-            up, down = axis.branches(nominal)
+            up, down = axis.made_with.branches(axis.layout, nominal)
             if abs(end - (up if ways[0] else down)) <= ROUNDING:
                 axis.is_flagged = False
                 self.book.seen["certain moves"] += 1
@@ -391,6 +446,7 @@ class Account:
                 detail = f"axis {axis.name} goes {way} to {end} for {nominal}, from {operation.was_at}; "
                 detail += f"forward {up:.3f}, backward {down:.3f}"
                 self._machine.after(TOLD_NS, self._need_flag, axis, axis.flags, detail)
+        axis.came_from, axis.ran_ns = (axis.place, axis.words), self._machine.now_ns
         axis.place, axis.words = nominal, end
 
     @staticmethod
@@ -400,7 +456,7 @@ class Account:
             return (True, False)
         sign = axis.layout.machine_sign
         way = nominal - axis.place
-        ends = axis.branches(nominal)
+        ends = axis.made_with.branches(axis.layout, nominal)
         if way > BESIDE and min(ends) > operation.was_at + BESIDE:
             return (sign > 0,)
         if way < -BESIDE and max(ends) < operation.was_at - BESIDE:
@@ -414,31 +470,32 @@ class Account:
             if frame.axis is not None and frame.axis.place == frame.axis.staged:
                 frame.axis.sure += 1
 
-    def _why_no_reading(self, axis: Axis, request: Request, frame: Frame, pdu: bytes) -> str:
-        """Return why a position that was read back cannot be that of the drive, "" if it can."""
+    def _why_wrong_reply(self, axis: Axis, request: Request, frame: Frame, pdu: bytes) -> str:
         layout = axis.layout
         if request.parsed.read != (layout.actual, 2) or len(frame.reply) != len(pdu):
             return ""
-        nominal = layout.join(_pair(pdu[2:]))
-        corrected = layout.join(_pair(frame.reply[2:]))
+        return self.why_no_reading(axis, layout.join(_pair(pdu[2:])), layout.join(_pair(frame.reply[2:])))
+
+    def why_no_reading(self, axis: Axis, nominal: int, corrected: int) -> str:
+        """Return why a position that was read back cannot be that of the drive, "" if it can."""
         if axis.is_new:
             self.book.seen["readings of axes that were not restored"] += 1
             return ""
         if axis.sure > 1 and not axis.is_flagged and corrected == axis.words and axis.place is not None:
             self.book.seen["exact readings"] += 1
             return "" if nominal == axis.place else f"{nominal} for {axis.place} at {corrected}"
-        up, down = axis.branches(nominal)
+        low, high = span(axis.layout, axis.mixture, nominal)
         band = BAND + axis.faded
-        if not axis.is_referenced or min(up, down) - band <= corrected <= max(up, down) + band:
+        if not axis.is_referenced or low - band <= corrected <= high + band:
             return ""
         if axis.is_flagged or not axis.is_settled:
             self.book.seen["unsure readings"] += 1
             return ""
-        return f"{nominal} for {corrected} of the drive, not {up:.2f} or {down:.2f}"
+        return f"{nominal} for {corrected} of the drive, not {low:.2f} to {high:.2f}"
 
     # --- the process
 
-    def event(self, name: str, fields: Mapping[str, object]) -> None:
+    def event(self, name: str, fields: Mapping[str, Any]) -> None:
         """The process logs an event."""
         self.book.seen[f"event {name}"] += 1
         named = fields.get("axis")
@@ -450,22 +507,57 @@ class Account:
                 axis.is_new &= name != "restored"
                 if name in ("reference-lost", "axis-referenced"):
                     axis.is_referenced = name == "axis-referenced"
+                self._corrected(axis, name, fields)
         if name in ALARMS:
             self.book.find(f"event-{name}", str(fields.get("detail", "")) + str(fields.get("traceback", "")))
 
+    def _corrected(self, axis: Axis, name: str, fields: Mapping[str, Any]) -> None:
+        """Something else comes into force: what was asked for, and at the start what is in the plan."""
+        now = axis.correction
+        if name == "axis":
+            table = fields["table"] or ""
+            now = axis.wanted = Correction(table, self.tables.get(table))
+            if table != axis.planned:
+                self.book.find("other-table", f"axis {axis.name} begins with {table}, not {axis.planned}")
+        elif name == "table-activated":
+            now = now._replace(table=fields["table"], screw=self.tables[fields["table"]])
+        elif axis.name not in fields.get("axes", ()):
+            return
+        elif name == "table-removed":
+            now = now._replace(table="", screw=None)
+        elif name == "gain-changed":
+            now = now._replace(forward=fields["forward"], backward=fields["backward"])
+        elif name in ("enabled", "disabled"):
+            now = now._replace(is_on=name == "enabled")
+        is_changed, axis.correction = now != axis.correction, now
+        if is_changed and now != axis.wanted:
+            self.book.find("changed-unasked", f"axis {axis.name}: {name}")
+
     def began(self) -> None:
         """A process begins: what it knows of the axes is in their records."""
+        self.began_ns = self._machine.now_ns
         for line in self.lines.values():
             self._doubt_unacknowledged(line)
             line.frames.clear()
+            line.left = line.counted_ns = 0
             line.waiting = [each for each in line.waiting if each.arrived_ns > self._machine.now_ns]
             for axis in line.axes.values():
                 axis.is_new = True
+                axis.readings.clear()
             self.trouble(line)
 
     def trouble(self, line: Line, lasts_ns: int = 0) -> None:
         """A fault on a line: for a while it explains what is refused or not answered."""
         line.troubled_ns = max(line.troubled_ns, self._machine.now_ns + lasts_ns)
+
+    def need_calm(self, kind: str, why: str) -> None:
+        """Something failed that no fault explains: none was there for a while, on no line."""
+        if not any(map(self.is_troubled, self.lines.values())):
+            self.book.find(kind, why)
+
+    def is_troubled(self, line: Line) -> bool:
+        """Whether a fault of a line may still have its effects."""
+        return self._machine.now_ns - line.troubled_ns <= TROUBLED_NS
 
     def _need_flag(self, axis: Axis, flags: int, detail: str) -> None:
         """An axis moved in an unlikely direction, and must have been flagged since it had so many flags."""

@@ -5,9 +5,12 @@ their pages back within half a minute. At a power cut each page has its old cont
 both by sectors.
 """
 
+import os
 import random
 from pathlib import Path
 from typing import Final
+
+from gateway.relay.axis_record import SUFFIX
 
 WRITTEN_BACK_S: Final = (1.0, 30.0)
 """Time between two rounds of writing back (``dirty_expire_centisecs`` is 3000)."""
@@ -24,6 +27,14 @@ class Disk:
     def write_back(self) -> None:
         """Everything reaches the disk."""
         self._kept = {path: path.read_bytes() for path in self._files()}
+
+    def sync(self, now_ns: int) -> None:
+        """What was written whole has reached the disk; what is new in it is from now."""
+        for path in self._files():
+            if path.suffix != SUFFIX and self._kept.get(path) != path.read_bytes():
+                self._kept[path] = path.read_bytes()
+                os.utime(path, ns=(now_ns, now_ns))
+        self._kept = {path: data for path, data in self._kept.items() if path.exists()}
 
     def cut(self, rng: random.Random) -> None:
         """The power is cut, and comes back: what had not reached the disk is lost or torn."""

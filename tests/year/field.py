@@ -69,9 +69,7 @@ class Bus:
 
     def _do(self, axis: Axis, frame: Frame, fault: str, answer: Answer) -> None:
         reply, operations = axis.drive.execute(frame.pdu, self._machine.now_ns)
-        frame.reply = reply
-        for operation in operations:
-            self._account.ran(frame, operation)
+        self._account.did(frame, reply, operations)
         if fault == "reply-lost":
             return
         if fault == "refused":

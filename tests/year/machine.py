@@ -97,7 +97,7 @@ class Timer(Descriptor):
 
 
 class Epoll(Descriptor):
-    """As epoll(7), level-triggered. Real descriptors may be registered, and are never ready."""
+    """As epoll(7), level-triggered. Real descriptors may be registered too: see ``Machine.look``."""
 
     def __init__(self, machine: "Machine") -> None:
         super().__init__(machine)
@@ -116,6 +116,8 @@ class Epoll(Descriptor):
         if descriptor is not None:
             descriptor.watched.append((self, mask))
             self.note(number, descriptor.events & (mask | ALWAYS))
+        else:
+            self.machine.real[number] = self, mask
 
     def unregister(self, number: int) -> None:
         """Do not wait for it any more."""
@@ -123,6 +125,7 @@ class Epoll(Descriptor):
         descriptor = self.machine.descriptors.get(number)
         if descriptor is not None:
             descriptor.watched = [each for each in descriptor.watched if each[0] is not self]
+        self.machine.real.pop(number, None)
         self.note(number, 0)
 
     def forget(self, number: int) -> None:
@@ -144,6 +147,8 @@ class Epoll(Descriptor):
         """As epoll_wait(2): until something is ready (-1), or not at all (0)."""
         machine, ready = self.machine, self.ready
         machine.check()
+        if machine.real_ends or machine.is_stirred:
+            machine.look()
         if how_long:
             step = machine.step
             while not ready and not machine.is_interrupted:
@@ -220,6 +225,12 @@ class Machine:
         """What steps have added to the time of day."""
         self.boots = 1
         self.descriptors: dict[int, Descriptor] = {}
+        self.real: dict[int, tuple[Epoll, int]] = {}
+        """Real descriptors that the process waits for: the socket of the relay and its connections."""
+        self.real_ends: dict[int, Callable[[], object]] = {}
+        """Their other ends in the world, each with what is called when it can be read."""
+        self.is_stirred = False
+        """Whether a real descriptor was ready when they were looked at last."""
         self.is_dead = False
         """The process was killed: none of its calls does anything any more."""
         self.writes_left = 0
@@ -285,6 +296,21 @@ class Machine:
         self.descriptors[number] = descriptor
         return number
 
+    def look(self) -> None:
+        """Learn which real descriptors are ready. They change only by the process and by the world itself."""
+        poll = select.poll()
+        for number, (_, mask) in self.real.items():
+            poll.register(number, mask)
+        for number in self.real_ends:
+            poll.register(number, select.POLLIN)
+        found = dict(poll.poll(0))
+        self.is_stirred = bool(found)
+        for number, (epoll, mask) in list(self.real.items()):
+            epoll.note(number, found.get(number, 0) & (mask | ALWAYS))
+        for number, call in list(self.real_ends.items()):
+            if number in found:
+                call()
+
     def release(self, number: int) -> None:
         """Give a number back."""
         heapq.heappush(self._free, number)
@@ -340,6 +366,8 @@ class Machine:
         """Close what the process left open."""
         self.is_dead = True
         self.signals.clear()
+        self.real.clear()
+        self.is_stirred = False
         for descriptor in list(self.descriptors.values()):
             descriptor.kill()
         on_end, self.on_end = self.on_end, []

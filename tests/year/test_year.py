@@ -9,6 +9,10 @@ HAPPENS = (
     "certain moves",
     "exact readings",
     "event restored",
+    "event table-activated",
+    "event gain-changed",
+    "statuses with a target",
+    "statuses with a reading",
     "restaged",
     "fault kill-at-write",
     "fault power-cut",
@@ -27,13 +31,13 @@ def test_a_calm_machine_moves_right_and_answers_everything() -> None:
 
 
 def test_the_same_seed_gives_the_same_bytes_events_and_files() -> None:
-    first, second = (play_seed(2, 200.0, "absurd") for _ in range(2))
+    first, second = (play_seed(2, 150.0, "absurd") for _ in range(2))
     assert first.digest == second.digest
     assert first.seen == second.seen
 
 
 def test_no_fault_makes_an_axis_go_wrong() -> None:
-    results = [play_seed(seed, 300.0, "absurd") for seed in SEEDS]
+    results = [play_seed(seed, 250.0, "absurd") for seed in SEEDS]
     assert [result.finding for result in results] == ["", ""]
     seen = sum((Counter(result.seen) for result in results), Counter[str]())
     assert [what for what in HAPPENS if not seen[what]] == []

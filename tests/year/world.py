@@ -5,17 +5,18 @@ import hashlib
 import os
 import random
 import signal
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Final
 
-from gateway.exchange.plan import ControllerPlan, LineTiming, Role
+from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, Role
 from gateway.ipc.log import LogEntry
 from gateway.relay.errors import StartError
 from gateway.relay.run import run_relay
 from gateway.state.folder import StateError
-from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan, read_plan, write_plan
+from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan, read_plan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from tests.ledger.frames import open_mbap, open_rtu
 from tests.ledger.layouts import Layout, Style, axis_plan
@@ -40,6 +41,7 @@ from tests.year.loop import LogAtOnce, SimulatedLoop
 from tests.year.machine import MS, KilledError, S, SpinningError
 from tests.year.network import Address, Network, Peer
 from tests.year.serial_ports import Wire
+from tests.year.supervisor import TABLES, Supervisor, table_name
 from tests.year.system import MACHINE
 
 DRIVES: Final = SerialEndpoint("/dev/drives", 115200, "E")
@@ -73,13 +75,13 @@ class World:
         self._network = Network(MACHINE, random.Random(f"{seed} network"), self._tell_tcp)
         self._disk = Disk(folder)
         self._is_over = False
-        screws = {layout.name: random_screw(rng) for layout in (*XY, *Z)}
-        self._plan = _plan(screws)
-        write_plan(folder, self._plan, {}, "")
-        self._disk.write_back()
-        self.xy = Line("xy", _axes(XY, screws, rng), open_rtu)
-        self.z = Line("z", _axes(Z, screws, rng), lambda data: open_mbap(data)[1:])
+        screws = {layout.name: [random_screw(rng) for _ in range(TABLES)] for layout in (*XY, *Z)}
+        self.xy = Line("xy", _axes(XY, rng), open_rtu)
+        self.z = Line("z", _axes(Z, rng), lambda data: open_mbap(data)[1:])
         self.account = Account(MACHINE, self.book, {"xy": self.xy, "z": self.z})
+        self._supervisor = Supervisor(
+            MACHINE, self.account, self._disk, screws, random.Random(f"{seed} supervisor")
+        )
         self._drives_wire = self._wire(seed, DRIVES)
         self._cnc_wire = self._wire(seed, CNC)
         self._buses = {
@@ -96,6 +98,7 @@ class World:
         SerialDrives(self._buses["xy"], self._drives_wire, random.Random(f"{seed} damage"))
         self._network.servers[Z_DRIVES.host, Z_DRIVES.port] = self._z_server
         self._begin_controllers(seed)
+        self._supervisor.begin(_plan(screws))
         self._later(random.Random(f"{seed} disk"), WRITTEN_BACK_S, self._disk.write_back)
         self.faults.arrange(MACHINE, self._troubles())
 
@@ -136,6 +139,7 @@ class World:
             self.book.find("does-not-start", str(error))
         finally:
             MACHINE.end_process()
+            self._supervisor.hang_up()
             _forget(before)
 
     def _take(self, entry: LogEntry) -> None:
@@ -145,6 +149,7 @@ class World:
 
     def _end(self) -> None:
         self._is_over = True
+        self._supervisor.hang_up()
         MACHINE.signal(signal.SIGTERM)
         MACHINE.after(STOPS_NS, self.book.find, "does-not-stop", f"after {STOPS_NS // S} s")
 
@@ -303,14 +308,14 @@ class World:
         return True
 
 
-def _axes(layouts: tuple[Layout, ...], screws: Mapping[str, Screw], rng: random.Random) -> dict[int, Axis]:
-    return {
-        layout.unit: Axis(layout.name, layout, screws[layout.name], make_drive(layout, rng))
-        for layout in layouts
-    }
+def _axes(layouts: tuple[Layout, ...], rng: random.Random) -> dict[int, Axis]:
+    return {layout.unit: Axis(layout.name, layout, make_drive(layout, rng)) for layout in layouts}
 
 
-def _plan(screws: Mapping[str, Screw]) -> GatewayPlan:
+def _plan(screws: Mapping[str, Sequence[Screw]]) -> GatewayPlan:
+    def axis(layout: Layout) -> AxisPlan:
+        return replace(axis_plan(layout, screws[layout.name][0]), table_name=table_name(layout.name, 0))
+
     timing = LineTiming(response_timeout_ms=TIMEOUT_MS, drain_ms=80.0)
     return GatewayPlan(
         "year",
@@ -322,7 +327,7 @@ def _plan(screws: Mapping[str, Screw]) -> GatewayPlan:
                     ControllerLink(ControllerPlan("cnc", timeout_ms=PATIENCE_MS, serial=True), CNC),
                     _link("hmi", Role.MONITOR, HMI_PORT),
                 ),
-                tuple(axis_plan(layout, screws[layout.name]) for layout in XY),
+                tuple(map(axis, XY)),
                 timing,
                 tape_bytes=1 << 20,
             ),
@@ -330,7 +335,7 @@ def _plan(screws: Mapping[str, Screw]) -> GatewayPlan:
                 "z",
                 Z_DRIVES,
                 (_link("plc", Role.MOTION, PLC_PORT), _link("panel", Role.MONITOR, PANEL_PORT)),
-                tuple(axis_plan(layout, screws[layout.name]) for layout in Z),
+                tuple(map(axis, Z)),
                 timing,
             ),
         ),
