@@ -11,6 +11,7 @@ It sees the bytes on the wires alone, and the log. What must hold:
 - A controller gets its drive's success only if the drive did what it asked for. An axis at rest reads back
   what was commanded.
 - Without a fault nothing is refused, and nothing stays without an answer.
+- A kill leaves a record of each axis that can be read.
 - Each table, gain and switch that comes into force was asked for. What the status says is so (``status.py``).
 """
 
@@ -121,6 +122,7 @@ class Frame:
     """A frame that left for a drive."""
 
     __slots__ = (
+        "arrives_ns",
         "axis",
         "correction",
         "data",
@@ -148,6 +150,8 @@ class Frame:
         """What its drive answered to it."""
         self.is_acknowledged = False
         """The success of its drive has arrived whole."""
+        self.arrives_ns = 0
+        """When its reply does."""
         self.doubled_ns = 0
         """When its reply came once more: on RTU it may answer an equal read."""
 
@@ -250,6 +254,8 @@ class Account:
         """The same in compiled form."""
         self.began_ns = 0
         """When the process began."""
+        self._boots = machine.boots
+        """Of the machine when a process was ready."""
 
     # --- controllers
 
@@ -463,8 +469,9 @@ class Account:
             return (sign < 0,)
         return (True, False)
 
-    def acknowledged(self, frame: Frame) -> None:
-        """The reply of a drive has arrived at the gateway, whole and in time."""
+    def acknowledged(self, frame: Frame, arrives_ns: int) -> None:
+        """The reply of a drive is on its way to the gateway, whole and in time."""
+        frame.arrives_ns = arrives_ns
         if frame.parsed.write is not None and native_success(frame.pdu, frame.reply):
             frame.is_acknowledged = True
             if frame.axis is not None and frame.axis.place == frame.axis.staged:
@@ -508,6 +515,10 @@ class Account:
                 if name in ("reference-lost", "axis-referenced"):
                     axis.is_referenced = name == "axis-referenced"
                 self._corrected(axis, name, fields)
+        if name == "ready":
+            self._boots = self._machine.boots
+        if name == "record-not-used" and "damaged" in fields["detail"] and self._boots == self._machine.boots:
+            self.book.find("record-damaged", f"without a power cut: {fields['detail']}")
         if name in ALARMS:
             self.book.find(f"event-{name}", str(fields.get("detail", "")) + str(fields.get("traceback", "")))
 
@@ -548,7 +559,11 @@ class Account:
 
     def trouble(self, line: Line, lasts_ns: int = 0) -> None:
         """A fault on a line: for a while it explains what is refused or not answered."""
-        line.troubled_ns = max(line.troubled_ns, self._machine.now_ns + lasts_ns)
+        now_ns = self._machine.now_ns
+        line.troubled_ns = max(line.troubled_ns, now_ns + lasts_ns)
+        for frame in line.frames:
+            if frame.arrives_ns > now_ns and frame.axis is not None:
+                frame.axis.doubt()  # its reply may not arrive any more
 
     def need_calm(self, kind: str, why: str) -> None:
         """Something failed that no fault explains: none was there for a while, on no line."""

@@ -27,6 +27,8 @@ TIMES: Final = {
     "halt": 1.0,
     "kill": 0.5,
     "kill-at-write": 0.5,
+    "kill-at-store": 0.5,
+    "power-cut-at-store": 0.1,
     "restart": 0.2,
     "power-cut": 0.1,
     "clock-step": 0.5,

@@ -29,8 +29,8 @@ PATIENCE_MS: Final = 1_000.0
 PATIENCE_NS: Final = int(PATIENCE_MS * MS)
 ON_TCP: Final = {"request-garbled": "request-lost", "reply-garbled": "reply-lost"}
 """TCP garbles nothing."""
-Answer = Callable[[bytes, bool], object]
-"""Sends the PDU of a reply; True: damaged on its way."""
+Answer = Callable[[bytes, bool], int]
+"""Sends the PDU of a reply, True: damaged on its way; returns when it arrives."""
 
 
 class Bus:
@@ -80,9 +80,9 @@ class Bus:
             self._machine.after(int(late_ms * MS), answer, reply, False)
             return
         is_garbled = fault == "reply-garbled"
+        arrives_ns = answer(reply, is_garbled)
         if not is_garbled:
-            self._account.acknowledged(frame)
-        answer(reply, is_garbled)
+            self._account.acknowledged(frame, arrives_ns)
         if fault == "reply-doubled":
             again_ns = self._rng.randrange(MS, 40 * MS)
             frame.doubled_ns = self._machine.now_ns + again_ns
@@ -101,12 +101,12 @@ class SerialDrives:
         if opened is not None:
             self._bus.take(data, *opened, partial(self._answer, opened[0]))
 
-    def _answer(self, unit: int, reply: bytes, is_garbled: bool) -> None:
+    def _answer(self, unit: int, reply: bytes, is_garbled: bool) -> int:
         frame = rtu(unit, reply)
         if is_garbled:
             at = self._rng.randrange(len(frame))
             frame = frame[:at] + bytes((frame[at] ^ 1 << self._rng.randrange(8),)) + frame[at + 1 :]
-        self._wire.send(frame)
+        return self._wire.send(frame)
 
 
 class TcpDrives(Peer):

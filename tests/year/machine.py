@@ -235,6 +235,10 @@ class Machine:
         """The process was killed: none of its calls does anything any more."""
         self.writes_left = 0
         """It is killed at this write from now on; 0: at none."""
+        self.stores_left = 0
+        """It is killed within or behind this store into a record from now on; 0: at none."""
+        self.at_store: Callable[[], object] = _nothing
+        """Called then, before it is killed."""
         self.signals: dict[int, Callable[[], object]] = {}
         """What the process does at a signal."""
         self.is_interrupted = False
@@ -350,6 +354,23 @@ class Machine:
         self.is_dead = True
         raise KilledError
 
+    def store(self, buffer: memoryview, at: int, data: bytes) -> None:
+        """Store into memory that outlives the process; a kill leaves the first bytes of a store, or all.
+
+        Raises:
+            KilledError: it is killed here.
+        """
+        if self.is_dead:
+            raise KilledError
+        if self.stores_left:
+            self.stores_left -= 1
+            if not self.stores_left:
+                data = data[: self.random.randrange(len(data) + 1)]
+                buffer[at : at + len(data)] = data
+                self.at_store()
+                self.kill()
+        buffer[at : at + len(data)] = data
+
     def signal(self, number: int) -> None:
         """Send a signal; a process that does not expect it is not there yet."""
         handler = self.signals.get(number)
@@ -359,7 +380,8 @@ class Machine:
 
     def begin_process(self) -> None:
         """Begin a process; the one before has ended."""
-        self.is_dead, self.writes_left, self._still_until_ns, self._waits = False, 0, 0, 0
+        self.is_dead, self.writes_left, self.stores_left = False, 0, 0
+        self._still_until_ns = self._waits = 0
         self.signals.clear()
 
     def end_process(self) -> None:

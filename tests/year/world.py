@@ -21,6 +21,7 @@ from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from tests.ledger.frames import open_mbap, open_rtu
 from tests.ledger.layouts import Layout, Style, axis_plan
 from tests.ledger.screws import Screw, random_screw
+from tests.year import stores
 from tests.year.account import Account, Axis, Book, FindingError, Line
 from tests.year.disk import WRITTEN_BACK_S, Disk
 from tests.year.faults import Faults
@@ -70,6 +71,7 @@ class World:
     def __init__(self, seed: int, folder: Path, level: str, without: Collection[str] = ()) -> None:
         rng = random.Random(f"{seed} world")
         MACHINE.random.seed(f"{seed} machine")
+        stores.install()
         self.book = Book(MACHINE)
         self.faults = Faults(seed, level, without)
         self._network = Network(MACHINE, random.Random(f"{seed} network"), self._tell_tcp)
@@ -144,7 +146,8 @@ class World:
 
     def _take(self, entry: LogEntry) -> None:
         if not MACHINE.is_dead:
-            self.book.note(f"event {entry.event}", str(entry.fields.get("detail", "")).encode())
+            detail = str(entry.fields.get("detail", "")).replace(str(self._disk.folder), "state")
+            self.book.note(f"event {entry.event}", detail.encode())
             self.account.event(entry.event, entry.fields)
 
     def _end(self) -> None:
@@ -211,6 +214,8 @@ class World:
             "halt": self._halt,
             "kill": self._kill,
             "kill-at-write": self._kill_at_write,
+            "kill-at-store": self._kill_at_store,
+            "power-cut-at-store": self._power_cut_at_store,
             "restart": self._restart,
             "power-cut": self._power_cut,
             "clock-step": self._step_clock,
@@ -281,6 +286,23 @@ class World:
         MACHINE.writes_left = rng.randint(1, 40)
         return True
 
+    def _kill_at_store(self, rng: random.Random) -> bool:
+        return self._at_store(rng, self._killed_at_store)
+
+    def _killed_at_store(self) -> None:
+        self.book.seen["process was killed at a store"] += 1
+        self._trouble("kill at a store")
+
+    def _power_cut_at_store(self, rng: random.Random) -> bool:
+        return self._at_store(rng, partial(self._begin_cut, rng))
+
+    @staticmethod
+    def _at_store(rng: random.Random, what: Callable[[], object]) -> bool:
+        if MACHINE.is_dead or MACHINE.stores_left:
+            return False
+        MACHINE.stores_left, MACHINE.at_store = rng.randint(1, 40), what
+        return True
+
     def _restart(self, _rng: random.Random) -> bool:
         if MACHINE.is_dead:
             return False
@@ -290,10 +312,13 @@ class World:
 
     def _power_cut(self, rng: random.Random) -> bool:
         if not MACHINE.is_dead:
-            self._trouble("power-cut")
-            MACHINE.on_end.append(partial(self._cut, rng))
+            self._begin_cut(rng)
             MACHINE.kill()
         return False
+
+    def _begin_cut(self, rng: random.Random) -> None:
+        self._trouble("power-cut")
+        MACHINE.on_end.append(partial(self._cut, rng))
 
     def _cut(self, rng: random.Random) -> None:
         self._disk.cut(rng)
