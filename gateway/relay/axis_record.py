@@ -80,6 +80,8 @@ class AxisRecord:
         saved, reason = slots.read(), ""
         if saved is None and slots.is_damaged and not wrong:
             reason = "both of its copies are damaged"
+        elif saved is None and slots.was_emptied and not why_none:
+            reason = "the run before did not know any more where the axis was"
         elif saved is not None and saved.scale_digest != digest:
             reason = "what a count means, or a register of the axis, was changed in the configuration"
         elif saved is not None and why_none:

@@ -109,6 +109,31 @@ def test_a_spoilt_file_is_made_anew_and_the_axis_goes_without(path: Path, spoil:
     again.record.close()
 
 
+def test_a_start_says_once_that_the_run_before_lost_sight_of_the_axis(tmp_path: Path) -> None:
+    """After a lost link a target counts only by proof, which a reading of a monitor is not: a kill comes."""
+    path = record_path(tmp_path, "x")
+    told: list[str] = []
+
+    def attach(line: LineExchange) -> None:
+        AxisRecord(line.axes[0], path).open(told.append)
+
+    bench = LineBench(axis_plan(), before_up=attach)
+    bench.move(50_000, 20_000)
+    bench.line.link_down(bench.now_ns)
+    bench.wait(3_000)
+    bench.line.link_up(bench.now_ns)
+    bench.serve()
+    assert bench.actual() == 20_000
+    assert told == []
+    opened = Opened(path)
+    assert opened.saved is None
+    assert opened.told == [
+        f"{path}: the run before did not know any more where the axis was; the axis starts without its record"
+    ]
+    opened.record.close()
+    assert Opened(path).told == []
+
+
 @pytest.mark.parametrize("size", [0, 1, SLOTS_AT[1] - 1])
 def test_a_file_that_is_cut_in_use_is_made_anew_and_holds_from_then_on(path: Path, size: int) -> None:
     """A store into what is no part of the file any more would end the process."""

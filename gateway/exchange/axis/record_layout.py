@@ -210,6 +210,12 @@ class RecordSlots:
         """Whether something was written once and no slot is valid."""
         return not any(self._bodies()) and any(any(self._buffer[at : at + SLOT_SIZE]) for at in SLOTS_AT)
 
+    @property
+    def was_emptied(self) -> bool:
+        """Whether the newest record says nothing, and the one before it says something."""
+        good = sorted((body for body in self._bodies() if body is not None), key=_generation)
+        return [_says_something(body) for body in good] == [True, False]
+
     def release(self) -> None:
         """Release the buffer; nothing may be written afterwards."""
         for view in (*self._views, *self._step_views):
@@ -373,6 +379,11 @@ def _is_tail_of(tail: bytes, generation: int) -> bool:
 
 def _generation(body: bytes) -> int:
     return int.from_bytes(body[:8], "little")
+
+
+def _says_something(body: bytes) -> bool:
+    is_known: bool = _BODY.unpack_from(body)[2]
+    return is_known
 
 
 def _remembered(body: bytes, tilts: Sequence[float], *, is_of_this_boot: bool) -> Remembered | None:
