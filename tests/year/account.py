@@ -11,7 +11,7 @@ It sees the bytes on the wires alone, and the log. What must hold:
 - A controller gets its drive's success only if the drive did what it asked for. An axis at rest reads back
   what was commanded.
 - Without a fault nothing is refused, and nothing stays without an answer.
-- A kill leaves a record of each axis that can be read.
+- A kill leaves a record of each axis that can be read. An axis that begins without it says so.
 - Each table, gain and switch that comes into force was asked for. What the status says is so (``status.py``).
 """
 
@@ -194,6 +194,12 @@ class Axis:
         self.is_referenced = True
         self.is_new = True
         """No move since the process began, and its record was not restored."""
+        self.has_record = False
+        """The process keeps one: it began with a table. One that comes later does not begin a record."""
+        self.was_known = False
+        """The process went on from its record, or has had moves acknowledged."""
+        self.is_told = True
+        """This process has said if it goes on from the record of the one before; True: there was none."""
         self.readings: deque[tuple[int, int]] = deque(maxlen=16)
         """The newest positions that its drive has told this process: when the read left, and the counts."""
 
@@ -476,6 +482,7 @@ class Account:
             frame.is_acknowledged = True
             if frame.axis is not None and frame.axis.place == frame.axis.staged:
                 frame.axis.sure += 1
+                frame.axis.was_known |= frame.axis.sure > 1
 
     def _why_wrong_reply(self, axis: Axis, request: Request, frame: Frame, pdu: bytes) -> str:
         layout = axis.layout
@@ -487,7 +494,9 @@ class Account:
         """Return why a position that was read back cannot be that of the drive, "" if it can."""
         if axis.is_new:
             self.book.seen["readings of axes that were not restored"] += 1
-            return ""
+            is_known = axis.place is not None and not (axis.made_with.is_plain or axis.correction.is_plain)
+            is_silent = is_known and not axis.is_told
+            return "it begins without its record, and does not say so" if is_silent else ""
         if axis.sure > 1 and not axis.is_flagged and corrected == axis.words and axis.place is not None:
             self.book.seen["exact readings"] += 1
             return "" if nominal == axis.place else f"{nominal} for {axis.place} at {corrected}"
@@ -512,6 +521,8 @@ class Account:
                 axis.is_flagged |= name in UNSURE
                 axis.flags += name in UNSURE
                 axis.is_new &= name != "restored"
+                axis.was_known |= name == "restored"
+                axis.is_told |= name in ("restored", "record-not-used")
                 if name in ("reference-lost", "axis-referenced"):
                     axis.is_referenced = name == "axis-referenced"
                 self._corrected(axis, name, fields)
@@ -528,6 +539,7 @@ class Account:
         if name == "axis":
             table = fields["table"] or ""
             now = axis.wanted = Correction(table, self.tables.get(table))
+            axis.has_record = bool(table)
             if table != axis.planned:
                 self.book.find("other-table", f"axis {axis.name} begins with {table}, not {axis.planned}")
         elif name == "table-activated":
@@ -547,13 +559,15 @@ class Account:
     def began(self) -> None:
         """A process begins: what it knows of the axes is in their records."""
         self.began_ns = self._machine.now_ns
+        is_first = self._boots != self._machine.boots
         for line in self.lines.values():
             self._doubt_unacknowledged(line)
             line.frames.clear()
             line.left = line.counted_ns = 0
             line.waiting = [each for each in line.waiting if each.arrived_ns > self._machine.now_ns]
             for axis in line.axes.values():
-                axis.is_new = True
+                axis.is_told = is_first or not (axis.has_record and axis.was_known)
+                axis.is_new, axis.was_known = True, False
                 axis.readings.clear()
             self.trouble(line)
 
