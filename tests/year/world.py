@@ -292,6 +292,8 @@ class World:
     def _killed_at_store(self) -> None:
         self.book.seen["process was killed at a store"] += 1
         self._trouble("kill at a store")
+        for axis in (*self.xy.axes.values(), *self.z.axes.values()):
+            axis.was_known = False  # the first record after an empty one may be the one that is torn
 
     def _power_cut_at_store(self, rng: random.Random) -> bool:
         return self._at_store(rng, partial(self._begin_cut, rng))
