@@ -21,7 +21,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, NoReturn
 
 from tests.ledger.drives import Drive, Operation
-from tests.ledger.frames import Parsed, native_success, parse, words_of
+from tests.ledger.frames import Parsed, crc, native_success, parse, words_of
 from tests.ledger.layouts import STOP, Layout
 from tests.ledger.screws import Screw
 from tests.year.corrections import ROUNDING, Correction, span
@@ -163,6 +163,9 @@ class Axis:
         self.name, self.layout, self.drive = name, layout, drive
         self.correction = NONE
         """In force for its next different target."""
+        self.correction_before = NONE
+        self.corrected_ns = 0
+        """Since when; before that there was another."""
         self.wanted = NONE
         """The same, as it was asked for."""
         self.planned = ""
@@ -240,6 +243,8 @@ class Line:
         """The newest frames that left."""
         self.waiting: list[Request] = []
         """Writes that have not left."""
+        self.may_abort = False
+        """It cuts through: a frame that has begun to leave may have to be aborted."""
         self.troubled_ns = 0
         self.left = 0
         """Frames that have left since the process began."""
@@ -324,20 +329,22 @@ class Account:
 
     # --- to the drives
 
-    def left(self, line: Line, data: bytes) -> None:
-        """The gateway has sent a frame to a drive."""
+    def left(self, line: Line, data: bytes, began_ns: int) -> None:
+        """The gateway has sent a frame to a drive; the first of it at this instant."""
         book, now_ns = self.book, self._machine.now_ns
         opened = line.open_frame(data)
         if opened is None:
-            book.find("no-frame", f"line {line.name}: {data.hex(' ')}")
-        frame = Frame(*opened, data, now_ns)
+            self._no_frame(line, data)
+            return
+        frame = Frame(*opened, data, began_ns)
         book.seen["exchanges"] += 1
         line.left += 1
         book.note(f"to {line.name} {frame.unit}", frame.pdu)
         self._doubt_unacknowledged(line)
         frame.axis = axis = line.axes.get(frame.unit)
         if axis is not None:
-            frame.correction = axis.correction
+            is_before = began_ns < axis.corrected_ns
+            frame.correction = axis.correction_before if is_before else axis.correction
         frame.request = request = self._request_of(line, frame, axis)
         if request is not None:
             line.waiting.remove(request)
@@ -360,6 +367,14 @@ class Account:
         if axis is not None and request is not None:
             nominal = target_of(axis.layout, request.parsed)
             axis.staged = axis.staged if nominal is None else nominal
+
+    def _no_frame(self, line: Line, data: bytes) -> None:
+        """Bytes that no drive takes: a frame that was aborted (W12), or torn by a fault."""
+        self.book.note(f"to {line.name}, no frame", data)
+        is_aborted = line.may_abort and len(data) > 4 and _is_inverted(data)
+        self.book.seen["aborted frames" if is_aborted else "torn frames"] += 1
+        if not is_aborted and not (line.may_abort and self.is_troubled(line)):
+            self.book.find("no-frame", f"line {line.name}: {data.hex(' ')}")
 
     def _doubt_unacknowledged(self, line: Line) -> None:
         """The next frame leaves: what was not acknowledged before may have been done or not."""
@@ -552,8 +567,11 @@ class Account:
             now = now._replace(forward=fields["forward"], backward=fields["backward"])
         elif name in ("enabled", "disabled"):
             now = now._replace(is_on=name == "enabled")
-        is_changed, axis.correction = now != axis.correction, now
-        if is_changed and now != axis.wanted:
+        if now == axis.correction:
+            return
+        axis.correction_before, axis.corrected_ns = axis.correction, self._machine.now_ns
+        axis.correction = now
+        if now != axis.wanted:
             self.book.find("changed-unasked", f"axis {axis.name}: {name}")
 
     def began(self) -> None:
@@ -603,6 +621,11 @@ def target_of(layout: Layout, parsed: Parsed) -> int | None:
     if parsed.write is None or parsed.write[0] != layout.command or len(parsed.write[1]) != 2:
         return None
     return layout.join((parsed.write[1][0], parsed.write[1][1]))
+
+
+def _is_inverted(data: bytes) -> bool:
+    """Whether both bytes of a check sum are inverted."""
+    return bytes(each ^ 0xFF for each in data[-2:]) == crc(data[:-2])
 
 
 def _is_stop(axis: Axis | None, parsed: Parsed) -> bool:

@@ -18,6 +18,10 @@ from tests.year.machine import MS, Descriptor, Machine, S
 
 ADAPTER_NS: Final = MS
 """A USB adapter hands bytes over within this time after their last character."""
+PAUSE_NS: Final = 750_000
+"""The longest pause between two characters of a frame above 19200 Bd (Modbus over serial line, 2.5.1.1)."""
+SILENCE_NS: Final = 1_750_000
+"""The silence behind a frame there."""
 
 
 class Port(Descriptor):
@@ -76,6 +80,9 @@ class Wire:
 
     ``heard`` gets what the process has sent, when its last character has ended. ``tell`` gets it when the
     process writes it.
+
+    ``is_fine``: a port of the machine itself. The process gets each character as it comes, and a frame may
+    leave in pieces. ``heard`` and ``tell`` get it when the silence behind it has passed.
     """
 
     def __init__(
@@ -90,18 +97,37 @@ class Wire:
         self.port: Port | None = None
         self.is_plugged = True
         self.splits = 0.0
+        self.is_fine = False
+        self._frame = b""
+        """What has left since the last silence."""
+        self.began_ns = 0
+        """When the first of it left."""
+        self._left_ns = 0
+        """When the last of it has."""
         self._character_ns = endpoint.bits_per_character * S // endpoint.baudrate
         self._free_ns = 0
         _WIRES[endpoint.device] = self
 
     def leave(self, data: bytes) -> None:
         """The process sends."""
+        if self.is_fine:
+            if self.machine.now_ns > self._left_ns + PAUSE_NS:
+                self._end_frame()  # what comes after a longer pause belongs to no frame before
+            if not self._frame:
+                self.began_ns = self.machine.now_ns
+            self._frame += data
+            self._left_ns = self._end(len(data))
+            self.machine.at(self._left_ns + SILENCE_NS, self._fall_silent)
+            return
+        self.began_ns = self.machine.now_ns
         self._tell(self.endpoint.device, data)
         self.machine.at(self._end(len(data)), self._hear, data)
 
     def send(self, data: bytes) -> int:
         """The device sends; return when it has arrived."""
         self._tell(f"from {self.endpoint.device}", data)
+        if self.is_fine:
+            return self._send_characters(data)
         pieces, end_ns = [data], self._end(len(data))
         if len(data) > 1 and self._rng.random() < self.splits:
             cut = self._rng.randrange(1, len(data))
@@ -113,6 +139,24 @@ class Wire:
             end_ns += after_ns
             self.machine.at(end_ns, self._arrive, piece)
         return end_ns
+
+    def _send_characters(self, data: bytes) -> int:
+        """Send one character after the other."""
+        end_ns = 0
+        for character in data:
+            end_ns = self._end(1)
+            self.machine.at(end_ns, self._arrive, bytes((character,)))
+        return end_ns
+
+    def _fall_silent(self) -> None:
+        if self.machine.now_ns >= self._left_ns + SILENCE_NS:
+            self._end_frame()
+
+    def _end_frame(self) -> None:
+        frame, self._frame = self._frame, b""
+        if frame:
+            self._tell(self.endpoint.device, frame)
+            self._hear(frame)
 
     def plug(self, *, is_plugged: bool) -> None:
         """Unplug the adapter, or plug it in again."""

@@ -38,6 +38,11 @@ class StatusCheck:
 
     def _check_line(self, line: Line, shown: LineStatus) -> None:
         """Each frame that left is counted once; one may be on the line. After a fault some never are."""
+        if shown.cut_through:
+            both = shown.cut_through.requests.cut_through, shown.cut_through.replies.cut_through
+            for what, number in zip(("requests", "replies"), both, strict=True):
+                most = max(self._book.seen[f"{what} cut through"], number)
+                self._book.seen[f"{what} cut through"] = most
         counted = shown.exchanges + shown.timeouts + shown.added_reads + shown.restaged
         uncounted = line.left - counted
         if line.troubled_ns + TROUBLED_NS > line.counted_ns:

@@ -59,7 +59,8 @@ Z: Final = (
 )
 STARTS_NS: Final = S
 """After its end the service manager starts the process again (RestartSec)."""
-MOST_DESCRIPTORS: Final = 64
+CUT_THROUGH: Final = 0.25
+"""Share of the machines whose serial line cuts through (W12)."""
 STOPS_NS: Final = 10 * S
 """A stop that takes longer hangs."""
 SPEC: Final = "simulated"
@@ -80,6 +81,7 @@ class World:
         screws = {layout.name: [random_screw(rng) for _ in range(TABLES)] for layout in (*XY, *Z)}
         self.xy = Line("xy", _axes(XY, rng), open_rtu)
         self.z = Line("z", _axes(Z, rng), lambda data: open_mbap(data)[1:])
+        self.xy.may_abort = random.Random(f"{seed} cut-through").random() < CUT_THROUGH
         self.account = Account(MACHINE, self.book, {"xy": self.xy, "z": self.z})
         self._supervisor = Supervisor(
             MACHINE, self.account, self._disk, screws, random.Random(f"{seed} supervisor")
@@ -100,7 +102,7 @@ class World:
         SerialDrives(self._buses["xy"], self._drives_wire, random.Random(f"{seed} damage"))
         self._network.servers[Z_DRIVES.host, Z_DRIVES.port] = self._z_server
         self._begin_controllers(seed)
-        self._supervisor.begin(_plan(screws))
+        self._supervisor.begin(_plan(screws, cut_through=self.xy.may_abort))
         self._later(random.Random(f"{seed} disk"), WRITTEN_BACK_S, self._disk.write_back)
         self.faults.arrange(MACHINE, self._troubles())
 
@@ -160,11 +162,11 @@ class World:
 
     def _tell_tcp(self, _what: str, address: Address, data: bytes) -> None:
         if address == (Z_DRIVES.host, Z_DRIVES.port):
-            self.account.left(self.z, data)
+            self.account.left(self.z, data, MACHINE.now_ns)
 
     def _tell_serial(self, device: str, data: bytes) -> None:
         if device == DRIVES.device:
-            self.account.left(self.xy, data)
+            self.account.left(self.xy, data, self._drives_wire.began_ns)
         else:
             self.book.note(device, data)
 
@@ -172,7 +174,8 @@ class World:
 
     def _wire(self, seed: int, endpoint: SerialEndpoint) -> Wire:
         wire = Wire(MACHINE, endpoint, random.Random(f"{seed} {endpoint.device}"), self._tell_serial)
-        wire.splits = 0.05
+        wire.is_fine = self.xy.may_abort
+        wire.splits = 0.0 if wire.is_fine else 0.05
         return wire
 
     def _z_server(self) -> Peer | None:
@@ -339,7 +342,7 @@ def _axes(layouts: tuple[Layout, ...], rng: random.Random) -> dict[int, Axis]:
     return {layout.unit: Axis(layout.name, layout, make_drive(layout, rng)) for layout in layouts}
 
 
-def _plan(screws: Mapping[str, Sequence[Screw]]) -> GatewayPlan:
+def _plan(screws: Mapping[str, Sequence[Screw]], *, cut_through: bool) -> GatewayPlan:
     def axis(layout: Layout) -> AxisPlan:
         return replace(axis_plan(layout, screws[layout.name][0]), table_name=table_name(layout.name, 0))
 
@@ -356,6 +359,7 @@ def _plan(screws: Mapping[str, Sequence[Screw]]) -> GatewayPlan:
                 ),
                 tuple(map(axis, XY)),
                 timing,
+                cut_through=cut_through,
                 tape_bytes=1 << 20,
             ),
             LinePlan(
