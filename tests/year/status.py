@@ -88,7 +88,8 @@ class StatusCheck:
             self._wrong(axis.name, f"{corrected} was read {reading.age_s} s ago, of {list(axis.readings)}")
         assert nominal is not None
         assert corrected is not None
-        if why := self._account.why_no_reading(axis, nominal, corrected):
+        is_of_before = read_ns < axis.ran_ns  # another correction may have been in force then
+        if not is_of_before and (why := self._account.why_no_reading(axis, nominal, corrected)):
             self._wrong(axis.name, why)
 
     @staticmethod
