@@ -96,8 +96,8 @@ def _make_field_nominal(hit: FieldHit, request: Request, data: bytearray) -> Non
     if mapped.role is FieldRole.ACTUAL and mapped.number == 0:
         was_undecided = axis.recall.is_open
         axis.observe_actual(mapped.field, words, request.now_ns)  # as old as its request
-        if was_undecided and readback is not None:
-            readback = axis.compensation.readback  # nothing else was in force when the request was sent
+        if was_undecided:  # nothing else was in force when the request was sent
+            readback = None if axis.reads_unchanged else axis.compensation.readback
     if readback is None:
         return
     if mapped.role is FieldRole.COMMAND and mapped.image is not None:

@@ -336,6 +336,10 @@ class Line:
         match command:
             case SetTable():
                 self._loaded_at |= dict.fromkeys(changed, _now())
+                for each in self._exchange.axes:  # one that had no table has no record yet
+                    name = each.plan.name
+                    if name in changed and name in self._records and each.recall.record is None:
+                        self._records[name].begin()
             case ClearTable():
                 for name in changed:
                     self._loaded_at.pop(name, None)

@@ -13,7 +13,7 @@ from gateway.compensation.units import Units
 from gateway.drives.motion import DIRECT
 from gateway.exchange.axis.record import digest_of_axis
 from gateway.exchange.commands import SetReference
-from gateway.exchange.control import switch
+from gateway.exchange.control import clear_table, switch
 from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import (
@@ -350,3 +350,30 @@ def test_a_second_kill_before_the_drive_answered_leaves_the_record_as_it_is() ->
     assert records.read() == bench.records.read()
     silent.line.link_down(silent.now_ns)
     assert records.read() == bench.records.read()
+
+
+class Dumb(Memory):
+    """Refuses everything until it speaks."""
+
+    speaks = False
+
+    def answer(self, pdu: bytes) -> bytes:
+        return super().answer(pdu) if self.speaks else bytes((pdu[0] | 0x80, 6))
+
+
+def test_the_reading_that_restores_an_axis_without_its_table_is_the_nominal_one() -> None:
+    """At 20 mm, backward: the drive is at 19 990. Its table goes while its record is not decided yet."""
+    before = RecordBench(axis_plan())
+    before.move(50_000)
+    before.reach(20_000)
+    drive = Dumb()
+    drive.words = dict(before.memory.words)
+    find = {table_digest(LOST_MOTION): LOST_MOTION}.get
+    again = RecordBench(
+        *before.plans, records=before.records.copy(), memory=drive, find_table=find, start_ns=before.now_ns
+    )
+    clear_table(again.line.axes, "x")
+    drive.speaks = True
+    for _ in range(2):
+        assert again.ask(read(ACTUAL)) == b"\x03\x04" + ACTUAL.pack(20_000)
+    assert again.told[0].startswith("goes on from its record: nominal 20 mm")

@@ -14,13 +14,14 @@ from gateway.exchange.axis.record_layout import (
     Remembered,
     header,
 )
+from gateway.exchange.commands import SetTable, TableFor
 from gateway.exchange.line import LineExchange
 from gateway.exchange.plan import CompensationMode, LineTiming
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.axis_record import AxisRecord, record_path
 from gateway.relay.gateway import Relay
 from gateway.state.plan import GatewayPlan, LinePlan
-from tests.exchange.line_bench import ACTUAL, COMMAND, Link, Memory, axis_plan, read, write
+from tests.exchange.line_bench import ACTUAL, COMMAND, LOST_MOTION, Link, Memory, axis_plan, read, write
 from tests.exchange.line_bench import Bench as LineBench
 from tests.support.relay import TIMING, Bench, until_up
 
@@ -246,3 +247,35 @@ async def test_a_clean_stop_and_a_new_start_go_on_where_the_axis_stands(bench: B
     assert note.severity.value == "info"
     assert note.fields["axis"] == "x"
     assert not [note for note in bench.notes if note.event == "record-not-used"]
+
+
+async def test_an_axis_that_gets_its_first_table_while_it_runs_keeps_a_record(
+    bench: Bench, tmp_path: Path
+) -> None:
+    memory = Memory()
+
+    def script(data: bytes) -> bytes:
+        reply = memory.answer(data[7:])
+        if data[7] == 16:
+            memory.put(ACTUAL, memory.get(COMMAND))
+        return encode_mbap(int.from_bytes(data[:2], "big"), data[6], reply)
+
+    _, where = await bench.drive("tcp", script)
+    link, _ = bench.controller_link("tcp")
+
+    async def run(pdu: bytes, answer: bytes, *, has_table: bool) -> None:
+        plan = axis_plan() if has_table else axis_plan(table=None)
+        line = LinePlan("line", where, (link,), (plan,), TIMING)
+        relay = Relay(GatewayPlan("bench", (line,)), bench.notes.append, state=tmp_path)
+        await relay.start()
+        if not has_table:
+            relay.command(SetTable(tables=(TableFor("x", "x.csv", "csv", ""),)), [LOST_MOTION])
+        await until_up(relay)
+        near = await bench.connect(relay.address("line", "cnc"))
+        near.write(encode_mbap(1, 1, pdu))
+        await near.receives(encode_mbap(1, 1, answer))
+        await relay.stop()
+
+    await run(write(COMMAND, 50_000), write(COMMAND, 50_000)[:5], has_table=False)
+    assert memory.get(ACTUAL) == 50_010
+    await run(read(ACTUAL), b"\x03\x04" + ACTUAL.pack(50_000), has_table=True)

@@ -197,8 +197,6 @@ class Axis:
         self.is_referenced = True
         self.is_new = True
         """No move since the process began, and its record was not restored."""
-        self.has_record = False
-        """The process keeps one: it began with a table. One that comes later does not begin a record."""
         self.was_known = False
         """The process went on from its record, or has had moves acknowledged."""
         self.is_told = True
@@ -554,7 +552,6 @@ class Account:
         if name == "axis":
             table = fields["table"] or ""
             now = axis.wanted = Correction(table, self.tables.get(table))
-            axis.has_record = bool(table)
             if table != axis.planned:
                 self.book.find("other-table", f"axis {axis.name} begins with {table}, not {axis.planned}")
         elif name == "table-activated":
@@ -584,7 +581,7 @@ class Account:
             line.left = line.counted_ns = 0
             line.waiting = [each for each in line.waiting if each.arrived_ns > self._machine.now_ns]
             for axis in line.axes.values():
-                axis.is_told = is_first or not (axis.has_record and axis.was_known)
+                axis.is_told = is_first or not axis.was_known
                 axis.is_new, axis.was_known = True, False
                 axis.readings.clear()
             self.trouble(line)
