@@ -5,6 +5,7 @@ import os
 import socket
 import stat
 import struct
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -21,6 +22,8 @@ BACKLOG: Final = 16
 ROOT_UID: Final = 0
 _CREDENTIALS: Final = struct.Struct("3i")
 """``struct ucred`` of unix(7): process, user, group."""
+_NO_LOGIN: Final = 2**32 - 1
+"""``loginuid`` of proc(5) for a process that no user started by a log-in. ``sudo`` does not change it."""
 
 
 class SocketError(Exception):
@@ -149,8 +152,35 @@ class SocketFile:
         )
 
 
-def peer_uid(connection: socket.socket) -> int:
-    """Return the user at the other end of a connection, as the system reports it."""
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """The process that made a connection, as the system reports it."""
+
+    uid: int
+    pid: int
+
+    def as_fields(self) -> dict[str, object]:
+        """Return who it is, for an event. The program is known only while it runs and may be seen."""
+        program = _read_of(self.pid, "comm")
+        login = _read_of(self.pid, "loginuid")
+        return {
+            "user": self.uid,
+            "pid": self.pid,
+            **({"program": program} if program else {}),
+            **({"login": int(login)} if login.isdecimal() and int(login) != _NO_LOGIN else {}),
+        }
+
+
+def peer_of(connection: socket.socket) -> Peer:
+    """Return who is at the other end of a connection."""
     credentials = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    uid: int = _CREDENTIALS.unpack(credentials)[1]
-    return uid
+    pid, uid, _ = _CREDENTIALS.unpack(credentials)
+    return Peer(uid, pid)
+
+
+def _read_of(pid: int, name: str) -> str:
+    """Return a small file of a process; "" if it has ended or may not be seen."""
+    try:
+        return Path(f"/proc/{pid}/{name}").read_text("utf-8", "replace").strip()
+    except OSError:
+        return ""

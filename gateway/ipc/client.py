@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from gateway.ipc.address import ROOT_UID, SocketError, peer_uid, socket_path
+from gateway.ipc.address import ROOT_UID, SocketError, peer_of, socket_path
 from gateway.ipc.messages import (
     MAX_REPLY_BYTES,
     Refused,
@@ -122,7 +122,7 @@ def check_owner(path: Path, connection: socket.socket) -> None:
     Raises:
         NoGatewayError: it belongs to another user.
     """
-    uid, own = peer_uid(connection), os.geteuid()
+    uid, own = peer_of(connection).uid, os.geteuid()
     if own != ROOT_UID and uid not in (own, ROOT_UID):
         raise NoGatewayError(
             f"{path} belongs to user {uid}, but this is user {own}, so nothing was sent: run this as the "

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from gateway.exchange.commands import SetTable
-from gateway.ipc.address import ROOT_UID
+from gateway.ipc.address import ROOT_UID, Peer
 from gateway.ipc.messages import Done, Reply, Request
 from gateway.status.model import RelayModel
 
@@ -16,7 +16,7 @@ LONGEST_WAIT_S: Final = 0.25
 """The longest delay: with many lines some frame is nearly always being forwarded."""
 
 
-async def _no_tables(_request: SetTable, _descriptors: Sequence[int]) -> Reply:
+async def _no_tables(_request: SetTable, _descriptors: Sequence[int], _peer: Peer) -> Reply:
     return Done(problems=("tables are not accepted here",))
 
 
@@ -35,8 +35,8 @@ class RequestHandlers:
     ``hand_over`` gets the descriptors of a message with it, and may not keep them: they are closed after it.
     """
 
-    answer: Callable[[Request], Reply]
-    hand_over: Callable[[SetTable, Sequence[int]], Awaitable[Reply]] = _no_tables
+    answer: Callable[[Request, Peer], Reply]
+    hand_over: Callable[[SetTable, Sequence[int], Peer], Awaitable[Reply]] = _no_tables
     status: Callable[[], RelayModel] = RelayModel
     has_to_wait: Callable[[], bool] = _never
     """Whether a status must wait: it takes milliseconds, and would interrupt a frame that is being

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from gateway.ipc.address import SocketFile, peer_uid
+from gateway.ipc.address import Peer, SocketFile, peer_of
 from gateway.ipc.handlers import RequestHandlers
 from gateway.ipc.messages import Happened, Refused, Reply, Request, encode
 from gateway.ipc.session import MAX_CLIENTS, Clients, Session
@@ -24,7 +24,10 @@ class ControlServer:
     """Listens in a state folder and answers each request in the call that reads it."""
 
     def __init__(
-        self, state: Path, handlers: RequestHandlers | Callable[[Request], Reply], idle_s: float = IDLE_S
+        self,
+        state: Path,
+        handlers: RequestHandlers | Callable[[Request, Peer], Reply],
+        idle_s: float = IDLE_S,
     ) -> None:
         self._socket_file = SocketFile(state)
         self._clients = Clients(
@@ -92,7 +95,7 @@ class ControlServer:
             connection.close()
             self._clients.complain("clients", f"a client was refused: {ALL_TAKEN}")
             return
-        self._clients.sessions.add(Session(self._clients, connection, peer_uid(connection)))
+        self._clients.sessions.add(Session(self._clients, connection, peer_of(connection)))
 
     def _nobody_can_connect(self, error: OSError) -> None:
         self._clients.complain("accept", f"no client can connect: {error.strerror or error}")

@@ -11,6 +11,7 @@ from typing import Final
 
 from gateway.clock import monotonic_ns
 from gateway.exchange.commands import MAX_TABLES, SetTable
+from gateway.ipc.address import Peer
 from gateway.ipc.handlers import ASKED_AGAIN_S, LONGEST_WAIT_S, RequestHandlers
 from gateway.ipc.listener import Subscriber
 from gateway.ipc.messages import (
@@ -86,11 +87,11 @@ class Clients:
 class Session:
     """Serves one client from its first byte to its last."""
 
-    def __init__(self, clients: Clients, connection: socket.socket, uid: int) -> None:
+    def __init__(self, clients: Clients, connection: socket.socket, peer: Peer) -> None:
         self.listener: Subscriber | None = None
         self._clients = clients
         self._connection = connection
-        self._uid = uid
+        self._peer = peer
         self._data = b""
         self._descriptors: list[int] = []
         self._outbox = Outbox(connection, self._emptied, self.drop)
@@ -224,9 +225,9 @@ class Session:
             return
         if (
             not isinstance(request, Ping | GetStatus | Subscribe)
-            and self._uid not in self._clients.handlers.masters
+            and self._peer.uid not in self._clients.handlers.masters
         ):
-            self._refuse("user", f"user {self._uid} may read, but not change anything")
+            self._refuse("user", f"user {self._peer.uid} may read, but not change anything")
             return
         expected = len(request.tables) if isinstance(request, SetTable) else 0
         if len(self._descriptors) != expected:
@@ -251,7 +252,7 @@ class Session:
         elif isinstance(request, GetTapes):
             self._lend(handlers.tapes())
         else:
-            self._send(handlers.answer(request))
+            self._send(handlers.answer(request, self._peer))
 
     def _lend(self, tapes: Mapping[str, int]) -> None:
         """Give it trace buffers to read: their descriptors go with the first byte of the reply."""
@@ -273,13 +274,13 @@ class Session:
             await asyncio.sleep(ASKED_AGAIN_S)
         self._handing_over = None
         if self._is_open:
-            self._send(self._clients.handlers.answer(request))
+            self._send(self._clients.handlers.answer(request, self._peer))
             self._next()
 
     async def _hand_over(self, request: SetTable, descriptors: list[int]) -> None:
         reply: Reply | None = None
         try:
-            reply = await self._clients.handlers.hand_over(request, tuple(descriptors))
+            reply = await self._clients.handlers.hand_over(request, tuple(descriptors), self._peer)
         finally:
             _close(descriptors)
             self._handing_over = None
@@ -327,7 +328,7 @@ class Session:
             self._outbox.write(encode(reply))
 
     def _complain(self, kind: str, reason: str) -> None:
-        self._clients.complain(kind, f"a client (user {self._uid}): {reason}")
+        self._clients.complain(kind, f"a client (user {self._peer.uid}): {reason}")
 
     def _close_descriptors(self) -> None:
         _close(self._descriptors)

@@ -38,7 +38,7 @@ from gateway.exchange.control import ControlError
 from gateway.exchange.latency_status import BOUNDS_US
 from gateway.exchange.limits import values_of
 from gateway.exchange.line import LineExchange
-from gateway.ipc.address import ROOT_UID, SocketError
+from gateway.ipc.address import ROOT_UID, Peer, SocketError
 from gateway.ipc.handlers import ASKED_AGAIN_S, LONGEST_WAIT_S, RequestHandlers
 from gateway.ipc.log import LogEntry
 from gateway.ipc.messages import (
@@ -224,7 +224,7 @@ class Relay:
         await asyncio.gather(*(line.stop() for line in self._lines))
         await self._close_rest(needs_silence=any(line.needs_silence for line in self._lines))
 
-    def answer(self, request: Request) -> Reply:
+    def answer(self, request: Request, peer: Peer | None = None) -> Reply:
         """Carry out a request of the socket."""
         match request:
             case Ping():
@@ -235,21 +235,23 @@ class Relay:
             case Subscribe() | GetTapes() | SetTable():
                 return Refused(reason="this is answered where the connection is")  # and never comes here
             case _:
-                return self._command_each(request)
+                return self._command_each(request, peer)
 
-    def _command_each(self, command: Command) -> Done:
+    def _command_each(self, command: Command, peer: Peer | None) -> Done:
         """Send a command to each axis; an axis that refuses it does not stop the others."""
         changed: dict[str, str] = {}
         problems: list[str] = []
         for axis in axes_of(command) or self.axes:
             try:
-                changed |= self.command(for_axis(command, axis))
+                changed |= self.command(for_axis(command, axis), peer=peer)
             except ControlError as error:
                 problems.append(str(error))
         comes = {axis: how for axis, how in changed.items() if how}
         return Done(changed=tuple(changed), problems=tuple(problems), comes=comes)
 
-    async def take_tables(self, command: SetTable, descriptors: Sequence[int]) -> Done:
+    async def take_tables(
+        self, command: SetTable, descriptors: Sequence[int], peer: Peer | None = None
+    ) -> Done:
         """Map the tables of a command and put them into force, all of them or none.
 
         Frames pass while the points are compared with their digest. The caller keeps the descriptors.
@@ -262,7 +264,7 @@ class Relay:
                 with _refused_for(requested.axis):
                     await asyncio.to_thread(check_points, data)
             with self._activity.of("a table"):
-                comes = self.command(command, [table for table, _ in found])
+                comes = self.command(command, [table for table, _ in found], peer)
         except ControlError as error:
             self._log_refused(str(error))
             return Done(problems=(str(error),))
@@ -275,8 +277,12 @@ class Relay:
             data = map_sealed(descriptor, LARGEST_BYTES)
             return mapped(data), data
 
-    def command(self, command: Command, tables: Sequence[CorrectionTable] = ()) -> dict[str, str]:
+    def command(
+        self, command: Command, tables: Sequence[CorrectionTable] = (), peer: Peer | None = None
+    ) -> dict[str, str]:
         """Carry out a command for one axis, or the tables of several axes on one line.
+
+        ``peer`` sent it; None: this process.
 
         Returns:
             The changed axes, each with how the change comes into force.
@@ -290,13 +296,20 @@ class Relay:
         [line] = lines.values()
         changed = line.command(command, tables)
         if changed:
-            self._log_command(command, changed, tables)
+            self._log_command(command, changed, tables, peer)
         return changed
 
     def _log_command(
-        self, command: Command, changed: dict[str, str], loaded: Sequence[CorrectionTable]
+        self,
+        command: Command,
+        changed: dict[str, str],
+        loaded: Sequence[CorrectionTable],
+        peer: Peer | None,
     ) -> None:
-        """Log a command that changed something; temperatures are not logged."""
+        """Log a command that changed something, and who sent it; temperatures are not logged."""
+        if isinstance(command, SetTemperature):
+            return
+        who = {} if peer is None else peer.as_fields()
         more: dict[str, object] = {}
         by = "by a command"
         match command:
@@ -321,13 +334,13 @@ class Relay:
                         axis=requested.axis,
                         table=requested.file,
                         points=len(table.positions),
+                        sha256=requested.sha256,
                         comes=changed[requested.axis],
+                        **who,
                         detail="handed over",
                     )
                 return
-            case SetTemperature():
-                return
-        self._journal.log(what, axes=list(changed), **more, detail=by)
+        self._journal.log(what, axes=list(changed), **more, **who, detail=by)
 
     def _log_refused(self, detail: str) -> None:
         """Log that a table was refused; at most once a minute."""

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from gateway.exchange.commands import MAX_TABLES, Disable, SetTable, TableFor
+from gateway.ipc.address import Peer
 from gateway.ipc.handlers import RequestHandlers
 from gateway.ipc.messages import (
     Done,
@@ -41,13 +42,13 @@ class Counter:
         self.contents: list[list[bytes]] = []
         self.complaints: list[str] = []
 
-    def answer(self, request: Request) -> Reply:
+    def answer(self, request: Request, _peer: Peer) -> Reply:
         self.requests.append(request)
         if isinstance(request, GetStatus):
             return Status(status=RelayModel())
         return Pong(name="", gateway_version="", pid=1) if isinstance(request, Ping) else Done()
 
-    async def hand_over(self, request: SetTable, descriptors: Sequence[int]) -> Reply:
+    async def hand_over(self, request: SetTable, descriptors: Sequence[int], _peer: Peer) -> Reply:
         self.requests.append(request)
         self.contents.append([os.pread(descriptor, 100, 0) for descriptor in descriptors])
         return Done(changed=tuple(table.axis for table in request.tables))

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from gateway.exchange.commands import Disable, Enable, SetReference
 from gateway.ipc import messages
-from gateway.ipc.address import SocketError, socket_path
+from gateway.ipc.address import Peer, SocketError, socket_path
 from gateway.ipc.client import NoGatewayError, ask
 from gateway.ipc.messages import (
     Done,
@@ -33,7 +33,7 @@ from gateway.ipc.server import ControlServer
 PATIENCE_S = 30.0
 
 
-def echo(request: Request) -> Reply:
+def echo(request: Request, _peer: Peer) -> Reply:
     """Answer with what was asked for."""
     if isinstance(request, Enable):
         return Done(changed=request.axes)
@@ -200,7 +200,7 @@ def test_a_gateway_that_does_not_answer_is_not_waited_for(tmp_path: Path) -> Non
 
 
 async def test_a_refusal_reaches_whoever_asks(tmp_path: Path) -> None:
-    server = ControlServer(tmp_path, lambda request: Refused(reason="of another release"))
+    server = ControlServer(tmp_path, lambda _request, _peer: Refused(reason="of another release"))
     await server.open()
     with pytest.raises(NoGatewayError, match="refused the request: of another release"):
         await asyncio.to_thread(ask, server.path, Ping())

@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
+from gateway.ipc.address import Peer
 from gateway.ipc.handlers import LONGEST_WAIT_S, RequestHandlers
 from gateway.ipc.listener import EVENTS_KEPT
 from gateway.ipc.messages import (
@@ -54,7 +55,7 @@ class Counting:
         return numbered(self.asked, self.ballast)
 
 
-def pong(request: Request) -> Reply:
+def pong(request: Request, _peer: Peer) -> Reply:
     return (
         Status(status=RelayModel())
         if isinstance(request, GetStatus)
@@ -130,8 +131,8 @@ async def serving_between_frames(state: Path, leaving: list[bool]) -> AsyncItera
     def is_leaving() -> bool:
         return leaving.pop(0) if len(leaving) > 1 else leaving[0]
 
-    def answer(request: Request) -> Reply:
-        return Status(status=status()) if isinstance(request, GetStatus) else pong(request)
+    def answer(request: Request, peer: Peer) -> Reply:
+        return Status(status=status()) if isinstance(request, GetStatus) else pong(request, peer)
 
     def status() -> RelayModel:
         return numbered(len(leaving))

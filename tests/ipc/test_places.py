@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from gateway.exchange.commands import VERSION, SetTable, TableFor
+from gateway.ipc.address import Peer
 from gateway.ipc.client import NoGatewayError, ask
 from gateway.ipc.handlers import RequestHandlers
 from gateway.ipc.messages import (
@@ -100,10 +101,16 @@ def descriptors() -> int:
     return sum(1 for _ in Path("/proc/self/fd").iterdir())
 
 
+def pong(_request: Request, _peer: Peer) -> Pong:
+    return Pong(name="", gateway_version="", pid=1)
+
+
 @contextlib.asynccontextmanager
 async def site_in(state: Path) -> AsyncIterator[Site]:
     complaints: list[str] = []
-    desk = RequestHandlers(lambda _: Pong(name="", gateway_version="", pid=1), complain=complaints.append)
+    desk = RequestHandlers(
+        lambda _request, _peer: Pong(name="", gateway_version="", pid=1), complain=complaints.append
+    )
     server = ControlServer(state, desk)
     await server.open()
     site = Site(server, complaints)
@@ -143,13 +150,11 @@ async def test_a_request_that_nobody_has_read_yet_is_under_way(tmp_path: Path) -
 async def test_a_client_whose_table_is_looked_at_keeps_its_place(tmp_path: Path) -> None:
     is_looked_at = asyncio.Event()
 
-    async def hand_over(_request: SetTable, _descriptors: Sequence[int]) -> Reply:
+    async def hand_over(_request: SetTable, _descriptors: Sequence[int], _peer: Peer) -> Reply:
         await is_looked_at.wait()
         return Done(changed=("x",))
 
-    server = ControlServer(
-        tmp_path, RequestHandlers(lambda _: Pong(name="", gateway_version="", pid=1), hand_over)
-    )
+    server = ControlServer(tmp_path, RequestHandlers(pong, hand_over))
     await server.open()
     request = SetTable(tables=(TableFor("x", "x.tab", "", ""),))
     mine = seal(b"points", "x")
@@ -213,14 +218,12 @@ async def test_listeners_have_half_of_the_places_and_keep_them(tmp_path: Path) -
 
 
 async def test_a_client_whose_tables_meet_a_bug_of_ours_is_dropped(tmp_path: Path) -> None:
-    async def hand_over(_request: SetTable, _descriptors: Sequence[int]) -> Reply:
+    async def hand_over(_request: SetTable, _descriptors: Sequence[int], _peer: Peer) -> Reply:
         raise RuntimeError("can't start new thread")
 
     caught: list[BaseException | None] = []
     asyncio.get_running_loop().set_exception_handler(lambda _, context: caught.append(context["exception"]))
-    server = ControlServer(
-        tmp_path, RequestHandlers(lambda _: Pong(name="", gateway_version="", pid=1), hand_over)
-    )
+    server = ControlServer(tmp_path, RequestHandlers(pong, hand_over))
     await server.open()
     request = SetTable(tables=(TableFor("x", "x.tab", "", ""),))
     mine = seal(b"points", "x")

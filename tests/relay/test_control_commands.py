@@ -1,6 +1,7 @@
 """Commands to a relay that runs, over its socket."""
 
 import asyncio
+import os
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,20 @@ async def test_compensation_is_switched_off_and_on_while_it_runs(bench: Bench, t
         ("disabled", ["x"]),
         ("enabled", ["x"]),
     ]
+
+
+NAME = Path("/proc/self/comm").read_text().strip()
+
+
+async def test_an_event_says_which_process_sent_the_command(bench: Bench, tmp_path: Path) -> None:
+    relay, _ = await started(bench, tmp_path)
+    assert relay.control_socket is not None
+    await asyncio.to_thread(ask, relay.control_socket, Disable(axes=("x",)))
+    relay.command(Enable(axes=("x",)))  # no other process
+    await eventually(lambda: "enabled" in [note.event for note in bench.notes])
+    disabled, enabled = (note.fields for note in bench.notes if note.event in ("disabled", "enabled"))
+    assert (disabled["user"], disabled["pid"], disabled["program"]) == (os.geteuid(), os.getpid(), NAME)
+    assert "pid" not in enabled
 
 
 async def test_the_relay_says_who_it_is_and_how_it_is(bench: Bench, tmp_path: Path) -> None:

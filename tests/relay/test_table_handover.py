@@ -1,6 +1,7 @@
 """Tables handed to a relay that runs: how they come into force."""
 
 import asyncio
+import os
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -35,6 +36,7 @@ async def test_a_table_is_in_force_with_the_next_different_target(bench: Bench, 
     await eventually(lambda: "table-activated" in [note.event for note in bench.notes])
     [note] = [note for note in bench.notes if note.event == "table-activated"]
     assert (note.fields["axis"], note.fields["comes"], note.fields["points"]) == ("x", "next-target", 2)
+    assert (note.fields["sha256"], note.fields["pid"]) == ("f" * 64, os.getpid())
 
 
 async def test_a_stream_never_steps_by_more_than_the_blend_allows(bench: Bench, tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ async def test_what_the_tape_holds_is_written_and_the_oldest_files_give_way(tmp_
     trace_buffer.put(TEXT, 5, 0, traffic.encode(traffic.Up("xyz", 5)))
     trace_buffer.put(REPLY, 7, 1, bytes.fromhex("830B"))
     trace_buffer.show()
-    desk = RequestHandlers(lambda _request: Done(), tapes=lambda: {"xyz": trace_buffer.descriptor})
+    desk = RequestHandlers(lambda _request, _peer: Done(), tapes=lambda: {"xyz": trace_buffer.descriptor})
     server = ControlServer(state, desk)
     await server.open()
     files = []
@@ -98,7 +98,7 @@ async def test_a_capture_that_cannot_be_written_says_where_and_what_to_do(
     state = tmp_path / "state"
     trace_buffer = TraceBuffer("xyz", SEGMENTS * 4096, 0, 0)
     server = ControlServer(
-        state, RequestHandlers(lambda _request: Done(), tapes=lambda: {"xyz": trace_buffer.descriptor})
+        state, RequestHandlers(lambda _request, _peer: Done(), tapes=lambda: {"xyz": trace_buffer.descriptor})
     )
     await server.open()
     said: asyncio.Queue[str] = asyncio.Queue()

@@ -5,7 +5,7 @@ import contextlib
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
-from gateway.ipc.address import socket_path
+from gateway.ipc.address import Peer, socket_path
 from gateway.ipc.handlers import RequestHandlers
 from gateway.ipc.messages import Happened, Pong, Request
 from gateway.ipc.server import ControlServer
@@ -17,7 +17,7 @@ PATIENCE_S = 30.0
 STATUS = relay_model_of({"gateway": {"name": "mill-1", "relay": "up", "snapshot_age_s": 0.0}})
 
 
-def pong(request: Request) -> Pong:
+def pong(request: Request, _peer: Peer) -> Pong:
     return Pong(name="mill-1", gateway_version="", pid=1)
 
 
