@@ -104,6 +104,14 @@ GAIN_CHANGED: Final = EventEntry(
     "the share of the table that is applied has changed",
     "a command, or a reload",
 )
+INTERVENTIONS_DAMAGED: Final = EventEntry(
+    "interventions-damaged",
+    Severity.WARNING,
+    "the journal of interventions was changed or cut since it was written; it goes on. `count` says how many "
+    "faults it has",
+    "somebody wrote into its folder, or the disk is bad",
+    "keep a copy of the folder. `pitch-gateway journal verify CONFIG` names each line",
+)
 LIMITS_CHANGED: Final = EventEntry(
     "limits-changed",
     Severity.INFO,

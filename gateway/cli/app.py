@@ -29,6 +29,7 @@ COMMANDS: Final = (
     "disable",
     "reference",
     "reload",
+    "journal",
     "capture",
     "record",
     "replay",

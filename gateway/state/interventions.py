@@ -260,8 +260,10 @@ class Verification:
                 self.problems.append(f"{place}: entry {entry['seq']} does not follow entry {last['seq']}")
             elif entry["boot"] and entry["boot"] == last["boot"]:
                 self._compare_clocks(last, entry, place)
-        self.problems += self._unread
-        self._unread.clear()
+        if self._unread:
+            self._needs_beginning &= last is not None  # it is one of these
+            self.problems += self._unread
+            self._unread.clear()
         self.entries += 1
         self.first = self.first or entry
         self.last, self._place = entry, place

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gateway.config.problems import Problem
+from gateway.exchange.commands import Command
 from gateway.supervisor.debounce import FileStamp
 
 
@@ -17,6 +18,8 @@ class ReloadOutcome:
     change."""
     gone: tuple[str, ...] = ()
     """Axes whose table was removed: its file is gone, or the configuration names none."""
+    given: tuple[tuple[Command, tuple[str, ...]], ...] = ()
+    """The commands that changed something in the relay, each with the axes that changed."""
     changed: tuple[str, ...] = ()
     """Keys of the configuration whose new values are in force."""
     problems: tuple[str, ...] = ()

@@ -26,12 +26,14 @@ from gateway.catalogue.table_events import (
     WATCHING_BY_LOOKS,
 )
 from gateway.compensation.settings import AxisSettings
+from gateway.config.compile import sources_of
 from gateway.config.load import Loaded
+from gateway.exchange.commands import Command
 from gateway.ipc.address import socket_path
 from gateway.ipc.client import ask
 from gateway.ipc.log import LogEntry, log_entry
 from gateway.ipc.messages import Happened
-from gateway.state.folder import FolderProblem, identity_of, why_not_usable
+from gateway.state.folder import FolderProblem, StateError, identity_of, why_not_usable
 from gateway.state.plan import GatewayPlan
 from gateway.status.model import ConfigurationStatus, FolderStatus, SupervisorStatus
 from gateway.supervisor.acknowledged import AlarmAcknowledgement
@@ -41,6 +43,7 @@ from gateway.supervisor.capturing import Capturing
 from gateway.supervisor.http.documents import Window, settings_in
 from gateway.supervisor.http.service import HttpService
 from gateway.supervisor.in_thread import in_thread
+from gateway.supervisor.interventions import AT_START, BY_FILE, BY_SIGNAL, Cause, Interventions
 from gateway.supervisor.link import RelayLink
 from gateway.supervisor.model import whole_model
 from gateway.supervisor.mqtt.interfaces import Orders
@@ -83,11 +86,14 @@ class Supervisor:
         tells_events: bool = False,
         name_gateway: Callable[[str], None] = _name_nobody,
     ) -> None:
-        self._link = RelayLink(socket_path(state), self._reached, self._lost, self._happened, self._publish)
+        self._link = RelayLink(
+            socket_path(state), self._reached, self._lost, self._happened, self._snapshot_came
+        )
         self.broadcast = Broadcast(self._link.want)
         """The status model and the events, for all readers."""
         self._recent = RecentHistory()
         self._past = Past(state, self._recent, self._log)
+        self._interventions = Interventions(state, self._log)
         self._config = config
         self._state = state
         self._write = write
@@ -97,7 +103,7 @@ class Supervisor:
         self._watch = Watch()
         self._table_files = TableFiles()
         self._work_due = asyncio.Event()
-        self._reloads: list[asyncio.Future[ReloadOutcome]] = []
+        self._reloads: list[tuple[asyncio.Future[ReloadOutcome], Cause]] = []
         self._is_reload_requested = True
         self._is_asked = False
         self._is_relay_new = False
@@ -115,14 +121,15 @@ class Supervisor:
             self.broadcast,
             state,
             self._settings_of,
-            self.reload,
+            lambda who: self.reload(Cause("http", who)),
             self._log,
             self._history,
             self._plan,
             self._acknowledge,
+            lambda person, before, who: self._interventions.erase(person, before, Cause("http", who)),
         )
         self._http = HttpService(window)
-        orders = Orders(self.reload, partial(ask, socket_path(state)))
+        orders = Orders(self._reload_for_mqtt, partial(ask, socket_path(state)), self._commanded_over_mqtt)
         self._temperatures = Temperatures(orders.ask, self._log)
         self._capturing = Capturing(state, self._log)
         self._alarm_output = AlarmOutput(lambda: self.broadcast.model, self._log)
@@ -133,6 +140,7 @@ class Supervisor:
     async def run(self) -> None:
         """Run until cancelled."""
         await self._past.recall()
+        await self._interventions.recall()
         self._log(SUPERVISING, config=str(self._config))
         self._work_due.set()
         await self._all(
@@ -147,12 +155,13 @@ class Supervisor:
             self._capturing.run(),
             self._alarm_output.run(),
             self._past.run(),
+            self._interventions.run(),
         )
 
-    async def reload(self) -> ReloadOutcome:
-        """Read configuration and tables again; return the result."""
+    async def reload(self, cause: Cause) -> ReloadOutcome:
+        """Read configuration and tables again, and note who caused it; return the result."""
         done: asyncio.Future[ReloadOutcome] = asyncio.get_running_loop().create_future()
-        self._reloads.append(done)
+        self._reloads.append((done, cause))
         self._work_due.set()
         return await done
 
@@ -195,7 +204,9 @@ class Supervisor:
         """Report when the state folder is not writable. Otherwise only the next start would show it."""
         identity = await in_thread(partial(identity_of, self._state))
         while True:
-            found = await in_thread(partial(why_not_usable, self._state, identity)) or self._past.problem
+            found = await in_thread(partial(why_not_usable, self._state, identity)) or (
+                self._past.problem or self._interventions.problem
+            )
             before, self._state_problem = self._state_problem, found
             if found is not None and before is None:
                 self._log(STATE_FOLDER_UNUSABLE, detail=str(found))
@@ -214,8 +225,11 @@ class Supervisor:
             asked, self._reloads = self._reloads, []
             is_reload, self._is_reload_requested = self._is_reload_requested or bool(asked), False
             is_asked, self._is_asked = self._is_asked or bool(asked), False
+            first = self._reloader.loaded is None or self._is_relay_new
+            cause = asked[0][1] if asked else BY_SIGNAL if is_asked else AT_START if first else BY_FILE
             outcome = await self._bring_up_to_date(is_reload=is_reload, is_asked=is_asked, is_retry=is_retry)
-            for done in asked:
+            await self._note_reload(outcome, cause)
+            for done, _ in asked:
                 if not done.done():
                     done.set_result(outcome)
 
@@ -264,6 +278,14 @@ class Supervisor:
                 problems=(f"{self._config}: {what}; the previous configuration and tables stay active",),
                 has_read=False,
             )
+
+    async def _note_reload(self, outcome: ReloadOutcome, cause: Cause) -> None:
+        if (loaded := self._reloader.loaded) is not None:
+            with contextlib.suppress(StateError):  # a profile is gone: noted when the configuration is
+                for file, digest in (await in_thread(partial(sources_of, loaded))).items():
+                    self._interventions.note("configuration", cause, None, file, digest)
+        for command, changed in outcome.given:
+            self._interventions.commanded(command, changed, cause)
 
     def _configure(self, loaded: Loaded) -> None:
         """Apply a configuration; unchanged parts change nothing."""
@@ -345,13 +367,28 @@ class Supervisor:
     async def _history(self, axis: str, span_s: float) -> Sequence[Noted] | None:
         return await self._past.of(axis, span_s, time.monotonic(), time.time())
 
-    def _acknowledge(self, kind: str, where: str, since: str, by: str) -> AlarmAcknowledgement | None:
+    def _acknowledge(
+        self, kind: str, where: str, since: str, by: str, address: str
+    ) -> AlarmAcknowledgement | None:
         version = self._recent.acknowledged.version
         done = self._recent.acknowledge(kind, where, since, by, datetime.now(UTC))
         if self._recent.acknowledged.version != version:
             self._past.wake()
+            alarm = {"kind": kind, "where": where, "since": since}
+            cause = Cause("http", {"name": by, "address": address})
+            self._interventions.note("acknowledged", cause, None, None, alarm)
             self._log(ALARM_ACKNOWLEDGED, kind=kind, where=where, by=by)
         return done
+
+    async def _reload_for_mqtt(self) -> ReloadOutcome:
+        return await self.reload(self._by_mqtt)
+
+    def _commanded_over_mqtt(self, command: Command, changed: Sequence[str]) -> None:
+        self._interventions.commanded(command, changed, self._by_mqtt)
+
+    @property
+    def _by_mqtt(self) -> Cause:
+        return Cause("mqtt", {"broker": self._mqtt.status().broker})
 
     def _plan(self) -> GatewayPlan | None:
         loaded = self._reloader.loaded
@@ -386,7 +423,13 @@ class Supervisor:
         self._log(RELAY_NOT_REACHED, detail=why)
         self._publish()
 
+    def _snapshot_came(self) -> None:
+        if (snapshot := self._link.snapshot) is not None:
+            self._interventions.compare(snapshot, self._http.status.certificates)
+        self._publish()
+
     def _happened(self, happened: Happened) -> None:
+        self._interventions.happened(happened)
         fields = {**happened.fields, "process": "relay"}
         entry = LogEntry(Severity(happened.severity), happened.event, fields, happened.wall_s)
         self.broadcast.publish_event(entry)

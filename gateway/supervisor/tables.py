@@ -16,12 +16,12 @@ from gateway.config.load import Loaded, load, load_document, reread_tables
 from gateway.config.problems import ConfigErrors, Problem
 from gateway.config.sections import is_live
 from gateway.config.tables_folder import what_is_strange
-from gateway.exchange.commands import ClearTable, EndDryRun, SetGain, SetTable, TableFor
+from gateway.exchange.commands import ClearTable, Command, EndDryRun, SetGain, SetTable, TableFor
 from gateway.exchange.limits import limits_of, values_of
 from gateway.exchange.plan import AxisPlan, CompensationMode
 from gateway.ipc.address import SocketError, socket_path
 from gateway.ipc.client import NobodyListensError, NoGatewayError, ask
-from gateway.ipc.messages import Done, GetStatus, Ping, Pong, Reply, Request, Status
+from gateway.ipc.messages import Done, GetStatus, Ping, Pong, Reply, Status
 from gateway.ipc.sealed_memory import seal
 from gateway.state.folder import StateError, state_folder
 from gateway.state.last_good import last_plan
@@ -361,11 +361,11 @@ def _hand_over(
 ) -> ReloadOutcome:
     """Send the relay what it does not have; each refusal is a problem in the outcome."""
     in_force = _axes(ask(path, GetStatus()))
-    done: list[Done] = []
+    done: list[tuple[Command, Done]] = []
     for line in settled.plan.lines:
         for axis in line.axes:
             configured = in_force[axis.name].configured
-            done += (_done(ask(path, request)) for request in _values(configured, axis))
+            done += ((request, _done(ask(path, request))) for request in _values(configured, axis))
     for together in _together(settled.plan.lines):
         changed = [
             axis
@@ -376,17 +376,20 @@ def _hand_over(
             done.append(_send(path, changed, tables))
     gone = tuple(name for name, axis in in_force.items() if name not in tables and axis.table.points)
     if gone:
-        done.append(_done(ask(path, ClearTable(axes=gone))))
+        clear = ClearTable(axes=gone)
+        done.append((clear, _done(ask(path, clear))))
     live = [axis for line in settled.plan.lines for axis in line.axes if _goes_live(in_force, axis)]
     if live:
-        ended = _done(ask(path, EndDryRun(axes=tuple(axis.name for axis in live))))
-        done.append(ended)
+        end = EndDryRun(axes=tuple(axis.name for axis in live))
+        ended = _done(ask(path, end))
+        done.append((end, ended))
         if ended.problems:
             stay = {f"axis.{axis.name}.compensation" for axis in live}
             outcome = replace(outcome, changed=tuple(key for key in outcome.changed if key not in stay))
-    comes = {name: how for one in done for name, how in one.comes.items()}
-    problems = tuple(f"{path}: {problem}" for one in done for problem in one.problems)
-    return replace(outcome, comes=comes, gone=gone, problems=outcome.problems + problems)
+    comes = {name: how for _, one in done for name, how in one.comes.items()}
+    given = tuple((command, one.changed) for command, one in done if one.changed)
+    problems = tuple(f"{path}: {problem}" for _, one in done for problem in one.problems)
+    return replace(outcome, comes=comes, gone=gone, given=given, problems=outcome.problems + problems)
 
 
 def _goes_live(in_force: Mapping[str, AxisStatus], axis: AxisPlan) -> bool:
@@ -395,7 +398,7 @@ def _goes_live(in_force: Mapping[str, AxisStatus], axis: AxisPlan) -> bool:
     return is_shown_only and axis.compensation is CompensationMode.ON
 
 
-def _values(has: Mapping[str, Any], new: AxisPlan) -> Iterator[Request]:
+def _values(has: Mapping[str, Any], new: AxisPlan) -> Iterator[Command]:
     """Yield the requests that give an axis the configured values that it does not have; no table.
 
     The relay reports what it has. The plan in the state folder may be newer than that.
@@ -418,7 +421,7 @@ def _together(lines: Sequence[LinePlan]) -> Iterator[list[AxisPlan]]:
             yield [axis]
 
 
-def _send(path: Path, axes: Sequence[AxisPlan], tables: Mapping[str, bytes]) -> Done:
+def _send(path: Path, axes: Sequence[AxisPlan], tables: Mapping[str, bytes]) -> tuple[Command, Done]:
     descriptors: list[int] = []
     try:
         descriptors.extend(seal(tables[axis.name], f"table of {axis.name}") for axis in axes)
@@ -431,7 +434,7 @@ def _send(path: Path, axes: Sequence[AxisPlan], tables: Mapping[str, bytes]) -> 
     finally:
         for descriptor in descriptors:
             os.close(descriptor)
-    return _done(reply)
+    return request, _done(reply)
 
 
 def _done(reply: Reply) -> Done:

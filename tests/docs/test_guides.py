@@ -142,6 +142,8 @@ OWN_TESTS: Final = frozenset({"add-a-dialect.md", "first-hour.md", "metrology.md
 """Pages whose lines are typed in their order, and what they say compared, by tests of their own."""
 NO_MACHINE: Final = (
     "no gateway runs",
+    "there is no journal",
+    "the supervisor has to run",
     "is not there",
     "no address is known for mill-1",
     "give --at, --forward-reading and --backward-reading",

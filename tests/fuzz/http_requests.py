@@ -11,7 +11,7 @@ import re
 import shutil
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -83,7 +83,7 @@ class Site:
             Guard(served.application(self.local, LOCAL_PATHS), Rules(READS | {"POST"}, there_is=LOCAL_PATHS))
         )
 
-    async def reload(self) -> ReloadOutcome:
+    async def reload(self, _who: Mapping[str, object]) -> ReloadOutcome:
         """Count who asks for it."""
         self.reloads += 1
         return ReloadOutcome()

@@ -9,6 +9,7 @@ from gateway.ipc.log import LogEntry
 from gateway.ipc.messages import Ping, Pong, Status, decode_request, encode
 from gateway.state.plan import shape_of
 from gateway.status.model import RelayModel
+from gateway.supervisor.interventions import Cause
 from gateway.supervisor.supervisor import Supervisor
 from tests.support.config import RAMP, one_axis
 
@@ -33,7 +34,7 @@ async def test_a_mistake_of_ours_is_told_and_ends_nothing(tmp_path: Path) -> Non
     async with listening:
         running = asyncio.create_task(supervisor.run())
         for _ in range(2):  # the second time it is there as before
-            outcome = await asyncio.wait_for(supervisor.reload(), 30.0)
+            outcome = await asyncio.wait_for(supervisor.reload(Cause("http")), 30.0)
             assert "an error in the supervisor: KeyError: 'x' (tables.py:" in outcome.problems[0]
         assert not running.done()
         model = supervisor.broadcast.model

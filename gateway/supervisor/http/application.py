@@ -14,6 +14,7 @@ from starlette.routing import Route
 
 from gateway.catalogue.alarms import ALARMS
 from gateway.catalogue.publishing_events import HTTP_FAILED
+from gateway.ipc.address import Peer
 from gateway.limits import Reports
 from gateway.status.model import Model
 from gateway.supervisor.http.answers import NO_STORE, json_answer, not_there, problem, raw_json, shortened
@@ -37,10 +38,10 @@ PATHS: Final = (
     "/page/NAME",
     "/session",
 )
-LOCAL_PATHS: Final = (*PATHS, "/reload")
+LOCAL_PATHS: Final = (*PATHS, "/reload", "/journal/erase")
 ASKING_PATHS: Final = (*PATHS, "/login", "/logout", "/acknowledge")
 """Paths on which a client has to authenticate."""
-POSTS: Final = frozenset(("/reload", "/login", "/logout", "/acknowledge"))
+POSTS: Final = frozenset(("/reload", "/journal/erase", "/login", "/logout", "/acknowledge"))
 NOTHING_YET: Final = "nothing is known yet: the supervisor has just started"
 Answer = Callable[[Request], Awaitable[Response]]
 
@@ -81,6 +82,7 @@ class Served:
             "/frames/NAME": self._frames.answer,
             "/page/NAME": self._page_file,
             "/reload": self._reload,
+            "/journal/erase": self._erase,
             "/session": login_routes.session,
             "/login": login_routes.log_in,
             "/logout": login_routes.log_out,
@@ -145,7 +147,15 @@ class Served:
         return Response(body, headers={**NO_STORE, "Content-Type": media_type})
 
     async def _reload(self, request: Request) -> Response:
-        return json_answer((await self._window.reload()).as_data())
+        return json_answer((await self._window.reload(_process_of(request))).as_data())
+
+    async def _erase(self, request: Request) -> Response:
+        person, before = (request.query_params.get(key, "") for key in ("person", "before"))
+        try:
+            count = await self._window.erase(person, before, _process_of(request))
+        except OSError as error:
+            return problem(503, f"the journal cannot be written: {error.strerror or error}")
+        return json_answer({"entries": count})
 
     async def _failed(self, request: Request, error: Exception) -> Response:
         """Answer a request that failed because of a bug, and log the bug."""
@@ -190,6 +200,12 @@ class _Events:
             async with contextlib.aclosing(self._stream.read(options)) as parts:
                 async for part in parts:
                     yield part
+
+
+def _process_of(request: Request) -> Mapping[str, object]:
+    """Return which process of this computer asked."""
+    peer: Peer | None = getattr(request.state, "peer", None)
+    return {} if peer is None else peer.as_fields()
 
 
 def is_stranger(request: Request) -> bool:

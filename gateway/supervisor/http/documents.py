@@ -3,7 +3,7 @@
 import asyncio
 import hashlib
 import time
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
@@ -37,6 +37,10 @@ async def _nothing(_axis: str, _span_s: float) -> None:
     return None
 
 
+async def _erase_nothing(_person: str, _before: str, _who: Mapping[str, object]) -> int:
+    return 0
+
+
 @dataclass(frozen=True, slots=True)
 class Window:
     """The HTTP service's only access to the supervisor."""
@@ -46,14 +50,20 @@ class Window:
     """The state folder, with the compiled tables and the socket ``supervisor.sock``."""
     settings_of: Callable[[str], AxisSettings | None]
     """The settings of an axis in the configuration in force; None if there is none yet."""
-    reload: Callable[[], Awaitable[ReloadOutcome]]
+    reload: Callable[[Mapping[str, object]], Awaitable[ReloadOutcome]]
+    """Read configuration and tables again, for the process that asked."""
     log: LogEvent
     history: Callable[[str, float], Awaitable[Sequence[Noted] | None]] = _nothing
     """The positions of an axis over the last so many seconds; None: no such axis."""
     plan: Callable[[], GatewayPlan | None] = lambda: None
     """The plan of the configuration in force; None if there is none yet."""
-    acknowledge: Callable[[str, str, str, str], AlarmAcknowledgement | None] = lambda *_what: None
-    """Acknowledge an alarm, by its kind, where, since when, and by whom. None: there is no such alarm."""
+    acknowledge: Callable[[str, str, str, str, str], AlarmAcknowledgement | None] = lambda *_what: None
+    """Acknowledge an alarm, by its kind, where, since when, by whom, and from which address.
+
+    None: there is no such alarm."""
+    erase: Callable[[str, str, Mapping[str, object]], Awaitable[int]] = _erase_nothing
+    """Take ``who`` out of the journal of interventions: of a person, or before a time, for the process that
+    asked; return the number of entries. Raises OSError."""
 
 
 def settings_in(plan: GatewayPlan | None, axis: str) -> AxisSettings | None:

@@ -20,6 +20,7 @@ from uvicorn.server import ServerState
 from gateway.config.files import TLS_KEY, NamedFileError, path_of, server_context
 from gateway.config.http_model import HttpSection, HttpTlsSection, TokenSection
 from gateway.files import mark_of
+from gateway.ipc.address import peer_of
 from gateway.supervisor.http.answers import (
     HEAD_BYTES,
     SEND_BUFFER_BYTES,
@@ -112,6 +113,8 @@ class HttpConnection(H11Protocol):
         with contextlib.suppress(OSError):  # the client has already gone
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
         transport.set_write_buffer_limits(high=WRITE_HIGH_BYTES)
+        if connection.family == socket.AF_UNIX:
+            self.app_state["peer"] = peer_of(connection)
         certificate = transport.get_extra_info("peercert")
         if certificate:  # the handshake has verified it
             self.app_state["certificate"] = name_in(certificate)

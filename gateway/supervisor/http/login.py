@@ -397,7 +397,9 @@ class LoginRoutes:
         asked = await _asked(request, ("kind", "where", "since"))
         if isinstance(asked, Response):
             return asked
-        done = self._window.acknowledge(asked["kind"], asked["where"], asked["since"], visitor.name)
+        done = self._window.acknowledge(
+            asked["kind"], asked["where"], asked["since"], visitor.name, peer_of(request.scope)
+        )
         if done is None:
             what = f"there is no such alarm: {shortened(asked['kind'])}, {shortened(asked['where'])}"
             return problem(404, f"{what}; it may have ended, or another one has begun")

@@ -17,9 +17,9 @@ from paho.mqtt.client import MQTTMessage
 
 from gateway.catalogue.entry import Severity
 from gateway.catalogue.publishing_events import MQTT_COMMAND, MQTT_COMMAND_IGNORED, MQTT_COMMANDS_TOO_MANY
-from gateway.exchange.commands import Disable, Enable, SetGain, Share
+from gateway.exchange.commands import Command, Disable, Enable, SetGain, Share
 from gateway.ipc.client import NoGatewayError
-from gateway.ipc.messages import Done, Request
+from gateway.ipc.messages import Done
 from gateway.limits import bucket_of
 from gateway.plain import JsonObject
 from gateway.supervisor.event_log import LogEvent
@@ -149,7 +149,7 @@ async def carry_out(command: str, payload: bytes, orders: Orders) -> CommandResu
 
 
 async def _do(asked: _Asked, command: str, orders: Orders, answer: CommandResult) -> None:
-    request: Request
+    request: Command
     match asked:
         case _Gain():
             request = SetGain(axes=asked.names, forward=asked.forward, backward=asked.backward)
@@ -163,6 +163,7 @@ async def _do(asked: _Asked, command: str, orders: Orders, answer: CommandResult
             return
     reply = await asyncio.to_thread(orders.ask, request)
     if isinstance(reply, Done):
+        orders.done(request, reply.changed)
         answer.changed, answer.comes, answer.problems = reply.changed, reply.comes, reply.problems
     else:
         answer.problems = (f"answered by {type(reply).__name__}",)

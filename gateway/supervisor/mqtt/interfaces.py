@@ -1,11 +1,12 @@
 """What a publisher works with: its queue, the functions behind commands, and the handler of sensors."""
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 from gateway.broadcast import NewestQueue
+from gateway.exchange.commands import Command
 from gateway.ipc.messages import Reply, Request
 from gateway.status.model import Model
 from gateway.supervisor.broadcast import EVENTS_KEPT, Feed, News, NumberedEvent
@@ -23,6 +24,8 @@ class Orders:
     """Read configuration and tables again."""
     ask: Callable[[Request], Reply]
     """Send a request to the relay; blocks. Raises NoGatewayError."""
+    done: Callable[[Command, Sequence[str]], None] = lambda _command, _changed: None
+    """Gets each command that the relay carried out, and the axes that it changed."""
 
 
 class OnMessage(Protocol):

@@ -154,7 +154,7 @@ async def asking(
     tcp: Limits = TCP,
     handshakes: HandshakesAtOnce = HandshakesAtOnce(),  # noqa: B008
     now: Callable[[], datetime] = now_utc,
-    acknowledge: Callable[[str, str, str, str], AlarmAcknowledgement | None] | None = None,
+    acknowledge: Callable[[str, str, str, str, str], AlarmAcknowledgement | None] | None = None,
 ) -> AsyncIterator[Asking]:
     """A service that asks, with one token, ``people``; over TLS where there are certificates."""
     write_token(folder, TOKEN)

@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 import json
-from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
@@ -293,7 +293,7 @@ async def serving(
     settings: AxisSettings | None = None,
     outcome: ReloadOutcome | None = None,
     now: Callable[[], datetime] = now_utc,
-    acknowledge: Callable[[str, str, str, str], AlarmAcknowledgement | None] = lambda *_: None,
+    acknowledge: Callable[[str, str, str, str, str], AlarmAcknowledgement | None] = lambda *_: None,
     history: Callable[[str, float], Awaitable[Sequence[Noted] | None]] | None = None,
     newest: dict[str, Any] | None = None,
 ) -> AsyncIterator[Served]:
@@ -301,7 +301,7 @@ async def serving(
     broadcast = Broadcast() if broadcast is None else broadcast
     port = free_port()
 
-    async def reload() -> ReloadOutcome:
+    async def reload(_who: Mapping[str, object]) -> ReloadOutcome:
         served.reloads += 1
         return outcome or ReloadOutcome()
 

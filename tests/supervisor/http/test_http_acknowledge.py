@@ -28,7 +28,9 @@ class Alarms:
         self.silent = Alarm(DRIVE_SILENT, ("xyz", "1"), "axis x", "silent", ("x",), 12.0)
         self.recent.stamp([self.silent], NOON)
 
-    def acknowledge(self, kind: str, where: str, since: str, by: str) -> AlarmAcknowledgement | None:
+    def acknowledge(
+        self, kind: str, where: str, since: str, by: str, _address: str
+    ) -> AlarmAcknowledgement | None:
         return self.recent.acknowledge(kind, where, since, by, NOON)
 
     @property

@@ -106,9 +106,9 @@ async def test_whoever_asks_for_something_else_is_told_what_there_is(tmp_path: P
         slash = await served.ask("/status/")
         assert slash.status == 404
         local = await served.ask("/nothing", is_local=True)
-        assert local.data["there_is"] == [*PATHS, "/reload"]
+        assert local.data["there_is"] == [*PATHS, "/reload", "/journal/erase"]
         post = await served.ask("/status", "POST", is_local=True)
-        assert (post.status, post.data["there_is"]) == (405, [*PATHS, "/reload"])
+        assert (post.status, post.data["there_is"]) == (405, [*PATHS, "/reload", "/journal/erase"])
         assert set(post.headers["allow"].split(", ")) == {"GET", "HEAD"}
 
 

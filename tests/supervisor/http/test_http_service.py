@@ -127,7 +127,7 @@ async def test_a_local_socket_that_cannot_be_is_a_problem_and_no_end(tmp_path: P
         Broadcast(),
         state,
         lambda axis: None,
-        asyncio.Future,
+        lambda _who: asyncio.Future(),
         lambda event, *_, **fields: said.append(event.name),
     )
     service = service_module.HttpService(window)
@@ -152,7 +152,7 @@ async def test_the_place_of_another_is_left_alone(tmp_path: Path) -> None:
             Broadcast(),
             tmp_path,
             lambda axis: None,
-            asyncio.Future,
+            lambda _who: asyncio.Future(),
             lambda event, *_, **fields: said.append(event.name),
         )
         running = asyncio.create_task(service_module.HttpService(window).run())
