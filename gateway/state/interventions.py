@@ -90,6 +90,15 @@ _KEYS: Final = {
 }
 
 
+_TYPES: Final[Mapping[str, Any]] = {
+    **dict.fromkeys(("seq", "monotonic_ns"), int),
+    **dict.fromkeys(("previous", "time", "boot", "what", "via"), str),
+    **dict.fromkeys(("axis", "file"), str | None),
+    "who": dict | None,
+}
+"""A forged entry with a right digest must not stop who reads it."""
+
+
 @cache
 def _boot() -> str:
     """Return the id of this boot; where a service may not read it, that of this start of the service."""
@@ -123,8 +132,9 @@ def _parsed_line(line: bytes) -> Entry:
     try:
         entry: Entry = json.loads(line.decode())
         is_whole = entry.keys() == _KEYS and _canonical(entry) + b"\n" == line
-        is_whole = is_whole and isinstance(entry["seq"], int) and isinstance(entry["monotonic_ns"], int)
-        datetime.fromisoformat(entry["time"] if is_whole else "")
+        is_whole = is_whole and all(isinstance(entry[key], types) for key, types in _TYPES.items())
+        is_whole = is_whole and max(entry["seq"], abs(entry["monotonic_ns"])) < 1 << 63
+        is_whole = is_whole and datetime.fromisoformat(entry["time"]).tzinfo is not None
     except (ValueError, RecursionError, TypeError, AttributeError):
         is_whole = False
     if not is_whole:
@@ -146,7 +156,7 @@ class Head:
 
 def files_in(folder: Path) -> list[Path]:
     """Return the files of a journal, oldest first."""
-    return sorted(folder.glob(f"[0-9]*{SUFFIX}"))
+    return sorted(path for path in folder.glob(f"[0-9]*{SUFFIX}") if path.stem.isdecimal())
 
 
 def head_in(folder: Path) -> Head | None:
@@ -285,11 +295,15 @@ class Verification:
             case "damaged":
                 self.problems.append(f"{place}: says that the journal was damaged before")
             case "dropped" if isinstance(after, dict):
-                self._dropped.add((after.get("seq"), after.get("digest")))
+                with contextlib.suppress(TypeError):  # nobody wrote that with this program
+                    self._dropped.add((after.get("seq"), after.get("digest")))
             case "erasure":
-                with contextlib.suppress(TypeError, ValueError):  # nobody wrote that with this program
+                with contextlib.suppress(TypeError, ValueError, OverflowError):  # nor that
                     for first, last in after:
-                        for seq in range(first, min(last, entry["seq"]) + 1):
+                        erased: Iterable[int] = range(first, min(last, entry["seq"]) + 1)
+                        if last - first > len(self._without_who):  # a forged range may be endless
+                            erased = [seq for seq in self._without_who if seq in erased]
+                        for seq in erased:
                             self._without_who.pop(seq, None)
 
     def _compare_clocks(self, last: Entry, entry: Entry, place: str) -> None:

@@ -223,7 +223,7 @@ def _last_state(folder: Path) -> tuple[Verification, dict[Key, Any]]:
             for entry in verification.read(files):
                 with contextlib.suppress(TypeError, ValueError):  # no entry of this program
                     if entry["what"] == "state":
-                        state = {(what, where): value for what, where, value in entry["after"]}
+                        state = {(str(what), str(where)): value for what, where, value in entry["after"]}
                     elif entry["what"] in KEPT:
                         state[entry["what"], entry["axis"] or entry["file"] or ""] = entry["after"]
                     elif entry["what"] == "start":

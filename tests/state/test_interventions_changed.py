@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gateway.state.interventions import files_in
 from tests.support.interventions import only_file, problems, switched, verified, written
 
 
@@ -113,3 +114,60 @@ def test_a_torn_tail_that_was_not_synced_is_said_mended_and_costs_nothing(
     assert (after[5]["what"], after[5]["file"]) == ("torn", "000001.jsonl")
     assert after[5]["before"] == {"bytes": len(torn), "sha256": hashlib.sha256(torn).hexdigest()}
     assert after[6]["axis"] == "z"
+
+
+@pytest.mark.parametrize(
+    "forged",
+    [
+        {"time": "2026-11-30T12:00:00"},
+        {"monotonic_ns": 10**400},
+        {"seq": 10**100},
+        {"what": 5},
+        {"via": ["http"]},
+        {"axis": ["x"]},
+        {"who": "anna", "who_digest": hashlib.sha256(b'"anna"').hexdigest()},
+    ],
+    ids=lambda forged: next(iter(forged)),
+)
+def test_a_forged_entry_of_other_types_is_none_though_its_digest_is_right(
+    tmp_path: Path, forged: dict[str, object]
+) -> None:
+    folder = written(tmp_path / "interventions", switched("x"))
+    _forge(folder, **forged)
+    verification, _ = verified(folder)
+    assert [verification.entries, verification.problems] == [1, []]
+    assert verification.notes[0].startswith("000001.jsonl:2: torn")
+
+
+@pytest.mark.parametrize(
+    ("what", "after"),
+    [("erasure", [[-(10**10), 9]]), ("erasure", [[-(10**30), 9]]), ("dropped", {"seq": []})],
+)
+def test_a_forged_entry_of_the_journal_itself_does_not_stop_who_reads_it(
+    tmp_path: Path, what: str, after: object
+) -> None:
+    folder = written(tmp_path / "interventions", switched("x"))
+    _forge(folder, what=what, after=after)
+    assert verified(folder)[0].entries == 2
+
+
+def test_a_copy_of_a_file_beside_it_is_no_part_of_it(tmp_path: Path) -> None:
+    folder = written(tmp_path / "interventions", switched("x"))
+    (folder / "000001_old.jsonl").write_bytes(only_file(folder).read_bytes())
+    written(folder, switched("y"))
+    assert [path.name for path in files_in(folder)] == ["000001.jsonl"]
+    assert problems(folder) == []
+
+
+def _forge(folder: Path, **changed: object) -> None:
+    """Append the last entry once more, as one that follows it, with other values and the right digest."""
+    path = only_file(folder)
+    last = json.loads(path.read_bytes().splitlines()[-1])
+    entry = {**last, "seq": last["seq"] + 1, "previous": last["digest"], **changed}
+    covered = {key: value for key, value in entry.items() if key not in ("digest", "who")}
+    entry["digest"] = hashlib.sha256(_plain(covered)).hexdigest()
+    path.write_bytes(path.read_bytes() + _plain(entry) + b"\n")
+
+
+def _plain(data: object) -> bytes:
+    return json.dumps(data, sort_keys=True, ensure_ascii=False, separators=(",", ":")).encode()
