@@ -64,7 +64,7 @@ def status(
 
         pitch-gateway status https://mill-1:8480 https://mill-2:8480 --token-file fleet.token
     """
-    if config[0].startswith(URL_STARTS):
+    if config[0].lower().startswith(URL_STARTS):
         if watch:
             raise typer.BadParameter(
                 "one gateway can be watched; for many: watch -n 10 pitch-gateway status …"

@@ -1,14 +1,18 @@
 """The state of many gateways: each is asked over HTTP for its status. The worst comes first."""
 
+import contextlib
 import http.client
+import ipaddress
 import json
 import socket
 import ssl
+import threading
 import time
 from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import SplitResult, urlsplit
@@ -21,7 +25,8 @@ from gateway.status.model import Model
 ANSWER_WITHIN_S: Final = 5.0
 """For a whole status, from the first byte sent."""
 AT_ONCE: Final = 32
-LARGEST_ANSWER: Final = 64_000_000
+LARGEST_ANSWER: Final = 8_000_000
+NO_STATUS: Final = "its answer is no status of a gateway"
 _PIECE: Final = 1 << 16
 UNREACHABLE: Final = "unreachable"
 WORST_FIRST: Final = (UNREACHABLE, "error", "warning", "waiting", "healthy")
@@ -121,7 +126,7 @@ def look_at(urls: Sequence[str], access: Access) -> Fleet:
     Raises:
         FleetError: an address is none of a page, or the token would be sent unencrypted.
     """
-    pages = [_page_of(url) for url in dict.fromkeys(urls)]
+    pages = list(dict.fromkeys(map(_page_of, urls)))
     for page in pages:
         if access.token and page.scheme != "https" and not _is_here(page):
             raise FleetError(f"{page.scheme}://{page.netloc}: a token is sent encrypted only; use https")
@@ -135,7 +140,10 @@ def look_at(urls: Sequence[str], access: Access) -> Fleet:
 def _is_here(page: SplitResult) -> bool:
     """Whether an address is one of this computer."""
     host = page.hostname or ""
-    return host in ("localhost", "::1") or host.startswith("127.")
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False  # also 127.0.0.1.example: a name
 
 
 def _page_of(url: str) -> SplitResult:
@@ -143,6 +151,9 @@ def _page_of(url: str) -> SplitResult:
     try:
         page = urlsplit(url)
         is_page = page.scheme in ("http", "https") and page.hostname and page.port != 0
+        # What http.client cannot send.
+        is_page = is_page and bool((page.hostname or "").encode("idna")) and page.path.isascii()
+        is_page = is_page and page.path.isprintable() and " " not in page.path
     except ValueError:
         is_page = False
     if not is_page:
@@ -163,8 +174,12 @@ def _ask(page: SplitResult, access: Access) -> GatewaySeen:
 
 def _seen(url: str, status: Model) -> GatewaySeen:
     verdict, alarms = status.verdict, status.troubles
-    if verdict.state not in WORST_FIRST:
+    if verdict.state not in WORST_FIRST[1:]:
         raise FleetError("its release is older than 1.0: it says no verdict; upgrade it")
+    try:
+        datetime.fromisoformat(verdict.since or "2000-01-01").astimezone()
+    except (ValueError, OverflowError):
+        raise FleetError(NO_STATUS) from None
     return GatewaySeen(
         url=url,
         state=verdict.state,
@@ -207,8 +222,8 @@ def _status_at(page: SplitResult, access: Access) -> Model:
         if code != http.client.OK:
             raise FleetError(f"{data['problem']} (HTTP {code})")
         return msgspec.convert(data, Model)
-    except (ValueError, KeyError, TypeError, msgspec.ValidationError):
-        raise FleetError(f"its answer is no status of a gateway (HTTP {code})") from None
+    except (ValueError, KeyError, TypeError, RecursionError, msgspec.ValidationError):
+        raise FleetError(f"{NO_STATUS} (HTTP {code})") from None
 
 
 def _get(page: SplitResult, access: Access) -> tuple[int, bytes]:
@@ -223,17 +238,37 @@ def _get(page: SplitResult, access: Access) -> tuple[int, bytes]:
     else:
         connection = http.client.HTTPConnection(page.hostname, page.port, timeout=ANSWER_WITHIN_S)
     headers = {"Authorization": f"Bearer {access.token}"} if access.token else {}
+    end: threading.Timer | None = None
     try:
+        connection.connect()
+        # The time-out of a socket begins anew with each byte.
+        end = threading.Timer(until_s - time.monotonic(), _cut, (connection.sock,))
+        end.start()
         connection.request("GET", page.path, headers=headers)
         response = connection.getresponse()
-        body = b""
+        body = bytearray()
         while piece := response.read1(_PIECE):
             body += piece
-            if len(body) > LARGEST_ANSWER or time.monotonic() > until_s:
-                raise TimeoutError
-        return response.status, body
+            if len(body) > LARGEST_ANSWER:
+                raise FleetError(f"{NO_STATUS}: it is too long")
+        is_late = time.monotonic() >= until_s
+    except (OSError, http.client.HTTPException):
+        if time.monotonic() < until_s:
+            raise
+        is_late = True
     finally:
+        if end is not None:
+            end.cancel()
         connection.close()
+    if is_late:
+        raise TimeoutError
+    return response.status, bytes(body)
+
+
+def _cut(connection: socket.socket) -> None:
+    """End a connection that a thread reads from."""
+    with contextlib.suppress(OSError):
+        socket.socket.shutdown(connection, socket.SHUT_RDWR)  # that of TLS would change what the thread uses
 
 
 def _reason(error: Exception) -> str:

@@ -84,7 +84,7 @@ async def test_the_worst_comes_first_and_each_row_says_what_is_wrong(tmp_path: P
         serving(tmp_path / "b", newest=waits) as b,
         serving(tmp_path / "c", newest=bad) as c,
     ):
-        shown = await ask(url(a), url(b), f"{url(c)}/", absent, url(a))
+        shown = await ask(url(a), url(b), f"{url(c)}/", absent, url(a), f"{url(a)}/", f"{url(b)}/status")
         data = await ask("--json", url(a), url(b), url(c), absent)
     assert shown.returncode == 1
     rows = shown.stdout.splitlines()
@@ -155,8 +155,18 @@ async def test_a_page_that_wants_a_certificate_gets_ours(tmp_path: Path) -> None
         (http(302, b"", "Location: http://127.0.0.1:1/"), "its answer is no status of a gateway (HTTP 302)"),
         (http(503, b'{"problem": "nothing is known"}'), "nothing is known (HTTP 503)"),
         (bytes.fromhex("00010000000601831000"), "its answer is no HTTP; check host and port"),
+        (http(200, b"[" * 100_000), "its answer is no status of a gateway (HTTP 200)"),
+        (http(200, b" " * 9_000_000), "its answer is no status of a gateway: it is too long"),
+        (
+            http(200, b'{"verdict": {"state": "unreachable", "since": ""}}'),
+            "its release is older than 1.0: it says no verdict; upgrade it",
+        ),
+        (
+            http(200, b'{"verdict": {"state": "healthy", "since": "0001-01-01"}}'),
+            "its answer is no status of a gateway",
+        ),
     ],
-    ids=["no JSON", "older", "elsewhere", "problem", "Modbus"],
+    ids=["no JSON", "older", "elsewhere", "problem", "Modbus", "deep", "long", "no verdict", "no time"],
 )
 async def test_what_is_no_status_says_so(answer: bytes, why: str) -> None:
     async with answering(answer) as page:
@@ -176,9 +186,45 @@ async def test_one_that_hangs_delays_the_others_by_its_time_only(monkeypatch: py
 
 
 @pytest.mark.parametrize(
+    "begins", [b"HTTP/1.1 200 OK\r\nX: ", b"HTTP/1.1 200 OK\r\n\r\n"], ids=["header", "body"]
+)
+async def test_one_that_sends_a_byte_now_and_then_for_good_ends_in_time(
+    monkeypatch: pytest.MonkeyPatch, begins: bytes
+) -> None:
+    monkeypatch.setattr("gateway.commissioning.fleet.ANSWER_WITHIN_S", 0.5)
+
+    ended = asyncio.Event()
+
+    async def drip(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write(begins)
+        with contextlib.suppress(ConnectionError):
+            while True:
+                writer.write(b"a")
+                await writer.drain()
+                await asyncio.sleep(0.05)
+        writer.close()
+        ended.set()
+
+    server = await asyncio.start_server(drip, "127.0.0.1", 0)
+    async with server, asyncio.timeout(60):
+        shown = await ask("--json", f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}")
+        await ended.wait()
+    assert [each["problem"] for each in json.loads(shown.stdout)["gateways"]] == ["no answer within 0.5 s"]
+
+
+async def test_a_text_of_a_gateway_does_not_control_the_terminal() -> None:
+    async with answering(http(500, b'{"problem": "a\\u001b[2J\\nb\\u009bc"}')) as page:
+        shown = await ask(page)
+    assert "a\ufffd[2J b\ufffdc (HTTP 500)" in shown.stdout
+
+
+@pytest.mark.parametrize(
     ("arguments", "why"),
     [
         (["http://"], "no address of a gateway's page, such as http://192.168.0.7:8480"),
+        (["http://mill/ü"], "no address of a gateway's page"),
+        (["http://mill/a b"], "no address of a gateway's page"),
+        (["HTTP://mill..hall"], "no address of a gateway's page"),
         (["http://mill:99999"], "no address of a gateway's page"),
         (["https://me:secret@mill"], "give the address alone; a token comes from --token-file"),
         (["http://mill", "gateway.toml"], "gateway.toml: no address of a gateway's page"),
@@ -198,11 +244,12 @@ def test_what_cannot_be_asked_is_refused_before_anything_is_sent(arguments: list
     assert refused.stdout == ""
 
 
-def test_a_token_is_not_sent_unencrypted_to_another_computer(tmp_path: Path) -> None:
+@pytest.mark.parametrize("page", ["http://192.0.2.1:8480", "http://127.0.0.1.example:8480"])
+def test_a_token_is_not_sent_unencrypted_to_another_computer(tmp_path: Path, page: str) -> None:
     write_token(tmp_path, TOKEN)
-    refused = typed("status", "http://192.0.2.1:8480", "--token-file", str(tmp_path / "people.token"))
+    refused = typed("status", page, "--token-file", str(tmp_path / "people.token"))
     assert refused.returncode == 1
-    assert refused.stderr == "http://192.0.2.1:8480: a token is sent encrypted only; use https\n"
+    assert refused.stderr == f"{page}: a token is sent encrypted only; use https\n"
 
 
 @pytest.mark.parametrize(
