@@ -12,6 +12,7 @@ import typer
 from gateway.cli import output
 from gateway.cli.arguments import AsJson, Config
 from gateway.plain import JsonObject
+from gateway.report.words import clean
 
 if TYPE_CHECKING:
     from gateway.state.interventions import Entry, Verification
@@ -211,7 +212,8 @@ class _Shown:
             shown = " ".join(f"{key}={value}" for key, value in who.items() if key != "salt")
             if entry["who"] is None and entry["who_digest"] is not None:
                 shown = "(taken out)"
-            yield f"{entry['seq']}  {entry['time']}  {subject}: {change}  {entry['via']}  {shown}".rstrip()
+            line = f"{entry['seq']}  {entry['time']}  {subject}: {change}  {entry['via']}  {shown}"
+            yield clean(line.rstrip())  # a program's name could control the terminal
 
 
 @dataclass(frozen=True, slots=True)

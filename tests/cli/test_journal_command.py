@@ -47,6 +47,20 @@ def test_it_is_shown_in_lines_and_as_json(config: Path, folder: Path) -> None:
     assert found == [json.loads(line) for line in lines]
 
 
+def test_a_name_in_an_entry_does_not_control_the_terminal(config: Path) -> None:
+    (config.parent / "state").mkdir()
+    who = {"program": "a\x1b]0;b\x07\nc\udcff"}
+    written(
+        config.parent / "state" / "interventions",
+        Intervention("gain", "socket", "x", None, 1, 2, who, NOON_S, 1),
+    )
+    shown = typed("journal", "show", str(config)).stdout
+    assert (
+        shown
+        == "1  2026-11-30T12:00:00.000+00:00  gain x: 1 → 2  socket  program=a\ufffd]0;b\ufffd c\ufffd\n"
+    )
+
+
 def test_a_whole_one_is_exported_and_verified_anywhere_against_the_printed_digest(
     config: Path, folder: Path, tmp_path: Path
 ) -> None:
