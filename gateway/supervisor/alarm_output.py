@@ -106,7 +106,7 @@ class AlarmOutput:
             try:
                 await self._write_connected(section, ends, wakes)
             except (TransportError, NoReplyError, OSError) as error:
-                self._fail(f"{section.modbus}: {str(error).removeprefix(f'{section.modbus} ')}")
+                self._fail(section, str(error).removeprefix(f"{section.modbus} "))
                 await _at_most(ends, section.every_s)
 
     async def _write_connected(
@@ -119,27 +119,37 @@ class AlarmOutput:
                 await self._switch(master, section, is_closed=self._is_well(section))
                 await _at_most(wakes, section.every_s)
                 wakes.clear()
-            await self._switch(master, section, is_closed=False)
+            after = self._section
+            if after is section or after is None or _coil_of(after) != _coil_of(section):
+                await self._switch(master, section, is_closed=False)
 
     async def _switch(self, master: "ModbusMaster", section: AlarmOutputSection, *, is_closed: bool) -> None:
         request = bytes((WRITE_COIL, *section.coil.to_bytes(2, "big"))) + (CLOSED if is_closed else OPEN)
         reply = await master.exchange(section.unit_id, request)
+        if section is not self._section:  # it was replaced, and nobody asks for its state
+            return
         if reply == request:
             if self._problem is not None:
                 self._problem = None
                 self._log(ALARM_OUTPUT_WORKS)
             self._is_closed = is_closed
         elif is_exception(reply) and len(reply) > 1:
-            self._fail(f"{section.modbus}: exception {reply[1]:#04x}")
+            self._fail(section, f"exception {reply[1]:#04x}")
         else:
-            self._fail(f"{section.modbus}: found {reply.hex(' ')}")
+            self._fail(section, f"found {reply.hex(' ')}")
 
-    def _fail(self, why: str) -> None:
+    def _fail(self, section: AlarmOutputSection, why: str) -> None:
+        if section is not self._section:
+            return
         self._is_closed = None
         is_new = self._problem is None
-        self._problem = why
+        self._problem = f"{section.modbus}: {why}"
         if is_new:
-            self._log(ALARM_OUTPUT_FAILED, detail=why)
+            self._log(ALARM_OUTPUT_FAILED, detail=self._problem)
+
+
+def _coil_of(section: AlarmOutputSection) -> tuple[str, int, int]:
+    return str(section.modbus), section.unit_id, section.coil
 
 
 async def _at_most(event: asyncio.Event, wait_s: float) -> None:

@@ -208,3 +208,25 @@ async def test_without_its_section_it_is_opened_and_left_alone() -> None:
         assert supervisor.output.status.contact is None
         supervisor.show(status("error"))
         assert found.coil == OPEN
+
+
+async def test_a_failing_one_that_is_taken_out_says_no_more() -> None:
+    async with device() as found:
+        async with running() as supervisor:
+            found.answer = lambda _: b"\x85\x02"
+            supervisor.output.follow(section(found))
+            await until(lambda: bool(supervisor.said))
+            supervisor.output.follow(None)
+        assert found.coil == OPEN
+    assert [event for event, _ in supervisor.said] == ["alarm-output-failed"]
+
+
+async def test_the_same_contact_with_other_times_is_not_opened_in_between() -> None:
+    async with device() as found, running() as supervisor:
+        supervisor.output.follow(section(found, every_s=60.0))
+        await until(lambda: found.coil == CLOSE)
+        supervisor.output.follow(section(found, every_s=50.0, opens_on="warning"))
+        await until(lambda: supervisor.output.status.is_closed is True)
+        assert {pdu for _, pdu in found.written} == {CLOSE}
+        supervisor.show(status("warning"))
+        await until(lambda: supervisor.output.status.is_closed is False)
