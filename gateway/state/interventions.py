@@ -38,6 +38,8 @@ START: Final = "0" * 64
 """``previous`` of the first entry."""
 JUMP_S: Final = 5.0
 """A clock that moved by more than this against the monotonic one was set."""
+MOST_ENTRIES: Final = 1 << 62
+"""A larger number was never written."""
 MOST_RANGES: Final = 1000
 """Of erased entries, in one entry."""
 BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
@@ -133,7 +135,7 @@ def _parsed_line(line: bytes) -> Entry:
         entry: Entry = json.loads(line.decode())
         is_whole = entry.keys() == _KEYS and _canonical(entry) + b"\n" == line
         is_whole = is_whole and all(isinstance(entry[key], types) for key, types in _TYPES.items())
-        is_whole = is_whole and max(entry["seq"], abs(entry["monotonic_ns"])) < 1 << 63
+        is_whole = is_whole and max(entry["seq"], abs(entry["monotonic_ns"])) < 1 << 63 and entry["seq"] > 0
         is_whole = is_whole and datetime.fromisoformat(entry["time"]).tzinfo is not None
     except (ValueError, RecursionError, TypeError, AttributeError):
         is_whole = False
@@ -166,7 +168,8 @@ def head_in(folder: Path) -> Head | None:
         seq, digest = found["seq"], found["digest"]
     except (OSError, ValueError, TypeError, KeyError, RecursionError):
         return None
-    return Head(seq, digest) if isinstance(seq, int) and isinstance(digest, str) else None
+    is_head = isinstance(seq, int) and 0 < seq < MOST_ENTRIES and isinstance(digest, str)
+    return Head(seq, digest) if is_head else None
 
 
 def newest_files_in(folder: Path) -> tuple[list[Path], bool]:
@@ -358,6 +361,8 @@ class Writer:
             OSError: not everything could be written.
         """
         with self._alone():
+            for rest in self._folder.glob(f".*{SUFFIX}.*"):
+                rest.unlink()  # half written anew when a process was killed; it has names too
             found = {
                 path: {
                     entry["seq"]

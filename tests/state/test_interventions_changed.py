@@ -159,6 +159,16 @@ def test_a_copy_of_a_file_beside_it_is_no_part_of_it(tmp_path: Path) -> None:
     assert problems(folder) == []
 
 
+@pytest.mark.parametrize("seq", [10**30, -5, 0])
+def test_a_head_with_a_number_that_was_never_written_is_said_once(tmp_path: Path, seq: int) -> None:
+    folder = written(tmp_path / "interventions", switched("x"), switched("y"))
+    (folder / "head.json").write_text(json.dumps({"seq": seq, "digest": "0" * 64}))
+    assert problems(folder) == ["head.json: missing or damaged, so a cut end would not show"]
+    for axis in "ab":
+        written(folder, switched(axis))
+    assert problems(folder) == ["000002.jsonl:1: says that the journal was damaged before"]
+
+
 def _forge(folder: Path, **changed: object) -> None:
     """Append the last entry once more, as one that follows it, with other values and the right digest."""
     path = only_file(folder)
