@@ -25,7 +25,7 @@ from gateway.config.checks.lines import (
 )
 from gateway.config.checks.motion import check_late, check_motion, check_references
 from gateway.config.checks.rights import check_rights, check_roles, check_tls_files, check_tls_keys
-from gateway.config.checks.services import check_http, check_http_files, check_mqtt
+from gateway.config.checks.services import check_alarm_output, check_http, check_http_files, check_mqtt
 from gateway.config.crosses import Crosses, read_crosses
 from gateway.config.drive_files import NamedProfile, fit_drives
 from gateway.config.findings import Document, Findings, read_document
@@ -192,6 +192,7 @@ def _check_but_tables(findings: Findings) -> tuple[Sections, Mapping[str, NamedP
     check_lines(findings, sections.lines, _unit_ids(sections))
     check_status_unit(findings, sections.status_unit, sections.lines, sections.axes)
     check_http(findings, sections.http, sections.lines)
+    check_alarm_output(findings, sections.alarm_output, sections.lines, _unit_ids(sections))
     check_axes(findings, sections)
     check_references(findings, sections)
     check_motion(findings, sections)

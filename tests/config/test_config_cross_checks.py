@@ -429,3 +429,17 @@ def test_a_register_number_of_a_manual_is_asked_about(
         assert warning.key == "axis.x.registers.command[1].address"
         assert warning.line == line_of(text, "command = [")
         assert "write 0x0606 if it is" in warning.remedy
+
+
+@pytest.mark.parametrize("port", [1500, 1502], ids=["drives", "listener"])
+def test_the_contact_is_no_coil_of_a_drive_not_even_through_the_gateway(tmp_path: Path, port: int) -> None:
+    rtu = '{ rtu = "/dev/serial/by-id/usb-B", baudrate = 115200, parity = "even" }'
+    good = edited((rtu, '{ tcp = "127.0.0.1:1500" }'))
+
+    def text(port: int, unit_id: int) -> str:
+        return f'{good}\n[alarm_output]\nmodbus = "localhost:{port}"\nunit_id = {unit_id}\ncoil = 0\n'
+
+    problem = refusal(tmp_path, text(port, 1), "alarm_output.modbus", at="modbus")
+    assert problem.found == f"localhost:{port} leads to the drives of line.xyz, and unit id 1 is one"
+    loaded(tmp_path, text(port, 2))  # another device on the same bus
+    loaded(tmp_path, text(502, 1))

@@ -1,6 +1,6 @@
 """Services: the page and MQTT."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from datetime import datetime
 from ipaddress import ip_address
 from pathlib import Path
@@ -22,6 +22,7 @@ from gateway.config.files import (
     warn_out_of_reach,
 )
 from gateway.config.findings import Findings
+from gateway.config.gateway_model import AlarmOutputSection
 from gateway.config.http_model import HttpSection
 from gateway.config.line_model import LineSection
 from gateway.config.mqtt_model import MqttSection, TlsSection
@@ -153,6 +154,32 @@ def _check_controllers(findings: Findings, endpoint: TcpEndpoint, lines: Mapping
                     f"{endpoint} is already the listener of {key_text(key)}",
                     'give the page another port, or listen = "" for none',
                 )
+
+
+# --- Whether the contact of ``[alarm_output]`` is a coil of a drive
+
+
+def check_alarm_output(
+    findings: Findings,
+    output: AlarmOutputSection | None,
+    lines: Mapping[str, LineSection],
+    unit_ids: Mapping[str, Collection[int]],
+) -> None:
+    """Refuse a contact in a drive, directly or through the gateway: a coil there may start a motion.
+
+    ``unit_ids``: of the axes of each line.
+    """
+    if output is None:
+        return
+    for name, line in lines.items():
+        ways = [line.drives.endpoint, *(controller.endpoint for controller in line.controllers)]
+        is_there = any(is_same(output.modbus, way, wildcard_hosts=WILDCARDS) for way in ways)
+        if is_there and output.unit_id in unit_ids.get(name, ()):
+            findings.refuse(
+                ("alarm_output", "modbus"),
+                f"{output.modbus} leads to the drives of line.{name}, and unit id {output.unit_id} is one",
+                "name the device that has the contact; a coil of a drive may start a motion",
+            )
 
 
 # --- Whether ``[mqtt]`` can work: its files, and who could intercept its password
