@@ -32,7 +32,7 @@ from gateway.exchange.commands import (
 )
 from gateway.exchange.limits import values_of
 from gateway.ipc.messages import Happened
-from gateway.state.folder import FolderProblem, problem_of
+from gateway.state.folder import ANOTHER, FolderProblem, problem_of
 from gateway.state.interventions import (
     FOLDER_NAME,
     OWN,
@@ -56,6 +56,8 @@ MOST_WAITING: Final = 1000
 SETTLED_S: Final = 10.0
 """The status of the relay is compared so long after its last event about an intervention: the result of a
 command of our own may come later than its event."""
+LATE_S: Final = 10.0
+"""A disk that has not answered for so long is a problem: of a network, or another process has locked it."""
 OF_AXES: Final = ("table", "gain", "limits", "compensation", "mode")
 KEPT: Final = (*OF_AXES, "configuration", "version", "certificate")
 """Interventions that leave a state; the others are over at once."""
@@ -84,10 +86,13 @@ FOUND: Final = Cause("found")
 class Interventions:
     """The journal of one supervisor."""
 
-    def __init__(self, state: Path, log: LogEvent, settled_s: float = SETTLED_S) -> None:
+    def __init__(
+        self, state: Path, log: LogEvent, settled_s: float = SETTLED_S, late_s: float = LATE_S
+    ) -> None:
         self._folder = state / FOLDER_NAME
         self._log = log
         self._settled_s = settled_s
+        self._late_s = late_s
         self._known: dict[Key, Any] = {}
         """The last noted state."""
         self._writer = Writer(self._folder, state=self._listed)
@@ -102,7 +107,10 @@ class Interventions:
     async def recall(self) -> None:
         """Read the last noted state, and report a journal that was changed; call it first."""
         try:
-            verification, self._known = await in_thread(partial(_last_state, self._folder))
+            async with asyncio.timeout(self._late_s):  # the supervisor has more to do than this journal
+                verification, self._known = await in_thread(partial(_last_state, self._folder))
+        except TimeoutError:
+            self._be_late()
         except OSError as error:
             self.problem = problem_of(error, self._folder)
         else:
@@ -197,7 +205,11 @@ class Interventions:
             self._waiting.append(one)
         self._woken.set()
 
+    def _be_late(self) -> None:
+        self.problem = FolderProblem(f"{self._folder}: does not answer", f"check its disk, or {ANOTHER}")
+
     async def _write(self) -> None:
+        late = asyncio.get_running_loop().call_later(self._late_s, self._be_late)
         try:
             if self._waiting or self.problem is not None:
                 await in_thread(partial(self._writer.write, self._waiting))
@@ -211,6 +223,8 @@ class Interventions:
             self.problem = problem_of(error, self._folder)
         else:
             self.problem = None
+        finally:
+            late.cancel()
 
 
 def _last_state(folder: Path) -> tuple[Verification, dict[Key, Any]]:

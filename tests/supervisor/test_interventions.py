@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import fcntl
 import os
 import time
 from collections.abc import AsyncIterator, Callable
@@ -22,7 +23,7 @@ from gateway.exchange.commands import (
     TableFor,
 )
 from gateway.ipc.messages import Happened
-from gateway.state.interventions import Entry, files_in
+from gateway.state.interventions import Entry, files_in, locked
 from gateway.status.axis import AxisStatus, Shares, TableStatus
 from gateway.status.line import CertificateStatus
 from gateway.status.model import GatewayStatus, RelayModel
@@ -236,6 +237,24 @@ async def test_entries_wait_for_a_disk_with_their_times_and_what_is_too_much_is_
     [lost] = [one for one in entries if one["what"] == "lost"]
     assert (lost["after"] + len(noted), lost["via"]) == (MOST_WAITING + 6, "gateway")
     assert datetime.fromisoformat(noted[len(kept) - 1]["time"]).timestamp() < back_s
+
+
+async def test_a_disk_that_does_not_answer_is_a_problem_and_holds_nothing_up(tmp_path: Path) -> None:
+    folder = tmp_path / "interventions"
+    folder.mkdir()
+    with locked(folder, fcntl.LOCK_EX):
+        interventions = Interventions(tmp_path, ignore, 0.0, late_s=0.1)
+        async with asyncio.timeout(60):
+            await interventions.recall()
+        assert interventions.problem is not None
+        assert interventions.problem.found == f"{folder}: does not answer"
+        running = asyncio.create_task(interventions.run())
+        interventions.problem = None
+        await eventually(lambda: interventions.problem is not None)
+    await eventually(lambda: interventions.problem is None)
+    running.cancel()
+    await asyncio.gather(running, return_exceptions=True)
+    assert [one["what"] for one in entries_of(tmp_path)] == ["start"]
 
 
 async def test_a_journal_that_was_changed_is_reported_with_its_first_fault(tmp_path: Path) -> None:
