@@ -384,8 +384,13 @@ class Writer:
 
     @contextlib.contextmanager
     def _alone(self) -> Iterator[None]:
-        with contextlib.suppress(FileExistsError):
+        try:
             self._folder.mkdir(mode=0o700)  # never the state folder itself: it must not reappear
+        except FileExistsError:
+            if not self._folder.is_dir():  # also a link to a disk that is not there: no missing state folder
+                raise NotADirectoryError(
+                    errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(self._folder)
+                ) from None
         with locked(self._folder, fcntl.LOCK_EX):
             for remark in self._find_end():
                 self._put(remark)

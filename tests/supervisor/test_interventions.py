@@ -257,6 +257,14 @@ async def test_a_disk_that_does_not_answer_is_a_problem_and_holds_nothing_up(tmp
     assert [one["what"] for one in entries_of(tmp_path)] == ["start"]
 
 
+async def test_a_link_to_a_disk_that_is_not_there_is_a_problem(tmp_path: Path) -> None:
+    (tmp_path / "interventions").symlink_to(tmp_path / "missing")
+    async with noting(tmp_path) as interventions:
+        await eventually(lambda: interventions.problem is not None)
+        assert interventions.problem is not None
+        assert interventions.problem.found == f"{tmp_path / 'interventions'}: Not a directory"
+
+
 async def test_a_journal_that_was_changed_is_reported_with_its_first_fault(tmp_path: Path) -> None:
     told: list[tuple[str, dict[str, object]]] = []
 
