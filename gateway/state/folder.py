@@ -32,6 +32,7 @@ _REMEDIES: Final = {
     errno.ENOENT: "make the folder that the path or its link leads to",
     errno.EACCES: "give this user write permission to the folder",
     errno.EPERM: "give this user write permission to the folder",
+    errno.ETIMEDOUT: "check its disk",
 }
 """By error number (errno(3)); for all other errors only another folder helps."""
 

@@ -7,6 +7,7 @@ supervisor ran, shows in the relay's status: it is compared with the last noted 
 
 import asyncio
 import contextlib
+import errno
 import os
 import time
 from collections import deque
@@ -32,7 +33,7 @@ from gateway.exchange.commands import (
 )
 from gateway.exchange.limits import values_of
 from gateway.ipc.messages import Happened
-from gateway.state.folder import ANOTHER, FolderProblem, problem_of
+from gateway.state.folder import FolderProblem, problem_of
 from gateway.state.interventions import (
     FOLDER_NAME,
     OWN,
@@ -206,7 +207,8 @@ class Interventions:
         self._woken.set()
 
     def _be_late(self) -> None:
-        self.problem = FolderProblem(f"{self._folder}: does not answer", f"check its disk, or {ANOTHER}")
+        late = TimeoutError(errno.ETIMEDOUT, "does not answer", str(self._folder))
+        self.problem = problem_of(late, self._folder)
 
     async def _write(self) -> None:
         late = asyncio.get_running_loop().call_later(self._late_s, self._be_late)
