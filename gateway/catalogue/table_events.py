@@ -109,7 +109,7 @@ INTERVENTIONS_DAMAGED: Final = EventEntry(
     Severity.WARNING,
     "the journal of interventions was changed or cut since it was written; it goes on. `count` says how many "
     "faults it has",
-    "somebody wrote into its folder, or the disk is bad",
+    "another program wrote into its folder, or the disk is bad",
     "keep a copy of the folder. `pitch-gateway journal verify CONFIG` names each line",
 )
 LIMITS_CHANGED: Final = EventEntry(

@@ -120,7 +120,7 @@ def export(
 ) -> None:
     """Write the whole journal into one file, and print the digest of its newest entry.
 
-    Keep that digest where nobody of the plant can change it: `verify --since DIGEST` checks against it
+    Keep that digest where the plant cannot change it: `verify --since DIGEST` checks against it
     later. The file can be verified anywhere.
 
     Exit code 1 if there is no journal, it is not whole, or FILE exists. A journal that is not whole is

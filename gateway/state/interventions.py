@@ -183,7 +183,7 @@ def newest_files_in(folder: Path) -> tuple[list[Path], bool]:
 
 @contextlib.contextmanager
 def locked(folder: Path, kind: int = fcntl.LOCK_SH) -> Iterator[None]:
-    """Wait until nobody writes here; with LOCK_EX, until nobody reads either."""
+    """Wait until no process writes here; with LOCK_EX, until none reads either."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         fcntl.flock(descriptor, kind)
@@ -298,7 +298,7 @@ class Verification:
             case "damaged":
                 self.problems.append(f"{place}: says that the journal was damaged before")
             case "dropped" if isinstance(after, dict):
-                with contextlib.suppress(TypeError):  # nobody wrote that with this program
+                with contextlib.suppress(TypeError):  # this program never writes such a value
                     self._dropped.add((after.get("seq"), after.get("digest")))
             case "erasure":
                 with contextlib.suppress(TypeError, ValueError, OverflowError):  # nor that

@@ -126,7 +126,7 @@ class AlarmOutput:
     async def _switch(self, master: "ModbusMaster", section: AlarmOutputSection, *, is_closed: bool) -> None:
         request = bytes((WRITE_COIL, *section.coil.to_bytes(2, "big"))) + (CLOSED if is_closed else OPEN)
         reply = await master.exchange(section.unit_id, request)
-        if section is not self._section:  # it was replaced, and nobody asks for its state
+        if section is not self._section:  # replaced meanwhile: the status shows another one
             return
         if reply == request:
             if self._problem is not None:

@@ -61,7 +61,7 @@ LATE_S: Final = 10.0
 """A disk that has not answered for so long is a problem: of a network, or another process has locked it."""
 OF_AXES: Final = ("table", "gain", "limits", "compensation", "mode")
 KEPT: Final = (*OF_AXES, "configuration", "version", "certificate")
-"""Interventions that leave a state; the others are over at once."""
+"""Interventions that set a value, which lasts; the others are single events."""
 OF_PEER: Final = ("user", "pid", "program", "login")
 """Fields of an event that say which process sent the command (``ipc.address.Peer``)."""
 Key = tuple[str, str]
