@@ -125,7 +125,8 @@ AXIS_BLOCKED: Final = EventEntry(
 AXIS_RELEASED: Final = EventEntry(
     "axis-released",
     Severity.WARNING,
-    "the drive has accepted a complete target: triggers of the axis pass again",
+    "triggers of the axis pass again: the drive has accepted a complete target, or the positions of the axis "
+    "pass 1:1 now",
     "the end of an `axis-blocked`",
 )
 GROUP_HELD: Final = EventEntry(

@@ -213,7 +213,7 @@ class Axis:
         """Handle an impossible event in one of its machines: a bug of this program.
 
         The axis goes to its safest state. Its position is unknown. Its reference is lost if a bit can restore
-        it. Its triggers are refused until a complete target is accepted.
+        it. While it is corrected, its triggers are refused until a complete target is accepted.
         """
         self.reports.report(exchange_events.INTERNAL_FAULT, sentence)
         self.motion.enter(MotionState.UNKNOWN)
@@ -229,6 +229,7 @@ class Axis:
         record = self.recall.record
         if record is not None:
             record.publish(self.motion, self.acknowledgement, self.correction.requested)
+        self._report_triggers()
         return self.reports.take(is_unsure=self.is_unsure)
 
     # --- where it is -----------------------------------------------------------------------------------
@@ -496,19 +497,26 @@ class Axis:
         self.rules.lose_mode(address, code, self.interlock.begin_epoch())
 
     def block_triggers(self, code: int, why: str, *, is_own: bool = True) -> None:
-        """Refuse triggers from now on, and report why if they passed before.
+        """Refuse triggers from now on. An axis that passes 1:1 lets them pass until it is corrected (M9).
 
         ``is_own``: it lost the target itself, not because another axis of the group was blocked (M11).
         """
-        if self.interlock.refuse(code, is_own=is_own):
-            self.reports.report(exchange_events.AXIS_BLOCKED, why)
+        self.interlock.refuse(code, why, is_own=is_own)
+        self._report_triggers()
 
     def release_triggers(self, epoch: int) -> None:
         """A complete target was accepted; ``epoch``: when it was sent."""
-        if self.interlock.complete(epoch):
-            self.reports.report(
-                exchange_events.AXIS_RELEASED, "a complete target was accepted: its triggers pass again"
-            )
+        self.interlock.complete(epoch)
+        self._report_triggers()
+
+    @property
+    def refuses_triggers(self) -> bool:
+        """Whether its triggers are refused because of a target that it lost."""
+        return self.interlock.is_blocked and not self.passes_unchanged
+
+    def _report_triggers(self) -> None:
+        if self.refuses_triggers is not self.reports.reported_refusal:
+            self.reports.report_triggers(self.interlock.why if self.refuses_triggers else "")
 
     # --- a staged target that is rewritten -------------------------------------------------------------
 

@@ -61,13 +61,15 @@ BLOCK_AFTER: Final[dict[Block, dict[BlockEvent, Block | None]]] = {
 class Interlock:
     """Whether the triggers of one axis are refused, since when and with which code."""
 
-    __slots__ = ("_on_fault", "block", "block_code", "blocked_in_epoch", "epoch")
+    __slots__ = ("_on_fault", "block", "block_code", "blocked_in_epoch", "epoch", "why")
 
     def __init__(self, on_fault: Callable[[str], None]) -> None:
         self._on_fault = on_fault
         self.block = Block.NONE
         self.block_code = 0
         """Exception code of the lost target; triggers are refused with it."""
+        self.why = ""
+        """Why triggers are refused, for a person."""
         self.epoch = 0
         """Increases with each lost target or mode: what was sent in an older epoch replaces nothing lost
         since."""
@@ -80,8 +82,8 @@ class Interlock:
         try:
             after = BLOCK_AFTER[before][event]
         except KeyError:
+            self._on_fault(sentence_of("interlock", before, event))  # refuses the triggers (``Axis``)
             self.block = Block.OWN
-            self._on_fault(sentence_of("interlock", before, event))
             return False
         if after is IGNORED:
             return False
@@ -93,20 +95,19 @@ class Interlock:
         self.epoch += 1
         return self.epoch
 
-    def refuse(self, code: int, *, is_own: bool) -> bool:
-        """Refuse triggers from now on; return whether they passed before.
+    def refuse(self, code: int, why: str, *, is_own: bool) -> None:
+        """Refuse triggers from now on.
 
         ``is_own``: the axis lost the target itself, not because another axis of the group was blocked (M11).
         """
         self.blocked_in_epoch = self.begin_epoch()
-        is_new = self.happens(BlockEvent.LOST if is_own else BlockEvent.LOST_OF_GROUP)
-        if is_new:
-            self.block_code = code
-        return is_new
+        if self.happens(BlockEvent.LOST if is_own else BlockEvent.LOST_OF_GROUP):
+            self.block_code, self.why = code, why
 
-    def complete(self, epoch: int) -> bool:
-        """A complete target, sent in ``epoch``, was accepted; return whether it released the triggers."""
-        return epoch >= self.blocked_in_epoch and self.happens(BlockEvent.COMPLETED)
+    def complete(self, epoch: int) -> None:
+        """A complete target, sent in ``epoch``, was accepted."""
+        if epoch >= self.blocked_in_epoch:
+            self.happens(BlockEvent.COMPLETED)
 
     @property
     def is_blocked(self) -> bool:
