@@ -25,19 +25,20 @@ register in ``starts_on``: the drive moves immediately
 a command field, while a trigger register holds a value that    ``START``
 means ``FOLLOW`` or ``FOLLOW_NEXT``, or its mode means
 ``FOLLOW``
-a command field, while a trigger register with such a value     ``UNKNOWN``
-has unknown content
+a command field, while the content of a trigger register that   ``UNKNOWN``
+could hold such a value is unknown
 an actual position that can be set                              ``SET_POSITION``
 a mode in which the drive moves without targets                 ``OTHER_MOTION``
 ==============================================================  =============================================
 
-The first of these in :data:`PRECEDENCE` counts. If it is a stop, the others do not count at all. ``START``
-runs a target as its mode says. ``FOLLOW`` runs that target, and later each one as soon as it is written.
-``FOLLOW_NEXT`` runs only the next ones: it becomes ``FOLLOW`` if the frame has a command field, else nothing.
+If several apply, the first in :data:`PRECEDENCE` counts, which begins with the stop. Beside a stop nothing
+else in the frame counts. ``START`` runs a target as its mode says. ``FOLLOW`` runs that target, and later
+each one as soon as it is written. ``FOLLOW_NEXT`` does not run the present target, only those that are
+written later: if the frame itself writes one, it means ``FOLLOW``, else nothing.
 ``STORED`` runs a position that the drive stores.
 
 A trigger register that may follow must be known before a command field counts. If it is not, and the gateway
-may read, it is read first. Unknown words of an earlier target do not matter here (``prerequisites``).
+may read, it is read first (``prerequisites``). Unknown words of an earlier target do not matter for that.
 
 *Which target.* The command field that the value names. Else the first one that the frame writes. Else the one
 that was written last.

@@ -5,17 +5,19 @@ Why nothing is sent twice:
 1. All bytes of requests are sent in :meth:`Transactions.send`. Nothing else writes to the link of the drives.
 2. :class:`Phase` says how far a :class:`Transaction` has come. Each step goes through
    :meth:`Transactions.go_on`, which looks it up in :data:`PHASE_AFTER`. A step without a row is a bug:
-   nothing is sent, and the fault is reported; in tests ``sentence_of`` raises it (``axis.impossible``). An
-   end without a row still ends the transaction, in the safest way.
+   nothing is sent, and the fault is reported. An end without a row is reported too; it still ends a
+   transaction that has not ended, in the safest way. In tests ``sentence_of`` raises both
+   (``axis.impossible``).
 3. The own frame of a transaction is sent from WAITING, or in pieces from LEAVING. Both lead to SENT. SENT
    leads only to ENDED, and nothing leads out of ENDED.
 4. WAITING comes again only after PREREQUISITE. The frame sent there was another one, added by the gateway.
 5. In LEAVING, bytes are sent while the request still comes in (cut-through). They become a valid frame only
    when the CRC is sent. If the request is aborted before that, its CRC is inverted. No drive accepts it, and
    it counts as not sent.
-6. A stop may be sent twice, because an extra stop does no harm. The second time it is another transaction.
-   :data:`STOP_AFTER` has a row ``GOES_AGAIN`` for each state from which one is made. There is none for a
-   request that is no stop or does more than stop.
+6. A stop may be sent again, because an extra stop does no harm. Each time it is a new transaction
+   (:meth:`Transactions.once_more`). :data:`STOP_AFTER` has a row ``GOES_AGAIN`` for each state from which a
+   stop is sent again. It has none for a request that is no stop or does more than stop, nor for a stop that
+   was sent immediately on a free line.
 
 Two equal requests of a controller are two transactions: it has asked twice.
 
@@ -88,7 +90,8 @@ class Step(Enum):
     BEGINS = "begins"
     """Its forwarding begins: its first bytes are written next."""
     PIECE = "piece"
-    """Bytes of its own frame are sent while it still comes in, or fill it up so that it is no valid frame."""
+    """Bytes of its own frame are sent while it still comes in. If it is aborted, bytes fill it up, so that it
+    is no valid frame."""
     LAST_PIECE = "last-piece"
     """The last bytes of its own frame are sent, with its CRC: all of it has come in."""
 
@@ -161,7 +164,7 @@ STOP_AFTER: Final[dict[Stopping, dict[StopEvent, Stopping | None]]] = {
     Stopping.FIRST: {
         StopEvent.LEAVES_EARLY: Stopping.EARLY,
         StopEvent.REPLACES: Stopping.AGAIN,
-        StopEvent.GOES_AGAIN: Stopping.AGAIN,  # it was sent while writes were held back (``renewal``)
+        StopEvent.GOES_AGAIN: Stopping.AGAIN,  # it was sent while the connection to the drive was renewed
     },
     Stopping.EARLY: {StopEvent.GOES_AGAIN: Stopping.AGAIN},  # its own echo did not come
     Stopping.AGAIN: {
@@ -650,7 +653,10 @@ class Transactions:
         self.finish(transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.ABSENCE)
 
     def never_left(self, transaction: Transaction, now_ns: int) -> None:
-        """End a request that was never sent completely: its controller still sends it, so nothing is lost."""
+        """End a request whose forwarding was aborted.
+
+        Nothing is lost: if the rest of it comes, it is handled as a request that was not forwarded.
+        """
         self.finish(transaction, Outcome.NEVER_SENT, now_ns, loss=None)
 
     def withdraw(self, transaction: Transaction, why: str, now_ns: int) -> None:

@@ -55,7 +55,8 @@ class WireEvent(Enum):
     __hash__ = object.__hash__
 
     TARGET_SENT = "target-sent"
-    """A target is sent that a record can name: no other target is open, and the branch is known."""
+    """A target is sent that a record can name: no other target is open, and it is known from which side
+    the axis goes there."""
     MOTION_SENT = "motion-sent"
     """Something is sent that moves the axis in a way that its record does not describe."""
     ENDED = "ended"
@@ -72,7 +73,7 @@ ON_WIRE_AFTER: Final[dict[OnWire, dict[WireEvent, OnWire | None]]] = {
         WireEvent.ENDED: IGNORED,  # the request moved nothing, or no record is kept
     },
     OnWire.TARGET: {
-        WireEvent.TARGET_SENT: OnWire.TARGET,  # a target of the fast path, rendered after all
+        WireEvent.TARGET_SENT: OnWire.TARGET,  # the same one: the slow path renders it again
         WireEvent.MOTION_SENT: OnWire.MOTION,  # a second target in the same frame: a record names one
         WireEvent.ENDED: OnWire.NOTHING,
     },
@@ -93,8 +94,8 @@ class Proof(Enum):
     ONE = "one"
     """The next reading at an end decides."""
     TWO = "two"
-    """Two readings in a row at one end decide: the target was on the wire when the gateway ended, and the
-    record names it."""
+    """Two readings in a row at the same end decide: the target was on the wire when the gateway ended, and
+    the record names it."""
     AT_START = "at-start"
     """The first of the two was at its start."""
     AT_END = "at-end"
@@ -125,7 +126,10 @@ PROOF_AFTER: Final[dict[Proof, dict[WayEnd, Proof]]] = {
     Proof.AT_END: {WayEnd.START: Proof.AT_START, WayEnd.END: Proof.EXECUTED, WayEnd.NEITHER: Proof.TWO},
     Proof.NONE: {WayEnd.START: Proof.NONE, WayEnd.END: Proof.NONE, WayEnd.NEITHER: Proof.NONE},
 }
-"""The proof after each reading of an axis that may be at standstill. Decided proofs have no row."""
+"""The proof after each reading of an axis that may be at standstill.
+
+A decided proof closes its target, so no reading follows: it has no row.
+"""
 AT_ONE_END: Final = frozenset({Proof.AT_START, Proof.AT_END})
 DECIDED: Final = frozenset({Proof.EXECUTED, Proof.NOT_EXECUTED})
 

@@ -46,7 +46,7 @@ BLOCK_AFTER: Final[dict[Block, dict[BlockEvent, Block | None]]] = {
     },
     Block.OWN: {
         BlockEvent.LOST: IGNORED,  # the first loss gives the reason
-        BlockEvent.LOST_OF_GROUP: IGNORED,  # its own loss blocks the others too: it must stay
+        BlockEvent.LOST_OF_GROUP: IGNORED,  # its own loss blocks the other axes too, and must go on doing so
         BlockEvent.COMPLETED: Block.NONE,
     },
     Block.OF_GROUP: {
@@ -71,13 +71,13 @@ class Interlock:
         self.why = ""
         """Why triggers are refused, for a person."""
         self.epoch = 0
-        """Increases with each lost target or mode: what was sent in an older epoch replaces nothing lost
-        since."""
+        """Increases with each lost target or mode. A target that was sent before a loss is older than it, and
+        does not replace what was lost."""
         self.blocked_in_epoch = 0
         """The epoch that began with the newest loss that blocked triggers."""
 
     def happens(self, event: BlockEvent) -> bool:
-        """Enter the state that the table gives; return whether it changed if triggers pass."""
+        """Enter the state that the table gives; return whether triggers began or ceased to pass."""
         before = self.block
         try:
             after = BLOCK_AFTER[before][event]

@@ -72,8 +72,8 @@ class MotionState(Enum):
     MAY_HAVE_LEFT = "may-have-left"
     """Its drive reports done no longer: something else moves it, or the bit flickered."""
     AT_REST = "at-rest"
-    """It is at standstill, at its target or elsewhere: done rose after ``MAY_HAVE_LEFT``, or after
-    ``ARRIVED`` it was seen beside its target."""
+    """It is at standstill, at its target or elsewhere. It comes here from ``MAY_HAVE_LEFT``, if its drive
+    reports done again, and from ``ARRIVED``, if it is seen beside its target."""
 
 
 # Member lookup is slow, and these are used for each move.
@@ -149,9 +149,9 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
         MotionEvent.DONE: IGNORED,
         MotionEvent.DONE_ALONE: IGNORED,
         MotionEvent.NOT_DONE: IGNORED,
-        MotionEvent.IN_WINDOW: IGNORED,  # the end of a dry run (``Axis.end_dry_run``) without a target
-        # Not executed: no target is open. Link lost, reference changed: there is no target to keep, so both
-        # come as displaced. Beside, elsewhere: there is no accepted target to compare with.
+        MotionEvent.IN_WINDOW: IGNORED,  # a dry run (positions pass 1:1) ends, and there was no target
+        # Not executed: no target is open. Link lost, reference changed: there is no target to keep, so they
+        # are handled as the event displaced. Beside, elsewhere: there is no accepted target to compare with.
     },
     MotionState.STOPPED: {
         MotionEvent.ACKNOWLEDGED: MotionState.MOVING,
@@ -175,7 +175,8 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
         MotionEvent.DONE_ALONE: IGNORED,
         MotionEvent.NOT_DONE: IGNORED,
         MotionEvent.ELSEWHERE: MotionState.UNKNOWN,  # it was moved since: the same words would be wrong
-        # In window, beside: no events here; the next target checks them (``seen_at_superseded``).
+        # Not executed: no target is open. In window, beside: the next target checks that
+        # (``seen_at_superseded``).
     },
     MotionState.UNACKNOWLEDGED: {
         MotionEvent.ACKNOWLEDGED: MotionState.MOVING,  # the next target, or a proof that this one was taken
@@ -186,8 +187,9 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
         MotionEvent.DONE: MotionState.UNACKNOWLEDGED,  # it is at one of two positions
         MotionEvent.DONE_ALONE: MotionState.UNACKNOWLEDGED,
         MotionEvent.NOT_DONE: IGNORED,  # it goes there, or has; an earlier done report stays valid
-        # Link lost, reference changed: come as displaced, because the drive's target is unknown. A reading
-        # proves that the target was executed, or that it was not (``Proof``); it is no event before that.
+        # Link lost, reference changed: handled as displaced, because the drive's target is unknown. In
+        # window, beside, elsewhere: a reading causes an event only when it proves that the target was
+        # executed (acknowledged) or was not (not executed); see ``Proof``.
     },
     MotionState.MOVING: {
         MotionEvent.ACKNOWLEDGED: MotionState.MOVING,
@@ -274,8 +276,8 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
         # Done alone: an axis without an actual position never enters this state.
     },
 }
-"""The state after each event. ``IGNORED``: nothing changes, also not the data of the state. The state itself:
-it is entered again, with the data of the event. A missing pair is impossible."""
+"""The state after each event. ``IGNORED``: nothing changes, not even the data of the state. A row that leads
+to its own state replaces the data with that of the event. A missing pair is impossible."""
 
 
 class Reported(Enum):

@@ -2,9 +2,9 @@
 
 The configuration says how this is known (``plan.Reference``); each kind of reference has its own table. Where
 a status bit of the drive decides, the machine (:class:`AxisReference`) keeps two more facts. The first:
-whether that bit was ever seen. The second: whether it must be read before positions pass (*unconfirmed*). The
-drive may have been switched off, or got another zero, since the last reading. :data:`ASKS_AGAIN` lists the
-events that make it unconfirmed.
+whether that bit was ever seen. The second: whether it must be read before positions pass (*unconfirmed*),
+because the drive may have been switched off, or have got another zero, since the bit was seen.
+:data:`ASKS_AGAIN` lists the events that make the reference unconfirmed, also where the table says IGNORED.
 """
 
 from collections.abc import Callable
@@ -41,13 +41,13 @@ class ReferenceEvent(Enum):
     __hash__ = object.__hash__
 
     BIT_SET = "bit-set"
-    """The deciding bit is set, and it was set after the homing began."""
+    """The deciding bit is set, and cannot be that of the homing before."""
     BIT_CLEAR = "bit-clear"
     """The deciding bit is clear."""
     HOMING = "homing"
     """A homing command was sent."""
     OTHER_MOTION = "other-motion"
-    """Something else was commanded: the next set bit does not end a homing."""
+    """Something else was commanded. It aborts a homing that was going on."""
     SET_AT_REST = "set-at-rest"
     """The drive got a new position value at standstill."""
     SET_MOVING = "set-moving"
@@ -129,8 +129,9 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceState, _Rows]]] = {
             ReferenceEvent.DECLARED: IGNORED,
         },
     },
-    # The drive reports it. A bit seen clear means that a homing is going on: the next set bit ends it. A
-    # person cannot declare it.
+    # The drive reports it: the axis is referenced while its homed bit is set. Shortly after a homing command
+    # a set bit may still be that of the homing before, and does not count (``SETTLE_NS``). A person cannot
+    # declare this reference.
     Reference.DRIVE_BIT: {
         ReferenceState.NOT_REFERENCED: {
             ReferenceEvent.BIT_SET: ReferenceState.REFERENCED,
@@ -166,8 +167,8 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceState, _Rows]]] = {
 }
 """The state after each event, for each kind of reference; a missing pair is impossible.
 
-``BIT_SET``, ``BIT_CLEAR`` and ``SILENCE`` occur only with ``DRIVE_BIT``; ``BIT_SET`` also with ``HOMING``,
-where a bit ends a homing. The state ``HOMING`` occurs only where that end is awaited.
+``BIT_CLEAR`` and ``SILENCE`` occur only for ``Reference.DRIVE_BIT``. ``BIT_SET`` occurs for it, and for
+``Reference.HOMING``, where a bit ends the homing. Only these two kinds have the state ``HOMING``.
 """
 ASKS_AGAIN: Final = frozenset(
     {
