@@ -107,6 +107,7 @@ MOVES_OTHERWISE: Final = frozenset(
 """Actions after which the last target no longer says where the axis is."""
 _REFUSED: Final = Readability.REFUSED  # member lookup is slow, and these are used for each sample
 _MOVING: Final = MotionState.MOVING
+_NOT_BLOCKED: Final = Block.NONE
 _SUPERSEDED: Final = MotionState.SUPERSEDED
 REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
 
@@ -229,7 +230,8 @@ class Axis:
         record = self.recall.record
         if record is not None:
             record.publish(self.motion, self.acknowledgement, self.correction.requested)
-        self._report_triggers()
+        if self.interlock.block is not _NOT_BLOCKED or self.reports.reported_refusal:
+            self._report_triggers()
         return self.reports.take(is_unsure=self.is_unsure)
 
     # --- where it is -----------------------------------------------------------------------------------
