@@ -83,3 +83,15 @@ REACHED: Final[dict[str, tuple[MotionState, tuple[Callable[[Axis], None], ...]]]
     "at-rest": (MotionState.AT_REST, (acknowledge, done(3), done(4, is_done=False), done(4))),
 }
 """Each state, with what it may bring along, and what leads there."""
+
+
+def reached(way: str, axis: Axis | None = None) -> Axis:
+    """Return an axis that was led to a state."""
+    axis = axis or an_axis()
+    for step in REACHED[way][1]:
+        step(axis)
+    return axis
+
+
+def kinds(axis: Axis) -> list[str]:
+    return [event.kind.name for event in axis.take_events()]

@@ -13,10 +13,8 @@ OWN_LINES: Final = (
     "test_fast_path",
     "test_link_",
     "test_renewal",
-    "test_relative_moves_for_long",
     "test_streams_with",
-    "test_terms_",
-    "test_thermal",
+    "test_terms",
 )
 """Modules that put lines of their own together, or work out whole streams for minutes."""
 

@@ -32,6 +32,7 @@ from tests.exchange.axis_bench import (
     do,
     end,
     leave_unacknowledged,
+    reached,
     see,
 )
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan
@@ -145,9 +146,7 @@ which it was seen to be at its target is known in either case."""
 @pytest.mark.parametrize("way", list(REACHED))
 @pytest.mark.parametrize("is_seen", [True, False])
 def test_an_axis_sets_out_from_where_it_is_known_to_stand_or_from_nowhere(way: str, is_seen: bool) -> None:
-    axis = an_axis()
-    for step in REACHED[way][1]:
-        step(axis)
+    axis = reached(way)
     if is_seen:
         axis.compensation.observe(50_010)
     acknowledge(axis, 55_000)
@@ -159,9 +158,7 @@ def test_an_axis_sets_out_from_where_it_is_known_to_stand_or_from_nowhere(way: s
 
 
 def test_the_same_target_once_more_makes_an_axis_set_out_from_nowhere_else() -> None:
-    axis = an_axis()
-    for step in REACHED["moving-from-a-known-start"][1]:
-        step(axis)
+    axis = reached("moving-from-a-known-start")
     for counts, is_known in ((50_000, True), (55_000, False)):
         acknowledge(axis, counts)
         assert axis.motion.state is MotionState.MOVING
@@ -227,9 +224,7 @@ def test_a_sample_of_before_the_motion_shows_nothing() -> None:
 
 @pytest.mark.parametrize("way", list(REACHED))
 def test_an_axis_is_at_rest_only_where_something_says_so(way: str) -> None:
-    axis = an_axis()
-    for step in REACHED[way][1]:
-        step(axis)
+    axis = reached(way)
     says_so = {"unacknowledged-done", "done-reported", "in-window", "arrived", "may-have-left", "at-rest"}
     assert axis.motion.is_at_rest is (way in says_so)
 

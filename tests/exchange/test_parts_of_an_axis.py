@@ -21,6 +21,7 @@ from tests.exchange.axis_bench import (
     an_axis,
     do,
     leave_unacknowledged,
+    reached,
     see,
     target,
 )
@@ -61,17 +62,14 @@ NOT_AT_REST: Final = {
 
 @pytest.mark.parametrize("way", list(REACHED))
 def test_an_axis_is_at_rest_where_its_drive_or_its_position_says_so(way: str) -> None:
-    axis = an_axis()
-    for step in REACHED[way][1]:
-        step(axis)
+    axis = reached(way)
     assert axis.motion.why_not_at_rest == NOT_AT_REST[way]
 
 
 def test_an_axis_whose_moving_bit_is_set_is_not_at_rest() -> None:
     axis = an_axis()
     assert axis.motion.why_not_at_rest == ""
-    for step in REACHED["arrived"][1]:
-        step(axis)
+    reached("arrived", axis)
     axis.motion.observe_moving(6 * MS, is_moving=True)
     assert axis.motion.why_not_at_rest == "it moves"
 
@@ -146,14 +144,10 @@ def test_an_axis_of_unknown_branch_is_not_seen_at_its_target_while_its_reading_s
 )
 def test_only_a_stream_lags_behind_its_setpoints_when_it_is_done(way: str, after: MotionState) -> None:
     """40 000 counts from its setpoint."""
-    axis = Axis(stream_plan(bits=DONE_BIT, done_drop_ms=0.0))
-    for step in REACHED[way][1]:
-        step(axis)
+    axis = reached(way, Axis(stream_plan(bits=DONE_BIT, done_drop_ms=0.0)))
     see(axis, 10_000)
     assert state(axis) is after
-    waits = an_axis()
-    for step in REACHED["done-reported"][1]:
-        step(waits)
+    waits = reached("done-reported")
     see(waits, 10_000)
     assert waits.motion.state is MotionState.UNKNOWN
 
@@ -168,9 +162,7 @@ def test_only_a_stream_lags_behind_its_setpoints_when_it_is_done(way: str, after
     ],
 )
 def test_how_far_from_its_target_an_axis_stands_there_or_beside_it(counts: int, after: MotionState) -> None:
-    axis = an_axis()
-    for step in REACHED["arrived"][1]:
-        step(axis)
+    axis = reached("arrived")
     see(axis, counts)
     assert state(axis) is after
 
@@ -364,9 +356,7 @@ def test_an_axis_goes_on_as_its_record_says() -> None:
 def test_a_staged_target_from_before_a_lost_link_is_repeated_if_it_was_seen_there(
     way: str, has_actual: bool, kind: RepeatKind
 ) -> None:
-    axis = an_axis(has_actual=has_actual, motion=MotionPlan(is_staged=True))
-    for step in REACHED[way][1]:
-        step(axis)
+    axis = reached(way, an_axis(has_actual=has_actual, motion=MotionPlan(is_staged=True)))
     axis.lose_link(7 * MS)
     assert axis.motion.repeat_kind(0, COMMAND.pack(50_000)) is kind
     assert axis.motion.repeat_kind(0, COMMAND.pack(50_001)) is RepeatKind.NEW

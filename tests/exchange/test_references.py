@@ -9,7 +9,7 @@ from gateway.exchange.commands import SetReference
 from gateway.exchange.control import ControlError, switch
 from gateway.exchange.plan import ControllerPlan, Reference, Role
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
-from tests.exchange import test_starting_words as starting
+from tests.exchange import test_registers as starting
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Port, axis_plan, read, write
 from tests.exchange.staged_bench import BITS, HOME_PDU, RUN_PDU, STOP_PDU, ZERO_PDU, StagedBench, staged_plan
 from tests.exchange.world_trace import played
@@ -359,7 +359,7 @@ def test_a_target_of_which_a_word_was_replaced_is_not_given_again_over_a_lost_re
     the axis stands there."""
     plan = axis_plan(
         command=(starting.TARGET,),
-        actual=(starting.ACTUAL,),
+        actual=(starting.HIGH_FIRST_ACTUAL,),
         motion=starting.ON_LOW_WORD,
         bits={"homed": BitField(0x9005, 4)},
         referenced=Reference.DRIVE_BIT,
@@ -376,9 +376,9 @@ def test_a_target_of_which_a_word_was_replaced_is_not_given_again_over_a_lost_re
         for request in requests:
             bench.ask(request)
             if request[0] == 16:
-                bench.memory.put(starting.ACTUAL, bench.memory.get(starting.TARGET))
+                bench.memory.put(starting.HIGH_FIRST_ACTUAL, bench.memory.get(starting.TARGET))
                 bench.wait(1000)
-                bench.ask(read(starting.ACTUAL))
+                bench.ask(read(starting.HIGH_FIRST_ACTUAL))
     assert bench.sent_for(write(starting.TARGET, 65_530)) == write(starting.TARGET, 65_540)
 
 

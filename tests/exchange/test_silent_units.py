@@ -7,12 +7,13 @@ import pytest
 
 from gateway.drives.motion import Action, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.axis.motion import MotionState
-from gateway.exchange.plan import ControllerPlan, LineTiming, Reference
+from gateway.exchange.plan import ControllerPlan, LineTiming, Reference, Role
 from gateway.exchange.rights import Rights
 from gateway.exchange.silent_units import REACH_AFTER, Reach, Sign
 from gateway.modbus.registers import BitField, BitTable
-from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, axis_plan, read, write
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Link, Port, axis_plan, read, write
 from tests.exchange.silent_bench import ANSWER, OTHER, SILENT, controller, line, polled_in_turn, two_axes
+from tests.exchange.staged_bench import RUN_PDU, staged_plan
 from tests.support.tables import walk
 
 WALK: Final = """
@@ -596,3 +597,487 @@ def test_w11_without_it_each_third_poll_of_the_dead_drive_costs_its_time_out() -
     asked = polled_in_turn(bench, 12)
     # Once before, four until the second time-out at 3 s, then three in each 2 s: two at once, one behind it.
     assert len([unit_id for _, unit_id, _ in asked if unit_id == 1]) == 1 + 4 + 4 * 3 + 2
+
+
+# === requests that could leave only too late are answered at once (W6)
+#
+# Where no other times are given: time-outs of 100 ms everywhere, silences of 80 ms. A request that comes less
+# than 30 ms after a time-out would leave with less than half of its controller's time left.
+#
+
+WRITE: Final = bytes.fromhex("06 0700 0001")
+WRITE_SILENT: Final = bytes.fromhex("86 0B")
+
+
+def silent(*plans: Any, unit_id: int = 2, **options: Any) -> Bench:
+    """A line in the instant in which a unit id has left a request unanswered."""
+    bench = line(*plans, **{"drain_ms": 80.0, **options})
+    bench.send(OTHER, unit_id=unit_id)
+    assert bench.link.sent.pop() == (unit_id, OTHER)
+    bench.wait(100)
+    bench.port.replies.clear()
+    return bench
+
+
+def spend(bench: Bench) -> None:
+    """Use up what may be answered unasked in one silence."""
+    for _ in range(2):
+        bench.send(OTHER, unit_id=2)
+        assert bench.port.take() == SILENT
+
+
+# --- what it is for ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("serial", [False, True])
+def test_w6_polled_in_turn_with_a_silent_drive_the_other_loses_nothing(*, serial: bool) -> None:
+    """All time-outs and the silence 1000 ms; unit 1 takes 3 ms. Before, it waited 3, 1000, 1000 ms: as long
+    as its controller does, and whatever else took a millisecond lost it."""
+    bench = Bench(timing=LineTiming(), serial=serial, link=Link())
+    bench.port = controller("plc", serial=serial, timeout_ms=1000.0)
+    asked = polled_in_turn(bench, 5.5, takes_ms=3)
+    first_ms = [took_ms for _, unit_id, took_ms in asked if unit_id == 1][1:9]
+    # Unit 1 answers 3, 6 and 9 ms after the time-out, with unit 2 answered for twice in between. The third
+    # poll of that comes at 9 ms and leaves at 1000. Unit 1 is polled at 1009 ms, and the line is free at
+    # 2000 ms: 991 + 3 ms. Then the same behind the answer that came 3 ms after the second time-out.
+    assert first_ms == [3, 3, 3, 994, 3, 3, 994, 3]
+    assert None not in [took_ms for _, unit_id, took_ms in asked if unit_id == 1]
+    of_unit_2 = [took_ms for _, unit_id, took_ms in asked if unit_id == 2][:8]
+    assert of_unit_2 == [None if serial else 1000, 0, 0, None, 0, 0, None, 0]
+    assert (bench.line.counters.timeouts, bench.line.counters.too_late) == (3, 4)
+
+
+@pytest.mark.parametrize("serial", [False, True])
+@pytest.mark.parametrize("drain_ms", [400.0, 600.0, 3000.0])
+def test_w6_nor_with_shorter_and_longer_silences(*, serial: bool, drain_ms: float) -> None:
+    bench = Bench(timing=LineTiming(drain_ms=drain_ms), serial=serial)
+    bench.port = controller("plc", serial=serial, timeout_ms=1000.0)
+    asked = polled_in_turn(bench, 14, takes_ms=3)
+    assert None not in [took_ms for _, unit_id, took_ms in asked if unit_id == 1]
+    assert bench.line.counters.too_late == (0 if drain_ms == 400 else 4)
+    assert "drive-backed-off" in bench.kinds()
+
+
+@pytest.mark.parametrize("serial", [False, True])
+def test_w6_a_stop_that_goes_once_more_keeps_no_read_of_its_controller_waiting(*, serial: bool) -> None:
+    """The stop left early and was not answered. Its controller reads unit 1: that owes nothing to anybody."""
+    bench = silent(axis_plan(name="y", unit_id=2, motion=MOTION), serial=serial)
+    bench.send(STOP, unit_id=2)
+    assert bench.link.sent.pop() == (2, STOP)
+    bench.wait(100)
+    bench.send(OTHER, unit_id=1, transaction_id=8)
+    assert bench.link.sent == [(1, OTHER)]
+    bench.line.reply(1, ANSWER, bench.now_ns)
+    assert bench.port.take() == ANSWER
+    bench.link.sent.clear()
+    bench.wait(80)
+    assert bench.link.sent == [(2, STOP)]  # once more, behind the silence
+
+
+# --- what is answered --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("serial", [False, True])
+@pytest.mark.parametrize(("pdu", "answer"), [(OTHER, SILENT), (WRITE, WRITE_SILENT)])
+def test_w6_it_is_answered_on_serial_lines_too_and_counted(
+    pdu: bytes, answer: bytes, *, serial: bool
+) -> None:
+    bench = silent(serial=serial)
+    bench.send(pdu, unit_id=2)
+    assert bench.port.take() == answer
+    bench.wait(200)
+    assert bench.link.sent == []
+    counters = bench.line.counters
+    assert (counters.too_late, counters.backed_off, counters.refused, counters.withdrawn) == (1, 0, 0, 0)
+
+
+@pytest.mark.parametrize("pdu", [OTHER, WRITE])
+def test_w6_what_leaves_with_half_of_its_time_left_waits(pdu: bytes) -> None:
+    bench = silent()
+    bench.wait(30)
+    bench.send(pdu, unit_id=2)
+    assert bench.leaves_after(50)[1] == pdu
+    assert bench.line.counters.too_late == 0
+
+
+def test_w6_a_patient_controller_is_not_answered() -> None:
+    bench, patient = silent(), controller("panel", timeout_ms=160.0)
+    bench.send(OTHER, patient, unit_id=2)
+    bench.wait(80)
+    assert bench.link.take() == OTHER
+
+
+def test_w6_what_came_before_the_time_out_is_answered_with_it() -> None:
+    bench, panel = line(drain_ms=80.0), controller("panel")
+    bench.send(OTHER, unit_id=2)
+    bench.wait(60)
+    bench.send(WRITE, panel, unit_id=2)
+    bench.wait(40)
+    assert (bench.port.take(), panel.take()) == (SILENT, WRITE_SILENT)
+
+
+def test_w6_what_a_late_frame_keeps_waiting_for_longer_is_answered_then() -> None:
+    bench = silent()
+    bench.wait(40)
+    bench.send(OTHER, unit_id=2)  # it could leave after 40 ms
+    bench.wait(20)
+    assert bench.port.replies == []
+    bench.line.stray(bench.now_ns, unit_id=2)  # and now only 80 ms later
+    assert bench.port.take() == SILENT
+
+
+def test_w6_it_is_answered_behind_what_its_controller_asked_before() -> None:
+    bench = silent()
+    bench.send(OTHER, unit_id=1, transaction_id=1)
+    bench.send(OTHER, unit_id=2, transaction_id=2)
+    bench.send(OTHER, unit_id=1, transaction_id=3)
+    assert bench.port.replies == []
+    bench.line.reply(1, ANSWER, bench.now_ns)
+    assert bench.port.replies == [(1, 1, ANSWER), (2, 2, SILENT)]
+    assert bench.link.sent == [(1, OTHER)] * 2
+
+
+def test_w6_it_is_answered_while_another_one_uses_the_line_or_the_line_rests() -> None:
+    bench, panel = silent(), controller("panel")
+    bench.send(OTHER, panel, unit_id=1)
+    bench.send(OTHER, unit_id=2)
+    assert bench.port.take() == SILENT
+    bench.line.reply(1, ANSWER, bench.now_ns)
+    bench.line.stray(bench.now_ns, unit_id=1)
+    assert bench.line.rest.is_draining
+    bench.send(OTHER, unit_id=2)
+    assert bench.port.take() == SILENT
+
+
+def test_w6_a_monitor_does_not_wait_for_a_gap_for_it() -> None:
+    bench, hmi = silent(), Port(ControllerPlan("hmi", role=Role.MONITOR, timeout_ms=100.0))
+    bench.send(OTHER, hmi, unit_id=2)
+    assert hmi.take() == SILENT
+
+
+# --- what is not -------------------------------------------------------------------------------------------
+
+
+def test_w6_what_waits_for_another_unit_or_for_the_line_is_sent_late() -> None:
+    bench = silent()
+    bench.send(WRITE, unit_id=1)
+    assert bench.leaves_after(80) == (1, WRITE)
+
+
+def test_w6_nor_is_a_broadcast_answered() -> None:
+    bench = silent(serial=True)
+    bench.send(WRITE, unit_id=0)
+    bench.wait(80)
+    assert bench.link.sent == [(0, WRITE)]
+
+
+def test_m11_nor_what_is_for_another_drive_of_the_group() -> None:
+    plans = axis_plan(name="x", unit_id=1), axis_plan(name="y", unit_id=2)
+    timing = LineTiming(response_timeout_ms=100, drain_ms=80, retry_ms=200)
+    bench = Bench(*plans, timing=timing, serial=False, groups=[["x", "y"]])
+    bench.port = controller("plc")
+    bench.unanswered(OTHER, 100, unit_id=2)
+    bench.send(read(ACTUAL), unit_id=1)
+    assert bench.link.sent == [(1, read(ACTUAL))]
+    bench.serve()
+    bench.port.take()
+    bench.send(WRITE, unit_id=1)
+    bench.wait(80)
+    assert bench.link.take() == WRITE
+
+
+def test_w6_a_tcp_drive_owes_no_silence() -> None:
+    bench = silent(tcp_drive=True)
+    bench.send(OTHER, unit_id=2)
+    assert bench.link.take() == OTHER
+
+
+@pytest.mark.parametrize("pdu", [OTHER, WRITE])
+def test_w11_nor_is_a_trial_of_a_dead_drive_answered(pdu: bytes) -> None:
+    bench = silent(retry_ms=1.0)
+    for _ in range(2):
+        bench.wait(80)
+        bench.missed(OTHER, 100, unit_id=2)
+        bench.port.take()
+    bench.send(OTHER, unit_id=2)
+    assert bench.port.take() == SILENT
+    assert (bench.line.counters.backed_off, bench.line.counters.too_late) == (1, 0)
+    bench.wait(80)
+    bench.send(pdu, unit_id=2)
+    assert bench.link.take() == pdu
+
+
+def test_m3_a_stop_goes_at_once_and_what_waits_then_is_judged_anew() -> None:
+    bench = silent(axis_plan(name="y", unit_id=2, motion=MOTION))
+    panel = controller("panel")
+    bench.wait(40)
+    bench.send(OTHER, panel, unit_id=2)
+    bench.send(STOP, unit_id=2)
+    assert bench.link.take() == STOP
+    bench.wait(100)  # nobody answers it, the silence begins anew: the read could leave 180 ms after it came
+    assert panel.take() == SILENT
+    assert (bench.link.sent, bench.port.replies) == ([], [])
+    bench.wait(80)
+    assert bench.link.take() == STOP
+
+
+def test_m3_a_stop_is_never_answered_so_however_late_it_is() -> None:
+    bench = silent(axis_plan(name="y", unit_id=2, motion=MOTION), serial=True)
+    for _ in range(2):  # early, and once more behind the silence
+        bench.send(STOP, unit_id=2)
+    assert bench.link.take() == STOP
+    assert bench.line.counters.too_late == 0
+
+
+# --- two in a row ------------------------------------------------------------------------------------------
+
+
+def test_w6_behind_two_such_answers_the_next_read_waits_and_goes_late_and_a_write_does_not() -> None:
+    bench, panel = silent(), controller("panel")
+    spend(bench)
+    bench.wait(1)
+    bench.send(OTHER, unit_id=2)
+    bench.send(WRITE, panel, unit_id=2)
+    assert panel.take() == WRITE_SILENT
+    assert bench.leaves_after(79) == (2, OTHER)
+    assert bench.line.counters.too_late == 3
+    bench.wait(100)
+    assert bench.line.unit_ids_status(bench.now_ns).drives["2"].timeouts_in_a_row == 2
+    bench.port.replies.clear()
+    spend(bench)  # in the next silence
+
+
+def test_w6_they_are_counted_by_unit_id_whoever_asks() -> None:
+    bench, panel = silent(), controller("panel")
+    for port in (bench.port, panel):
+        bench.send(OTHER, port, unit_id=2)
+        assert port.take() == SILENT
+    bench.send(OTHER, unit_id=2)
+    bench.wait(80)
+    assert bench.link.sent == [(2, OTHER)]
+
+
+def test_w6_of_two_silent_units_each_has_its_own_count() -> None:
+    bench = silent()
+    spend(bench)
+    bench.send(OTHER, unit_id=3)
+    assert bench.link.sent.pop() == (3, OTHER)
+    bench.wait(100)  # which ends the silence of unit 2
+    bench.port.replies.clear()
+    for _ in range(2):
+        bench.send(OTHER, unit_id=3)
+        assert bench.port.take() == SILENT
+
+
+def test_w6_writes_alone_are_sent_too_as_soon_as_half_of_their_time_is_left() -> None:
+    """A controller that writes anew as soon as it is answered, for ever."""
+    bench = silent()
+    answered, waited_ms = 0, 0
+    while not bench.link.sent:
+        bench.send(WRITE, unit_id=2)
+        answered += len(bench.port.replies)
+        if not bench.port.replies:
+            break
+        bench.port.replies.clear()
+        bench.wait(1)
+        waited_ms += 1
+    assert (answered, waited_ms) == (30, 30)  # 80 ms of silence, of which 50 ms may be waited for
+    bench.wait(50)
+    assert bench.link.sent == [(2, WRITE)]
+
+
+def test_w6_a_controller_that_reads_anew_at_once_for_ever_reaches_the_drive_in_each_silence() -> None:
+    bench = line(drain_ms=80.0, retry_ms=0.0)
+    sent, asked_ms = 0, -100
+    for ms in range(995):
+        if ms - asked_ms >= 100 or bench.port.replies:
+            bench.port.replies.clear()
+            bench.send(OTHER, unit_id=2)
+            asked_ms = ms
+        sent += len(bench.link.sent)
+        bench.link.sent.clear()
+        bench.wait(1)
+    # 100 ms of time-out and 80 ms of silence: it is asked at 0, 180, 360, 540, 720 and 900 ms.
+    assert sent == 6
+    assert bench.line.counters.too_late == 2 * 5
+
+
+@pytest.mark.parametrize("drain_ms", [80.0, 250.0])
+def test_w6_pipelined_requests_are_answered_in_their_order_and_never_sent_late(drain_ms: float) -> None:
+    """Five reads of unit 2 and one of unit 1, all in flight on one connection at 90 ms."""
+    bench = line(drain_ms=drain_ms)
+    bench.missed(OTHER, 90, unit_id=2)
+    for number in range(1, 6):
+        bench.send(OTHER, unit_id=2, transaction_id=number)
+    bench.send(OTHER, unit_id=1, transaction_id=6)
+    bench.wait(10)
+    assert [number for number, _, _ in bench.port.replies] == [7, 1, 2]
+    assert bench.link.sent == []  # the third one waits, and what is behind it
+    bench.wait(80)
+    if drain_ms == 80:
+        assert bench.link.sent == [(2, OTHER)]  # 90 ms after it had come
+        return
+    assert bench.link.sent == []
+    bench.wait(11)  # all are given up
+    bench.send(OTHER, unit_id=1, transaction_id=8)
+    assert bench.link.sent == [(1, OTHER)]
+    assert bench.line.counters.withdrawn == 4
+
+
+@pytest.mark.parametrize(("drain_ms", "until_ms"), [(80.0, 60), (45.0, 100)])
+def test_w7_a_late_read_is_waited_for_no_longer_than_its_drive_may_take(
+    drain_ms: float, until_ms: int
+) -> None:
+    """The drive may take 60 ms, the controller waits for 100. Late, it has given up 20 ms after it left."""
+    bench = silent(drain_ms=drain_ms, response_timeout_ms=60.0)
+    if drain_ms == 80:
+        spend(bench)
+    bench.send(OTHER, unit_id=2)
+    bench.wait(drain_ms)
+    assert bench.link.take() == OTHER
+    bench.wait(until_ms - 1)
+    assert not bench.line.is_idle
+    bench.wait(1)
+    assert bench.line.is_idle
+
+
+def test_w7_nor_any_shorter_than_its_controller_waits() -> None:
+    bench = silent(drain_ms=60.0, response_timeout_ms=10.0)
+    spend(bench)
+    bench.wait(1)
+    bench.send(OTHER, unit_id=2)
+    bench.wait(59)
+    assert bench.link.take() == OTHER
+    bench.wait(40)
+    assert bench.port.replies == []
+    bench.wait(1)
+    assert bench.port.take() == SILENT
+
+
+# --- what is learned of it ---------------------------------------------------------------------------------
+
+
+def test_w6_nothing_is_learned_of_the_drive() -> None:
+    bench = silent()
+    before = bench.line.unit_ids_status(bench.now_ns).drives["2"]
+    spend(bench)
+    assert bench.line.unit_ids_status(bench.now_ns).drives["2"] == before
+    assert before.timeouts_in_a_row == 1
+    assert bench.line.counters.timeouts == 1
+    assert bench.kinds() == ["line-up", "drive-silent"]
+
+
+def test_w6_nor_does_the_silence_of_its_axis_grow() -> None:
+    """lost_ms is 1000: a drive that was asked for 0.1 s and answered for until 2.9 s was silent for 0.1 s."""
+    plan = axis_plan(unit_id=2, referenced=Reference.HOMING, lost_ms=1000.0)
+    bench = line(plan, drain_ms=3000.0)
+    bench.line.axes[0].declare_referenced()
+    for counts in (30_000, 60_000):
+        bench.send(write(COMMAND, counts), unit_id=2)
+        bench.serve()
+        bench.memory.put(ACTUAL, bench.memory.get(COMMAND))
+        bench.wait(1000)
+    bench.missed(OTHER, 100, unit_id=2)
+    for wait_ms in (1500, 1300):
+        bench.wait(wait_ms)
+        bench.port.replies.clear()
+        bench.send(OTHER, unit_id=2)
+        assert bench.port.take() == SILENT
+    bench.wait(200)
+    bench.send(write(COMMAND, 70_000), unit_id=2)
+    bench.serve()
+    assert bench.seen[-1] == write(COMMAND, 70_010)
+    assert bench.line.axes[0].reference.is_referenced
+
+
+@pytest.mark.parametrize("serial", [False, True])
+def test_m3_a_target_that_was_answered_so_is_lost_and_its_trigger_is_refused(*, serial: bool) -> None:
+    bench = silent(staged_plan(unit_id=2), serial=serial)
+    bench.send(write(COMMAND, 70_000), unit_id=2)
+    assert bench.port.take() == bytes.fromhex("90 0B")
+    bench.wait(80)
+    bench.send(RUN_PDU, unit_id=2)
+    assert bench.link.sent == []
+    assert bench.port.take() == WRITE_SILENT
+    assert "axis-blocked" in bench.kinds()
+    assert bench.ask(write(COMMAND, 70_000), unit_id=2) == write(COMMAND, 70_000)[:5]
+    assert bench.ask(RUN_PDU, unit_id=2) == RUN_PDU
+
+
+def test_m3_a_trigger_that_was_answered_so_does_not_run_later() -> None:
+    bench = silent(staged_plan(unit_id=2))
+    bench.send(RUN_PDU, unit_id=2)
+    assert bench.port.take() == WRITE_SILENT
+    bench.wait(1000)
+    assert bench.link.sent == []
+
+
+# --- how it can still be late ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("pdu", "is_sent"), [(OTHER, True), (WRITE, False)])
+def test_w6_a_process_that_stood_still_sends_no_write_too_late(pdu: bytes, *, is_sent: bool) -> None:
+    """It would leave at 80 ms, 40 ms after it came; the process goes on 60 ms after it came."""
+    bench = silent()
+    bench.wait(40)
+    bench.send(pdu, unit_id=2)
+    bench.wait(60)
+    assert bool(bench.link.sent) is is_sent
+    assert bool(bench.port.replies) is not is_sent
+
+
+def test_w6_an_exchange_of_another_unit_over_its_end_sends_no_write_too_late() -> None:
+    bench, panel = silent(), controller("panel")
+    bench.wait(40)
+    bench.send(WRITE, unit_id=2)
+    bench.wait(30)
+    bench.send(OTHER, panel, unit_id=1)
+    bench.link.sent.clear()
+    bench.wait(50)
+    bench.line.reply(1, ANSWER, bench.now_ns)
+    assert bench.port.take() == WRITE_SILENT
+    bench.wait(100)
+    assert bench.link.sent == []
+
+
+def test_w5_what_waits_for_another_units_silence_keeps_back_nothing_once_it_is_given_up() -> None:
+    """A write of unit 1 waits for 1000 ms of silence of unit 2; its controller waits for 100 ms."""
+    bench = silent(drain_ms=1000.0)
+    bench.send(WRITE, unit_id=1, transaction_id=1)
+    bench.wait(90)
+    bench.send(OTHER, unit_id=1, transaction_id=2)
+    assert bench.link.sent == []
+    assert bench.line.deadline_ns == bench.now_ns + 10 * MS + 1
+    bench.wait(11)
+    assert bench.link.sent == [(1, OTHER)]
+    assert bench.line.counters.withdrawn == 1
+
+
+@pytest.mark.parametrize("takes_ms", [1200, 1900])
+def test_w6_a_drive_that_answers_after_its_time_out_is_never_one_reading_behind(takes_ms: int) -> None:
+    """It answers each read of register N with N, in its order, and the link frames what fits. Time-outs of
+    1000 ms; its controller asks again at once."""
+    bench = Bench(timing=LineTiming(), serial=False)
+    bench.port = controller("plc", timeout_ms=1000.0)
+    coming: list[tuple[int, int]] = []
+    heard: list[tuple[int, bytes]] = []
+    number, asked_ms = 0, -10_000
+    for ms in range(30_000):
+        while bench.link.sent:
+            _, pdu = bench.link.sent.pop(0)
+            coming.append((ms + takes_ms, pdu[2]))
+        if coming and coming[0][0] <= ms:
+            _, value = coming.pop(0)
+            if bench.line.is_idle:
+                bench.line.stray(bench.now_ns, unit_id=2)
+            else:
+                bench.line.reply(2, bytes((3, 2, 0, value)), bench.now_ns)
+        if bench.port.replies or ms - asked_ms >= 1000:
+            heard += [(asked, pdu) for asked, _, pdu in bench.port.replies]
+            bench.port.replies.clear()
+            number, asked_ms = (number + 1) % 250, ms
+            bench.send(bytes((3, 0, number, 0, 1)), unit_id=2, transaction_id=number)
+        bench.wait(1)
+    wrong = [(asked, pdu) for asked, pdu in heard if pdu[0] == 3 and pdu[3] != asked]
+    assert wrong == []
+    assert len(heard) > 10

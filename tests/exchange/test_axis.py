@@ -1,31 +1,43 @@
-"""What concerns several parts of an axis: losses, other writers, another zero, what is reported of it."""
+"""What concerns several parts of an axis, or all axes of a group (M4, M11)."""
 
 from collections.abc import Callable
-from typing import Final
+from dataclasses import replace
+from typing import Any, Final
 
 import pytest
 
 from gateway.compensation.correction_spec import NOTHING
 from gateway.compensation.moves import Accepted
+from gateway.compensation.settings import Gain
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
 from gateway.drives.motion import Action, ModePlan, MotionPlan
 from gateway.exchange.axis.acknowledge import Rendering, SteadyTarget
 from gateway.exchange.axis.axis import Axis
+from gateway.exchange.axis.gantry import Gantry, GantryEvent
 from gateway.exchange.axis.motion import MotionState
+from gateway.exchange.axis.reference import ReferenceEvent
 from gateway.exchange.axis.reports import AxisReports
 from gateway.exchange.commands import EndDryRun
+from gateway.exchange.control import switch
+from gateway.exchange.group import join_groups, report_skew, settle_group
+from gateway.exchange.kept_words import is_other, is_repeat, keeps_other_words, may_keep_words, spec_of_words
 from gateway.exchange.plan import CompensationMode, Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.axis_bench import (
     DONE_BIT,
-    REACHED,
     acknowledge,
     an_axis,
     do,
+    kinds,
     leave_unacknowledged,
+    reached,
     see,
     target,
 )
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, stream_plan, write
+
+# === losses, other writers, another zero, what is reported ===============================================
 
 NOMINAL: Final = COMMAND.pack(50_000)
 CORRECTED: Final = COMMAND.pack(50_010)
@@ -35,16 +47,6 @@ REPEAT: Final = Rendering(0, NOMINAL, CORRECTED, 50_010, None)
 
 def state(axis: Axis) -> MotionState:
     return axis.motion.state
-
-
-def reached(axis: Axis, way: str) -> Axis:
-    for step in REACHED[way][1]:
-        step(axis)
-    return axis
-
-
-def kinds(axis: Axis) -> list[str]:
-    return [event.kind.name for event in axis.take_events()]
 
 
 def see_at(axis: Axis, counts: int, at_ms: float) -> None:
@@ -58,14 +60,14 @@ def test_only_an_axis_that_was_unseen_for_long_has_left_its_way() -> None:
     """From 40 010 to 50 010; it is seen at 30 000. Heard last at 1 ms, with the acknowledgement."""
     unseen_ms = an_axis().plan.unseen_ms
     for late_ms, after in ((0.0, MotionState.MOVING), (0.1, MotionState.UNKNOWN)):
-        axis = reached(an_axis(), "moving-from-a-known-start")
+        axis = reached("moving-from-a-known-start")
         see_at(axis, 30_000, 1 + unseen_ms + late_ms)
         assert state(axis) is after
 
 
 def test_an_axis_that_jumped_is_anywhere_also_while_its_target_is_open() -> None:
     """From 30 mm to 60 mm in 1 ms, done."""
-    axis = reached(an_axis(), "unacknowledged-done")
+    axis = reached("unacknowledged-done")
     see_at(axis, 30_000, 5)
     assert state(axis) is MotionState.UNACKNOWLEDGED
     see_at(axis, 60_000, 6)
@@ -132,27 +134,27 @@ def test_after_a_fault_of_the_program_an_axis_passes_1_to_1_until_its_bit_was_re
 
 
 def test_after_a_fault_of_the_program_an_axis_is_anywhere() -> None:
-    axis = reached(an_axis(), "moving")
+    axis = reached("moving")
     axis.report_fault("a sentence")
     assert state(axis) is MotionState.UNKNOWN
     assert not axis.passes_unchanged  # no bit could show its reference again
 
 
 def test_of_what_is_forgotten_neither_position_nor_words_are_known() -> None:
-    axis = reached(an_axis(), "arrived")
+    axis = reached("arrived")
     axis.forget()
     assert state(axis) is MotionState.UNKNOWN
     assert axis.fields[0].nominal_words is None
 
 
 def test_behind_a_lost_link_its_last_position_is_old() -> None:
-    axis = reached(an_axis(), "arrived")
+    axis = reached("arrived")
     axis.lose_link(9 * MS)
     assert axis.motion.actual is None
 
 
 def test_a_silence_leaves_an_open_target_open_and_its_record_names_it() -> None:
-    axis = reached(an_axis(), "unacknowledged")
+    axis = reached("unacknowledged")
     open_target = axis.motion.unacknowledged
     axis.acknowledgement.go_on_naming(open_target)
     axis.fall_silent(2 * MS, 2 * MS)
@@ -164,7 +166,7 @@ def test_a_silence_leaves_an_open_target_open_and_its_record_names_it() -> None:
 
 
 def test_a_move_of_the_zero_voids_words_and_positions() -> None:
-    axis = reached(an_axis(), "arrived")
+    axis = reached("arrived")
     axis.move_zero()
     assert (axis.fields[0].nominal_words, axis.fields[0].corrected_words) == (NOMINAL, None)
     assert axis.motion.actual is None
@@ -205,7 +207,7 @@ def test_an_axis_of_a_group_is_corrected_when_all_of_them_are_referenced() -> No
 
 
 def test_where_nothing_is_fixed_nothing_is_released() -> None:
-    axis = reached(an_axis(), "arrived")
+    axis = reached("arrived")
     axis.release()
     axis.member.keep_no_other_words()
     assert state(axis) is MotionState.ARRIVED
@@ -311,7 +313,7 @@ def test_a_target_that_a_stop_of_another_controller_changed_must_come_again(
 
 
 def test_a_repeat_is_a_sign_of_life_and_the_time_of_a_blend() -> None:
-    axis = reached(an_axis(), "arrived")
+    axis = reached("arrived")
     axis.targets.acknowledge(REPEAT, 11 * MS)
     times = [(axis.motion.heard_ns, axis.compensation.state.at_ns)]
     axis.targets.acknowledge_steady(0, SteadyTarget(NOMINAL, CORRECTED, 0.0, 0, None), 12 * MS)
@@ -330,7 +332,7 @@ def test_a_repeat_is_a_sign_of_life_and_the_time_of_a_blend() -> None:
 )
 def test_a_repeat_that_was_not_acknowledged_leaves_the_axis_where_it_is(way: str, after: MotionState) -> None:
     """Where its target is not known it may have moved: the words in the drive are unknown then."""
-    axis = reached(an_axis(), way)
+    axis = reached(way)
     axis.fields[0].settle(NOMINAL, CORRECTED)
     sent_off_ns = axis.motion.sent_off_ns
     axis.targets.leave_unacknowledged(REPEAT, 11 * MS)
@@ -354,7 +356,7 @@ def test_words_that_were_not_acknowledged_are_unknown_and_may_be_corrected_ones(
 def test_a_run_of_the_target_from_before_a_lost_link_leaves_the_same_words(
     corrected: bytes, after: MotionState
 ) -> None:
-    axis = reached(an_axis(), "out-of-reach")
+    axis = reached("out-of-reach")
     run = target(axis, 50_000)._replace(corrected_words=corrected)
     axis.targets.leave_run_unacknowledged(run, 11 * MS)
     assert state(axis) is after
@@ -362,7 +364,7 @@ def test_a_run_of_the_target_from_before_a_lost_link_leaves_the_same_words(
 
 
 def test_a_run_of_an_unknown_target_goes_anywhere() -> None:
-    axis = reached(an_axis(), "arrived")
+    axis = reached("arrived")
     axis.targets.leave_run_unacknowledged(REPEAT._replace(nominal_words=b"\0\0\0\1"), 11 * MS)
     assert state(axis) is MotionState.UNKNOWN
 
@@ -380,7 +382,7 @@ def test_words_that_are_read_prove_an_open_target(words: bytes, after: MotionSta
 
 @pytest.mark.parametrize(("is_lost", "is_known"), [(False, True), (True, False)])
 def test_words_that_are_read_back_are_those_from_before_a_lost_link(is_lost: bool, is_known: bool) -> None:
-    axis = reached(an_axis(), "out-of-reach")
+    axis = reached("out-of-reach")
     if is_lost:
         axis.fields[0].lose_all_words()
     axis.targets.read_back(0, CORRECTED)
@@ -388,7 +390,7 @@ def test_words_that_are_read_back_are_those_from_before_a_lost_link(is_lost: boo
 
 
 def test_a_target_that_its_controller_wrote_since_is_not_the_one_from_before() -> None:
-    axis = reached(an_axis(), "out-of-reach")
+    axis = reached("out-of-reach")
     axis.fields[0].settle(COMMAND.pack(1), COMMAND.pack(2))
     axis.targets.read_back(0, CORRECTED)
     assert axis.fields[0].nominal_words == COMMAND.pack(1)
@@ -443,9 +445,340 @@ def test_a_stream_that_begins_beside_its_first_setpoint_is_reported(
 
 
 def test_a_stop_between_two_readings_leaves_the_accepted_target_void() -> None:
-    axis = reached(an_axis(bits=DONE_BIT), "arrived")
+    axis = reached("arrived", an_axis(bits=DONE_BIT))
     do(axis, Action.STOP)
     assert axis.compensation.accepted is None
     leave_unacknowledged(axis)
     axis.motion.run_not(Accepted(1000, 1010))
     assert axis.compensation.accepted == Accepted(1000, 1010)
+
+
+# === what the axes of a group know of each other: skew, the end of a decision, words that are kept
+#
+# Three axes; 1000 counts per mm. Each is told directly what its drive did.
+#
+OTHER_TABLE: Final = make_table([0, 100], [0.02, 0.02], [-0.02, -0.02], Units.MM)
+JOINED_MS: Final = 200
+"""Words of one target come within so long."""
+
+
+def group(*names: str, **changes: Any) -> tuple[Gantry, list[Axis]]:
+    """Axes of one group, each at 20 000 counts."""
+    axes = [an_axis(name=name, **changes) for name in names]
+    join_groups(axes, [names])
+    for axis in axes:
+        acknowledge(axis, 20_000)
+    gantry = axes[0].member.gantry
+    assert gantry is not None
+    return gantry, axes
+
+
+def begin(gantry: Gantry, axes: list[Axis], *gone: Axis) -> None:
+    """The first trigger is sent, and some axes start."""
+    gantry.fix(axes[0].plan.name, 1 * MS)
+    for axis in axes:
+        axis.member.fix(None, keeps_words=False)
+    gantry.happens(GantryEvent.LEFT)
+    gantry.happens(GantryEvent.WENT)
+    for axis in gone:
+        axis.member.go_as_fixed(0, 2 * MS)
+
+
+def details(axis: Axis) -> list[str]:
+    return [event.detail for event in axis.take_events() if event.kind.name == "group-skewed"]
+
+
+# --- skew --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("x_counts", "y_counts", "skewed"),
+    [
+        (30_000, 50_000, "skewed by +30 mm"),
+        (50_000, 30_000, "skewed by +30 mm"),
+        (10_000, 25_000, "skewed by -10 mm"),
+    ],
+)
+def test_the_skew_is_the_longest_way_that_an_axis_has_gone(x_counts: int, y_counts: int, skewed: str) -> None:
+    gantry, axes = group("x", "y", "z")
+    x, y, z = axes
+    begin(gantry, axes, x, y)
+    acknowledge(x, x_counts)
+    acknowledge(y, y_counts)
+    report_skew(z, 4)
+    [detail] = details(z)
+    assert detail.endswith(skewed)
+    assert gantry.is_skewed
+
+
+@pytest.mark.parametrize("lost", [0, 1])
+def test_it_is_unknown_where_the_way_of_one_axis_is(lost: int) -> None:
+    gantry, axes = group("x", "y", "z")
+    x, y, z = axes
+    begin(gantry, axes, x, y)
+    acknowledge(x, 30_000)
+    acknowledge(y, 40_000)
+    do(axes[lost], Action.STOP)
+    report_skew(z, 4)
+    [detail] = details(z)
+    assert detail.endswith("skewed by an unknown amount")
+    assert gantry.skew is None
+
+
+def test_it_is_unknown_where_its_start_is() -> None:
+    gantry, axes = group("x", "y")
+    x, y = axes
+    do(x, Action.STOP)
+    begin(gantry, axes, x)
+    acknowledge(x, 30_000)
+    report_skew(y, 4)
+    assert [detail.endswith("by an unknown amount") for detail in details(y)] == [True]
+
+
+def test_where_nothing_has_moved_nothing_is_skewed() -> None:
+    gantry, axes = group("x", "y")
+    x, y = axes
+    begin(gantry, axes, x)
+    report_skew(y, 4)
+    assert details(y) == []
+    assert not gantry.is_skewed
+
+
+def test_an_axis_that_has_gone_itself_or_before_anything_went_is_not_skewed() -> None:
+    gantry, axes = group("x", "y", "z")
+    x, y, _ = axes
+    report_skew(x, 4)
+    begin(gantry, axes, x, y)
+    acknowledge(y, 40_000)
+    report_skew(x, 4)
+    assert details(x) == []
+    alone = an_axis()
+    report_skew(alone, 4)
+    assert details(alone) == []
+
+
+# --- the end of a decision ---------------------------------------------------------------------------------
+
+
+def test_a_decision_ends_when_all_have_gone() -> None:
+    gantry, axes = group("x", "y")
+    x, y = axes
+    begin(gantry, axes, x)
+    settle_group(x, 3 * MS)
+    was_under_way = [gantry.is_under_way]
+    y.member.go_as_fixed(0, 3 * MS)
+    settle_group(x, 3 * MS)
+    was_under_way.append(gantry.is_under_way)
+    assert was_under_way == [True, False]
+    assert x.member.fixed is None
+
+
+def test_words_of_a_target_that_have_not_come_are_awaited_for_200_ms() -> None:
+    gantry, axes = group("x", "y")
+    x, y = axes
+    begin(gantry, axes, x)
+    y.member.go_as_fixed(0b10, 3 * MS)
+    was_under_way = []
+    for at_ns in ((3 + JOINED_MS) * MS, (3 + JOINED_MS) * MS + 1):
+        settle_group(x, at_ns)
+        was_under_way.append(gantry.is_under_way)
+    assert was_under_way == [True, False]
+
+
+def test_a_reference_that_one_has_found_counts_for_all() -> None:
+    _, axes = group("x", "y", referenced=Reference.SET_POSITION)
+    for axis in axes:
+        axis.reference.happens(ReferenceEvent.DECLARED)
+    assert all(axis.passes_unchanged for axis in axes)
+    settle_group(axes[0], 3 * MS)
+    assert not any(axis.passes_unchanged for axis in axes)
+
+
+def test_an_axis_whose_registers_have_another_meaning_ends_it() -> None:
+    gantry, axes = group("x", "y")
+    begin(gantry, axes, axes[0])
+    axes[1].end()
+    assert gantry.is_open
+
+
+@pytest.mark.parametrize("is_found_again", [False, True])
+def test_a_reference_that_was_lost_meanwhile_is_lost_when_it_ends(is_found_again: bool) -> None:
+    gantry, axes = group("x", "y", referenced=Reference.SET_POSITION)
+    x, _ = axes
+    for axis in axes:
+        axis.declare_referenced()
+    begin(gantry, axes, x)
+    x.lose_reference()
+    if is_found_again:
+        x.declare_referenced()
+    see(x, 30_000)
+    was_passing = [x.passes_unchanged]
+    gantry.happens(GantryEvent.ENDED)
+    was_passing.append(x.passes_unchanged)
+    assert was_passing == [False, not is_found_again]
+    assert (x.motion.actual is None) is is_found_again  # it may be counted from another zero
+
+
+def test_a_reference_that_was_found_meanwhile_counts_when_it_ends() -> None:
+    gantry, axes = group("x", "y", referenced=Reference.SET_POSITION)
+    x, y = axes
+    begin(gantry, axes, x)
+    x.declare_referenced()
+    y.declare_referenced()
+    was_passing = [x.passes_unchanged]
+    gantry.happens(GantryEvent.ENDED)
+    was_passing.append(x.passes_unchanged)
+    assert was_passing == [True, False]
+
+
+# --- another switch, table or gain -------------------------------------------------------------------------
+
+
+def test_another_correction_is_one_with_another_switch_table_or_gain() -> None:
+    axis, off = an_axis(), an_axis(compensation=CompensationMode.OFF)
+    asked = axis.correction.requested
+    same = an_axis().correction.requested
+    assert same.curve is not asked.curve
+    others = {
+        "the same": asked,
+        "the same table once more": same,
+        "off": NOTHING,
+        "another table": an_axis(table=OTHER_TABLE).correction.requested,
+        "half of it": replace(asked, gain=Gain(0.5, 0.5)),
+        "a new digest": replace(asked, table_digest=b"?"),
+    }
+    assert [name for name, spec in others.items() if is_other(axis, spec)] == [
+        "off",
+        "another table",
+        "half of it",
+    ]
+    assert [name for name, spec in others.items() if not is_other(off, spec)] == ["off"]
+
+
+def test_words_are_a_repeat_where_the_drive_acknowledged_them() -> None:
+    def repeats(axis: Axis, number: int = 0, words: bytes = NOMINAL) -> bool:
+        return is_repeat(axis, number, words)
+
+    axis = an_axis(command=(COMMAND, replace(COMMAND, address=0x0610)))
+    acknowledge(axis)
+    assert repeats(axis)
+    assert not repeats(axis, words=COMMAND.pack(50_001))
+    assert not repeats(axis, 1)
+    axis.fields[1].settle(NOMINAL, COMMAND.pack(50_020))
+    assert repeats(axis, 1)  # of another field, which holds it
+    axis.fields[0].settle(NOMINAL, COMMAND.pack(50_020))
+    assert not repeats(axis)  # a word in it was replaced
+    axis.fields[1].invalidate()
+    assert not repeats(axis, 1)
+    stopped = an_axis()
+    acknowledge(stopped)
+    do(stopped, Action.STOP)
+    assert not repeats(stopped)
+    lost = an_axis()
+    acknowledge(lost)
+    lost.fields[0].lose_all_words()
+    assert not repeats(lost)
+
+
+def test_words_that_a_target_may_keep_have_the_correction_of_that_target() -> None:
+    axis = an_axis()
+    acknowledge(axis)
+    in_force = axis.compensation.state.spec
+    assert spec_of_words(axis, 0, NOMINAL) is in_force
+    assert spec_of_words(axis, 0, COMMAND.pack(50_001)) is None
+    axis.lose_link(9 * MS)
+    assert spec_of_words(axis, 0, NOMINAL) is in_force
+    assert spec_of_words(axis, 0, COMMAND.pack(50_001)) is None
+
+
+def test_an_open_target_keeps_its_own_correction() -> None:
+    """It went to 20 000 without the table, and was sent to 50 000 with it."""
+    axis = an_axis()
+    axis.correction.enable(is_on=False)
+    acknowledge(axis, 20_000)
+    axis.correction.enable(is_on=True)
+    was_other = [keeps_other_words(axis)]
+    axis.targets.leave_unacknowledged(target(axis, 50_000), 9 * MS)
+    was_other.append(keeps_other_words(axis))
+    assert was_other == [True, False]
+
+
+def test_a_target_from_before_a_lost_link_keeps_its_correction() -> None:
+    axis = reached("out-of-reach")
+    assert not keeps_other_words(axis)
+    axis.correction.enable(is_on=False)
+    assert keeps_other_words(axis)
+
+
+def test_one_axis_of_a_group_keeps_other_words_only_if_all_do() -> None:
+    gantry, axes = group("x", "y")
+    x, y = axes
+    asked = x.correction.requested
+    assert may_keep_words(x, asked)
+    assert not may_keep_words(x, NOTHING)  # y uses the table
+    assert may_keep_words(an_axis(), NOTHING)
+    begin(gantry, axes, x)
+    assert not may_keep_words(x, NOTHING)
+    x.member.release()
+    x.member.fix(None, keeps_words=True)
+    assert may_keep_words(x, NOTHING)
+    for axis in axes:
+        axis.member.release()
+        axis.correction.enable(is_on=False)
+    assert may_keep_words(x, asked)  # y does as well
+    x.targets.leave_unacknowledged(target(x, 50_000), 9 * MS)
+    assert not may_keep_words(x, asked)  # seen elsewhere, it is rendered anew
+    assert not may_keep_words(y, asked)  # so is y
+
+
+# --- over a line -------------------------------------------------------------------------------------------
+
+
+class Gantries(Bench):
+    """Axis x on unit id 1 and axis y on unit id 2, both at 20 000 and done with it."""
+
+    def __init__(self, **changes: Any) -> None:
+        both = (axis_plan(**changes), axis_plan(name="y", unit_id=2, **changes))
+        super().__init__(*both, groups=[["x", "y"]])
+        for unit_id in (1, 2):
+            self.ask(write(COMMAND, 20_000), unit_id=unit_id)
+        self.memory.put(ACTUAL, 20_010)
+        self.ask(read(ACTUAL))
+        self.ask(read(ACTUAL), unit_id=2)
+        gantry = self.line.axes[0].member.gantry
+        assert gantry is not None
+        assert gantry.is_open
+        self.gantry = gantry
+
+
+def test_another_target_for_the_first_axis_begins_a_new_decision() -> None:
+    """Switched off after x has started: y goes as x has gone, and x goes 1:1 with its next target."""
+    bench = Gantries()
+    assert bench.sent_for(write(COMMAND, 50_000)) == write(COMMAND, 50_010)
+    since_ns = bench.gantry.since_ns
+    switch(bench.line.axes, "x", is_on=False)
+    assert bench.sent_for(write(COMMAND, 50_000)) == write(COMMAND, 50_010)  # the same one
+    assert bench.gantry.since_ns == since_ns
+    assert bench.sent_for(write(COMMAND, 60_000)) == write(COMMAND, 60_000)
+    assert bench.gantry.since_ns > since_ns
+
+
+def test_the_words_of_its_target_begin_none() -> None:
+    """50 000 is C350 0000 with its low word first, 120 000 is D4C0 0001."""
+    bench = Gantries()
+    bench.ask(bytes.fromhex("06 0606 D4C0"))
+    since_ns = bench.gantry.since_ns
+    bench.ask(bytes.fromhex("06 0607 0001"))
+    assert bench.gantry.since_ns == since_ns
+    assert bench.memory.get(COMMAND) == 120_010
+    bench.ask(bytes.fromhex("06 0606 C350"))  # a word of another one
+    assert bench.gantry.since_ns > since_ns
+
+
+def test_a_word_that_comes_later_is_of_another_target() -> None:
+    bench = Gantries()
+    bench.ask(bytes.fromhex("06 0606 D4C0"))
+    since_ns = bench.gantry.since_ns
+    bench.wait(JOINED_MS + 1)
+    bench.ask(bytes.fromhex("06 0607 0001"))
+    assert bench.gantry.since_ns > since_ns

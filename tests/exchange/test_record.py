@@ -1,26 +1,402 @@
-"""What a record must not say any more: whatever moves an axis otherwise, or may have, changes it at once."""
+"""What a record says: a gateway that was killed goes on from it, with the same words and readings."""
+
+from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from gateway.compensation.fingerprint import table_digest
+from gateway.compensation.settings import Gain, Outside, OutsideKind, Reversal, ReversalKind, Setpoints
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
+from gateway.drives.motion import DIRECT
+from gateway.exchange.axis.record import digest_of_axis
 from gateway.exchange.axis.record_layout import Remembered
-from gateway.exchange.control import switch
-from gateway.exchange.plan import AxisPlan, Reference
-from gateway.modbus.registers import PositionField, RegisterType
-from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Memory, axis_plan, monitor, read, write
+from gateway.exchange.commands import SetReference
+from gateway.exchange.control import clear_table, switch
+from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
+from gateway.modbus.registers import PositionField, RegisterType, WordOrder
+from tests.exchange.line_bench import (
+    ACTUAL,
+    COMMAND,
+    LOST_MOTION,
+    Bench,
+    Memory,
+    axis_plan,
+    monitor,
+    read,
+    stream_plan,
+    write,
+)
 from tests.exchange.record_bench import RecordBench, Records
 from tests.exchange.staged_bench import (
     COMMANDED,
     HOME_PDU,
+    HOMED_BIT,
     JOG_PDU,
     RUN_PDU,
     RUN_RELATIVE_PDU,
+    STATUS,
     STOP_PDU,
     STORED_PDU,
     ZERO_PDU,
     StagedBench,
+    StagedDrive,
     staged_plan,
 )
 from tests.exchange.world_trace import played
+from tests.soak import repeated
+
+SCREW = make_table([0, 30, 55, 100], [0.02, 0.14, -0.06, 0.1], [0.0, 0.09, -0.1, 0.07], Units.MM)
+Op = tuple[str, int, float]
+
+
+class SilentDrive(Memory):
+    """Refuses everything."""
+
+    def answer(self, pdu: bytes) -> bytes:
+        return bytes((pdu[0] | 0x80, 6))
+
+
+def play(bench: RecordBench, ops: list[Op]) -> list[object]:
+    """Let a controller command and read; return all that it and the drive got."""
+    seen: list[object] = []
+    before = len(bench.writes)
+    for what, number, share in ops:
+        if what in ("move", "follow"):
+            start = bench.memory.get(ACTUAL if what == "move" else COMMAND)
+            assert bench.ask(write(COMMAND, number))[0] == 16
+            told = bench.memory.get(COMMAND)
+            bench.memory.put(ACTUAL, round(start + share * (told - start)))
+            bench.wait(100.0)
+        elif what == "arrive":
+            bench.memory.put(ACTUAL, bench.memory.get(COMMAND))
+            bench.wait(100.0)
+        elif what == "switch":
+            switch(bench.line.axes, "x", is_on=bool(number))
+        else:
+            seen.append(bench.actual())
+    return [*seen, *bench.writes[before:]]
+
+
+def is_enabled(ops: list[Op]) -> int:
+    switches = [number for what, number, _ in ops if what == "switch"]
+    return switches[-1] if switches else 1
+
+
+targets = st.tuples(st.just("move"), st.integers(0, 100_000), st.sampled_from([0.0, 0.3, 0.8, 1.0]))
+others = st.tuples(st.sampled_from(["arrive", "read"]), st.just(0), st.just(0.0))
+switches = st.tuples(st.just("switch"), st.integers(0, 1), st.just(0.0))
+
+
+@st.composite
+def streams(draw: st.DrawFn) -> list[Op]:
+    """Setpoints near each other, some repeated, with reversals; the drive follows or lags a little."""
+    at = draw(st.integers(20_000, 80_000))
+    ops: list[Op] = []
+    steps = st.one_of(st.integers(-400, 400), st.integers(-2, 2))
+    for step in draw(st.lists(steps, min_size=2, max_size=40)):
+        at += step
+        ops.append(("follow", at, draw(st.sampled_from([0.0, 0.5, 1.0])) if ops else 1.0))
+        if draw(st.booleans()):
+            ops.append(draw(others))
+        if draw(st.integers(0, 8)) == 0:
+            ops.append(draw(switches))
+    return ops
+
+
+def check_goes_on(plan: AxisPlan, ops: list[Op], at: int) -> RecordBench:
+    bench = RecordBench(plan)
+    play(bench, ops[:at])
+    bench.actual()  # what the start of the other one reads
+    again = bench.restarted()
+    assert "restored" in again.kinds()
+    again.now_ns = bench.now_ns
+    if not is_enabled(ops[:at]):  # the configuration decides after a start: tell it the same
+        switch(again.line.axes, "x", is_on=False)
+    rest = [("read", 0, 0.0), *ops[at:], ("read", 0, 0.0), ("arrive", 0, 0.0), ("read", 0, 0.0)]
+    assert play(again, rest) == play(bench, rest)
+    return again
+
+
+@settings(max_examples=repeated(500))
+@given(st.lists(st.one_of(targets, targets, others, switches), min_size=1, max_size=12), st.data())
+def test_targets_go_on_after_a_kill_with_the_same_words_and_readings(ops: list[Op], data: Any) -> None:
+    ops = [("move", 50_000, 1.0), ("arrive", 0, 0.0), *ops]
+    check_goes_on(axis_plan(table=SCREW), ops, data.draw(st.integers(2, len(ops))))
+
+
+@settings(max_examples=repeated(500))
+@given(
+    streams(),
+    st.sampled_from(
+        [
+            None,
+            Reversal(ReversalKind.CYCLES, 7),
+            Reversal(ReversalKind.STEP),
+            Reversal(ReversalKind.TIME_MS, 900),
+        ]
+    ),
+    st.data(),
+)
+def test_setpoints_go_on_after_a_kill_with_the_same_words(
+    ops: list[Op], reversal: Reversal | None, data: Any
+) -> None:
+    at = data.draw(st.integers(1, len(ops)))
+    check_goes_on(stream_plan(table=SCREW, reversal=reversal, reload_distance=1.5), ops, at)
+
+
+def test_a_change_over_that_was_asked_for_before_the_kill_is_made_after_it() -> None:
+    """Off and on again without a setpoint between: what is in force is not what is wanted any more."""
+    ops: list[Op] = [("follow", at, 1.0) for at in (30_000, 31_000, 32_000, 33_000)]
+    ops += [("switch", 0, 0.0), ("switch", 1, 0.0)]
+    ops += [("follow", at, 1.0) for at in (33_400, 33_800, 33_600, 33_200, 32_800, 32_000)]
+    check_goes_on(stream_plan(table=SCREW), ops, 6)
+
+
+def test_m1_a_half_after_a_restart_is_completed_from_the_record() -> None:
+    bench = RecordBench(axis_plan())
+    bench.move(50_000, 20_000)
+    again = bench.restarted()
+    part = bytes.fromhex("06 0606") + (20_001).to_bytes(2, "big")
+    assert again.ask(part) == part
+    assert again.writes == [write(COMMAND, 20_011)]  # one count forward, as far as a reading tells
+    assert again.line.axes[0].is_unsure
+    assert read(COMMAND) not in again.seen
+
+
+@settings(max_examples=repeated(400))
+@given(streams(), st.integers(11, 400), st.booleans(), st.data())
+def test_a_setpoint_on_the_wire_counts_as_it_is_found(
+    ops: list[Op], step: int, has_arrived: bool, data: Any
+) -> None:
+    ops = [op for op in ops if op[0] == "follow"]
+    bench = RecordBench(stream_plan(table=SCREW))
+    play(bench, ops)
+    at = ops[-1][1] + data.draw(st.sampled_from([-step, step]))
+    bench.send(write(COMMAND, at))
+    pdu = bench.link.take()
+    if has_arrived:
+        bench.memory.answer(pdu)
+    bench.memory.put(ACTUAL, bench.memory.get(COMMAND))
+    again = bench.restarted()
+    assert "restored" in again.kinds()
+    if has_arrived:  # the run that was not killed gets its reply
+        bench.line.reply(1, pdu[:5], bench.now_ns)
+    else:  # and where it was lost on the way, what was before is what counts
+        bench = RecordBench(stream_plan(table=SCREW))
+        play(bench, ops)
+    bench.memory.put(ACTUAL, bench.memory.get(COMMAND))
+    bench.port.replies.clear()
+    bench.actual()
+    again.now_ns = bench.now_ns
+    rest = [("follow", at + i * step, 1.0) for i in (1, 2, 3, 1, -1)]
+    rest = [each for op in rest for each in (op, ("read", 0, 0.0))]
+    assert play(again, [("read", 0, 0.0), *rest]) == play(bench, [("read", 0, 0.0), *rest])
+
+
+def test_a_standing_axis_reads_what_it_was_commanded_and_takes_the_same_words_again() -> None:
+    bench = RecordBench(axis_plan())
+    bench.move(50_000)
+    assert bench.reach(20_000) == 19_990
+    again = bench.restarted()
+    [told] = again.told
+    assert told == (
+        "goes on from its record: nominal 20 mm, the drive at 19990 counts, backward, progress of a reversal "
+        "0, of a change-over 1, generation 4"
+    )
+    assert again.actual() == 20_000
+    assert ACTUAL.unpack(again.ask(read(COMMAND))[2:]) == 20_000
+    assert again.move(20_000) == write(COMMAND, 19_990)
+    assert again.actual() == 20_000
+
+
+def test_without_a_record_the_reading_jumps_by_the_correction() -> None:
+    bench = RecordBench(axis_plan())
+    bench.move(50_000, 20_000)
+    bench.records.buffers["x"] = bytearray(len(bench.records.buffers["x"]))
+    again = bench.restarted()
+    assert again.told == []
+    assert again.actual() == 19_990
+
+
+def test_an_axis_killed_in_the_middle_of_a_move_reads_on_without_a_jump() -> None:
+    """10 to 30 mm forward after a backward move: 20 counts are faded out over 20 mm."""
+    bench = RecordBench(axis_plan())
+    bench.move(50_000, 10_000)
+    bench.ask(write(COMMAND, 30_000))
+    bench.memory.put(ACTUAL, 20_000)
+    expected = bench.actual()
+    assert expected == 20_000  # 19 990 through the new map, and half of 20 counts
+    again = bench.restarted()
+    assert again.actual() == expected
+    again.memory.put(ACTUAL, 30_010)
+    assert again.actual() == 30_000
+
+
+def test_an_axis_moved_by_hand_meanwhile_starts_without_its_record() -> None:
+    bench = RecordBench(axis_plan())
+    bench.move(50_000, 20_000)
+    bench.actual()  # it was seen to arrive: its way does not count any more
+    bench.memory.put(ACTUAL, 19_993)
+    again = bench.restarted()
+    assert again.told == [
+        "the drive stands at 19993 counts, and the record says at 19990; it starts without its record"
+    ]
+    assert again.records.read() is None
+    assert again.actual() == 19_993
+
+
+def test_the_hysteresis_is_as_far_as_it_may_stand_off() -> None:
+    bench = RecordBench(axis_plan())
+    bench.move(50_000, 20_000)
+    bench.actual()
+    bench.memory.put(ACTUAL, 19_992)
+    assert bench.restarted().actual() == 20_002
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"counts_per_unit": 1000.5},
+        {"zero_counts": 1.0},
+        {"machine_offset": 0.5},
+        {"outside": Outside(OutsideKind.REFUSE)},
+        {"setpoints": Setpoints.STREAM},
+        {"unit_id": 2},
+        {"actual": (PositionField(0x0530, RegisterType.INT32, WordOrder.LOW_FIRST),)},
+    ],
+)
+def test_a_record_made_under_other_settings_does_not_count(changes: dict[str, Any]) -> None:
+    assert digest_of_axis(axis_plan(**changes)) != digest_of_axis(axis_plan())
+
+
+def test_settings_that_do_not_change_the_map_leave_the_record_its_worth() -> None:
+    for changes in ({"gain": Gain(0.5, 0.5)}, {"max_speed": 1.0}, {"table": SCREW}, {"lost_ms": 5.0}):
+        assert digest_of_axis(axis_plan(**changes)) == digest_of_axis(axis_plan())
+
+
+def test_a_table_that_was_changed_meanwhile_ends_the_record() -> None:
+    bench = RecordBench(axis_plan())
+    bench.move(50_000, 20_000)
+    again = bench.restarted(axis_plan(table=SCREW))
+    assert again.told == [
+        "the table that was in force is not the one configured now; it starts without its record"
+    ]
+    assert again.actual() == 19_990
+
+
+def test_an_old_table_that_can_still_be_had_stays_in_force_until_the_next_target() -> None:
+    bench = RecordBench(axis_plan())
+    bench.move(50_000, 20_000)
+    tables = {table_digest(LOST_MOTION): LOST_MOTION}
+    again = bench.restarted(axis_plan(table=SCREW), find_table=tables.get)
+    assert again.actual() == 20_000
+    assert again.move(20_000) == write(COMMAND, 19_990)
+    # 20 mm to 10 mm backward: a third of 0.09 mm.
+    assert again.move(10_000) == write(COMMAND, 10_030)
+
+
+def test_another_gain_comes_into_force_with_the_next_different_target() -> None:
+    bench = RecordBench(axis_plan())
+    bench.move(50_000, 20_000)
+    again = bench.restarted(axis_plan(gain=Gain(0.5, 0.5)))
+    assert again.actual() == 20_000
+    assert again.move(20_000) == write(COMMAND, 19_990)
+    assert again.move(10_000) == write(COMMAND, 9_995)
+
+
+def test_an_axis_switched_off_in_the_configuration_is_transparent_at_once() -> None:
+    bench = RecordBench(axis_plan())
+    bench.move(50_000, 20_000)
+    again = bench.restarted(axis_plan(compensation=CompensationMode.OFF))
+    assert again.told == ["the compensation of the axis is off; it starts without its record"]
+    assert again.actual() == 19_990
+    assert again.records.read() is None
+
+
+@pytest.mark.parametrize("referenced", [Reference.HOMING, Reference.SET_POSITION])
+def test_a_reference_that_only_passed_on_the_wire_does_not_come_back(referenced: Reference) -> None:
+    bench = RecordBench(staged_plan(referenced=referenced, motion=DIRECT))
+    bench.line.command(SetReference(axis="x"), bench.now_ns)
+    bench.move(50_000)
+    assert bench.reach(20_000) == 19_990
+    again = bench.restarted()
+    assert again.told == ["the axis is not referenced now; it starts without its record"]
+    assert again.actual() == 19_990
+
+
+@pytest.mark.parametrize("is_homed", [True, False])
+def test_a_homed_bit_is_read_before_the_record_counts(is_homed: bool) -> None:
+    bench = RecordBench(staged_plan(referenced=Reference.DRIVE_BIT, motion=DIRECT), memory=StagedDrive())
+    bench.move(50_000, 20_000)
+    bench.memory.write(STATUS, (is_homed << HOMED_BIT).to_bytes(2, "big"))
+    again = bench.restarted()
+    assert [pdu.hex() for pdu in again.seen] == ["03005c0001", "0305200002"]
+    assert again.actual() == (20_000 if is_homed else 19_990)
+
+
+def test_where_reads_are_not_allowed_the_first_one_that_passes_decides() -> None:
+    bench = RecordBench(axis_plan(safe_read=False))
+    bench.move(50_000)
+    bench.actual()
+    bench.move(20_000)
+    told = bench.memory.get(ACTUAL)
+    again = bench.restarted()
+    assert (again.seen, again.told) == ([], [])
+    assert again.actual() == 20_000
+    assert told != 20_000
+    assert "restored" in again.kinds()
+
+
+def test_a_target_before_any_reading_ends_the_record() -> None:
+    bench = RecordBench(axis_plan(safe_read=False))
+    bench.move(50_000)
+    again = bench.restarted()
+    again.move(60_000)
+    assert again.told == ["a target came before the axis was read; it starts without its record"]
+
+
+def test_a_second_kill_before_the_drive_answered_leaves_the_record_as_it_is() -> None:
+    bench = RecordBench(axis_plan())
+    bench.move(50_000, 20_000)
+    records = bench.records.copy()
+    silent = Bench(axis_plan(), before_up=records.attach, memory=SilentDrive())
+    silent.line.tick(silent.line.deadline_ns or 0)
+    assert records.read() == bench.records.read()
+    silent.line.link_down(silent.now_ns)
+    assert records.read() == bench.records.read()
+
+
+class Dumb(Memory):
+    """Refuses everything until it speaks."""
+
+    speaks = False
+
+    def answer(self, pdu: bytes) -> bytes:
+        return super().answer(pdu) if self.speaks else bytes((pdu[0] | 0x80, 6))
+
+
+def test_the_reading_that_restores_an_axis_without_its_table_is_the_nominal_one() -> None:
+    """At 20 mm, backward: the drive is at 19 990. Its table goes while its record is not decided yet."""
+    before = RecordBench(axis_plan())
+    before.move(50_000)
+    before.reach(20_000)
+    drive = Dumb()
+    drive.words = dict(before.memory.words)
+    find = {table_digest(LOST_MOTION): LOST_MOTION}.get
+    again = RecordBench(
+        *before.plans, records=before.records.copy(), memory=drive, find_table=find, start_ns=before.now_ns
+    )
+    clear_table(again.line.axes, "x")
+    drive.speaks = True
+    for _ in range(2):
+        assert again.ask(read(ACTUAL)) == b"\x03\x04" + ACTUAL.pack(20_000)
+    assert again.told[0].startswith("goes on from its record: nominal 20 mm")
+
+
+# === what it must not say any more: whatever else moves an axis, or may have, changes it =================
 
 UNKNOWN_PDU = bytes.fromhex("06 050E 0BAD")
 
