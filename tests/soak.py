@@ -7,8 +7,8 @@ A twentieth of what is drawn at random (``repeated``). In ``make soak``
 - ``exchange/test_kills_in_a_stream.py``: 120 streams, each with a kill at each instant;
 - ``exchange/test_link_walks.py``: 6000 walks, each a test;
 - ``exchange/test_parts_of_positions.py``: 500 examples;
-- ``exchange/test_relative_moves.py``: 5000 moves; ``exchange/test_relative_moves_for_long.py``: 33 400;
-- ``exchange/test_restart_with_a_record.py``: 500 or 400 kills of each kind;
+- ``exchange/test_relative_moves.py``: 33 400 moves stored, 5000 in each other way;
+- ``exchange/test_record.py``: 500 or 400 kills of each kind;
 - ``metrology/test_mutated_readings.py``: 10 000 spoilt files; ``metrology/test_workbook.py``: 400;
 - ``processes/test_brokers.py``: a broker that stays away for 60 s;
 - ``tabfile/test_every_pair.py``: 60 tables for each pair of dialects;
