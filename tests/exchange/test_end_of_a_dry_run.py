@@ -12,7 +12,6 @@ from gateway.exchange.control import ControlError
 from gateway.exchange.plan import CompensationMode
 from gateway.exchange.status import axis_status
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, stream_plan, write
-from tests.exchange.world_trace import played
 
 LIVE = EndDryRun(axes=("x",))
 SHADOW = CompensationMode.SHADOW
@@ -141,18 +140,3 @@ def test_where_no_register_tells_the_drives_last_word_has_to_do() -> None:
     assert bench.line.command(LIVE, bench.now_ns) == {"x": "next-target"}
     assert bench.move(50_000) == write(COMMAND, 50_000)
     assert bench.move(60_000) == write(COMMAND, 60_010)
-
-
-def test_an_axis_that_was_moved_away_before_a_dry_run_ended_does_not_run_its_old_words() -> None:
-    """M4, M9: staged 9007 stands 1:1 at 9007, and nobody goes to the 9054 that it would be. It is jogged to
-    3001; the dry run ends, and the next reading says so: 9172, forward, and no repeat any more."""
-    world = played(
-        "s-dry-run-staged",
-        """
-        to 0, ack: 10 0606 0002 04 232F 0000, run, ack: 06 050E 0001, arrive
-        read, ack: 03 0520 0002 -> 232F 0000
-        jog, read, end_dry_run, ack: 03 0520 0002 -> 0BB9 0000
-        run, has: 10 0606 0002 04 23D4 0000
-        """,
-    )
-    assert not world.is_sending_unsure()

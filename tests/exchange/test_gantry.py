@@ -29,7 +29,6 @@ from tests.exchange.staged_bench import (
     staged_plan,
     sticky,
 )
-from tests.exchange.world_trace import played
 from tests.support.tables import walk
 
 STATES: Final = {"o": GantryState.OPEN, "s": GantryState.SENT, "u": GantryState.UNDER_WAY}
@@ -1069,19 +1068,3 @@ def test_a_distance_makes_the_repeat_of_another_axis_anew() -> None:
     bench.stage(2, 10_000)
     assert bench.to(2, RUN_RELATIVE_PDU) == RUN_RELATIVE_PDU
     assert bench.start(1, 60_000) == [60_000, 60_000]
-
-
-# --- a trace that ``make verify`` found -------------------------------------------------------------------
-
-LOST_TARGETS = """
-    to 0, refuse: 10 0606 0002 04 235E 0000    # unit 1: it blocks both axes, for the sake of the first
-    to 0 y, refuse: 10 0606 0002 04 235E 0000  # unit 2: the second one has lost its own
-    to 0, ack: 10 0606 0002 04 235E 0000       # the first one has a new one
-    run                                        # 86 04: the second one has none
-"""
-
-
-def test_a_beam_does_not_go_while_the_target_of_one_of_its_axes_is_lost() -> None:
-    """M11: both axes of a group lost their target; the new one of the first is no target of the second."""
-    assert ("drive", "ack") not in played("group", LOST_TARGETS).happenings()
-    assert ("drive", "ack") in played("group", LOST_TARGETS + "to 0 y, ack, run").happenings()

@@ -25,7 +25,6 @@ from tests.exchange.staged_bench import (
     StagedBench,
     staged_plan,
 )
-from tests.exchange.world_trace import played
 
 WORN = make_table([0, 200], [0.41, 0.41], [-0.26, -0.26], Units.MM)
 """60 000 is told as 60 410 forward and as 59 740 backward."""
@@ -618,24 +617,3 @@ def test_the_same_target_lost_twice_is_proven_by_its_arrival() -> None:
     bench.port.replies.clear()
     bench.memory.put(ACTUAL, 1010)
     assert bench.ask(read(ACTUAL)) == b"\x03\x04" + ACTUAL.pack(1000)
-
-
-# --- traces that ``make verify`` found --------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "after_it",
-    [
-        "plug, to 1, wait, ack: 03 005C 0001, ack: 03 0520 0002, has: 10 0606 0002 04 23D4 0000",
-        "reboot, plug, to 1, wait, ack: 03 005C 0001, ack, ack: 03 0520 0002, has: 10 0606 0002 04 232F 0000",
-    ],
-)
-def test_a_repeat_that_was_lost_with_the_link_is_kept_where_the_axis_stands_there(after_it: str) -> None:
-    """M4, M9: 9007 (9172) is repeated, and the link goes before the answer. What stands at 9172 then gets the
-    same words. A drive that was switched off stands at 0: without a reference it goes to 9007."""
-    told = """
-        read, ack: 03 005C 0001 -> 0110, ack: 03 0520 0002 -> 0000 0000
-        to 1, ack: 10 0606 0002 04 23D4 0000, arrive   # 9007 forward
-        to 1, has: 10 0606 0002 04 23D4 0000, unplug   # the same words, never answered
-    """
-    played("s-link-homed", told + after_it)

@@ -1,6 +1,5 @@
 """Where an axis is: old done bits, short reversals, jogs and distances that were not seen (M4, M5, M6)."""
 
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -40,9 +39,7 @@ from tests.exchange.staged_bench import (
     relative_by,
     staged_plan,
 )
-from tests.exchange.world_trace import played
 from tests.support.tables import walk
-from tests.verify.designs import BY_NAME
 
 DONE = BitField(0x0031, 0)
 READ_DONE = bytes.fromhex("03 0031 0001")
@@ -681,51 +678,6 @@ def test_m4_a_repeat_whose_reply_was_lost_leaves_the_branch_as_it_is() -> None:
     assert bench.sent_for(write(COMMAND, 50_000)) == told
 
 
-# --- traces that ``make verify`` found --------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "again", ["to 0", "to 1", "status, ack: 03 005C 0001 -> 0110, to 0", "status, ack, to 1"]
-)
-def test_an_axis_whose_done_bit_fell_and_rose_is_looked_at_before_any_target(again: str) -> None:
-    """M4, M6: it is at rest at an unknown position. 9007 is 9172 forward; 5003 is 5108, or 4888 backward."""
-    crept = """
-        to 0: 10 0606 0002 04 232F 0000, ack: 03 0520 0002 -> 0000 0000
-        ack: 10 0606 0002 04 23D4 0000, arrive, status, ack: 03 005C 0001 -> 0110   # done
-        blink, status, ack: 03 005C 0001 -> 0100, read, ack: 03 0520 0002 -> 23D4 0000  # not done
-        creep  # 80 ms later it stands at 3001
-    """
-    played("s-crept-past", crept + again + ", has: 03 0520 0002")
-    if again == "status, ack, to 1":  # forward, not 1318
-        forward = ", ack: 03 0520 0002 -> 0BB9 0000, has: 10 0606 0002 04 13F4 0000"
-        played("s-crept-past", crept + again + forward)
-
-
-def test_an_axis_that_is_read_off_its_way_after_a_while_has_been_moved() -> None:
-    """M4, M6: a repeat keeps no branch on which its axis cannot come. 2003 is 2063 or 1855 (backward)."""
-    played(
-        "s-jogged-past",
-        """
-        to 0: 10 0606 0002 04 07D3 0000, ack: 03 0520 0002 -> 0000 0000, ack: 10 0606 0002 04 080F 0000
-        arrive, jog, read, ack: 03 0520 0002 -> 0BB9 0000  # 240 ms later it stands at 3001
-        to 0, has: 10 0606 0002 04 073F 0000
-        """,
-    )
-
-
-def test_an_axis_that_was_nudged_from_where_it_had_arrived_goes_on_from_where_it_was_seen() -> None:
-    """M6: 0.3 mm further than 9172 it comes to 9107 backward: 9274 forward, 9037 backward."""
-    played(
-        "s-nudged",
-        """
-        to 0: 10 0606 0002 04 232F 0000, ack: 03 0520 0002 -> 0000 0000, ack: 10 0606 0002 04 23D4 0000
-        arrive, read, ack: 03 0520 0002 -> 23D4 0000, status, ack: 03 005C 0001 -> 0110  # done
-        nudge, read, ack: 03 0520 0002 -> 2500 0000  # 9472
-        to 1: 10 0606 0002 04 2393 0000, has: 10 0606 0002 04 234D 0000
-        """,
-    )
-
-
 # === where a reading cannot decide: an axis just moved otherwise, a drive that refuses to tell ===========
 BUSY, ADDRESS = bytes.fromhex("83 06"), bytes.fromhex("83 02")
 
@@ -1068,87 +1020,3 @@ def test_every_answer_leads_where_the_table_says() -> None:
     """)
     rows = READABILITY_AFTER.items()
     assert by_hand == {(now.value, told.value): then.value for now, row in rows for told, then in row.items()}
-
-
-# --- traces that ``make verify`` found --------------------------------------------------------------------
-
-
-def test_a_reading_decides_no_branch_after_two_targets_that_came_without_one() -> None:
-    """M6: where the axis stood when its last target came was assumed: its reading is the drive's."""
-    world = played(
-        "late-start",
-        """
-        to 0: 10 0606 0002 04 E4A5 FFFF, ack: 03 0520 0002 -> 0000 0000  # -7003
-        ack: 10 0606 0002 04 E425 FFFF, arrive                           # backward to -7131
-        to 1: 10 0606 0002 04 232F 0000, ack: 03 0520 0002 -> E425 FFFF  # 9007
-        ack: 10 0606 0002 04 23D4 0000  # 80 ms pass, and it has not begun to move
-        to 0, ack: 03 0520 0002 -> E425 FFFF, ack: 10 0606 0002 04 E502 FFFF  # flagged: nothing tells it
-        to 1, ack: 10 0606 0002 04 23D4 0000                             # by the reading of 80 ms ago
-        to 0, ack: 03 0520 0002 -> E425 FFFF  # where the backward branch puts -7003
-        has: 10 0606 0002 04 E502 FFFF                                   # forward to -6910, flagged
-        """,
-    )
-    assert world.is_sending_unsure()
-
-
-def test_a_target_given_again_after_its_axis_moved_on_is_flagged_where_nothing_tells_its_branch() -> None:
-    """M6: its axis has moved on since its words went out. Seen at 9184, it is backward."""
-    onward = """
-        to 1: 10 0606 0002 04 233B 0000, ack: 03 0520 0002 -> 0000 0000  # 9019
-        ack: 10 0606 0002 04 23E0 0000  # forward to 9184; it is on its way at 1501
-        to 0: 10 0606 0002 04 232F 0000, ack: 03 0520 0002 -> 05DD 0000  # 9007
-        refuse: 10 0606 0002 04 23D4 0000, arrive                        # 90 04: the axis goes on to 9184
-        to 0, refuse: 03 0520 0002,
-    """
-    assert played("deaf", onward + "refuse: 03 0520 0002, has: 10 0606 0002 04 23D4 0000").is_sending_unsure()
-    played("deaf", onward + "ack: 03 0520 0002 -> 23E0 0000, has: 10 0606 0002 04 22E8 0000")
-
-
-def test_a_target_that_is_repeated_while_its_axis_is_on_its_way_keeps_its_branch() -> None:
-    """M4: an axis that begins late has not been moved otherwise."""
-    played(
-        replace(BY_NAME["short"], is_prompt=False),
-        """
-        to 1: 10 0606 0002 04 2330 0000, ack: 03 0520 0002 -> 0000 0000  # 9008
-        ack: 10 0606 0002 04 23D5 0000, arrive                           # forward to 9173
-        read, ack: 03 0520 0002 -> 23D5 0000, status, ack: 03 005C 0001 -> 0110  # it has arrived
-        to 0: 10 0606 0002 04 232F 0000, ack: 10 0606 0002 04 22E8 0000  # 9007: backward to 8936; 80 ms pass
-        wait, wait                                                       # unseen_ms is 160
-        to 0, ack: 03 0520 0002 -> 23D5 0000                             # it has not moved yet
-        ack: 10 0606 0002 04 22E8 0000                                   # not 23D4, which is forward
-        """,
-    )
-
-
-def test_a_reading_that_fades_from_an_assumed_start_decides_no_branch_in_the_window_of_its_target() -> None:
-    """M6: 9008 was obeyed and not acknowledged, 9007 lies a count beside it: the axis stands where it stood.
-
-    Its reading fades from 1:1, 9173, to 9007 within that count. Forward 9008 is 9173.12, backward 8937.09.
-    """
-    world = played(
-        "read-back",
-        """
-        jog, read, ack: 03 0520 0002 -> 0BB9 0000                              # 3001
-        to 1: 10 0606 0002 04 2330 0000, obey: 10 0606 0002 04 23D5 0000       # 9008: 9173, not acknowledged
-        wait, wait, to 0: 10 0606 0002 04 232F 0000, ack: 03 0520 0002 -> 2364 0000  # 9060: between them
-        has: 10 0606 0002 04 235E 0000, arrive          # half-way to 9054, flagged, lost; it stands at 9173
-        wait, wait, to 0, ack: 03 0520 0002 -> 23D5 0000
-        ack: 10 0606 0002 04 23D4 0000                  # it has come there forward
-        to 1, ack: 03 0520 0002 -> 23D5 0000
-        has: 10 0606 0002 04 23D5 0000                  # not 22E9, as it was sent
-        """,
-    )
-    assert world.is_sending_unsure()
-
-
-def test_a_reading_in_coarser_steps_than_the_target_is_the_nearest_one_of_an_axis_that_stands_there() -> None:
-    """8932 is 9095.98 forward, sent as 9096: 910 in steps of 10 counts. 893 is nearest to 8932."""
-    played(
-        "s-coarse",
-        """
-        to 1: 10 0606 0002 04 22E4 0000, ack: 03 0520 0002 -> 0000 0000
-        ack: 10 0606 0002 04 2388 0000, arrive  # forward to 9096
-        read, ack: 03 0520 0002 -> 038E 0000    # 910
-        told: 03 04 037D 0000                   # not 037E, 894
-        """,
-    )

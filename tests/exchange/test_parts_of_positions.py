@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from gateway.exchange.plan import Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, write
-from tests.exchange.world_trace import played
 from tests.soak import repeated
 
 
@@ -218,37 +217,3 @@ def test_a_part_passes_as_it_came_without_a_reference_where_nothing_was_correcte
     bench = Bench(axis_plan(referenced=Reference.SET_POSITION))
     assert bench.ask(bytes.fromhex("06 0606 C738")) == bytes.fromhex("06 0606 C738")
     assert bench.seen == [bytes.fromhex("06 0606 C738")]
-
-
-# --- traces that ``make verify`` found --------------------------------------------------------------------
-
-
-def test_a_mask_is_not_laid_over_a_corrected_word_of_an_axis_that_has_no_reference() -> None:
-    """M1, M9: 9007 was corrected to 9172, 23D4; a mask that sets its high byte to 24 makes 242F, 9263. As it
-    came it made 24D4 of 23D4: 9428."""
-    played(
-        "s-mask-homing",
-        """
-        home, ack: 06 050E 0064, homed, wait, wait
-        to 0: 10 0606 0002 04 232F 0000, ack: 03 005C 0001 -> 0110, ack: 03 0520 0002 -> 0000 0000
-        ack: 10 0606 0002 04 23D4 0000  # forward to 9172
-        home, ack: 06 050E 0064
-        mask 0: 16 0606 00FF 2400, ack: 03 005C 0001 -> 0000  # not homed yet
-        has: 10 0606 0002 04 242F 0000, ack, told: 16 0606 00FF 2400  # its own echo
-        """,
-    )
-
-
-LOST_WORD = "low 0: 06 0606 232F, ack: 03 0606 0002 -> 0000 0000\n"
-"""The high word is not certain, so that it is answered 86 04."""
-
-
-def test_a_word_that_is_joined_with_a_lost_one_goes_out_whole_though_compensation_was_switched_off() -> None:
-    """M1: the drive never got the low word; both are 9007. 06 0607 0000 alone would be 0."""
-    joined = "high 0: 06 0607 0000, switch, ack: 03 0520 0002 -> 0000 0000, has: 10 0606 0002 04 232F 0000"
-    played("s-words-replaced", LOST_WORD + joined)
-
-
-def test_a_lost_word_is_joined_with_none_once_a_newer_one_went_out_as_it_came() -> None:
-    """M1, M9: 0019 has replaced 232F in the drive, and was acknowledged."""
-    played("s-words-replaced", LOST_WORD + "switch, low 1, ack: 06 0606 0019, high 0, has: 06 0607 0000")

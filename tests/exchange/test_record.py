@@ -45,7 +45,6 @@ from tests.exchange.staged_bench import (
     StagedDrive,
     staged_plan,
 )
-from tests.exchange.world_trace import played
 from tests.soak import repeated
 
 SCREW = make_table([0, 30, 55, 100], [0.02, 0.14, -0.06, 0.1], [0.0, 0.09, -0.1, 0.07], Units.MM)
@@ -713,79 +712,3 @@ def test_either_target_counts_where_it_is_found(found: int) -> None:
     assert again.actual() == {50_010: 50_000, 19_990: 20_000, 35_000: 35_000}[found]
     again.memory.put(ACTUAL, 19_990)
     assert again.actual() == 20_000
-
-
-# --- traces that ``make verify`` found --------------------------------------------------------------------
-
-
-def test_a_gateway_that_was_killed_does_not_take_the_start_of_the_last_way_for_known() -> None:
-    """M6: its record keeps the fade of the reading, and not that it fades from a start that was assumed.
-
-    9007 is 9172.10 forward and 8936.08 backward, half-way 9054.09; 9019 half-way 9066.24.
-    """
-    world = played(
-        "killed-near",
-        """
-        read, ack: 03 0520 0002 -> 0000 0000
-        to 0: 10 0606 0002 04 232F 0000, obey: 10 0606 0002 04 23D4 0000, arrive  # 9172, not acknowledged
-        kill, to 1: 10 0606 0002 04 233B 0000, ack: 03 0520 0002 -> 23D4 0000  # 9019
-        ack: 10 0606 0002 04 236A 0000                                         # half-way to 9066, flagged
-        kill, ack: 03 0520 0002 -> 23D4 0000                                   # it has not begun to move
-        to 0, has: 10 0606 0002 04 235E 0000                                   # not 22E8, as it was sent
-        """,
-    )
-    assert world.is_sending_unsure()
-
-
-def test_a_gateway_that_was_killed_takes_no_target_for_reached_where_the_way_before_begins_there() -> None:
-    """M6: 9007 was given again and not answered before the axis had begun to go from there to 9019.
-
-    9007 is 9172.10 forward and 8936.08 backward, 9019 forward 9184.29.
-    """
-    played(
-        "killed-near",
-        """
-        to 0: 10 0606 0002 04 232F 0000, ack: 03 0520 0002 -> 0000 0000
-        ack: 10 0606 0002 04 23D4 0000, arrive  # forward to 9172
-        to 1: 10 0606 0002 04 233B 0000, ack: 03 0520 0002 -> 23D4 0000, ack: 10 0606 0002 04 23E0 0000
-        to 0, ack: 03 0520 0002 -> 23D4 0000    # it has not begun to move
-        kill, ack: 03 0520 0002 -> 23D4 0000    # 10 0606 0002 04 23D4 0000 never came
-        arrive, to 0                            # it stands at 9184
-        ack: 03 0520 0002 -> 23E0 0000          # not 10 … 23D4: that would be forward
-        has: 10 0606 0002 04 22E8 0000
-        """,
-    )
-
-
-def test_a_record_leaves_open_which_of_two_targets_sent_an_axis_to_one_on_the_way_to_the_other() -> None:
-    """M6, 5: the axis may have gone back, or not have begun yet. It reads 203, where it was sent, flagged.
-
-    9007 is 9172 forward; 203 is 34.92 backward.
-    """
-    world = played(
-        "s-killed-onward",
-        """
-        to 2: 10 0606 0002 04 232F 0000, ack: 03 0520 0002 -> 0000 0000
-        ack: 10 0606 0002 04 23D4 0000                                   # the way is 0 to 9172
-        to 0: 10 0606 0002 04 00CB 0000, ack: 03 0520 0002 -> 05DD 0000  # seen at 1501
-        obey: 10 0606 0002 04 0023 0000                                  # back to 35, not acknowledged
-        kill, ack: 03 0520 0002 -> 05DD 0000, arrive, kill, ack: 03 0520 0002 -> 0023 0000
-        """,
-    )
-    assert [event.kind.name for event in world.told] == ["restored", "direction-unsure"]
-    assert round(world.sides[0].line.axes[0].motion.nominal_of(35)) == 203
-
-
-def test_a_record_counts_at_each_kill_as_at_the_first() -> None:
-    """5: a setpoint is lost, the axis stands at the one before. A start keeps what its record says."""
-    lost = """
-        to 0: 10 0606 0002 04 03EB 0000, ack: 03 0520 0002 -> 0000 0000, ack  # 1003
-        to 2: 10 0606 0002 04 232F 0000
-        ack: 10 0606 0002 04 235E 0000          # 9054, half of its blend has gone
-        to 0, has: 10 0606 0002 04 034C 0000    # never acknowledged
-        arrive                                  # at 9054
-    """
-    for kills in (1, 2, 3):
-        world = played("s-killed-stream", lost + kills * "kill, ack: 03 0520 0002 -> 235E 0000\n")
-        assert [event.kind.name for event in world.told] == ["restored"]
-        assert world.said(0).direction == "forward"

@@ -12,7 +12,6 @@ from gateway.modbus.registers import BitField, PositionField, RegisterType, Word
 from tests.exchange import test_registers as starting
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Port, axis_plan, read, write
 from tests.exchange.staged_bench import BITS, HOME_PDU, RUN_PDU, STOP_PDU, ZERO_PDU, StagedBench, staged_plan
-from tests.exchange.world_trace import played
 
 
 def is_corrected(bench: StagedBench, counts: int = 20_000) -> bool:
@@ -408,79 +407,3 @@ def test_a_stop_that_moves_the_zero_too_ends_the_reference() -> None:
     assert bench.ask(frame) == frame[:5]
     assert bench.seen[-1] == frame
     assert bench.kinds()[-1] == "reference-lost"
-
-
-# --- traces that ``make verify`` found --------------------------------------------------------------------
-
-
-def test_a_target_written_anew_that_nobody_acknowledged_does_not_run_without_a_reference() -> None:
-    """M2, M9: without a reference runs what the controller wrote; -7003 is -7131 backward."""
-    lost = """
-        reboot, home, ack: 06 050E 0064
-        to 0: 10 0606 0002 04 E4A5 FFFF, homed, ack: 03 005C 0001 -> 0110
-        ack: 10 0606 0002 04 E4A5 FFFF  # as it came: the bit may be that of the homing before
-        wait, wait, run, ack: 03 005C 0001 -> 0110, ack: 03 0520 0002 -> 0000 0000
-        obey: 10 0606 0002 04 E425 FFFF  # -7131, never acknowledged
-        reboot, run: 06 050E 0001, ack: 03 005C 0001 -> 0010  # not homed
-    """
-    assert played("homed", lost).state.wire is None
-    played("homed", lost + "to 0, ack, ack, run, ack, has: 06 050E 0001")  # written again, it may run
-
-
-def test_the_repeat_of_a_target_of_before_is_a_new_one_where_the_axis_stands_elsewhere() -> None:
-    """M6, M9: it was switched off and homed, and stands at 0, from where 9007 is forward: 9172."""
-    world = played(
-        "p-home-read",
-        """
-        to 0: 10 0606 0002 04 232F 0000, ack: 03 005C 0001 -> 0110
-        ack: 10 0606 0002 04 235E 0000  # half-way, for it is only staged
-        run, ack: 03 0520 0002 -> 0000 0000, ack: 10 0606 0002 04 23D4 0000, ack: 06 050E 0001
-        reboot, to 0, ack: 03 005C 0001 -> 0010  # not homed
-        ack: 10 0606 0002 04 232F 0000           # as it came
-        run, homed, ack: 03 005C 0001 -> 0110, ack: 03 0520 0002, ack: 10 0606 0002 04 23D4 0000, ack
-        """,
-    )
-    assert world.said(0).direction == "forward"
-
-
-def test_a_target_that_went_without_a_reference_is_a_new_one_where_its_drive_was_homed_elsewhere() -> None:
-    """M4, M6, M9: -7003 went as it came. The drive is switched off and homed while the link is down, and
-    stands at 0: from there it is -7131, backward."""
-    world = played(
-        "s-link-homed",
-        """
-        unplug, plug, reboot, to 0, ack: 03 005C 0001 -> 0010, ack: 10 0606 0002 04 E4A5 FFFF
-        homed, unplug, reboot, plug, unplug, homed, plug
-        read, wait, ack: 03 005C 0001 -> 0110, ack: 03 0520 0002 -> 0000 0000
-        to 0, ack: 10 0606 0002 04 E425 FFFF
-        """,
-    )
-    assert world.said(0).direction == "backward"
-
-
-def test_one_look_tells_whether_a_target_keeps_its_words_over_a_new_reference() -> None:
-    """W8, M9: -7003 went as it came; the drive was homed meanwhile, and stands there: the same words."""
-    played(
-        "s-link-homed",
-        """
-        unplug, reboot, plug, homed, reboot, to 0, ack: 03 005C 0001 -> 0010
-        homed, ack: 10 0606 0002 04 E4A5 FFFF, arrive
-        to 0, ack: 03 005C 0001 -> 0110, ack: 03 0520 0002 -> E4A5 FFFF
-        has: 10 0606 0002 04 E4A5 FFFF
-        """,
-    )
-
-
-def test_a_repeat_over_a_new_reference_is_a_new_target_where_its_drive_was_switched_off() -> None:
-    """M4, M9: 9007 (9172) goes out over a new reference, and its answer is lost with the link. Its drive was
-    switched off again and counts from another zero, at which it stands: 9007, without a reference."""
-    played(
-        "s-link-homed",
-        """
-        to 1, ack: 03 005C 0001 -> 0110, ack: 03 0520 0002 -> 0000 0000, ack: 10 0606 0002 04 23D4 0000
-        to 0, has: 03 0520 0002, unplug, reboot, plug
-        to 1, wait, ack: 03 005C 0001 -> 0010, homed, ack: 03 005C 0001 -> 0110, ack: 03 0520 0002
-        has: 10 0606 0002 04 23D4 0000, unplug, plug, reboot
-        to 1, ack: 03 005C 0001 -> 0010, has: 10 0606 0002 04 232F 0000
-        """,
-    )

@@ -7,7 +7,6 @@ from gateway.compensation.units import Units
 from gateway.exchange.plan import CompensationMode, LineTiming, Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, read, stream_plan, write
-from tests.exchange.world_trace import played
 
 HOMED = BitField(0x0031, 5)
 LIFTED = make_table([0, 100], [0.3, 0.3], [0.26, 0.26], Units.MM)
@@ -130,16 +129,3 @@ def test_m9_an_axis_that_is_switched_off_is_read_for_nobody() -> None:
     bench.memory.put(ACTUAL, 20_300)
     assert stream(bench, [20_000]) == [20_000]
     assert bench.seen == [write(COMMAND, 20_000)]
-
-
-def test_the_first_setpoint_of_a_stream_given_again_on_its_way_there_is_the_same_words() -> None:
-    """M4: its drive may hold it; 9007 less than both branches say at 0 is 8838, and 8854 at 1501."""
-    played(
-        "stream",
-        """
-        to 1: 10 0606 0002 04 232F 0000, ack: 03 0520 0002 -> 0000 0000
-        obey: 10 0606 0002 04 2286 0000, wait, wait  # 8838, never acknowledged
-        read, ack: 03 0520 0002 -> 05DD 0000
-        to 1, ack: 03 0520 0002, has: 10 0606 0002 04 2286 0000
-        """,
-    )

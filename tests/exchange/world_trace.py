@@ -3,7 +3,9 @@
 A line is a request with what it leads to. ``to 1: 10 …`` is the controller's write of the world's second
 target; ``ack: 03 … -> …`` is what the drive has, and the data that it answers; ``y`` is the second axis.
 Bytes may be left out. ``has: …`` is what the drive has not answered, ``told: …`` the last answer to the
-controller. A comment begins with ``#``. A drive counts 1000 per mm on ``tests.verify.screw.WORN``.
+controller; ``flagged`` or ``not-flagged`` whether it is told a direction that nobody knows, ``forward`` or
+``backward`` which one. A comment begins with ``#``. A drive counts 1000 per mm on
+``tests.verify.screw.WORN``.
 """
 
 from tests.verify.designs import BY_NAME
@@ -22,6 +24,12 @@ def played(design: str | Design, trace: str) -> World:
 
 
 def _step(world: World, heard: list[str], what: str, said: str) -> None:
+    if (word := what.strip()) in ("forward", "backward"):
+        assert world.said(0).direction == word
+        return
+    if word in ("flagged", "not-flagged"):
+        assert world.is_sending_unsure() is (word == "flagged")
+        return
     pdu, data = (bytes.fromhex(part) for part in said.partition("->")[::2])
     event, wire = _event(world, *what.split()), world.state.wire
     if event == ("told",):
