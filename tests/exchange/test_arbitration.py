@@ -141,15 +141,15 @@ def when_sent(plant: Plant) -> float:
     return plant.ms
 
 
-def test_one_that_does_not_fit_waits_for_its_patience_and_then_goes_at_the_next_chance() -> None:
-    # 200 ms from 405; motion ends at 410, 414, ...: the first time from 605 on is 606
-    assert when_sent(busy_with_a_long_one()) == 606
-
-
-def test_half_of_its_controllers_patience_is_the_most_that_a_monitor_waits() -> None:
+# 200 ms from 405; motion ends at 410, 414, ...: the first time from 605 on is 606. 405 + 50 = 455: 458.
+@pytest.mark.parametrize(("patience_ms", "sent_ms"), [(None, 606), (100, 458)])
+def test_one_that_does_not_fit_waits_for_half_of_its_patience_at_most_and_goes_at_the_next_chance(
+    patience_ms: int | None, sent_ms: float
+) -> None:
     plant = busy_with_a_long_one()
-    plant.hmi.patience_ns = 100 * MS
-    assert when_sent(plant) == 458  # 405 + 50 = 455; motion ends at 458
+    if patience_ms is not None:
+        plant.hmi.patience_ns = patience_ms * MS
+    assert when_sent(plant) == sent_ms
 
 
 def test_a_pause_is_used_when_it_has_lasted_for_quiet_ms() -> None:

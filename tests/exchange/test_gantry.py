@@ -294,14 +294,6 @@ def half_gone() -> GantryBench:
     return bench
 
 
-def test_one_that_has_gone_and_is_given_another_target_begins_anew() -> None:
-    bench = half_gone()
-    bench.stage(1, 70_000)
-    assert bench.group()["state"] == "open"
-    bench.stage(2, 70_000)
-    assert bench.run(1, 2) == [70_000, 70_000]
-
-
 def test_the_same_target_again_does_not() -> None:
     bench = half_gone()
     for _ in range(3):
@@ -850,11 +842,21 @@ def test_after_ten_seconds_one_that_may_have_gone_is_told_anew_as_all_are() -> N
     assert bench.run(1, 2) == [60_000, 60_000]
 
 
-def test_one_that_may_have_gone_and_is_given_another_target_begins_anew() -> None:
-    bench = perhaps_gone(None)
+def may_have_gone(**changes: Any) -> GantryBench:
+    """The same, and the compensation is switched off."""
+    bench = perhaps_gone(None, **changes)
     bench.switch(is_on=False)
-    bench.stage_all(70_000)
+    return bench
+
+
+@pytest.mark.parametrize("before", [half_gone, may_have_gone])
+def test_one_that_has_or_may_have_gone_and_is_given_another_target_begins_anew(
+    before: Callable[[], GantryBench],
+) -> None:
+    bench = before()
+    bench.stage(1, 70_000)
     assert bench.group()["state"] == "open"
+    bench.stage(2, 70_000)
     assert bench.run(1, 2) == [70_000, 70_000]
 
 

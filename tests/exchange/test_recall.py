@@ -231,6 +231,7 @@ def killed(*, runs: bool = True, distance: int = -15_000, **changes: Any) -> tup
         bench.memory.answer(pdu)
         assert bench.drive.moves[-1] == ("relative", float(START + distance - 20))
         bench.drive.arrive()
+        assert bench.drive.words[STATUS] & 1 << 4
     return bench, records
 
 
@@ -528,9 +529,3 @@ def test_every_reading_at_an_end_leads_where_the_table_says() -> None:
     assert by_hand == {
         (proof.value, end.value): then.value for proof, row in rows for end, then in row.items()
     }
-
-
-def test_the_bench_is_what_it_says() -> None:
-    bench, _ = killed()
-    assert isinstance(bench, Bench)
-    assert bench.drive.words[STATUS] & 1 << 4

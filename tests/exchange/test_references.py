@@ -39,13 +39,6 @@ def test_m9_not_referenced_positions_pass_unchanged_in_both_directions(reference
     assert bench.actual() == 20_000
 
 
-def test_a16_homing_seen_and_its_end_make_a_reference() -> None:
-    bench = StagedBench(staged_plan(referenced=Reference.HOMING))
-    home(bench)
-    assert "axis-referenced" in bench.kinds()
-    assert is_corrected(bench)
-
-
 def test_a16_without_a_homed_bit_the_done_bit_ends_a_homing() -> None:
     bits = {name: bit for name, bit in BITS.items() if name != "homed"}
     bench = StagedBench(staged_plan(referenced=Reference.HOMING, bits=bits))
@@ -142,9 +135,10 @@ def test_a16_an_alarm_ends_a_reference_by_homing() -> None:
     assert "reference-lost" in bench.kinds()
 
 
-def test_a16_a_jump_of_a_standing_axis_ends_a_reference_by_homing() -> None:
+def test_a16_homing_seen_and_its_end_make_a_reference_that_a_jump_of_a_standing_axis_ends() -> None:
     bench = StagedBench(staged_plan(referenced=Reference.HOMING))
     home(bench)
+    assert "axis-referenced" in bench.kinds()
     assert is_corrected(bench)
     assert bench.actual() == 20_000
     bench.drive.put(ACTUAL, 0)  # 20 mm in 2 ms

@@ -54,31 +54,21 @@ def starting_bench(**changes: object) -> Bench:
     plan = {"command": (TARGET,), "actual": (HIGH_FIRST_ACTUAL,), "motion": ON_LOW_WORD} | changes
     bench = Bench(axis_plan(**plan))
     bench.ask(write(TARGET, 65_530))
-    bench.memory.put(HIGH_FIRST_ACTUAL, bench.memory.get(TARGET))
+    assert bench.memory.get(TARGET) == 65_540  # a whole target is gone to at once
+    bench.memory.put(HIGH_FIRST_ACTUAL, 65_540)
     bench.wait(1000)
     bench.seen.clear()
     return bench
 
 
-def test_m1_a_whole_target_is_gone_to_at_once() -> None:
-    bench = starting_bench()
-    assert bench.memory.get(TARGET) == 65_540
-
-
-def test_m1_the_word_that_starts_nothing_waits_and_goes_out_as_it_came() -> None:
+def test_m1_the_word_that_starts_nothing_goes_as_it_came_and_the_starting_one_sends_the_whole() -> None:
     bench = starting_bench()
     assert bench.ask(HIGH_WORD) == HIGH_WORD
     assert bench.seen == [HIGH_WORD]
     assert told(bench) == (65_530, 65_540)
-
-
-def test_m1_the_starting_word_sends_the_whole_position_corrected() -> None:
-    bench = starting_bench()
-    bench.ask(HIGH_WORD)
     low = bytes.fromhex("06 9901 0000")
     assert bench.ask(low) == low
-    # 0x0002_0000 = 131 072, forward
-    assert bench.seen[-1] == write(TARGET, 131_082)
+    assert bench.seen[-1] == write(TARGET, 131_082)  # 0x0002_0000 = 131 072, forward
     assert TARGET.unpack(bench.ask(read(TARGET))[2:]) == 131_072
 
 
@@ -746,27 +736,24 @@ def lost_acknowledgement() -> Bench:
     return bench
 
 
-def test_the_same_target_after_a_lost_acknowledgement_is_the_same_words() -> None:
+@pytest.mark.parametrize(
+    ("stands_at", "told"),
+    [(19_990, 19_990), (19_993, 19_990), (0, 20_010)],
+    ids=["there", "3 counts beside it, with 2 of hysteresis", "jogged away meanwhile"],
+)
+def test_the_same_target_after_a_lost_acknowledgement_is_the_same_words_unless_the_axis_was_moved(
+    stands_at: int, told: int
+) -> None:
     bench = lost_acknowledgement()
-    assert bench.sent_for(write(COMMAND, 20_000)) == write(COMMAND, 19_990)
-    assert bench.actual() == 20_000
+    bench.memory.put(ACTUAL, stands_at)
+    assert bench.sent_for(write(COMMAND, 20_000)) == write(COMMAND, told)
 
 
-def test_the_same_target_after_a_lost_acknowledgement_is_the_same_words_beside_a_standing_error() -> None:
+@pytest.mark.parametrize("pdu", [write(COMMAND, 20_000), read(COMMAND)])
+def test_the_same_target_or_the_drives_command_register_proves_a_lost_acknowledgement(pdu: bytes) -> None:
     bench = lost_acknowledgement()
-    bench.memory.put(ACTUAL, 19_993)  # 3 counts beside where it was sent, with 2 of hysteresis
-    assert bench.sent_for(write(COMMAND, 20_000)) == write(COMMAND, 19_990)
-
-
-def test_the_same_target_from_somewhere_else_takes_the_branch_of_its_own_move() -> None:
-    bench = lost_acknowledgement()
-    bench.memory.put(ACTUAL, 0)  # it was jogged away meanwhile
-    assert bench.sent_for(write(COMMAND, 20_000)) == write(COMMAND, 20_010)
-
-
-def test_the_drives_own_command_register_proves_a_lost_acknowledgement() -> None:
-    bench = lost_acknowledgement()
-    assert COMMAND.unpack(bench.ask(read(COMMAND))[2:]) == 20_000
+    reply = bench.ask(pdu)
+    assert pdu[0] != 3 or COMMAND.unpack(reply[2:]) == 20_000
     assert bench.actual() == 20_000
 
 
@@ -1075,9 +1062,16 @@ def test_m9_a_kept_target_of_a_kind_that_nobody_knows_is_refused(kind: int, is_r
     assert line.kinds()[-1] == "stored-move"
 
 
-def test_m9_it_is_refused_after_its_kind_was_written_too() -> None:
+@pytest.mark.parametrize("is_forgotten", [False, True])
+def test_m9_it_is_refused_after_its_kind_was_written_too_and_once_its_words_were_forgotten(
+    *, is_forgotten: bool
+) -> None:
     line = keeping()
+    if is_forgotten:
+        line.ask(write(PATH_3, 50_000))
     assert line.ask(JUMPING_3) == JUMPING_3
+    if is_forgotten:
+        line.cut(0)
     assert (line.ask(RUN_3), ran(line)) == (REFUSED, 0)
 
 
@@ -1099,16 +1093,6 @@ def test_m2_one_that_came_through_the_gateway_passes_untouched_and_displaces_its
     assert line.line.axes[0].is_unsure
 
 
-def test_m9_it_is_refused_again_once_its_words_were_forgotten() -> None:
-    line = keeping()
-    line.ask(write(PATH_3, 50_000))
-    line.ask(JUMPING_3)
-    line.line.link_down(line.now_ns)
-    line.line.link_up(line.now_ns)
-    line.serve()
-    assert (line.ask(RUN_3), ran(line)) == (REFUSED, 0)
-
-
 @pytest.mark.parametrize(
     "plan",
     [{"compensation": CompensationMode.OFF}, {"referenced": Reference.HOMING}, {"table": None}],
@@ -1120,16 +1104,10 @@ def test_m9_an_axis_that_passes_1_to_1_runs_it(plan: dict[str, Any]) -> None:
     assert (line.ask(RUN_3), ran(line)) == (RUN_3, 1)
 
 
-def test_m9_stops_and_mapped_homing_pass() -> None:
-    line = keeping()
-    for pdu in (bytes.fromhex("06 050E 03E8"), bytes.fromhex("06 050E 0064"), bytes.fromhex("06 050E 0000")):
-        assert line.ask(pdu) == pdu
-
-
-def test_m9_a_value_without_a_number_passes_as_before() -> None:
-    line = keeping()
-    odd = bytes.fromhex("06 050E 0200")
-    assert line.ask(odd) == odd
+@pytest.mark.parametrize("word", [STOP, 100, 0, 0x200], ids=["stop", "homing", "nothing", "unknown"])
+def test_m9_all_that_runs_no_kept_target_passes(word: int) -> None:
+    pdu = bytes.fromhex(f"06 050E {word:04X}")
+    assert keeping().ask(pdu) == pdu
 
 
 def test_m9_with_stored_moves_uncorrected_it_passes_and_its_axis_is_flagged() -> None:

@@ -42,15 +42,10 @@ def written(bench: StagedBench, trigger: bytes) -> list[str]:
     return bench.writes()
 
 
-def test_m2_a_staged_target_goes_out_corrected_and_its_trigger_runs_it() -> None:
-    bench = standing()
-    assert bench.drive.moves == [("absolute", 50_010)]
-    assert ACTUAL.unpack(bench.ask(read(ACTUAL))[2:]) == 50_000
-
-
-def test_m2_staging_alone_moves_nothing_and_changes_no_reading() -> None:
+def test_m2_a_trigger_runs_a_corrected_target_and_staging_alone_moves_nothing_and_no_reading() -> None:
     # A11: before the trigger of a staged move the readback must not change.
     bench = standing()
+    assert bench.actual() == 50_000
     bench.stage(20_000)
     assert bench.drive.moves == [("absolute", 50_010)]
     assert bench.actual() == 50_000
@@ -118,10 +113,15 @@ def test_a2_direction_is_decided_at_the_trigger_from_where_the_axis_is_then() ->
     assert bench.line.counters.restaged == 2  # the first was the first move of all, staged half-way
 
 
-def test_m2_a_trigger_whose_words_are_right_already_adds_no_frame() -> None:
+@pytest.mark.parametrize(("word", "added"), [(1, []), (0x77, [write(COMMAND, 60_000).hex(" ")])])
+def test_m2_only_a_trigger_whose_words_are_not_right_already_adds_a_frame(
+    word: int, added: list[str]
+) -> None:
+    """A value that the map does not list runs what the controller wrote."""
     bench = standing()
     bench.stage(60_000)
-    assert written(bench, RUN_PDU) == [RUN_HEX]
+    pdu = bytes.fromhex(f"06 050E {word:04X}")
+    assert written(bench, pdu) == [*added, pdu.hex(" ")]
 
 
 def test_a2_a_gain_or_table_switched_between_staging_and_trigger_counts_at_the_trigger() -> None:
@@ -339,13 +339,6 @@ def broadcast(bench: StagedBench, pdu: bytes) -> None:
     bench.wait(100)
 
 
-def test_a18_a_broadcast_trigger_runs_what_is_right_already() -> None:
-    bench = standing()
-    bench.stage(60_000)
-    broadcast(bench, RUN_PDU)
-    assert bench.drive.moves[-1] == ("absolute", 60_010)
-
-
 def test_a18_a_broadcast_trigger_is_refused_while_an_axis_is_blocked() -> None:
     other = staged_plan(name="y", unit_id=2, motion=ONLY_ABSOLUTE, travel=(0.0, 100.0))
     bench = StagedBench(staged_plan(), other)
@@ -362,10 +355,11 @@ def test_a18_a_broadcast_stop_always_passes() -> None:
     assert bench.drive.moves == [("stop", 0)]
 
 
-def test_a18_after_a_broadcast_trigger_the_place_of_the_axis_is_read_before_it_is_used() -> None:
+def test_a18_a_broadcast_trigger_runs_what_is_right_and_then_the_place_of_the_axis_is_read() -> None:
     bench = standing()
     bench.stage(60_000)
     broadcast(bench, RUN_PDU)
+    assert bench.drive.moves[-1] == ("absolute", 60_010)
     bench.drive.arrive()
     bench.stage(55_000)
     bench.seen.clear()
@@ -398,15 +392,6 @@ def test_m2_a_staged_target_is_given_back_as_it_came_when_its_mode_is_unknown_at
     assert bench.line.counters.unknown_modes == 1
 
 
-def test_m2_a_trigger_value_that_the_map_does_not_list_runs_what_the_controller_wrote() -> None:
-    bench = standing()
-    bench.stage(60_000)
-    assert written(bench, bytes.fromhex("06 050E 0077")) == [
-        write(COMMAND, 60_000).hex(" "),
-        "06 05 0e 00 77",
-    ]
-
-
 # --- sequences that several rules have a part in ---------------------------------------------------------
 
 
@@ -425,20 +410,16 @@ def test_m2_what_a_drive_follows_and_cannot_be_known_passes_as_it_came() -> None
     assert bench.line.counters.unknown_modes == 1
 
 
-def test_m2_following_is_switched_on_before_any_target_and_each_is_corrected_then() -> None:
+@pytest.mark.parametrize(("word", "told"), [(0xFFFB, 50_010), (0xFFFC, 50_000)], ids=["follow", "unknown"])
+def test_m2_each_target_is_corrected_once_following_is_on_and_passes_while_the_register_is_unknown(
+    word: int, told: int
+) -> None:
     bench = StagedBench(staged_plan(motion=FOLLOWING))
-    follow = bytes.fromhex("06 050E FFFB")
-    assert bench.ask(follow) == follow
+    pdu = bytes.fromhex(f"06 050E {word:04X}")
+    assert bench.ask(pdu) == pdu
     bench.ask(write(COMMAND, 50_000))
-    assert bench.drive.get(COMMAND) == 50_010
-    assert bench.line.axes[0].compensation.accepted is not None
-
-
-def test_m2_targets_pass_as_they_come_while_the_trigger_register_holds_something_unknown() -> None:
-    bench = StagedBench(staged_plan(motion=FOLLOWING))
-    bench.ask(bytes.fromhex("06 050E FFFC"))
-    bench.ask(write(COMMAND, 50_000))
-    assert bench.drive.get(COMMAND) == 50_000
+    assert bench.drive.get(COMMAND) == told
+    assert word != 0xFFFB or bench.line.axes[0].compensation.accepted is not None
 
 
 def test_m2_an_opcode_frame_that_is_too_short_passes_as_it_came() -> None:
