@@ -763,22 +763,17 @@ def test_another_target_for_the_first_axis_begins_a_new_decision() -> None:
     assert bench.gantry.since_ns > since_ns
 
 
-def test_the_words_of_its_target_begin_none() -> None:
-    """50 000 is C350 0000 with its low word first, 120 000 is D4C0 0001."""
+@pytest.mark.parametrize("is_later", [False, True])
+def test_only_a_word_of_another_target_begins_one_anew(*, is_later: bool) -> None:
+    """50 000 is C350 0000 with its low word first, 120 000 is D4C0 0001. What comes late is of another."""
     bench = Gantries()
     bench.ask(bytes.fromhex("06 0606 D4C0"))
     since_ns = bench.gantry.since_ns
+    if is_later:
+        bench.wait(JOINED_MS + 1)
     bench.ask(bytes.fromhex("06 0607 0001"))
-    assert bench.gantry.since_ns == since_ns
-    assert bench.memory.get(COMMAND) == 120_010
-    bench.ask(bytes.fromhex("06 0606 C350"))  # a word of another one
-    assert bench.gantry.since_ns > since_ns
-
-
-def test_a_word_that_comes_later_is_of_another_target() -> None:
-    bench = Gantries()
-    bench.ask(bytes.fromhex("06 0606 D4C0"))
-    since_ns = bench.gantry.since_ns
-    bench.wait(JOINED_MS + 1)
-    bench.ask(bytes.fromhex("06 0607 0001"))
-    assert bench.gantry.since_ns > since_ns
+    assert (bench.gantry.since_ns > since_ns) is is_later
+    if not is_later:
+        assert bench.memory.get(COMMAND) == 120_010
+        bench.ask(bytes.fromhex("06 0606 C350"))  # a word of another one
+        assert bench.gantry.since_ns > since_ns

@@ -231,18 +231,15 @@ def test_m11_a_group_goes_on_as_a_whole() -> None:
     assert again.kinds().count("restored") == 2
 
 
-@pytest.mark.parametrize("place", [0x0520, 0x0720])
-def test_m11_where_one_axis_of_a_group_was_moved_none_goes_on(place: int) -> None:
+@pytest.mark.parametrize(("place", "count"), [(0x0520, 2), (0x0720, 2), (None, 1)])
+def test_m11_where_one_axis_of_a_group_was_moved_or_has_no_record_none_goes_on(
+    place: int | None, count: int
+) -> None:
     bench = gantry()
-    bench.memory.words[place] += 500
+    if place is None:
+        bench.records.buffers["y"][:] = bytes(len(bench.records.buffers["y"]))
+    else:
+        bench.memory.words[place] += 500
     again = restarted(bench)
-    assert again.kinds().count("record-not-used") == 2
-    assert "restored" not in again.kinds()
-
-
-def test_m11_where_one_axis_of_a_group_has_no_record_none_goes_on() -> None:
-    bench = gantry()
-    bench.records.buffers["y"][:] = bytes(len(bench.records.buffers["y"]))
-    again = restarted(bench)
-    assert again.kinds().count("record-not-used") == 1
+    assert again.kinds().count("record-not-used") == count
     assert "restored" not in again.kinds()

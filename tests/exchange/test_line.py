@@ -25,14 +25,6 @@ def test_one_exchange_at_a_time_and_the_next_goes_out_with_the_reply() -> None:
     assert bench.port.replies == [(1, 1, bytes.fromhex("03 02 0000"))]
 
 
-def test_pipelined_tcp_requests_are_answered_in_order() -> None:
-    bench = Bench(serial=False)
-    for number in range(5):
-        bench.send(OTHER, transaction_id=number)
-    bench.serve()
-    assert [reply[0] for reply in bench.port.replies] == [0, 1, 2, 3, 4]
-
-
 def test_motion_goes_before_monitors() -> None:
     bench = Bench(serial=False)
     hmi = monitor()

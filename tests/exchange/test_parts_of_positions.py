@@ -16,18 +16,38 @@ def moved(counts: int = 50_000) -> Bench:
     return bench
 
 
-def test_a_low_half_alone_renders_the_whole_position_and_keeps_the_fc06_form() -> None:
+@pytest.mark.parametrize(
+    ("request_hex", "told", "reply"),
+    [
+        # 50 000 is 0000 C350. Low word C738: 51 000, forward from 50 000: 51 010, C742; the echo is FC06's.
+        ("06 0606 C738", "10 0606 0002 04 C742 0000", "06 0606 C738"),
+        # 0001 C350 is 115 536, outside the table: hold, +10, 0001 C35A.
+        ("06 0607 0001", "10 0606 0002 04 C35A 0001", "06 0607 0001"),
+        # A block that ends inside the position is widened.
+        (
+            "10 0604 0003 06 1111 2222 C738",
+            "10 0604 0004 08 1111 2222 C742 0000",
+            "10 0604 0003",
+        ),
+        # FC22 is applied to the nominal word: and FF00, or 0038: C338, 49 976, backward: 49 966, C32E.
+        ("16 0606 FF00 0038", "10 0606 0002 04 C32E 0000", "16 0606 FF00 0038"),
+        # FC23 writes 60 000, EA60, corrected, and what it reads back afterwards is turned back.
+        (
+            "17 0606 0002 0606 0002 04 EA60 0000",
+            "17 0606 0002 0606 0002 04 EA6A 0000",
+            "17 04 EA60 0000",
+        ),
+        # A read that cuts the position is widened, and its answer is cut again.
+        ("03 0520 0001", "03 0520 0002", "03 02 C350"),
+        ("03 0521 0003", "03 0520 0004", "03 06 0000 0000 0000"),
+    ],
+)
+def test_whatever_part_is_written_or_read_the_drive_sees_whole_positions(
+    request_hex: str, told: str, reply: str
+) -> None:
     bench = moved()
-    # 50 000 = 0x0000C350; low word becomes 0xC738 = 51 000, forward from 50 000: 51 010 = 0xC742
-    assert bench.ask(bytes.fromhex("06 0606 C738")) == bytes.fromhex("06 0606 C738")
-    assert bench.seen[-1] == bytes.fromhex("10 0606 0002 04 C742 0000")
-
-
-def test_a_high_half_alone_renders_the_whole_position() -> None:
-    bench = moved()
-    # 0x0001C350 = 115 536, outside the table: hold, +10 = 0x0001C35A
-    assert bench.ask(bytes.fromhex("06 0607 0001")) == bytes.fromhex("06 0607 0001")
-    assert bench.seen[-1] == bytes.fromhex("10 0606 0002 04 C35A 0001")
+    assert bench.ask(bytes.fromhex(request_hex)) == bytes.fromhex(reply)
+    assert bench.seen[-1] == bytes.fromhex(told)
 
 
 def test_a_half_of_an_unknown_position_is_completed_from_the_drive() -> None:
@@ -54,13 +74,6 @@ def test_a_half_of_an_unknown_position_is_refused_where_nothing_may_be_read() ->
     assert "the rest is not known" in bench.events[-1].detail
 
 
-def test_a_block_that_ends_inside_a_position_is_widened() -> None:
-    bench = moved()
-    request = bytes.fromhex("10 0604 0003 06 1111 2222 C738")
-    assert bench.ask(request) == request[:5]
-    assert bench.seen[-1] == bytes.fromhex("10 0604 0004 08 1111 2222 C742 0000")
-
-
 def test_a_drives_exception_to_a_recast_half_comes_back_in_the_controllers_function() -> None:
     bench = moved()
     bench.memory.put(ACTUAL, 50_010)
@@ -69,31 +82,6 @@ def test_a_drives_exception_to_a_recast_half_comes_back_in_the_controllers_funct
     bench.send(bytes.fromhex("06 0606 0001"))
     bench.answers(bytes.fromhex("90 03"))
     assert bench.port.take() == bytes.fromhex("86 03")
-
-
-def test_fc22_is_applied_to_the_nominal_word() -> None:
-    bench = moved()
-    # nominal low word 0xC350: and 0xFF00, or 0x0038 → 0xC338 = 49 976, backward: 49 966 = 0xC32E
-    request = bytes.fromhex("16 0606 FF00 0038")
-    assert bench.ask(request) == request
-    assert bench.seen[-1] == bytes.fromhex("10 0606 0002 04 C32E 0000")
-
-
-def test_fc23_corrects_what_it_writes_and_turns_back_what_it_reads() -> None:
-    bench = moved()
-    # writes 60 000 = 0xEA60 and reads the command back: the write comes first
-    reply = bench.ask(bytes.fromhex("17 0606 0002 0606 0002 04 EA60 0000"))
-    assert bench.seen[-1] == bytes.fromhex("17 0606 0002 0606 0002 04 EA6A 0000")
-    assert reply == bytes.fromhex("17 04 EA60 0000")
-
-
-def test_a_cut_read_is_widened_and_cut_again() -> None:
-    bench = moved()
-    low = bench.ask(bytes.fromhex("03 0520 0001"))
-    assert bench.seen[-1] == bytes.fromhex("03 0520 0002")
-    assert low == bytes.fromhex("03 02 C350")
-    assert bench.ask(bytes.fromhex("03 0521 0003")) == bytes.fromhex("03 06 0000 0000 0000")
-    assert bench.seen[-1] == bytes.fromhex("03 0520 0004")
 
 
 def test_a_cut_read_beyond_the_drives_limit_is_refused() -> None:

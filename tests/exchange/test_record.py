@@ -276,43 +276,36 @@ def test_settings_that_do_not_change_the_map_leave_the_record_its_worth() -> Non
         assert digest_of_axis(axis_plan(**changes)) == digest_of_axis(axis_plan())
 
 
-def test_a_table_that_was_changed_meanwhile_ends_the_record() -> None:
+@pytest.mark.parametrize(
+    ("plan", "why"),
+    [
+        ({"table": SCREW}, "the table that was in force is not the one configured now"),
+        ({"compensation": CompensationMode.OFF}, "the compensation of the axis is off"),
+    ],
+)
+def test_another_table_or_none_in_force_ends_the_record(plan: dict[str, Any], why: str) -> None:
     bench = RecordBench(axis_plan())
     bench.move(50_000, 20_000)
-    again = bench.restarted(axis_plan(table=SCREW))
-    assert again.told == [
-        "the table that was in force is not the one configured now; it starts without its record"
-    ]
+    again = bench.restarted(axis_plan(**plan))
+    assert again.told == [f"{why}; it starts without its record"]
     assert again.actual() == 19_990
+    assert "table" in plan or again.records.read() is None
 
 
-def test_an_old_table_that_can_still_be_had_stays_in_force_until_the_next_target() -> None:
+@pytest.mark.parametrize(
+    ("plan", "told"),
+    [({"table": SCREW}, 10_030), ({"gain": Gain(0.5, 0.5)}, 9_995)],  # 20 to 10 mm: a third of 0.09 mm
+)
+def test_an_old_table_that_can_be_had_or_gain_stays_in_force_until_the_next_different_target(
+    plan: dict[str, Any], told: int
+) -> None:
     bench = RecordBench(axis_plan())
     bench.move(50_000, 20_000)
     tables = {table_digest(LOST_MOTION): LOST_MOTION}
-    again = bench.restarted(axis_plan(table=SCREW), find_table=tables.get)
+    again = bench.restarted(axis_plan(**plan), find_table=tables.get if "table" in plan else None)
     assert again.actual() == 20_000
     assert again.move(20_000) == write(COMMAND, 19_990)
-    # 20 mm to 10 mm backward: a third of 0.09 mm.
-    assert again.move(10_000) == write(COMMAND, 10_030)
-
-
-def test_another_gain_comes_into_force_with_the_next_different_target() -> None:
-    bench = RecordBench(axis_plan())
-    bench.move(50_000, 20_000)
-    again = bench.restarted(axis_plan(gain=Gain(0.5, 0.5)))
-    assert again.actual() == 20_000
-    assert again.move(20_000) == write(COMMAND, 19_990)
-    assert again.move(10_000) == write(COMMAND, 9_995)
-
-
-def test_an_axis_switched_off_in_the_configuration_is_transparent_at_once() -> None:
-    bench = RecordBench(axis_plan())
-    bench.move(50_000, 20_000)
-    again = bench.restarted(axis_plan(compensation=CompensationMode.OFF))
-    assert again.told == ["the compensation of the axis is off; it starts without its record"]
-    assert again.actual() == 19_990
-    assert again.records.read() is None
+    assert again.move(10_000) == write(COMMAND, told)
 
 
 @pytest.mark.parametrize("referenced", [Reference.HOMING, Reference.SET_POSITION])

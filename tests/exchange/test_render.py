@@ -33,11 +33,24 @@ from tests.exchange.line_bench import (
 from tests.exchange.staged_bench import COMMANDED, HOME_PDU, ONLY_ABSOLUTE, RUN_PDU, StagedBench, staged_plan
 
 
-def test_fc16_is_corrected_and_its_echo_is_the_controllers_own() -> None:
+@pytest.mark.parametrize(
+    ("request_hex", "told"),
+    [
+        # 50 mm from 0 is forward: +10 counts, 50 010 = 0000 C35A, low word first.
+        ("10 0606 0002 04 C350 0000", "10 0606 0002 04 C35A 0000"),
+        (
+            "10 0604 0006 0C 1111 2222 C350 0000 3333 4444",
+            "10 0604 0006 0C 1111 2222 C35A 0000 3333 4444",
+        ),
+    ],
+)
+def test_fc16_is_corrected_the_rest_of_its_block_is_left_alone_and_its_echo_is_the_controllers_own(
+    request_hex: str, told: str
+) -> None:
     bench = Bench(axis_plan())
-    # 50 000 counts = 50 mm from 0: forward, +10 counts = 50 010 = 0x0000C35A, low word first
-    assert bench.ask(bytes.fromhex("10 0606 0002 04 C350 0000")) == bytes.fromhex("10 0606 0002")
-    assert bench.seen[-1] == bytes.fromhex("10 0606 0002 04 C35A 0000")
+    pdu = bytes.fromhex(request_hex)
+    assert bench.ask(pdu) == pdu[:5]
+    assert bench.seen[-1] == bytes.fromhex(told)
 
 
 def test_the_actual_position_is_read_before_the_first_move_and_decides_its_direction() -> None:
@@ -48,18 +61,20 @@ def test_the_actual_position_is_read_before_the_first_move_and_decides_its_direc
     assert bench.memory.get(COMMAND) == 49_990
 
 
-def test_added_reads_can_be_turned_off() -> None:
-    bench = Bench(axis_plan(added_frames=False))
-    bench.move(50_000)
-    assert len(bench.seen) == 1
-    assert bench.memory.get(COMMAND) == 50_000  # half way between the branches
-    assert direction_state(bench.line.axes[0]) == "unsure"
-
-
-@pytest.mark.parametrize("where", [{"access": FieldAccess.WRITE}, {"block": ACTUAL.address - 1}])
-def test_w8_a_position_that_no_read_brings_alone_is_never_asked_for(where: dict[str, Any]) -> None:
-    """At its address the drive shows something else: here 80 000, from where the move would be backward."""
-    bench = Bench(axis_plan(actual=(replace(ACTUAL, **where),)))
+@pytest.mark.parametrize(
+    "plan",
+    [
+        {"added_frames": False},
+        {"actual": (replace(ACTUAL, access=FieldAccess.WRITE),)},
+        {"actual": (replace(ACTUAL, block=ACTUAL.address - 1),)},
+    ],
+    ids=["no added frames", "write only", "in a block"],
+)
+def test_w8_a_position_that_may_not_be_read_or_that_no_read_brings_alone_is_never_asked_for(
+    plan: dict[str, Any],
+) -> None:
+    """At its address the drive shows 80 000, from where the move would be backward."""
+    bench = Bench(axis_plan(**plan))
     bench.memory.put(ACTUAL, 80_000)
     bench.move(50_000)
     assert [pdu[0] for pdu in bench.seen] == [0x10]
@@ -98,13 +113,6 @@ def test_m4_the_same_target_again_is_the_same_words() -> None:
         assert bench.ask(write(COMMAND, 50_000)) == write(COMMAND, 50_000)[:5]
         assert bench.seen[-1] == write(COMMAND, 50_010)
     assert len(bench.seen) == frames + 10
-
-
-def test_a_position_in_the_middle_of_a_block_leaves_the_rest_alone() -> None:
-    bench = Bench(axis_plan())
-    request = bytes.fromhex("10 0604 0006 0C 1111 2222 C350 0000 3333 4444")
-    assert bench.ask(request) == request[:5]
-    assert bench.seen[-1] == bytes.fromhex("10 0604 0006 0C 1111 2222 C35A 0000 3333 4444")
 
 
 def test_two_axes_in_one_frame_are_each_corrected_by_their_own_table() -> None:
@@ -332,20 +340,17 @@ LIMIT = PositionField(0x0900, INT32, LOW)
 ALIAS = PositionField(0x0904, INT32, LOW)
 
 
-def test_limits_are_corrected_half_way_between_the_branches_and_read_back_exactly() -> None:
+@pytest.mark.parametrize(("limit", "told"), [(90_000, 90_005), (0, 0)])
+def test_limits_are_corrected_half_way_between_the_branches_and_read_back_exactly(
+    limit: int, told: int
+) -> None:
+    """0 means none, and passes."""
     bench = Bench(axis_plan(limits=(LIMIT,), table=ONE_SIDED))
-    bench.ask(write(LIMIT, 90_000))
-    assert bench.memory.get(LIMIT) == 90_005
-    assert LIMIT.unpack(bench.ask(read(LIMIT))[2:]) == 90_000
+    bench.ask(write(LIMIT, limit))
+    assert bench.memory.get(LIMIT) == told
+    assert LIMIT.unpack(bench.ask(read(LIMIT))[2:]) == limit
     bench.move(50_000, 40_000)
-    assert LIMIT.unpack(bench.ask(read(LIMIT))[2:]) == 90_000
-
-
-def test_limits_a_limit_of_0_means_none_and_passes() -> None:
-    bench = Bench(axis_plan(limits=(LIMIT,), table=ONE_SIDED))
-    bench.ask(write(LIMIT, 0))
-    assert bench.memory.get(LIMIT) == 0
-    assert LIMIT.unpack(bench.ask(read(LIMIT))[2:]) == 0
+    assert LIMIT.unpack(bench.ask(read(LIMIT))[2:]) == limit
 
 
 def test_limits_half_a_limit_is_refused() -> None:

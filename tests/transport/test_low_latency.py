@@ -77,22 +77,19 @@ def test_a_terminal_that_the_kernel_shows_nowhere_is_no_error(tmp_path: Path, tr
     assert tune(tree.handle, sysfs=tmp_path) == (LatencySettings(), ())
 
 
-def test_an_ftdi_timer_and_a_fifo_trigger_are_lowered_and_read_back(tree: Tree) -> None:
-    tree.timer.write_text("16\n")
-    tree.trigger.write_text("8\n")
-    settings, slow = tree.tuned()
-    assert (settings.ftdi_latency_timer_ms, settings.rx_trig_bytes) == (1, 1)
+@pytest.mark.parametrize(
+    ("is_low", "before", "after"), [(True, (16, 8), (1, 1)), (False, (16, 14), (16, 14))]
+)
+def test_an_ftdi_timer_and_a_fifo_trigger_are_lowered_and_read_back_or_left_alone(
+    tree: Tree, before: tuple[int, int], after: tuple[int, int], *, is_low: bool
+) -> None:
+    files = tree.timer, tree.trigger
+    for file, value in zip(files, before, strict=True):
+        file.write_text(f"{value}\n")
+    settings, slow = tree.tuned(is_low=is_low)
+    assert (settings.ftdi_latency_timer_ms, settings.rx_trig_bytes) == after
     assert slow == ()
-    assert (tree.timer.read_text(), tree.trigger.read_text()) == ("1\n", "1\n")
-
-
-def test_a_port_that_is_to_be_left_alone_is_only_read(tree: Tree) -> None:
-    tree.timer.write_text("16\n")
-    tree.trigger.write_text("14\n")
-    settings, slow = tree.tuned(is_low=False)
-    assert (settings.ftdi_latency_timer_ms, settings.rx_trig_bytes) == (16, 14)
-    assert slow == ()
-    assert (tree.timer.read_text(), tree.trigger.read_text()) == ("16\n", "14\n")
+    assert tuple(file.read_text() for file in files) == tuple(f"{value}\n" for value in after)
 
 
 def test_what_is_low_already_is_not_written(tree: Tree) -> None:
