@@ -218,39 +218,9 @@ def test_a_run_that_is_recorded_begins_with_nothing(path: Path) -> None:
     opened.record.close()
 
 
-async def test_a_clean_stop_and_a_new_start_go_on_where_the_axis_stands(bench: Bench, tmp_path: Path) -> None:
-    memory = Memory()
-
-    def script(data: bytes) -> bytes:
-        reply = memory.answer(data[7:])
-        if data[7] == 16:
-            memory.put(ACTUAL, memory.get(COMMAND))
-        return encode_mbap(int.from_bytes(data[:2], "big"), data[6], reply)
-
-    _, where = await bench.drive("tcp", script)
-    link, _ = bench.controller_link("tcp")
-    line = LinePlan("line", where, (link,), (axis_plan(),), TIMING)
-
-    async def run(pdu: bytes, answer: bytes) -> None:
-        relay = Relay(GatewayPlan("bench", (line,)), bench.notes.append, state=tmp_path)
-        await relay.start()
-        await until_up(relay)
-        near = await bench.connect(relay.address("line", "cnc"))
-        near.write(encode_mbap(1, 1, pdu))
-        await near.receives(encode_mbap(1, 1, answer))
-        await relay.stop()
-
-    await run(write(COMMAND, 50_000), write(COMMAND, 50_000)[:5])
-    assert memory.get(ACTUAL) == 50_010
-    await run(read(ACTUAL), b"\x03\x04" + ACTUAL.pack(50_000))
-    [note] = [note for note in bench.notes if note.event == "restored"]
-    assert note.severity.value == "info"
-    assert note.fields["axis"] == "x"
-    assert not [note for note in bench.notes if note.event == "record-not-used"]
-
-
-async def test_an_axis_that_gets_its_first_table_while_it_runs_keeps_a_record(
-    bench: Bench, tmp_path: Path
+@pytest.mark.parametrize("has_table", [True, False], ids=["from the start", "its first table while it runs"])
+async def test_a_clean_stop_and_a_new_start_go_on_where_the_axis_stands(
+    bench: Bench, tmp_path: Path, *, has_table: bool
 ) -> None:
     memory = Memory()
 
@@ -263,7 +233,7 @@ async def test_an_axis_that_gets_its_first_table_while_it_runs_keeps_a_record(
     _, where = await bench.drive("tcp", script)
     link, _ = bench.controller_link("tcp")
 
-    async def run(pdu: bytes, answer: bytes, *, has_table: bool) -> None:
+    async def run(pdu: bytes, answer: bytes, *, has_table: bool = True) -> None:
         plan = axis_plan() if has_table else axis_plan(table=None)
         line = LinePlan("line", where, (link,), (plan,), TIMING)
         relay = Relay(GatewayPlan("bench", (line,)), bench.notes.append, state=tmp_path)
@@ -276,6 +246,11 @@ async def test_an_axis_that_gets_its_first_table_while_it_runs_keeps_a_record(
         await near.receives(encode_mbap(1, 1, answer))
         await relay.stop()
 
-    await run(write(COMMAND, 50_000), write(COMMAND, 50_000)[:5], has_table=False)
+    await run(write(COMMAND, 50_000), write(COMMAND, 50_000)[:5], has_table=has_table)
     assert memory.get(ACTUAL) == 50_010
-    await run(read(ACTUAL), b"\x03\x04" + ACTUAL.pack(50_000), has_table=True)
+    await run(read(ACTUAL), b"\x03\x04" + ACTUAL.pack(50_000))
+    if has_table:
+        [note] = [note for note in bench.notes if note.event == "restored"]
+        assert note.severity.value == "info"
+        assert note.fields["axis"] == "x"
+        assert not [note for note in bench.notes if note.event == "record-not-used"]

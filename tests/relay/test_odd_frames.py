@@ -8,7 +8,7 @@ import pytest
 from gateway.exchange.plan import OtherUnits, Role
 from gateway.modbus.crc import append_crc
 from gateway.relay.gateway import Relay
-from tests.support.relay import Bench, RawEnd, axis_plan, eventually, first_controller, line_status, until_up
+from tests.support.relay import Bench, RawEnd, axis_plan, eventually, first_controller, line_status
 
 START: Final = bytes.fromhex("05 03 01 01 30 B8")
 SPEED: Final = bytes.fromhex("05 05 02 13 88 44 5A")
@@ -41,11 +41,10 @@ async def wires_of(
     def answer(data: bytes) -> bytes | None:
         return None if not answers else VALUE if data == READ else data
 
-    drive, where = await bench.drive("rtu", answer)
-    link, device = bench.controller_link("rtu", role=role)
-    relay = await bench.relay(where, (link,), (axis_plan(),), other_units=other_units, tape_bytes=tape_bytes)
-    await until_up(relay)
-    return Wires(await bench.plug(device), drive, relay)
+    controller, drive, relay = await bench.raw_pair(
+        "rtu", "rtu", answer, role=role, axes=(axis_plan(),), other_units=other_units, tape_bytes=tape_bytes
+    )
+    return Wires(controller, drive, relay)
 
 
 @pytest.mark.parametrize("tape_bytes", [0, 1 << 20])

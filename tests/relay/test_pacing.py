@@ -1,11 +1,26 @@
-"""The silence before a frame."""
+"""The silence before a frame: the writer of a wire, and the order of requests over real sockets."""
 
 import asyncio
 import os
+import random
+import socket
+import time
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
 
 from gateway.clock import boot_ns
+from gateway.exchange.plan import Role
+from gateway.modbus.mbap import encode_mbap
+from gateway.modbus.rtu import encode_rtu
+from gateway.recording.writer import Recorder
 from gateway.relay.pacing import PacedReplies, WireWriter
+from gateway.state.plan import GatewayPlan, LinePlan
 from gateway.transport.channel import Channel
+from tests.support.recordings import HEADER, replayed
+from tests.support.relay import TIMING, Bench, RawEnd, until_up
 
 MS = 1_000_000
 LONG_MS = 60_000
@@ -194,3 +209,168 @@ async def test_each_reply_is_named_as_it_is_written() -> None:
     await drained(replies)
     assert named == [b"one"]
     replies.close()
+
+
+# === the order of requests over real sockets =============================================================
+
+GAP_MS = 3.0
+REQUESTS = 600
+
+
+def numbered(number: int) -> bytes:
+    """A write of this number to a register that means nothing."""
+    return encode_mbap(number, 1, bytes.fromhex("06 00C8") + number.to_bytes(2, "big"))
+
+
+class Drive:
+    """Acknowledges each write at once, and notes its value."""
+
+    def __init__(self) -> None:
+        self.values: list[int] = []
+
+    def __call__(self, data: bytes) -> bytes:
+        self.values.append(int.from_bytes(data[10:12], "big"))
+        return data
+
+
+async def test_w1_requests_on_one_connection_reach_the_drive_in_order(bench: Bench) -> None:
+    drive = Drive()
+    cnc, _, _ = await bench.raw_pair("tcp", "tcp", drive, timing=replace(TIMING, gap_ms=GAP_MS))
+    rng = random.Random(1)
+    for number in range(1, REQUESTS + 1):
+        cnc.write(numbered(number))
+        await asyncio.sleep(rng.uniform(0.001, 0.006))
+    await cnc.until(lambda end: len(end.data) >= 12 * REQUESTS)
+    out_of_order = [b for a, b in pairwise(drive.values) if b < a]
+    assert not out_of_order, f"{len(out_of_order)} of {REQUESTS}: {out_of_order[:5]}"
+
+
+async def test_w1_nor_does_a_short_standstill_of_the_gateway_change_their_order(bench: Bench) -> None:
+    drive = Drive()
+    cnc, _, _ = await bench.raw_pair("tcp", "tcp", drive, timing=replace(TIMING, gap_ms=50.0))
+    cnc.write(numbered(1))
+    await cnc.until(lambda end: len(end.data) >= 12)
+    cnc.write(numbered(2))  # waits for the silence
+    for _ in range(10):
+        await asyncio.sleep(0)  # it is read
+    assert drive.values == [1]
+    cnc.write(numbered(3))
+    time.sleep(0.1)  # noqa: ASYNC251 - the process stands still
+    await cnc.until(lambda end: len(end.data) >= 36)
+    assert drive.values == [1, 2, 3]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+async def test_a_monitor_on_a_paced_line_replays_to_the_same_bytes(
+    bench: Bench, tmp_path: Path, seed: int
+) -> None:
+    """The gaps between motion count from the end of the silence, also if nothing waits for it."""
+
+    def answer(data: bytes) -> bytes:
+        return data[:4] + b"\x00\x05" + data[6:7] + bytes.fromhex("03 02 0000")
+
+    _, where = await bench.drive("tcp", answer)
+    cnc_link, _ = bench.controller_link("tcp")
+    hmi_link, _ = bench.controller_link("tcp", "hmi", Role.MONITOR)
+    timing = replace(TIMING, gap_ms=GAP_MS, quiet_ms=5.0, monitor_max_wait_ms=100.0)
+    plan = GatewayPlan("bench", (LinePlan("line", where, (cnc_link, hmi_link), (), timing),))
+    path = tmp_path / "record.jsonl"
+    relay = await bench.start(plan, recorder=Recorder(path, HEADER))
+    await until_up(relay)
+    cnc = await bench.connect(relay.address("line", "cnc"))
+    hmi = await bench.connect(relay.address("line", "hmi"))
+    rng = random.Random(seed)
+    for number in range(1, 300):
+        cnc.write(encode_mbap(number, 1, bytes.fromhex("03 00C8 0001")))
+        if rng.random() < 0.5:
+            await asyncio.sleep(rng.uniform(0.0, 0.006))
+            hmi.write(encode_mbap(number, 1, bytes.fromhex("03 00C9 0001")))
+        await asyncio.sleep(rng.choice((0.004, 0.008, 0.012)))
+    await asyncio.sleep(0.3)
+    await relay.stop()
+    result = replayed(plan, path)
+    assert (result.different, result.first, result.is_truncated) == (0, [], False)
+
+
+# === the process stands still while a request waits for its silence ======================================
+
+LONG_GAP_MS = 50.0
+READ = bytes.fromhex("03 00C8 0001")
+WRITE = bytes.fromhex("06 00C8 0001")
+ANSWER = bytes.fromhex("03 02 0007")
+
+
+async def read_by_the_relay() -> None:
+    for _ in range(10):
+        await asyncio.sleep(0)
+
+
+async def paced(bench: Bench, timeout_ms: float = 200.0) -> tuple[RawEnd, RawEnd]:
+    """A controller over Modbus/TCP that got an answer just now, and an RTU drive that needs a silence."""
+    cnc, drive, _ = await bench.raw_pair(
+        "tcp",
+        "rtu_over_tcp",
+        timeout_ms=timeout_ms,
+        timing=replace(TIMING, gap_ms=LONG_GAP_MS, drain_ms=60.0),
+    )
+    cnc.write(encode_mbap(1, 1, READ))
+    await drive.receives(encode_rtu(1, READ))
+    drive.write(encode_rtu(1, ANSWER))
+    await cnc.receives(encode_mbap(1, 1, ANSWER))
+    return cnc, drive
+
+
+async def test_w5_a_write_that_its_controller_gave_up_is_not_sent(bench: Bench) -> None:
+    cnc, drive = await paced(bench)
+    cnc.write(encode_mbap(2, 1, WRITE))
+    await read_by_the_relay()
+    assert drive.data == b""
+    time.sleep(0.3)  # noqa: ASYNC251
+    await asyncio.sleep(0.3)
+    assert drive.data == b""
+
+
+async def test_w5_nor_one_whose_connection_was_closed_meanwhile(bench: Bench) -> None:
+    drive, where = await bench.drive("rtu_over_tcp", None)
+    link, _ = bench.controller_link("tcp", timeout_ms=2000.0)
+    relay = await bench.relay(where, (link,), timing=replace(TIMING, gap_ms=LONG_GAP_MS))
+    await until_up(relay)
+    await drive.until(lambda end: end.opens == 1)
+    address = relay.address("line", "cnc")
+    with socket.create_connection((address.host, address.port)) as cnc:
+        await read_by_the_relay()
+        await asyncio.sleep(0.1)
+        drive.write(b"\x00")
+        await read_by_the_relay()
+        cnc.sendall(encode_mbap(2, 1, WRITE))
+        await read_by_the_relay()
+    time.sleep(0.2)  # noqa: ASYNC251
+    await asyncio.sleep(0.3)
+    assert drive.data == b""
+
+
+async def test_w6_a_frame_that_came_meanwhile_answers_nothing(bench: Bench) -> None:
+    cnc, drive = await paced(bench, 2000.0)
+    cnc.write(encode_mbap(2, 1, READ))
+    await read_by_the_relay()
+    drive.write(encode_rtu(1, bytes.fromhex("03 02 0BAD")))
+    time.sleep(0.2)  # noqa: ASYNC251
+    await drive.receives(encode_rtu(1, READ))
+    assert cnc.data == b""
+    drive.write(encode_rtu(1, ANSWER))
+    await cnc.receives(encode_mbap(2, 1, ANSWER))
+
+
+async def test_a_link_that_is_lost_meanwhile(bench: Bench) -> None:
+    """The write is sent on the next connection, once."""
+    cnc, drive = await paced(bench, 2000.0)
+    cnc.write(encode_mbap(2, 1, WRITE))
+    await read_by_the_relay()
+    assert drive.channel is not None
+    drive.channel.close()
+    await drive.until(lambda end: end.opens == 2)
+    await drive.receives(encode_rtu(1, WRITE))
+    drive.write(encode_rtu(1, WRITE))
+    await cnc.receives(encode_mbap(2, 1, WRITE))
+    await asyncio.sleep(0.2)
+    assert drive.data == b""

@@ -108,11 +108,13 @@ async def test_an_echo_of_replies_that_is_announced_is_no_trouble(bench: Bench) 
 
 
 async def test_a_controller_that_repeats_a_write_at_once_is_no_echo(bench: Bench) -> None:
-    drive, where = await bench.drive("rtu", Echoing(has_echo=False))
-    link, device = bench.controller_link("rtu", timeout_ms=4000.0)
-    relay = await bench.relay(where, (link,), timing=replace(TIMING, response_timeout_ms=2000.0))
-    await until_up(relay)
-    controller = await bench.plug(device)
+    controller, drive, relay = await bench.raw_pair(
+        "rtu",
+        "rtu",
+        Echoing(has_echo=False),
+        timeout_ms=4000.0,
+        timing=replace(TIMING, response_timeout_ms=2000.0),
+    )
     controller.write(encode_rtu(1, READ))
     await controller.receives(encode_rtu(1, SEVENS))
     for _ in range(5):
@@ -139,8 +141,7 @@ async def _echoing_controller(bench: Bench, *, echo: bool = False) -> "tuple[Raw
 
 async def _undeclared(bench: Bench, drive: Echoing) -> "tuple[Relay, RawEnd]":
     """Return a gateway that was told nothing of an echo, and its controller."""
-    _, where = await bench.drive("rtu", drive)
-    link, _ = bench.controller_link("tcp", timeout_ms=4000.0)
-    relay = await bench.relay(where, (link,), timing=replace(TIMING, response_timeout_ms=2000.0))
-    await until_up(relay)
-    return relay, await bench.connect(relay.address("line", "cnc"))
+    controller, _, relay = await bench.raw_pair(
+        "tcp", "rtu", drive, timeout_ms=4000.0, timing=replace(TIMING, response_timeout_ms=2000.0)
+    )
+    return relay, controller

@@ -53,11 +53,7 @@ async def test_a_client_reads_the_gateway_on_any_port_unheard_by_drives(
 
 
 async def test_on_rtu_the_gateway_answers_like_a_slave(bench: Bench) -> None:
-    _, where = await bench.drive("rtu")
-    link, device = bench.controller_link("rtu")
-    relay = await bench.relay(where, (link,), (axis_plan(),), status_unit=OWN)
-    await until_up(relay)
-    controller = await bench.plug(device)
+    controller, _, _ = await bench.raw_pair("rtu", "rtu", axes=(axis_plan(),), status_unit=OWN)
     # Worked out with the CRC of the Modbus over Serial Line specification, appendix B, low byte first.
     for asked, answered in (
         ("03 0002 0002", "03 04 0000 0001"),

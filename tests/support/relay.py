@@ -174,12 +174,18 @@ class Bench:
         return end
 
     async def raw_pair(
-        self, controller: str, drives: str, script: Script | None = None, timeout_ms: float = 2000.0
+        self,
+        controller: str,
+        drives: str,
+        script: Script | None = None,
+        timeout_ms: float = 2000.0,
+        role: Role = Role.MOTION,
+        **options: Any,
     ) -> tuple[RawEnd, RawEnd, Relay]:
-        """A raw controller and a raw drive with a relay without axes between them."""
+        """A raw controller, a raw drive, and a relay between them; ``options`` are those of ``relay``."""
         drive, where = await self.drive(drives, script)
-        link, device = self.controller_link(controller, timeout_ms=timeout_ms)
-        relay = await self.relay(where, (link,))
+        link, device = self.controller_link(controller, role=role, timeout_ms=timeout_ms)
+        relay = await self.relay(where, (link,), **options)
         await until_up(relay)
         if device:
             return await self.plug(device), drive, relay

@@ -1,19 +1,27 @@
-"""Starting says what is wrong; stopping leaves nothing half done."""
+"""A relay from its start to its end: starting says what is wrong, stopping leaves nothing half done."""
 
 import asyncio
 import socket
+import threading
+import time
 
 import pytest
 
+from gateway.catalogue.entry import Severity
 from gateway.exchange.plan import ControllerPlan
+from gateway.ipc.log import LogEntry
+from gateway.ipc.log_thread import LogThread
 from gateway.modbus.mbap import encode_mbap
 from gateway.modbus.rtu import encode_rtu
+from gateway.relay import gateway as relay_module
 from gateway.relay.errors import StartError
 from gateway.relay.gateway import Relay
+from gateway.relay.run import noting
 from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan
 from gateway.transport.devices import open_port
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
-from tests.support.relay import Bench, eventually, first_controller, line_status
+from tests.exchange.staged_bench import STOP_PDU, staged_plan
+from tests.support.relay import TIMING, Bench, eventually, first_controller, line_status
 
 READ = bytes.fromhex("03 0010 0001")
 REPLY = bytes.fromhex("03 02 0007")
@@ -166,3 +174,63 @@ async def test_a_second_relay_may_have_the_ports_of_the_first_once_it_stopped(be
     for device in (near.near, far.near):
         port, _ = open_port(SerialEndpoint(device))
         port.close()
+
+
+# === what a start makes of its records is written at once ================================================
+
+PATIENCE_S = 30.0
+
+
+async def test_what_a_start_restores_is_written_without_waiting_for_the_next_waking() -> None:
+    written: list[str] = []
+    is_written = threading.Event()
+
+    def write(entry: LogEntry) -> None:
+        written.append(entry.event)
+        if entry.event == "restored":
+            is_written.set()
+
+    with LogThread(write) as log:
+        entry = noting(log)
+        entry(LogEntry(Severity.INFO, "line-up", {}, 0.0))
+        entry(LogEntry(Severity.INFO, "restored", {}, 0.0))
+        assert is_written.wait(PATIENCE_S)
+        assert written == ["line-up", "restored"]
+
+
+# === it ends although a stop waits for a line that is down ===============================================
+
+
+async def test_stop_of_the_gateway_with_a_stop_that_waits_for_a_lost_link(bench: Bench) -> None:
+    """The stop of a controller with ``timeout_ms = 5000``."""
+    link, _ = bench.controller_link("tcp", timeout_ms=5000.0)
+    relay = await bench.relay(TcpEndpoint("127.0.0.1", 9), (link,), (staged_plan(),), timing=TIMING)
+    cnc = await bench.connect(relay.address("line", "cnc"))
+    cnc.write(encode_mbap(1, 1, STOP_PDU))
+    await asyncio.sleep(0.1)
+    began_s = time.monotonic()
+    await relay.stop()
+    assert time.monotonic() - began_s < 4.0
+
+
+# === high marks of the last minute grow old by themselves ================================================
+
+
+async def test_each_line_begins_a_new_slot_unwatched(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(relay_module, "TICK_EVERY_S", 0.01)
+    names = ("a", "b", "c")
+    plans = []
+    for name in names:
+        _, where = await bench.drive("tcp", lambda data: data[:5] + b"\x05" + data[6:7] + REPLY)
+        plans.append(LinePlan(name, where, (bench.controller_link("tcp")[0],), (), TIMING))
+    relay = await bench.start(GatewayPlan("bench", tuple(plans)))
+    await eventually(lambda: all(line.is_up for line in relay._lines))
+    for name in names:
+        near = await bench.connect(relay.address(name, "cnc"))
+        near.write(encode_mbap(1, 1, READ))
+        await near.receives(encode_mbap(1, 1, REPLY))
+    for line in relay._lines:
+        [measured] = line._exchange.meter.measured.values()
+        mark = measured.high
+        await eventually(lambda mark=mark: mark.ever_ns > 0 and mark.slot_ns == 0)  # type: ignore[misc]
+        assert mark.minute_ns == mark.ever_ns  # it still is of the last minute

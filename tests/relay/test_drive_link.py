@@ -1,16 +1,18 @@
-"""A Modbus/TCP drive that answers with another transaction id than it was asked with (W6): refused, named."""
+"""Whose reply it is (W6): on Modbus/TCP the transaction id tells, and the unit id where there are several."""
 
 from dataclasses import replace
 from typing import Any
 
+import pytest
+
 from gateway.exchange.events import Event
 from gateway.exchange.line import LineExchange
-from gateway.exchange.plan import ControllerPlan, LineTiming
+from gateway.exchange.plan import ControllerPlan, LineTiming, OtherUnits
 from gateway.exchange.ports import ControllerPort
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.drive_link import MbapDriveLink, OtherIds, ReplyUnitIds
 from gateway.transport import memory
-from tests.support.relay import TIMING, Bench, RawEnd, line_status, until_up
+from tests.support.relay import QUICK, TIMING, Bench, RawEnd, axis_plan, line_status
 
 READ = bytes.fromhex("03 0010 0001")
 REPLY = bytes.fromhex("03 02 2222")
@@ -35,9 +37,13 @@ class Drives:
 
     def __init__(self, far: RawEnd, unit_ids: ReplyUnitIds = ONE_DRIVE) -> None:
         self.told: list[tuple[int, str]] = []
+        self.wrong: list[tuple[int, int]] = []
         self.events: list[Event] = []
         self.link = MbapDriveLink(
-            0, unit_ids, on_other_id=lambda unit_id, said: self.told.append((unit_id, str(said)))
+            0,
+            unit_ids,
+            lambda asked, answered: self.wrong.append((asked, answered)),
+            on_other_id=lambda unit_id, said: self.told.append((unit_id, str(said))),
         )
         timing = LineTiming(response_timeout_ms=100.0)
         self.line = LineExchange((), timing, self.link, self.events.append)
@@ -47,12 +53,18 @@ class Drives:
         memory.connect(self.link, far)
         self.now_ns = 1000 * MS
 
-    def ask(self, *answers: tuple[int, int]) -> None:
-        """Have one request answered with these transaction and unit ids, and its time-out pass."""
+    def asks(self) -> None:
         self.now_ns += 5000 * MS
         self.line.request(self.controller, 9, 1, READ, self.now_ns)
+
+    def answers(self, transaction_id: int, unit_id: int) -> None:
+        self.link.received(encode_mbap(transaction_id, unit_id, REPLY), self.now_ns + MS)
+
+    def ask(self, *answers: tuple[int, int]) -> None:
+        """Have one request answered with these transaction and unit ids, and its time-out pass."""
+        self.asks()
         for transaction_id, unit_id in answers:
-            self.link.received(encode_mbap(transaction_id, unit_id, REPLY), self.now_ns + MS)
+            self.answers(transaction_id, unit_id)
         self.line.tick(self.now_ns + 101 * MS)
 
     async def asked_ids(self) -> list[int]:
@@ -133,15 +145,77 @@ async def test_of_several_drives_another_one_is_not_meant() -> None:
     assert drives.told == [(1, "answers, with transaction id 0 (asked with 2)")]
 
 
+async def test_w6_one_drive_may_answer_with_any_unit_id_and_is_told_of_once() -> None:
+    drives = Drives(RawEnd())
+    for number in (1, 2):
+        drives.asks()
+        drives.answers(number, 0)
+    assert drives.controller.replies == [REPLY, REPLY]
+    assert drives.wrong == [(1, 0)]
+    assert drives.link.counters()["wrong_units"] == 2
+
+
+async def test_w6_what_a_drive_is_known_to_answer_with_is_not_counted() -> None:
+    drives = Drives(RawEnd(), ReplyUnitIds(answers_as=0))
+    drives.asks()
+    drives.answers(1, 0)
+    assert drives.controller.replies == [REPLY]
+    assert drives.wrong == []
+    assert drives.link.counters()["wrong_units"] == 0
+
+
+async def test_w6_of_several_drives_another_one_answers_nothing() -> None:
+    drives = Drives(RawEnd(), ReplyUnitIds(are_many=True))
+    drives.asks()
+    drives.answers(1, 2)
+    assert drives.controller.replies == []
+    assert drives.wrong == [(1, 2)]
+    drives.answers(1, 1)  # the one that was asked
+    assert drives.controller.replies == [REPLY]
+    assert drives.line.counters.late == 1
+
+
+@pytest.mark.parametrize("length", [255, 260])
+async def test_a_reply_that_is_too_long_ends_its_exchange_and_not_the_line(length: int) -> None:
+    drives = Drives(RawEnd())
+    drives.asks()
+    header = bytes.fromhex("0001 0000") + length.to_bytes(2, "big") + b"\1"
+    drives.link.received(header + bytes((3, (length - 3) & 0xFF)) + bytes(length - 3), drives.now_ns + MS)
+    assert drives.controller.replies == [NO_RESPONSE]
+    assert drives.line.counters.oversized == 1
+    assert drives.line.is_up
+    drives.asks()
+    drives.answers(2, 1)
+    assert drives.controller.replies[1:] == [REPLY]
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [({}, [b"\3\2\x22\x22"]), ({"other_units": OtherUnits(frozenset({7}))}, [])],
+    ids=["alone", "beside another device"],
+)
+async def test_the_configuration_has_their_number(
+    bench: Bench, changes: dict[str, OtherUnits], expected: list[bytes]
+) -> None:
+    def script(data: bytes) -> bytes:
+        return encode_mbap(int.from_bytes(data[:2], "big"), 0, REPLY)
+
+    options: Any = {"axes": (axis_plan(),), "timing": QUICK, **changes}
+    near, _, _ = await bench.raw_pair("tcp", "tcp", script, 20.0, **options)
+    near.write(encode_mbap(4, 1, READ))
+    await near.until(lambda end: len(end.data) >= 9)
+    assert near.data[7:] == (expected[0] if expected else NO_RESPONSE)
+    [note] = [note for note in bench.notes if note.event == "wrong-unit"]
+    assert note.fields["detail"] == "asked for unit id 1, the drive answered as unit id 0"
+
+
 async def test_status_and_event_say_it(bench: Bench) -> None:
     def script(data: bytes) -> bytes:
         return b"\0\0" + encode_mbap(0, data[6], REPLY)[2:]
 
-    _, where = await bench.drive("tcp", script)
-    link, _ = bench.controller_link("tcp", timeout_ms=20.0)
-    relay = await bench.relay(where, (link,), timing=replace(TIMING, response_timeout_ms=20.0))
-    await until_up(relay)
-    near = await bench.connect(relay.address("line", "cnc"))
+    near, _, relay = await bench.raw_pair(
+        "tcp", "tcp", script, timeout_ms=20.0, timing=replace(TIMING, response_timeout_ms=20.0)
+    )
     near.write(encode_mbap(4, 1, READ))
     await near.receives(encode_mbap(4, 1, NO_RESPONSE))
     unit_ids: Any = line_status(relay)["unit_ids"]
