@@ -1,11 +1,13 @@
 """The registers of the gateway's own unit id, word for word, with time as an argument."""
 
+from typing import Any
+
 import pytest
 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.line import LineExchange
-from gateway.exchange.plan import CompensationMode, ControllerPlan, Reference
+from gateway.exchange.plan import AxisPlan, CompensationMode, ControllerPlan, Reference
 from gateway.exchange.rights import Rights
 from gateway.exchange.status_words import COMPENSATION_STATES, DIRECTION_STATES
 from gateway.relay.status_unit import BLOCKS, COMPENSATION_CODES, DIRECTION_CODES, StatusUnit
@@ -167,15 +169,17 @@ def test_what_is_no_read_of_its_registers_gets_the_exception_of_a_slave(asked: s
     assert answer(asked, Bench()) == answered.lower()
 
 
-def own(bench_line: list[LineExchange]) -> StatusUnit:
-    return StatusUnit(OWN, lambda: bench_line, 0)
+def own_bench(*plans: AxisPlan, **options: Any) -> Bench:
+    """A line of a gateway that answers for its own unit id."""
+    lines: list[LineExchange] = []
+    bench = Bench(*plans, own_unit=StatusUnit(OWN, lambda: lines, 0), **options)
+    lines.append(bench.line)
+    return bench
 
 
 @pytest.mark.parametrize("tcp_drive", [False, True])
 def test_nothing_that_is_asked_there_reaches_a_drive(tcp_drive: bool) -> None:
-    lines: list[LineExchange] = []
-    bench = Bench(axis_plan(), serial=not tcp_drive, tcp_drive=tcp_drive, own_unit=own(lines))
-    lines.append(bench.line)
+    bench = own_bench(axis_plan(), serial=not tcp_drive, tcp_drive=tcp_drive)
     asked = (HEAD, write(COMMAND, 1), bytes.fromhex("05 0000 FF00"), bytes.fromhex("65 01"), b"\x03")
     for pdu in asked:
         bench.send(pdu, unit_id=OWN)
@@ -186,9 +190,7 @@ def test_nothing_that_is_asked_there_reaches_a_drive(tcp_drive: bool) -> None:
 
 
 def test_it_is_answered_while_a_drive_is_asked_and_while_the_line_is_down() -> None:
-    lines: list[LineExchange] = []
-    bench = Bench(axis_plan(actual=()), serial=False, tcp_drive=True, own_unit=own(lines))
-    lines.append(bench.line)
+    bench = own_bench(axis_plan(actual=()), serial=False, tcp_drive=True)
     bench.send(OTHER)
     bench.send(HEAD, unit_id=OWN, transaction_id=8)
     assert bench.port.replies == [(8, OWN, bytes.fromhex("03020001"))]
@@ -200,8 +202,7 @@ def test_it_is_answered_while_a_drive_is_asked_and_while_the_line_is_down() -> N
 
 def test_a_serial_controller_that_asks_there_has_given_up_on_what_it_asked_before() -> None:
     """W5: as with any new request of it."""
-    lines: list[LineExchange] = []
-    bench = Bench(axis_plan(actual=()), own_unit=own(lines))
+    bench = own_bench(axis_plan(actual=()))
     bench.send(OTHER)
     bench.send(write(COMMAND, 5))
     bench.send(HEAD, unit_id=OWN)
@@ -213,18 +214,15 @@ def test_a_serial_controller_that_asks_there_has_given_up_on_what_it_asked_befor
 
 
 def test_what_its_connection_has_given_up_is_not_answered() -> None:
-    lines: list[LineExchange] = []
-    bench = Bench(axis_plan(), serial=False, own_unit=own(lines))
+    bench = own_bench(axis_plan(), serial=False)
     bench.line.request(bench.port, 1, OWN, HEAD, bench.now_ns, why_given_up="it has gone")
     assert bench.port.replies == []
 
 
 def test_rights_count_there_as_everywhere() -> None:
-    lines: list[LineExchange] = []
-    bench = Bench(axis_plan(), serial=False, tcp_drive=True, own_unit=own(lines))
+    bench = own_bench(axis_plan(), serial=False, tcp_drive=True)
     only_one = Port(ControllerPlan("hmi", rights=Rights(unit_ids=frozenset({1}))))
     both = Port(ControllerPlan("hmi2", rights=Rights(unit_ids=frozenset({1, OWN}))))
-    lines.append(bench.line)
     for port in (only_one, both):
         bench.send(HEAD, port, unit_id=OWN)
     assert only_one.take() == bytes.fromhex("830A")
