@@ -370,13 +370,19 @@ def test_a_run_of_an_unknown_target_goes_anywhere() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "after"),
-    [(COMMAND.pack(70_010), MotionState.MOVING), (CORRECTED, MotionState.UNACKNOWLEDGED)],
+    ("number", "words", "after"),
+    [
+        (0, COMMAND.pack(70_010), MotionState.MOVING),
+        (0, CORRECTED, MotionState.UNACKNOWLEDGED),
+        (1, COMMAND.pack(70_010), MotionState.UNACKNOWLEDGED),
+    ],
 )
-def test_words_that_are_read_prove_an_open_target(words: bytes, after: MotionState) -> None:
+def test_its_words_read_from_its_own_field_prove_an_open_target(
+    number: int, words: bytes, after: MotionState
+) -> None:
     axis = an_axis()
     axis.targets.leave_unacknowledged(target(axis, 70_000), 1 * MS)
-    axis.targets.prove_by_words(0, words)
+    axis.targets.prove_by_words(number, words)
     assert state(axis) is after
 
 
