@@ -12,7 +12,7 @@ from gateway.exchange.ports import ControllerPort
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.drive_link import MbapDriveLink, OtherIds, ReplyUnitIds
 from gateway.transport import memory
-from tests.support.relay import QUICK, TIMING, Bench, RawEnd, axis_plan, line_status
+from tests.support.relay import TIMING, Bench, RawEnd, axis_plan, line_status
 
 READ = bytes.fromhex("03 0010 0001")
 REPLY = bytes.fromhex("03 02 2222")
@@ -200,8 +200,8 @@ async def test_the_configuration_has_their_number(
     def script(data: bytes) -> bytes:
         return encode_mbap(int.from_bytes(data[:2], "big"), 0, REPLY)
 
-    options: Any = {"axes": (axis_plan(),), "timing": QUICK, **changes}
-    near, _, _ = await bench.raw_pair("tcp", "tcp", script, 20.0, **options)
+    options: Any = {"axes": (axis_plan(),), **changes}
+    near, _, _ = await bench.raw_pair("tcp", "tcp", script, 500.0, **options)
     near.write(encode_mbap(4, 1, READ))
     await near.until(lambda end: len(end.data) >= 9)
     assert near.data[7:] == (expected[0] if expected else NO_RESPONSE)
