@@ -118,9 +118,7 @@ def test_serial_ports_are_allowed_by_their_kind(tmp_path: Path) -> None:
 
 def test_what_needs_more_gets_it(tmp_path: Path) -> None:
     config = config_in(
-        tmp_path,
-        gateway="[relay]\nfifo = 40\nlock_memory = true\n",
-        controller='tcp = "127.0.0.1:502"',
+        tmp_path, gateway="[relay]\nfifo = 40\nlock_memory = true\n", controller='tcp = "127.0.0.1:502"'
     )
     relay, _ = fitted(config)
     assert relay.endswith(

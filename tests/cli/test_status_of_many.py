@@ -229,10 +229,7 @@ async def test_a_text_of_a_gateway_does_not_control_the_terminal() -> None:
         (["https://me:secret@mill"], "give the address alone; a token comes from --token-file"),
         (["http://mill", "gateway.toml"], "gateway.toml: no address of a gateway's page"),
         (["http://mill", "--key", "k.pem"], "--key needs --certificate"),
-        (
-            ["http://mill", "--ca", "/nonexistent"],
-            "--ca: /nonexistent: No such file or directory",
-        ),
+        (["http://mill", "--ca", "/nonexistent"], "--ca: /nonexistent: No such file or directory"),
         (["http://mill", "--certificate", "/nonexistent"], "--certificate: /nonexistent: No such file"),
         (["http://mill", "--token-file", "/nonexistent"], "--token-file: /nonexistent"),
     ],

@@ -22,10 +22,7 @@ def test_a_file_that_exists_stays_without_force(tmp_path: Path) -> None:
     file = tmp_path / "people.token"
     file.write_text("mine\n")
     done = typed("token", str(file))
-    assert (done.returncode, done.stderr) == (
-        1,
-        f"{file}: exists already; --force replaces its token\n",
-    )
+    assert (done.returncode, done.stderr) == (1, f"{file}: exists already; --force replaces its token\n")
     assert file.read_text() == "mine\n"
     file.chmod(0o640)
     assert typed("token", str(file), "--force").returncode == 0

@@ -4,16 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.config.config_bench import (
-    GOOD,
-    ONE_WAY,
-    edited,
-    line_of,
-    loaded,
-    refusal,
-    refused,
-    warning_of,
-)
+from tests.config.config_bench import GOOD, ONE_WAY, edited, line_of, loaded, refusal, refused, warning_of
 
 SECOND_LINE = """
 [line.b]
@@ -65,33 +56,17 @@ def test_a_position_whose_step_is_longer_than_any_correction_is_warned_of(
     assert warning.found == "one step of this position is 0.501 mm, more than max_correction = 0.5"
 
 
-def test_unit_id_0_is_a_drive_on_modbus_tcp_and_the_broadcast_on_a_serial_line(tmp_path: Path) -> None:
+def test_unit_id_0_is_a_drive_on_modbus_tcp(tmp_path: Path) -> None:
     on_tcp = (
         GOOD + SECOND_LINE + SECOND_AXIS.replace('line = "xyz"', 'line = "b"').replace("id = 1", "id = 0")
     )
     assert loaded(tmp_path, on_tcp).plan.lines[1].axes[0].unit_id == 0
-    text = edited(("unit_id = 1", "unit_id = 0"))
-    problem = refusal(tmp_path, text, "axis.x.unit_id")
-    assert (problem.line, problem.found) == (line_of(text, "unit_id"), "unit_id = 0 on a serial line")
-
-
-def test_the_line_of_an_axis_must_exist(tmp_path: Path) -> None:
-    text = edited(('line = "xyz"', 'line = "xzy"'))
-    problem = refusal(tmp_path, text, "axis.x.line")
-    assert (problem.line, problem.found) == (line_of(text, 'line = "xzy"'), "there is no [line.xzy]")
-    assert problem.remedy == "did you mean xyz?"
 
 
 @pytest.mark.parametrize("second", ["/dev/serial/by-id/usb-A", "/dev/serial/../serial/by-id/usb-A"])
 def test_a_serial_port_has_one_use(tmp_path: Path, second: str) -> None:
     text = GOOD + SECOND_LINE.replace('tcp = "192.168.0.20:502"', f'rtu = "{second}"')
     assert refusal(tmp_path, text, "line.b.drives.rtu").line == line_of(text, "[line.b]") + 1
-
-
-def test_a_serial_port_used_twice_names_both_keys(tmp_path: Path) -> None:
-    text = edited(("/dev/serial/by-id/usb-A", "/dev/serial/by-id/usb-B"))
-    problem = refusal(tmp_path, text, "line.xyz.controllers[1].rtu", at='rtu = "/dev/serial/by-id/usb-B"\n')
-    assert "/dev/serial/by-id/usb-B is already used by line.xyz.drives.rtu" in problem.found
 
 
 def test_a_link_to_a_serial_port_is_that_port(tmp_path: Path) -> None:
@@ -125,11 +100,6 @@ def test_the_gateway_does_not_talk_to_itself(tmp_path: Path) -> None:
 def test_drives_behind_one_address_belong_to_one_line(tmp_path: Path) -> None:
     second = SECOND_LINE.replace("line.b", "line.c").replace("1503", "1504")
     assert "one line" in refusal(tmp_path, GOOD + SECOND_LINE + second, "line.c.drives.tcp").remedy
-
-
-def test_controllers_of_a_line_have_different_names(tmp_path: Path) -> None:
-    text = edited(('name = "hmi"', 'name = "cnc"'))
-    refusal(tmp_path, text, "line.xyz.controllers[2].name", at='name = "cnc"\ntcp')
 
 
 @pytest.mark.parametrize("key", ['connect = "on-demand"', "connect_delay_ms = 5", "max_connection_s = 60"])
@@ -284,45 +254,14 @@ def test_counts_that_a_double_cannot_tell_are_refused(
     assert "beyond 2^53" in refusal(tmp_path, text, f"axis.x.{key}").found
 
 
-def test_travel_must_fit_the_command_register(tmp_path: Path) -> None:
-    # -300 mm × 1000 counts/mm = -300 000 counts: an int16 ends at -32 768.
-    text = edited(('0x0606, type = "int32"', '0x0606, type = "int16"'))
-    problem = refusal(tmp_path, text, "axis.x.registers.command[1]")
-    assert "travel ends at -300 mm, that is -300000 counts" in problem.found
-    assert "-32768" in problem.found
-    assert "counts_per_unit" in problem.remedy
-
-
 def test_a_coarser_register_holds_more_travel(tmp_path: Path) -> None:
     # -300 000 counts / 10 counts a step = -30 000: fits an int16.
     text = edited(('0x0606, type = "int32", words = "low-first"', '0x0606, type = "int16", scale = 10.0'))
     assert loaded(tmp_path, text).plan.lines[0].axes[0].command[0].scale == 10.0
 
 
-@pytest.mark.parametrize(
-    ("blend", "name"),
-    [("{ distance = 1 }", "distance"), ("{ time_ms = 20 }", "time_ms"), ("{ cycles = 5 }", "cycles")],
-)
-def test_a_drive_that_profiles_its_moves_takes_only_a_step(tmp_path: Path, blend: str, name: str) -> None:
-    text = edited(("max_speed = 200.0", f"reversal = {blend}"))
-    problem = refusal(tmp_path, text, "axis.x.reversal", at="reversal")
-    assert problem.found == f'a {name} blend with setpoints = "targets"'
-    assert problem.remedy.startswith('allowed: "step"')
-
-
 def test_reload_in_targets_is_warned_of(tmp_path: Path) -> None:
     warning_of(tmp_path, edited(("max_speed = 200.0", "reload = { distance = 1 }")), "axis.x.reload")
-
-
-@pytest.mark.parametrize(
-    ("key", "text"),
-    [
-        ("table_options", 'table_options.v1_layout = "listed"'),
-    ],
-)
-def test_what_belongs_to_a_table_needs_one(tmp_path: Path, key: str, text: str) -> None:
-    problem = refusal(tmp_path, edited(('table = "cnc10x.tab"', text)), f"axis.x.{key}", at=key)
-    assert problem.found == f"{key} without a table"
 
 
 def test_backlash_and_homing_must_agree(tmp_path: Path) -> None:

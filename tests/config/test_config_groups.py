@@ -5,16 +5,7 @@ from pathlib import Path
 import pytest
 
 from gateway.config.summary import summary, summary_lines
-from tests.config.config_bench import (
-    GOOD,
-    ONE_WAY,
-    TWO_WAYS,
-    edited,
-    line_of,
-    loaded,
-    refusal,
-    refused,
-)
+from tests.config.config_bench import GOOD, ONE_WAY, TWO_WAYS, edited, line_of, loaded, refusal, refused
 
 SECOND = """
 [axis.y]

@@ -7,15 +7,7 @@ import pytest
 from gateway.config.load import load
 from gateway.config.problems import ConfigErrors, Problem
 from gateway.transport.endpoints import TcpEndpoint
-from tests.config.config_bench import (
-    GOOD,
-    edited,
-    line_of,
-    loaded,
-    refusal,
-    refused,
-    written,
-)
+from tests.config.config_bench import GOOD, edited, line_of, loaded, refusal, refused, written
 
 
 def listening(address: str) -> str:

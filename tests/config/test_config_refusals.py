@@ -10,10 +10,17 @@ SPEED = "max_speed = 200.0"
 LISTENER = 'tcp = "127.0.0.1:1502"'
 COMMAND = 'command = [{ address = 0x0606, type = "int32", words = "low-first" }]'
 HMI = "line.xyz.controllers[2]"
+CNC = "line.xyz.controllers[1]"
 REGISTERS = "axis.x.registers"
+RTU = 'rtu = "/dev/serial/by-id/'
+TABLE = 'table = "cnc10x.tab"'
+TARGETS = 'blend with setpoints = "targets"; allowed: "step"'
+TWO_SIDED = '{ width = 0.02, kind = "two-sided" }'
+HOMED = '{ width = 0.6, kind = "homed-forward" }'
+ONE_WAY = "allowed: exactly one of rtu, tcp, rtu_over_tcp"
 
-WRONG = [
-    # old text, new text, key, what must be said
+WRONG: list[tuple[str, str, str, str | list[str]]] = [
+    # old text, new text, key, what must be said: all of it, or words of it
     ('name = "mill-1"', 'name = "mill 1"', "gateway.name", ['found "mill 1"', "letters"]),
     ('name = "mill-1"', "tabels = 1", "gateway.tabels", ["unknown key", "did you mean tables?"]),
     ('name = "mill-1"', "tables = 3", "gateway.tables", ["found 3", "a text in quotes"]),
@@ -31,6 +38,7 @@ WRONG = [
     ),
     (LISTENER, 'tcp = "127.0.0.1:0"', f"{HMI}.tcp", ["port from 1 to 65535"]),
     (LISTENER, 'tcp = "127.0.0.256:1"', f"{HMI}.tcp", ["not an IPv4 address"]),
+    (LISTENER, 'tcp = "-:1"', f"{HMI}.tcp", ["HOST:PORT", "[::1]"]),
     (LISTENER, 'tcp = "[::g]:1"', f"{HMI}.tcp", ["not an IPv6 address"]),
     ('role = "monitor"', 'role = "boss"', f"{HMI}.role", ['"motion"', '"monitor"']),
     ('role = "monitor"', "timeout_ms = 0", f"{HMI}.timeout_ms", ["greater than 0"]),
@@ -48,6 +56,7 @@ WRONG = [
     ("travel = [-300.0, 0.0]", "travel = [0.0, 1, 2]", "axis.x.travel", ["2 of them"]),
     ("travel = [-300.0, 0.0]", "travel = 300", "axis.x.travel", ["found 300", "a list in [ ]"]),
     (SPEED, "max_speed = -1", "axis.x.max_speed", ["found -1", "at least 0"]),
+    (SPEED, "gain = true", "axis.x.gain", ["found true", "from 0 to 1"]),
     (SPEED, "gain = 1.5", "axis.x.gain", ["found 1.5", "from 0 to 1"]),
     (SPEED, "gain = { forward = 1 }", "axis.x.gain", ["found { forward = 1 }", "backward"]),
     (SPEED, "gain = { forward = 1, backward = 2 }", "axis.x.gain", ["0..1"]),
@@ -80,18 +89,65 @@ WRONG = [
         f"{REGISTERS}.actual[1].scale",
         ["found 0", "greater than 0"],
     ),
+    # ports, names and units that are used twice or are not there; keys that do not go together
+    ('line = "xyz"', 'line = "xzy"', "axis.x.line", "there is no [line.xzy]; did you mean xyz?"),
+    (f'{RTU}usb-A"\n', f'{RTU}usb-B"\n', f"{CNC}.rtu", ["usb-B is already used by line.xyz.drives.rtu"]),
+    ('name = "hmi"\ntcp', 'name = "cnc"\ntcp', f"{HMI}.name", []),
+    ("unit_id = 1", "unit_id = 0", "axis.x.unit_id", ["unit_id: unit_id = 0 on a serial line; "]),
+    (
+        '0x0606, type = "int32"',
+        '0x0606, type = "int16"',  # -300 mm × 1000 counts/mm = -300 000 counts: an int16 ends at -32 768
+        f"{REGISTERS}.command[1]",
+        ["travel ends at -300 mm, that is -300000 counts", "-32768", "counts_per_unit"],
+    ),
+    (SPEED, "reversal = { distance = 1 }", "axis.x.reversal", [f"reversal: a distance {TARGETS}"]),
+    (SPEED, "reversal = { time_ms = 20 }", "axis.x.reversal", [f"reversal: a time_ms {TARGETS}"]),
+    (SPEED, "reversal = { cycles = 5 }", "axis.x.reversal", [f"reversal: a cycles {TARGETS}"]),
+    (
+        TABLE,
+        'table_options.v1_layout = "listed"',
+        "axis.x.table_options",
+        ["options: table_options without a table; "],
+    ),
+    (SPEED, f"backlash = {TWO_SIDED}", "axis.x.backlash", ["two directions"]),
+    (TABLE, f"backlash = {HOMED}", "axis.x.backlash.width", ["0.6", "max_correction = 0.5"]),
+    ('parity = "even"', 'tcp = "127.0.0.1:502"', "line.xyz.drives", [ONE_WAY]),
+    # times of an axis
+    (SPEED, "budget_us = 0", "axis.x.budget_us", "found 0; allowed: greater than 0, at most 3600000000"),
+    (
+        SPEED,
+        "budget_us = -1.0",
+        "axis.x.budget_us",
+        "found -1.0; allowed: greater than 0, at most 3600000000",
+    ),
+    (SPEED, "budget_us = inf", "axis.x.budget_us", "found inf; allowed: a finite number"),
+    (SPEED, 'budget_us = "500"', "axis.x.budget_us", 'found "500"; allowed: a number'),
+    (SPEED, "deadline_ms = 0", "axis.x.deadline_ms", "found 0; allowed: greater than 0, at most 3600000"),
+    (SPEED, "deadline_ms = nan", "axis.x.deadline_ms", "found nan; allowed: a finite number"),
+    (
+        SPEED,
+        "deadline_ms = 3600001",
+        "axis.x.deadline_ms",
+        "found 3600001; allowed: greater than 0, at most 3600000",
+    ),
+    (SPEED, 'late = "reject"', "axis.x.late", ['late = "reject" without deadline_ms', "give deadline_ms"]),
+    (SPEED, 'late = "drop"\ndeadline_ms = 5', "axis.x.late", 'found "drop"; allowed: "forward" or "reject"'),
 ]
 
 
 @pytest.mark.parametrize(("old", "new", "key", "said"), WRONG, ids=[f"{w[2]}-{w[1]}" for w in WRONG])
 def test_a_wrong_value_is_named_with_line_and_key(
-    tmp_path: Path, old: str, new: str, key: str, said: list[str]
+    tmp_path: Path, old: str, new: str, key: str, said: str | list[str]
 ) -> None:
     text = edited((old, new))
     problem = refusal(tmp_path, text, key)
     assert problem.file == str(tmp_path / "gateway.toml")
     assert problem.line == line_of(text, new)
-    assert str(problem).startswith(f"{problem.file}:{problem.line}: {key}: ")
+    begin = f"{problem.file}:{problem.line}: {key}: "
+    if isinstance(said, str):
+        assert str(problem) == begin + said
+        return
+    assert str(problem).startswith(begin)
     for words in said:
         assert words in str(problem)
 
@@ -120,12 +176,6 @@ def test_a_missing_key_is_named_at_its_table_with_what_it_is_for(
     assert problem.found == "missing"
     assert problem.remedy.startswith("needed: ")
     assert len(problem.remedy) > len("needed: ")
-
-
-def test_exactly_one_way_to_the_drives_is_allowed(tmp_path: Path) -> None:
-    text = edited(('parity = "even"', 'tcp = "127.0.0.1:502"'))
-    problem = refusal(tmp_path, text, "line.xyz.drives", at="drives")
-    assert problem.remedy == "allowed: exactly one of rtu, tcp, rtu_over_tcp"
 
 
 def test_serial_settings_beside_tcp_are_refused(tmp_path: Path) -> None:

@@ -146,12 +146,7 @@ def test_half_a_position_of_a_drive_that_it_may_not_speak_to_is_no_matter(tmp_pa
 
 
 @pytest.mark.parametrize(
-    "keys",
-    [
-        ("read_only = true",),
-        ("function_codes = [3, 4]",),
-        ('writable = ["0x0100-0x0200"]',),
-    ],
+    "keys", [("read_only = true",), ("function_codes = [3, 4]",), ('writable = ["0x0100-0x0200"]',)]
 )
 def test_a_motion_controller_that_may_move_nothing_is_warned_of(
     tmp_path: Path, keys: tuple[str, ...]

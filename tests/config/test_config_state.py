@@ -78,10 +78,7 @@ def test_a_folder_that_every_user_may_write_to_is_a_warning(tmp_path: Path) -> N
     assert load(written(tmp_path)).warnings == ()
     state.chmod(0o1777)
     [warning] = load(written(tmp_path)).warnings
-    assert (warning.key, warning.found) == (
-        "gateway.state",
-        f"every user may write to {state} (mode 1777)",
-    )
+    assert (warning.key, warning.found) == ("gateway.state", f"every user may write to {state} (mode 1777)")
     assert warning.remedy == f"who can write there can command axes: chmod o-w {state}"
 
 

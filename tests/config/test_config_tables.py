@@ -191,11 +191,6 @@ def test_travel_that_the_table_does_not_cover_is_warned_of_with_its_policy(tmp_p
     assert warning.remedy == 'outside = "hold": the correction of the end holds there'
 
 
-def test_backlash_beside_a_table_of_two_directions_is_refused(tmp_path: Path) -> None:
-    text = edited(("max_speed = 200.0", 'backlash = { width = 0.02, kind = "two-sided" }'))
-    assert "two directions" in refusal(tmp_path, text, "axis.x.backlash", at="backlash").found
-
-
 def test_backlash_counts_towards_the_largest_correction(tmp_path: Path) -> None:
     # 0.02 mm of the table and half of 1 mm: 0.52 mm is more than the default of 0.5 mm.
     text = edited(("max_speed = 200.0", 'backlash = { width = 1.0, kind = "two-sided" }'))
@@ -385,12 +380,6 @@ def test_backlash_without_a_table_covers_a_turn(tmp_path: Path) -> None:
     plan = loaded(tmp_path, text).plan.lines[0].axes[0]
     assert plan.table is not None
     assert spec_of_table(plan.table, plan.settings).map_at(0.0).correction(725.0) == -0.2
-
-
-def test_backlash_without_a_table_keeps_the_largest_correction(tmp_path: Path) -> None:
-    problem = refusal(tmp_path, edited((ALONE[0], ALONE[1].replace("0.2", "0.6"))), "axis.x.backlash.width")
-    assert "0.6" in problem.found
-    assert "max_correction = 0.5" in problem.found
 
 
 def test_backlash_without_a_table_has_no_outside(tmp_path: Path) -> None:

@@ -25,11 +25,7 @@ PAIR = f'{GOOD}\n{SECOND_AXIS}\n[group.beam]\naxes = ["x", "y"]\n'
 
 
 def settled(
-    path: Path,
-    before: GatewayPlan | None = None,
-    *,
-    is_start: bool = False,
-    waiting: Collection[str] = (),
+    path: Path, before: GatewayPlan | None = None, *, is_start: bool = False, waiting: Collection[str] = ()
 ) -> Settled:
     return settle(load(path, forgives_tables=True), before, is_start=is_start, waiting=waiting)
 

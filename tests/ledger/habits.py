@@ -32,13 +32,7 @@ class Habits:
     """One controller's program for one axis."""
 
     def __init__(
-        self,
-        clock: Clock,
-        drive: Drive,
-        rng: random.Random,
-        *,
-        jog: Callable[[], None],
-        strays: bool = False,
+        self, clock: Clock, drive: Drive, rng: random.Random, *, jog: Callable[[], None], strays: bool = False
     ) -> None:
         """``jog``: somebody jogs the axis on its panel. ``strays``: other unit ids are used too."""
         self._clock, self._drive, self._rng = clock, drive, rng

@@ -215,9 +215,7 @@ class Judge:
         is_held = is_native and not frame.has_moved and self._is_held(request)
         if (frame.intent is not None or frame.is_interruption) and not unchanged and not is_held:
             self.witness.moved(
-                is_acknowledged=is_native,
-                has_moved=frame.has_moved,
-                is_interruption=frame.is_interruption,
+                is_acknowledged=is_native, has_moved=frame.has_moved, is_interruption=frame.is_interruption
             )
         self._note_control(request, is_acknowledged=is_native)
         if is_native and frame.parsed.read is not None:

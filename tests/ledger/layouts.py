@@ -112,10 +112,7 @@ def axis_plan(layout: Layout, screw: Screw) -> AxisPlan:
     def field(address: int, access: FieldAccess = FieldAccess.BOTH) -> PositionField:
         return PositionField(address, RegisterType.INT32, order, access=access)
 
-    bits = {
-        "done": BitField(layout.status, DONE_BIT),
-        "moving": BitField(layout.status, MOVING_BIT),
-    }
+    bits = {"done": BitField(layout.status, DONE_BIT), "moving": BitField(layout.status, MOVING_BIT)}
     return AxisPlan(
         name=layout.name,
         unit_id=layout.unit,

@@ -93,9 +93,7 @@ class Wire(DriveLink):
         frame.connection = self._connection
         drive = self._drive(unit_id)
         fault = choose(
-            self._rng,
-            self._fault_share,
-            exception_writes_nothing=drive.layout.exception_writes_nothing,
+            self._rng, self._fault_share, exception_writes_nothing=drive.layout.exception_writes_nothing
         )
         if not self.is_serial:
             fault = ON_TCP.get(fault, fault)

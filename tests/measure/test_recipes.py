@@ -1,4 +1,4 @@
-"""How each drive that comes with the gateway is driven, or why it is not; from its register map alone."""
+"""Recipes, the lead-in of a walk, and what a walk makes."""
 
 from pathlib import Path
 
@@ -6,14 +6,21 @@ import pytest
 
 from gateway.commissioning.measure.axis_link import DriveRecipe, recipe_of
 from gateway.commissioning.measure.checks import Compensation, axis_of, controller_of
-from gateway.commissioning.measure.errors import AxisError, UndrivableError
-from gateway.commissioning.measure.options import Pace
+from gateway.commissioning.measure.errors import AxisError, InstrumentError, UndrivableError
+from gateway.commissioning.measure.instruments import Lines
+from gateway.commissioning.measure.measuring import instrument_of, plan_of
+from gateway.commissioning.measure.options import Grid, InstrumentOptions, Pace
 from gateway.commissioning.measure.session import AxisRoute, StartConditions, endpoint_of, preview
+from gateway.compensation.units import Units
 from gateway.config.load import load
 from gateway.drives.library import names
 from gateway.drives.motion import Action
+from gateway.exchange.plan import AxisPlan
 from gateway.metrology.cycle import bidirectional_cycle
-from tests.measure.site import REGISTERS, written_alone
+from gateway.metrology.gauge_kinds import GaugeKind
+from gateway.metrology.lead import lead_warnings, periods_of
+from gateway.simulator.ledger import MoveKind
+from tests.measure.site import REGISTERS, Gauge, Machine, gateway, measuring, written_alone
 from tests.support.config import Keys, axis, registers, section
 
 OTHER: Keys = {"line": "main", "unit_id": 2}
@@ -130,3 +137,91 @@ def test_it_is_said_what_is_added_beside_the_table(
     (cross,) = [text for text in said if text.startswith("  cross")]
     assert told[0] in thermal
     assert told[1] in cross
+
+
+# The lead of the screw, as key and option: targets over it, and a warning of those that do not show it.
+
+
+def loaded(tmp_path: Path, more: str = "") -> tuple[AxisPlan, float | None]:
+    found = load(written_alone(tmp_path, f"{more}{REGISTERS}"))
+    plan = found.plan.lines[0].axes[0]
+    return plan, found.sections.axes[plan.name].lead
+
+
+def test_the_lead_is_a_key_of_the_axis(tmp_path: Path) -> None:
+    assert loaded(tmp_path, "lead = 5.0\n")[1] == 5.0
+    assert loaded(tmp_path)[1] is None
+
+
+def test_random_targets_are_spread_over_the_lead(tmp_path: Path) -> None:
+    axis, _ = loaded(tmp_path)
+    targets = plan_of(Grid(0.0, 300.0, targets=13, lead=5.0), axis).targets
+    # P_i = (i - 1) p + r with p = (300 - 5) / 12 and r from 0 to 5.
+    offsets = [target - index * 295 / 12 for index, target in enumerate(targets)]
+    assert min(offsets) >= 0.0
+    assert 3.0 < max(offsets) <= 5.0
+    assert plan_of(Grid(0.0, 300.0, targets=13, spread=5.0), axis).targets == targets
+
+
+def test_a_lead_that_leaves_no_room_is_no_spread(tmp_path: Path) -> None:
+    axis, _ = loaded(tmp_path)
+    with_lead = plan_of(Grid(0.0, 100.0, targets=21, lead=5.0), axis).targets
+    assert with_lead == plan_of(Grid(0.0, 100.0, targets=21), axis).targets
+
+
+def test_the_first_recipe_of_the_page_shows_a_lead_of_5_and_its_old_one_did_not(tmp_path: Path) -> None:
+    axis, _ = loaded(tmp_path)
+    new = plan_of(Grid(0.0, 300.0, targets=26, lead=5.0), axis).targets
+    assert lead_warnings(new, periods_of(5.0), Units.MM) == []
+    old = plan_of(Grid(0.0, 300.0, step=25.0), axis).targets
+    for lead in (5.0, 12.5, 25.0):
+        (warning,) = lead_warnings(old, periods_of(lead), Units.MM)
+        assert "(aliasing)" in warning
+
+
+def test_a_pattern_belongs_to_its_kind_of_gauge() -> None:
+    for reader in (
+        InstrumentOptions(gauge="/dev/x", kind=GaugeKind.PATTERN),
+        InstrumentOptions(gauge="/dev/x", pattern="(?P<value>.)"),
+    ):
+        with pytest.raises(InstrumentError, match="together, or neither"):
+            instrument_of(reader, Lines())
+    with pytest.raises(InstrumentError, match="a group with the name value"):
+        instrument_of(InstrumentOptions(gauge="/dev/x", kind=GaugeKind.PATTERN, pattern="x"), Lines())
+
+
+# Drives that wait for a trigger, as their manuals have them: each target is run once, in order.
+
+
+FEW = ("--from", "0", "--to", "10", "--step", "10", "--runs", "1", "--dwell", "0", "--yes", "--json")
+AXIS = """
+referenced = "absolute"
+compensation = "off"
+drive = "{drive}"
+"""
+ENABLING = {"kinco-fd": bytes.fromhex("10 3100 0001 02 000F")}
+"""What its controller writes before the first move, in CiA 402's control word."""
+CYCLE = [-10_000, 0, 100_000, 110_000, 100_000, 0]
+"""1 mm below 0, up to 10 mm, 1 mm above, and down again; 10 000 counts each."""
+
+
+@pytest.mark.parametrize("make", ["delta-asda", "kinco-fd", "oriental-az", "leadshine-pr"])
+async def test_a_staged_target_is_started_once_and_the_drive_goes_there(tmp_path: Path, make: str) -> None:
+    async with Machine(tmp_path, axis=AXIS.format(drive=make), make=make) as machine:
+        if make in ENABLING:
+            assert machine.drive.answer(ENABLING[make], machine.clock()) == ENABLING[make][:5]
+        with Gauge(machine) as gauge:
+            async with (
+                gateway(machine),
+                measuring(machine, *FEW, "--gauge", gauge.path, "--readings", "r.csv") as typed,
+            ):
+                assert await typed.end() == 0, typed.stderr
+        assert machine.drive.ledger.moves_of(1) == [(MoveKind.ABSOLUTE, counts) for counts in CYCLE]
+
+
+async def test_a_drive_that_is_not_enabled_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    async with Machine(tmp_path, axis=AXIS.format(drive="kinco-fd"), make="kinco-fd") as machine:
+        async with gateway(machine), measuring(machine, *FEW, "--csv", "none") as typed:
+            assert await typed.end() == 1
+        assert not machine.drive.ledger.writes
+    assert "register 0x3100 holds 0x0000; writing 0x0010 there would also stop" in typed.stderr

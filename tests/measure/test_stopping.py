@@ -11,16 +11,7 @@ from pathlib import Path
 import pytest
 
 from gateway.simulator.ledger import MoveKind
-from tests.measure.site import (
-    COUNTS_PER_MM,
-    SECONDS,
-    Gauge,
-    Machine,
-    Typed,
-    gateway,
-    measuring,
-    run_command,
-)
+from tests.measure.site import COUNTS_PER_MM, SECONDS, Gauge, Machine, Typed, gateway, measuring, run_command
 from tests.support.config import tab
 
 TABLE = tab(0.0, (-0.02, -0.04), (-0.04, -0.06))

@@ -13,7 +13,7 @@ from typing import Final
 from gateway.modbus.mbap import encode_mbap
 from tests.support.config import axis, gateway_toml, line, registers, tcp, written
 from tests.support.ports import free_port
-from tests.support.processes import COMMAND, ROOT, SECONDS, Running, running, started
+from tests.support.processes import COMMAND, ROOT, SECONDS, Running, ending, running, started
 
 TABLES: Final = ROOT / "tables" / "demo"
 TRAVELS: Final = {"x": (-300.0, 0.0), "y": (0.0, 250.0), "z": (-200.0, 0.0)}
@@ -54,7 +54,8 @@ class Mill:
             json.loads(drives.stdout.readline())
             with running("run", str(self.config)) as gateway:
                 gateway.until_each("line-up", "http-ready", "relay-reached")
-                yield gateway
+                with ending(gateway):
+                    yield gateway
 
 
 class Controller:

@@ -18,7 +18,7 @@ from typing import Any, Final
 from gateway.modbus.rtu import RtuRequestDecoder, encode_rtu
 from tests.support.config import axis, gateway_toml, line, registers, tab, tcp, written
 from tests.support.ports import free_port
-from tests.support.processes import SECONDS, Running, running
+from tests.support.processes import SECONDS, Running, ending, running
 
 GARBAGE: Final = bytes.fromhex("FE 9C 38 F0 E6 80")
 """As a receiver hears that samples at another rate: no frame of six bytes has this check sum."""
@@ -153,7 +153,8 @@ class SickLine:
         """Start the gateway; yields it once its page is there and the line is open."""
         with running("run", str(self.config)) as gateway:
             gateway.until_each("line-up", "http-ready", "relay-reached")
-            yield gateway
+            with ending(gateway):
+                yield gateway
 
     def get(self, path: str) -> tuple[int, bytes]:
         """Return code and body of what the gateway answers at a path."""

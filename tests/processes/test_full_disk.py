@@ -4,7 +4,6 @@ import json
 import os
 import signal
 import subprocess
-import time
 import urllib.request
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import pytest
 
 from tests.support.config import RAMP
 from tests.support.gateway import Site
-from tests.support.processes import COMMAND, ROOT, SECONDS, Running, started
+from tests.support.processes import COMMAND, ROOT, SECONDS, Running, eventually, started
 
 DISK_BYTES = 200 * 1024
 POINTS = 20_001
@@ -48,14 +47,17 @@ class Status:
 
     def until(self, problem: str | None, of: str = "tables_folder") -> dict[str, Any]:
         """Look until the tables, or something else, have this problem, or none."""
-        latest_s = time.monotonic() + SECONDS
-        while True:
+
+        def look() -> dict[str, Any]:
             with urllib.request.urlopen(self._url, timeout=SECONDS) as answer:
                 model: dict[str, Any] = json.load(answer)
+            return model
+
+        def is_so(model: dict[str, Any]) -> bool:
             found = model["supervisor"][of]["problem"]
-            if found == problem or (problem and found and problem in found):
-                return model
-            assert time.monotonic() < latest_s, found
+            return bool(found == problem or (problem and found and problem in found))
+
+        return eventually(look, is_so)
 
 
 def test_a_full_disk_costs_no_move_is_told_and_is_overcome(site: Site) -> None:

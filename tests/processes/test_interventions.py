@@ -3,7 +3,6 @@
 import hashlib
 import json
 import os
-import time
 import urllib.request
 from collections.abc import Callable
 from pathlib import Path
@@ -20,7 +19,7 @@ from tests.support.commands import typed
 from tests.support.config import RAMP, STEEPER
 from tests.support.gateway import Site, gateway_of, site_in
 from tests.support.mosquitto import Broker
-from tests.support.processes import SECONDS, running
+from tests.support.processes import SECONDS, eventually, running
 
 TOKEN = "a-token-of-forty-three-characters-or-so-0001"
 JSON = {"Content-Type": "application/json", "Authorization": f"Bearer {TOKEN}"}
@@ -40,14 +39,8 @@ def entries_of(site: Site) -> Entries:
 
 def until(site: Site, condition: Callable[[Entries], bool]) -> Entries:
     """Return the entries once the supervisor has written those that are meant."""
-    latest_s = time.monotonic() + SECONDS
-    while True:
-        is_begun = (site.config.parent / "state" / "interventions" / "head.json").exists()
-        entries = entries_of(site) if is_begun else []
-        if condition(entries):
-            return entries
-        assert time.monotonic() < latest_s, entries
-        time.sleep(0.05)
+    head = site.config.parent / "state" / "interventions" / "head.json"
+    return eventually(lambda: entries_of(site) if head.exists() else [], condition)
 
 
 def has(entries: Entries, what: str, via: str, after: object = ...) -> bool:
@@ -68,14 +61,6 @@ def asked(address: str, path: str, body: object = None) -> Any:
     request = urllib.request.Request(f"{address}{path}", data, JSON)
     with urllib.request.urlopen(request, timeout=SECONDS) as answer:
         return json.load(answer)
-
-
-def first_alarm(address: str) -> Any:
-    latest_s = time.monotonic() + SECONDS
-    while not (troubles := asked(address, "/status")["troubles"]):
-        assert time.monotonic() < latest_s
-        time.sleep(0.05)
-    return troubles[0]
 
 
 def test_each_way_to_intervene_is_in_the_journal_with_before_after_and_who(tmp_path: Path) -> None:
@@ -137,9 +122,7 @@ def _intervene(site: Site, broker: Broker) -> None:
         assert one["before"] == {"forward": 1.0, "backward": 1.0}
         assert one["after"] == {"forward": 0.5, "backward": 0.25}
 
-        site.config.write_text(
-            site.config.read_text().replace('units = "mm"', 'units = "mm"\nmax_slope = 0.2')
-        )
+        site.change('units = "mm"', 'units = "mm"\nmax_slope = 0.2')
         assert typed("reload", str(site.config)).returncode == 0
         changed = until(site, lambda found: has(found, "limits", "http"))[count + 4 :]
         by_what = {one["what"]: one for one in changed}
@@ -151,7 +134,7 @@ def _intervene(site: Site, broker: Broker) -> None:
         assert by_what["configuration"]["via"] == "http"
 
         assert ask(site.socket, Disable()) == Done(changed=("x",))
-        alarm = first_alarm(address)
+        alarm = eventually(lambda: asked(address, "/status")["troubles"], bool)[0]
         place = {key: alarm[key] for key in ("kind", "where", "since")}
         asked(address, "/acknowledge", place)
         one = until(site, lambda found: has(found, "acknowledged", "http"))[-1]
@@ -185,7 +168,7 @@ def _look_and_erase(site: Site) -> None:
 
 def test_what_changed_while_no_supervisor_ran_is_found_at_its_next_start(tmp_path: Path) -> None:
     with site_in(tmp_path) as site:
-        assert typed("check", "--compile", str(site.config)).returncode == 0
+        site.compile()
         with running("relay", str(site.config)) as relay:
             relay.until("ready")
             with running("supervise", str(site.config)) as supervisor:
@@ -202,7 +185,7 @@ def test_what_changed_while_no_supervisor_ran_is_found_at_its_next_start(tmp_pat
 
 def test_a_supervisor_says_that_its_journal_was_changed_and_goes_on(tmp_path: Path) -> None:
     with site_in(tmp_path) as site:
-        assert typed("check", "--compile", str(site.config)).returncode == 0
+        site.compile()
         with running("supervise", str(site.config)) as supervisor:
             supervisor.until("supervising")
             until(site, lambda found: has(found, "configuration", "start"))

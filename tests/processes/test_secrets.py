@@ -138,7 +138,6 @@ def test_a_gateway_with_everything_on_shows_no_secret(guarded: Site, tmp_path: P
         (tmp_path / "page.key").chmod(0o600)
         shown.look_at("status", typed("status", str(guarded.config)).stdout)
         shown.look_at_folder(state)
-        assert gateway.end() == 0
     shown.look_at("log", json.dumps(gateway.notes))
 
 

@@ -17,7 +17,6 @@ import pytest
 from gateway.ipc.client import ask
 from gateway.ipc.log_thread import CAPACITY
 from gateway.ipc.messages import GetStatus, Status
-from tests.support.commands import typed
 from tests.support.gateway import Master, Site, site_in
 from tests.support.processes import COMMAND, ROOT, SECONDS, children, is_alive, started, wait_until_dead
 
@@ -38,8 +37,7 @@ WHY_TOO_FAR = (
 def site(tmp_path: Path) -> Iterator[Site]:
     with site_in(tmp_path) as site:
         # However busy the machine is: no events of the budget among those that are counted.
-        text = site.config.read_text()
-        site.config.write_text(text.replace("[axis.x]", "[axis.x]\nbudget_us = 1000000"))
+        site.change("[axis.x]", "[axis.x]\nbudget_us = 1000000")
         yield site
 
 
@@ -58,7 +56,11 @@ class Unread:
                 return
         raise AssertionError(f"the log ended without {name}: {self.lines}")
 
-    def notes(self) -> list[dict[str, Any]]:
+    def rest(self) -> list[dict[str, Any]]:
+        """End it, read the log to its end, and return all that was read."""
+        self.process.send_signal(signal.SIGTERM)
+        self.lines += self.log.readlines()
+        assert self.process.wait(SECONDS) == 0
         return [json.loads(line) for line in self.lines]
 
 
@@ -66,7 +68,7 @@ class Unread:
 def unread(command: str, site: Site, *options: str) -> Iterator[Unread]:
     log_fd, end_fd = os.pipe()
     fcntl.fcntl(end_fd, fcntl.F_SETPIPE_SZ, SMALLEST_PIPE)
-    assert typed("check", "--compile", str(site.config)).returncode == 0
+    site.compile()
     program = [*COMMAND, command, str(site.config), "--log-format", "json", *options]
     with started(program, cwd=ROOT, stderr=end_fd) as process:
         os.close(end_fd)
@@ -114,10 +116,7 @@ def test_nobody_reads_all_frames_pass_and_what_was_dropped_is_counted_in_its_pla
         # Only now somebody reads again.
         relay.until("notes-dropped")
         relay.until(f'"exchanges": {moves}')
-        relay.process.send_signal(signal.SIGTERM)
-        relay.lines += relay.log.readlines()
-        assert relay.process.wait(SECONDS) == 0
-    notes = relay.notes()
+        notes = relay.rest()
     events = [note["event"] for note in notes]
     assert events[:4] == ["starting", "line", "axis", "ready"]
     assert events[-1] == "stopped"
@@ -143,10 +142,8 @@ def test_a_flood_of_refused_targets_is_a_few_notes(site: Site) -> None:
             begun_s = time.monotonic()
             assert all(master.is_refused(TOO_FAR) for _ in range(500))
             took_s = time.monotonic() - begun_s
-        relay.process.send_signal(signal.SIGTERM)
-        relay.lines += relay.log.readlines()
-        assert relay.process.wait(SECONDS) == 0
-    told = [note["detail"] for note in relay.notes() if note["event"] == "refused-value"]
+        notes = relay.rest()
+    told = [note["detail"] for note in notes if note["event"] == "refused-value"]
     assert told[0] == WHY_TOO_FAR
     assert 10 <= len(told) <= 10 * (took_s + 2)  # ten in a second, and in a part of one
 
@@ -161,10 +158,7 @@ def test_status_lines_that_nobody_reads_keep_no_frame(site: Site) -> None:
         moves = number + 1
         relay.until("notes-dropped")
         relay.until(f'"exchanges": {moves}')
-        relay.process.send_signal(signal.SIGTERM)
-        relay.lines += relay.log.readlines()
-        assert relay.process.wait(SECONDS) == 0
-    notes = relay.notes()
+        notes = relay.rest()
     assert notes[-1]["event"] == "stopped"
     [*_, line] = [note for note in notes if note["event"] == "status" and "line" in note]
     assert (line["exchanges"], line["refused"]) == (moves, moves)
@@ -184,8 +178,7 @@ def test_a_stop_does_not_wait_for_a_reader_that_does_not_come_back(site: Site, l
 
 
 def test_a_second_signal_ends_at_once_also_when_nobody_reads(site: Site) -> None:
-    text = site.config.read_text()
-    site.config.write_text(text.replace("[line.xyz]", "[line.xyz]\nresponse_timeout_ms = 3600000"))
+    site.change("[line.xyz]", "[line.xyz]\nresponse_timeout_ms = 3600000")
     with unread("relay", site) as relay:
         relay.until("line-up")
         all_answered(site)
@@ -212,7 +205,7 @@ def test_a_reader_that_has_gone_changes_nothing(site: Site, command: str) -> Non
 
 
 def test_a_full_disk_changes_nothing(site: Site) -> None:
-    assert typed("check", "--compile", str(site.config)).returncode == 0
+    site.compile()
     with (
         Path("/dev/full").open("wb") as full,
         started(
@@ -257,7 +250,7 @@ def test_run_ends_with_its_relay_when_nobody_reads(site: Site) -> None:
 
 def starts_although(site: Site, log_fd: int, log_format: str) -> None:
     """Start a gateway that has to warn of its table into a log that takes nothing, and move its axis."""
-    assert typed("check", "--compile", str(site.config)).returncode == 0
+    site.compile()
     site.table.write_text("no table")  # it starts with the last good one, and says so
     command = [*COMMAND, "run", str(site.config), "--log-format", log_format]
     with started(command, cwd=ROOT, stderr=log_fd) as process:
@@ -265,9 +258,8 @@ def starts_although(site: Site, log_fd: int, log_format: str) -> None:
         while not site.port_is_open():
             assert process.poll() is None
             assert time.monotonic() < latest_s, "it waits for its log"
-        master = site.master()
-        assert master.move(50_000) == 50_050
-        master.close()
+        with contextlib.closing(site.master()) as master:
+            assert master.move(50_000) == 50_050
         process.send_signal(signal.SIGTERM)
         assert process.wait(SECONDS) == 0
 

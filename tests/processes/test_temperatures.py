@@ -70,7 +70,6 @@ def test_a_temperature_over_mqtt_counts_and_the_relay_alone_goes_on_with_it(
             asyncio.run(publish(broker.port, "hall/x", b"3000"))
             assert "is no temperature within 40 K" in gateway.until("temperature-wrong")["detail"]
             assert master.move(91_000) == 91_000
-            assert gateway.end() == 0
 
 
 def test_a_temperature_that_is_none_is_refused_at_the_socket(site: Site) -> None:
@@ -94,4 +93,3 @@ def test_a_temperature_that_is_none_is_refused_at_the_socket(site: Site) -> None
         assert ask(site.socket, SetTemperature(axis="x", celsius=30.0)) == Done(changed=("x",))
         assert master.move(50_000) == 50_050
         assert master.move(60_000) == 60_000
-        assert gateway.end() == 0

@@ -1,9 +1,9 @@
 """Relay and supervisor as two services: each lives without the other, also when it is of another version."""
 
+import contextlib
 import signal
 import socket
 import subprocess
-import time
 
 import msgspec
 
@@ -17,8 +17,17 @@ from gateway.state.folder import PLAN_NAME
 from gateway.state.plan import VERSION, sealed, unsealed
 from tests.support.commands import typed
 from tests.support.config import RAMP, STEEPER
-from tests.support.gateway import Master, Site, gateway_of
-from tests.support.processes import ROOT, SECONDS, Running, children, running, started, typed_apart
+from tests.support.gateway import Master, Site, gateway_of, relay_of
+from tests.support.processes import (
+    ROOT,
+    SECONDS,
+    Running,
+    children,
+    eventually,
+    running,
+    started,
+    typed_apart,
+)
 
 
 def test_the_relay_runs_alone_and_never_from_an_old_plan(site: Site) -> None:
@@ -29,14 +38,10 @@ def test_the_relay_runs_alone_and_never_from_an_old_plan(site: Site) -> None:
         f"{config}: it has not been compiled yet: there is no {site.config.parent}/state/plan.msgpack; "
         f"run: pitch-gateway check --compile {config}\n"
     )
-    assert typed("check", "--compile", config).returncode == 0
-    with running("relay", config) as relay:
-        relay.until("line-up")
-        master = site.master()
+    site.compile()
+    with relay_of(site) as (relay, master):
         assert master.move(50_000) == 50_050
-        master.close()
         assert children(relay.process) == {}
-        assert relay.end() == 0
     site.config.write_text(site.config.read_text() + "# a remark\n")
     changed = typed_apart("relay", config, "--log-format", "console")
     assert changed.returncode == 1
@@ -55,9 +60,8 @@ def test_a_configuration_that_is_edited_while_run_starts_its_programs_ends_neith
     with started(relay_command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
         relay = Running(process)
         relay.until("line-up")
-        master = site.master()
-        assert master.move(50_000) == 50_050
-        master.close()
+        with contextlib.closing(site.master()) as master:
+            assert master.move(50_000) == 50_050
         with started(supervisor_command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as other:
             supervisor = Running(other)
             supervisor.until("relay-reached")
@@ -67,20 +71,16 @@ def test_a_configuration_that_is_edited_while_run_starts_its_programs_ends_neith
 
 def test_after_a_bad_table_the_relay_starts_with_the_last_good_one(site: Site) -> None:
     config = str(site.config)
-    assert typed("check", "--compile", config).returncode == 0
+    site.compile()
     site.table.write_text("no table")
     assert typed("check", "--compile", config).returncode == 1
-    with running("relay", config) as relay:
-        relay.until("line-up")
-        master = site.master()
+    with relay_of(site) as (_, master):
         assert master.move(50_000) == 50_050
-        master.close()
-        assert relay.end() == 0
 
 
 def test_each_starts_and_ends_without_the_other(site: Site) -> None:
     config = str(site.config)
-    assert typed("check", "--compile", config).returncode == 0
+    site.compile()
     with running("supervise", config) as supervisor:
         supervisor.until("supervising")
         for _ in range(2):  # the relay comes and goes twice
@@ -90,27 +90,21 @@ def test_each_starts_and_ends_without_the_other(site: Site) -> None:
                 assert isinstance(ask(site.socket, Ping()), Pong)
                 assert relay.end() == 0
             supervisor.until("relay-not-reached", detail="the connection was closed")
-        with running("relay", config) as relay:
-            relay.until("line-up")
+        with relay_of(site) as (_, master):
             supervisor.until("relay-reached")
-            master = site.master()
             assert master.move(50_000) == 50_050
             assert supervisor.end() == 0
             assert master.move(60_000) == 60_060
             with running("supervise", config) as again:
                 again.until("relay-reached")
                 assert master.move(50_000) == 50_050
-            master.close()
-            assert relay.end() == 0
 
 
 def test_a_table_that_changed_is_handed_over_on_a_hangup_signal(site: Site) -> None:
     config = str(site.config)
-    assert typed("check", "--compile", config).returncode == 0
-    with running("relay", config) as relay, running("supervise", config) as supervisor:
-        relay.until("line-up")
+    site.compile()
+    with relay_of(site) as (relay, master), running("supervise", config) as supervisor:
         supervisor.until("relay-reached")
-        master = site.master()
         assert master.move(50_000) == 50_050
         supervisor.process.send_signal(signal.SIGHUP)
         assert supervisor.until("nothing-to-reload")["detail"] == "nothing has changed"
@@ -126,19 +120,16 @@ def test_a_table_that_changed_is_handed_over_on_a_hangup_signal(site: Site) -> N
         assert supervisor.until("table-handed-over")["comes"] == "next-target"
         assert master.move(50_000) == 50_100
         assert relay.until("table-activated")["table"] == "x.tab"
-        master.close()
         relay.process.kill()
+        relay.process.wait(SECONDS)
     # The last good table is what the relay starts with, although nothing was compiled by hand.
-    with running("relay", config) as relay:
-        relay.until("line-up")
-        master = site.master()
+    with relay_of(site) as (_, master):
         assert master.move(50_000) == 50_100
-        master.close()
 
 
 def test_whoever_was_told_to_restart_the_relay_and_did_is_told_no_more(site: Site) -> None:
     config = str(site.config)
-    assert typed("check", "--compile", config).returncode == 0
+    site.compile()
 
     def kinds() -> list[str]:
         status = ask_supervisor(site.socket.parent, "/status")
@@ -148,7 +139,7 @@ def test_whoever_was_told_to_restart_the_relay_and_did_is_told_no_more(site: Sit
         with running("relay", config) as relay:
             supervisor.until("relay-reached")
             assert typed("reload", config).returncode == 0
-            site.config.write_text(site.config.read_text().replace("unit_id = 1", "unit_id = 2"))
+            site.change("unit_id = 1", "unit_id = 2")
             assert (
                 "restart the gateway: these keys changed since its start: axis.x.unit_id"
                 in typed("reload", config).stderr
@@ -156,12 +147,10 @@ def test_whoever_was_told_to_restart_the_relay_and_did_is_told_no_more(site: Sit
             assert "configuration" in kinds()
             assert relay.end() == 0
         assert "configuration" in kinds()
-        assert typed("check", "--compile", config).returncode == 0
+        site.compile()
         with running("relay", config) as relay:
             supervisor.until("relay-reached")
-            end_s = time.monotonic() + SECONDS
-            while "configuration" in kinds():
-                assert time.monotonic() < end_s
+            eventually(kinds, lambda found: "configuration" not in found)
             assert relay.end() == 0
         assert supervisor.end() == 0
 
@@ -170,25 +159,23 @@ def test_a_configuration_that_was_compiled_for_the_next_start_outlives_a_table_t
     site: Site,
 ) -> None:
     config = str(site.config)
-    assert typed("check", "--compile", config).returncode == 0
+    site.compile()
     with running("supervise", config) as supervisor:
         with running("relay", config) as relay:
             supervisor.until("relay-reached")
             assert typed("reload", config).stdout == "nothing has changed\n"  # it has read it by now
-            site.config.write_text(site.config.read_text().replace("unit_id = 1", "unit_id = 2"))
-            assert typed("check", "--compile", config).returncode == 0
+            site.change("unit_id = 1", "unit_id = 2")
+            site.compile()
             site.table.write_text(STEEPER)
             supervisor.until("table-handed-over")
-            master = site.master()  # of unit 1, which this relay still corrects
-            assert master.move(50_000) == 50_100
-            master.close()
+            with contextlib.closing(site.master()) as master:  # of unit 1, which this relay still corrects
+                assert master.move(50_000) == 50_100
             assert relay.end() == 0
         with running("relay", config):
             supervisor.until("relay-reached")
             supervisor.until("table-handed-over")
-            master = Master(site.port, site.drive, 2)
-            assert master.move(50_000) == 50_100
-            master.close()
+            with contextlib.closing(Master(site.port, site.drive, 2)) as master:
+                assert master.move(50_000) == 50_100
         assert supervisor.end() == 0
 
 
@@ -231,7 +218,6 @@ def test_a_supervisor_of_another_version_is_refused_and_the_relay_goes_on(site: 
         refused = gateway.until("socket-refused")
         assert "a message of version 3" in refused["detail"]
         assert master.move(50_000) == 50_050
-        assert gateway.end() == 0
 
 
 def test_a_second_supervisor_on_the_same_folder_is_refused(site: Site) -> None:
@@ -247,16 +233,15 @@ def test_a_second_supervisor_on_the_same_folder_is_refused(site: Site) -> None:
         assert (second.returncode, second.stderr) == (1, refusal)
         supervisor.process.kill()  # the lock goes with its process, whatever way that ends
         supervisor.rest()
-    with gateway_of(site) as (gateway, master):
+    with gateway_of(site) as (_, master):
         beside_run = typed_apart("supervise", config, "--log-format", "console")
         assert (beside_run.returncode, beside_run.stderr) == (1, refusal)
         assert master.move(50_000) == 50_050
-        assert gateway.end() == 0
 
 
 def test_on_the_state_of_a_newer_release_neither_service_starts(site: Site) -> None:
     config = str(site.config)
-    assert typed("check", "--compile", config).returncode == 0
+    site.compile()
     plan = site.config.parent / "state" / PLAN_NAME
     later = {"version": VERSION + 1, "gateway_version": "999.0.0"}
     plan.write_bytes(

@@ -19,6 +19,7 @@ ABSOLUTE, RELATIVE, HOME, STOP, SET_POSITION, OTHER = (
     MoveKind.SET_POSITION,
     MoveKind.OTHER,
 )
+Moves = list[tuple[MoveKind, int | None]]
 LONG_S = 60.0
 """By then every move and every homing of a test has ended."""
 GOLDEN_FRAMES = {
@@ -90,11 +91,32 @@ class Drive:
         self.unit.refresh(self.now_s)
 
     @property
-    def moves(self) -> list[tuple[MoveKind, int | None]]:
+    def moves(self) -> Moves:
         """What the drive was made to do, with targets in counts; it is forgotten."""
         moves = self.bus.ledger.moves_of(self.unit.unit_id)
         self.bus.ledger.moves.clear()
         return moves
+
+
+READY = {
+    "iai-robo-cylinder": ["05 0403 FF00"],
+    "smc-lec": ["05 0030 FF00", "05 0019 FF00"],
+    "oriental-az": ["10 007C 0002 04 0000 0001"],
+    "oriental-blv-r": ["10 007C 0002 04 0000 0001"],
+    "kinco-fd": ["06 3500 0001", "06 3100 000F"],
+    "mitsubishi-mr-je-c": [
+        "10 6060 0001 02 0001",
+        *(f"10 6040 0001 02 {word}" for word in ("0006", "0007", "000F")),
+    ],
+}
+"""Frames after which a drive has its power on, where it needs some."""
+
+
+def ready(name: str) -> Drive:
+    """Return a drive that can be moved."""
+    drive = Drive(name, unit_id=255 if name == "mitsubishi-mr-je-c" else 1)
+    drive.does(*READY.get(name, ()))
+    return drive
 
 
 def signed(high: int, low: int) -> int:

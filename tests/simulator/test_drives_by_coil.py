@@ -2,27 +2,13 @@
 
 import pytest
 
-from tests.simulator.drive_bench import ABSOLUTE, HOME, OTHER, RELATIVE, STOP, Drive
+from tests.simulator.drive_bench import ABSOLUTE, HOME, OTHER, READY, RELATIVE, STOP, Drive, ready
 
-IAI_ON = "05 0403 FF00"
-SMC_ON = ("05 0030 FF00", "05 0019 FF00")
 SMC_RUN = "10 9100 0001 02 0100"
 
 
-def iai() -> Drive:
-    drive = Drive("iai-robo-cylinder")
-    drive.does(IAI_ON)
-    return drive
-
-
-def smc() -> Drive:
-    drive = Drive("smc-lec")
-    drive.does(*SMC_ON)
-    return drive
-
-
 def test_iai_moves_on_one_frame() -> None:
-    drive = iai()
+    drive = ready("iai-robo-cylinder")
     drive.does("10 9900 0007 0E 0000 2710 0000 000A 0000 2710 001E")
     assert drive.moves == [(ABSOLUTE, 10_000)]
     assert drive.read(0x9005) == [1 << 12 | 1 << 4]
@@ -35,29 +21,15 @@ def test_iai_moves_on_one_frame() -> None:
 
 
 def test_iai_starts_with_the_low_word() -> None:
-    drive = iai()
+    drive = ready("iai-robo-cylinder")
     drive.does("06 9900 0001")
     assert drive.moves == []
     drive.does("06 9901 0002")
     assert drive.moves == [(ABSOLUTE, 0x0001_0002)]
 
 
-@pytest.mark.parametrize("starting", ["10 9904 0002 04 0000 2710", "06 9906 001E", "06 9907 007F"])
-def test_iai_moves_again_when_speed_ramp_or_force_are_written(starting: str) -> None:
-    drive = iai()
-    drive.does("10 9900 0002 04 0000 0005", starting)
-    assert drive.moves == [(ABSOLUTE, 5), (ABSOLUTE, 5)]
-
-
-@pytest.mark.parametrize("quiet", ["10 9902 0002 04 0000 000A", "06 9908 0008"])
-def test_iai_does_not_move_when_band_or_flags_are_written(quiet: str) -> None:
-    drive = iai()
-    drive.does(quiet)
-    assert drive.moves == []
-
-
 def test_iai_flags_hold_for_one_move() -> None:
-    drive = iai()
+    drive = ready("iai-robo-cylinder")
     drive.does("10 9900 0002 04 0000 0064", "06 9908 0008", "10 9900 0002 04 0000 000A")
     # From the last target, not from where the axis is.
     assert drive.moves == [(ABSOLUTE, 100), (RELATIVE, 110)]
@@ -72,7 +44,7 @@ def test_iai_pauses_homes_and_needs_its_servo() -> None:
     drive = Drive("iai-robo-cylinder")
     drive.does("10 9900 0002 04 0000 2710")
     assert drive.moves == []
-    drive.does(IAI_ON, "10 9900 0002 04 0000 2710")
+    drive.does(*READY["iai-robo-cylinder"], "10 9900 0002 04 0000 2710")
     drive.wait(0.05)
     drive.does("05 040A FF00", "10 9900 0002 04 0000 0001")
     assert drive.moves == [(ABSOLUTE, 10_000), (STOP, 2_500)]
@@ -90,7 +62,7 @@ def test_iai_pauses_homes_and_needs_its_servo() -> None:
 
 def test_iai_runs_stored_positions_by_their_coils() -> None:
     drive = Drive("iai-robo-cylinder")
-    drive.does(IAI_ON, "10 1020 0002 04 0000 01F4", "05 041D FF00")
+    drive.does(*READY["iai-robo-cylinder"], "10 1020 0002 04 0000 01F4", "05 041D FF00")
     assert drive.moves == [(ABSOLUTE, 500)]
     drive.wait()
     drive.does("05 0416 FF00", "05 0416 0000")
@@ -102,7 +74,7 @@ def test_iai_runs_stored_positions_by_their_coils() -> None:
 
 
 def test_iai_forgets_the_rest_of_its_way_when_it_is_stopped() -> None:
-    drive = iai()
+    drive = ready("iai-robo-cylinder")
     drive.does("10 9900 0002 04 0000 2710")
     drive.wait(0.05)
     drive.does("05 040A FF00", "05 042C FF00", "05 040A 0000")
@@ -110,40 +82,21 @@ def test_iai_forgets_the_rest_of_its_way_when_it_is_stopped() -> None:
     assert not drive.input(0x042C, 1)  # It takes its coil back.
 
 
-def test_iai_takes_its_coils_as_a_register_too() -> None:
-    drive = Drive("iai-robo-cylinder")
-    drive.does("06 0D00 1000", "06 0D00 1010")
-    assert drive.moves == [(HOME, None)]
-
-
 def test_iai_runs_stored_positions_by_number() -> None:
-    drive = iai()
+    drive = ready("iai-robo-cylinder")
     drive.does("10 1020 0002 04 0000 07D0", "06 9800 0002")
     assert drive.moves == [(ABSOLUTE, 2_000)]
     assert drive.read(0x9014) == [2]
 
 
 def test_iai_is_read_in_one_go() -> None:
-    drive = iai()
+    drive = ready("iai-robo-cylinder")
     drive.motor.set_position(-5, 0.0)
     assert drive.read(0x9000, 10) == [0xFFFF, 0xFFFB, 0, 0, 0, 1 << 12 | 1 << 4 | 1 << 3, 0, 0, 0, 0]
 
 
-@pytest.mark.parametrize(
-    ("request_pdu", "reply"),
-    [
-        ("04 9000 0002", "84 01"),
-        ("03 8FFF 0002", "83 02"),
-        ("05 0103 FF00", "85 02"),
-        ("10 9901 0009 12 0000 0000 0000 0000 0000 0000 0000 0000 0000", "90 02"),
-    ],
-)
-def test_iai_refusals(request_pdu: str, reply: str) -> None:
-    assert iai().ask(request_pdu) == reply
-
-
 def test_smc_follows_targets() -> None:
-    drive = smc()
+    drive = ready("smc-lec")
     drive.does("10 9102 0001 02 0001", "10 9103 0001 02 0064", "10 9104 0002 04 0000 2710", SMC_RUN)
     assert drive.moves == [(ABSOLUTE, 10_000)]
     assert drive.read(0x9100) == [0]
@@ -158,7 +111,7 @@ def test_smc_follows_targets() -> None:
 
 
 def test_smc_homes_while_setup_is_on() -> None:
-    drive = smc()
+    drive = ready("smc-lec")
     drive.does("05 001C FF00")
     assert not drive.input(0x4A)
     drive.wait()
@@ -168,7 +121,7 @@ def test_smc_homes_while_setup_is_on() -> None:
 
 
 def test_smc_that_still_has_setup_gives_an_alarm() -> None:
-    drive = smc()
+    drive = ready("smc-lec")
     drive.finishes("05 001C FF00")
     drive.does(SMC_RUN)
     assert drive.moves == [(HOME, None)]
@@ -178,7 +131,7 @@ def test_smc_that_still_has_setup_gives_an_alarm() -> None:
 
 
 def test_smc_runs_its_own_step_data_and_jogs() -> None:
-    drive = smc()
+    drive = ready("smc-lec")
     drive.does("10 0430 0004 08 0001 0064 0000 01F4", "05 0010 FF00", "05 0011 FF00", "05 001A FF00")
     assert drive.moves == [(ABSOLUTE, 500)]
     drive.wait()
@@ -187,29 +140,16 @@ def test_smc_runs_its_own_step_data_and_jogs() -> None:
 
 
 def test_smc_moves_only_in_serial_mode_with_its_servo_on() -> None:
-    for missing in SMC_ON:
-        drive = smc()
+    for missing in READY["smc-lec"]:
+        drive = ready("smc-lec")
         drive.does(missing.replace("FF00", "0000"), "10 9102 0004 08 0001 0064 0000 0005", SMC_RUN)
         assert (ABSOLUTE, 5) not in drive.moves
 
 
 @pytest.mark.parametrize("coil", ["001B", "0018"])
 def test_smc_stops_on_reset_and_on_hold(coil: str) -> None:
-    drive = smc()
+    drive = ready("smc-lec")
     drive.does("10 9102 0004 08 0001 0064 0000 2710", SMC_RUN)
     drive.wait(0.05)
     drive.does(f"05 {coil} FF00", f"05 {coil} 0000")
     assert drive.moves == [(ABSOLUTE, 10_000), (STOP, 2_500)]
-
-
-@pytest.mark.parametrize(
-    ("request_pdu", "reply"),
-    [
-        ("06 9102 0001", "86 01"),
-        ("04 9000 0002", "84 01"),
-        ("03 9010 0002", "83 02"),
-        ("02 0080 0001", "82 02"),
-    ],
-)
-def test_smc_refusals(request_pdu: str, reply: str) -> None:
-    assert smc().ask(request_pdu) == reply

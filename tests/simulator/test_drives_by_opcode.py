@@ -71,24 +71,6 @@ def test_mks_homes_and_zeroes() -> None:
     assert drive.moves == [(ABSOLUTE, 10_000), (SET_POSITION, 0), (HOME, None)]
 
 
-@pytest.mark.parametrize(
-    ("request_pdu", "reply"),
-    [
-        ("06 1234 0001", "06 12 34 FF FF"),
-        ("06 00F5 0001", "06 00 F5 FF FF"),
-        ("10 00F6 0001 02 0001", "10 00 F6 00 00"),
-        ("10 00F5 0002 04 0000 2710", "10 00 F5 00 00"),  # half an opcode
-        ("10 00F4 0005 0A 0002 012C 0000 2710 0000", "10 00 F4 00 00"),
-        ("04 00F5 0004", ""),
-        ("03 0031 0003", ""),
-    ],
-)
-def test_mks_refuses_without_exceptions(request_pdu: str, reply: str) -> None:
-    drive = Drive("makerbase-servo42d")
-    assert drive.ask(request_pdu) == reply
-    assert drive.moves == []
-
-
 def test_mks_obeys_a_broadcast_in_silence() -> None:
     drive = Drive("makerbase-servo42d")
     assert drive.bus.answer(0, bytes.fromhex("10 00F5 0004 08 0002 012C 0000 2710"), 0.0) is None
@@ -171,11 +153,6 @@ def test_ess_turns_its_words_round_on_demand() -> None:
     assert drive.low(0x000A) == 5_000
 
 
-@pytest.mark.parametrize(("request_pdu", "reply"), [("03 0000 0011", "83 03"), ("03 00C0 0001", "83 02")])
-def test_ess_refusals(request_pdu: str, reply: str) -> None:
-    assert Drive("stepperonline-ess-rs").ask(request_pdu) == reply
-
-
 def test_tl_r_starts_as_often_as_it_is_told() -> None:
     drive = Drive("tl-r")
     drive.does("06 0034 0064", "06 0035 0064", "06 0036 012C", "06 0037 0000", "06 0038 2710", "06 004E 0003")
@@ -187,12 +164,6 @@ def test_tl_r_starts_as_often_as_it_is_told() -> None:
     drive.finishes("06 004E 0001")  # The start bit needs no edge.
     drive.does("06 004E 0000", "06 004E 0001")
     assert drive.moves == [(RELATIVE, 20_000), (RELATIVE, 30_000)]
-
-
-def test_tl_r_takes_one_command_at_a_time() -> None:
-    drive = Drive("tl-r")
-    drive.does("06 004F 0500", "06 004F 0300", "06 004F 0600", "06 004F 0400")
-    assert drive.moves == [(STOP, 0), (SET_POSITION, 0)]
 
 
 def test_tl_r_takes_four_registers_and_says_nothing() -> None:
@@ -218,7 +189,3 @@ def test_tl_r_stops_homes_and_zeroes() -> None:
     drive.wait()
     assert drive.bit(4, 1)
     assert drive.moves == [(SET_POSITION, 0), (HOME, None)]
-
-
-def test_tl_r_knows_its_registers() -> None:
-    assert Drive("tl-r").ask("03 00C8 0001") == "83 02"

@@ -2,27 +2,24 @@
 
 import pytest
 
-from tests.simulator.drive_bench import ABSOLUTE, HOME, OTHER, RELATIVE, SET_POSITION, STOP, Drive, signed
+from tests.simulator.drive_bench import (
+    ABSOLUTE,
+    HOME,
+    OTHER,
+    RELATIVE,
+    SET_POSITION,
+    STOP,
+    Drive,
+    ready,
+    signed,
+)
 
 KINCO_TARGET = "10 4000 0002 04 2710 0000"
 MRJE_TARGET = "10 607A 0002 04 2710 0000"
-MRJE_ON = ("10 6040 0001 02 0006", "10 6040 0001 02 0007", "10 6040 0001 02 000F")
-
-
-def kinco() -> Drive:
-    drive = Drive("kinco-fd")
-    drive.does("06 3500 0001", "06 3100 000F")
-    return drive
-
-
-def mr_je_c() -> Drive:
-    drive = Drive("mitsubishi-mr-je-c", unit_id=255)
-    drive.does("10 6060 0001 02 0001", *MRJE_ON)
-    return drive
 
 
 def test_kinco_moves_when_the_start_bit_rises() -> None:
-    drive = kinco()
+    drive = ready("kinco-fd")
     drive.does(KINCO_TARGET, "06 3100 002F")
     assert drive.moves == []
     drive.does("06 3100 003F", "06 3100 003F")
@@ -39,7 +36,7 @@ def test_kinco_moves_when_the_start_bit_rises() -> None:
 
 
 def test_kinco_follows_every_target_that_is_written() -> None:
-    drive = kinco()
+    drive = ready("kinco-fd")
     drive.does("06 3100 103F")
     assert drive.moves == [(ABSOLUTE, 0)]
     drive.does(KINCO_TARGET, "10 4000 0002 04 0005 0000", "06 4001 0001")
@@ -50,7 +47,7 @@ def test_kinco_follows_every_target_that_is_written() -> None:
 
 @pytest.mark.parametrize("word", ["000B", "0006", "013F"])
 def test_kinco_stops_in_the_middle(word: str) -> None:
-    drive = kinco()
+    drive = ready("kinco-fd")
     drive.does(KINCO_TARGET, "06 3100 003F")
     drive.wait(0.05)
     drive.does(f"06 3100 {word}")
@@ -58,7 +55,7 @@ def test_kinco_stops_in_the_middle(word: str) -> None:
 
 
 def test_kinco_homes_and_zeroes() -> None:
-    drive = kinco()
+    drive = ready("kinco-fd")
     drive.finishes(KINCO_TARGET, "06 3100 003F")
     drive.does("10 3700 0002 04 0000 0000")
     assert drive.low(0x3700) == 0
@@ -73,29 +70,15 @@ def test_kinco_homes_and_zeroes() -> None:
 
 
 def test_kinco_fault_is_reset_by_its_bit() -> None:
-    drive = kinco()
+    drive = ready("kinco-fd")
     drive.motor.mechanics.alarm = True
     assert drive.bit(0x3200, 3)
     drive.does("06 3100 0080", "06 3100 000F")
     assert not drive.bit(0x3200, 3)
 
 
-@pytest.mark.parametrize(
-    ("request_pdu", "reply"),
-    [
-        ("03 3201 0002", "81 02"),
-        ("03 4000 0003", "81 02"),
-        ("06 0001 0001", "86 02"),
-        ("10 0001 0001 02 0001", "90 02"),
-        ("04 3700 0002", "84 01"),
-    ],
-)
-def test_kinco_errors_have_function_bytes_of_their_own(request_pdu: str, reply: str) -> None:
-    assert Drive("kinco-fd").ask(request_pdu) == reply
-
-
 def test_mr_je_c_addresses_are_objects() -> None:
-    drive = mr_je_c()
+    drive = ready("mitsubishi-mr-je-c")
     drive.does(MRJE_TARGET)
     assert drive.low(0x607A) == 10_000
     # 0x6040 and 0x6041 are words; 0x6060 and 0x6061 too.
@@ -105,25 +88,8 @@ def test_mr_je_c_addresses_are_objects() -> None:
     assert (drive.low(0x6083), drive.low(0x6084)) == (1, 2)
 
 
-@pytest.mark.parametrize(
-    ("request_pdu", "reply"),
-    [
-        ("03 6065 0002", "83 02"),
-        ("03 607B 0001", "83 02"),
-        ("03 607A 0001", "83 03"),
-        ("10 607A 0001 02 0001", "90 03"),
-        ("10 6064 0002 04 0000 0000", "90 02"),
-        ("06 6040 000F", "86 01"),
-        ("17 6040 0001 6040 0001 02 000F", "97 01"),
-        ("08 0000 1234", "08 00 00 12 34"),
-    ],
-)
-def test_mr_je_c_refusals(request_pdu: str, reply: str) -> None:
-    assert mr_je_c().ask(request_pdu) == reply
-
-
 def test_mr_je_c_moves_when_the_start_bit_rises() -> None:
-    drive = mr_je_c()
+    drive = ready("mitsubishi-mr-je-c")
     drive.does(MRJE_TARGET, "10 6040 0001 02 001F")
     assert drive.read(0x6041) == [0x1227]  # enabled, remote, acknowledged
     drive.finishes("10 6040 0001 02 000F")
@@ -141,7 +107,7 @@ def test_mr_je_c_must_be_switched_on_in_steps() -> None:
 
 
 def test_mr_je_c_stops_in_the_middle() -> None:
-    drive = mr_je_c()
+    drive = ready("mitsubishi-mr-je-c")
     drive.does(MRJE_TARGET, "10 6040 0001 02 001F")
     drive.wait(0.05)
     drive.does("10 6040 0001 02 010F")
@@ -149,7 +115,7 @@ def test_mr_je_c_stops_in_the_middle() -> None:
 
 
 def test_mr_je_c_homes_in_mode_6() -> None:
-    drive = mr_je_c()
+    drive = ready("mitsubishi-mr-je-c")
     drive.does("10 6060 0001 02 0006", "10 6040 0001 02 001F")
     assert drive.read(0x6041) == [0x0227]
     drive.wait()
@@ -158,7 +124,7 @@ def test_mr_je_c_homes_in_mode_6() -> None:
 
 
 def test_mr_je_c_runs_its_point_table() -> None:
-    drive = mr_je_c()
+    drive = ready("mitsubishi-mr-je-c")
     point = "0007 07D0 0000" + " 0000" * 12
     drive.does(f"10 2802 000F 1E {point}", "10 6060 0001 02 FF9B", "10 2D60 0001 02 0002")
     drive.does("10 6040 0001 02 001F")

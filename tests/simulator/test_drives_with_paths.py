@@ -130,20 +130,6 @@ def test_leadshine_save_state_is_gone_once_it_is_read() -> None:
     assert drive.read(0x1901) == [0]
 
 
-@pytest.mark.parametrize(
-    ("request_pdu", "reply"),
-    [
-        ("04 602C 0002", "84 01"),
-        ("03 8000 0001", "83 02"),
-        ("06 9000 0001", "86 02"),
-        ("03 6200 0062", "83 03"),  # 98 registers: the reply would be longer than 200 bytes.
-        ("10 6200 0002 02 0001", "90 03"),
-    ],
-)
-def test_leadshine_refusals(request_pdu: str, reply: str) -> None:
-    assert Drive("leadshine-pr").ask(request_pdu) == reply
-
-
 @pytest.mark.parametrize(("baudrate", "total_ms"), [(9600, 24.9), (38400, 7.12), (115200, 3.08)])
 def test_leadshine_thinks_for_what_the_manual_says_without_the_wire(baudrate: int, total_ms: float) -> None:
     drive = Drive("leadshine-pr")
@@ -165,24 +151,6 @@ def test_delta_runs_path_1(trigger: str) -> None:
     assert drive.read(0x050E) == [20_001]
     assert drive.bit(0x005C, 4)
     assert drive.low(0x0520) == drive.low(0x0012) == 100_000
-
-
-def test_delta_has_a_target_for_each_path() -> None:
-    drive = Drive("delta-asda")
-    drive.does("10 060A 0002 04 FFFF FFFF", "10 060E 0002 04 0007 0000", "06 050E 0003", "06 050E 0002")
-    assert drive.moves == [(ABSOLUTE, 7), (ABSOLUTE, -1)]
-
-
-def test_delta_takes_a_half_as_it_comes() -> None:
-    drive = Drive("delta-asda")
-    drive.does("06 0606 000A", "06 0607 0001", "06 050E 0001")
-    assert drive.moves == [(ABSOLUTE, 0x0001_000A)]
-
-
-def test_delta_runs_nothing_whose_definition_it_does_not_know() -> None:
-    drive = Drive("delta-asda")
-    drive.does("10 0604 0002 04 0001 0000", "06 050E 0001")
-    assert drive.moves == [(OTHER, None)]
 
 
 @pytest.mark.parametrize(
@@ -243,22 +211,6 @@ def test_delta_stops_and_homes() -> None:
     assert drive.low(0x0520) == 0
     assert drive.moves == [(HOME, None)]
     assert drive.read(0x050E) == [20_000]
-
-
-@pytest.mark.parametrize(
-    ("request_pdu", "reply"),
-    [
-        ("04 0520 0002", "84 01"),
-        ("03 0800 0001", "83 01"),  # group 8
-        ("03 02C8 0001", "83 02"),  # P2-100
-        ("03 0200 000B", "83 04"),  # 11 words
-        ("03 0200 0000", "83 05"),
-        ("06 0520 0000", "86 06"),
-        ("06 050E 0100", "86 27"),  # path 256
-    ],
-)
-def test_delta_has_codes_of_its_own(request_pdu: str, reply: str) -> None:
-    assert Drive("delta-asda").ask(request_pdu) == reply
 
 
 def test_delta_keeps_silent_before_each_frame() -> None:

@@ -8,9 +8,10 @@ from pathlib import Path
 
 from gateway.ipc.address import socket_path
 from gateway.modbus.mbap import encode_mbap
+from tests.support.commands import typed
 from tests.support.config import one_axis, written
 from tests.support.ports import free_port
-from tests.support.processes import SECONDS, Running, running
+from tests.support.processes import SECONDS, Running, ending, running
 
 
 class Drive:
@@ -96,6 +97,17 @@ class Site:
         self.config.write_text(self.config.read_text().replace('listen = ""', f'listen = "{address}"'))
         return f"http://{address}"
 
+    def change(self, old: str, new: str) -> None:
+        """Replace what stands in the configuration."""
+        text = self.config.read_text()
+        assert old in text
+        self.config.write_text(text.replace(old, new))
+
+    def compile(self) -> None:
+        """Compile the configuration, as somebody does who starts relay and supervisor by themselves."""
+        done = typed("check", "--compile", str(self.config))
+        assert done.returncode == 0, done.stderr
+
     def master(self) -> Master:
         return Master(self.port, self.drive)
 
@@ -110,11 +122,17 @@ def site_in(folder: Path) -> Iterator[Site]:
 
 @contextlib.contextmanager
 def gateway_of(site: Site) -> Iterator[tuple[Running, Master]]:
-    """``run`` with both processes, which have found each other."""
+    """``run`` with both processes, which have found each other; ends it, well, unless the test has."""
     with running("run", str(site.config)) as gateway:
         gateway.until_each("line-up", "relay-reached")
-        master = site.master()
-        try:
+        with contextlib.closing(site.master()) as master, ending(gateway):
             yield gateway, master
-        finally:
-            master.close()
+
+
+@contextlib.contextmanager
+def relay_of(site: Site) -> Iterator[tuple[Running, Master]]:
+    """``relay`` alone, from what was compiled; ends it, well, unless the test has."""
+    with running("relay", str(site.config)) as relay:
+        relay.until("line-up")
+        with contextlib.closing(site.master()) as master, ending(relay):
+            yield relay, master

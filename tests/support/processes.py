@@ -9,10 +9,12 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
+Found = TypeVar("Found")
 ROOT: Final = Path(__file__).parents[2]
 COMMAND: Final = [sys.executable, "-c", "from gateway.cli.main import main; main()"]
 """``pitch-gateway``, wherever this checkout is."""
@@ -129,6 +131,23 @@ def running(*arguments: str) -> Iterator[Running]:
             sys.stdout.writelines(iter(program.line, ""))
             raise
         process.kill()
+
+
+@contextlib.contextmanager
+def ending(program: Running) -> Iterator[None]:
+    """End a program where the test is through with it, and has not waited for its end by itself."""
+    yield
+    if program.process.returncode is None:
+        assert program.end() == 0
+
+
+def eventually(look: Callable[[], Found], is_so: Callable[[Found], bool]) -> Found:
+    """Look twenty times a second until it is so, and return what was seen then."""
+    latest_s = time.monotonic() + SECONDS
+    while not is_so(found := look()):
+        assert time.monotonic() < latest_s, found
+        time.sleep(0.05)
+    return found
 
 
 def children(process: "subprocess.Popen[Any]") -> dict[str, int]:

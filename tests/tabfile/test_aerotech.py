@@ -9,13 +9,8 @@ from hypothesis import strategies as st
 
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
-from gateway.tabfile import (
-    TabFileError,
-    WriteOptions,
-    dialect_named,
-    explain,
-    parse_table,
-)
+from gateway.tabfile import TabFileError, WriteOptions, dialect_named, explain, parse_table
+from tests.tabfile.drawn import assert_same, there_and_back
 from tests.tabfile.texts import Texts
 
 COUNTED = (Path(__file__).parents[2] / "tables" / "aerotech" / "x.cal").read_text()
@@ -191,14 +186,6 @@ def test_text_of_the_writer() -> None:
             parse_table(written.text.replace(old, new).encode(), "x.cal", written.context)
 
 
-def test_writer_refuses_uneven_grids_and_needs_an_axis() -> None:
-    with pytest.raises(TabFileError, match="START line"):
-        dialect_named("aerotech-cal").write(TABLE, WriteOptions())
-    uneven = make_table([0.0, 1.0, 3.0], [0.0] * 3, [0.0] * 3, Units.MM)
-    with pytest.raises(TabFileError, match="not evenly spaced"):
-        dialect_named("aerotech-cal").write(uneven, WriteOptions(axis="x"))
-
-
 @st.composite
 def _tables(draw: st.DrawFn) -> CorrectionTable:
     size = draw(st.integers(2, 40))
@@ -210,9 +197,5 @@ def _tables(draw: st.DrawFn) -> CorrectionTable:
 
 @given(_tables())
 def test_a_table_of_one_direction_comes_back(table: CorrectionTable) -> None:
-    written = dialect_named("aerotech-cal").write(table, WriteOptions(axis="a", file_axis="1"))
-    again = parse_table(written.text.encode(), "a.cal", written.context).table
-    assert again.units is table.units
-    assert list(again.positions) == pytest.approx(list(table.positions), abs=1e-8)
-    # half of the sixth decimal of a thousandth
-    assert list(again.forward) == pytest.approx(list(table.forward), abs=0.51e-9)
+    _, again = there_and_back("aerotech-cal", table, axis="a", file_axis="1")
+    assert_same(again.table, table, 0.51e-9)  # half of the sixth decimal of a thousandth

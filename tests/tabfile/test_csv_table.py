@@ -1,6 +1,5 @@
 """Plain CSV: columns that say what they are, one decimal mark, sums that show damage."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,14 +8,9 @@ from hypothesis import strategies as st
 
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
-from gateway.tabfile import (
-    HomeSide,
-    WriteOptions,
-    dialect_named,
-    explain,
-    parse_table,
-)
+from gateway.tabfile import HomeSide, WriteOptions, dialect_named, explain
 from tests.support.commands import typed
+from tests.tabfile.drawn import there_and_back
 from tests.tabfile.texts import Texts
 
 TABLES = Path(__file__).parents[2] / "tables" / "csv"
@@ -205,8 +199,7 @@ def _tables(draw: st.DrawFn) -> CorrectionTable:
 
 @given(_tables())
 def test_every_table_comes_back_to_the_last_digit(table: CorrectionTable) -> None:
-    written = dialect_named("csv").write(table, WriteOptions(axis="z"))
-    again = parse_table(written.text.encode(), "z.csv", replace(written.context))
+    written, again = there_and_back("csv", table, axis="z")
     assert again.table == table
     assert written.losses == ()
     assert again.source.axis == "Z"

@@ -8,16 +8,8 @@ from hypothesis import strategies as st
 
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
-from gateway.tabfile import (
-    ErrorSense,
-    HomeSide,
-    LintSeverity,
-    TabFileError,
-    WriteOptions,
-    dialect_named,
-    explain,
-    parse_table,
-)
+from gateway.tabfile import ErrorSense, HomeSide, LintSeverity, WriteOptions, dialect_named, explain
+from tests.tabfile.drawn import assert_same_but_for_zeros, there_and_back, uneven
 from tests.tabfile.texts import Texts
 
 FOLDER = Path(__file__).parents[2] / "tables" / "fagor-8055"
@@ -212,36 +204,14 @@ def test_range_start_and_what_has_no_meaning() -> None:
     assert [lint.code for lint in told.source.remarks] == ["R3", "R3", "R3"]
 
 
-@st.composite
-def tables(draw: st.DrawFn) -> CorrectionTable:
-    units = draw(st.sampled_from(list(Units)))
-    unit = 1e-5 if units is Units.INCH else 1e-4
-    steps = draw(st.lists(st.integers(10_000, 900_000), min_size=1, max_size=20))
-    start, positions = draw(st.integers(-(10**7), 10**7)), []
-    for step in [0, *steps]:
-        start += step
-        positions.append(start * unit)
-    values = st.lists(st.integers(-400, 400), min_size=len(positions), max_size=len(positions))
-    forward = draw(values)
-    backward = draw(st.one_of(st.just(forward), values, st.just([0] * len(positions))))
-    return make_table(positions, [v * unit for v in forward], [v * unit for v in backward], units)
+LAST_PLACE = {Units.MM: 1e-4, Units.DEGREE: 1e-4, Units.INCH: 1e-5}
 
 
-@given(tables(), st.sampled_from(ErrorSense))
+@given(uneven(LAST_PLACE, (10_000, 900_000), 10**7), st.sampled_from(ErrorSense))
 def test_what_is_written_is_read_back(table: CorrectionTable, sense: ErrorSense) -> None:
-    written = dialect_named("fagor-8055").write(table, WriteOptions(axis="z", sense=sense))
-    again = parse_table(written.text.encode(), "ML3", written.context)
-    assert again.table.units is table.units
+    written, again = there_and_back("fagor-8055", table, axis="z", sense=sense)
     assert again.source.axis == "Z"
-    assert list(again.table.positions) == pytest.approx(list(table.positions), abs=1e-9)
-    assert list(again.table.forward) == pytest.approx(list(table.forward), abs=1e-9)
-    if any(table.backward) or not any(table.forward):
-        assert list(again.table.backward) == pytest.approx(list(table.backward), abs=1e-9)
-    else:
-        # all 0 would mean "as the positive ones": one unit of the last place is written instead
-        unit = 1e-5 if table.units is Units.INCH else 1e-4
-        assert [abs(error) for error in again.table.backward] == [unit, *[0.0] * (len(table.positions) - 1)]
-        assert "is written as 0.0" in written.losses[1]
+    assert_same_but_for_zeros(written, again.table, table, LAST_PLACE[table.units], 1e-9)
 
 
 def test_layout_is_that_of_the_control() -> None:
@@ -253,24 +223,6 @@ def test_layout_is_that_of_the_control() -> None:
     assert written.text == REAL.replace("600\r", "600           EZ-   0.01500\r").replace(
         "200\r", "200           EZ    0.02200\r"
     )
-
-
-def test_what_a_table_cannot_hold() -> None:
-    table = make_table([0, 10], [0, 0.001], [0, 0.001], Units.MM)
-    write = dialect_named("fagor-8055").write
-    with pytest.raises(TabFileError, match="axis None"):
-        write(table, WriteOptions(sense=ACTUAL))
-    with pytest.raises(TabFileError, match="the sense of its errors is missing"):
-        write(table, WriteOptions(axis="x"))
-    zeros = [0.0] * 1001
-    with pytest.raises(TabFileError, match="1001 points"):
-        write(make_table(list(range(1001)), zeros, zeros, Units.MM), WriteOptions(axis="x", sense=ACTUAL))
-    close = make_table([0, 0.00002], [0, 0], [0, 0], Units.MM)
-    with pytest.raises(TabFileError, match=r"closer than 0\.0001 mm"):
-        write(close, WriteOptions(axis="x", sense=ACTUAL))
-    far = make_table([0, 4000], [0, 0], [0, 0], Units.INCH)
-    with pytest.raises(TabFileError, match="a number of 4000"):
-        write(far, WriteOptions(axis="x", sense=ACTUAL))
 
 
 def test_four_digits_are_read_as_three_are() -> None:

@@ -6,13 +6,7 @@ import pytest
 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.tabfile import (
-    ErrorSense,
-    WriteOptions,
-    dialect_named,
-    explain,
-    parse_table,
-)
+from gateway.tabfile import ErrorSense, WriteOptions, dialect_named, explain, parse_table
 from tests.support.table_commands import run
 from tests.tabfile.samples import FAGOR_8065
 from tests.tabfile.texts import Texts

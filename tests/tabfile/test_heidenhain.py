@@ -6,17 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.compensation.table import CorrectionTable, make_table
+from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.tabfile import (
-    ErrorSense,
-    HomeSide,
-    TabFileError,
-    WriteOptions,
-    dialect_named,
-    explain,
-    parse_table,
-)
+from gateway.tabfile import ErrorSense, HomeSide, explain
+from tests.tabfile.drawn import assert_same_but_for_zeros, there_and_back, uneven
 from tests.tabfile.texts import Texts
 
 SAMPLE = (Path(__file__).parents[2] / "tables" / "heidenhain-com" / "Z_PITCH.COM").read_bytes().decode()
@@ -226,43 +219,11 @@ def test_range_start_and_what_has_no_meaning() -> None:
     assert [lint.code for lint in told.source.remarks] == ["R3", "R3"]
 
 
-@st.composite
-def tables(draw: st.DrawFn) -> CorrectionTable:
-    steps = draw(st.lists(st.integers(10_000, 90_000_000), min_size=1, max_size=20))
-    start, positions = draw(st.integers(-(10**9), 10**9)), []
-    for step in [0, *steps]:
-        start += step
-        positions.append(start * 1e-6)
-    values = st.lists(st.integers(-400, 400), min_size=len(positions), max_size=len(positions))
-    forward = draw(values)
-    backward = draw(st.one_of(st.just(forward), values, st.just([0] * len(positions))))
-    units = draw(st.sampled_from(list(Units)))
-    return make_table(positions, [v * 1e-6 for v in forward], [v * 1e-6 for v in backward], units)
-
-
-@given(tables(), st.sampled_from(ErrorSense), st.sampled_from(["z", "Z2"]))
+@given(uneven(dict.fromkeys(Units, 1e-6)), st.sampled_from(ErrorSense), st.sampled_from(["z", "Z2"]))
 def test_what_is_written_is_read_back(table: CorrectionTable, sense: ErrorSense, name: str) -> None:
-    options = WriteOptions(axis="z", file_axis=None if len(name) == 1 else name, sense=sense)
-    written = dialect_named("heidenhain-com").write(table, options)
-    again = parse_table(written.text.encode(), "Z.COM", written.context)
-    assert again.table.units is table.units
-    assert list(again.table.positions) == pytest.approx(list(table.positions), abs=1e-9)
-    assert list(again.table.forward) == pytest.approx(list(table.forward), abs=1e-12)
-    if any(table.backward) or not any(table.forward):
-        assert list(again.table.backward) == pytest.approx(list(table.backward), abs=1e-12)
-    else:
-        # a column of zeros has two meanings: one unit of the last place is written instead
-        assert [abs(error) for error in again.table.backward] == [1e-6, *[0.0] * (len(table.positions) - 1)]
-        assert "is written as 0.000001" in written.losses[1]
-
-
-def test_what_a_table_cannot_hold() -> None:
-    table = make_table([0, 10], [0, 0.001], [0, 0.001], Units.MM)
-    write = dialect_named("heidenhain-com").write
-    with pytest.raises(TabFileError, match="axis ''"):
-        write(table, WriteOptions(sense=ACTUAL))
-    with pytest.raises(TabFileError, match="the sense of its errors is missing"):
-        write(table, WriteOptions(axis="x"))
-    close = make_table([0, 2e-7], [0, 0], [0, 0], Units.MM)
-    with pytest.raises(TabFileError, match="closer than 1e-06 mm"):
-        write(close, WriteOptions(axis="x", sense=ACTUAL))
+    told = None if len(name) == 1 else name
+    written, again = there_and_back("heidenhain-com", table, axis="z", file_axis=told, sense=sense)
+    assert_same_but_for_zeros(written, again.table, table, 1e-6, 1e-12)
+    assert ("is written as 0.000001" in "".join(written.losses)) is (
+        any(table.forward) and not any(table.backward)
+    )

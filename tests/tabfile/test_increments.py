@@ -9,13 +9,7 @@ from hypothesis import strategies as st
 
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
-from gateway.tabfile import (
-    TabFileError,
-    WriteOptions,
-    dialect_named,
-    explain,
-    parse_table,
-)
+from gateway.tabfile import WriteOptions, dialect_named, explain, parse_table
 from tests.tabfile.texts import Texts
 
 TABLES = Path(__file__).parents[2] / "tables"
@@ -232,45 +226,6 @@ def test_mitsubishi_writer_turns_the_sample_into_itself() -> None:
     result = dialect_named("mitsubishi-csv").write(table, WriteOptions(file_counts_per_unit=1000.0))
     assert result.text.splitlines()[3:] == MITSUBISHI.splitlines()[1:]
     assert "a resolution of 0.0005 mm" in result.losses[0]
-
-
-_FLAT = [0.0, 0.0, 0.0]
-
-
-@pytest.mark.parametrize("name", ["fanuc-csv", "mitsubishi-csv"])
-@pytest.mark.parametrize(
-    ("points", "units", "scale", "found"),
-    [
-        (([0, 1, 2], _FLAT), Units.MM, None, "counts per unit are missing"),
-        (([0, 1, 2], _FLAT), Units.MM, -1000.0, "above 0"),
-        (([0, 1, 3], _FLAT), Units.MM, 1000.0, "not evenly spaced"),
-        (([0.5, 1.5, 2.5], _FLAT), Units.MM, 1000.0, "no point at 0"),
-        (([1, 2, 3], _FLAT), Units.MM, 1000.0, "no point at 0"),
-        (([0, 1, 2], [0.01, 0, 0]), Units.MM, 1000.0, "0.01 mm at 0"),
-        (([0, 1, 2], [0, 0, 0.9]), Units.MM, 1e6, "between 1 and 2"),
-        (
-            ([0, 180, 360], [0, 0.001, 0.001]),
-            Units.DEGREE,
-            1000.0,
-            "a turn with different corrections at its ends",
-        ),
-    ],
-)
-def test_what_increments_cannot_hold_is_refused(
-    name: str, points: tuple[list[float], list[float]], units: Units, scale: float | None, found: str
-) -> None:
-    positions, values = points
-    table = make_table(positions, values, values, units)
-    with pytest.raises(TabFileError) as caught:
-        dialect_named(name).write(table, WriteOptions(file_counts_per_unit=scale))
-    assert found in str(caught.value)
-
-
-def test_fanuc_has_no_more_than_1023_sections() -> None:
-    size = 1025
-    table = make_table([float(i) for i in range(size)], [0.0] * size, [0.0] * size, Units.MM)
-    with pytest.raises(TabFileError, match="1024 sections"):
-        dialect_named("fanuc-csv").write(table, WriteOptions(file_counts_per_unit=1000.0))
 
 
 @st.composite

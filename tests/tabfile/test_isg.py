@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -9,15 +10,8 @@ from hypothesis import strategies as st
 
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
-from gateway.tabfile import (
-    ErrorSense,
-    HomeSide,
-    TabFileError,
-    WriteOptions,
-    dialect_named,
-    explain,
-    parse_table,
-)
+from gateway.tabfile import ErrorSense, HomeSide, WriteOptions, dialect_named, explain, parse_table
+from tests.tabfile.drawn import assert_same, there_and_back, uneven
 from tests.tabfile.texts import Texts
 
 SAMPLE = (Path(__file__).parents[2] / "tables" / "isg" / "achskw2.lis").read_text()
@@ -283,46 +277,21 @@ def test_range_start_and_home() -> None:
     assert [lint.code for lint in told.source.remarks] == ["R3", "R3", "R3"]
 
 
-_VALUES = st.integers(-20_000, 20_000)
+WIDE: dict[str, Any] = {"steps": (10_000_000, 90_000_000), "largest": 20_000}
+"""Numbers in hundredths of a unit of the format."""
 
 
-@st.composite
-def tables(draw: st.DrawFn, units: Units, unit: float) -> CorrectionTable:
-    """Any points, numbers in hundredths of a unit of the format."""
-    steps = draw(st.lists(st.integers(10_000_000, 90_000_000), min_size=1, max_size=20))
-    if draw(st.booleans()):
-        steps = steps[:1] * len(steps)
-    start, positions = draw(st.integers(-(10**9), 10**9)), []
-    for step in [0, *steps]:
-        start += step
-        positions.append(start * unit)
-    size = len(positions)
-    forward = draw(st.lists(_VALUES, min_size=size, max_size=size))
-    backward = forward if draw(st.booleans()) else draw(st.lists(_VALUES, min_size=size, max_size=size))
-    return make_table(positions, [v * unit for v in forward], [v * unit for v in backward], units)
-
-
-@given(
-    table=st.sampled_from([Units.MM, Units.DEGREE]).flatmap(lambda units: tables(units, 1e-6)),
-    sense=st.sampled_from([None, *ErrorSense]),
-)
+@given(uneven({Units.MM: 1e-6, Units.DEGREE: 1e-6}, **WIDE), st.sampled_from([None, *ErrorSense]))
 def test_what_is_written_is_read_back(table: CorrectionTable, sense: ErrorSense | None) -> None:
-    written = dialect_named("isg").write(table, WriteOptions(axis="y", sense=sense))
-    again = parse_table(written.text.encode(), "x.lis", written.context)
-    assert again.table.units is table.units
-    assert list(again.table.positions) == pytest.approx(list(table.positions), abs=1e-9)
-    assert list(again.table.forward) == pytest.approx(list(table.forward), abs=1e-12)
-    assert list(again.table.backward) == pytest.approx(list(table.backward), abs=1e-12)
+    _, again = there_and_back("isg", table, axis="y", sense=sense)
+    assert_same(again.table, table, places=1e-9)
     assert again.source.comment_axis == "Y"
 
 
-@given(tables(Units.INCH, 1e-2 / 64_000))
+@given(uneven({Units.INCH: 1e-2 / 64_000}, **WIDE))
 def test_increments_are_written_where_the_scale_is_told(table: CorrectionTable) -> None:
-    written = dialect_named("isg").write(table, WriteOptions(file_counts_per_unit=64_000.0))
-    again = parse_table(written.text.encode(), "x.lis", written.context).table
-    assert again.units is Units.INCH
-    assert list(again.forward) == pytest.approx(list(table.forward), abs=1e-12)
-    assert list(again.positions) == pytest.approx(list(table.positions), abs=1e-9)
+    _, again = there_and_back("isg", table, file_counts_per_unit=64_000.0)
+    assert_same(again.table, table, places=1e-9)
 
 
 def test_even_points_become_an_interval() -> None:
@@ -356,17 +325,6 @@ def test_more_points_than_old_kernels_take() -> None:
     assert "kw.ssfk.max_points                  1501" in written.text
     assert len(written.losses) == 2
     assert parse_table(written.text.encode(), "x.lis", written.context).table.last == 1500.0
-
-
-def test_what_a_list_cannot_hold() -> None:
-    inches = make_table([0, 1], [0, 0], [0, 0], Units.INCH)
-    with pytest.raises(TabFileError, match="a table in inch"):
-        dialect_named("isg").write(inches, WriteOptions())
-    with pytest.raises(TabFileError, match="-5 increments per inch"):
-        dialect_named("isg").write(inches, WriteOptions(file_counts_per_unit=-5.0))
-    close = make_table([0, 4e-7], [0, 0], [0, 0], Units.MM)
-    with pytest.raises(TabFileError, match=r"closer than 0\.01"):
-        dialect_named("isg").write(close, WriteOptions())
 
 
 def test_a_list_for_another_axis_is_a_lint() -> None:

@@ -1,6 +1,5 @@
 """LinuxCNC compensation files: the shipped sample, the two types, what LinuxCNC would not have read."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from gateway.tabfile import (
     parse_table,
     read_table,
 )
+from tests.tabfile.drawn import assert_same, there_and_back
 from tests.tabfile.texts import Texts
 
 PATH = Path(__file__).parents[2] / "tables" / "linuxcnc" / "screwcompX.dat"
@@ -198,12 +198,8 @@ def test_what_is_written_is_read_back(
         positions.append(round(at, 8))
     forward, backward = ([point[column] * 1e-6 for point in points] for column in (1, 2))
     table = make_table(positions, forward, backward, units)
-    written = dialect_named(name).write(table, WriteOptions())
-    back = parse_table(written.text.encode(), "x.dat", replace(written.context)).table
-    assert back.units is units
-    assert list(back.positions) == positions
-    assert list(back.forward) == pytest.approx(forward, abs=1e-11)
-    assert list(back.backward) == pytest.approx(backward, abs=1e-11)
+    _, again = there_and_back(name, table)
+    assert_same(again.table, table, 1e-11, 0.0)
 
 
 def test_written_file() -> None:
@@ -219,13 +215,3 @@ def test_what_the_digits_would_make_as_steep_as_the_positions_is_not_written() -
     said = "a file of linuxcnc-1: a slope of 1 between -1 and 4, in its digits; allowed: a slope below 1"
     with pytest.raises(TabFileError, match=said):
         dialect_named("linuxcnc-1").write(table, WriteOptions())
-
-
-def test_writer_refuses_what_linuxcnc_would_drop() -> None:
-    zeros = [0.0] * 257
-    with pytest.raises(TabFileError, match="257 points"):
-        dialect_named("linuxcnc-1").write(
-            make_table([float(x) for x in range(257)], zeros, zeros, Units.MM), WriteOptions()
-        )
-    with pytest.raises(TabFileError, match="apart"):
-        dialect_named("linuxcnc-1").write(make_table([0, 5e-7], [0, 0], [0, 0], Units.MM), WriteOptions())

@@ -13,7 +13,6 @@ from gateway.compensation.units import Units
 from gateway.tabfile import (
     FileContext,
     LoadedTable,
-    TabFileError,
     WriteOptions,
     Written,
     dialect_named,
@@ -116,17 +115,6 @@ def test_first_correction_grows_from_mark_a_below_the_table() -> None:
     assert "PRECISIONOFFSET.0 = -8" in steep.text
     assert read_back(steep).errors == ()
     assert largest_difference(table, back.table, [0.0, 5.0, 10.0, 20.0, 30.0]) <= said(written) + 2e-8
-
-
-def test_uneven_points_are_refused_unless_an_increment_fits() -> None:
-    table = make_table([0, 1, 3.7, 9.1], [0, 0.001, -0.002, 0.001], [0, 0.001, -0.002, 0.001], Units.MM)
-    with pytest.raises(TabFileError, match="do not fit an even increment"):
-        write(table)
-
-
-def test_axis_is_a_number() -> None:
-    with pytest.raises(TabFileError, match="axis 'X'"):
-        write(make_table([0, 1], [0, 0], [0, 0], Units.MM), file_axis="X")
 
 
 @given(

@@ -5,14 +5,7 @@ from pathlib import Path
 import pytest
 
 from gateway.compensation.units import Units
-from gateway.tabfile import (
-    ErrorSense,
-    FileContext,
-    TabFileError,
-    WriteOptions,
-    dialect_named,
-    parse_table,
-)
+from gateway.tabfile import ErrorSense, FileContext, TabFileError, WriteOptions, dialect_named, parse_table
 from tests.support.commands import typed
 from tests.tabfile.texts import Texts
 
@@ -219,12 +212,6 @@ def test_the_commands_show_convert_and_lint_it(tmp_path: Path) -> None:
     assert [
         (row.position, row.forward)
         for row in parse_table(out.read_bytes(), "x.csv", FileContext()).source.rows
-    ] == [
-        (-4.0, 0.0),
-        (-3.0, 0.001),
-        (-2.0, 0.002),
-        (-1.0, 0.001),
-        (0.0, 0.0),
-    ]
+    ] == [(-4.0, 0.0), (-3.0, 0.001), (-2.0, 0.002), (-1.0, 0.001), (0.0, 0.0)]
     untold = typed("table", "show", str(file), *told)
     assert (untold.returncode, "--travel LO HI" in untold.stderr) == (1, True)

@@ -1,23 +1,12 @@
 """What a writer writes its reader reads back, and what it cannot hold it refuses or says."""
 
-from dataclasses import replace
-from typing import Any
-
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
-from gateway.tabfile import (
-    FileContext,
-    TabFileError,
-    V1Layout,
-    WriteOptions,
-    Written,
-    dialect_named,
-    parse_table,
-)
+from gateway.tabfile import FileContext, V1Layout, WriteOptions, dialect_named
+from tests.tabfile.drawn import assert_same, means_of, read_back, there_and_back
 
 _SIZES = st.integers(min_value=3, max_value=40)
 _STEPS = st.sampled_from([0.5, 1.0, 0.05, 25.0, 2.54, 0.3])
@@ -50,20 +39,9 @@ def tables(
     return make_table(positions, [v * unit for v in forward], [v * unit for v in backward], units)
 
 
-def read_back(written: Written, **facts: Any) -> CorrectionTable:
-    return parse_table(written.text.encode(), "x.tab", replace(written.context, **facts)).table
-
-
-def assert_same(one: CorrectionTable, other: CorrectionTable, within: float = 1e-12) -> None:
-    assert one.units is other.units
-    assert list(one.positions) == pytest.approx(list(other.positions), abs=1e-8)
-    assert list(one.forward) == pytest.approx(list(other.forward), abs=within)
-    assert list(one.backward) == pytest.approx(list(other.backward), abs=within)
-
-
 @given(tables(resolution={Units.INCH: 1e-8, Units.MM: 1e-7}, largest=99_999))
 def test_version_2_with_the_start_outside_the_file(table: CorrectionTable) -> None:
-    assert_same(read_back(dialect_named("centroid-2").write(table, WriteOptions())), table)
+    assert_same(there_and_back("centroid-2", table)[1].table, table)
 
 
 @given(
@@ -72,20 +50,17 @@ def test_version_2_with_the_start_outside_the_file(table: CorrectionTable) -> No
 )
 def test_version_2_with_counts_and_start_in_the_file(table: CorrectionTable, scale: float) -> None:
     written = dialect_named("centroid-2").write(table, WriteOptions(file_counts_per_unit=scale))
-    assert_same(read_back(written, file_counts_per_unit=scale), table)
+    assert_same(read_back(written, file_counts_per_unit=scale).table, table)
 
 
 @given(tables(resolution={Units.INCH: 1e-8, Units.MM: 1e-8}, largest=99_999, at_home=True))
 def test_version_3(table: CorrectionTable) -> None:
-    assert_same(read_back(dialect_named("centroid-3").write(table, WriteOptions(axis="x"))), table)
+    assert_same(there_and_back("centroid-3", table, axis="x")[1].table, table)
 
 
 @given(
     tables(
-        resolution={Units.INCH: 1 / 40000, Units.MM: 1 / 40000},
-        largest=400,
-        at_home=True,
-        mean_at_home=False,
+        resolution={Units.INCH: 1 / 40000, Units.MM: 1 / 40000}, largest=400, at_home=True, mean_at_home=False
     ),
     st.sampled_from([40000.0, -40000.0]),
     st.sampled_from(list(V1Layout)),
@@ -93,13 +68,9 @@ def test_version_3(table: CorrectionTable) -> None:
 def test_version_1_keeps_the_mean_of_both_directions(
     table: CorrectionTable, scale: float, layout: V1Layout
 ) -> None:
-    options = WriteOptions(file_counts_per_unit=scale, v1_layout=layout)
-    means = [(f + b) / 2 for f, b in zip(table.forward, table.backward, strict=True)]
-    mean = make_table(table.positions, means, means, table.units)
-    again = read_back(dialect_named("centroid-1").write(table, options))
+    _, again = there_and_back("centroid-1", table, file_counts_per_unit=scale, v1_layout=layout)
     # whole counts: half a count of rounding; positions: half a count of TOTAL
-    assert list(again.forward) == pytest.approx(list(mean.forward), abs=0.51 / 40000)
-    assert list(again.positions) == pytest.approx(list(table.positions), abs=0.51 / 40000)
+    assert_same(again.table, means_of(table), 0.51 / 40000, 0.51 / 40000)
 
 
 HOME_MINUS = make_table([0.0, 1.0, 2.0], [0.0, 0.0004, 0.0006], [0.0, 0.0002, 0.0004], Units.INCH)
@@ -145,57 +116,6 @@ def test_version_3_of_a_home_plus_axis_begins_at_home_with_the_backward_correcti
         "\t+0.00000000\t+0.00000000\t+0.10000000",
         "\t-1.00000000\t-0.20000000\t+0.20000000",
     ]
-
-
-def _table(
-    positions: list[float] | None = None, forward: list[float] | None = None, units: Units = Units.INCH
-) -> CorrectionTable:
-    values = forward or [0.0, 0.0, 0.0]
-    return make_table(positions or [0.0, 1.0, 2.0], values, values, units)
-
-
-@pytest.mark.parametrize(
-    ("dialect", "table", "options", "found"),
-    [
-        ("centroid-1", _table(), WriteOptions(), "counts per unit are missing"),
-        (
-            "centroid-1",
-            _table([1.0, 2.0, 3.0]),
-            WriteOptions(file_counts_per_unit=1e4),
-            "begins or ends at home",
-        ),
-        (
-            "centroid-1",
-            _table(forward=[0.01, 0, 0]),
-            WriteOptions(file_counts_per_unit=1e4),
-            "100 counts at home",
-        ),
-        ("centroid-1", _table([0.0, 1.0, 3.0]), WriteOptions(file_counts_per_unit=1e4), "not evenly spaced"),
-        ("centroid-1", _table(), WriteOptions(file_counts_per_unit=0.1), "less than one count"),
-        ("centroid-2", _table([0.0, 1.0, 3.0]), WriteOptions(), "not evenly spaced"),
-        ("centroid-2", _table(units=Units.DEGREE), WriteOptions(), "degree"),
-        ("centroid-2", _table(forward=[0.0, 0.1001, 0.0]), WriteOptions(), "1001.0000 x 0.0001 inch at 1"),
-        ("centroid-2", _table(), WriteOptions(file_counts_per_unit=0.5), "too few"),
-        ("centroid-2", make_table([0.0, 1.0], [0, 0], [0, 0], Units.MM), WriteOptions(), "at least 2"),
-        ("centroid-3", _table(), WriteOptions(), "one letter"),
-        ("centroid-3", _table([1.0, 2.0, 3.0]), WriteOptions(axis="x"), "begins or ends at home"),
-        ("centroid-3", _table([-1.0, 0.0, 1.0]), WriteOptions(axis="x"), "begins or ends at home"),
-        ("centroid-3", _table([0.0, 1.0, 3.0]), WriteOptions(axis="x"), "not evenly spaced"),
-        ("centroid-3", _table(units=Units.DEGREE), WriteOptions(axis="x"), "degree"),
-        ("centroid-3", _table([0, 1e-4, 2e-4]), WriteOptions(axis="x"), "8 decimals"),
-    ],
-)
-def test_what_a_dialect_cannot_hold_is_refused(
-    dialect: str, table: CorrectionTable, options: WriteOptions, found: str
-) -> None:
-    with pytest.raises(TabFileError) as caught:
-        dialect_named(dialect).write(table, options)
-    assert found in str(caught.value)
-
-
-def test_unknown_dialect_is_named() -> None:
-    with pytest.raises(TabFileError, match="centroid-1, centroid-2, centroid-3"):
-        dialect_named("centroid-4")
 
 
 def test_context_of_a_reader_is_what_the_file_does_not_say() -> None:

@@ -77,10 +77,7 @@ def test_first_value_against_a_round_interval_is_refused_with_both_readings() ->
     # 23 intervals are 25 mm each, 24 are 23.96: only home listed is round, and then home would be 0
     text = CNC_SERVICES.read_text().replace("\n0\n", "\n-1\n", 1)
     error = refused(text, "a first value of -1", line=2, file_counts_per_unit=64000.0)
-    assert [reading.split(":")[0] for reading in error.readings] == [
-        "v1_layout listed",
-        "v1_layout implicit",
-    ]
+    assert [reading.split(":")[0] for reading in error.readings] == ["v1_layout listed", "v1_layout implicit"]
     assert len(parse(text, file_counts_per_unit=64000.0, v1_layout=V1Layout.LISTED).table.positions) == 24
 
 

@@ -81,11 +81,6 @@ def test_start_follows_from_negative_travel_as_the_multiple_just_inside() -> Non
     assert parse(TB058, travel=(-2.5, 0.0)).table.first == -2.5
 
 
-def test_32_5_is_the_first_multiple_of_the_step_inside_32_6() -> None:
-    text = "\n".join(["2 65 0.5 20 1 0", *["1"] * 66, ";", *["0"] * 66])
-    assert parse(text, travel=(-32.6, 0.0)).table.first == -32.5
-
-
 @pytest.mark.parametrize("lowest", [-2.4, -3.0, -12.0])
 def test_number_of_intervals_that_does_not_fit_the_travel_is_refused(lowest: float) -> None:
     error = refused(TB058, "5 intervals", travel=(lowest, 0.0))

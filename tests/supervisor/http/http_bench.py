@@ -42,12 +42,7 @@ CERTIFICATE = {
     "ends": "2001-09-09T01:46:40+00:00",
     "days_left": 300,
 }
-CONTROLLER: dict[str, Any] = {
-    "name": "cnc",
-    "role": "motion",
-    "connections": ["a", "b"],
-    "gateway_us": TOOK,
-}
+CONTROLLER: dict[str, Any] = {"name": "cnc", "role": "motion", "connections": ["a", "b"], "gateway_us": TOOK}
 LINE = {
     "state": "up",
     "exchanges": 7,
@@ -80,10 +75,7 @@ SICK: dict[str, Any] = {
         "heard": [1, 17],
         "strangers": [17],
         "asked_by": {"cnc": [1, 17]},
-        "drives": {
-            "1": {"silent_s": 12.5, "timeouts_in_a_row": 12, "damaged": 3},
-            "17": ANSWERS,
-        },
+        "drives": {"1": {"silent_s": 12.5, "timeouts_in_a_row": 12, "damaged": 3}, "17": ANSWERS},
     },
     "controllers": [CONTROLLER, PLC],
 }
@@ -105,11 +97,7 @@ AXIS = {
         "status": "active",
         "loaded_at": "2001-09-09T01:46:40.250+00:00",
     },
-    "latency": {
-        "gateway_us": {**TOOK, "below": [0, 2, 3, 3, 4]},
-        "budget_us": 1000.0,
-        "budget_overruns": 5,
-    },
+    "latency": {"gateway_us": {**TOOK, "below": [0, 2, 3, 3, 4]}, "budget_us": 1000.0, "budget_overruns": 5},
 }
 TERMS: dict[str, Any] = {
     "correction": -0.0175,

@@ -65,31 +65,29 @@ async def test_what_happened_lately_comes_first_then_the_status_then_what_happen
         assert (await messages(line, 1))[0]["data"]["n"] == 3
 
 
-async def test_whoever_comes_back_gets_what_it_missed_and_nothing_twice(tmp_path: Path) -> None:
-    async with serving(tmp_path) as served:
-        for number in range(4):
-            served.broadcast.publish_event(entry(number))
-        all_of_them = await messages(await reading(served), 4)
-        ids = [message["id"] for message in all_of_them]
-        assert len(set(ids)) == 4
-        back = await reading(served, last_id=ids[1])
-        assert [message["data"]["n"] for message in await messages(back, 2)] == [2, 3]
-        # The id of another process says nothing about the numbers of this one; nor does what is none.
-        for other in ("4bee-2", f"x{ids[1]}", f"{ids[1]}x", "", "-", "9" * 5000, f"{ids[1].split('-')[0]}-²"):
-            again = await reading(served, last_id=other)
-            assert [message["data"]["n"] for message in await messages(again, 4)] == [0, 1, 2, 3]
+async def test_whoever_comes_back_gets_what_it_missed_and_nothing_twice(served: Served) -> None:
+    for number in range(4):
+        served.broadcast.publish_event(entry(number))
+    all_of_them = await messages(await reading(served), 4)
+    ids = [message["id"] for message in all_of_them]
+    assert len(set(ids)) == 4
+    back = await reading(served, last_id=ids[1])
+    assert [message["data"]["n"] for message in await messages(back, 2)] == [2, 3]
+    # The id of another process says nothing about the numbers of this one; nor does what is none.
+    for other in ("4bee-2", f"x{ids[1]}", f"{ids[1]}x", "", "-", "9" * 5000, f"{ids[1].split('-')[0]}-²"):
+        again = await reading(served, last_id=other)
+        assert [message["data"]["n"] for message in await messages(again, 4)] == [0, 1, 2, 3]
 
 
-async def test_events_that_nobody_keeps_any_more_are_counted(tmp_path: Path) -> None:
-    async with serving(tmp_path) as served:
-        served.broadcast.publish_event(entry(0))
-        (first,) = await messages(await reading(served), 1)
-        for number in range(1, EVENTS_KEPT + 4):
-            served.broadcast.publish_event(entry(number))
-        missed, oldest = await messages(await reading(served, last_id=first["id"]), 2)
-        # 0 was seen; of 1 to 259 the newest 256 are kept, from 4 on.
-        assert (missed["event"], missed["data"]) == ("missed", {"events": 3})
-        assert oldest["data"]["n"] == 4
+async def test_events_that_nobody_keeps_any_more_are_counted(served: Served) -> None:
+    served.broadcast.publish_event(entry(0))
+    (first,) = await messages(await reading(served), 1)
+    for number in range(1, EVENTS_KEPT + 4):
+        served.broadcast.publish_event(entry(number))
+    missed, oldest = await messages(await reading(served, last_id=first["id"]), 2)
+    # 0 was seen; of 1 to 259 the newest 256 are kept, from 4 on.
+    assert (missed["event"], missed["data"]) == ("missed", {"events": 3})
+    assert oldest["data"]["n"] == 4
 
 
 @pytest.mark.parametrize(("query", "kinds"), [("?events", {"event"}), ("?status", {"status"})])

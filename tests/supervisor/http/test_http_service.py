@@ -47,56 +47,52 @@ async def test_a_port_that_is_taken_is_tried_again(tmp_path: Path, monkeypatch: 
         assert served.service.status == HttpStatus(listen=address, address=f"http://{address}")
 
 
-async def test_a_host_that_does_not_exist_is_a_problem(tmp_path: Path) -> None:
-    async with serving(tmp_path) as served:
-        served.said.clear()
-        served.service.configure(HttpSection(listen="nowhere.invalid:8480"), "mill-1", Path())
-        await until(lambda: bool(served.said))
-        assert served.said[0][0] == "http-not-open"
-        assert str(served.service.status.problem).startswith("nowhere.invalid:8480: ")
+async def test_a_host_that_does_not_exist_is_a_problem(served: Served) -> None:
+    served.said.clear()
+    served.service.configure(HttpSection(listen="nowhere.invalid:8480"), "mill-1", Path())
+    await until(lambda: bool(served.said))
+    assert served.said[0][0] == "http-not-open"
+    assert str(served.service.status.problem).startswith("nowhere.invalid:8480: ")
 
 
-async def test_another_address_in_the_configuration_is_taken_over(tmp_path: Path) -> None:
-    async with serving(tmp_path) as served:
-        reader = await served.says(EVENTS)
-        await reader.until(b"retry: 2000\n\n")
-        old, served.port = served.port, free_port()
-        served.service.configure(HttpSection(listen=f"[::1]:{served.port}"), "mill-1", Path())
-        await until(lambda: len(served.said) == 2)
-        assert served.said[1] == ("http-ready", {"address": f"http://[::1]:{served.port}"})
-        await reader.rest()  # it is closed: whoever reads comes back where the gateway is now
-        with pytest.raises(ConnectionRefusedError):
-            await asyncio.open_connection("127.0.0.1", old)
-        _, writer = await asyncio.open_connection("::1", served.port)
-        writer.transport.abort()
-        served.service.configure(HttpSection(listen=""), "mill-1", Path())
-        await until(lambda: served.service.status.address is None)
-        assert served.service.status == HttpStatus()
-        with pytest.raises(ConnectionRefusedError):
-            await asyncio.open_connection("::1", served.port)
-        assert (await served.ask("/metrics", is_local=True)).status == 200
+async def test_another_address_in_the_configuration_is_taken_over(served: Served) -> None:
+    reader = await served.says(EVENTS)
+    await reader.until(b"retry: 2000\n\n")
+    old, served.port = served.port, free_port()
+    served.service.configure(HttpSection(listen=f"[::1]:{served.port}"), "mill-1", Path())
+    await until(lambda: len(served.said) == 2)
+    assert served.said[1] == ("http-ready", {"address": f"http://[::1]:{served.port}"})
+    await reader.rest()  # it is closed: whoever reads comes back where the gateway is now
+    with pytest.raises(ConnectionRefusedError):
+        await asyncio.open_connection("127.0.0.1", old)
+    _, writer = await asyncio.open_connection("::1", served.port)
+    writer.transport.abort()
+    served.service.configure(HttpSection(listen=""), "mill-1", Path())
+    await until(lambda: served.service.status.address is None)
+    assert served.service.status == HttpStatus()
+    with pytest.raises(ConnectionRefusedError):
+        await asyncio.open_connection("::1", served.port)
+    assert (await served.ask("/metrics", is_local=True)).status == 200
 
 
 @pytest.mark.parametrize("turns", range(5))
-async def test_who_connected_just_before_the_end_is_not_left_hanging(tmp_path: Path, turns: int) -> None:
-    async with serving(tmp_path) as served:
-        with socket.create_connection(("127.0.0.1", served.port), timeout=30) as there:
-            for _ in range(turns):
-                await asyncio.sleep(0)
-            served.service.configure(HttpSection(listen=""), "mill-1", Path())
-            with contextlib.suppress(ConnectionError):
-                there.sendall(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n")
-                while await asyncio.get_running_loop().run_in_executor(None, there.recv, 65536):
-                    pass
+async def test_who_connected_just_before_the_end_is_not_left_hanging(served: Served, turns: int) -> None:
+    with socket.create_connection(("127.0.0.1", served.port), timeout=30) as there:
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        served.service.configure(HttpSection(listen=""), "mill-1", Path())
+        with contextlib.suppress(ConnectionError):
+            there.sendall(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            while await asyncio.get_running_loop().run_in_executor(None, there.recv, 65536):
+                pass
 
 
-async def test_what_stays_the_same_disturbs_nobody(tmp_path: Path) -> None:
-    async with serving(tmp_path) as served:
-        line = await served.connect()
-        served.service.configure(HttpSection(listen=f"127.0.0.1:{served.port}"), "mill-1", Path())
-        await line.say("GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n")
-        assert (await line.hear()).status == 200
-        assert len(served.said) == 1
+async def test_what_stays_the_same_disturbs_nobody(served: Served) -> None:
+    line = await served.connect()
+    served.service.configure(HttpSection(listen=f"127.0.0.1:{served.port}"), "mill-1", Path())
+    await line.say("GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n")
+    assert (await line.hear()).status == 200
+    assert len(served.said) == 1
 
 
 async def test_the_end_waits_for_nobody_and_leaves_nothing(tmp_path: Path) -> None:
@@ -170,10 +166,7 @@ async def test_a_mistake_of_ours_is_an_answer_and_a_note(
     async with serving(tmp_path) as served:
         served.broadcast.publish(model_of({"troubles": [{"kind": "none"}]}))
         failed = await served.ask("/healthz")
-        assert (failed.status, failed.data) == (
-            500,
-            {"problem": "an error in the supervisor; see its log"},
-        )
+        assert (failed.status, failed.data) == (500, {"problem": "an error in the supervisor; see its log"})
         assert (await served.ask("/healthz")).status == 500
         assert served.said[1:] == [("http-failed", {"detail": "/healthz: KeyError: 'none'"})]  # once a minute
         assert (await served.ask("/status")).status == 200

@@ -68,12 +68,7 @@ def test_each_term_has_a_line_below_the_correction(visit: Visit) -> None:
             "sensor silent for 2 min 5 s: held",
             "warning",
         ),
-        (
-            thermal("held", celsius=None, age_s=None),
-            "adds −57.5\u202fµm",
-            "sensor silent: held",
-            "warning",
-        ),
+        (thermal("held", celsius=None, age_s=None), "adds −57.5\u202fµm", "sensor silent: held", "warning"),
         (
             thermal("fading", age_s=700.0, correction=-0.0123),
             "30.5\u202f°C adds −12.3\u202fµm",

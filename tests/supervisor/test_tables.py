@@ -1,8 +1,12 @@
-"""What counts of a tables folder in which files move; no relay runs, everything goes into the state."""
+"""What counts of a tables folder in which files move."""
 
+import asyncio
+import os
 import resource
+import shutil
 import socket
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -13,9 +17,10 @@ from gateway.state.last_good import last_plan
 from gateway.state.plan import read_plan
 from gateway.status.axis import TableStatus
 from gateway.supervisor.debounce import FileStamp
-from gateway.supervisor.file_stamps import scan
+from gateway.supervisor.file_stamps import ignore_broken_leases, scan
 from gateway.supervisor.table_files import TableFiles
 from gateway.supervisor.tables import Reloader
+from gateway.supervisor.watching import Watch
 from tests.support.config import RAMP, STEEPER, axis, one_axis, section, written
 
 
@@ -269,3 +274,184 @@ def test_a_good_file_that_its_group_holds_back_is_not_called_active(pair: Path) 
     table(pair, "y").write_text(RAMP.replace("AXIS X", "AXIS Y"))
     assert shown(reloader) == {"x": ("active", None), "y": ("active", None)}
     assert largest(pair) == 0.2
+
+
+# What is seen of table files from outside, on a real folder.
+
+
+NAME = "x.tab"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / NAME).write_text("one")
+    return tmp_path
+
+
+def seen(folder: Path) -> FileStamp:
+    return scan(folder, [NAME])[NAME]
+
+
+def test_the_same_file_looks_the_same(folder: Path) -> None:
+    assert seen(folder) == seen(folder)
+
+
+def test_a_save_in_place_of_the_same_length_is_seen(folder: Path) -> None:
+    before = seen(folder)
+    times = (folder / NAME).stat()
+    (folder / NAME).write_text("two")
+    os.utime(folder / NAME, ns=(times.st_atime_ns, times.st_mtime_ns))  # as tools that keep times do
+    assert seen(folder) != before
+
+
+def test_a_file_renamed_over_it_is_seen(folder: Path) -> None:
+    before = seen(folder)
+    (folder / "new").write_text("two")
+    (folder / "new").replace(folder / NAME)
+    assert seen(folder) != before
+
+
+def test_a_swapped_symlink_is_seen_as_kubernetes_does_it(tmp_path: Path) -> None:
+    for version in ("..1", "..2"):
+        (tmp_path / version).mkdir()
+        (tmp_path / version / NAME).write_text(f"table {version}")
+    (tmp_path / "..data").symlink_to("..1")
+    (tmp_path / NAME).symlink_to(f"..data/{NAME}")
+    before = seen(tmp_path)
+    (tmp_path / "..data_tmp").symlink_to("..2")
+    (tmp_path / "..data_tmp").replace(tmp_path / "..data")
+    assert before.is_there
+    assert seen(tmp_path).is_there
+    assert seen(tmp_path) != before
+
+
+def test_a_file_that_is_missing_or_renamed_to_bak_is_not_there(folder: Path) -> None:
+    (folder / NAME).rename(folder / "x.bak")
+    assert not seen(folder).is_there
+    (folder / "x.bak").unlink()
+    assert not seen(folder).is_there
+
+
+def test_in_a_folder_that_vanished_nothing_is_gone(folder: Path) -> None:
+    before = seen(folder)
+    shutil.rmtree(folder)
+    assert seen(folder).is_there
+    assert seen(folder) != before
+
+
+def test_a_symlink_loop_is_a_file_that_cannot_be_read(tmp_path: Path) -> None:
+    (tmp_path / NAME).symlink_to(NAME)
+    assert seen(tmp_path).is_there
+    assert seen(tmp_path) == seen(tmp_path)
+
+
+def test_a_file_that_a_program_has_open_for_writing_is_being_written(folder: Path) -> None:
+    ignore_broken_leases()
+    assert not seen(folder).is_being_written
+    with (folder / NAME).open("a"):
+        assert seen(folder).is_being_written
+    with (folder / NAME).open():
+        assert not seen(folder).is_being_written
+    assert not seen(folder).is_being_written
+
+
+def test_nothing_but_a_file_is_opened(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / NAME)
+    descriptor = os.open(tmp_path / NAME, os.O_RDWR | os.O_NONBLOCK)
+    try:
+        assert not seen(tmp_path).is_being_written
+    finally:
+        os.close(descriptor)
+
+
+# The watch over the tables folder: what it lets be read, and when it looks again.
+
+
+NAMES = {"x": "x.tab"}
+
+
+async def test_following_the_same_files_again_does_not_cut_the_rest_short(tmp_path: Path) -> None:
+    watch = Watch()
+    watch.follow(tmp_path, NAMES)
+    await watch.rest()  # woken once, by the files that are new
+    watch.follow(tmp_path, NAMES)
+    resting = asyncio.create_task(watch.rest())
+    for _ in range(5):
+        await asyncio.sleep(0)
+    is_resting = not resting.done()
+    resting.cancel()
+    assert is_resting
+
+
+@pytest.mark.parametrize("turns", range(6))
+async def test_a_rest_that_is_woken_and_ended_at_once_ends(turns: int) -> None:
+    """``asyncio.wait_for`` of Python 3.11 loses a cancellation that comes with what it waits for."""
+    watch = Watch()
+
+    async def go_on() -> None:
+        while True:
+            await watch.rest()
+
+    resting = asyncio.create_task(go_on())
+    for _ in range(5):
+        await asyncio.sleep(0)
+    watch.wake()
+    for _ in range(turns):
+        await asyncio.sleep(0)
+    resting.cancel()
+    for _ in range(10):
+        await asyncio.sleep(0)
+    assert resting.done()
+
+
+async def test_a_file_counts_as_it_was_seen_once_it_was_taken(tmp_path: Path) -> None:
+    (tmp_path / "x.tab").write_text("one")
+    watch = Watch()
+    watch.follow(tmp_path, NAMES)
+    assert watch.still == {}
+    await watch.scan()
+    assert watch.still == {"x.tab": None}
+    began_s = time.monotonic()
+    seen = scan(tmp_path, ["x.tab"])
+    watch.take(seen, began_s=began_s)
+    assert watch.still == seen
+    watch.take({}, waiting={"x"}, began_s=began_s)
+    assert watch.moving == {"x"}
+
+
+async def test_a_file_that_was_read_since_the_last_look_does_not_move(tmp_path: Path) -> None:
+    table = tmp_path / "x.tab"
+    table.write_text("one")
+    watch = Watch()
+    watch.follow(tmp_path, NAMES)
+    await watch.scan()
+    watch.take(scan(tmp_path, ["x.tab"]), began_s=time.monotonic())
+    table.write_text("another")
+    began_s = time.monotonic()
+    seen = scan(tmp_path, ["x.tab"])  # as a reload that somebody asks for does
+    watch.take(seen, began_s=began_s)
+    assert watch.moving == frozenset()
+    assert watch.still == seen
+
+
+async def test_a_file_that_changed_while_it_was_read_moves(tmp_path: Path) -> None:
+    table = tmp_path / "x.tab"
+    table.write_text("one")
+    watch = Watch()
+    watch.follow(tmp_path, NAMES)
+    began_s = time.monotonic()
+    seen = scan(tmp_path, ["x.tab"])
+    table.write_text("another")
+    await watch.scan()
+    watch.take(seen, began_s=began_s)
+    assert watch.moving == {"x"}
+
+
+async def test_what_was_seen_in_another_folder_says_nothing(tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    (tmp_path / "x.tab").write_text("one")
+    watch = Watch()
+    watch.follow(tmp_path, NAMES)
+    await watch.scan()
+    watch.follow(tmp_path / "other", NAMES)
+    assert (dict(watch.still), dict(watch.stamps)) == ({}, {})
