@@ -4,8 +4,6 @@ import json
 import os
 import pwd
 import re
-import select
-import signal
 import socket
 import subprocess
 import tomllib
@@ -19,7 +17,7 @@ from gateway.cli.app import app
 from gateway.commissioning.serial_ports import serial_ports
 from gateway.config.load import load
 from gateway.drives import library
-from tests.support.processes import COMMAND, started
+from tests.support.processes import COMMAND, press_ctrl_c_at_question, started
 
 OWN = """\
 title = "A drive of mine"
@@ -398,13 +396,7 @@ def test_ctrl_c_at_a_question_ends_it_with_nothing_written(tmp_path: Path) -> No
             more = os.read(process.stderr.fileno(), 1000)
             assert more, said
             said += more
-        # Between the question and the reading of its answer lies a moment in which CPython only takes note of
-        # Ctrl-C, and looks for it again after the answer: whoever presses it then presses it again,
-        # and not where it has been heard: an interpreter that is ending would be killed by it.
-        for _ in range(12):
-            process.send_signal(signal.SIGINT)
-            if select.select([process.stderr], [], [], 5.0)[0]:
-                break
+        press_ctrl_c_at_question(process.pid)
         said += process.stderr.read()
         assert process.wait(30) == 1
     os.close(controlling)

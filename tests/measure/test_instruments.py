@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import os
-import signal
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
@@ -16,6 +15,7 @@ from gateway.simulator.pty import Pty
 from gateway.simulator.screw import Screw
 from gateway.transport.null_modem import NullModem
 from tests.measure.site import COUNTS_PER_MM, SECONDS, Gauge, Machine, Typed, gateway, measuring
+from tests.support.processes import press_ctrl_c_at_question
 
 FEW = ("--from", "0", "--to", "10", "--step", "10", "--runs", "1", "--dwell", "0", "--yes")
 STRAIGHT = Screw(length_mm=100.0, progressive_um_per_m=1000.0)
@@ -277,7 +277,7 @@ async def test_a_person_who_says_no_moves_nothing_and_q_ends_it(tmp_path: Path) 
                     assert await typed.end() == 1
                 async with measuring(machine, *asked, stdin=slave) as typed:
                     await Terminal(typed, pty).sees("may the axis move? [y/N]:")
-                    typed.process.send_signal(signal.SIGINT)
+                    press_ctrl_c_at_question(typed.process.pid)
                     assert await typed.end() == 130
                     assert "nothing was moved" in typed.stderr
                 assert machine.commanded() == []

@@ -169,6 +169,32 @@ def is_alive(pid: int) -> bool:
         return False
 
 
+def press_ctrl_c_at_question(pid: int) -> None:
+    """Send SIGINT to a program that asks, once it sleeps in the reading of the answer.
+
+    Between the last look of CPython for signals and its blocking read lies a moment: a signal that comes then
+    is noted, and heard only after the answer. A person presses again; a test would wait for ever.
+    """
+    deadline_s = time.monotonic() + SECONDS
+    while not _sleeps_reading_input(pid):
+        assert time.monotonic() < deadline_s, f"{pid} does not read its standard input"
+        time.sleep(0.001)  # another process: nothing tells when it sleeps
+    os.kill(pid, signal.SIGINT)
+
+
+def _sleeps_reading_input(pid: int) -> bool:
+    """Whether a program sleeps in a system call on its standard input: its first argument is 0.
+
+    A kernel that does not show the call still shows that the program sleeps. After its question that says the
+    same: until the read it waits for nothing.
+    """
+    try:
+        call = Path(f"/proc/{pid}/syscall").read_text().split()  # "running", or the number and the arguments
+    except OSError:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "S"
+    return call[1:2] == ["0x0"]
+
+
 def wait_until_dead(pid: int) -> None:
     """Wait for the end of a process that is not ours to wait for."""
     try:
