@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tarfile
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -68,15 +68,20 @@ def checkout(folder: Path) -> Path:
 
 
 @pytest.fixture(scope="module")
-def committed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return checkout(tmp_path_factory.mktemp("committed") / "checkout")
+def committed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    folder = checkout(tmp_path_factory.mktemp("committed") / "checkout")
+    yield folder
+    assert git(folder, "status", "--porcelain") == ""  # its copies share its files
 
 
 @pytest.fixture
 def own(committed: Path, tmp_path: Path) -> Path:
-    """A copy of that checkout: to commit all of it anew takes longer than most of what is tried on it."""
+    """A copy of that checkout: to commit all of it anew takes longer than most of what is tried on it.
+
+    Its files are the same ones, for to write thousands takes seconds too: what changes is written anew.
+    """
     folder = tmp_path / "checkout"
-    subprocess.run(["cp", "--archive", committed, folder], check=True)
+    subprocess.run(["cp", "--archive", "--link", committed, folder], check=True)
     return folder
 
 
@@ -104,6 +109,7 @@ def release(
 def edit(path: Path, old: str, new: str) -> None:
     text = path.read_text()
     assert old in text
+    path.unlink()
     path.write_text(text.replace(old, new, 1))
 
 
@@ -158,6 +164,7 @@ def test_a_version_without_its_dated_section_is_no_release(own: Path, heading: s
 def test_a_version_that_is_another_commit_already_is_no_release(own: Path) -> None:
     git(own, "tag", f"v{VERSION}")
     tagged = git(own, "rev-parse", "--short=7", "HEAD")
+    (own / "README.md").unlink()
     (own / "README.md").write_text("another\n")
     now = commit(own)
     assert release(own, *QUICK, expected=1) == (
