@@ -35,6 +35,11 @@ def pytest_configure(config: pytest.Config) -> None:
     config.pluginmanager.register(needs)
 
 
+def pytest_collection() -> None:
+    """Look for no garbage while tests are collected: hardly anything of it is."""
+    gc.disable()
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_collect_file() -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
     """Look for doctests only in files that have some: each worker would load and search all others too."""
@@ -80,6 +85,7 @@ _thawing = _Thawing()
 
 
 def pytest_collection_finish() -> None:
+    gc.enable()
     _thawing.freeze()
 
 

@@ -145,12 +145,15 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     return True if is_other else None
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    for item in items:
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file(file_path: Path) -> Iterator[list[pytest.Collector]]:
+    """Mark the files, not each of their thousands of tests: these have the marks of their file."""
+    collectors: list[pytest.Collector] = yield
+    for collector in collectors:
         for mark, needed in MARKS.items():
-            if needs_of(item.path) <= needed:
-                item.add_marker(mark)
+            if needs_of(file_path) <= needed:
+                collector.add_marker(mark)
+    return collectors
 
 
 @pytest.hookimpl(wrapper=True)
