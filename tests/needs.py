@@ -12,7 +12,7 @@ anywhere that starts a program nevertheless, through whatever code, fails with a
 import functools
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -146,9 +146,11 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_collect_file(file_path: Path) -> Iterator[list[pytest.Collector]]:
+def pytest_collect_file(
+    file_path: Path,
+) -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
     """Mark the files, not each of their thousands of tests: these have the marks of their file."""
-    collectors: list[pytest.Collector] = yield
+    collectors = yield
     for collector in collectors:
         for mark, needed in MARKS.items():
             if needs_of(file_path) <= needed:
