@@ -259,7 +259,7 @@ SECOND_WRITER: Final = EventEntry(
     "a controller tried to move an axis that another one is moving; it got exception 6",
     "a panel that jogs while the program runs, two programs at once, or an attack. Or the first "
     "controller triggers in every cycle and so never releases the axis",
-    "let one finish: `writer` (on a terminal `moved by`) of the axis in `status` names it. Trigger only on "
+    "let one finish: in `status`, `writer` of the axis (on a terminal `moved by`) names it. Trigger only on "
     'changes. If both must move the axis, set `writers = "any"`',
 )
 INTERNAL_FAULT: Final = EventEntry(

@@ -131,8 +131,8 @@ CAPTURE_FAILED: Final = EventEntry(
     "capture-failed",
     Severity.WARNING,
     "the frames around the event `on` could not be written",
-    "the state folder is full, the relay is away, or it was started with `size_mb = 0`",
-    "do what the detail says. `pitch-gateway capture CONFIG FILE` saves what is left to a folder with room",
+    "the state folder is full, the relay does not run, or it was started with `size_mb = 0`",
+    "do what the detail says. `pitch-gateway capture CONFIG FILE` saves the frames to a folder with room",
 )
 SUPERVISING: Final = EventEntry(
     "supervising", Severity.INFO, "the supervisor begins, with the configuration that it follows", "a start"

@@ -163,15 +163,15 @@ GROUP_CANNOT_FOLLOW: Final = RefusalEntry(
 )
 NOT_OURS: Final = RefusalEntry(
     0x04,
-    "a trigger, and its target was not written through the gateway",
+    "the target of this trigger was not written through the gateway",
     ': write it again (stored_moves = "uncorrected" lets it pass)',
     "the drive holds a target from before the start of the gateway, or from another master",
     'write the target again, or set `stored_moves = "uncorrected"`',
 )
 KEPT_POSITION: Final = RefusalEntry(
     0x04,
-    "it runs a position that the drive keeps",
-    ', and nobody knows which correction that carries (stored_moves = "uncorrected" lets it pass)',
+    "it runs a position stored in the drive",
+    ', whose correction is unknown (stored_moves = "uncorrected" lets it pass)',
     "a trigger or mode under `stored`",
     'have the controller write targets, or set `stored_moves = "uncorrected"`',
 )
@@ -228,7 +228,7 @@ BASE_UNKNOWN: Final = RefusalEntry(
 )
 POSITION_WITHHELD: Final = RefusalEntry(
     0x06,
-    "its drive was out of reach or lost its reference, and nothing tells whether it stands at this target",
+    "its drive was out of reach or lost its reference, and may no longer be at this target",
     ": read its actual position, or command another target",
     "the last target was repeated after a loss, and the gateway may not read the position: the drive's "
     "zero may have changed",
@@ -296,8 +296,8 @@ BACKED_OFF: Final = RefusalEntry(
     0x0B,
     "",
     "",
-    "the drive, or another of its group, left three requests in a row unanswered; only trials are sent. "
-    "Also on a serial controller's port",
+    "the drive, or another of its group, left three requests in a row unanswered. The gateway tries it "
+    "only now and then. A serial controller gets this exception too",
     "see `drive-backed-off`",
 )
 TOO_LATE: Final = RefusalEntry(
@@ -305,7 +305,7 @@ TOO_LATE: Final = RefusalEntry(
     "",
     "",
     "the drive was silent; less than half of its controller's `timeout_ms` would have been left, so the "
-    "request was not sent. Also on a serial controller's port",
+    "request was not sent. A serial controller gets this exception too",
     "see `drive-silent`. The counter `too_late` of the line says how often",
 )
 REFUSALS: Final = tuple(each for each in tuple(globals().values()) if isinstance(each, RefusalEntry))

@@ -15,7 +15,7 @@ EXIT_CODES: Final[Mapping[int, str]] = {
     2: "wrong usage: an unknown option or argument",
 }
 
-_CHOOSE_ANOTHER: Final = "do what it says, or choose another folder with `[gateway] state`"
+_CHOOSE_ANOTHER: Final = "do what the message says, or choose another folder with `[gateway] state`"
 _COMPILE: Final = "run `pitch-gateway check --compile CONFIG`"
 
 NOT_TOML: Final = StartEntry(
@@ -47,7 +47,7 @@ ANOTHER_RELEASE: Final = StartEntry(
 TLS_FILE: Final = StartEntry(
     "tls.{problem}",
     "a file of `tls` is missing, not handed over, of another user, or became readable by others",
-    "do what it says; `pitch-gateway check CONFIG` checks all of them",
+    "do what the message says; `pitch-gateway check CONFIG` checks all of them",
 )
 DAMAGED: Final = StartEntry(
     "{plan} is damaged", "a full or faulty disk, or another file in its place", _COMPILE
@@ -58,7 +58,7 @@ ANOTHER_TABLE: Final = StartEntry(
 )
 SUPERVISOR_RUNS: Final = StartEntry(
     "gateway.state: {place} belongs to a supervisor that runs",
-    "`supervise` beside `run`, or two of them",
+    "two supervisors on one state folder: `supervise` beside `run`, or twice",
     "stop the other one, or give this gateway its own state folder",
 )
 GATEWAY_RUNS: Final = StartEntry(
@@ -67,7 +67,7 @@ GATEWAY_RUNS: Final = StartEntry(
     "stop it first, or give this one its own state folder",
 )
 NO_SOCKET: Final = StartEntry(
-    "{path} is there and is no socket", "a file has the name of the socket", "move the file away"
+    "{path} exists and is not a socket", "a file has the name of the socket", "move the file away"
 )
 NEWER_RELEASE: Final = StartEntry(
     "{state} was written by a newer release",
@@ -84,7 +84,7 @@ LINK_TO_NOTHING: Final = StartEntry(
     "{path} is a link to {target}", "the state folder is a broken link", _CHOOSE_ANOTHER
 )
 NOT_A_FOLDER: Final = StartEntry(
-    "{path} is {kind}, and no folder", "a file in place of the state folder", _CHOOSE_ANOTHER
+    "{path} is {kind}, not a folder", "a file in place of the state folder", _CHOOSE_ANOTHER
 )
 ANOTHER_FOLDER: Final = StartEntry(
     "{folder} is another folder than the one that the gateway uses",
@@ -114,7 +114,7 @@ MAY_NOT_LISTEN: Final = StartEntry(
     "or choose a higher port",
 )
 NO_ADDRESS_HERE: Final = StartEntry(
-    "{endpoint} is no address of this machine",
+    "{endpoint} is not an address of this machine",
     "`tcp` of a controller",
     "use one that `ip address` lists",
 )

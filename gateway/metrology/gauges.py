@@ -142,7 +142,8 @@ def _matching(text: str, pattern: re.Pattern[str], unit: str) -> float:
     number = to_decimal((found[VALUE] or "").replace(" ", "").replace(",", "."))
     if number is None:
         raise GaugeError(
-            f"the line {text[:SHOWN]!r}: the value {found[VALUE]!r} of --gauge-pattern is not a number"
+            f"the line {text[:SHOWN]!r}: --gauge-pattern finds {found[VALUE]!r}, which is not a number: "
+            "correct it"
         )
     shown = found[UNIT] if UNIT in pattern.groupindex else None
     if shown is not None and _UNIT_NAMES.get(shown, shown) != unit:

@@ -48,10 +48,10 @@ def test_the_length_counts_in_bytes_and_from_the_root(tmp_path: Path) -> None:
 def test_a_file_where_the_folder_should_be_is_refused(tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("")
     problem = refused(tmp_path, "taken")
-    assert problem.found == f"{tmp_path}/taken is a file, and no folder"
+    assert problem.found == f"{tmp_path}/taken is a file, not a folder"
     assert problem.remedy == "move it away, or choose another folder with [gateway] state"
     above = refused(tmp_path, "taken/state")
-    assert above.found == f"{tmp_path}/taken is a file, and no folder"
+    assert above.found == f"{tmp_path}/taken is a file, not a folder"
 
 
 def test_a_link_that_leads_nowhere_is_refused_and_one_to_a_folder_is_not(tmp_path: Path) -> None:
@@ -68,7 +68,7 @@ def test_a_link_that_leads_nowhere_is_refused_and_one_to_a_folder_is_not(tmp_pat
 
 def test_a_fifo_is_named_as_what_it_is(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "fifo")
-    assert refused(tmp_path, "fifo").found == f"{tmp_path}/fifo is a FIFO, and no folder"
+    assert refused(tmp_path, "fifo").found == f"{tmp_path}/fifo is a FIFO, not a folder"
 
 
 def test_a_folder_that_every_user_may_write_to_is_a_warning(tmp_path: Path) -> None:

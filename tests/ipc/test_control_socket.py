@@ -104,7 +104,7 @@ async def test_somebody_elses_socket_is_left_alone(tmp_path: Path) -> None:
 
 async def test_a_file_in_its_place_is_not_removed(tmp_path: Path) -> None:
     socket_path(tmp_path).write_text("notes")
-    with pytest.raises(SocketError, match="is there and is no socket; move it away"):
+    with pytest.raises(SocketError, match="exists and is not a socket; move it away"):
         await ControlServer(tmp_path, echo).open()
     assert socket_path(tmp_path).read_text() == "notes"
 

@@ -162,7 +162,7 @@ async def test_a_dial_that_counts_down_is_named_at_the_first_block(tmp_path: Pat
     [
         (WALK, "block-walk: the block: give either its grade"),
         ((*WALK, "--block-grade", "1", "--block-uncertainty", "0.1"), "block-walk: the block: give either"),
-        ((*WALK, "--block-grade", "1", "--step", "5"), "--step, --targets: remove them"),
+        ((*WALK, "--block-grade", "1", "--step", "5"), "remove --step and --targets: a block-walk has"),
         (WALK[:-2], "block-walk: give --block, the length of the block, and --dial-range"),
         (WALK[:2], "give --from and --to: the ends of the walk"),
         ((*WALK[:5], "30", *WALK[6:], "--block-grade", "1"), "the range must be at least twice the block"),

@@ -96,7 +96,7 @@ def test_a_pattern_that_names_no_number_is_refused(pattern: str, words: str) -> 
 
 
 def test_a_value_that_is_no_number_is_refused() -> None:
-    with pytest.raises(GaugeError, match="the value 'on' of --gauge-pattern is not a number"):
+    with pytest.raises(GaugeError, match="--gauge-pattern finds 'on', which is not a number: correct it"):
         reading_of(GaugeKind.PATTERN, b"on", pattern_of("(?P<value>.*)"))
 
 

@@ -131,7 +131,7 @@ def walk_plan_of(grid: Grid, given: WalkOptions, axis: AxisPlan) -> WalkPlan:
     if grid.low is None or grid.high is None:
         raise AxisError("give --from and --to: the ends of the walk, as machine positions")
     if grid.step is not None or grid.targets is not None:
-        raise AxisError("--step, --targets: remove them: block-walk places by --placements")
+        raise AxisError("remove --step and --targets: a block-walk has --placements instead")
     if given.block is None or given.dial_range is None:
         raise AxisError(
             "block-walk: give --block, the length of the block, and --dial-range, the range of the dial that "
