@@ -36,7 +36,7 @@ def why_not_kept(axis: Axis) -> str:
         return "the axis is in shadow mode"
     if axis.plan.table is None:
         return "the axis has no table"
-    return "" if axis.plan.actual else "no register tells where the axis stands"
+    return "" if axis.plan.actual else "no register of the actual position is mapped"
 
 
 class AxisRecord:

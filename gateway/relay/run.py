@@ -216,7 +216,7 @@ class _Log:
         waits = "no exchange is on a wire"
         if busy:
             waits = f"waits up to {max(busy.values()):g} s for the exchange on {', '.join(busy)} to end"
-        self.log(events.STOPPING, lines=list(busy), detail=f"{waits}; a second signal ends at once")
+        self.log(events.STOPPING, lines=list(busy), detail=f"{waits}; a second signal ends it immediately")
 
     def plan(self, plan: GatewayPlan) -> None:
         self.log(events.STARTING, gateway=plan.name, compiled=is_compiled())

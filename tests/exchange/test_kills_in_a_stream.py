@@ -139,7 +139,7 @@ def test_a_drive_that_was_moved_meanwhile_and_stands_does_not() -> None:
     line = lagging()
     line.drive.counts_per_ms = 0.0
     again = line.killed(24_000, "taken", 20)
-    assert again.bench.told[0].startswith("the drive stands at ")
+    assert again.bench.told[0].startswith("the drive is at ")
     assert again.bench.told[0].endswith("it starts without its record")
     assert len(again.bench.seen) <= 110  # 100 ms of looking, a reply takes one
 
@@ -155,7 +155,7 @@ def test_an_old_record_counts_only_where_the_drive_stands_as_it_says(spoil: str)
         buffer[HEADER.size : HEADER.size + BOOT.size + 4] = bytes(BOOT.size + 4)
     line.drive.counts_per_ms = 0.01
     again = line.killed(24_000, "taken", 5_001 if spoil == "later" else 20)
-    assert again.bench.told[0].startswith("the drive stands at ")
+    assert again.bench.told[0].startswith("the drive is at ")
     assert len(again.bench.seen) == 1
 
 

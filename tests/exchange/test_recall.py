@@ -243,7 +243,7 @@ def again(bench: StagedBench, records: Records, after_ms: float, plan: AxisPlan 
 
 
 def test_m5_a_distance_that_was_obeyed_right_before_a_kill_counts_where_its_end_is_seen_twice() -> None:
-    """Before: "the drive stands at 34990 counts, which is a lost target…", it read 34 990, and a distance
+    """Before: "the drive is at 34990 counts: a lost target…", it read 34 990, and a distance
     went from there."""
     bench, records = killed()
     started = again(bench, records, 1_300)

@@ -241,7 +241,7 @@ def test_an_axis_moved_by_hand_meanwhile_starts_without_its_record() -> None:
     bench.memory.put(ACTUAL, 19_993)
     again = bench.restarted()
     assert again.told == [
-        "the drive stands at 19993 counts, and the record says at 19990; it starts without its record"
+        "the drive is at 19993 counts, and the record says at 19990; it starts without its record"
     ]
     assert again.records.read() is None
     assert again.actual() == 19_993

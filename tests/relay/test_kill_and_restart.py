@@ -311,4 +311,4 @@ def test_a_drive_that_was_moved_by_hand_is_read_as_it_stands(tmp_path: Path) -> 
         each.run()
         assert each.actual() == 39_000
         detail = each.note("record-not-used", "restored")["detail"]
-        assert detail.startswith("the drive stands at 39000 counts, and the record says at 40040")
+        assert detail.startswith("the drive is at 39000 counts, and the record says at 40040")

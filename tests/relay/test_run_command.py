@@ -71,7 +71,7 @@ async def test_a_second_signal_ends_and_says_what_was_not_finished(bench: Bench,
         stopping = await event(program, "stopping")
         # The time-out of the drives, 3600 s, and a second.
         assert stopping["detail"] == (
-            "waits up to 3601 s for the exchange on xyz to end; a second signal ends at once"
+            "waits up to 3601 s for the exchange on xyz to end; a second signal ends it immediately"
         )
         program.process.send_signal(signal.SIGINT)
         ended = await event(program, "stopped-at-once")
@@ -108,7 +108,7 @@ async def test_the_log_is_in_order_and_status_lines_count_everything(bench: Benc
     times = [note["timestamp"] for note in notes]
     assert times == sorted(times)
     assert [note["event"] for note in notes[-2:]] == ["stopping", "stopped"]
-    assert notes[-2]["detail"] == "no exchange is on a wire; a second signal ends at once"
+    assert notes[-2]["detail"] == "no exchange is on a wire; a second signal ends it immediately"
 
 
 def test_a_port_in_use_is_one_line_with_its_key_and_code_1(tmp_path: Path) -> None:

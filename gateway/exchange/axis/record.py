@@ -347,9 +347,7 @@ def find(motion: Motion, record: Remembered, first: Actual, now: Actual) -> Find
         is_distance or proof_of(motion.plan.settings, record, finding) is Proof.TWO
     ):
         here, before = f"{now.counts:.10g} counts", f"{record.corrected_counts:.10g}"
-        return (
-            f"the drive stands at {here}, which is a lost target, and on the way to the one before, {before}"
-        )
+        return f"the drive is at {here}: a lost target, and also on the way to the one before, {before}"
     if finding is not None:
         return finding
     if motion.compensation.is_stream and record.has_target and _is_recent(record, first):
@@ -362,7 +360,7 @@ def find(motion: Motion, record: Remembered, first: Actual, now: Actual) -> Find
         where = f"at {record.corrected_counts:.10g}"
     else:
         where = f"between {low:.10g} and {high:.10g}"
-    return f"the drive stands at {now.counts:.10g} counts, and the record says {where}"
+    return f"the drive is at {now.counts:.10g} counts, and the record says {where}"
 
 
 def _is_recent(record: Remembered, first: Actual) -> bool:

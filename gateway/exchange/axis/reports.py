@@ -87,7 +87,7 @@ class AxisReports:
             return
         detail = "the drive does not say that it is homed: positions pass 1:1"
         if not self._reference.follows_homed_bit:
-            detail = "it may not stand where its drive says any more: positions pass 1:1"
+            detail = "its drive may report a wrong position: positions pass 1:1"
         if self._reference.waits_for_peers and self._reference.is_found:
             detail = "another axis of its group is not referenced: positions pass 1:1"
         self.report(exchange_events.REFERENCE_LOST, detail)
