@@ -148,7 +148,7 @@ def test_a_person_logs_in_looks_and_logs_out(browser: Browser, tmp_path: Path) -
         page = visit(browser, mill, complaints)
         page.wait_for_selector(LOGIN)
         log_in(page, "a wrong one of thirty-two characters")
-        page.wait_for_selector("#problem:text-is('That is no token of this gateway.')")
+        page.wait_for_selector("#problem:text-is('This gateway does not know this token.')")
         token = mill.token_file.read_text().strip()
         log_in(page, token)
         page.wait_for_selector(AXIS)

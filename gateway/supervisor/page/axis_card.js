@@ -250,7 +250,7 @@ export class AxisCard {
     setAttribute(this.element, "data-outside", isShort ? "yes" : "no");
     setText(
       this.curve.description,
-      t("{count} points from {low} to {high} {units}. Forward {forward}, backward {backward}. The values stand below, under Values of the table.", {
+      t("{count} points from {low} to {high} {units}. Forward {forward}, backward {backward}. The values are below, under Values of the table.", {
         count: axis.table.points,
         low: fixed(table.positions[0], scale.decimals),
         high: fixed(last, scale.decimals),

@@ -69,7 +69,7 @@ export class Banner {
     if (isLost) {
       const age = span(silentMs / 1000);
       setText(this.lostWhat, hasModel ? t("The gateway does not answer. What is shown is {span} old.", { span: age }) : t("The gateway does not answer."));
-      setText(this.lostHow, t("Is it running, and is the network there? This page tries again by itself."));
+      setText(this.lostHow, t("Is it running, and is the network there? This page tries again automatically."));
     }
     if (isLost !== this.isLost) {
       this.isLost = isLost;

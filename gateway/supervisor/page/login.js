@@ -25,7 +25,7 @@ async function logIn() {
       return "";
     }
     if (answer.status === 401) {
-      return t("That is no token of this gateway.");
+      return t("This gateway does not know this token.");
     }
     if (answer.status === 429) {
       const seconds = Number(answer.headers.get("Retry-After")) || 60;
