@@ -155,7 +155,7 @@ def erase(
     *,
     person: Annotated[
         str,
-        typer.Option("--person", metavar="NAME", help="Entries in which this name, user or address stands."),
+        typer.Option("--person", metavar="NAME", help="Entries with this name, user or address."),
     ] = "",
     before: Annotated[
         str, typer.Option("--before", metavar="DATE", help="Entries before this day, as in 2026-11-30.")

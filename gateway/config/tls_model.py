@@ -19,7 +19,7 @@ def read_role_name(raw: object) -> str:
         ValueError: empty, too long, or with invisible characters.
     """
     if not isinstance(raw, str) or not raw.isprintable() or not 0 < len(raw) <= LONGEST_ROLE:
-        raise ValueError(f"allowed: 1 to {LONGEST_ROLE} characters, as they stand in certificates")
+        raise ValueError(f"allowed: 1 to {LONGEST_ROLE} characters, exactly as in the certificates")
     return raw
 
 

@@ -134,7 +134,7 @@ class RepeatedSpec(PositionSpec):
             text=(
                 "only in `command` (as its only entry), `position_like` and `remap`: `count` (1 to 256) "
                 "positions of this kind, each `stride` registers after the previous one; in `command` "
-                "the address of `mode` moves along"
+                "the address of `mode` advances by the same `stride`"
             ),
             kind="`{ count, stride }`",
         ),
