@@ -147,7 +147,7 @@ PART_OF_LIMIT: Final = RefusalEntry(
 )
 TARGET_LOST: Final = RefusalEntry(
     0x04,
-    "a trigger, but a target, its mode or a part of it was lost before",
+    "a target of this trigger, its mode or a part of it was lost before",
     ": write all of it again",
     "the axis is `blocked`: a write before the trigger did not reach the drive. The code is that of the "
     "loss, usually 4, 6, 0x0A or 0x0B",
@@ -221,7 +221,7 @@ LATE: Final = RefusalEntry(
 )
 BASE_UNKNOWN: Final = RefusalEntry(
     0x06,
-    "a relative move, and {why}",
+    "a relative move is refused: {why}",
     ' (relative_unknown = "pass" lets it through unchanged)',
     "the start of the distance is unknown",
     "begin with an absolute move, map `actual` and `bits.done`, or set `relative_unknown`",

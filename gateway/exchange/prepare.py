@@ -397,7 +397,7 @@ def render_relative(
     if is_passing:
         return None
     is_moving = request.prefetched.standstill.get(axis.plan.name) is Standstill.MOVES
-    why = "the axis moves" if is_moving else "nothing tells where the axis is"
+    why = "the axis moves" if is_moving else "the position of the axis is unknown"
     if axis.plan.motion.passes_unknown_relative:
         axis.reports.report(exchange_events.BASE_UNKNOWN, f"a relative move passed unchanged: {why}")
         return None

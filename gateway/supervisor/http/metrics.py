@@ -85,12 +85,12 @@ def _of_gateway(model: Model) -> Iterator[Metric]:
         (
             gateway.snapshot_age_s,
             "snapshot_age_seconds",
-            "Age of what the relay told of itself last.",
+            "Age of the last report of the relay.",
         ),
         (
             gateway.uptime_s,
             "relay_uptime_seconds",
-            "How long the relay had been running when it told of itself last.",
+            "How long the relay had been running at its last report.",
         ),
     ):
         gauge = _gauge(rest, says)
