@@ -8,10 +8,10 @@ usage: environment.sh [options] FOLDER
 
 Makes a virtual environment with pitch-gateway in FOLDER, which must not exist: bin/python3 and
 bin/pitch-gateway, and below share/ the systemd units, udev rules, man pages and completions of this release.
-The checkout that this script stands in is what is installed, with the packages of deploy/requirements.txt; each
+The checkout that contains this script is installed, with the packages of deploy/requirements.txt; each
 is checked by its hash. Its hot path is compiled where there is a C compiler and Python.h.
 
-  --at PATH         where FOLDER will stand in the end; default: where it is made
+  --at PATH         where FOLDER will be in the end; default: where it is made
   --python PYTHON   Python 3.11 or newer with venv; default: python3
   --wheel FILE      install this wheel and not the checkout; compiled or not, as it is
   --compiled        compile the hot path, or fail

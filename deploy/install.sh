@@ -16,7 +16,7 @@ usage: install.sh [options] install | uninstall | rollback | status
   status      what is installed, what runs, what is there. Changes nothing.
 
   --wheel FILE        install this wheel and not the checkout
-  --from DIR          install the checkout in DIR and not the one that this script stands in
+  --from DIR          install the checkout in DIR and not the one that contains this script
   --compiled          fail where the hot path cannot be compiled. By default it is compiled where there is a C compiler
                       and Python.h (Debian: gcc, python3-dev), and installed as Python where not
   --pure              compile nothing

@@ -90,7 +90,7 @@ say_what_runs() {
     local unit
     for unit in "${UNITS[@]:1}"; do
         ! systemctl is-active --quiet "$unit" 2>/dev/null \
-            || say "$unit goes on as it was started: when the machine stands still, systemctl restart $unit"
+            || say "$unit runs as before: at standstill of the machine, systemctl restart $unit"
     done
 }
 
