@@ -17,6 +17,7 @@ from gateway.exchange.added_frames import AddedFrame, Purpose, homed_read, read_
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.axis import MOVES_OTHERWISE, Axis
 from gateway.exchange.axis.gantry import Gantry, GantryEvent
+from gateway.exchange.axis.interlock import Block
 from gateway.exchange.axis.member import Fixed
 from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.axis.registers import JOIN_NS
@@ -338,12 +339,14 @@ def _prepare_peer(request: Request, axis: Axis, first: AxisCommand) -> AddedFram
     if first.number is not None and 1 < count > first.number:
         number = first.number
     words = None if number is None else axis.fields[number].nominal_words
-    is_incomplete = any(
-        field.is_incomplete for field in (axis.fields if number is None else (axis.fields[number],))
-    )
+    fields = axis.fields if number is None else (axis.fields[number],)
+    is_incomplete = any(field.is_incomplete for field in fields)
     if number is None or words is None or is_incomplete:
         may_pass = axis.passes_unchanged or motion.passes_stored_moves
-        if (axis.targets.holds_unrun or is_incomplete) and not may_pass:
+        # Its frame was refused because of the others, or it was taken over with them: it must come again, and
+        # may come after the first. Otherwise both would wait for each other, if one frame writes and runs.
+        may_come_later = axis.interlock.block is Block.OF_GROUP and not any(each.has_part for each in fields)
+        if (axis.targets.holds_unrun or (is_incomplete and not may_come_later)) and not may_pass:
             why = "its target was lost or forgotten, write it again"
             raise refused(refusals.GROUP_CANNOT_FOLLOW, axis.plan.name, exchange_events.STORED_MOVE, why=why)
         return None

@@ -28,8 +28,9 @@ def may_keep_words(axis: Axis, spec: CorrectionSpec) -> bool:
 def keeps_other_words(axis: Axis) -> bool:
     """Whether its next target probably keeps words of another switch, table or gain.
 
-    A target that has not come yet is unknown. It is assumed to be a repeat of the last one.
-    One that was not acknowledged keeps none: where the axis is seen elsewhere, it is rendered anew.
+    A target that has not come yet is unknown. It is assumed to be a repeat of the last one. If there is no
+    last one, or the axis was moved otherwise since, no target can be a repeat. One that was not acknowledged
+    keeps none: where the axis is seen elsewhere, it is rendered anew.
     """
     number, motion = axis.rules.staged, axis.motion
     if motion.unacknowledged is not None:
@@ -40,8 +41,7 @@ def keeps_other_words(axis: Axis) -> bool:
         return spec is not None and is_other(axis, spec)
     if motion.superseded is not None:
         return is_other(axis, motion.superseded.move.state.spec)
-    state = axis.compensation.state
-    return state.position is None or is_other(axis, state.spec)
+    return axis.compensation.accepted is not None and is_other(axis, axis.compensation.state.spec)
 
 
 def spec_of_words(axis: Axis, number: int, nominal_words: bytes) -> CorrectionSpec | None:

@@ -363,9 +363,11 @@ class LineExchange:
         """Withdraw what a controller has given up on; it gets no reply to the request on the wire (W5)."""
         for transaction in self._waiting.give_up(port, is_gone=is_gone):
             self._transactions.withdraw(transaction, reason, now_ns)
-        if self._transactions.current and self._transactions.current.port is port:
+        current = self._transactions.current
+        if current is not None and current.port is port:
             self._drives.end_reply(ForwardEvent.ANEW, now_ns)
-            self._transactions.current.give_up()
+            if is_gone or not current.is_broadcast:  # the frame on the wire may be one that it needs first
+                current.give_up()
 
     def report_standstill(self, gap_ns: int) -> None:
         """Report that the process did not run for a while."""

@@ -7,7 +7,6 @@ from typing import Final
 from gateway.exchange.added_frames import AddedFrame
 from gateway.exchange.ports import ControllerPort
 from gateway.exchange.transaction import Transaction
-from gateway.modbus.pdu import BROADCAST_UNIT_ID
 
 WAITING_BYTES: Final = 1 << 16
 """Limit for the waiting requests of one host; above it they get exception 6 (Messaging guide V1.0b, p.
@@ -153,7 +152,7 @@ class WaitingQueue:
         an RTU controller never waits for them.
         """
         taken = self.withdraw(
-            lambda each: each.port is port and not each.is_stop and (is_gone or not _is_broadcast(each))
+            lambda each: each.port is port and not each.is_stop and (is_gone or not each.is_broadcast)
         )
         for transaction in self:
             if transaction.port is port and transaction.is_stop:
@@ -174,10 +173,6 @@ class WaitingQueue:
         for transaction in taken:
             self._left(transaction)
         return taken
-
-
-def _is_broadcast(transaction: Transaction) -> bool:
-    return transaction.unit_id == BROADCAST_UNIT_ID
 
 
 def _host(port: ControllerPort) -> str:

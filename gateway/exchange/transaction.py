@@ -310,6 +310,11 @@ class Transaction:
         return not self.is_odd and only_reads(self.pdu)
 
     @property
+    def is_broadcast(self) -> bool:
+        """Whether it is for all drives; its controller does not wait for a reply."""
+        return self.unit_id == BROADCAST_UNIT_ID
+
+    @property
     def is_stop(self) -> bool:
         """Whether it stops an axis."""
         return self.stopping is not _NO_STOP

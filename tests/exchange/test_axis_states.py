@@ -421,7 +421,8 @@ def test_each_loss_blocks_and_each_complete_target_lets_go(block: Block, event: 
     assert axis.interlock.block.value == BLOCK_WALK[block.value, event.value]
     assert axis.interlock.block is (BLOCK_AFTER[block][event] or block)
     if block is not Block.NONE:
-        assert axis.interlock.block_code == 4  # that of the loss which blocked it
+        is_its_own_now = (block, event) == (Block.OF_GROUP, BlockEvent.LOST)
+        assert axis.interlock.block_code == (6 if is_its_own_now else 4)  # that of the loss which blocks it
     told = {(True, False): ["axis-blocked"], (False, True): ["axis-released"]}.get(
         (block is Block.NONE, axis.interlock.block is Block.NONE), []
     )

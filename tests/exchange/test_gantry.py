@@ -10,6 +10,7 @@ import pytest
 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
+from gateway.drives.motion import MotionPlan, TriggerPlan
 from gateway.exchange.axis.gantry import GANTRY_AFTER, GantryEvent, GantryState
 from gateway.exchange.commands import ClearTable, EndDryRun, SetTable, TableFor
 from gateway.exchange.control import ControlError
@@ -19,13 +20,16 @@ from tests.exchange.gantry_bench import STATUS_PDU, GantryBench
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, stream_plan, write
 from tests.exchange.staged_bench import (
     BITS,
+    DEEDS,
     HOME_PDU,
     JOG_PDU,
     RUN_PDU,
     RUN_RELATIVE_PDU,
     STATUS,
     STOP_PDU,
+    TRIGGER,
     ZERO_PDU,
+    StagedBench,
     staged_plan,
     sticky,
 )
@@ -1053,14 +1057,14 @@ def test_a_mover_that_kept_its_words_follows_one_that_did_not() -> None:
     assert bench.write(1, 60_000) == [60_000, 60_000]
 
 
-def test_one_that_may_have_kept_its_words_follows_one_that_did_not_in_the_same_round() -> None:
+def test_a_mover_keeps_no_words_beside_one_that_has_no_target_yet() -> None:
     bench = GantryBench(*(axis_plan(name=f"y{unit}", unit_id=unit) for unit in (1, 2)))
     bench.write(1, 50_000)
     bench.wait(10_100)
     bench.switch(is_on=False)
     bench.hides.append((1, bytes.fromhex("10 06 06"), bytes.fromhex("90 04")))
     assert bench.to(1, write(COMMAND, 50_000)) == bytes.fromhex("90 04")
-    assert bench.ends() == [50_010, 0]
+    assert bench.ends() == [50_000, 0]
     bench.write(2, 60_000)
     assert bench.write(1, 50_000) == [50_000, 60_000]
 
@@ -1070,3 +1074,64 @@ def test_a_distance_makes_the_repeat_of_another_axis_anew() -> None:
     bench.stage(2, 10_000)
     assert bench.to(2, RUN_RELATIVE_PDU) == RUN_RELATIVE_PDU
     assert bench.start(1, 60_000) == [60_000, 60_000]
+
+
+def test_a_mover_keeps_no_words_beside_one_that_something_else_has_moved() -> None:
+    """y2 was jogged away, so its next target is a new one. y1 may not keep the words of another switch."""
+    bench = movers()
+    bench.poll(read(ACTUAL))
+    bench.drives[2].put(ACTUAL, 40_000)
+    bench.poll(read(ACTUAL))
+    bench.switch(is_on=False)
+    assert bench.write_all(50_000) == [50_000, 50_000]
+
+
+@pytest.mark.parametrize("stopped", [1, 2])
+def test_a_target_keeps_no_words_beside_one_that_was_stopped(stopped: int) -> None:
+    bench = gantry()
+    bench.stop(stopped)
+    bench.settle()
+    bench.switch(is_on=False)
+    for unit_id in (1, 2):
+        bench.start(unit_id, 50_000)
+    assert bench.ends() == [50_000, 50_000]
+
+
+Y_TRIGGER = TRIGGER + 1
+Y_COMMAND = COMMAND.__class__(TRIGGER + 2, COMMAND.type, COMMAND.order)
+Y_ACTUAL = ACTUAL.__class__(0x0720, ACTUAL.type, ACTUAL.order)
+
+
+def test_a_stop_of_one_axis_is_sent_though_its_frame_runs_a_target_that_is_refused() -> None:
+    """M3: the axes y1 and y2 are on one unit id. y2 has run, y1 has lost its target."""
+    y_motion = MotionPlan(is_staged=True, triggers=(TriggerPlan(Y_TRIGGER, deeds=DEEDS),))
+    y = staged_plan(name="y2", motion=y_motion, command=(Y_COMMAND,), actual=(Y_ACTUAL,), commanded=())
+    bench = StagedBench(staged_plan(name="y1"), y, groups=[("y1", "y2")], serial=False)
+    for place in (COMMAND, Y_COMMAND):
+        assert bench.ask(write(place, 50_000)) == write(place, 50_000)[:5]
+    run_y = bytes.fromhex("06 050F 0001")
+    assert bench.ask(run_y) == run_y
+    bench.unanswered(write(COMMAND, 60_000), 1000, 1000)
+    stop_and_go = bytes.fromhex("10 050E 0004 08 03E8 0001") + write(Y_COMMAND, 60_000)[6:]
+    assert bench.ask(stop_and_go) == stop_and_go[:5]
+    assert bench.drive.moves[-1] == ("stop", 0)
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        MotionPlan(triggers=(TriggerPlan(TRIGGER, deeds=DEEDS),)),
+        MotionPlan(starts_on=frozenset({COMMAND.address})),
+        MotionPlan(starts_on=frozenset({COMMAND.address}), is_staged=True),
+    ],
+    ids=["moves with each write", "starts on a word", "starts on a word, staged"],
+)
+def test_a_group_goes_on_after_a_refused_target_if_one_frame_writes_and_runs(motion: MotionPlan) -> None:
+    """M11: both axes get a target beyond the travel, then an allowed one. Neither waits for the other."""
+    plans = [axis_plan(name=f"y{n}", unit_id=n, motion=motion, travel=(0.0, 100.0)) for n in (1, 2)]
+    bench = Bench(*plans, groups=[("y1", "y2")])
+    for counts, is_allowed in ((50_000, True), (150_000, False), (60_000, True), (70_000, True)):
+        request = write(COMMAND, counts)
+        for unit_id in (1, 2):
+            expected = request[:5] if is_allowed else bytes.fromhex("90 04")
+            assert bench.ask(request, unit_id=unit_id) == expected

@@ -598,3 +598,12 @@ def test_the_same_target_lost_twice_is_proven_by_its_arrival() -> None:
     bench.port.replies.clear()
     bench.memory.put(ACTUAL, 1010)
     assert bench.ask(read(ACTUAL)) == b"\x03\x04" + ACTUAL.pack(1000)
+
+
+def test_m9_an_orderly_close_after_another_loss_makes_up_for_nothing() -> None:
+    bench = after_a_close(is_orderly=False)
+    bench.line.link_down(bench.now_ns, "closed by its peer", is_orderly=True)
+    bench.wait(3000)
+    bench.line.link_up(bench.now_ns)
+    bench.serve()
+    assert bench.refused(RUN_PDU) == 4

@@ -474,3 +474,32 @@ def test_m3_whoever_jogs_may_let_go_although_another_one_took_the_axis_over() ->
     assert bench.ask(RUN_PDU, cnc) == RUN_PDU
     assert bench.ask(LET_GO, pendant) == refusal(LET_GO)  # its jog has ended: this is another move
     assert [kind for kind, _ in bench.drive.moves] == ["jog", "absolute"]
+
+
+def test_w10_a_group_that_was_taken_over_moves_with_frames_that_write_and_run() -> None:
+    """M11: the former writer's targets are lost for both axes, and neither may wait for the other."""
+    motion = MotionPlan(starts_on=frozenset({COMMAND.address}), is_staged=True)
+    plans = [axis_plan(name=name, unit_id=n, motion=motion) for n, name in enumerate(("y1", "y2"), start=1)]
+    bench = Bench(*plans, groups=[("y1", "y2")])
+    cnc, panel = controller("cnc"), controller("panel")
+    for port, counts in ((cnc, 1_000), (panel, 2_000), (cnc, 3_000)):
+        for unit_id in (1, 2):
+            assert bench.ask(write(COMMAND, counts), port, unit_id) == write(COMMAND, counts)[:5]
+        bench.wait(HOLD_MS + 10_000)
+
+
+def test_w10_a_group_that_was_taken_over_runs_no_target_of_its_former_writer() -> None:
+    plans = [staged_plan(name=name, unit_id=n) for n, name in enumerate(("y1", "y2"), start=1)]
+    bench = StagedBench(*plans, groups=[("y1", "y2")])
+    cnc, panel = controller("cnc"), controller("panel")
+    for unit_id in (1, 2):
+        assert bench.ask(write(COMMAND, 1_000), cnc, unit_id) == write(COMMAND, 1_000)[:5]
+    bench.wait(HOLD_MS + 10_000)
+    assert bench.ask(write(COMMAND, 2_000), panel, 1) == write(COMMAND, 2_000)[:5]
+    for unit_id in (1, 2):
+        assert bench.ask(RUN_PDU, panel, unit_id)[0] == 0x86
+    assert bench.drive.moves == []
+    for unit_id in (1, 2):
+        assert bench.ask(write(COMMAND, 2_000), panel, unit_id) == write(COMMAND, 2_000)[:5]
+    for unit_id in (1, 2):
+        assert bench.ask(RUN_PDU, panel, unit_id) == RUN_PDU

@@ -5,6 +5,7 @@ import pytest
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import Action, ModePlan, MotionPlan, Operation, TriggerPlan
+from gateway.exchange.commands import SetGain
 from gateway.exchange.control import switch
 from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
@@ -365,6 +366,20 @@ def test_a18_a_broadcast_trigger_runs_what_is_right_and_then_the_place_of_the_ax
     bench.trigger()
     assert read(ACTUAL) in bench.seen
     assert bench.drive.moves[-2:] == [("absolute", 60_010), ("absolute", 54_990)]
+
+
+def test_w5_a_broadcast_whose_target_is_rewritten_first_is_not_withdrawn_by_the_next_request() -> None:
+    """An RTU controller waits for no reply to a broadcast. With half the gain 60 000 is 60 005."""
+    bench = standing()
+    bench.stage(60_000)
+    bench.line.command(SetGain(axes=("x",), forward=0.5, backward=0.5), bench.now_ns)
+    bench.send(RUN_PDU, unit_id=0)
+    assert bench.link.sent == [(1, write(COMMAND, 60_005))]
+    bench.send(read(ACTUAL))
+    bench.serve()
+    bench.wait(200)
+    bench.serve()
+    assert bench.drive.moves[-1] == ("absolute", 60_005), bench.kinds()
 
 
 # --- homing and what follows ------------------------------------------------------------------------------

@@ -540,7 +540,8 @@ class Axis:
             why = (
                 f"it was taken over from {former}: triggers are refused until a complete target was accepted"
             )
-            self.block_triggers(code, why)
+            # All axes of a group are taken over together. None blocks the others: each needs a target anyway.
+            self.block_triggers(code, why, is_own=not self.peers)
 
     def forget_parts(self) -> None:
         """Complete no part of a position that came on a broken connection."""

@@ -76,19 +76,16 @@ class Interlock:
         self.blocked_in_epoch = 0
         """The epoch that began with the newest loss that blocked triggers."""
 
-    def happens(self, event: BlockEvent) -> bool:
-        """Enter the state that the table gives; return whether triggers began or ceased to pass."""
-        before = self.block
+    def happens(self, event: BlockEvent) -> None:
+        """Enter the state that the table gives."""
         try:
-            after = BLOCK_AFTER[before][event]
+            after = BLOCK_AFTER[self.block][event]
         except KeyError:
-            self._on_fault(sentence_of("interlock", before, event))  # refuses the triggers (``Axis``)
+            self._on_fault(sentence_of("interlock", self.block, event))  # refuses the triggers (``Axis``)
             self.block = Block.OWN
-            return False
-        if after is IGNORED:
-            return False
-        self.block = after
-        return (before is Block.NONE) is not (after is Block.NONE)
+            return
+        if after is not IGNORED:
+            self.block = after
 
     def begin_epoch(self) -> int:
         """Something was lost: return the epoch that begins with it."""
@@ -101,7 +98,9 @@ class Interlock:
         ``is_own``: the axis lost the target itself, not because another axis of the group was blocked (M11).
         """
         self.blocked_in_epoch = self.begin_epoch()
-        if self.happens(BlockEvent.LOST if is_own else BlockEvent.LOST_OF_GROUP):
+        before = self.block
+        self.happens(BlockEvent.LOST if is_own else BlockEvent.LOST_OF_GROUP)
+        if self.block is not before:
             self.block_code, self.why = code, why
 
     def complete(self, epoch: int) -> None:

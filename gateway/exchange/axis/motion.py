@@ -516,6 +516,8 @@ class Motion:
 
     def lose_reach(self, over: KeptOver) -> None:
         """The drive is out of reach: its last target may still be valid or not."""
+        if self.superseded is not None and self.superseded.over is KeptOver.LOSS:
+            over = KeptOver.LOSS  # an orderly close afterwards makes up for nothing
         last = self.last_target
         if last is None:
             self.happens(MotionEvent.DISPLACED)

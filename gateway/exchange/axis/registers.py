@@ -155,6 +155,11 @@ class FieldImage:
         """Whether a write was lost and not every word has been acknowledged again."""
         return self.completeness is not Completeness.WHOLE
 
+    @property
+    def has_part(self) -> bool:
+        """Whether a part of a position has come that the others must complete."""
+        return self.completeness not in (Completeness.WHOLE, Completeness.ALL_LOST)
+
     def settle(
         self,
         nominal_words: bytes,
