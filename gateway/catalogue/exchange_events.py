@@ -118,15 +118,14 @@ AXIS_BLOCKED: Final = EventEntry(
     "axis-blocked",
     Severity.WARNING,
     "a target was lost before it reached the drive. Triggers of the axis are refused until the drive "
-    "accepts a complete target; stops pass",
+    "accepts a complete target; stops pass. They pass while the positions of the axis pass 1:1",
     "see the trouble `blocked`",
     "do what the trouble `blocked` says",
 )
 AXIS_RELEASED: Final = EventEntry(
     "axis-released",
     Severity.WARNING,
-    "triggers of the axis pass again: the drive has accepted a complete target, or the positions of the axis "
-    "pass 1:1 now",
+    "the drive has accepted a complete target: triggers of the axis pass again",
     "the end of an `axis-blocked`",
 )
 GROUP_HELD: Final = EventEntry(

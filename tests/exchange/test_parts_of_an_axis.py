@@ -446,8 +446,7 @@ def test_an_open_target_is_named_while_it_is_the_same() -> None:
 def test_triggers_are_refused_until_a_target_from_after_the_loss_is_whole() -> None:
     interlock = Interlock(pytest.fail)
     sent_in = interlock.epoch
-    interlock.refuse(4, "lost", is_own=True)
-    interlock.complete(sent_in)
-    assert interlock.is_blocked
-    interlock.complete(interlock.epoch)
+    assert interlock.refuse(4, is_own=True)
+    assert not interlock.complete(sent_in)
+    assert interlock.complete(interlock.epoch)
     assert not interlock.is_blocked

@@ -41,8 +41,8 @@ NO_REPLY: Final = 0x0B
 LOST: Final = 4
 """Exception code of what was lost without one."""
 TOLD_AFTER: Final[dict[EventEntry, tuple[Callable[["Said"], bool], bool]]] = {
-    exchange_events.AXIS_BLOCKED: (lambda said: said.refuses_triggers, True),
-    exchange_events.AXIS_RELEASED: (lambda said: said.refuses_triggers, False),
+    exchange_events.AXIS_BLOCKED: (lambda said: said.is_own_blocked, True),
+    exchange_events.AXIS_RELEASED: (lambda said: said.is_own_blocked, False),
     exchange_events.DIRECTION_UNSURE: (lambda said: said.direction == "unsure", True),
 }
 """Events that tell of a change of what is said, with what is said afterwards."""

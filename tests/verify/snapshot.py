@@ -24,7 +24,7 @@ from gateway.exchange.axis.acknowledge import ON_WIRE_AFTER, SteadyTarget
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.gantry import GANTRY_AFTER
 from gateway.exchange.axis.impossible import IGNORED
-from gateway.exchange.axis.interlock import BLOCK_AFTER
+from gateway.exchange.axis.interlock import BLOCK_AFTER, Block
 from gateway.exchange.axis.motion import MOTION_AFTER
 from gateway.exchange.axis.reference import REFERENCE_AFTER
 from gateway.exchange.axis.registers import Completeness
@@ -705,8 +705,7 @@ class Said(NamedTuple):
     """Whether the drive was ever asked, where it decides."""
     is_blocked: bool
     """Whether its triggers are refused, for its own sake or for that of its group."""
-    refuses_triggers: bool
-    """Whether they are refused for its own sake now."""
+    is_own_blocked: bool
     target_counts: float | None
     """The last target that it is told to have."""
 
@@ -725,7 +724,7 @@ def said_of(axis: Axis) -> Said:
         axis.reference.is_referenced,
         axis.reference.was_reported,
         axis.blocked_by is not None,
-        axis.refuses_triggers,
+        axis.interlock.block is not Block.NONE,
         None if accepted is None else accepted.nominal_counts,
     )
 

@@ -107,7 +107,6 @@ MOVES_OTHERWISE: Final = frozenset(
 """Actions after which the last target no longer says where the axis is."""
 _REFUSED: Final = Readability.REFUSED  # member lookup is slow, and these are used for each sample
 _MOVING: Final = MotionState.MOVING
-_NOT_BLOCKED: Final = Block.NONE
 _SUPERSEDED: Final = MotionState.SUPERSEDED
 REMAPPED: Final = "its drive's registers were moved about; corrected again after a restart of the gateway"
 
@@ -230,8 +229,6 @@ class Axis:
         record = self.recall.record
         if record is not None:
             record.publish(self.motion, self.acknowledgement, self.correction.requested)
-        if self.interlock.block is not _NOT_BLOCKED or self.reports.reported_refusal:
-            self._report_triggers()
         return self.reports.take(is_unsure=self.is_unsure)
 
     # --- where it is -----------------------------------------------------------------------------------
@@ -499,26 +496,21 @@ class Axis:
         self.rules.lose_mode(address, code, self.interlock.begin_epoch())
 
     def block_triggers(self, code: int, why: str, *, is_own: bool = True) -> None:
-        """Refuse triggers from now on. An axis that passes 1:1 lets them pass until it is corrected (M9).
+        """Refuse triggers from now on, and report why if they passed before.
 
-        ``is_own``: it lost the target itself, not because another axis of the group was blocked (M11).
+        ``is_own``: it lost the target itself, not because another axis of the group was blocked (M11). An
+        axis that passes 1:1 lets its triggers pass until it is corrected (M9).
         """
-        self.interlock.refuse(code, why, is_own=is_own)
-        self._report_triggers()
+        if self.interlock.refuse(code, is_own=is_own):
+            passing = "; they pass while its positions pass 1:1" if self.passes_unchanged else ""
+            self.reports.report(exchange_events.AXIS_BLOCKED, f"{why}{passing}")
 
     def release_triggers(self, epoch: int) -> None:
         """A complete target was accepted; ``epoch``: when it was sent."""
-        self.interlock.complete(epoch)
-        self._report_triggers()
-
-    @property
-    def refuses_triggers(self) -> bool:
-        """Whether its triggers are refused because of a target that it lost."""
-        return self.interlock.is_blocked and not self.passes_unchanged
-
-    def _report_triggers(self) -> None:
-        if self.refuses_triggers is not self.reports.reported_refusal:
-            self.reports.report_triggers(self.interlock.why if self.refuses_triggers else "")
+        if self.interlock.complete(epoch):
+            self.reports.report(
+                exchange_events.AXIS_RELEASED, "a complete target was accepted: its triggers pass again"
+            )
 
     # --- a staged target that is rewritten -------------------------------------------------------------
 

@@ -61,52 +61,51 @@ BLOCK_AFTER: Final[dict[Block, dict[BlockEvent, Block | None]]] = {
 class Interlock:
     """Whether the triggers of one axis are refused, since when and with which code."""
 
-    __slots__ = ("_on_fault", "block", "block_code", "blocked_in_epoch", "epoch", "why")
+    __slots__ = ("_on_fault", "block", "block_code", "blocked_in_epoch", "epoch")
 
     def __init__(self, on_fault: Callable[[str], None]) -> None:
         self._on_fault = on_fault
         self.block = Block.NONE
         self.block_code = 0
         """Exception code of the lost target; triggers are refused with it."""
-        self.why = ""
-        """Why triggers are refused, for a person."""
         self.epoch = 0
         """Increases with each lost target or mode. A target that was sent before a loss is older than it, and
         does not replace what was lost."""
         self.blocked_in_epoch = 0
         """The epoch that began with the newest loss that blocked triggers."""
 
-    def happens(self, event: BlockEvent) -> None:
-        """Enter the state that the table gives."""
+    def happens(self, event: BlockEvent) -> bool:
+        """Enter the state that the table gives; return whether it is another one."""
         try:
             after = BLOCK_AFTER[self.block][event]
         except KeyError:
             self._on_fault(sentence_of("interlock", self.block, event))  # refuses the triggers (``Axis``)
             self.block = Block.OWN
-            return
-        if after is not IGNORED:
-            self.block = after
+            return False
+        if after is IGNORED:
+            return False
+        self.block = after
+        return True
 
     def begin_epoch(self) -> int:
         """Something was lost: return the epoch that begins with it."""
         self.epoch += 1
         return self.epoch
 
-    def refuse(self, code: int, why: str, *, is_own: bool) -> None:
-        """Refuse triggers from now on.
+    def refuse(self, code: int, *, is_own: bool) -> bool:
+        """Refuse triggers from now on; return whether they passed before.
 
         ``is_own``: the axis lost the target itself, not because another axis of the group was blocked (M11).
         """
         self.blocked_in_epoch = self.begin_epoch()
-        before = self.block
-        self.happens(BlockEvent.LOST if is_own else BlockEvent.LOST_OF_GROUP)
-        if self.block is not before:
-            self.block_code, self.why = code, why
+        passed = self.block is Block.NONE
+        if self.happens(BlockEvent.LOST if is_own else BlockEvent.LOST_OF_GROUP):
+            self.block_code = code
+        return passed
 
-    def complete(self, epoch: int) -> None:
-        """A complete target, sent in ``epoch``, was accepted."""
-        if epoch >= self.blocked_in_epoch:
-            self.happens(BlockEvent.COMPLETED)
+    def complete(self, epoch: int) -> bool:
+        """A complete target, sent in ``epoch``, was accepted; return whether it released the triggers."""
+        return epoch >= self.blocked_in_epoch and self.happens(BlockEvent.COMPLETED)
 
     @property
     def is_blocked(self) -> bool:

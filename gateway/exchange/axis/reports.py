@@ -33,7 +33,6 @@ class AxisReports:
         "events",
         "hunting",
         "reported_referenced",
-        "reported_refusal",
         "reported_rewrite_ns",
         "reported_unknown",
         "reported_unsure",
@@ -48,7 +47,6 @@ class AxisReports:
         self.began: tuple[float, float] | None = None
         """Offset with which a stream began, and the rest that was motion, in units; until reported."""
         self.reported_referenced = None if reference.follows_homed_bit else reference.is_referenced
-        self.reported_refusal = False
         self.reported_unsure = False
         self.reported_rewrite_ns: int | None = None
         self.reported_unknown: tuple[tuple[int, int], ...] | None = None
@@ -91,12 +89,6 @@ class AxisReports:
         if self._reference.waits_for_peers and self._reference.is_found:
             detail = "another axis of its group is not referenced: positions pass 1:1"
         self.report(exchange_events.REFERENCE_LOST, detail)
-
-    def report_triggers(self, refusal: str) -> None:
-        """Report that triggers are refused, and why; "": they pass again."""
-        self.reported_refusal = bool(refusal)
-        kind = exchange_events.AXIS_BLOCKED if refusal else exchange_events.AXIS_RELEASED
-        self.report(kind, refusal or "its triggers pass again")
 
     def report_unknown(self, contents: tuple[tuple[int, int], ...]) -> None:
         """Report register contents that the map does not know; the same contents only once."""
