@@ -127,7 +127,7 @@ def _holds_unconfirmed(axis: Axis, number: int) -> bool:
     image = axis.fields[number]
     if image.nominal_words is None or image.is_incomplete:
         return True  # the rest of it is still to come
-    return may_have_gone_to(axis, number, image.nominal_words)
+    return _may_have_been_sent_to(axis, number, image.nominal_words)
 
 
 def _is_joined(axis: Axis, first: int, count: int, now_ns: int) -> bool:
@@ -297,8 +297,16 @@ def _is_at(axis: Axis, number: int, words: bytes) -> bool:
     """Whether a target is the one to which its axis has gone, or may have."""
     field, accepted = axis.plan.command[number], axis.compensation.accepted
     if accepted is None:
-        return may_have_gone_to(axis, number, words)
+        return _may_have_been_sent_to(axis, number, words)
     return counts_of(field, field.unpack(words)) == accepted.nominal_counts
+
+
+def _may_have_been_sent_to(axis: Axis, number: int, words: bytes) -> bool:
+    """Whether a target is the one that its axis was sent in this round, without a proof that it goes there.
+
+    If it was the target from before a loss again, the axis is in ``SUPERSEDED``; else in ``UNACKNOWLEDGED``.
+    """
+    return may_have_gone_to(axis, number, words) or axis.motion.superseded_as(number, words) is not None
 
 
 def _decide_anew(request: Request, axis: Axis) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from tests.exchange.world_trace import played
 from tests.verify.designs import BY_NAME
+from tests.verify.explore import play
 from tests.verify.world import Design
 
 TRACES: Final[dict[str, tuple[str | Design, str]]] = {
@@ -330,3 +331,50 @@ def test_a_word_that_is_joined_with_a_lost_one_goes_out_whole_though_compensatio
 def test_a_lost_word_is_joined_with_none_once_a_newer_one_went_out_as_it_came() -> None:
     """M1, M9: 0019 has replaced 232F in the drive, and was acknowledged."""
     played("s-words-replaced", LOST_WORD + "switch, low 1, ack: 06 0606 0019, high 0, has: 06 0607 0000")
+
+
+AFTER_A_LOSS: Final = (
+    ("switch",),
+    ("ask", 0, "to", 1, 1),
+    ("wait",),
+    ("ask", 0, "to", 0, 1),
+    ("wait",),
+    ("drive", "obey-refuse"),
+    ("ask", 0, "to", 1, 1),
+    ("drive", "obey-refuse"),
+    ("ask", 0, "to", 1, 1),
+    ("arrive", 0),
+    ("switch",),
+    ("ask", 0, "to", 0, 1),
+    ("arrive", 1),
+    ("drive", "ack"),
+    ("ask", 0, "to", 1, 1),
+    ("drive", "ack"),
+    ("ask", 0, "to", 1, 0),
+    ("wait",),
+    ("ask", 0, "to", 0, 0),
+    ("wait",),
+    ("ask", 0, "to", 1, 0),
+    ("wait",),
+    ("wait",),
+    ("ask", 0, "to", 1, 0),
+    ("wait",),
+    ("switch",),
+    ("ask", 0, "to", 0, 1),
+    ("drive", "ack"),
+    ("switch",),
+    ("drive", "obey-refuse"),
+    ("ask", 0, "to", 1, 1),
+    ("drive", "obey-refuse"),
+    ("ask", 0, "to", 1, 1),
+    ("drive", "ack"),
+)
+
+
+def test_a_target_from_before_a_loss_that_may_have_been_executed_is_no_other_target() -> None:
+    """M11: y was silent for long. Both axes get 5003 while switched off, each without an acknowledgement.
+
+    The compensation is switched on in between, which is put off. y gets 5003 once more: it follows x, with
+    10 0606 0002 04 138B 0000, not with 1386. The rules of ``make verify`` check that.
+    """
+    play(BY_NAME["s-group-movers"], *AFTER_A_LOSS)
