@@ -9,18 +9,19 @@ patience_s=${PATIENCE_S:-600}
 is_locked() { [[ $1 == *"Could not get lock"* || $1 == *"was locked by another process"* ]]; }
 
 patiently() {
-    local said is_told=
+    local said since=
     until said=$(apt-get -qq "$@" 2>&1); do
         if ! is_locked "$said"; then
             printf 'apt-get %s failed:\n%s\n' "$1" "$said" >&2
             exit 1
-        elif [ "$SECONDS" -ge "$patience_s" ]; then
+        elif [ -z "$since" ]; then
+            echo "waiting, at most $patience_s s: $(grep -m 1 lock <<<"$said")" >&2
+            since=$SECONDS
+        elif [ $((SECONDS - since)) -ge "$patience_s" ]; then
             echo "apt-get $1 failed, after $patience_s s: $(grep -m 1 lock <<<"$said")" >&2
             echo "let that program finish, then start this again; PATIENCE_S=3600 waits for an hour" >&2
             exit 1
         fi
-        [ -n "$is_told" ] || echo "waiting, at most $patience_s s: $(grep -m 1 lock <<<"$said")" >&2
-        is_told=yes
         sleep 1
     done
 }

@@ -22,10 +22,10 @@ from tests.support.processes import COMMAND, ROOT, SECONDS, children, is_alive, 
 
 SMALLEST_PIPE = 4096
 MOVES = 1500
-MANY_NOTES = ("--status-every", "0.001")
+MANY_NOTES = ("--status-every", "0.0001")
 """Notes of some 400 bytes: the pipe holds ten of them, the gateway a thousand; the rest is dropped."""
 UNREAD_S = 3.0
-"""Nobody reads for so long: it makes twice the notes that the gateway holds, also on a busy machine."""
+"""Nobody reads for so long: time for many times the notes that the gateway holds, on a busy machine too."""
 TOO_FAR = 200_000
 """Twice as far as the axis goes, in counts of 1/1000 mm; behind the end of the table its last 0.1 mm hold."""
 WHY_TOO_FAR = (
