@@ -161,6 +161,8 @@ def _not_obeyed(request: Request, command: AxisCommand, outcome: Outcome, code: 
                 _move_otherwise(axis, Action.SET_POSITION, now_ns, is_certain=False)
         elif command.runs_alone and not command.is_run_known and not _runs_superseded(command):
             axis.motion.displace(now_ns)
+    if is_broadcast and command.runs_target:
+        axis.targets.mark_run(command.action)  # no drive answers it: what it held does not wait any more
     if not (is_broadcast or (axis.passes_unchanged and is_refusal)):
         _block_for(command, code)
 

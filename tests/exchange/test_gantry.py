@@ -383,6 +383,29 @@ def test_a_broadcast_trigger_is_one_of_all() -> None:
     assert bench.ends() == [60_010, 60_010]
 
 
+def test_a_target_that_a_broadcast_has_run_waits_no_more() -> None:
+    """y2 runs nothing with the next trigger of y1, so nothing is read or written for it. Gain 0.5: +5."""
+    bench = gantry()
+    bench.stage_all(60_000)
+    bench.send(RUN_PDU, unit_id=0)
+    bench.serve()
+    bench.settle()
+    bench.gain(0.5)
+    bench.log.clear()
+    assert bench.start(1, 70_000) == [70_005, 60_010]
+    assert [unit_id for unit_id, _ in bench.log if unit_id == 2] == []
+
+
+def test_a_target_that_a_broadcast_has_run_holds_up_nothing_after_a_lost_link() -> None:
+    bench = gantry()
+    bench.stage_all(60_000)
+    bench.send(RUN_PDU, unit_id=0)
+    bench.serve()
+    bench.settle()
+    bench.cut(50)
+    assert bench.start(1, 70_000) == [70_010, 60_010]
+
+
 # --- a later one that is refused ---------------------------------------------------------------------------
 
 
