@@ -19,7 +19,7 @@ from gateway.exchange.axis.axis import MOVES_OTHERWISE, Axis
 from gateway.exchange.axis.gantry import Gantry, GantryEvent
 from gateway.exchange.axis.interlock import Block
 from gateway.exchange.axis.member import Fixed
-from gateway.exchange.axis.motion import MotionState
+from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, MotionState
 from gateway.exchange.axis.registers import JOIN_NS
 from gateway.exchange.decode import AxisCommand
 from gateway.exchange.field_counts import counts_of
@@ -27,6 +27,7 @@ from gateway.exchange.kept_words import is_other, keeps_other_words, may_have_go
 from gateway.exchange.prepare import check_may_act, may_run_distances, target_lost
 from gateway.exchange.prerequisites import read_for_staged, render_run, rewrite_for_run, staged_words
 from gateway.exchange.refusal import RefusedRequestError, refused
+from gateway.exchange.render import needs_poll
 from gateway.exchange.request import Request, written_part
 
 
@@ -244,7 +245,7 @@ def next_of_groups(requests: Sequence[Request]) -> AddedFrame | None:
                 return added
     for request, command in firsts:
         for member in (command.axis, *command.axis.peers):
-            added = _poll_at_superseded(request, member)
+            added = _poll_at_superseded(request, member) or _poll_at_kept(request, command, member)
             if added is not None:
                 return added
     going = [command.axis for _, command in firsts]
@@ -262,6 +263,21 @@ def _poll_at_superseded(request: Request, axis: Axis) -> AddedFrame | None:
     superseded = axis.motion.superseded
     is_open = superseded is not None and not superseded.is_declared and axis.motion.seen_at_superseded is None
     if not is_open or actual is None or axis.plan.name in request.prefetched.actual:
+        return None
+    return AddedFrame(axis, Purpose.POLL, actual.address, actual.words)
+
+
+def _poll_at_kept(request: Request, command: AxisCommand, axis: Axis) -> AddedFrame | None:
+    """Return the read that decides if an axis can keep words of another switch, table or gain (M4).
+
+    Its own target would be preceded by that read, but by then the first axis has gone with such words.
+    """
+    actual, name = axis.reach.asked_actual, axis.plan.name
+    if actual is None or name in request.prefetched.actual or command.action.is_relative:
+        return None
+    members = (axis, *axis.peers)
+    is_doubtful = axis.motion.state in MAY_BE_ELSEWHERE or needs_poll(axis, request.now_ns, Action.ABSOLUTE)
+    if not is_doubtful or not all(keeps_other_words(each) for each in members):
         return None
     return AddedFrame(axis, Purpose.POLL, actual.address, actual.words)
 

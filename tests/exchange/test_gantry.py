@@ -1109,6 +1109,30 @@ def test_a_mover_keeps_no_words_beside_one_that_something_else_has_moved() -> No
     assert bench.write_all(50_000) == [50_000, 50_000]
 
 
+@pytest.mark.parametrize("order", [(1, 2), (2, 1)])
+def test_a_mover_keeps_no_words_beside_one_that_a_hand_has_moved_unseen(order: tuple[int, int]) -> None:
+    """y2 is read before the first one goes. With half the gain 50 000 is 50 005, or 49 995 from above."""
+    bench = movers()
+    bench.poll(read(ACTUAL))
+    bench.wait(20_000)
+    bench.drives[2].put(ACTUAL, 40_000)
+    bench.gain(0.5)
+    bench.log.clear()
+    for unit_id in order:
+        bench.write(unit_id, 50_000)
+    frames = [(unit_id, frame[:8]) for unit_id, frame in bench.log]
+    assert frames.index((2, "03 05 20")) < frames.index((order[0], "10 06 06"))
+    assert [abs(end - 50_000) for end in bench.ends()] == [5, 5]
+
+
+def test_movers_at_their_targets_keep_their_words_after_a_long_pause() -> None:
+    bench = movers()
+    bench.poll(read(ACTUAL))
+    bench.wait(20_000)
+    bench.gain(0.5)
+    assert bench.write_all(50_000) == [50_010, 50_010]
+
+
 @pytest.mark.parametrize("stopped", [1, 2])
 def test_a_target_keeps_no_words_beside_one_that_was_stopped(stopped: int) -> None:
     bench = gantry()
