@@ -190,10 +190,9 @@ class UnitMaps:
             arrived_ns, follows_ns = transaction.arrived_ns, transaction.follows_ns
             requests.append(understand(frame, prefetched, now_ns, arrived_ns, follows_ns))
         has_stop = has_a_stop(requests)
-        if not has_stop:  # a stop is never refused, whatever else its frame does
-            for i, request in enumerate(requests):
-                if settle_groups(request):
-                    requests[i] = understand(request.frame, prefetched, now_ns, arrived_ns, follows_ns)
+        for i, request in enumerate(requests):
+            if settle_groups(request, has_stop=has_stop):
+                requests[i] = understand(request.frame, prefetched, now_ns, arrived_ns, follows_ns)
         requests = [each for each in requests if each.frame.access is not NO_ACCESS or each.commands]
         added = None if has_stop else next_of_groups(requests)
         if added is not None:

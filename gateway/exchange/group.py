@@ -206,8 +206,10 @@ def _way_in_group(axis: Axis) -> float | None:
 # --- before the first trigger ------------------------------------------------------------------------------
 
 
-def settle_groups(request: Request) -> bool:
+def settle_groups(request: Request, *, has_stop: bool) -> bool:
     """Begin a new round if an axis that has started gets another target; return whether one has begun.
+
+    ``has_stop``: its frame stops an axis, and passes whatever else it does (M3).
 
     Raises:
         RefusedRequestError: the axis must not get it, so it stays where the last round sent it.
@@ -217,7 +219,8 @@ def settle_groups(request: Request) -> bool:
         if gantry is None or fixed is None or not (fixed.has_gone or fixed.may_have_gone):
             continue
         if command.runs_target and _goes_elsewhere(request, command):
-            check_may_act(command)
+            if not has_stop:
+                check_may_act(command)
             gantry.happens(GantryEvent.AGAIN)
             return True
     return False

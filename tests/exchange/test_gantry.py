@@ -12,7 +12,7 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import MotionPlan, TriggerPlan
 from gateway.exchange.axis.gantry import GANTRY_AFTER, GantryEvent, GantryState
-from gateway.exchange.commands import ClearTable, EndDryRun, SetTable, TableFor
+from gateway.exchange.commands import ClearTable, Disable, EndDryRun, SetTable, TableFor
 from gateway.exchange.control import ControlError
 from gateway.exchange.plan import CompensationMode, Reference
 from gateway.exchange.status import axis_status
@@ -1162,6 +1162,22 @@ def test_a_stop_of_one_axis_is_sent_though_its_frame_runs_a_target_that_is_refus
     stop_and_go = bytes.fromhex("10 050E 0004 08 03E8 0001") + write(Y_COMMAND, 60_000)[6:]
     assert bench.ask(stop_and_go) == stop_and_go[:5]
     assert bench.drive.moves[-1] == ("stop", 0)
+
+
+def test_a_target_beside_a_stop_begins_a_new_round_as_any_other() -> None:
+    """y2 has started, then all is switched off. A frame stops y1 and sends y2 on; then y1 follows, 1:1."""
+    y_motion = MotionPlan(is_staged=True, triggers=(TriggerPlan(Y_TRIGGER, deeds=DEEDS),))
+    y = staged_plan(name="y2", motion=y_motion, command=(Y_COMMAND,), actual=(Y_ACTUAL,), commanded=())
+    bench = StagedBench(staged_plan(name="y1"), y, groups=[("y1", "y2")], serial=False)
+    for place in (COMMAND, Y_COMMAND):
+        assert bench.ask(write(place, 50_000)) == write(place, 50_000)[:5]
+    run_y = bytes.fromhex("06 050F 0001")
+    assert bench.ask(run_y) == run_y
+    bench.line.command(Disable(axes=("y1",)), bench.now_ns)
+    stop_and_go = bytes.fromhex("10 050E 0004 08 03E8 0001") + write(Y_COMMAND, 60_000)[6:]
+    assert bench.ask(stop_and_go) == stop_and_go[:5]
+    assert bench.drive.get(Y_COMMAND) == 60_000
+    assert bench.run(60_000) == ("absolute", 60_000)
 
 
 @pytest.mark.parametrize(
