@@ -220,7 +220,7 @@ def settle_groups(request: Request, *, has_stop: bool) -> bool:
             continue
         if command.runs_target and _goes_elsewhere(request, command):
             if not has_stop:
-                check_may_act(command)
+                check_may_act(request, command)
             gantry.happens(GantryEvent.AGAIN)
             return True
     return False
@@ -238,7 +238,7 @@ def next_of_groups(requests: Sequence[Request]) -> AddedFrame | None:
         (request, command) for request in requests for command in request.commands if _is_first(command)
     ]
     for request, command in firsts:
-        check_may_act(command)
+        check_may_act(request, command)
         if command.runs_alone:
             staged_words(command)
         _decide_anew(request, command.axis)
@@ -370,10 +370,15 @@ def _prepare_peer(request: Request, axis: Axis, first: AxisCommand) -> AddedFram
     is_incomplete = any(field.is_incomplete for field in fields)
     if number is None or words is None or is_incomplete:
         may_pass = axis.passes_unchanged or motion.passes_stored_moves
-        # Its frame was refused because of the others, or it was taken over with them: it must come again, and
-        # may come after the first. Otherwise both would wait for each other, if one frame writes and runs.
-        may_come_later = axis.interlock.block is Block.OF_GROUP and not any(each.has_part for each in fields)
-        if (axis.targets.holds_unrun or (is_incomplete and not may_come_later)) and not may_pass:
+        # Its frame was refused because of the others, or it was taken over with them, or all have lost their
+        # own: it must come again, and may come after the first. Otherwise all would wait for each other, if
+        # one frame writes and runs.
+        block = axis.interlock.block
+        may_come_later = block is Block.OF_GROUP or (block is Block.OWN is first.axis.interlock.block)
+        may_come_later = may_come_later and not any(each.has_part for each in fields)
+        # A controller that writes and runs in one frame never writes again what the drive holds alone.
+        is_awaited = axis.targets.holds_unrun and not (may_come_later and not first.runs_alone)
+        if (is_awaited or (is_incomplete and not may_come_later)) and not may_pass:
             why = "its target was lost or forgotten, write it again"
             raise refused(refusals.GROUP_CANNOT_FOLLOW, axis.plan.name, exchange_events.STORED_MOVE, why=why)
         return None

@@ -10,6 +10,7 @@ from gateway.drives.motion import Action, Form
 from gateway.exchange.access import Access
 from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import MOVES_OTHERWISE, Axis
+from gateway.exchange.axis.interlock import Block
 from gateway.exchange.axis.motion import RepeatKind
 from gateway.exchange.axis.registers import Completeness, NextPart
 from gateway.exchange.decode import AxisCommand, Staging
@@ -64,7 +65,7 @@ def prepare(request: Request, *, has_stop: bool = False) -> None:
     runs = request.prefetched.runs
     for command in request.commands:
         if not has_stop:
-            check_may_act(command)
+            check_may_act(request, command)
         elif command.runs_alone and command.axis.plan.name not in runs:
             command.run_uncorrected()
     if access.write_quantity:
@@ -276,7 +277,7 @@ def _prepare_read(request: Request) -> None:
 # --- what must not run -------------------------------------------------------------------------------------
 
 
-def check_may_act(command: AxisCommand) -> None:
+def check_may_act(request: Request, command: AxisCommand) -> None:
     """Refuse what must not run: a stored position, a trigger whose target was lost.
 
     Raises:
@@ -288,7 +289,7 @@ def check_may_act(command: AxisCommand) -> None:
         raise refused(refusals.KEPT_POSITION, axis.plan.name, exchange_events.STORED_MOVE)
     if command.is_stop or axis.passes_unchanged:
         return
-    code = _blocking_code(command)
+    code = _blocking_code(request, command)
     if code is not None:
         raise target_lost(code, axis.plan.name)
 
@@ -298,11 +299,12 @@ def target_lost(code: int, axis: str) -> RefusedRequestError:
     return RefusedRequestError(code, axis, refusals.TARGET_LOST.sentence(), exchange_events.AXIS_BLOCKED)
 
 
-def _blocking_code(command: AxisCommand) -> int | None:
+def _blocking_code(request: Request, command: AxisCommand) -> int | None:
     """Return the exception code with which an action is refused; None: it may go on.
 
     A request that writes a complete target and runs it may go on. Not if its mode was lost, or if another
-    axis of the group has lost its target: the gantry would skew.
+    axis of the group has lost its target: the gantry would skew. It may if that one gets its target in the
+    same frame, or if the axis has lost its own too: one of them must be the first.
     """
     axis, action = command.axis, command.action
     runs_unseen = command.runs_alone or (action is Action.UNKNOWN and not command.hits)
@@ -314,7 +316,10 @@ def _blocking_code(command: AxisCommand) -> int | None:
     lost_mode = axis.rules.lost_mode(command.number)
     if lost_mode is not None and mode is not None and mode.address not in command.words:
         return lost_mode
-    return axis.blocked_by_peer if command.runs_target else None
+    if not command.runs_target or axis.interlock.block is Block.OWN:
+        return None
+    beside = [each.axis for each in request.commands if each.runs_target and not each.runs_alone]
+    return axis.blocked_by_one_of([peer for peer in axis.peers if peer not in beside])
 
 
 # --- targets to which the drive goes -----------------------------------------------------------------------

@@ -58,7 +58,7 @@ def next_frame(request: Request) -> AddedFrame | None:
         if command.runs_alone:
             added = _prepare_run(request, command)
         elif command.action is Action.UNKNOWN and command.number not in command.written:
-            added = _prepare_unknown(command)
+            added = _prepare_unknown(request, command)
         if added is not None:
             return added
     return None
@@ -186,7 +186,7 @@ def _prepare_run(request: Request, command: AxisCommand) -> AddedFrame | None:
         RefusedRequestError: the trigger must not reach the drive.
     """
     axis, name = command.axis, command.axis.plan.name
-    check_may_act(command)
+    check_may_act(request, command)
     prefetched = request.prefetched
     rendering = prefetched.runs.get(name)
     if rendering is None and (fixed := _fixed_run(command)) is not None:
@@ -263,14 +263,14 @@ def _fixed_run(command: AxisCommand) -> Rendering | None:
     return run if is_held and is_there else None
 
 
-def _prepare_unknown(command: AxisCommand) -> AddedFrame | None:
+def _prepare_unknown(request: Request, command: AxisCommand) -> AddedFrame | None:
     """Restore the words that the controller wrote before something unknown runs (M2).
 
     A number that was not written through the gateway may hold a target from an earlier gateway or another
     master: a stored move of any kind (M9).
     """
     axis = command.axis
-    check_may_act(command)
+    check_may_act(request, command)
     if command.number is not None:
         staged_words(command)
     elif command.hits:

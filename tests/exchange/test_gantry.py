@@ -16,6 +16,7 @@ from gateway.exchange.commands import ClearTable, Disable, EndDryRun, SetTable, 
 from gateway.exchange.control import ControlError
 from gateway.exchange.plan import CompensationMode, Reference
 from gateway.exchange.status import axis_status
+from gateway.modbus.registers import PositionField
 from tests.exchange.gantry_bench import STATUS_PDU, GantryBench
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, stream_plan, write
 from tests.exchange.staged_bench import (
@@ -23,6 +24,8 @@ from tests.exchange.staged_bench import (
     DEEDS,
     HOME_PDU,
     JOG_PDU,
+    ONLY_ABSOLUTE,
+    RUN,
     RUN_PDU,
     RUN_RELATIVE_PDU,
     STATUS,
@@ -1198,3 +1201,67 @@ def test_a_group_goes_on_after_a_refused_target_if_one_frame_writes_and_runs(mot
         for unit_id in (1, 2):
             expected = request[:5] if is_allowed else bytes.fromhex("90 04")
             assert bench.ask(request, unit_id=unit_id) == expected
+
+
+FIRST, SECOND = (PositionField(address, COMMAND.type, COMMAND.order) for address in (0x0600, 0x0602))
+
+
+def both(counts: float) -> bytes:
+    """One frame with a target for two axes on one unit id."""
+    return bytes.fromhex("10 0600 0004 08") + FIRST.pack(counts) + SECOND.pack(counts)
+
+
+@pytest.mark.parametrize("is_answered", [True, False])
+def test_one_frame_for_both_axes_goes_on_after_it_was_refused_or_lost(*, is_answered: bool) -> None:
+    """M11: each axis gets its target with the other one, so neither is waited for. 60 000 is 60 010."""
+    y1 = axis_plan(name="y1", command=(FIRST,), travel=(0.0, 100.0))
+    y2 = axis_plan(name="y2", command=(SECOND,), actual=(Y_ACTUAL,), travel=(0.0, 100.0))
+    bench = Bench(y1, y2, groups=[("y1", "y2")], serial=False)
+    if is_answered:
+        assert bench.ask(both(150_000)) == bytes.fromhex("90 04")
+    else:
+        assert bench.unanswered(both(50_000), 1000, 1000) == [bytes.fromhex("90 0b")]
+        bench.wait(3_000)
+    assert bench.ask(both(60_000)) == both(60_000)[:5]
+    assert [bench.memory.get(place) for place in (FIRST, SECOND)] == [60_010, 60_010]
+
+
+GO_COMMAND = PositionField(TRIGGER + 1, COMMAND.type, COMMAND.order)
+GO_PLANS = tuple(
+    staged_plan(name=f"y{n}", unit_id=n, motion=ONLY_ABSOLUTE, command=(GO_COMMAND,), travel=(0.0, 100.0))
+    for n in (1, 2)
+)
+
+
+def frame_of(trigger: int, counts: float) -> bytes:
+    """One frame that writes a target and does something."""
+    return bytes.fromhex("10 050E 0003 06") + trigger.to_bytes(2, "big") + write(GO_COMMAND, counts)[6:]
+
+
+def test_a_staged_target_that_never_ran_holds_up_no_frames_that_write_and_run() -> None:
+    bench = Bench(*GO_PLANS, groups=[("y1", "y2")])
+    assert bench.ask(write(GO_COMMAND, 55_000), unit_id=2) == write(GO_COMMAND, 55_000)[:5]
+    for counts, is_allowed in ((150_000, False), (60_000, True), (70_000, True)):
+        request = frame_of(RUN, counts)
+        for unit_id in (1, 2):
+            assert bench.ask(request, unit_id=unit_id) == (
+                request[:5] if is_allowed else bytes.fromhex("90 04")
+            )
+
+
+def test_two_axes_that_have_both_lost_their_own_targets_go_on_with_frames_that_write_and_run() -> None:
+    """Both targets were written alone, and lost: one of the two has to be the first."""
+    bench = Bench(*GO_PLANS, groups=[("y1", "y2")])
+    for unit_id in (1, 2):
+        assert bench.ask(write(GO_COMMAND, 150_000), unit_id=unit_id) == bytes.fromhex("90 04")
+    request = frame_of(RUN, 60_000)
+    for unit_id in (1, 2):
+        assert bench.ask(request, unit_id=unit_id) == request[:5]
+
+
+def test_an_axis_that_has_lost_nothing_waits_for_one_that_has() -> None:
+    bench = Bench(*GO_PLANS, groups=[("y1", "y2")])
+    assert bench.ask(write(GO_COMMAND, 150_000), unit_id=2) == bytes.fromhex("90 04")
+    request = frame_of(RUN, 60_000)
+    for unit_id, reply in ((1, bytes.fromhex("90 04")), (2, request[:5]), (1, request[:5])):
+        assert bench.ask(request, unit_id=unit_id) == reply

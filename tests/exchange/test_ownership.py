@@ -7,6 +7,7 @@ import pytest
 from gateway.drives.motion import Action, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.plan import CompensationMode, ControllerPlan, Role
 from gateway.exchange.status import axis_status, compensation_state
+from gateway.modbus.registers import PositionField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, axis_plan, read, write
 from tests.exchange.staged_bench import (
     DEEDS,
@@ -17,6 +18,7 @@ from tests.exchange.staged_bench import (
     STAGED,
     STOP,
     STOP_PDU,
+    TRIGGER,
     ZERO_PDU,
     StagedBench,
     StagedDrive,
@@ -503,3 +505,17 @@ def test_w10_a_group_that_was_taken_over_runs_no_target_of_its_former_writer() -
         assert bench.ask(write(COMMAND, 2_000), panel, unit_id) == write(COMMAND, 2_000)[:5]
     for unit_id in (1, 2):
         assert bench.ask(RUN_PDU, panel, unit_id) == RUN_PDU
+
+
+def test_w10_a_target_of_the_former_writer_that_never_ran_holds_up_no_frames_that_write_and_run() -> None:
+    """M11: the panel writes and runs in one frame, so it never writes again what the CNC has left there."""
+    place = PositionField(TRIGGER + 1, COMMAND.type, COMMAND.order)
+    plans = [staged_plan(name=name, unit_id=n, command=(place,)) for n, name in enumerate(("y1", "y2"), 1)]
+    bench = Bench(*plans, groups=[("y1", "y2")])
+    cnc, panel = controller("cnc"), controller("panel")
+    for unit_id in (1, 2):
+        assert bench.ask(write(place, 1_000), cnc, unit_id) == write(place, 1_000)[:5]
+    bench.wait(HOLD_MS + 10_000)
+    write_and_run = bytes.fromhex("10 050E 0003 06 0001") + write(place, 2_000)[6:]
+    for unit_id in (1, 2):
+        assert bench.ask(write_and_run, panel, unit_id) == write_and_run[:5]

@@ -352,7 +352,12 @@ class Axis:
     @property
     def blocked_by_peer(self) -> int | None:
         """Exception code of a target that another axis of the group has lost itself (M11)."""
-        for axis in self.peers:
+        return self.blocked_by_one_of(self.peers)
+
+    @staticmethod
+    def blocked_by_one_of(axes: "Iterable[Axis]") -> int | None:
+        """Return the exception code of a target that one of these axes has lost itself; None: none has."""
+        for axis in axes:
             if axis.interlock.block is Block.OWN:
                 return axis.interlock.block_code
         return None
