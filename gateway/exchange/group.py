@@ -360,8 +360,8 @@ def _prepare_peer(request: Request, axis: Axis, first: AxisCommand) -> AddedFram
     A target before which the axis was stopped may be meant to run later or not: it holds up no other axis.
     """
     number, motion = axis.rules.staged, axis.plan.motion
-    if not motion.waits_for_trigger:
-        return None
+    if not (motion.is_staged or motion.starts_on):
+        return None  # it holds nothing that waits: a position that is written to it moves it
     count = len(axis.plan.command)
     if first.number is not None and 1 < count > first.number:
         number = first.number

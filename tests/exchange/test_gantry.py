@@ -1136,6 +1136,21 @@ def test_movers_at_their_targets_keep_their_words_after_a_long_pause() -> None:
     assert bench.write_all(50_000) == [50_010, 50_010]
 
 
+def test_a_stopped_drive_that_moves_with_each_write_is_written_nothing_for_the_others() -> None:
+    """Its old target would be right with half the gain only after another write, and that would move it."""
+    motion = MotionPlan(triggers=(TriggerPlan(TRIGGER, deeds=DEEDS),))
+    bench = GantryBench(*(staged_plan(name=f"y{unit}", unit_id=unit, motion=motion) for unit in (1, 2)))
+    bench.write_all(50_000)
+    bench.settle()
+    bench.write_all(60_000)
+    bench.drives[2].pass_by(53_000)
+    bench.stop(2)
+    bench.gain(0.5)
+    bench.log.clear()
+    bench.write(1, 53_000)
+    assert [frame for unit_id, frame in bench.log if unit_id == 2 and frame[:2] == "10"] == []
+
+
 @pytest.mark.parametrize("stopped", [1, 2])
 def test_a_target_keeps_no_words_beside_one_that_was_stopped(stopped: int) -> None:
     bench = gantry()

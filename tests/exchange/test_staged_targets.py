@@ -16,6 +16,7 @@ from tests.exchange.staged_bench import (
     MODE,
     ONLY_ABSOLUTE,
     RUN_PDU,
+    STAGED,
     STOP_PDU,
     STORED_PDU,
     TRIGGER,
@@ -328,6 +329,18 @@ def test_a4e_a_stop_between_the_halves_of_a_target_passes_at_once() -> None:
     bench = standing()
     assert bench.ask(bytes.fromhex("06 0606 4E20")) == bytes.fromhex("06 0606 4E20")
     assert bench.trigger(STOP_PDU)[0] == "stop"
+
+
+def test_m2_nothing_is_written_again_to_a_drive_that_moves_with_each_write() -> None:
+    """It has a trigger all the same. With half the gain 60 000 would be other words: refused with 4."""
+    bench = StagedBench(staged_plan(motion=MotionPlan(triggers=STAGED.triggers)))
+    bench.stage(60_000)
+    bench.drive.pass_by(55_000)
+    assert bench.ask(STOP_PDU) == STOP_PDU
+    bench.line.command(SetGain(axes=("x",), forward=0.5, backward=0.5), bench.now_ns)
+    bench.writes()
+    assert bench.refused(RUN_PDU) == 4
+    assert bench.writes() == []
 
 
 # --- broadcasts -------------------------------------------------------------------------------------------

@@ -387,6 +387,8 @@ class RuleImage:
 
     def may_go_at_once(self, number: int) -> bool:
         """Whether the drive may go to a position before anything else is written (M2)."""
+        if not (self.plan.is_staged or self.plan.starts_on):
+            return True  # its triggers only stop it, or move it in another way
         for trigger in self.following:
             word = self._words.get(trigger.address)
             if word is None or trigger.is_following(word) or trigger.holds_unknown(word):
