@@ -30,10 +30,11 @@ def keeps_other_words(axis: Axis) -> bool:
 
     A target that has not come yet is unknown. It is assumed to be a repeat of the last one. If there is no
     last one, or the axis was moved otherwise since, no target can be a repeat. One that was not acknowledged
-    keeps none: where the axis is seen elsewhere, it is rendered anew.
+    keeps none: where the axis is seen elsewhere, it is rendered anew. An axis that has lost a target keeps
+    none: the lost one comes next, and it is probably another one.
     """
     number, motion = axis.rules.staged, axis.motion
-    if motion.unacknowledged is not None:
+    if motion.unacknowledged is not None or axis.interlock.is_blocked:
         return False
     words = None if number is None else axis.fields[number].nominal_words
     if axis.targets.holds_unrun and number is not None and words is not None:

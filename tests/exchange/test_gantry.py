@@ -1136,6 +1136,17 @@ def test_movers_at_their_targets_keep_their_words_after_a_long_pause() -> None:
     assert bench.write_all(50_000) == [50_010, 50_010]
 
 
+def test_a_mover_keeps_no_words_beside_one_that_has_lost_its_target() -> None:
+    """Both were refused a target, and only y1 got the next one: what y2 gets then is no repeat."""
+    bench = movers(travel=(0.0, 100.0))
+    bench.write_all(150_000)
+    assert bench.write(1, 60_000) == [60_010, 50_010]
+    bench.poll(read(ACTUAL))
+    bench.wait(10_100)
+    bench.switch(is_on=False)
+    assert bench.write_all(60_000) == [60_000, 60_000]
+
+
 def test_a_stopped_drive_that_moves_with_each_write_is_written_nothing_for_the_others() -> None:
     """Its old target would be right with half the gain only after another write, and that would move it."""
     motion = MotionPlan(triggers=(TriggerPlan(TRIGGER, deeds=DEEDS),))
