@@ -1176,10 +1176,11 @@ def test_a_target_keeps_no_words_beside_one_that_was_stopped(stopped: int) -> No
 Y_TRIGGER = TRIGGER + 1
 Y_COMMAND = COMMAND.__class__(TRIGGER + 2, COMMAND.type, COMMAND.order)
 Y_ACTUAL = ACTUAL.__class__(0x0720, ACTUAL.type, ACTUAL.order)
+STOP_Y1_AND_MOVE_Y2 = bytes.fromhex("10 050E 0004 08 03E8 0001") + write(Y_COMMAND, 60_000)[6:]
 
 
-def test_a_stop_of_one_axis_is_sent_though_its_frame_runs_a_target_that_is_refused() -> None:
-    """M3: the axes y1 and y2 are on one unit id. y2 has run, y1 has lost its target."""
+def started_on_one_unit_id() -> StagedBench:
+    """A beam on one unit id: both targets are 50 000, and y2 has been run."""
     y_motion = MotionPlan(is_staged=True, triggers=(TriggerPlan(Y_TRIGGER, deeds=DEEDS),))
     y = staged_plan(name="y2", motion=y_motion, command=(Y_COMMAND,), actual=(Y_ACTUAL,), commanded=())
     bench = StagedBench(staged_plan(name="y1"), y, groups=[("y1", "y2")], serial=False)
@@ -1187,24 +1188,22 @@ def test_a_stop_of_one_axis_is_sent_though_its_frame_runs_a_target_that_is_refus
         assert bench.ask(write(place, 50_000)) == write(place, 50_000)[:5]
     run_y = bytes.fromhex("06 050F 0001")
     assert bench.ask(run_y) == run_y
+    return bench
+
+
+def test_a_stop_of_one_axis_is_sent_though_its_frame_runs_a_target_that_is_refused() -> None:
+    """M3: the axes y1 and y2 are on one unit id. y2 has run, y1 has lost its target."""
+    bench = started_on_one_unit_id()
     bench.unanswered(write(COMMAND, 60_000), 1000, 1000)
-    stop_and_go = bytes.fromhex("10 050E 0004 08 03E8 0001") + write(Y_COMMAND, 60_000)[6:]
-    assert bench.ask(stop_and_go) == stop_and_go[:5]
+    assert bench.ask(STOP_Y1_AND_MOVE_Y2) == STOP_Y1_AND_MOVE_Y2[:5]
     assert bench.drive.moves[-1] == ("stop", 0)
 
 
 def test_a_target_beside_a_stop_begins_a_new_round_as_any_other() -> None:
     """y2 has started, then all is switched off. A frame stops y1 and sends y2 on; then y1 follows, 1:1."""
-    y_motion = MotionPlan(is_staged=True, triggers=(TriggerPlan(Y_TRIGGER, deeds=DEEDS),))
-    y = staged_plan(name="y2", motion=y_motion, command=(Y_COMMAND,), actual=(Y_ACTUAL,), commanded=())
-    bench = StagedBench(staged_plan(name="y1"), y, groups=[("y1", "y2")], serial=False)
-    for place in (COMMAND, Y_COMMAND):
-        assert bench.ask(write(place, 50_000)) == write(place, 50_000)[:5]
-    run_y = bytes.fromhex("06 050F 0001")
-    assert bench.ask(run_y) == run_y
+    bench = started_on_one_unit_id()
     bench.line.command(Disable(axes=("y1",)), bench.now_ns)
-    stop_and_go = bytes.fromhex("10 050E 0004 08 03E8 0001") + write(Y_COMMAND, 60_000)[6:]
-    assert bench.ask(stop_and_go) == stop_and_go[:5]
+    assert bench.ask(STOP_Y1_AND_MOVE_Y2) == STOP_Y1_AND_MOVE_Y2[:5]
     assert bench.drive.get(Y_COMMAND) == 60_000
     assert bench.run(60_000) == ("absolute", 60_000)
 
