@@ -118,7 +118,7 @@ AXIS_BLOCKED: Final = EventEntry(
     "axis-blocked",
     Severity.WARNING,
     "a target was lost before it reached the drive. Triggers of the axis are refused until the drive "
-    "accepts a complete target; stops pass. They pass while the positions of the axis pass 1:1",
+    "accepts a complete target; stops pass. While the positions of the axis pass 1:1, its triggers pass too",
     "see the trouble `blocked`",
     "do what the trouble `blocked` says",
 )

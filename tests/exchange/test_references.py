@@ -324,7 +324,7 @@ def test_m9_a_target_that_was_lost_while_the_axis_passed_refuses_its_triggers_on
     bench.poll()
     bench.unanswered(write(COMMAND, 50_000), 1000, 1000)
     [told] = [each.detail for each in bench.events if each.kind.name == "axis-blocked"]
-    assert told.endswith("; they pass while its positions pass 1:1")
+    assert told.endswith("; while its positions pass 1:1, its triggers pass")
     bench.trigger()
     bench.drive.set_bits(is_homed=True, is_done=True)
     bench.poll()

@@ -507,7 +507,7 @@ class Axis:
         axis that passes 1:1 lets its triggers pass until it is corrected (M9).
         """
         if self.interlock.refuse(code, is_own=is_own):
-            passing = "; they pass while its positions pass 1:1" if self.passes_unchanged else ""
+            passing = "; while its positions pass 1:1, its triggers pass" if self.passes_unchanged else ""
             self.reports.report(exchange_events.AXIS_BLOCKED, f"{why}{passing}")
 
     def release_triggers(self, epoch: int) -> None:
