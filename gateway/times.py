@@ -6,6 +6,8 @@ US_PER_MS: Final = 1000
 NS_PER_US: Final = 1_000
 NS_PER_MS: Final = 1_000_000
 NS_PER_S: Final = 1_000_000_000
+NEVER_NS: Final = 1 << 62
+"""Later than every instant, and longer than every span."""
 
 
 def span(seconds: float) -> str:

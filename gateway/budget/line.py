@@ -5,7 +5,7 @@ Spans are integers of nanoseconds.
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from msgspec import Struct
 
@@ -14,7 +14,7 @@ from gateway.budget.wire import PduSizes, Wire, wire_of
 from gateway.exchange.cut_through.delay import FrameShape, delay_ns, margin_ns, stored_ns
 from gateway.exchange.plan import DEFAULT_BUDGET_US, AxisPlan, Role
 from gateway.state.plan import ControllerLink, LinePlan
-from gateway.times import NS_PER_MS, US_PER_MS
+from gateway.times import NEVER_NS, NS_PER_MS, US_PER_MS
 
 # --- one exchange, leg by leg, and a round of them ---------------------------------------------------------
 #
@@ -22,10 +22,6 @@ from gateway.times import NS_PER_MS, US_PER_MS
 # only where that is impossible the gateway waits for silence. Each side keeps its silence from the last byte
 # on that side. The controller sends its next request as soon as the standard permits. Drives and controllers
 # count as answering immediately unless their delay is known.
-
-NS_PER_US = NS_PER_MS // US_PER_MS
-FOR_EVER_NS: Final = 1 << 62
-"""A line that was quiet."""
 
 
 class Route(Struct, frozen=True):
@@ -183,7 +179,7 @@ def in_round(route: Route, quiet: Sequence[Legs]) -> tuple[Legs, ...]:
     legs, left_ns = _one_round(route, quiet, idle_ns)
     if left_ns == idle_ns:
         return legs
-    _, idle_ns = _one_round(route, quiet, FOR_EVER_NS)
+    _, idle_ns = _one_round(route, quiet, NEVER_NS)
     return _one_round(route, quiet, idle_ns)[0]
 
 

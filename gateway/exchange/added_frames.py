@@ -143,9 +143,11 @@ def _general_reference(index: int, quantity: int, words: bytes) -> bytes:
     return head + bytes(2) + index.to_bytes(2, "big") + bytes(4) + bytes((count,)) + data
 
 
-def read_field(axis: Axis, purpose: Purpose, field: PositionField) -> AddedFrame:
+def read_field(
+    axis: Axis, purpose: Purpose, field: PositionField, *, is_for_distance: bool = False
+) -> AddedFrame:
     """Return the read of a complete position."""
-    return AddedFrame(axis, purpose, field.address, field.words)
+    return AddedFrame(axis, purpose, field.address, field.words, is_for_distance=is_for_distance)
 
 
 def once_more(read: AddedFrame) -> AddedFrame:

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 
 from gateway.catalogue import exchange_events, refusals
 from gateway.drives.motion import Action
-from gateway.exchange.added_frames import AddedFrame, Purpose, homed_read, read_word
+from gateway.exchange.added_frames import AddedFrame, Purpose, homed_read, read_field, read_word
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.axis import MOVES_OTHERWISE, Axis
 from gateway.exchange.axis.gantry import Gantry, GantryEvent
@@ -267,7 +267,7 @@ def _poll_at_superseded(request: Request, axis: Axis) -> AddedFrame | None:
     is_open = superseded is not None and not superseded.is_declared and axis.motion.seen_at_superseded is None
     if not is_open or actual is None or axis.plan.name in request.prefetched.actual:
         return None
-    return AddedFrame(axis, Purpose.POLL, actual.address, actual.words)
+    return read_field(axis, Purpose.POLL, actual)
 
 
 def _poll_at_kept(request: Request, command: AxisCommand, axis: Axis) -> AddedFrame | None:
@@ -282,7 +282,7 @@ def _poll_at_kept(request: Request, command: AxisCommand, axis: Axis) -> AddedFr
     is_doubtful = axis.motion.state in MAY_BE_ELSEWHERE or needs_poll(axis, request.now_ns, Action.ABSOLUTE)
     if not is_doubtful or not all(keeps_other_words(each) for each in members):
         return None
-    return AddedFrame(axis, Purpose.POLL, actual.address, actual.words)
+    return read_field(axis, Purpose.POLL, actual)
 
 
 def _is_first(command: AxisCommand) -> bool:

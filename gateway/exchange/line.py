@@ -42,7 +42,6 @@ from gateway.exchange.group import settle_group
 from gateway.exchange.line_context import LineContext
 from gateway.exchange.plan import NO_OTHER_UNITS, AxisPlan, LineTiming, OtherUnits
 from gateway.exchange.ports import Alarm, ControllerPort, DriveLink, OwnUnit
-from gateway.exchange.scheduler import NO_DEADLINE_NS
 from gateway.exchange.tap import Tap
 from gateway.exchange.transaction import Phase, Transaction
 from gateway.exchange.turn import Turn
@@ -50,7 +49,7 @@ from gateway.modbus.lengths import is_odd_request
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode
 from gateway.status.axis import WriterConflictStatus
 from gateway.status.line import UnitIds
-from gateway.times import NS_PER_MS, NS_PER_S
+from gateway.times import NEVER_NS, NS_PER_MS, NS_PER_S
 
 ON_THE_WIRE: Final = "a request that may move it is on the wire; let it arrive at a target, and reload again"
 
@@ -133,7 +132,7 @@ class LineExchange:
         rests_until_ns, waits_until_ns = self.rest.until_ns, self._scheduler.waits_until_ns
         if not self.link_state.is_up or self.link_state.closes_ns or self._renewal.holds:
             due_ns = self.link_state.deadline_ns
-            if due_ns < NO_DEADLINE_NS and (waits_until_ns is None or due_ns < waits_until_ns):
+            if due_ns < NEVER_NS and (waits_until_ns is None or due_ns < waits_until_ns):
                 waits_until_ns = due_ns
         if self.silent_units.silences:
             quiet_ns = self.silent_units.quiet_ns
@@ -421,7 +420,7 @@ class LineExchange:
         self._renewal.mark_alive()
 
     def link_up(self, now_ns: int) -> None:
-        """The drives can be reached; :data:`~.link_loss.LINK_LOSS` says what that means."""
+        """The drives can be reached."""
         if self._tap is not None:
             self._tap.link_up(now_ns)
         if not self.link_state.is_up:

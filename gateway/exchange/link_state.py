@@ -1,14 +1,18 @@
 """The link to the drives of a line: when it ends, what its end and its return mean, and what is reported.
 
-:data:`~.link_loss.LINK_LOSS` says what each kind of end makes the axes forget. The gateway ends the link in
-two ways. A connection that is not needed, or too old, is closed when nothing is under way. A connection on
-which nothing answers any more is closed and made again (``renewal``).
+A drive that was out of reach may have been power-cycled, or moved by hand. How much of the earlier knowledge
+still counts depends on how it went out of reach, and for how long: the table in ``docs/wire-rules.md``, "When
+a link is lost".
+
+The gateway ends the link in two ways. A connection that is not needed, or too old, is closed when nothing is
+under way. A connection on which nothing answers any more is closed and made again (``renewal``).
 
 A connection that an idle server closes comes and goes all day. So for each reason the first end is reported,
 then one a minute with their number. A lasting end is reported in any case.
 """
 
 from collections.abc import Callable, Sequence
+from enum import Enum
 from typing import Final
 
 from gateway.catalogue import exchange_events
@@ -18,22 +22,25 @@ from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import MotionState, Reported
 from gateway.exchange.dispatch import UnitMaps
 from gateway.exchange.events import Event
-from gateway.exchange.link_loss import BLINK_NS, CLOSES_SOON_NS, HEARD_NS, LINK_LOSS, LinkLoss, Reached
 from gateway.exchange.plan import DONE_BIT, LineTiming
 from gateway.exchange.ports import DriveLink
 from gateway.exchange.queue import WaitingQueue
 from gateway.exchange.renewal import Held, Renewal
-from gateway.exchange.rest import Rest
+from gateway.exchange.rest import CLOSES_SOON_NS, Rest
 from gateway.exchange.silent_units import Reach, SilentUnits
 from gateway.exchange.transaction import Phase, Transaction, Transactions
 from gateway.limits import Reports, others_of_pairs, times
-from gateway.times import NS_PER_MS, NS_PER_S
+from gateway.times import NEVER_NS, NS_PER_MS, NS_PER_S
 
+BLINK_NS: Final = 100 * NS_PER_MS
+"""A connection closed in order that is back within this time has blinked: no drive restarts so fast."""
+HEARD_NS: Final = NS_PER_S
+"""If its drive answered so shortly before a blink, the axis is unchanged. The homed bit has the same limit:
+an older one is read again."""
 STREAM_ENDED_NS: Final = NS_PER_S
 """A stream without a setpoint for so long has ended or paused."""
 LASTS_NS: Final = NS_PER_S
 """A line that is down for so long is reported, however often the same reason was reported before."""
-NEVER: Final = 1 << 62
 ON_DEMAND_NS: Final = NS_PER_S
 """A connection on demand is closed after so long without an answer."""
 LOOKED_AGAIN_NS: Final = 100 * NS_PER_MS
@@ -44,6 +51,30 @@ AT_REST: Final = frozenset(
     {MotionState.UNKNOWN, MotionState.STOPPED, MotionState.SUPERSEDED, MotionState.ARRIVED}
 )
 """States in which nothing sent through the gateway is under way."""
+
+
+class LinkLoss(Enum):
+    """How the link went down."""
+
+    __hash__ = object.__hash__
+
+    BLINK = "blink"
+    """Closed in order by the peer or by us, with nothing outstanding, and open again within 100 ms. Only for
+    an axis whose drive answered within the last second; for others it is a close."""
+    IDLE_CLOSE = "idle-close"
+    """Closed by its peer with nothing outstanding, for longer."""
+    OWN_CLOSE = "own-close"
+    """Closed by us with nothing outstanding, for longer (``connect = "on-demand"``, ``max_connection_s``)."""
+    RENEWAL = "renewal"
+    """Closed by us because nothing answered on it any more, to make a new one."""
+    LOSS = "loss"
+    """Any other: closed while something was outstanding, reset, unplugged, malformed."""
+    RESTART = "restart"
+    """There was no link yet: the gateway itself was down."""
+
+
+KEEP_SILENCES: Final = frozenset({LinkLoss.BLINK, LinkLoss.RENEWAL})
+"""After these a drive that did not answer is tried when it was due; after others it is asked again (W11)."""
 
 
 def is_at_rest(axis: Axis, up_ns: int, now_ns: int) -> bool:
@@ -154,14 +185,14 @@ class LinkState:
     @property
     def asks_again(self) -> bool:
         """Whether the link is down, and dead drives are polled again when it is back."""
-        return not self.is_up and LINK_LOSS[self.loss].reach is Reached.ASKED_AGAIN
+        return not self.is_up and self.loss not in KEEP_SILENCES
 
     @property
     def deadline_ns(self) -> int:
-        """When a report or a check is due; :data:`NEVER`: nothing is due."""
+        """When a report or a check is due; :data:`NEVER_NS`: nothing is due."""
         if not self.is_up:
-            return min(self.blinks_until_ns or NEVER, self._report_ns or NEVER)
-        due_ns = self.closes_ns or NEVER
+            return min(self.blinks_until_ns or NEVER_NS, self._report_ns or NEVER_NS)
+        due_ns = self.closes_ns or NEVER_NS
         if self._renewal.held is Held.WRITES:
             due_ns = min(due_ns, self._renewal.held_until_ns)
         return due_ns
@@ -172,7 +203,6 @@ class LinkState:
         """The drives can be reached."""
         self._end_blink(now_ns)
         loss = LinkLoss.BLINK if self.is_blinking else self.loss
-        row = LINK_LOSS[loss]
         self.is_up = True
         self.up_ns = now_ns
         self.blinks_until_ns = self._report_ns = 0
@@ -186,7 +216,7 @@ class LinkState:
         if delay_ns:
             self._rest.open(now_ns + delay_ns)
         self._renewal.begin()
-        if row.reach is Reached.ASKED_AGAIN:
+        if loss not in KEEP_SILENCES:
             self._silent_units.link_up()
         for axis in self.lost:
             axis.end_silence(is_answer=True, until_ns=now_ns)
@@ -230,7 +260,7 @@ class LinkState:
         self.is_stopping = True
 
     def _go_down(self, loss: LinkLoss, detail: str, current: Transaction | None, now_ns: int) -> None:
-        """Set the link down, and make the axes forget what :data:`~.link_loss.LINK_LOSS` says."""
+        """Set the link down, and tell the axes that may have lost something."""
         self.is_up = False
         self.closes_ns = 0
         is_under_way = any(axis.motion.state is MotionState.MOVING for axis in self._axes)

@@ -24,7 +24,7 @@ from gateway.exchange.events import Event
 from gateway.exchange.latency import BUCKETS, OCTAVE, SUB_BITS, HighMark, bucket_of
 from gateway.exchange.ports import ControllerPort, DriveLink
 from gateway.exchange.transaction import Transaction
-from gateway.times import NS_PER_S, NS_PER_US
+from gateway.times import NEVER_NS, NS_PER_S, NS_PER_US
 
 WITHIN_TO_END: Final = 100
 """So many transactions in a row within the budget end an overrun, if ``CALM_NS`` have passed too."""
@@ -35,7 +35,6 @@ RTU_OVERHEAD: Final = 3
 MOST_PAIRS: Final = 128
 """Pairs of controller and unit id that are measured separately on one line; all others together."""
 OTHERS: Final = ("others", -1)
-NO_BUDGET: Final = 1 << 62
 
 Key = tuple[str, int]
 """A controller's name and a unit id."""
@@ -195,7 +194,7 @@ class LineMeter:
         """Return the smallest budget of the axes of a pair's unit id."""
         is_any, unit_id = key == OTHERS, key[1]
         budgets = [budget.budget_ns for budget in self.axes.values() if is_any or budget.unit_id == unit_id]
-        return min(budgets, default=NO_BUDGET)
+        return min(budgets, default=NEVER_NS)
 
     def _add_waiting(self, transaction: Transaction, measured: Measured) -> None:
         """Record the time between a request's arrival and its turn."""

@@ -139,12 +139,10 @@ def read_for_run(
         is_seen = axis.motion.is_seen_at_superseded and not axis.motion.is_unseen(request.now_ns)
         if superseded.is_declared or is_seen or actual is None or name in prefetched.actual:
             return None
-        return AddedFrame(axis, Purpose.POLL, actual.address, actual.words)
+        return read_field(axis, Purpose.POLL, actual)
     if name not in prefetched.actual and needs_poll(axis, request.now_ns, action):
         if actual is not None:
-            return AddedFrame(
-                axis, Purpose.POLL, actual.address, actual.words, is_for_distance=action.is_relative
-            )
+            return read_field(axis, Purpose.POLL, actual, is_for_distance=action.is_relative)
         _go_unseen(request, axis, action)
     field = axis.plan.command[number]
     counts = counts_of(field, field.unpack(words))

@@ -6,10 +6,11 @@ The silence after a time-out belongs to the unit id that did not answer: ``excha
 from enum import Enum
 from typing import Final
 
-from gateway.exchange.link_loss import CLOSES_SOON_NS
 from gateway.exchange.plan import LineTiming
 from gateway.times import NS_PER_MS
 
+CLOSES_SOON_NS: Final = 20 * NS_PER_MS
+"""A server that closes its connection within this time after an answer closes it after each answer."""
 LONGEST_DRAIN: Final = 3
 """Maximum silence, in units of the required one: a line that never falls silent is still used, for its
 stops."""

@@ -41,9 +41,8 @@ from gateway.exchange.transaction import (
     Transaction,
     Transactions,
 )
+from gateway.times import NEVER_NS
 
-NO_DEADLINE_NS: Final = 1 << 62
-"""Time for what waits for another turn and not for a time."""
 FULL_ECHOES: Final = frozenset({0x05, 0x06, 0x16})
 """Function codes whose reply repeats the complete request: no other request has the same reply."""
 OVERTAKEN: Final = "a stop of its axis came after it"
@@ -159,15 +158,15 @@ class Scheduler:
 
     def wake_at(self, due_ns: int) -> None:
         """Make the line check the waiting requests at this time, or earlier."""
-        due_ns = min(due_ns, self.waits_until_ns or NO_DEADLINE_NS)
-        self.waits_until_ns = None if due_ns == NO_DEADLINE_NS else due_ns
+        due_ns = min(due_ns, self.waits_until_ns or NEVER_NS)
+        self.waits_until_ns = None if due_ns == NEVER_NS else due_ns
 
     def _choose(self, now_ns: int) -> Transaction | None:
         """Return what may be sent although the line rests or a unit is silent; None: nothing may.
 
         Requests of one controller keep their order; its stops wait for none of them.
         """
-        until_ns = NO_DEADLINE_NS
+        until_ns = NEVER_NS
         held: set[int] = set()
         others: list[Transaction] = []
         rests = self._rest.until_ns is not None
@@ -230,7 +229,7 @@ class Scheduler:
         if silence.unserved_ports and any(
             id(each.port) in silence.unserved_ports for each in self._waiting if not each.is_stop
         ):
-            return NO_DEADLINE_NS if stop.pdu in silence.stops else 0
+            return NEVER_NS if stop.pdu in silence.stops else 0
         return 0 if stop.stopping is Stopping.AGAIN else silence.stops.get(stop.pdu, 0)
 
     def _is_held(self, transaction: Transaction) -> bool:
@@ -244,7 +243,7 @@ class Scheduler:
         """Return a read that asks if a drive is there, while nothing else may be sent; None: not now."""
         if self._renewal.held is not Held.ALL:
             return None
-        until_ns, own = NO_DEADLINE_NS, None
+        until_ns, own = NEVER_NS, None
         for unit_id in self._unit_ids:
             read = trial_read(self._units.axes_of(unit_id))
             if read is None:

@@ -51,10 +51,8 @@ from gateway.exchange.tap import Tap
 from gateway.exchange.unit import UnitMap
 from gateway.limits import Reports, others_of_pairs, times
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode, exception_pdu, is_exception
-from gateway.times import NS_PER_S
+from gateway.times import NEVER_NS, NS_PER_S
 
-NEVER_NS: Final = 1 << 62
-"""Deadline of a transaction whose end is awaited elsewhere."""
 LOST: Final = ExceptionCode.SERVER_DEVICE_FAILURE
 NO_RESPONSE: Final = ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND
 

@@ -14,11 +14,10 @@ from gateway.exchange.effects import leave
 from gateway.exchange.events import Event
 from gateway.exchange.line_context import LineContext
 from gateway.exchange.refusal import RefusedRequestError
-from gateway.exchange.scheduler import NO_DEADLINE_NS
 from gateway.exchange.transaction import Step, StopEvent, Stopping, Transaction
 from gateway.limits import Reports, others_of_pairs, times
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode
-from gateway.times import NS_PER_MS, NS_PER_S
+from gateway.times import NEVER_NS, NS_PER_MS, NS_PER_S
 
 FRAME: Final = Step.FRAME
 ADDED_FRAME: Final = Step.ADDED_FRAME
@@ -235,7 +234,7 @@ class Turn:
 
     def _wait_for_link(self, now_ns: int) -> int:
         """Answer what has waited too long for the link; return the next such time."""
-        until_ns = NO_DEADLINE_NS
+        until_ns = NEVER_NS
         for transaction in tuple(self._waiting):
             if transaction.port is None or (self._link_state.is_up and not transaction.is_held_up):
                 continue

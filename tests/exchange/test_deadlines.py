@@ -7,7 +7,8 @@ import pytest
 
 from gateway.compensation.settings import Setpoints
 from gateway.exchange.plan import AxisPlan, ControllerPlan, Late, default_late
-from gateway.exchange.transaction import NEVER_NS, Transaction
+from gateway.exchange.transaction import Transaction
+from gateway.times import NEVER_NS
 from tests.exchange.connection_bench import ConnectionBench
 from tests.exchange.connection_bench import controller as tcp_controller
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, axis_plan, read, stream_plan, write

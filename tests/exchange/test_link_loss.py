@@ -1,6 +1,5 @@
 """What each kind of lost link does: to requests, to the reference, to late replies (W5, W7, M3)."""
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -8,7 +7,6 @@ import pytest
 from gateway.catalogue import exchange_events
 from gateway.compensation.settings import Reversal, ReversalKind
 from gateway.exchange.axis.motion import MotionState
-from gateway.exchange.link_loss import LINK_LOSS
 from gateway.exchange.plan import AxisPlan, LineTiming, Reference
 from gateway.modbus.registers import BitField, PositionField, RegisterType
 from tests.exchange.connection_bench import ConnectionBench, controller
@@ -21,23 +19,6 @@ READ = bytes.fromhex("03 0700 0001")
 ABSENT_WRITE, ABSENT_READ = b"\x90\x0a", b"\x83\x0a"
 HOMED = BitField(0x1003, 6)
 READ_HOMED = bytes.fromhex("03 1003 0001")
-
-BY_HAND = """
-             words        base       reference    reached      silent       recorded
-blink        kept         kept       kept         kept         none         goes_on
-idle-close   until_read   forgotten  unconfirmed  asked_again  until_up     paused
-own-close    until_read   forgotten  unconfirmed  asked_again  until_up     paused
-renewal      kept         kept       kept         kept         goes_on      goes_on
-loss         until_read   forgotten  unconfirmed  asked_again  until_up     paused
-silence      until_read   forgotten  lost         kept         until_frame  goes_on
-restart      as_recorded  forgotten  as_recorded  asked_again  ended        read
-"""
-"""The table as it is to be, written once more by hand."""
-
-
-def test_the_table_of_lost_links_is_as_written_by_hand() -> None:
-    rows = [[kind.value, *(cell.name.lower() for cell in row)] for kind, row in LINK_LOSS.items()]
-    assert rows == [line.split() for line in BY_HAND.strip().splitlines()[1:]]
 
 
 def homed_bench(**timing: Any) -> ConnectionBench:
@@ -394,15 +375,6 @@ def test_serial_ports_answer_at_once_that_they_are_not_there() -> None:
     assert bench.port.take() == ABSENT_WRITE
     assert bench.now_ns < 3000 * MS
     assert bench.connection.wanted == 0
-
-
-def test_the_page_of_rules_has_the_table_of_lost_links() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "wire-rules.md").read_text(encoding="utf-8")
-    for kind, row in LINK_LOSS.items():
-        line = next(
-            each for each in page.splitlines() if each.startswith("|") and f"(`{kind.value}`)" in each
-        )
-        assert [cell.strip() for cell in line.split("|")[2:-1]] == [cell.value for cell in row]
 
 
 # === a drive that went away may have forgotten where it is ===============================================

@@ -21,7 +21,6 @@ from gateway.exchange.events import Event
 from gateway.exchange.plan import CompensationMode, ControllerPlan, Reference
 from gateway.exchange.request import NOTHING_PREFETCHED, Request
 from gateway.exchange.transaction import (
-    NEVER_NS,
     PHASE_AFTER,
     STOP_AFTER,
     Phase,
@@ -34,6 +33,7 @@ from gateway.exchange.transaction import (
 )
 from gateway.exchange.unit import FieldHit, UnitMap
 from gateway.modbus.registers import BitField
+from gateway.times import NEVER_NS
 from tests.exchange.axis_bench import WRITE, an_axis, end, kinds, reached, see, target
 from tests.exchange.line_bench import COMMAND, MS, Bench, Link, Port, axis_plan
 from tests.support.tables import walk

@@ -5,12 +5,12 @@ last, so that each change is reported once. The line collects the events after e
 (``Axis.take_events``).
 """
 
+from collections import deque
 from collections.abc import Iterable
 from typing import Final
 
 from gateway.catalogue import exchange_events
 from gateway.catalogue.entry import EventEntry
-from gateway.exchange.axis.hunting import MOST, Hunting
 from gateway.exchange.axis.reach import DriveReach
 from gateway.exchange.axis.reference import AxisReference
 from gateway.exchange.events import Event
@@ -19,6 +19,34 @@ from gateway.times import NS_PER_S
 
 REWRITTEN_EVERY_NS: Final = 60 * NS_PER_S
 """Minimum time between reports of restaging; every restaging is counted."""
+MOST_BRANCH_CHANGES: Final = 5
+HUNTS_WITHIN_NS: Final = 10 * NS_PER_S
+"""More changes of the branch than that within so long are reported."""
+HUNTING_EVERY_NS: Final = 60 * NS_PER_S
+"""Minimum time between two such reports."""
+
+
+class Hunting:
+    """The newest branch changes of one axis: a controller may repeat one target with jitter.
+
+    Time is monotonic, in ns.
+    """
+
+    __slots__ = ("_changes_ns", "_reported_ns")
+
+    def __init__(self) -> None:
+        self._changes_ns: deque[int] = deque(maxlen=MOST_BRANCH_CHANGES + 1)
+        self._reported_ns: int | None = None
+
+    def count_change(self, now_ns: int) -> bool:
+        """Count a change; return whether to report it now."""
+        self._changes_ns.append(now_ns)
+        if len(self._changes_ns) <= MOST_BRANCH_CHANGES or now_ns - self._changes_ns[0] > HUNTS_WITHIN_NS:
+            return False
+        if self._reported_ns is not None and now_ns - self._reported_ns < HUNTING_EVERY_NS:
+            return False
+        self._reported_ns = now_ns
+        return True
 
 
 class AxisReports:
@@ -110,7 +138,7 @@ class AxisReports:
     def count_branch_change(self, now_ns: int) -> None:
         """Count a change of the branch; report too many of them."""
         if self.hunting.count_change(now_ns):
-            detail = f"its branch changed more than {MOST} times in 10 s"
+            detail = f"its branch changed more than {MOST_BRANCH_CHANGES} times in 10 s"
             self.report(exchange_events.BRANCH_HUNTS, detail)
 
     def begin_stream(self, offset: float, rest: float) -> None:
