@@ -105,11 +105,7 @@ def _obeyed(request: Request, command: AxisCommand, now_ns: int) -> None:
     elif command.written:
         axis.targets.mark_staged()
     if action in MOVES_OTHERWISE:
-        _move_otherwise(axis, action, now_ns, is_certain=True)
-        if command.runs_stored and not axis.passes_unchanged:
-            axis.compensation.invalidate()  # those words were not corrected for it
-        if command.sets_position_too:
-            _move_otherwise(axis, Action.SET_POSITION, now_ns, is_certain=True)
+        _move_otherwise(command, now_ns, is_certain=True)
     elif command.is_doubtful:
         axis.motion.displace(now_ns, keeps_branch=True)  # readings rely on the branch already
     is_whole = not any(axis.fields[number].is_incomplete for number in command.written)
@@ -154,11 +150,7 @@ def _not_obeyed(request: Request, command: AxisCommand, outcome: Outcome, code: 
         unclear = dict.fromkeys(command.unclear_words, 0)
         axis.rules.invalidate({**command.words, **unclear}, dict(command.coils))
         if command.action in MOVES_OTHERWISE:
-            _move_otherwise(axis, command.action, now_ns, is_certain=False)
-            if command.runs_stored and not axis.passes_unchanged:
-                axis.compensation.invalidate()
-            if command.sets_position_too:
-                _move_otherwise(axis, Action.SET_POSITION, now_ns, is_certain=False)
+            _move_otherwise(command, now_ns, is_certain=False)
         elif command.runs_alone and not command.is_run_known and not _runs_superseded(command):
             axis.motion.displace(now_ns)
     if is_broadcast and command.runs_target:
@@ -184,8 +176,17 @@ def _write_blindly(request: Request, command: AxisCommand, now_ns: int) -> None:
             image.lose_all_words(request.arrived_ns)
 
 
-def _move_otherwise(axis: Axis, action: Action, now_ns: int, *, is_certain: bool) -> None:
+def _move_otherwise(command: AxisCommand, now_ns: int, *, is_certain: bool) -> None:
     """Something other than a target moves the axis, stops it, or moves its zero."""
+    axis = command.axis
+    _move_by(axis, command.action, now_ns, is_certain=is_certain)
+    if command.runs_stored and not axis.passes_unchanged:
+        axis.compensation.invalidate()  # those words were not corrected for it
+    if command.sets_position_too:
+        _move_by(axis, Action.SET_POSITION, now_ns, is_certain=is_certain)
+
+
+def _move_by(axis: Axis, action: Action, now_ns: int, *, is_certain: bool) -> None:
     is_at_rest = not axis.motion.is_moving
     moved_ns = None if action in (Action.STOP, Action.SET_POSITION) else now_ns
     axis.motion.displace(moved_ns, keeps_branch=action is Action.STOP)
