@@ -666,3 +666,13 @@ def test_a_standing_axis_reads_what_was_commanded_whatever_came_between(seed: in
     bench.move(500_000)
     assert bench.reach(300_000) == 299_940
     assert bench.reach(1_000_000) == 1_000_080
+
+
+@pytest.mark.parametrize(("most", "kept"), [(0.05, 51), (1.0, 100)])
+def test_m6_a_stream_begins_with_as_much_of_a_term_as_the_limit_of_now_allows(most: float, kept: int) -> None:
+    """100 counts lie between drive and setpoint; of 50 and half a step of both registers 51 are left."""
+    bench = Bench(stream_plan(table=FLAT, travel=TRAVEL, thermal=STEEL, max_correction=0.05))
+    set_limits(bench.line.axes, limits(most, 0.0))
+    bench.memory.put(ACTUAL, 500_100)
+    bench.ask(write(COMMAND, 500_000))
+    assert bench.memory.get(COMMAND) == 500_000 + kept

@@ -132,6 +132,6 @@ class RequestedCorrection:
         slack = sum(0.5 * each.step_counts(settings.largest_counts) for each in fields)
         slack /= abs(settings.counts_per_unit)
         position = compensation.machine_position(actual.counts)
-        slack += 0.0 if self.terms is None else self.terms.largest_at(position)
+        slack += 0.0 if self.terms is None else min(self.terms.largest_at(position), settings.max_correction)
         rest = compensation.assume_offset(actual.counts, counts_of(field_, raw), self.base, slack)
         self._reports.begin_stream(compensation.state.spec.offset, rest)

@@ -50,7 +50,6 @@ class Terms:
         self.is_too_large = False
         """The computed line and the table together would exceed ``max_correction``."""
         self._ends = settings.travel or (0.0, 0.0)
-        self._most = settings.max_correction
         finest_counts = min(field.step_counts(settings.largest_counts) for field in plan.command)
         self._least = 0.5 * finest_counts / abs(settings.counts_per_unit)
         """Changes smaller than this cannot be expressed by any command field, in units."""
@@ -143,7 +142,7 @@ class Terms:
         if self.thermal is not None:
             settings = self.thermal.settings
             largest += settings.alpha * settings.largest_dt * abs(position - settings.fixed_at)
-        return min(largest, self._most)
+        return largest
 
     @property
     def _has_line(self) -> bool:
