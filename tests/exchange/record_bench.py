@@ -54,7 +54,7 @@ class RecordBench(Bench):
         start_ns: int = 1_000 * MS,
         link: Link | None = None,
     ) -> None:
-        self.plans = plans
+        self.plans, self.groups = plans, groups
         self.records = records or Records()
 
         def attach(line: LineExchange) -> None:
@@ -72,6 +72,7 @@ class RecordBench(Bench):
             records=self.records.copy(),
             memory=memory,
             find_table=find_table,
+            groups=self.groups,
             start_ns=self.now_ns,
         )
 

@@ -1,9 +1,12 @@
 """How an axis goes on after a kill: its state, and at which end of its last move it is."""
 
+from dataclasses import replace
 from typing import Any, Final
 
 import pytest
 
+from gateway.compensation.table import make_table
+from gateway.compensation.units import Units
 from gateway.exchange.axis.acknowledge import PROOF_AFTER
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import MotionState
@@ -21,6 +24,7 @@ from tests.exchange.staged_bench import (
     StagedDrive,
     staged_plan,
 )
+from tests.exchange.test_cross_terms import Y_ACTUAL, Y_COMMAND
 from tests.support.tables import walk
 
 # === the state, by where the axis was then and where it is seen ==========================================
@@ -29,6 +33,9 @@ STATUS_WORD: Final = 0x0030
 READ_STATUS_WORD: Final = bytes.fromhex("03 0030 0001")
 DONE, HOMED = 0x0001, 0x0002
 BITS: Final = {"done": BitField(STATUS_WORD, 0), "homed": BitField(STATUS_WORD, 1)}
+
+
+HIGHER: Final = make_table([0, 100], [0.03, 0.03], [0.0, 0.0], Units.MM)
 
 
 def at_50_mm(**changes: Any) -> RecordBench:
@@ -133,6 +140,21 @@ def test_a_record_that_did_not_count_counts_for_no_later_run_either() -> None:
     assert moved.kinds() == ["line-up", "record-not-used"]
     moved.memory.put(ACTUAL, 50_010)
     assert moved.restarted().kinds() == ["line-up"]
+
+
+def test_m11_a_group_is_restored_whole_or_not_at_all() -> None:
+    """The table of one axis was replaced meanwhile, and nobody kept the one that was in force."""
+    x = axis_plan()
+    y = axis_plan(name="y", command=(Y_COMMAND,), actual=(Y_ACTUAL,))
+    bench = RecordBench(x, y, groups=[["x", "y"]])
+    for command, actual in ((COMMAND, ACTUAL), (Y_COMMAND, Y_ACTUAL)):
+        for counts in (20_000, 50_000):
+            bench.ask(write(command, counts))
+            bench.memory.put(actual, bench.memory.get(command))
+            bench.ask(read(actual))
+    for plans in ((replace(x, table=HIGHER), y), (x, replace(y, table=HIGHER))):
+        assert bench.restarted(*plans).kinds() == ["line-up", "record-not-used", "record-not-used"]
+    assert bench.restarted().kinds() == ["line-up", "restored", "restored"]
 
 
 def test_a_stream_waits_for_its_homed_bit_before_its_record_counts() -> None:

@@ -107,9 +107,16 @@ class Recall:
         if Decision.NONE in decisions or Decision.DROPPED in decisions:
             self.drop("another axis of its group has none that counts")
         elif Decision.OPEN not in decisions:
-            for member in members:
-                if member.record is not None and member.record.decision is Decision.FITS:
-                    member.take_up(member.record)
+            fitting = [each for each in members if each.record and each.record.decision is Decision.FITS]
+            states = []
+            for member in fitting:
+                found = member.saved_states()
+                if isinstance(found, str):
+                    member.drop(found)
+                    return
+                states.append(found)
+            for member, (state, after) in zip(fitting, states, strict=True):
+                member.take_up(state, after)
 
     def drop(self, reason: str) -> None:
         """The record of the last run does not count."""
@@ -121,25 +128,39 @@ class Recall:
             if peer.is_open:
                 peer.drop(f"axis {self._motion.plan.name} of its group starts without one")
 
-    def take_up(self, record: Record) -> None:
-        """Continue from the record of the last run, which fits: all of it, or nothing."""
+    def saved_states(self) -> tuple[State, State | None] | str:
+        """Return the recorded state, and that after a target on the wire; or why they cannot be restored."""
+        record = self.record
+        assert record is not None
+        saved, fitting = record.saved, record.finding
+        assert saved is not None
+        assert fitting is not None
+        plan, requested, now_ns = self._motion.plan, self._correction.requested, fitting[1].seen_ns
+        find_table = partial(record.find_table, plan.table, requested)
+        move = saved.unacknowledged
+        try:
+            state = state_of(plan.settings, requested, saved.state, find_table, now_ns)
+            if move is None:
+                return state, None
+            return state, state_of(plan.settings, requested, move.state, find_table, now_ns)
+        except TableNotFoundError:
+            return "the table that was in force is not the one configured now"
+        except (TableError, SettingsError) as error:
+            return f"the table that was in force cannot be used any more ({error})"
+
+    def take_up(self, state: State, after: State | None) -> None:
+        """Continue from the record of the last run, which fits.
+
+        ``after``: the state after the target that was on the wire, if one was.
+        """
+        record = self.record
+        assert record is not None
         saved, fitting = record.saved, record.finding
         assert saved is not None
         assert fitting is not None
         finding, actual = fitting
-        motion, compensation, plan = self._motion, self._motion.compensation, self._motion.plan
-        settings, requested, now_ns = plan.settings, self._correction.requested, actual.seen_ns
-        find_table = partial(record.find_table, plan.table, requested)
-        try:
-            state = state_of(settings, requested, saved.state, find_table, now_ns)
-            move = saved.unacknowledged
-            after = None if move is None else state_of(settings, requested, move.state, find_table, now_ns)
-        except TableNotFoundError:
-            self.drop("the table that was in force is not the one configured now")
-            return
-        except (TableError, SettingsError) as error:
-            self.drop(f"the table that was in force cannot be used any more ({error})")
-            return
+        motion, compensation = self._motion, self._motion.compensation
+        settings, now_ns, move = motion.plan.settings, actual.seen_ns, saved.unacknowledged
         self._restore(saved, state, is_at_target=finding is Finding.AT_TARGET)
         if move is not None and after is not None:
             self._restore_unacknowledged(saved, move, after, finding)
