@@ -102,7 +102,12 @@ def direction_state(axis: Axis) -> str:
 
 
 def compensation_state(axis: Axis) -> str:
-    """Return the state of the compensation as the status shows it."""
+    """Return the state of the compensation as the status shows it.
+
+    A block comes first: an axis that was switched off refuses triggers too, until its last correction is gone.
+    """
+    if axis.blocked_by is not None and not axis.passes_unchanged:
+        return "blocked"
     if not axis.correction.is_enabled:
         return "off"
     if axis.plan.table is None:
@@ -111,8 +116,6 @@ def compensation_state(axis: Axis) -> str:
         return "unreferenced"
     if axis.correction.is_dry_run:
         return "shadow"
-    if axis.blocked_by is not None:
-        return "blocked"
     accepted = axis.compensation.accepted
     if accepted is not None and axis.compensation.is_outside(accepted.nominal_counts):
         return "outside"

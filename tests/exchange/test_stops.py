@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 
 from gateway.drives.motion import Action, ModePlan, MotionPlan, Operation, TriggerPlan
+from gateway.exchange.control import switch
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, Reference, Role
 from gateway.exchange.status import compensation_state, direction_state
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
@@ -71,6 +72,17 @@ def test_m3_a_stop_passes_where_everything_else_is_refused() -> None:
     assert compensation_state(bench.line.axes[0]) == "blocked"
     bench.trigger(STOP_PDU)
     assert bench.refused(RUN_PDU) == 4
+
+
+def test_m3_an_axis_that_refuses_triggers_is_blocked_also_after_it_was_switched_off() -> None:
+    bench = StagedBench(staged_plan(motion=ONLY_ABSOLUTE, travel=(0.0, 100.0)))
+    bench.go_to(50_000)
+    bench.refused(write(COMMAND, 150_000))
+    switch(bench.line.axes, "x", is_on=False)
+    assert compensation_state(bench.line.axes[0]) == "blocked"
+    assert bench.refused(RUN_PDU) == 4
+    bench.go_to(60_000)
+    assert compensation_state(bench.line.axes[0]) == "off"
 
 
 def test_m5_after_a_stop_the_same_target_again_is_a_move_from_where_the_axis_stands() -> None:
