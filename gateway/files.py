@@ -29,6 +29,10 @@ class FileRefusedError(Exception):
         self.remedy = remedy
 
 
+class FileMissingError(FileRefusedError):
+    """There is no such file."""
+
+
 def read_regular_file(path: Path, limit_bytes: int, what: str) -> bytes:
     """Return the whole content of a regular file; ``what`` names the needed file in errors.
 
@@ -63,7 +67,7 @@ def open_regular_file(path: Path, what: str) -> BinaryIO:
             file.close()
             raise
     except FileNotFoundError:
-        raise FileRefusedError("no such file", f"give the path of {what}") from None
+        raise FileMissingError("no such file", f"give the path of {what}") from None
     except PermissionError:
         remedy = "give this user read permission to the file and its folders"
         raise FileRefusedError("may not be read", remedy) from None

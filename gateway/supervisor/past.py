@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.catalogue.publishing_events import ACKNOWLEDGEMENTS_LOST
-from gateway.files import FileRefusedError, read_regular_file
+from gateway.files import FileMissingError, FileRefusedError, read_regular_file
 from gateway.state.folder import FolderProblem, problem_of, write_whole
 from gateway.supervisor.event_log import LogEvent
 from gateway.supervisor.in_thread import in_thread
@@ -71,16 +71,14 @@ class Past:
 
     async def recall(self) -> None:
         """Restore the alarms that were acknowledged before a restart; call it first."""
+        path = self._state / ACKNOWLEDGED_NAME
         try:
-            content = await in_thread(
-                partial(read_regular_file, self._state / ACKNOWLEDGED_NAME, FILE_BYTES, "acknowledged alarms")
-            )
-        except FileRefusedError:
-            return  # usually there is none
-        try:
+            content = await in_thread(partial(read_regular_file, path, FILE_BYTES, "acknowledged alarms"))
             self._recent.acknowledged.restore(content, time.monotonic())
-        except ValueError as error:
-            self._log(ACKNOWLEDGEMENTS_LOST, file=str(self._state / ACKNOWLEDGED_NAME), detail=str(error))
+        except FileMissingError:
+            return  # usually there is none
+        except (FileRefusedError, ValueError) as error:
+            self._log(ACKNOWLEDGEMENTS_LOST, file=str(path), detail=str(error))
 
     def wake(self) -> None:
         """Write acknowledgements immediately, not only when positions are due."""

@@ -301,12 +301,22 @@ async def test_an_acknowledgement_outlives_the_process_and_ends_with_its_alarm(t
     assert again.acknowledged == AcknowledgedBy(by="shift", at="2026-05-01T12:00:00+00:00")
 
 
-async def test_a_file_of_acknowledgements_that_is_none_is_told(tmp_path: Path) -> None:
-    (tmp_path / "acknowledged.json").write_text('[{"kind": 1}]')
+@pytest.mark.parametrize(
+    ("begin", "told"),
+    [
+        (lambda path: path.write_text('[{"kind": 1}]'), ["acknowledgements-lost"]),
+        (lambda path: path.mkdir(), ["acknowledgements-lost"]),  # it is there and cannot be read
+        (lambda path: None, []),
+    ],
+)
+async def test_acknowledgements_that_cannot_be_restored_are_reported(
+    tmp_path: Path, begin: Callable[[Path], object], told: list[str]
+) -> None:
+    begin(tmp_path / "acknowledged.json")
     said: list[str] = []
     past = Past(tmp_path, RecentHistory(), lambda event, *_, **fields: said.append(event.name))
     await past.recall()
-    assert said == ["acknowledgements-lost"]
+    assert said == told
 
 
 # An acknowledgement belongs to one occurrence of an alarm: it ends with it, and not before.
