@@ -104,7 +104,7 @@ def direction_state(axis: Axis) -> str:
 def compensation_state(axis: Axis) -> str:
     """Return the state of the compensation as the status shows it.
 
-    A block comes first: an axis that was switched off refuses triggers too, until its last correction is gone.
+    A block comes first: an axis that was switched off refuses triggers too, until it passes positions 1:1.
     """
     if axis.blocked_by is not None and not axis.passes_unchanged:
         return "blocked"

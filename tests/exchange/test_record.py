@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from gateway.compensation.fingerprint import table_digest
@@ -84,6 +84,16 @@ def is_enabled(ops: list[Op]) -> int:
     return switches[-1] if switches else 1
 
 
+def is_called_back(ops: list[Op], at: int) -> bool:
+    """Whether an axis that has not left is called back after the kill to a target that it had before.
+
+    Without the kill its start is known, and it is flagged; after the kill it counts as on its way.
+    """
+    *earlier, (what, _, share) = [op for op in ops[:at] if op[0] in ("move", "arrive")]
+    before = {number for what, number, _ in earlier if what == "move"}
+    return (what, share) == ("move", 0.0) and any(op[0] == "move" and op[1] in before for op in ops[at:])
+
+
 targets = st.tuples(st.just("move"), st.integers(0, 100_000), st.sampled_from([0.0, 0.3, 0.8, 1.0]))
 others = st.tuples(st.sampled_from(["arrive", "read"]), st.just(0), st.just(0.0))
 switches = st.tuples(st.just("switch"), st.integers(0, 1), st.just(0.0))
@@ -123,7 +133,9 @@ def check_goes_on(plan: AxisPlan, ops: list[Op], at: int) -> RecordBench:
 @given(st.lists(st.one_of(targets, targets, others, switches), min_size=1, max_size=12), st.data())
 def test_targets_go_on_after_a_kill_with_the_same_words_and_readings(ops: list[Op], data: Any) -> None:
     ops = [("move", 50_000, 1.0), ("arrive", 0, 0.0), *ops]
-    check_goes_on(axis_plan(table=SCREW), ops, data.draw(st.integers(2, len(ops))))
+    at = data.draw(st.integers(2, len(ops)))
+    assume(not is_called_back(ops, at))
+    check_goes_on(axis_plan(table=SCREW), ops, at)
 
 
 @settings(max_examples=repeated(500))
