@@ -55,6 +55,8 @@ class Explanation(Struct, frozen=True):
 def look_up(asked: str) -> list[Explanation]:
     """Return all entries with this name; an exception by its code, a sentence by its beginning.
 
+    Behind them are the troubles that they refer to.
+
     >>> [(found.kind, found.severity) for found in look_up("table-rejected")]
     [('event', 'error'), ('trouble', 'error')]
     >>> {found.name for found in look_up("0x0B")}
@@ -69,7 +71,15 @@ def look_up(asked: str) -> list[Explanation]:
     if (code := code_in(text)) is not None:
         found += [_exception(entry) for entry in EXCEPTIONS if entry.code == code]
         found += [_refusal(entry) for entry in REFUSALS if entry.code == code]
-    return found or [entry for entry in _sentences() if _fits(text, entry.name)]
+    found = found or [entry for entry in _sentences() if _fits(text, entry.name)]
+    return found + [trouble for trouble in _referred(found) if trouble not in found]
+
+
+def _referred(entries: list[Explanation]) -> list[Explanation]:
+    """Return the troubles that entries refer to, each once."""
+    texts = " ".join(f"{entry.cause} {entry.remedy}" for entry in entries)
+    kinds = dict.fromkeys(re.findall(r"the trouble `([^`]+)`", texts))
+    return [entry for entry in _named() if entry.kind == "trouble" and entry.name in kinds]
 
 
 def counter(asked: str) -> str | None:

@@ -156,3 +156,11 @@ def test_names_are_completed() -> None:
     assert _complete("table-m") == ["table-mended"]
     assert _complete("travel_m") == ["travel_margin"]
     assert "mqtt-lost" in _complete("mqtt")
+
+
+@pytest.mark.parametrize(
+    ("asked", "trouble"), [("axis-blocked", "blocked"), ("group-skewed", "group-skewed")]
+)
+def test_an_event_that_refers_to_a_trouble_explains_that_too(asked: str, trouble: str) -> None:
+    found = [(entry.kind, entry.name) for entry in look_up(asked)]
+    assert found == [("event", asked), ("trouble", trouble)]
