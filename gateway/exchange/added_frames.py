@@ -30,7 +30,13 @@ from gateway.exchange.reply import nominal_position
 from gateway.exchange.request import Prefetched, Standstill
 from gateway.exchange.unit import FieldHit
 from gateway.modbus.errors import RegisterRangeError
-from gateway.modbus.pdu import MEI_CANOPEN_GENERAL_REFERENCE, ExceptionCode, FunctionCode, is_exception
+from gateway.modbus.pdu import (
+    MEI_CANOPEN_GENERAL_REFERENCE,
+    ExceptionCode,
+    FunctionCode,
+    is_absence,
+    is_exception,
+)
 from gateway.modbus.registers import BitField, BitTable, PositionField
 
 _FUNCTIONS: Final = {
@@ -60,7 +66,8 @@ class Purpose(Enum):
     """Any register of a drive that does not answer: whether it is back."""
 
 
-_POSITION_READS: Final = frozenset({Purpose.ACTUAL, Purpose.POLL})
+_REPEATED: Final = frozenset({Purpose.ACTUAL, Purpose.POLL, Purpose.HOMED})
+"""Reads that are repeated once: they decide where a target goes, and whether it is corrected."""
 LATER: Final = frozenset({ExceptionCode.ACKNOWLEDGE, ExceptionCode.SERVER_DEVICE_BUSY})
 """Exceptions which mean that the same read may succeed later."""
 POLLS: Final = 2
@@ -151,8 +158,8 @@ def read_field(
 
 
 def once_more(read: AddedFrame) -> AddedFrame:
-    """Return the same read of a position again, for no request."""
-    return AddedFrame(read.axis, read.purpose, read.address, read.quantity, is_again=True)
+    """Return the same read again, for no request."""
+    return AddedFrame(read.axis, read.purpose, read.address, read.quantity, bit=read.bit, is_again=True)
 
 
 def read_word(axis: Axis, address: int) -> AddedFrame:
@@ -282,20 +289,32 @@ def acknowledge_rewritten(frame: AddedFrame) -> None:
 
 
 def is_asked_again(read: AddedFrame, reply: bytes, prefetched: Prefetched) -> bool:
-    """Whether a refused read of a position may succeed if it is repeated (W8).
+    """Whether a refused read may succeed if it is repeated (W8).
 
-    After "busy" it is repeated once for each request. After any other exception it is repeated until the
-    drive has refused twice in a row (``READABILITY_AFTER``).
+    If the drive is busy, or was not reached, the read is repeated once for each request. A position is also
+    read again after any other exception, until the drive has refused twice in a row (``READABILITY_AFTER``).
     """
-    if read.purpose not in _POSITION_READS or not is_exception(reply):
+    if read.purpose not in _REPEATED or not is_exception(reply):
         return False
-    axis, name = read.axis, read.axis.plan.name
-    is_first = not read.is_again and name not in prefetched.refused
-    prefetched.refused.add(name)
-    if len(reply) > 1 and reply[1] in LATER:
+    axis, key = read.axis, (read.axis.plan.name, read.purpose is Purpose.HOMED)
+    is_first = not read.is_again and key not in prefetched.refused
+    prefetched.refused.add(key)
+    if reply[-1] in LATER or is_absence(reply):
         return is_first
+    if read.purpose is Purpose.HOMED:
+        return False
     axis.reach.update_readability(PositionAnswer.REFUSAL)
     return is_first and not axis.reach.is_unreadable
+
+
+def is_open(read: AddedFrame, reply: bytes) -> bool:
+    """Whether a read was refused in a way that shows nothing: its request is refused with the same code.
+
+    A drive that is busy says nothing about its homed bit. A position is not needed that much: without it the
+    target is sent and flagged.
+    """
+    is_busy = is_exception(reply) and reply[-1] in LATER
+    return is_absence(reply) or (is_busy and read.purpose is Purpose.HOMED)
 
 
 def learn(read: AddedFrame, reply: bytes, prefetched: Prefetched, asked_ns: int) -> None:
@@ -303,7 +322,7 @@ def learn(read: AddedFrame, reply: bytes, prefetched: Prefetched, asked_ns: int)
 
     A refused read is not repeated for this request, except by :func:`is_asked_again`.
 
-    A drive that refuses to report whether it is homed counts as not homed.
+    A drive that refuses to report whether it is homed counts as not homed, except by :func:`is_open`.
     """
     if read.purpose is Purpose.TRIAL:
         return  # its arrival is all that counts

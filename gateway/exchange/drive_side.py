@@ -8,6 +8,7 @@ from gateway.exchange.added_frames import (
     Purpose,
     acknowledge_rewritten,
     is_asked_again,
+    is_open,
     learn,
     next_poll,
     once_more,
@@ -29,7 +30,7 @@ from gateway.exchange.transaction import (
     outcome_of_reply,
 )
 from gateway.exchange.turn import Turn
-from gateway.modbus.pdu import EXCEPTION_BIT, MAX_PDU, ExceptionCode, is_exception
+from gateway.modbus.pdu import EXCEPTION_BIT, MAX_PDU, ExceptionCode, is_absence, is_exception
 
 ACKNOWLEDGED: Final = Outcome.ACKNOWLEDGED
 EXCEPTION: Final = Outcome.EXCEPTION
@@ -73,33 +74,19 @@ class DriveSide:
         if transaction is None or unit_id != transaction.wire_unit_id or not len(pdu):
             self.stray(now_ns, NO_UNIT_ID)
             return
-        if len(pdu) > MAX_PDU:  # it cannot be passed on
-            self._transactions.free_wire()
-            self._renewal.mark_alive()
-            self._counters.oversized += 1
-            self._end_unanswered(transaction, now_ns)
-            self._turn.end(transaction, now_ns)
-            self._turn.next(now_ns)
+        if len(pdu) > MAX_PDU:
+            self._drop_oversized(transaction, now_ns)
             return
         if transaction.stopping is Stopping.EARLY and not self._scheduler.is_answer(transaction, pdu):
-            self._renewal.mark_alive()
-            self._silent_units.disturb(unit_id, now_ns)
-            self._silent_units.expect_late_reply(unit_id, transaction.sent_ns + self._response_timeout_ns)
-            self._transactions.free_wire()
-            self._scheduler.go_again(transaction, now_ns)
-            self._context.report(self._units.axes_of(unit_id))
-            self._turn.next(now_ns)
+            self._send_stop_again(transaction, now_ns)
             return
         if self._link_state.closes_soon:
             self._link_state.see_whether_it_closes(transaction, now_ns)
-        self._silent_units.answered_ns[unit_id] = now_ns
+        is_absent = is_absence(pdu)
+        if not is_absent:
+            self._silent_units.answered_ns[unit_id] = now_ns
         if self._silent_units.silences:
-            if transaction.stopping is Stopping.AGAIN and self._silent_units.awaits_late_reply_of(unit_id):
-                # The same stop was sent twice, and one answer came; it is unknown for which.
-                self._silent_units.expect_late_reply(unit_id, transaction.sent_ns + self._response_timeout_ns)
-            self._renewal.mark_answered(unit_id)
-            self._renewal.mark_alive()
-            self._silent_units.mark_alive(unit_id, now_ns)
+            self._end_silence(transaction, now_ns, is_absent=is_absent)
         path, forwarding = transaction.path, self._turn.forwarding
         if path is None:
             nominal_reply = None
@@ -124,16 +111,61 @@ class DriveSide:
             forwarding.add(transaction, pdu, nominal_reply, now_ns)
         if self._scheduler.gaps.is_watching:
             self._turn.end(transaction, now_ns)
-        if axes:
+        if is_absent:
+            self._take_absence(transaction, pdu, now_ns)
+        elif axes:
             self._context.report(axes)
         if self._waiting.total or self._renewal.holds:
             self._turn.next(now_ns)
 
+    def _drop_oversized(self, transaction: Transaction, now_ns: int) -> None:
+        """A reply is too long for a PDU: it cannot be passed on."""
+        self._transactions.free_wire()
+        self._renewal.mark_alive()
+        self._counters.oversized += 1
+        self._end_unanswered(transaction, now_ns)
+        self._turn.end(transaction, now_ns)
+        self._turn.next(now_ns)
+
+    def _send_stop_again(self, transaction: Transaction, now_ns: int) -> None:
+        """An early stop got the late answer of another request: it is sent once more (W6)."""
+        unit_id = transaction.wire_unit_id
+        self._renewal.mark_alive()
+        self._silent_units.disturb(unit_id, now_ns)
+        self._silent_units.expect_late_reply(unit_id, transaction.sent_ns + self._response_timeout_ns)
+        self._transactions.free_wire()
+        self._scheduler.go_again(transaction, now_ns)
+        self._context.report(self._units.axes_of(unit_id))
+        self._turn.next(now_ns)
+
+    def _end_silence(self, transaction: Transaction, now_ns: int, *, is_absent: bool) -> None:
+        """A reply came while a unit of the line is silent; ``is_absent``: from its converter."""
+        unit_id = transaction.wire_unit_id
+        if transaction.stopping is Stopping.AGAIN and self._silent_units.awaits_late_reply_of(unit_id):
+            # The same stop was sent twice, and one answer came; it is unknown for which.
+            self._silent_units.expect_late_reply(unit_id, transaction.sent_ns + self._response_timeout_ns)
+        self._renewal.mark_answered(unit_id)
+        self._renewal.mark_alive()
+        if not is_absent:
+            self._silent_units.mark_alive(unit_id, now_ns)
+
+    def _take_absence(self, transaction: Transaction, pdu: bytes, now_ns: int) -> None:
+        """A converter has answered in the place of a drive, which may be off: it counts as silent (W7)."""
+        unit_id = transaction.wire_unit_id
+        silence, has_died = self._silent_units.miss(
+            unit_id, transaction.sent_ns, now_ns, may_answer_late=False
+        )
+        why = f"unit id {unit_id}: its converter answers {pdu[-1]:#04x} in its place"
+        if silence.timeouts == 1:
+            self._on_event(Event(exchange_events.DRIVE_SILENT, None, why))
+        self._fall_silent(transaction, why if has_died else "", now_ns)
+
     def _take_reply(self, transaction: Transaction, pdu: bytes, now_ns: int) -> tuple[Axis, ...]:
         """Take a reply on the slow path; return the axes about which it may tell something."""
         axes = self._units.axes_of(transaction.wire_unit_id)
-        for axis in axes:
-            axis.end_silence(is_answer=True)
+        if not is_absence(pdu):
+            for axis in axes:
+                axis.end_silence(is_answer=True)
         if transaction.added is not None:
             self._transactions.free_wire()
             self._take_added(transaction, pdu, now_ns)
@@ -157,7 +189,7 @@ class DriveSide:
             self._counters.added_reads += 1
             prefetched = Prefetched()
             is_again = is_asked_again(frame, pdu, prefetched)
-            if not is_again:
+            if not (is_again or is_open(frame, pdu)):
                 learn(frame, pdu, prefetched, transaction.sent_ns)
             outcome = Outcome.EXCEPTION if is_exception(pdu) else Outcome.ACKNOWLEDGED
             self._transactions.finish(transaction, outcome, now_ns)
@@ -192,6 +224,8 @@ class DriveSide:
                 transaction.excuse(now_ns - transaction.sent_ns)
             if is_asked_again(frame, pdu, prefetched) and now_ns <= transaction.leave_by_ns:
                 return None  # it is read again, if nothing else goes first
+            if is_open(frame, pdu):
+                return pdu[-1]
             learn(frame, pdu, prefetched, transaction.sent_ns)
             return None
         if frame.is_acknowledged(pdu):
@@ -299,11 +333,15 @@ class DriveSide:
             self._scheduler.go_again(transaction, now_ns)
         else:
             self._end_unanswered(transaction, now_ns)
-        axes = self._units.axes_of(unit_id)
+        self._fall_silent(transaction, self._unanswered_by(unit_id) if has_died else "", now_ns)
+        self._turn.end(transaction, now_ns, silence.quiet_ns or None)
+
+    def _fall_silent(self, transaction: Transaction, why_dead: str, now_ns: int) -> None:
+        """The drive of a transaction did not answer; ``why_dead``: "" if it may still be asked (W11)."""
+        axes = self._units.axes_of(transaction.wire_unit_id)
         for axis in axes:
             axis.fall_silent(transaction.sent_ns, now_ns)
         self._context.report(axes)
-        if has_died and self._silent_units.backs_off:
-            self._on_event(Event(exchange_events.DRIVE_BACKED_OFF, None, self._unanswered_by(unit_id)))
+        if why_dead and self._silent_units.backs_off:
+            self._on_event(Event(exchange_events.DRIVE_BACKED_OFF, None, why_dead))
             self._silent_units.answer_waiting(now_ns)
-        self._turn.end(transaction, now_ns, silence.quiet_ns or None)

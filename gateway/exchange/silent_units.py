@@ -69,7 +69,7 @@ class Sign(Enum):
     __hash__ = object.__hash__
 
     TIME_OUT = "time-out"
-    """A request was not answered."""
+    """A request was not answered, or a converter answered that (0x0A, 0x0B)."""
     FRAME = "frame"
     """A complete frame of it came: an answer, an exception, or a late frame."""
     LINK_UP = "link-up"
@@ -244,13 +244,18 @@ class SilentUnits:
 
     # --- observations ----------------------------------------------------------------------------------
 
-    def miss(self, unit_id: int, sent_ns: int, now_ns: int) -> tuple[Silence, bool]:
-        """Record an unanswered request; return its unit id's silence, and whether the unit is dead now."""
+    def miss(
+        self, unit_id: int, sent_ns: int, now_ns: int, *, may_answer_late: bool = True
+    ) -> tuple[Silence, bool]:
+        """Record an unanswered request; return its unit id's silence, and whether the unit is dead now.
+
+        ``may_answer_late``: not after a converter has answered in the place of the unit.
+        """
         silence = self.silences.get(unit_id)
         if silence is None:
             silence = self.silences[unit_id] = Silence(unit_id)
         was_dead = silence.reach is Reach.DEAD
-        silence.miss(sent_ns, now_ns, self._drain_ns, self._retry_ns)
+        silence.miss(sent_ns, now_ns, self._drain_ns if may_answer_late else 0, self._retry_ns)
         return silence, silence.reach is Reach.DEAD and not was_dead
 
     def mark_alive(self, unit_id: int, now_ns: int) -> None:

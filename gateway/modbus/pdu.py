@@ -59,6 +59,12 @@ class ExceptionCode(IntEnum):
     GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND = 0x0B
 
 
+ABSENT: Final = frozenset(
+    {ExceptionCode.GATEWAY_PATH_UNAVAILABLE, ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND}
+)
+"""Codes with which a converter answers for a device that it does not reach or that did not answer it."""
+
+
 def exception_pdu(function: int, code: int) -> bytes:
     """Return the exception reply to a request of function code ``function``, with exception ``code``.
 
@@ -66,6 +72,15 @@ def exception_pdu(function: int, code: int) -> bytes:
     '86 02'
     """
     return bytes((function | EXCEPTION_BIT, code))
+
+
+def is_absence(pdu: bytes) -> bool:
+    r"""Whether a converter has answered in the place of its device (section 7, codes 0A and 0B).
+
+    >>> is_absence(b"\x83\x0b"), is_absence(b"\x83\x02"), is_absence(b"\x03\x02\x00\x0b")
+    (True, False, False)
+    """
+    return pdu[0] >= EXCEPTION_BIT and pdu[-1] in ABSENT
 
 
 def is_exception(pdu: bytes) -> bool:
