@@ -66,8 +66,11 @@ class Purpose(Enum):
     """Any register of a drive that does not answer: whether it is back."""
 
 
-_REPEATED: Final = frozenset({Purpose.ACTUAL, Purpose.POLL, Purpose.HOMED})
-"""Reads that are repeated once: they decide where a target goes, and whether it is corrected."""
+_REPEATED: Final = frozenset({Purpose.ACTUAL, Purpose.POLL, Purpose.HOMED, Purpose.RULE})
+"""Reads that are repeated once: they decide what a request does, where its target goes, and whether it is
+corrected."""
+_NEEDED: Final = frozenset({Purpose.HOMED, Purpose.RULE})
+"""Those without which a request would be a guess."""
 LATER: Final = frozenset({ExceptionCode.ACKNOWLEDGE, ExceptionCode.SERVER_DEVICE_BUSY})
 """Exceptions which mean that the same read may succeed later."""
 POLLS: Final = 2
@@ -296,12 +299,12 @@ def is_asked_again(read: AddedFrame, reply: bytes, prefetched: Prefetched) -> bo
     """
     if read.purpose not in _REPEATED or not is_exception(reply):
         return False
-    axis, key = read.axis, (read.axis.plan.name, read.purpose is Purpose.HOMED)
+    axis, key = read.axis, (read.axis.plan.name, read.address)
     is_first = not read.is_again and key not in prefetched.refused
     prefetched.refused.add(key)
     if reply[-1] in LATER or is_absence(reply):
         return is_first
-    if read.purpose is Purpose.HOMED:
+    if read.purpose in _NEEDED:
         return False
     axis.reach.update_readability(PositionAnswer.REFUSAL)
     return is_first and not axis.reach.is_unreadable
@@ -310,11 +313,11 @@ def is_asked_again(read: AddedFrame, reply: bytes, prefetched: Prefetched) -> bo
 def is_open(read: AddedFrame, reply: bytes) -> bool:
     """Whether a read was refused in a way that shows nothing: its request is refused with the same code.
 
-    A drive that is busy says nothing about its homed bit. A position is not needed that much: without it the
-    target is sent and flagged.
+    A drive that is busy says nothing about its homed bit or its mode. A position is not needed that much:
+    without it the target is sent and flagged.
     """
     is_busy = is_exception(reply) and reply[-1] in LATER
-    return is_absence(reply) or (is_busy and read.purpose is Purpose.HOMED)
+    return is_absence(reply) or (is_busy and read.purpose in _NEEDED)
 
 
 def learn(read: AddedFrame, reply: bytes, prefetched: Prefetched, asked_ns: int) -> None:

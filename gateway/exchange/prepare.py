@@ -334,12 +334,10 @@ def _prepare_targets(request: Request, command: AxisCommand) -> list[tuple[Field
     Raises:
         RefusedRequestError: the request must not reach the drive.
     """
-    axis, action = command.axis, command.action
-    changed: list[tuple[FieldHit, bytes]] = []
+    axis, action, access = command.axis, command.action, request.frame.access
     if action in MOVES_OTHERWISE:
-        for hit, words, _ in command.writes:
-            _pass_raw(request, hit, words)
-        return changed
+        return _pass_otherwise(request, command)
+    changed: list[tuple[FieldHit, bytes]] = []
     for hit, words, is_run in command.writes:
         if not is_run:
             continue
@@ -364,7 +362,7 @@ def _prepare_targets(request: Request, command: AxisCommand) -> list[tuple[Field
                 continue
             name = axis.plan.name
             raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
-        is_complete = _is_complete(hit, request.frame.access)
+        is_complete = _is_complete(hit, access)
         if rendering is None:  # a distance passes unchanged, and its end is unknown
             command.stagings.append(Staging(image, words, words, image.epoch))
             command.go_anywhere()
@@ -412,6 +410,22 @@ def render_relative(
 # --- targets that the drive only holds ---------------------------------------------------------------------
 
 
+def _pass_otherwise(request: Request, command: AxisCommand) -> list[tuple[FieldHit, bytes]]:
+    """Pass the words of a frame that does something else than to run a target; return changed ones.
+
+    Raises:
+        RefusedRequestError: it writes a part of an unknown position, and may run it.
+    """
+    axis, changed = command.axis, []
+    for hit, words, _ in command.writes:
+        is_sure = axis.writes_words_alone or _is_complete(hit, request.frame.access)
+        if command.action is Action.UNKNOWN and not is_sure:
+            changed += _pass_whole(request, hit, words)
+        else:
+            _pass_raw(request, hit, words)
+    return changed
+
+
 def _pass_raw(request: Request, hit: FieldHit, words: bytes | None) -> None:
     """Send words unchanged: in a stop, homing or unknown frame they are no target (M2)."""
     axis, image = hit.mapped.axis, hit.mapped.image
@@ -427,6 +441,22 @@ def _pass_raw(request: Request, hit: FieldHit, words: bytes | None) -> None:
         in_drive = _merged(image.corrected_words, *written_part(hit, request.frame.pdu, access))
     written = mask_written(hit, request.frame.pdu, access)
     request.of(axis).stagings.append(Staging(image, words, in_drive, image.epoch, written))
+
+
+def _pass_whole(request: Request, hit: FieldHit, words: bytes | None) -> list[tuple[FieldHit, bytes]]:
+    """Complete a part of a position in an unknown frame: a drive that follows would go to a mixed one (M1).
+
+    Raises:
+        RefusedRequestError: the rest of the position is unknown.
+    """
+    image = hit.mapped.image
+    assert image is not None
+    if words is None or image.completeness is Completeness.PART_REFUSED:
+        _refuse_unknown(request, hit)
+        return []
+    written = mask_written(hit, request.frame.pdu, request.frame.access)
+    request.of(hit.mapped.axis).stagings.append(Staging(image, words, words, image.epoch, written))
+    return [(hit, words)]
 
 
 def _is_complete(hit: FieldHit, access: Access) -> bool:

@@ -45,8 +45,8 @@ class Prefetched:
     """By axis."""
     polls: dict[str, int] = field(default_factory=dict)
     """How often the position was read, with or without success, by axis."""
-    refused: set[tuple[str, bool]] = field(default_factory=set)
-    """Axes that refused a read once: each with whether it was that of its homed bit, or of its position."""
+    refused: set[tuple[str, int]] = field(default_factory=set)
+    """Axes that refused a read once, each with the address of the read."""
     commanded: dict[str, float | None] = field(default_factory=dict)
     """The drive's own commanded position in counts, by axis."""
     standstill: dict[str, Standstill] = field(default_factory=dict)
