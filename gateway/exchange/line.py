@@ -237,9 +237,9 @@ class LineExchange:
             return
         if port.is_serial and (self._transactions.current is not None or self._waiting.total):
             self._give_up(port, "its controller sent another request", now_ns, is_gone=False)
-        if self.link_state.is_stopping:
-            return
         transaction = self._transactions.come(port, transaction_id, unit_id, pdu, now_ns)
+        if self.link_state.is_stopping and not self._stops(transaction):
+            return
         if self._odd_units and unit_id in self._odd_units and is_odd_request(pdu):
             transaction.become_odd()
         if port.gate is not None:
@@ -262,14 +262,17 @@ class LineExchange:
             # What waited for the silence before a frame goes first, also if its alarm has not come yet.
             and self._waiting.only_others
         )
-        if why_given_up and not (
-            self.link_state.is_up and self._units.stops_of(self._units.frames_of(transaction))
-        ):
+        is_reachable = self.link_state.is_up or self._link.connects
+        if why_given_up and not (is_reachable and self._stops(transaction)):
             self._transactions.withdraw(transaction, why_given_up, now_ns)
         elif is_free and is_motion and self.link_state.is_up:
             self._turn.start_request(transaction, now_ns)
         else:
             self._judge(transaction, now_ns, is_free=is_free and self.link_state.is_up)
+
+    def _stops(self, transaction: Transaction) -> bool:
+        """Whether a request stops an axis: it is sent though its controller gave up or we end (M3)."""
+        return bool(self._units.stops_of(self._units.frames_of(transaction)))
 
     def _answer_as_own(self, transaction: Transaction, why_given_up: str, now_ns: int) -> None:
         """Answer for the gateway's own unit id, in any state of the line."""

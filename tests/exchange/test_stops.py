@@ -66,6 +66,39 @@ def test_m3_a_stop_that_waited_for_long_goes_out_all_the_same() -> None:
     assert bench.drive.moves[-1:] == [("stop", 50_010)]
 
 
+def test_m3_a_stop_is_sent_while_the_gateway_ends_and_nothing_else_is() -> None:
+    bench = StagedBench(serial=False)
+    bench.run(50_000)
+    bench.send(READ_OTHER)  # on the wire when the gateway is told to end
+    bench.line.stop(bench.now_ns)
+    bench.send(RUN_PDU, transaction_id=8)
+    bench.send(STOP_PDU, transaction_id=9)
+    assert not bench.line.is_idle
+    bench.seen.clear()
+    bench.serve()
+    assert bench.seen == [READ_OTHER, STOP_PDU]
+    assert bench.port.replies[-1] == (9, 1, STOP_PDU)
+    assert bench.line.is_idle
+
+
+@pytest.mark.parametrize("is_end_read_with_it", [False, True])
+def test_m3_a_stop_whose_controller_closes_waits_for_the_connection_to_the_drives(
+    is_end_read_with_it: bool,
+) -> None:
+    bench = ConnectionBench(staged_plan(), connects_on_demand=True)
+    bench.ask(write(COMMAND, 1_000))
+    bench.ask(RUN_PDU)
+    bench.peer_closes()
+    why = "its controller closed the connection" if is_end_read_with_it else ""
+    bench.line.request(bench.port, 5, 1, STOP_PDU, bench.now_ns, why_given_up=why)
+    bench.line.controller_gone(bench.port, bench.now_ns)
+    bench.until(20)
+    assert STOP_PDU not in bench.seen
+    bench.line.link_up(bench.now_ns)
+    bench.serve()
+    assert bench.seen.count(STOP_PDU) == 1
+
+
 def test_m3_a_stop_passes_where_everything_else_is_refused() -> None:
     bench = StagedBench(staged_plan(motion=ONLY_ABSOLUTE, travel=(0.0, 100.0)))
     bench.refused(write(COMMAND, 150_000))
