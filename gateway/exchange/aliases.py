@@ -61,6 +61,12 @@ class Aliases:
             and unit_id not in self._other.unit_ids
         )
 
+    def may_reach_axis(self, unit_id: int) -> bool:
+        """Whether a unit id without an axis may be another name of one, on Modbus/TCP."""
+        if self.is_serial:
+            return False
+        return unit_id in ANY_TCP_DRIVE or (self.is_alone and self.is_unknown(unit_id))
+
     def count_request(self, unit_id: int) -> bool:
         """Count a request to an unknown unit id; return whether it is the first one."""
         count = self.requests[unit_id] = self.requests.get(unit_id, 0) + 1

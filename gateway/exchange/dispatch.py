@@ -124,10 +124,20 @@ class UnitMaps:
         frames = transaction.frames
         if frames is None:
             pdu, reached = transaction.pdu, self._reached.get(transaction.unit_id, ())
-            access, coils = access_of(pdu) or NO_ACCESS, coils_written(pdu)
-            frames = tuple([DecodedRequest(unit, pdu, access, coils) for unit in reached])
+            if reached:
+                access, coils = access_of(pdu) or NO_ACCESS, coils_written(pdu)
+                frames = tuple([DecodedRequest(unit, pdu, access, coils) for unit in reached])
+            else:
+                frames = self._stops_by_alias(transaction.unit_id, pdu)
             transaction.set_frames(frames)
         return frames
+
+    def _stops_by_alias(self, unit_id: int, pdu: bytes) -> tuple[DecodedRequest, ...]:
+        """Return a stop to a unit id that may be another name of an axis, as decoded for it; else nothing."""
+        if not (self.have_rules and self.aliases.may_reach_axis(unit_id)):
+            return ()
+        frames = tuple(self.aliases.frames(pdu))
+        return frames if self.stops_of(frames) else ()
 
     @staticmethod
     def stops_of(frames: Iterable[DecodedRequest]) -> list[AxisCommand]:

@@ -4,10 +4,12 @@ The table adds 10 counts to a position that is come to forward and takes 10 away
 """
 
 from dataclasses import replace
+from typing import Final
 
 import pytest
 
 from gateway.drives.motion import Action, ModePlan, MotionPlan, Operation, TriggerPlan
+from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.control import switch
 from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, Reference, Role
 from gateway.exchange.status import compensation_state, direction_state
@@ -97,6 +99,45 @@ def test_m3_a_stop_whose_controller_closes_waits_for_the_connection_to_the_drive
     bench.line.link_up(bench.now_ns)
     bench.serve()
     assert bench.seen.count(STOP_PDU) == 1
+
+
+ALIASES: Final = (0, 255, 9)
+"""Unit ids under which the drive of a Modbus/TCP line with one axis may answer too."""
+
+
+@pytest.mark.parametrize("unit_id", ALIASES)
+def test_m3_a_stop_under_another_name_of_the_drive_is_a_stop_of_its_axis(unit_id: int) -> None:
+    bench = StagedBench(tcp_drive=True, serial=False)
+    bench.go_to(20_000)
+    bench.run(80_000)
+    bench.drive.pass_by(30_000)
+    operator = Port(ControllerPlan("panel", role=Role.OPERATOR))
+    assert bench.ask(STOP_PDU, operator, unit_id=unit_id) == STOP_PDU
+    assert bench.line.axes[0].motion.state is MotionState.STOPPED
+    assert bench.line.axes[0].compensation.accepted is None
+
+
+@pytest.mark.parametrize("unit_id", ALIASES)
+def test_m3_a_stop_under_another_name_overtakes_and_takes_back_a_waiting_trigger(unit_id: int) -> None:
+    bench = StagedBench(tcp_drive=True, serial=False)
+    bench.go_to(20_000)
+    bench.stage(80_000)
+    bench.send(READ_OTHER, Port(ControllerPlan("panel")))
+    bench.send(RUN_PDU, transaction_id=2)
+    bench.send(STOP_PDU, unit_id=unit_id, transaction_id=3)
+    bench.seen.clear()
+    bench.serve()
+    assert bench.seen == [READ_OTHER, STOP_PDU]
+    assert bench.port.replies == [(2, 1, bytes.fromhex("86 06")), (3, unit_id, STOP_PDU)]
+
+
+@pytest.mark.parametrize("unit_id", ALIASES)
+def test_w7_what_is_no_stop_does_not_reach_the_axis_under_another_name(unit_id: int) -> None:
+    bench = StagedBench(tcp_drive=True, serial=False)
+    bench.go_to(20_000)
+    assert bench.ask(RUN_PDU, unit_id=unit_id) == bytes.fromhex("86 0A")
+    bench.ask(bytes.fromhex("03 005C 0001"), unit_id=unit_id)
+    assert bench.line.axes[0].motion.state is MotionState.ARRIVED
 
 
 def test_m3_a_stop_passes_where_everything_else_is_refused() -> None:
