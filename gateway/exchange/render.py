@@ -375,9 +375,19 @@ def _may_run(axis: Axis, actual: Actual) -> bool:
 
 
 def _may_have_passed(axis: Axis, nominal_counts: Counts, fresh: Actual, now_ns: int) -> bool:
-    """Whether such an axis may have passed its target since it was read."""
-    away_counts = abs(nominal_counts - fresh.counts)
-    return _may_run(axis, fresh) and away_counts <= _reach_counts(axis, now_ns - fresh.seen_ns)
+    """Whether an axis that moves may have passed its new target since it was read (M6).
+
+    On its way to the last target it moves in one direction only, and no further than that.
+    """
+    reach_counts = _reach_counts(axis, now_ns - fresh.seen_ns)
+    away_counts = nominal_counts - fresh.counts
+    if _may_run(axis, fresh):
+        return abs(away_counts) <= reach_counts
+    accepted = axis.compensation.accepted
+    if accepted is None or axis.motion.state is not MotionState.MOVING:
+        return False
+    ahead_counts = accepted.corrected_counts - fresh.counts
+    return away_counts * ahead_counts > 0 and abs(away_counts) <= min(reach_counts, abs(ahead_counts))
 
 
 def _measured(axis: Axis, actual: Actual) -> PositionEstimate:

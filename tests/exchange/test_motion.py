@@ -1020,3 +1020,31 @@ def test_every_answer_leads_where_the_table_says() -> None:
     """)
     rows = READABILITY_AFTER.items()
     assert by_hand == {(now.value, told.value): then.value for now, row in rows for told, then in row.items()}
+
+
+@pytest.mark.parametrize(
+    ("answers_after_ms", "target", "told", "is_flagged"),
+    [
+        (45, 40_000, 40_010, False),  # at 200 mm/s it has gone 9 mm of 10
+        (60, 40_000, 40_010, True),  # 12 mm: it may be beyond its target, which is backward then
+        (300, 20_000, 19_990, False),  # behind it, and further with each moment
+        (300, 95_000, 95_010, False),  # beyond its last target, which it does not pass
+    ],
+)
+def test_m6_an_axis_that_may_have_passed_its_target_since_it_was_read_is_flagged(
+    answers_after_ms: int, target: int, told: int, is_flagged: bool
+) -> None:
+    bench = Bench(axis_plan(max_speed=200.0))
+    bench.move(10_000)
+    bench.actual()
+    bench.wait(1_000)
+    bench.ask(write(COMMAND, 90_000))
+    bench.wait(100)
+    bench.memory.put(ACTUAL, 30_000)
+    bench.send(write(COMMAND, target))
+    [(_, asked)] = bench.link.sent
+    assert asked == read(ACTUAL)
+    bench.wait(answers_after_ms)
+    bench.serve()
+    assert bench.memory.get(COMMAND) == told
+    assert unsure(bench) is is_flagged
