@@ -46,6 +46,18 @@ def test_a16_without_a_homed_bit_the_done_bit_ends_a_homing() -> None:
     assert is_corrected(bench)
 
 
+@pytest.mark.parametrize(("after_ms", "counts"), [(150, False), (990, False), (1_010, True)])
+def test_a16_a_done_bit_that_never_fell_ends_a_homing_after_done_drop_ms(after_ms: int, counts: bool) -> None:
+    """The drive may begin late, and its done bit may be that of the move before."""
+    bits = {name: bit for name, bit in BITS.items() if name != "homed"}
+    bench = StagedBench(staged_plan(referenced=Reference.HOMING, bits=bits, done_drop_ms=1_000.0))
+    bench.trigger(HOME_PDU)
+    bench.drive.set_bits(is_done=True)
+    bench.wait(after_ms)
+    bench.poll()
+    assert ("axis-referenced" in bench.kinds()) is counts
+
+
 def test_a16_the_bit_of_the_homing_before_does_not_count() -> None:
     bench = StagedBench(staged_plan(referenced=Reference.HOMING))
     bench.trigger(HOME_PDU)

@@ -199,6 +199,7 @@ class AxisReference:
 
     __slots__ = (
         "_on_fault",
+        "_settle_ns",
         "bit",
         "bit_seen_ns",
         "follows_homed_bit",
@@ -220,6 +221,10 @@ class AxisReference:
             DONE_BIT if plan.referenced is Reference.HOMING and HOMED_BIT not in plan.bits else HOMED_BIT
         )
         """Name of the bit that shows the end of homing."""
+        self._settle_ns = SETTLE_NS
+        """A bit that is still set so soon after a homing command may be that of the motion before."""
+        if self.bit == DONE_BIT:
+            self._settle_ns = max(SETTLE_NS, int(plan.done_drop_ms * NS_PER_MS))
         self.state = REFERENCE_AT_START[plan.referenced]
         self.is_unconfirmed = self.follows_homed_bit
         """The deciding bit must be read before positions pass."""
@@ -274,8 +279,8 @@ class AxisReference:
         if self.kind is not Reference.HOMING or not self.is_homing:
             return
         if not is_set:
-            self.homing_since_ns = now_ns - SETTLE_NS
-        elif now_ns - self.homing_since_ns >= SETTLE_NS:
+            self.homing_since_ns = now_ns - self._settle_ns
+        elif now_ns - self.homing_since_ns >= self._settle_ns:
             self.happens(ReferenceEvent.BIT_SET)
 
     def wait_for_peers(self, *, waits: bool) -> None:
