@@ -45,6 +45,11 @@ class CorrectionSpec:
         backward = weight * (1.0 - forward_share) * self.gain.backward
         return (Term(self.curve, forward, backward),)
 
+    @property
+    def has_branches(self) -> bool:
+        """Whether it depends on the direction of travel."""
+        return self.curve is not None and not (self.curve.table.is_unidirectional and self.gain.is_even)
+
     def gain_of(self, *, is_forward: bool) -> float:
         """Return the share of its table that one branch gets."""
         return self.gain.forward if is_forward else self.gain.backward

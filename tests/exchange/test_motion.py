@@ -9,6 +9,7 @@ from gateway.compensation.units import Units
 from gateway.drives.motion import Action
 from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.axis.reach import READABILITY_AFTER
+from gateway.exchange.control import switch
 from gateway.exchange.plan import ControllerPlan, Late, LineTiming, Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import (
@@ -43,6 +44,7 @@ from tests.support.tables import walk
 
 DONE = BitField(0x0031, 0)
 READ_DONE = bytes.fromhex("03 0031 0001")
+WIDE = make_table([0, 100], [0.09, 0.09], [0.01, 0.01], Units.MM)
 WORN = make_table([0, 200], [0.41, 0.41], [-0.26, -0.26], Units.MM)
 """410 counts more going forward, 260 less going backward."""
 SCREW = make_table([40, 50, 60, 70], [0.3, 0.35, 0.48, 0.5], [-0.3, -0.316, -0.25, -0.2], Units.MM)
@@ -1048,3 +1050,15 @@ def test_m6_an_axis_that_may_have_passed_its_target_since_it_was_read_is_flagged
     bench.serve()
     assert bench.memory.get(COMMAND) == told
     assert unsure(bench) is is_flagged
+
+
+def test_m6_an_assumed_branch_stays_flagged_as_long_as_it_is_in_force() -> None:
+    """Half-way between 50 090 and 50 010, because it may have come from either side."""
+    bench = Bench(axis_plan(table=WIDE, safe_read=False))
+    assert bench.command(50_000) == 50_050
+    assert unsure(bench)
+    switch(bench.line.axes, "x", is_on=False)
+    assert bench.command(50_000) == 50_050  # the same target keeps its words
+    assert unsure(bench)
+    assert bench.command(60_000) == 60_000
+    assert not unsure(bench)

@@ -189,8 +189,11 @@ class Axis:
     @property
     def is_unsure(self) -> bool:
         """Whether the branch in force was assumed, and the correction depends on the branch."""
-        is_assumed = self.compensation.is_unsure or self.motion.is_distance_unconfirmed
-        return is_assumed and self.correction.has_branches and not self.compensation.is_passing
+        compensation = self.compensation
+        if not (compensation.is_unsure or self.motion.is_distance_unconfirmed):
+            return False
+        has_branches = self.correction.has_branches or compensation.state.spec.has_branches
+        return has_branches and not compensation.is_passing
 
     @property
     def writes_words_alone(self) -> bool:

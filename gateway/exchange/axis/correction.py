@@ -52,7 +52,7 @@ class RequestedCorrection:
         self.requested: CorrectionSpec = NOTHING
         """The same with its terms."""
         self.has_branches = False
-        """Whether the correction depends on the direction of travel."""
+        """Whether the requested correction depends on the direction of travel."""
         self.choose()
 
     def choose(self) -> None:
@@ -61,12 +61,9 @@ class RequestedCorrection:
             return
         plan = self._motion.plan
         self.base = NOTHING
-        self.has_branches = False
         if self.is_enabled and plan.table is not None:
             self.base = spec_of_table(plan.table, plan.settings, digest=table_digest(plan.table))
-            curve = self.base.curve
-            one_way = curve is not None and curve.table.is_unidirectional and self.base.gain.is_even
-            self.has_branches = not one_way
+        self.has_branches = self.base.has_branches
         self.requested = self.base if self.terms is None else self.terms.on(self.base, plan)
 
     def want(self) -> None:
