@@ -33,7 +33,7 @@ ARRIVED: Final = MotionState.ARRIVED
 LOWEST: Final = b"\x00"
 HIGHEST: Final = b"\xff"
 """Together with LOWEST, the range of the last byte of a position of which all others have come."""
-NOBODY: Final[frozenset[str]] = frozenset()
+NO_AXES: Final[frozenset[str]] = frozenset()
 """Names of the axes that a read sends somewhere."""
 
 
@@ -105,7 +105,7 @@ class ReadPath(FastPath):
         except RegisterRangeError:
             return exception_pdu(reply[0], ExceptionCode.SERVER_DEVICE_FAILURE)
         if self._hits.bits:
-            observe_bits(self._hits.bits, data[2:], NOBODY, transaction.sent_ns)
+            observe_bits(self._hits.bits, data[2:], NO_AXES, transaction.sent_ns)
         return bytes(data)
 
     @property

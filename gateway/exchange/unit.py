@@ -113,7 +113,7 @@ class UnitMap:
         self.has_rules = any(axis.plan.has_rules or axis.peers for axis in self.axes)
         """Whether a frame may mean something other than a position to go to immediately, or something for a
         group."""
-        self.asks_for_bits = any(axis.reference.hangs_on_a_bit for axis in self.axes)
+        self.asks_for_bits = any(axis.reference.depends_on_bit for axis in self.axes)
         """Whether a status bit may have to be read before positions pass."""
         self._mapped_fields = tuple(mapped for axis in self.axes for mapped in _mapped_fields(axis))
         self._bits = tuple((axis, name, bit) for axis in self.axes for name, bit in axis.plan.bits.items())

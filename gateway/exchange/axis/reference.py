@@ -312,7 +312,7 @@ class AxisReference:
         return self.was_reported and self.state is not _REFERENCED
 
     @property
-    def hangs_on_a_bit(self) -> bool:
+    def depends_on_bit(self) -> bool:
         """Whether a status bit of the drive shows that the reference was found."""
         return self.kind in (Reference.DRIVE_BIT, Reference.HOMING)
 
