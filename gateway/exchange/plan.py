@@ -1,4 +1,4 @@
-"""What the exchange must know, checked and frozen before it runs."""
+"""The configuration that the exchange needs, checked and frozen before it runs."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -42,9 +42,9 @@ class Reference(Enum):
     """How the gateway knows that an axis is referenced."""
 
     ABSOLUTE = "absolute"
-    """An absolute encoder: only a set position ends it, until a person declares it again."""
+    """An absolute encoder: only a set position ends the reference, until a person declares it again."""
     DRIVE_BIT = "drive-bit"
-    """The drive's homed bit. A person cannot declare it."""
+    """The drive's homed bit. A person cannot declare the reference."""
     HOMING = "homing"
     """A homing command was seen, and after it the bit that ends it."""
     SET_POSITION = "set-position"
@@ -150,11 +150,11 @@ class AxisPlan:
     unseen_ms: float = DEFAULT_UNSEEN_MS
     """After so long without traffic from or to the drive its axis may have been moved."""
     done_drop_ms: float = DEFAULT_DONE_DROP_MS
-    """So long after a target its drive may still report done of the move before."""
+    """For this time after a target its drive may still report the done of the move before."""
     queues_targets: bool = False
     """A target that comes while the axis moves is run after the one before."""
     done_is_in_position: bool = False
-    """Its done bit only says that it is near its momentary setpoint, also on the way."""
+    """Its done bit only says that it is near its present setpoint; the bit is set on the way too."""
     bits: Mapping[str, BitField] = field(default_factory=dict)
     max_registers: int = 123
     """Most registers that the drive takes in one frame."""
@@ -166,13 +166,14 @@ class AxisPlan:
     """The drive ignores frames with a wrong CRC. If False, its line has no cut-through."""
     added_frames: bool = True
     refused_read: int = 0
-    """Function byte with which its drive refuses every read; 0: that of the request with bit 7."""
+    """Function byte with which its drive refuses every read; 0: the function code of the request with bit 7
+    set."""
     exception_writes_nothing: bool = False
     """The profile says ``exception = "nothing-written"`` (M7)."""
     has_one_writer: bool = True
     """Only one controller may move it at a time."""
     writer_hold_s: float = DEFAULT_WRITER_HOLD_S
-    """After so long without a frame that moves it, its writer loses its hold."""
+    """After this time without a frame that moves it, its writer loses its hold."""
     drive: str = ""
     """Name of the shipped profile with its registers; it selects the simulator's drive."""
     table_name: str = ""
@@ -201,7 +202,7 @@ class StopWord:
 
 @dataclass(frozen=True, slots=True)
 class OtherUnits:
-    """What is known of the unit ids of a line without an axis."""
+    """What is known of those unit ids of a line that have no axis."""
 
     unit_ids: frozenset[int] = frozenset()
     """Those of other devices: they pass unchanged."""
@@ -245,10 +246,10 @@ class LineTiming:
     quiet_ms: float = 5.0
     """Time without motion after which a monitor's request may start; directly after motion it always may."""
     monitor_max_wait_ms: float = 200.0
-    """A monitor's request that has waited so long goes at the next gap, even if it does not fit."""
+    """A monitor's request that has waited for this time is sent in the next gap, even if it does not fit."""
     retry_ms: float = 1000.0
-    """Pause before a unit is tried again that left three requests in a row unanswered; it doubles each time,
-    up to 10 s. 0: such a unit gets requests as if it had answered."""
+    """Pause before the next trial of a unit that left three requests in a row unanswered. It doubles each
+    time, up to 10 s. 0: such a unit gets requests as if it had answered."""
     connect_delay_ms: float = 0.0
     """Pause between a new connection to the drives and the first request on it."""
     max_connection_s: float = 0.0

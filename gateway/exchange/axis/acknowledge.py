@@ -1,9 +1,9 @@
-"""Whether a drive has received a target: while it is on the wire, and without an acknowledgement (M5, M7).
+"""Whether a drive has received a target that is on the wire, or that it did not acknowledge (M5, M7).
 
 The process may be killed while a target is on the wire; the drive may then hold the target or not.
 :class:`Acknowledgement` decides what the record says in that time.
 
-A target that was sent and not acknowledged is proven later by the positions in which the axis is seen
+The positions at which the axis is seen later prove a target that was sent and not acknowledged
 (:class:`Proof`). :class:`~gateway.exchange.axis.motion.Motion` holds that target.
 """
 
@@ -37,7 +37,7 @@ class Outcome(Enum):
 
 
 class OnWire(Enum):
-    """What is on the wire to the drive, for the record: the process may not live until the reply."""
+    """What is on the wire to the drive. The record names it: the process may die before the reply."""
 
     __hash__ = object.__hash__
 
@@ -55,8 +55,8 @@ class WireEvent(Enum):
     __hash__ = object.__hash__
 
     TARGET_SENT = "target-sent"
-    """A target is sent that a record can name: no other target is open, and it is known from which side
-    the axis goes there."""
+    """A target is sent that the record can name: no earlier target is open, and the side from which the axis
+    approaches is known."""
     MOTION_SENT = "motion-sent"
     """Something is sent that moves the axis in a way that its record does not describe."""
     ENDED = "ended"
@@ -97,9 +97,9 @@ class Proof(Enum):
     """Two readings in a row at the same end decide: the target was on the wire when the gateway ended, and
     the record names it."""
     AT_START = "at-start"
-    """The first of the two was at its start."""
+    """The first of the two readings was at the start."""
     AT_END = "at-end"
-    """The first of the two was at its end."""
+    """The first of the two readings was at the end."""
     NONE = "none"
     """No reading decides: the machine was switched off since, or both ends are too close together."""
     EXECUTED = "executed"
@@ -138,7 +138,7 @@ DECIDED: Final = frozenset({Proof.EXECUTED, Proof.NOT_EXECUTED})
 
 
 class Rendering(NamedTuple):
-    """A target ready to be written: its words in both frames, and the state after its acceptance."""
+    """A target ready to be written: its words on both scales, and the state after its acceptance."""
 
     number: int
     """Number of its command field."""
@@ -148,7 +148,7 @@ class Rendering(NamedTuple):
     move: Move | None
     """None for a repeat: the drive gets exactly the same words again (M4)."""
     is_distance: bool = False
-    """The words are a distance; ``corrected_counts`` is where it ends."""
+    """The words are a distance; the move ends at ``corrected_counts``."""
     start: Accepted | None = None
     """Where a distance starts."""
     stood_there: bool = False
@@ -180,7 +180,7 @@ class SteadyTarget:
         self.epoch = epoch
         """Epoch of its field when it was sent."""
         self.steady = steady
-        """The state after its acceptance; None: it is a repeat."""
+        """The state after its acceptance; None: the target is a repeat."""
 
 
 class Acknowledgement:

@@ -33,14 +33,14 @@ when a request is sent and when it ends; ``exchange.group`` does so for the axes
 believes only what is proven: by an acknowledgement, a status bit, or a position that was read. Without a
 proof the state says so (``UNACKNOWLEDGED``, ``UNKNOWN``).
 
-*Whether* positions are corrected is decided by a person, and with which table (``correction``). Compensation
-also ends when a remapping register of the drive was written (``reference.is_remapped``). While the reference
-is not known, positions pass 1:1 in both directions.
+A person decides *whether* positions are corrected, and with which table (``correction``). Compensation also
+ends when a remapping register of the drive was written (``reference.is_remapped``). While the reference is
+not known, positions pass 1:1 in both directions.
 
-*How* they are corrected now is in ``compensation`` (``gateway.compensation``): direction, blends, offset, the
-last target in both frames, and the readback map that converts readings back.
+``compensation`` (``gateway.compensation``) has *how* they are corrected now: direction, blends, offset, the
+last target on both scales, and the readback map that converts readings back.
 
-*What the drive holds* is in the register image (``registers``). The drive may hold staged targets that no
+The register image (``registers``) has *what the drive holds*. The drive may hold staged targets that no
 trigger has run, and parts of a target may have been lost. A lost target blocks the triggers (``interlock``).
 """
 
@@ -206,7 +206,7 @@ class Axis:
         A drive cannot have executed a function code that it does not know. Codes 2 to 4 (address, value,
         device failure) prove it only if the register map says so. They do not prove it for a frame that also
         reads: the read may have been refused after the write. Busy, acknowledge and gateway codes never prove
-            it.
+        it.
         """
         if code == ExceptionCode.ILLEGAL_FUNCTION:
             return True
@@ -228,7 +228,7 @@ class Axis:
         self.block_triggers(ExceptionCode.SERVER_DEVICE_FAILURE, why)
 
     def take_events(self) -> tuple[Event, ...]:
-        """Return the new events of this axis, each change once; its record is up to date then."""
+        """Bring its record up to date, and return its new events, each change once."""
         record = self.recall.record
         if record is not None:
             record.publish(self.motion, self.acknowledgement, self.correction.requested)
@@ -256,7 +256,7 @@ class Axis:
         self._forget_words()
 
     def invalidate_words(self) -> None:
-        """The drive may hold other targets than it was sent; the controller's view stays."""
+        """The drive may hold other targets than were sent to it; the controller's view stays the same."""
         for image in self.fields:
             image.invalidate()
 
@@ -276,7 +276,7 @@ class Axis:
         self._take_reference(is_referenced=is_referenced)
 
     def _take_reference(self, *, is_referenced: bool) -> None:
-        """Positions are meaningful from now on, or not any more."""
+        """Positions become meaningful now, or stop being so."""
         self.motion.change_reference()
         self.invalidate_words()
         if is_referenced:
@@ -404,7 +404,7 @@ class Axis:
         self.compensation.begin_anew()
 
     def move_zero(self) -> None:
-        """The drive counts from another zero: its targets and seen positions are void."""
+        """The drive counts from another zero: its targets, and the positions that were read, are void."""
         self.invalidate_words()
         self.motion.forget_position()
         if self.compensation.is_stream:
@@ -506,8 +506,8 @@ class Axis:
     def block_triggers(self, code: int, why: str, *, is_own: bool = True) -> None:
         """Refuse triggers from now on, and report why if they passed before.
 
-        ``is_own``: it lost the target itself, not because another axis of the group was blocked (M11). An
-        axis that passes 1:1 lets its triggers pass until it is corrected (M9).
+        ``is_own``: the axis lost the target itself, not because another axis of the group was blocked (M11).
+        An axis that passes 1:1 lets its triggers pass until it is corrected (M9).
         """
         if self.interlock.refuse(code, is_own=is_own):
             passing = "; while its positions pass 1:1, its triggers pass" if self.passes_unchanged else ""
@@ -533,7 +533,7 @@ class Axis:
     # --- another writer --------------------------------------------------------------------------------
 
     def take_over(self, former: str, code: int) -> None:
-        """Discard the former writer's parts: they are no part of what the next writer means (M3)."""
+        """Discard the former writer's parts of positions: they belong to no target of the next one (M3)."""
         for image in self.fields:
             image.lose_all_words()
         if self.plan.motion.waits_for_trigger and self.rules.staged is not None:
@@ -544,7 +544,7 @@ class Axis:
             self.block_triggers(code, why, is_own=not self.peers)
 
     def forget_parts(self) -> None:
-        """Complete no part of a position that came on a broken connection."""
+        """Forget parts of positions that came on a connection that broke: nothing completes them."""
         for image in (*self.fields, *self.limit_fields):
             image.forget_parts()
 

@@ -56,7 +56,7 @@ class RequestedCorrection:
         self.choose()
 
     def choose(self) -> None:
-        """Find the requested correction again, or put that off."""
+        """Determine the requested correction again, or put that off."""
         if self._member.put_off_correction():
             return
         plan = self._motion.plan

@@ -15,7 +15,7 @@ switch, table, gain and reference of each axis stay as they were when it was sen
 - :data:`LONGEST_NS` have passed.
 
 A first trigger may get no answer, or an exception that proves nothing. Then it is unknown whether the drive
-obeyed it. It fixes the same as one that was obeyed. Only the proof that the drive did not obey makes the next
+obeyed it. It fixes the same as one that was obeyed. Only a proof that the drive did not obey makes the next
 trigger a first one again.
 
 The target of an axis that has not started may be rewritten. It still uses what was fixed, because the other
@@ -58,13 +58,13 @@ class GantryEvent(Enum):
     LEFT = "left"
     """A frame that makes an axis go to its target is sent."""
     WENT = "went"
-    """It was acknowledged, or broadcast, and another axis has not started yet."""
+    """That frame was acknowledged, or broadcast, and another axis has not started yet."""
     WHOLE = "whole"
     """The same, and each axis has started."""
     UNCONFIRMED = "unproven"
-    """It is unknown whether it was obeyed: M3 holds."""
+    """It is unknown whether the drive obeyed that frame: M3 holds."""
     REFUSED = "refused"
-    """It was refused, which proves that it was not obeyed: M3 holds."""
+    """The drive refused that frame, which proves that it did not obey: M3 holds."""
     AGAIN = "again"
     """An axis that has started gets another target."""
     ENDED = "ended"
@@ -126,7 +126,7 @@ class Gantry:
         self.since_ns = 0
         """When that trigger was sent."""
         self.has_put_off = False
-        """Another correction was requested since, or a reference was found or lost."""
+        """Since then another correction was requested, or a reference was found or lost."""
         self.is_skewed = False
         """A later trigger was refused after the first axis had started, or it is unknown whether the first
         has; and the axes have not all started together since."""

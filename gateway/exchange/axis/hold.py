@@ -7,14 +7,14 @@ from gateway.times import NS_PER_S
 NEVER_NS: Final = -(10**18)
 """Earlier than any real time."""
 BACK_NS: Final = 2 * NS_PER_S
-"""A writer without a connection keeps its axis so long. It may be a controller that connects for each
+"""A writer without a connection keeps its axis for this time. It may be a controller that connects for each
 request, or whose cable was unplugged: no other writer begins between two of its commands."""
 
 
 class Hold:
     """The hold on one axis. A *writer* is a controller together with the host from which it connects.
 
-    The last holder stays the writer until another one takes over: what the drive holds comes from it.
+    The last holder stays the writer until another one takes over, because it wrote what the drive holds.
     """
 
     __slots__ = ("_hold_ns", "is_shared", "jogged_by", "last_ns", "overwritten_by", "writer")

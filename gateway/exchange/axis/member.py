@@ -1,8 +1,8 @@
 """An axis as a member of its group: the values that the first trigger of the group has fixed for it (M11).
 
-``axis.gantry`` says when values are fixed and for how long. Until then the axis goes as it was when they were
-fixed. A reference that is found or lost and another correction are put off; ``Axis.release`` puts them into
-force.
+``axis.gantry`` says when values are fixed and for how long. During that time the axis moves with the
+reference and the correction of the first moment. A reference that is found or lost, and another correction,
+are put off; ``Axis.release`` puts them into force.
 """
 
 from typing import NamedTuple
@@ -30,12 +30,12 @@ class Fixed(NamedTuple):
     """Whether it may keep words of another switch, table or gain: all axes of its group do."""
     has_gone: bool = False
     may_have_gone: bool = False
-    """It was the first, and it is unknown whether its trigger was obeyed."""
+    """It was the first, and it is unknown whether its drive obeyed the trigger."""
     missing: int = 0
     """Mask of the words of its target that have not come since it started: a drive that moves with each write
     may get them one by one."""
     part_ns: int = 0
-    """When the newest of them came."""
+    """When the newest word of its target came."""
     was_lost: bool = False
     """Its reference was lost since, even if it was found again."""
     has_other_correction: bool = False
@@ -52,7 +52,8 @@ class Member:
         self.gantry: Gantry | None = None
         """The decision of its group, shared by all axes of the group; None: it is in no group."""
         self.fixed: Fixed | None = None
-        """Replaces reference and switch until its group has moved (M11); None: nothing is fixed."""
+        """Replaces reference and switch until each axis of its group has started (M11); None: nothing is
+        fixed."""
 
     def join(self, gantry: Gantry) -> None:
         """Make its axis a member of a group."""

@@ -6,7 +6,7 @@ lost reply takes that knowledge away. For an axis that has arrived, the sign of 
 branch of the next target, however short the travel is. For any other axis a reading must give it. Without a
 reading the branch is assumed and flagged (``render``).
 
-Three words. The *branch* is the side from which the axis came to its position: with rising or with falling
+Three terms: the *branch* is the side from which the axis came to its position: with rising or with falling
 positions. Its *way* is the range of positions from its start to its target. A *stream* is a drive that gets
 setpoints one after the other and lags behind them.
 
@@ -72,8 +72,8 @@ class MotionState(Enum):
     MAY_HAVE_LEFT = "may-have-left"
     """Its drive reports done no longer: something else moves it, or the bit flickered."""
     AT_REST = "at-rest"
-    """It is at standstill, at its target or elsewhere. It comes here from ``MAY_HAVE_LEFT``, if its drive
-    reports done again, and from ``ARRIVED``, if it is seen beside its target."""
+    """It is at standstill, at its target or elsewhere. It enters this state from ``MAY_HAVE_LEFT`` if its
+    drive reports done again, and from ``ARRIVED`` if it is seen beside its target."""
 
 
 # Member lookup is slow, and these are used for each move.
@@ -281,7 +281,7 @@ to its own state replaces the data with that of the event. A missing pair is imp
 
 
 class Reported(Enum):
-    """What the drive has reported since the last command: old and new motions end alike."""
+    """What the drive has reported since the last command. Old and new moves end with the same report."""
 
     NOTHING = "nothing"
     """Nothing that is certainly newer than the command."""
@@ -310,8 +310,8 @@ class RepeatKind(Enum):
     """With the same words as before. Either the axis was seen at standstill there since. Or the position
     cannot be read, and the drive moves with each write: a cyclic writer must not make it jump."""
     UNSEEN = "unseen"
-    """The position cannot be read, and the drive waits for a trigger: refused until a reading or a different
-    target."""
+    """The position cannot be read, and the drive waits for a trigger: the target is refused until a reading
+    or a different target comes."""
 
 
 REPEAT_KINDS: Final[dict[tuple[bool, bool, bool], RepeatKind]] = {
@@ -423,7 +423,7 @@ class Motion:
         """Number of the command field that brought the last accepted target."""
         self.actual: Actual | None = None
         self.heard_ns = 0
-        """When it was last seen, or last acknowledged something."""
+        """When the axis was last seen, or its drive last acknowledged something."""
         self.is_moving = False
         """Its moving bit was set when last seen, and nothing was commanded since."""
 
@@ -506,8 +506,8 @@ class Motion:
     def displace(self, moved_ns: int | None = None, *, keeps_branch: bool = False) -> None:
         """Something other than the last target decides where the axis is (M5).
 
-        ``moved_ns``: since when it may be on a new way; None: it is on none. ``keeps_branch``: the last
-        target brought it there all the same, as before a stop.
+        ``moved_ns``: since when it may be on a new way; None: it is on none. ``keeps_branch``: it is still on
+        the branch of the last target, as after a stop.
         """
         self.happens(MotionEvent.STOPPED if keeps_branch else MotionEvent.DISPLACED)
         if moved_ns is not None:
@@ -517,7 +517,7 @@ class Motion:
     def lose_reach(self, over: KeptOver) -> None:
         """The drive is out of reach: its last target may still be valid or not."""
         if self.superseded is not None and self.superseded.over is KeptOver.LOSS:
-            over = KeptOver.LOSS  # an orderly close afterwards makes up for nothing
+            over = KeptOver.LOSS  # an orderly close afterwards does not undo the loss
         last = self.last_target
         if last is None:
             self.happens(MotionEvent.DISPLACED)
@@ -596,7 +596,7 @@ class Motion:
         self.heard_ns = actual.seen_ns
 
     def forget_position(self) -> None:
-        """The position that the drive reported is void."""
+        """Forget the position that the drive reported: it is void."""
         self.actual = None
 
     def mark_heard(self, now_ns: int) -> None:
@@ -630,7 +630,7 @@ class Motion:
             self.observe_motion(asked_ns, moves=is_moving)
 
     def see_position(self, actual: Actual) -> None:
-        """Decide whether the axis came to its target, or something else moved it away (M4)."""
+        """Decide whether the axis has reached its target, or something else moved it away (M4)."""
         if actual.seen_ns < self.sent_off_ns:
             return
         accepted = self.compensation.accepted
@@ -699,9 +699,9 @@ class Motion:
     def proof_at(self, now: Actual, before: Actual | None = None) -> Proof:
         """Find out from both of its ends whether an unacknowledged distance was executed (M5).
 
-        Counts only after the axis had time to start, when it may be at standstill. At neither end, or at
-        both, the base of the next distance is unknown. A target that a record names is handled in the same
-        way.
+        A reading counts only after the axis had time to start, and only if it may be at standstill. At
+        neither end, or at both, the base of the next distance is unknown. A target that a record names is
+        handled in the same way.
 
         Returns:
             ``EXECUTED`` or ``NOT_EXECUTED`` if it is certain; the caller acts on it.
@@ -763,8 +763,8 @@ class Motion:
     def knows_branch(self) -> bool:
         """Whether a drive position can be converted back on a branch that was not merely assumed.
 
-        A target reached on an assumed branch is where the controller takes the axis to be. A position short
-        of it, where the axis was stopped, is not.
+        An axis that has reached its target is at the commanded position, even if its branch was assumed. For
+        an axis that was stopped before its target, this does not hold.
         """
         is_assumed = self.state is _STOPPED and self.compensation.is_unsure
         return self.state in ON_BRANCH and not is_assumed
@@ -823,9 +823,9 @@ class Motion:
     # --- the target from before a loss -----------------------------------------------------------------
 
     def holds_target(self, number: int) -> bool:
-        """Whether a command field holds the last accepted target, in both frames.
+        """Whether a command field holds the last accepted target, on both scales.
 
-        Not if it holds a distance, a position written without a reference, or a replaced word.
+        False if it holds a distance, a position written without a reference, or a replaced word.
         """
         accepted, image, field_ = self.compensation.accepted, self.fields[number], self.plan.command[number]
         if accepted is None or image.nominal_words is None or image.corrected_words is None:

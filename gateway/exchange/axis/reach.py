@@ -1,4 +1,4 @@
-"""Whether the drive of an axis answers: to any request, and when the gateway reads the position (W8).
+"""Whether the drive of an axis answers requests, and whether it reports its position to the gateway (W8).
 
 A drive that leaves requests unanswered for long may have been switched off, and may have lost its reference.
 ``Axis`` draws the conclusions.
@@ -18,7 +18,7 @@ class Readability(Enum):
     __hash__ = object.__hash__
 
     OPEN = "open"
-    """Nothing shows that it does not."""
+    """Nothing shows that it refuses such reads."""
     REFUSED_ONCE = "refused-once"
     """It answered one such read with an exception since the link came up."""
     REFUSED = "refused"
@@ -49,7 +49,7 @@ READABILITY_AFTER: Final[dict[Readability, dict[PositionAnswer, Readability]]] =
     },
     Readability.REFUSED_ONCE: {
         PositionAnswer.POSITION: Readability.OPEN,
-        PositionAnswer.PASSING: Readability.REFUSED_ONCE,  # says nothing about our own read
+        PositionAnswer.PASSING: Readability.REFUSED_ONCE,  # says nothing about the gateway's own read
         PositionAnswer.REFUSAL: Readability.REFUSED,
         PositionAnswer.LINK_LOST: Readability.OPEN,
     },
@@ -91,7 +91,8 @@ class DriveReach:
         """After a longer silence the drive may have been switched off."""
         self.silent_since_ns: int | None = None
         self.silent_until_ns = 0
-        """Times of the first and the last of the consecutive requests that its drive left unanswered."""
+        """The time for which its drive is known to be silent: from when the first unanswered request was sent
+        until the newest time-out, or until a later end that is known."""
 
     def _asked(self, fields: tuple[PositionField, ...]) -> PositionField | None:
         """Return the position field that the gateway may read; None: none."""

@@ -1,8 +1,8 @@
-"""From the record of the last run of the gateway to the present state of an axis.
+"""How an axis is restored from its record of the last run of the gateway.
 
-The record counts if the drive is where it says, or may be (``axis.record.find``). That is decided with the
-first actual positions; a target or another motion before that drops the record. The axes of a group are
-restored together or not at all.
+The record counts if the drive is where the record says that it is, or may be (``axis.record.find``). The
+first actual positions decide that. A target or another motion before them drops the record. The axes of a
+group are restored together or not at all.
 """
 
 from functools import partial
@@ -35,7 +35,7 @@ _MOVING: Final = MotionState.MOVING
 
 
 class Recall:
-    """The record of one axis, and the way back from it. Times are monotonic, in ns."""
+    """The record of one axis, and how the axis is restored from it. Times are monotonic, in ns."""
 
     __slots__ = (
         "_correction",
@@ -119,7 +119,7 @@ class Recall:
                 member.take_up(state, after)
 
     def drop(self, reason: str) -> None:
-        """The record of the last run does not count."""
+        """Drop the records of the last run, of this axis and of the others of its group."""
         assert self.record is not None
         self.record.decide(Decision.DROPPED)
         self.record.clear()
@@ -182,11 +182,11 @@ class Recall:
 
     @property
     def may_have_stopped(self) -> bool:
-        """Whether an axis that was found on its way may go no further.
+        """Whether an axis that was found on its way may have stopped there.
 
-        Its next distance then begins where it is. A drive that takes positions only gets its target again, or
-        another one. A drive that takes stops and distances may have stopped because its master was missing.
-        Its target must not be the base of a distance then (M5).
+        Its next distance then begins where it is. A drive that takes nothing but positions gets its target
+        again, or another one. A drive that takes stops and distances may have stopped because its master was
+        missing. Its target must not be the base of a distance then (M5).
         """
         return self._motion.has_rules
 
@@ -243,7 +243,7 @@ class Recall:
             proof=proof,
         )
         if finding not in PROVEN:
-            # Its record continues to name it, so the next start finds it as this one did.
+            # The record continues to name the target, so that the next start of the gateway finds it too.
             self._targets.acknowledgement.go_on_naming(rendering)
             is_timed = saved.is_of_this_boot and proof is Proof.TWO
             self._targets.leave_unacknowledged(rendering, after.at_ns if is_timed else motion.heard_ns)

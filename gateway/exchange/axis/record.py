@@ -5,8 +5,8 @@ stop, homing, a lost reply, a command) changes the record too. Some things canno
 are written before a frame is sent (``axis``): the target in it, which the drive may have received when the
 process dies; or, if the frame moves the axis in another way, that nothing is known.
 
-At the start the record of the last run is compared with the position of the drive (:func:`find`). Whether it
-counts is :class:`Decision`; ``axis.recall`` restores the axis from it in one step.
+At the start the record of the last run is compared with the position of the drive (:func:`find`).
+:class:`Decision` says whether it counts; ``axis.recall`` restores the axis from it in one step.
 """
 
 from collections.abc import Callable
@@ -36,14 +36,14 @@ from gateway.times import NS_PER_MS, NS_PER_S
 LARGEST_COUNTS: Final = 2.0**53
 """Above it a double does not hold every whole count; such a target is not recorded."""
 STILL_FOLLOWS_NS: Final = 5 * NS_PER_S
-"""With a record of this boot that is no older, the drive may still be following its last setpoint."""
+"""If the record is of this boot and no older than this, the drive may still follow its last setpoint."""
 LONGEST_POLL_NS: Final = 100 * NS_PER_MS
 """How long the gateway checks whether the drive comes nearer."""
 _NO_TARGET: Final[tuple[float, ...]] = (0.0, 0.0)
 _NO_FADE: Final = (False, 0.0, 0.0, 0.0, 0.0)
 _Base = tuple[State, CorrectionSpec, MotionState, bool, int | None, bool]
-"""State before a run and the requested correction, the same objects; motion state, whether its start was
-known, field, whether its words are known."""
+"""State before a run and the requested correction, both compared as objects; motion state, whether its start
+was known, field, whether its words are known."""
 FindTable = Callable[[bytes], CorrectionTable | None]
 """Returns the table with a digest (``compensation.fingerprint.table_digest``); None: not available."""
 
@@ -65,7 +65,7 @@ class Decision(Enum):
     OPEN = "open"
     """It is not decided yet whether it counts."""
     FITS = "fits"
-    """It counts, and waits for those of the other axes of its group: all of them are restored, or none."""
+    """It counts, and waits for the records of the other axes of its group: all are restored, or none."""
     TAKEN = "taken"
     DROPPED = "dropped"
 
@@ -76,13 +76,13 @@ class Finding(Enum):
     AT_TARGET = "at-target"
     """At the last accepted target."""
     ON_WAY = "on-way"
-    """On its way to it, or on the way on which it was stopped."""
+    """On its way to that target, or on the way on which it was stopped."""
     AT_UNACKNOWLEDGED = "at-unproven"
     """At the target that was on the wire when the gateway ended: the drive received it."""
     ON_WAY_TO_UNACKNOWLEDGED = "on-way-to-unproven"
-    """On its way to that one, where no other target can have brought it."""
+    """On its way to the unacknowledged target, where no other target can have brought it."""
     EITHER = "either"
-    """At that one, and on its way to the last accepted target: its target is not known yet."""
+    """At the unacknowledged target, and also on the way to the accepted one: its target is not known yet."""
 
 
 PROVEN: Final = frozenset({Finding.AT_UNACKNOWLEDGED, Finding.ON_WAY_TO_UNACKNOWLEDGED})
@@ -151,7 +151,7 @@ class Record:
         self.polls += 1
 
     def fit(self, finding: Finding, actual: Actual) -> None:
-        """It counts, as far as this axis is concerned."""
+        """The record counts, as far as this axis is concerned."""
         self.decision, self.finding = Decision.FITS, (finding, actual)
 
     def decide(self, decision: Decision) -> None:
@@ -380,8 +380,9 @@ def _has_come_nearer(settings: AxisSettings, record: Remembered, before: Counts,
 def _find(motion: Motion, record: Remembered, counts: Counts) -> Finding | None:
     """Compare where the drive is with where it may be; None: the record cannot be true.
 
-    Between two targets of which one is unacknowledged, the nearer one counts. It may be either if the way to
-    the other passes it or begins there. A stream continues from setpoint to setpoint.
+    Near both the accepted and the unacknowledged target, the nearer one counts. At an unacknowledged target
+    that lies on the way to the accepted one, either may be its target. In a stream this case does not occur,
+    because it goes from setpoint to setpoint.
     """
     settings = motion.plan.settings
     near = settings.hysteresis_counts
@@ -410,8 +411,8 @@ def _find(motion: Motion, record: Remembered, counts: Counts) -> Finding | None:
 def proof_of(settings: AxisSettings, record: Remembered, finding: Finding) -> Proof:
     """Return what is needed to decide whether the target on the wire was executed.
 
-    It is unknown what happened to a machine that was switched off since. Its record counts only if it is at
-    the target before.
+    It is unknown what happened to a machine that was switched off since. Readings decide then only if the
+    axis was found at the target before.
     """
     move = record.unacknowledged
     if move is None or not (move.is_distance or finding is Finding.EITHER):

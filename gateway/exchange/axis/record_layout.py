@@ -115,7 +115,7 @@ class RememberedState(NamedTuple):
 
 
 class RememberedMove(NamedTuple):
-    """A target that was on the wire when the record was written: it may have arrived or not."""
+    """A target that was on the wire when the record was written: the drive may have received it or not."""
 
     is_distance: bool
     number: int
@@ -150,8 +150,8 @@ class Remembered(NamedTuple):
     is_of_this_boot: bool
     """The machine was not restarted since: its clock continues."""
     came_from: tuple[Counts, Counts] | None = None
-    """Nominal and corrected counts of the setpoint before the last one, if a run continued from there. Anchor
-    and fade are those of an older one, and follow from these."""
+    """Nominal and corrected counts of the setpoint before the last one, if a run continued from there. Then
+    anchor and fade above are those of an older setpoint, and are computed again from these counts."""
 
 
 class RecordSlots:
@@ -202,12 +202,12 @@ class RecordSlots:
 
     @property
     def generation(self) -> int:
-        """How often the record was written so far."""
+        """Number of times that the record was written."""
         return self._generation
 
     @property
     def is_damaged(self) -> bool:
-        """Whether something was written once and no slot is valid."""
+        """Whether something was written before and no slot is valid."""
         return not any(self._bodies()) and any(any(self._buffer[at : at + SLOT_SIZE]) for at in SLOTS_AT)
 
     @property
@@ -457,5 +457,5 @@ def _spec(fields: tuple[Any, ...], tilt: float) -> RememberedSpec | None:
 
 
 def _counts(counts: float) -> Counts:
-    """Whole counts as the integers that they were."""
+    """Return whole counts as integers again."""
     return int(counts) if counts.is_integer() else counts

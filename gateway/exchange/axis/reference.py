@@ -41,7 +41,7 @@ class ReferenceEvent(Enum):
     __hash__ = object.__hash__
 
     BIT_SET = "bit-set"
-    """The deciding bit is set, and cannot be that of the homing before."""
+    """The deciding bit is set, and cannot belong to the homing before."""
     BIT_CLEAR = "bit-clear"
     """The deciding bit is clear."""
     HOMING = "homing"
@@ -63,7 +63,7 @@ class ReferenceEvent(Enum):
 _Rows = dict[ReferenceEvent, ReferenceState | None]
 
 REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceState, _Rows]]] = {
-    # Known from the start until the zero is moved. It waits for no homing and reads no bit.
+    # The reference is known from the start until the zero is moved. It needs neither homing nor a bit.
     Reference.ABSOLUTE: {
         ReferenceState.NOT_REFERENCED: {
             ReferenceEvent.HOMING: IGNORED,
@@ -101,7 +101,7 @@ REFERENCE_AFTER: Final[dict[Reference, dict[ReferenceState, _Rows]]] = {
             ReferenceEvent.DECLARED: IGNORED,
         },
     },
-    # A homing command begins it, and a bit set at its end completes it; that bit is read only in between.
+    # A homing command begins the homing, and a bit completes it at its end. That bit is read only in between.
     Reference.HOMING: {
         ReferenceState.NOT_REFERENCED: {
             ReferenceEvent.HOMING: ReferenceState.HOMING,

@@ -53,7 +53,7 @@ class Loss(Enum):
     TOO_EARLY = "too-early"
     """The gateway refused it because its field was incomplete, and the drive would have moved with it."""
     WITHDRAWN = "withdrawn"
-    """It was not sent, and its controller got no answer: that had already continued."""
+    """It was not sent, and its controller got no answer, because it did not wait any more."""
 
 
 COMPLETENESS_AFTER: Final[dict[tuple[Completeness, Loss], Completeness]] = {
@@ -73,9 +73,10 @@ class NextPart(Enum):
     """How the next part of a position is handled."""
 
     COMPLETED = "completed"
-    """The rest of it is what the drive holds."""
+    """What the drive holds completes it."""
     JOINED = "joined"
-    """The rest of it is the parts that came before; if these are incomplete, as in ``ALL_LOST``."""
+    """The parts that came before complete it. If words are still missing then, it is handled as in
+    ``ALL_LOST``."""
     AS_IT_CAME = "as-it-came"
     """It is sent as it came: the drive only holds it, and its trigger is refused until the others came."""
     REFUSED = "refused"
@@ -96,8 +97,9 @@ NEXT_PART: Final[dict[tuple[Completeness, bool, bool], NextPart]] = {
         )
     }
 }
-"""By field, whether its drive waits for a trigger, and whether the controller may have known of the last
-refusal when it wrote the part. A part that it had pipelined belongs to the refused command."""
+"""By the completeness of the field, whether its drive waits for a trigger, and whether the controller may
+have known of the last refusal when it wrote the part. A part that it had pipelined belongs to the refused
+command."""
 
 
 class FieldImage:
@@ -133,7 +135,7 @@ class FieldImage:
         """The words that came since a write was lost; ``_missing`` has a bit for each that is still
         missing."""
         self._heard_ns = 0
-        """When the controller was told of a part that the drive refused."""
+        """When the controller got the answer that the drive had refused a part."""
         self._missing = self._all_words
         self._since_ns = 0
         self._rewritten: dict[int, bytes] = {}
@@ -157,7 +159,7 @@ class FieldImage:
 
     @property
     def has_part(self) -> bool:
-        """Whether a part of a position has come that the others must complete."""
+        """Whether a part of a position has come that other parts must complete."""
         return self.completeness not in (Completeness.WHOLE, Completeness.ALL_LOST)
 
     def settle(
@@ -200,12 +202,12 @@ class FieldImage:
             self.completeness = Completeness.ALL_LOST  # nothing is known that could complete the next part
 
     def invalidate(self) -> None:
-        """The drive may hold another target than it was sent; the controller's view stays."""
+        """The drive may hold another target than was sent to it; the controller's view stays the same."""
         self._there = ()
         self._rewritten.clear()
 
     def invalidate_rewritten(self, corrected_words: bytes) -> None:
-        """A rewritten target was not acknowledged: the drive holds it so, or as before."""
+        """A rewritten target was not acknowledged: the drive holds the new words, or those from before."""
         either = (self.corrected_words, corrected_words)
         self.invalidate()
         self._there = either
@@ -250,7 +252,7 @@ class FieldImage:
         return NEXT_PART[self.completeness, self._waits, arrived_ns >= self._heard_ns]
 
     def base(self, arrived_ns: int) -> bytes | None:
-        """Return the words that such a part leaves as they are; None: unknown."""
+        """Return the content that such a part changes; None: unknown."""
         return self.nominal_words if self.next_part(arrived_ns) is NextPart.COMPLETED else None
 
     def completed(self, first: int, words: bytes, arrived_ns: int, follows_ns: int) -> bytes | None:
@@ -299,9 +301,9 @@ class FieldImage:
         Args:
             loss: how.
             first: its first word.
-            words: the words; empty if they are a mask over a known one.
-            arrived_ns: when it came from its controller. A loss that shows after that of a newer write has no
-                effect.
+            words: the words; empty for a mask write (FC22).
+            arrived_ns: when it came from its controller. If a newer write was lost before, the part is not
+                joined with others: every word must come again.
             follows_ns: when the request before it arrived on the same connection.
             now_ns: when its controller gets the answer.
         """
@@ -331,7 +333,7 @@ class FieldImage:
         self.completeness = Completeness.PARTS_LOST
         self._parts[2 * first : 2 * first + len(words)] = words
         self._missing &= ~_mask(first, words)
-        if not self._missing:  # all of it had come, and was lost as a whole
+        if not self._missing:  # all words had come, and were lost
             self.lose_all_words()
 
 

@@ -21,7 +21,7 @@ REWRITTEN_EVERY_NS: Final = 60 * NS_PER_S
 """Minimum time between reports of restaging; every restaging is counted."""
 MOST_BRANCH_CHANGES: Final = 5
 HUNTS_WITHIN_NS: Final = 10 * NS_PER_S
-"""More changes of the branch than that within so long are reported."""
+"""More branch changes than that within this time are reported."""
 HUNTING_EVERY_NS: Final = 60 * NS_PER_S
 """Minimum time between two such reports."""
 

@@ -26,7 +26,7 @@ UPDATE_NS: Final = 500 * NS_PER_MS
 ROUNDING: Final = 1e-9
 """Fraction of a limit by which decimal fractions may exceed it."""
 FITS_AGAIN_NS: Final = 60 * NS_PER_S
-"""A line must fit for so long before a misfit is reported again: a sensor value may jitter about the
+"""A line must fit for this time before a misfit is reported again: a sensor value may jitter about the
 limit."""
 _EVENTS: Final = {
     TermState.FOLLOWING: exchange_events.TERM_FOLLOWS,
@@ -127,7 +127,7 @@ class Terms:
         return True
 
     def on(self, base: CorrectionSpec, plan: AxisPlan) -> CorrectionSpec:
-        """Return a table with the line, or without it if both do not fit. A line needs a table."""
+        """Return a table with the line, or without it if both together do not fit. A line needs a table."""
         if base is NOTHING or not self._has_line:
             return base
         if not self._fits(base, plan, self.offset, self.tilt):
@@ -203,7 +203,7 @@ class Terms:
         return TermState.FADING if left else TermState.FADED
 
     def events(self, name: str, now_ns: int) -> list[Event]:
-        """Return what has changed since the last call; nothing else changes."""
+        """Return the events for what has changed since the last call; the terms themselves do not change."""
         found = []
         for kind, state in self.states(now_ns).items():
             reported = self._reported.get(kind, TermState.WAITING)
@@ -213,7 +213,8 @@ class Terms:
             if state is not reported:
                 self._reported[kind] = state
                 event = _EVENTS.get(state)
-                # Another axis may become known and lost before it ever counted: the term waits for it then.
+                # The position of another axis may become known and be lost again before it was used: the term
+                # still waits then.
                 if event is not None and event is not _EVENTS.get(reported):
                     found.append(Event(event, name, self._detail(kind, state), (("term", kind),)))
         reported_ns = self._too_large_reported_ns
@@ -227,7 +228,7 @@ class Terms:
         return found
 
     def _is_missed(self, now_ns: int) -> bool:
-        """Whether no value has come for as long as a sensor may be silent; true once."""
+        """Whether no value came since the start for longer than a sensor may be silent; true only once."""
         assert self.thermal is not None
         if self._began_ns is None:
             self._began_ns = now_ns
