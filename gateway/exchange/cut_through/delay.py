@@ -1,11 +1,11 @@
-"""The forwarding delay: when the first byte of a frame may be sent while the frame still comes in.
+"""The forwarding delay: how long the first byte of a frame waits while the frame still comes in.
 
-A byte can be sent when the bytes that it depends on have come. But a transmitter must never run empty inside
-a frame. RS-485 adapters that switch direction automatically release the bus then, and drives take a pause
-for the end of a frame. So the first byte waits so long that no later byte has to wait.
+A byte can be sent when the bytes on which it depends have come. But a transmitter must never run empty inside
+a frame: RS-485 adapters that switch direction automatically would release the bus, and drives would take the
+pause for the end of the frame. So the first byte waits long enough that no later byte has to wait.
 
-A :class:`FrameShape` says, in bytes, which byte depends on which. :func:`delay_ns` converts that to a time
-for two wires with exact baud rates. The delays of adapters, drivers and this process cannot be computed:
+A :class:`FrameShape` says which byte depends on which. :func:`delay_ns` converts that to a time for two wires
+with exact baud rates. The delays of adapters, drivers and this process cannot be computed:
 :class:`MeasuredDelay` learns them from received frames.
 
 An example, in characters, for two wires of the same speed and a write of one position of two registers. The
@@ -46,7 +46,7 @@ class ByteThreshold(NamedTuple):
     """A position ends there: a judge decides what is sent instead of the bytes between."""
     is_early: bool = False
     """Byte ``first`` is sent one byte earlier, if the bytes before the last one decide it. Only for a
-    position of four bytes, the most significant first."""
+    position of four bytes, with the most significant byte first."""
 
     def needs_of(self, index: int) -> int:
         """Return how many bytes this threshold needs before byte ``index`` is sent."""
@@ -66,7 +66,7 @@ class FrameShape:
     length: int
     thresholds: tuple[ByteThreshold, ...]
     late: "FrameShape | None" = None
-    """The shape in which no byte is sent earlier than is always safe; None: it is this one."""
+    """The shape in which each byte waits until sending it is always safe; None: it is this one."""
 
     def needs(self, index: int) -> int:
         """Return how many bytes must have come before byte ``index``, counted from 0, may be sent.
@@ -136,9 +136,9 @@ COUNTS: Final = 1 << 32
 FAR_COUNTS: Final = COUNTS
 """The next position may be anywhere."""
 NEAR_COUNTS: Final = 4 << 8
-"""Reach after a position that did not move: four times the range of its last byte."""
+"""Reach after a position that did not change: four times the range of its last byte."""
 FORGOTTEN: Final = 16
-"""This part of an older reach is subtracted with each frame: one sixteenth."""
+"""With each frame an older reach shrinks by a sixteenth."""
 
 
 def _position(threshold: ByteThreshold, frame: bytes) -> int:
@@ -234,12 +234,14 @@ def needed_ns(shape: FrameShape, pieces: Sequence[Piece], out_ns: int) -> int:
 
 
 GUARDED: Final = 4
-"""The guard is one such part of a character,"""
+"""The guard is a character divided by this: with long characters, more time costs only a small part of a
+round trip."""
 LEAST_GUARD_NS: Final = 125_000
-"""and never shorter: with long characters, more time would still cost only a small part of a round trip."""
+"""Minimum of the guard."""
 LATER_NS: Final = 75_000
-"""Bytes may come so much later than the latest seen plus half of the spread. It is less than the guard: a
-frame whose bytes come later still is aborted, a frame whose guard timer is late has a gap in it."""
+"""Bytes may come this much later than the latest so far plus half of the spread. It is less than the guard,
+because a guard timer that is late does more harm: a frame whose bytes come still later is only aborted, but a
+late guard timer leaves a gap in the frame."""
 LEARNED_AFTER: Final = 32
 """Frames of a shape that are stored before the first one is forwarded: the port is not measured before."""
 REMEMBERED: Final = 256
@@ -294,10 +296,10 @@ class MeasuredDelay:
         self._wholes_ns: deque[int] = deque(maxlen=REMEMBERED)
         self.delay_ns: int | None = None
         """A frame may be sent after so long. None: it is stored, because too few frames were seen, or because
-        the gain over the soonest complete frame would be less than a character."""
+        the gain over the earliest complete frame would be less than a character."""
         self.no_gain: tuple[int, int] | None = None
         """Where enough frames were seen and forwarding gains nothing: the delay after which a frame could be
-        sent, and the time after which the soonest was complete. Both since its first piece."""
+        sent, and the time after which the earliest one was complete. Both count from the first piece."""
 
     def add(self, pieces: Sequence[Piece], own_ns: int = 0, written_need_ns: int = 0) -> None:
         """Learn from a completely received frame, forwarded or stored.
@@ -340,7 +342,7 @@ class Delays:
     def measure(
         self, shape: FrameShape, pieces: Sequence[Piece], own_ns: int = 0, written_need_ns: int = 0
     ) -> MeasuredDelay:
-        """Learn from how a frame came in, whatever its result; return the new measurement."""
+        """Learn from the arrival of a frame, whatever its result; return the new measurement."""
         delay = self.measured.get(shape)
         if delay is None:
             delay = self.measured[shape] = MeasuredDelay(shape, self._in_ns, self._out_ns, self._margin_ns)

@@ -1,14 +1,14 @@
 """Cut-through on one line: frames are parsed as they arrive, and forwarded where that is allowed.
 
-:class:`Forwarding` is the only part that the rest of the exchange knows. A line has one if its configuration
-asks for it; other lines have none of this. One :class:`Forwarder` follows the requests of each controller
-port, and one the replies of the drives. A forwarder sees all frames, beside the decoder, each from its first
-byte after a silence. A frame that is not forwarded takes the usual path; from it the forwarder learns how its
+:class:`Forwarding` is the only part that the rest of the exchange knows. Only a line whose configuration asks
+for cut-through has one. One :class:`Forwarder` follows the requests of each controller port, and one the
+replies of the drives. A forwarder sees the bytes of all frames, as the decoder does, each from the first byte
+after a silence. A frame that is not forwarded takes the usual path, and the forwarder learns from it how the
 port delivers bytes.
 
-Requests and replies differ in what is expected, which judge decides, where bytes go and what is learned. This
-is their :class:`Way`: :class:`RequestWay` or :class:`ReplyWay`. Forwarded bytes are sent by the line, like
-complete frames (:class:`ForwardingLine`).
+Requests and replies differ in what is expected, which judge decides, where bytes are sent and what is
+learned. A :class:`Way` has these differences: :class:`RequestWay` or :class:`ReplyWay`. Forwarded bytes are
+sent by the line, like complete frames (:class:`ForwardingLine`).
 """
 
 from collections import deque
@@ -53,7 +53,7 @@ WASTED: Final = frozenset(
         ForwardEvent.MET,
     }
 )
-"""Reasons for which a frame was aborted that would have been sent whole if stored."""
+"""Reasons for which a frame was aborted that would have been sent completely if stored."""
 
 
 class SerialTiming(NamedTuple):
@@ -96,9 +96,9 @@ class Totals:
         self.ended = dict.fromkeys(ForwardEvent, 0)
         """Frames by their result: COMMITTED were forwarded, KEPT were stored."""
         self.stored = dict.fromkeys(ForwardEvent, 0)
-        """The part of these of which nothing had been sent."""
+        """Those of these frames of which no byte was sent."""
         self.gain_ns = 0
-        """Sum over all forwarded frames: how much earlier each began to be sent than it was complete."""
+        """Sum over all forwarded frames: the time from the first byte sent until the frame was complete."""
 
     def status(self) -> Forwarded:
         """Return the counts for the status: forwarded, stored or aborted, and why."""
@@ -186,7 +186,7 @@ class Forwarding:
 
     @property
     def is_leaving(self) -> bool:
-        """Whether bytes of a frame were sent that others must follow in time."""
+        """Whether a part of a frame was sent, and the rest must follow in time."""
         forwarders = [self.drives, *(way.forwarder for way in self._ways.values())]
         return any(forwarder.is_leaving for forwarder in forwarders)
 
@@ -238,7 +238,7 @@ class Forwarding:
     def learn(
         self, way: "Way", controller: str, delays: Delays, shape: FrameShape, frame: ForwardedFrame
     ) -> None:
-        """Learn from how a frame came in, whatever its result; report once where they gain nothing."""
+        """Learn from the arrival of a frame, whatever its result; report once if forwarding gains nothing."""
         if shape.late is not None:
             delays.measure(shape.late, frame.pieces, way.own_ns, frame.written_need_ns)
         delay = delays.measure(shape, frame.pieces, way.own_ns, frame.written_need_ns)
@@ -262,7 +262,7 @@ class Forwarder:
     """Follows arriving frames one after the other: the requests of one port, or the replies of the drives.
 
     Args:
-        way: what is special to these frames.
+        way: what is special about these frames.
         forwarding: of the line.
         in_ns: time of one character on the incoming wire.
     """
@@ -396,7 +396,7 @@ class Way:
         raise NotImplementedError
 
     def begin(self, longest_ns: int, on_event: Callable[[ForwardEvent], None]) -> ForwardedFrame | None:
-        """Return a frame that begins; None: nothing of it is forwarded.
+        """Return the frame that begins now; None: nothing of it is forwarded.
 
         ``longest_ns``: the longest time between its pieces.
         """
@@ -410,10 +410,10 @@ class Way:
         raise NotImplementedError
 
     def gained(self, expected: bytes, gain_ns: int) -> None:
-        """A frame was forwarded, and began so much earlier than if stored."""
+        """A frame was forwarded, and began to be sent this much earlier than if stored."""
 
     def wasted(self, expected: bytes) -> None:
-        """A frame was aborted that would have been sent whole if stored."""
+        """A frame was aborted that would have been sent completely if stored."""
         raise NotImplementedError
 
     def ended(self, frame: ForwardedFrame, filling: bytes, now_ns: int) -> None:
@@ -521,7 +521,7 @@ class ReplyWay(Way):
         self.forwarder.drop()
 
     def nominal_reply(self, transaction: Transaction) -> bytes | None:
-        """Return the nominal form of the reply as computed when all of it had come; None: not computed."""
+        """Return the reply on the nominal scale, as computed when all of it had come; None: not computed."""
         judge = self._judge
         return judge.nominal_reply if judge is not None and self._transaction is transaction else None
 

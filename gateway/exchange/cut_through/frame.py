@@ -31,7 +31,7 @@ One :class:`ForwardedFrame` is one request or one reply on its way through the g
    when the transmitter is about to run empty.
 
 This file does not know what an aborted frame was meant to be. If all of it came and its CRC was good, it is
-still a request. The owner then handles it like a stored one, after the silence that follows an aborted frame.
+still a request. Its owner then handles it like a stored one, after the silence that follows an aborted frame.
 The drive received nothing that it could take for a frame.
 
 A pair of state and event without a row in the table is a bug. Tests raise it (``axis.impossible``). In
@@ -170,15 +170,15 @@ class ForwardingPace(NamedTuple):
     out_ns: int
     """Time of one character on the outgoing wire."""
     stall_ns: int
-    """A frame that brings no byte for so long has stalled: 1.5 characters plus the gaps between its
+    """A frame of which no byte comes for so long has stalled: 1.5 characters plus the gaps between its
     pieces."""
     guard_ns: int
-    """A frame is filled up so long before the transmitter runs empty; less than the margin of its delay."""
+    """A frame is filled up this long before the transmitter runs empty; less than the margin of its delay."""
 
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """The frame that is expected, for one that may be forwarded."""
+    """What a frame that may be forwarded is expected to be."""
 
     shape: FrameShape
     delay_ns: int
@@ -195,7 +195,7 @@ def opening_of(shape: FrameShape, delays: Delays, filler: bytes, *, is_early: bo
     """Return how a frame of this shape begins to be sent; None: it is stored.
 
     ``is_early``: its first bytes are likely to stay the same. Otherwise its late shape is used, if it has
-        one.
+    one.
     """
     for each in (shape if is_early else None, shape.late or shape):
         delay_ns = None if each is None else delays.of(each)
@@ -206,13 +206,13 @@ def opening_of(shape: FrameShape, delays: Delays, filler: bytes, *, is_early: bo
 
 @mypyc_attr(allow_interpreted_subclasses=True)
 class Judge:
-    """What a frame on its way through asks of the exchange. Only ``commits`` changes anything."""
+    """What a frame on its way through asks the exchange. Only ``commits`` changes anything."""
 
     def opening(self, begun: bytes, now_ns: int) -> Opening | None:
         """Return what a frame with this beginning is expected to be; None: it may not be sent yet.
 
-        Asked again for each piece that comes and at the end of the delay, until its first byte is sent or it
-        is complete.
+        It is called again for each piece that comes and at the end of the delay, until the first byte of the
+        frame is sent or the frame is complete.
         """
         raise NotImplementedError
 
@@ -223,7 +223,7 @@ class Judge:
     def rendered(self, begun: bytes, first: int, end: int, now_ns: int) -> bytes | None:
         """Return what is sent instead of the bytes ``first`` to ``end``, all of which have come.
 
-        It has as many bytes. None: they may not be sent, or the slow path must decide.
+        The result has as many bytes. None: they may not be sent, or the slow path must decide.
         """
         raise NotImplementedError
 
@@ -237,7 +237,7 @@ class Judge:
     def commits(self, frame: bytes, sent: bytes, now_ns: int) -> bool:
         """Decide whether a good frame, sent as ``sent``, gets its CRC; if so, record it.
 
-        What must survive a kill is written before this returns. Neither argument has a CRC.
+        What must survive a kill is recorded before this returns. Neither argument has a CRC.
         """
         raise NotImplementedError
 
@@ -261,7 +261,7 @@ def is_fit_head(head: bytes) -> bool:
 def closed(left: bytes, filler: bytes) -> bytes:
     """Return ``filler`` as it continues what was sent, with a CRC that makes the frame invalid.
 
-    A byte, of the filler or of the CRC, differs where the frame could end behind that byte. The same holds
+    A byte of the filler or of the CRC is changed where the frame could end behind it. It is also changed
     where the returned bytes alone, after a silence on the wire, could be a frame.
 
     >>> closed(bytes.fromhex("01 10 6F 00"), bytes.fromhex("00 02 04 00 00 00 00")).hex(" ")
@@ -367,7 +367,7 @@ class ForwardedFrame:
         self._left_ns = 0
         """When the input that released the newest sent bytes was read."""
         self._off_ns = 0
-        """When everything written is off the wire, at the earliest."""
+        """When, at the earliest, the last written byte has been transmitted."""
 
     @property
     def is_on_the_way(self) -> bool:
@@ -454,7 +454,7 @@ class ForwardedFrame:
     # --- steps -----------------------------------------------------------------------------------------
 
     def _is_stalled(self, now_ns: int) -> bool:
-        """Whether it stalled before it was sent: its delay counts from its first byte."""
+        """Whether it stalled before a byte of it was sent; its delay counts from its first byte."""
         has_begun = self.state is ForwardState.BEGUN and bool(self.pieces)
         return has_begun and now_ns - self._last_came_ns > self._pace.stall_ns
 
@@ -499,11 +499,11 @@ class ForwardedFrame:
         if self._is_stalled(now_ns):
             self.go_on(ForwardEvent.STALLED, now_ns)  # it would be aborted as soon as it had begun
             return False
-        # Asked each time: the expected frame may have changed during the delay.
+        # The judge is asked each time: the expected frame may have changed during the delay.
         self._opening = self.judge.opening(self.arrival.data, now_ns) or NOT_EXPECTED
         if self._opening is NOT_EXPECTED or now_ns < self._opens_ns or not self._piece():
             return False
-        # A frame that is unexpected or refused already need not be aborted: nothing was sent.
+        # A frame that is unexpected or refused already is stored, not aborted: nothing of it was sent.
         is_head_known = self.arrival.progress is not Progress.BEGUN
         if is_head_known and not (self._is_expected() and self._judge_positions(now_ns) is None):
             self.go_on(ForwardEvent.KEPT, now_ns)

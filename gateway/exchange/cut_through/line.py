@@ -1,4 +1,4 @@
-"""What the line does for a request under cut-through: it occupies the line like one that was sent."""
+"""What the line does for a request under cut-through, which occupies the line from its first byte on."""
 
 from collections.abc import Callable
 
@@ -55,7 +55,7 @@ class ForwardingLine:
     def commit(
         self, transaction: Transaction, path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int
     ) -> bytes | None:
-        """All of it has just come: allow the rest to be sent, on its fast path; see ``RequestJudge``."""
+        """The request has come in completely: let its rest be sent on its fast path; see ``RequestJudge``."""
         port = transaction.port
         assert port is not None
         self._transactions.come_whole(transaction, port, pdu, now_ns)
@@ -79,7 +79,7 @@ class ForwardingLine:
             path.left(transaction)
 
     def aborted(self, transaction: Transaction, until_ns: int, now_ns: int) -> None:
-        """It was aborted: nothing is sent before the silence behind it is over.
+        """A request was aborted: nothing is sent before the silence behind it is over.
 
         If all of it comes, it is handled after that silence like any other request.
         """

@@ -5,8 +5,8 @@ a controller that ignores the CRC receives what it received before. :class:`Repl
 its way; it asks the fast path on which its request was sent.
 
 Only a normal, complete reply is forwarded. Nothing of an exception, or of a reply with another unit id,
-function or length, is forwarded (``ReplyArrival``). An acknowledgement with other registers than were written
-is aborted if bytes of it were sent; otherwise it is passed on complete.
+function or length, is forwarded (``ReplyArrival``). An acknowledgement that names other registers than were
+written is aborted if bytes of it were sent. Otherwise it is passed on completely.
 """
 
 from typing import Final, NamedTuple
@@ -27,7 +27,8 @@ from gateway.exchange.transaction import Transaction
 
 REMEMBERED_REPLIES: Final = 256
 STORED_FOR: Final = 256
-"""Number of replies of a shape that are stored after an aborted one: its controller had to ask again."""
+"""Number of replies of a shape that are stored after an aborted one, because its controller had to ask
+again."""
 ACKNOWLEDGEMENT: Final = acknowledgement_shape()
 
 
@@ -87,7 +88,7 @@ class Replies:
         self._passed[key] = Passed(frame, reach)
 
     def came(self, shape: FrameShape) -> None:
-        """A reply of a shape came complete, whatever its result."""
+        """A reply of a shape came in completely, whatever its result."""
         left = self._stored.pop(shape, 0) - 1
         if left > 0:
             self._stored[shape] = left

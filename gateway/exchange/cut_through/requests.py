@@ -1,12 +1,12 @@
 """Requests under cut-through: which may be forwarded, and what is sent instead of their positions.
 
 :class:`Heads` remembers the acknowledged requests of one controller port. A request with the same beginning
-is expected to go on in the same way. :class:`RequestJudge` judges one request on its way
+is expected to continue in the same way. :class:`RequestJudge` judges one request on its way
 (``frame.ForwardedFrame``). It decides nothing itself: it asks the fast path.
 
 Only two kinds are remembered: reads that have a fast path, and writes of one complete position (FC16) to
-drives whose map has no modes, triggers or stops. So these never match an expected beginning: a stop, a
-trigger, FC06, a broadcast, and whatever needs the slow path.
+drives whose map has no modes, triggers or stops. So an expected beginning never matches a stop, a trigger,
+FC06, a broadcast, or anything that needs the slow path.
 """
 
 from collections import deque
@@ -97,18 +97,19 @@ class Heads:
         self.delays = delays
         """From the controller's wire to that of the drives."""
         self._expected: dict[bytes, Expected | None] = {}
-        """None: requests with this beginning go on in different ways."""
+        """None: requests with this beginning continue in different ways."""
         self._pages: dict[bytes, bytes] = {}
         """By the first three bytes of received writes: their common beginning; empty: they differ."""
         self._gains: dict[bytes, deque[int]] = {}
-        """For the last requests with a beginning: how much earlier each was through; below 0: later."""
+        """For the last requests with a beginning: how much earlier each was sent than if stored; below 0:
+        later."""
         self._stored: dict[bytes, int] = {}
         """Number of further requests with a beginning that are stored, because forwarding did not pay."""
 
     def add(self, path: FastPath | None, frame: bytes, sent: bytes) -> None:
         """Remember an acknowledged request, as it came and as it was sent, both without CRC.
 
-        Two with the same beginning that go on differently are both stored from then on. Reads may differ:
+        Two with the same beginning that continue differently are both stored from then on. Reads may differ:
         they change nothing, and all have one length.
         """
         shape = shape_of(path, frame)
@@ -133,7 +134,7 @@ class Heads:
         self._expected[beginning] = Expected(shape, sent, reach)
 
     def saw(self, frame: bytes) -> None:
-        """Record any complete request: by its first three bytes a write might be another one."""
+        """Record any complete request: writes to different addresses may begin with the same three bytes."""
         beginning = beginning_of(frame)
         if len(beginning) != ADDRESS_BYTES:
             return
@@ -143,14 +144,14 @@ class Heads:
         self._pages[page] = beginning if self._pages.get(page, beginning) == beginning else b""
 
     def came(self, frame: bytes) -> None:
-        """A request came complete, whatever its result."""
+        """A request came in completely, whatever its result."""
         beginning = beginning_of(frame)
         left = self._stored.pop(beginning, 0) - 1
         if left > 0:
             self._stored[beginning] = left
 
     def pay(self, frame: bytes, gain_ns: int) -> None:
-        """Record how much earlier than stored a forwarded request was through; below 0: later.
+        """Record how much earlier a forwarded request was sent than if stored; below 0: later.
 
         If the sum is a loss, the next ones are stored.
         """
@@ -182,10 +183,10 @@ class RequestJudge(Judge):
         port: of its controller.
         units: the register maps of the line.
         heads: what was learned of the port's requests.
-        may_forward: whether the line is free, at rest and expects no late reply, and the port may send
+        may_forward: whether the line is free, does not rest and expects no late reply, and the port may send
             anything.
-        leaves: records that the request is sent, on its fast path, with the target in it; returns None if it
-            may not be.
+        leaves: records that the request is sent on its fast path, with its target, and returns what is sent;
+            None: it may not be sent.
     """
 
     __slots__ = ("_heads", "_judged_ns", "_leaves", "_may_forward", "_port", "_target", "_units", "path")
@@ -262,9 +263,9 @@ class RequestJudge(Judge):
 def leave_on(
     path: FastPath, transaction: Transaction, target: SteadyTarget | None, now_ns: int
 ) -> bytes | None:
-    """Send a transaction on its fast path, as the line does with a stored one; None: it may not be sent.
+    """Return what is sent for a transaction on its fast path, as for a stored one; None: it may not be sent.
 
-    What must survive a kill is written.
+    What must survive a kill is recorded before.
     """
     if target is None or not isinstance(path, WritePath):
         return path.sent(transaction, now_ns)
