@@ -15,7 +15,8 @@ COIL_ON: Final = 0xFF
 MEI_HEAD: Final = 12
 """Bytes of a general reference before its data."""
 HEAD_BYTES: Final = bytes({1: 5, 2: 5, 3: 5, 4: 5, 6: 3, 16: 6}.get(function, 0) for function in range(256))
-"""By function code: bytes of a PDU that say which registers it touches; 0: its head alone does not say it."""
+"""By function code: length of the head of a PDU, which names the registers that it touches; 0: it has no such
+head."""
 
 
 class Access(NamedTuple):
@@ -41,12 +42,12 @@ class Access(NamedTuple):
         return swapped(data) if self.is_mei else data
 
     def with_words(self, pdu: bytes, words: bytes) -> bytes:
-        """Return the request with other words instead of its own, of the same number."""
+        """Return the request with its words replaced by as many other words."""
         return pdu[: self.data_offset] + (swapped(words) if self.is_mei else words)
 
 
 def swapped(data: bytes) -> bytes:
-    """Swap the bytes of each word; a single byte is the low one of its word.
+    """Swap the bytes of each word; a single byte at the end becomes the low byte of its word.
 
     >>> swapped(bytes.fromhex("01 02 03 04")).hex(" "), swapped(bytes((6,))).hex(" ")
     ('02 01 04 03', '00 06')
@@ -111,7 +112,7 @@ def _general_reference(pdu: bytes) -> Access | None:
 
 
 def coils_written(pdu: bytes) -> dict[int, int]:
-    """Return the coils that a request writes, with their values (6.5, 6.11 there).
+    """Return the coils that a request writes, with their values (sections 6.5 and 6.11).
 
     >>> coils_written(bytes.fromhex("05 040B FF00"))
     {1035: 1}
@@ -145,7 +146,8 @@ def access_of(pdu: bytes) -> Access | None:
 
 
 _FORMS: Final = {1: 5, 2: 5, 3: 5, 4: 5, 5: 5, 6: 5, 15: 6, 16: 6, 22: 7, 23: 10}
-"""By function code: bytes of a request that are always there; the last of 6 and 10 says how many follow."""
+"""By function code: minimum length of a request; of those with 6 or 10 bytes, the last says how many
+follow."""
 
 
 def is_truncated(pdu: bytes) -> bool:

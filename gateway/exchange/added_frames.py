@@ -1,4 +1,4 @@
-"""The frames that the gateway adds on its own (W8), and what it learns from their replies.
+"""The frames that the gateway adds itself (W8), and what it learns from their replies.
 
 The gateway adds these reads:
 
@@ -53,17 +53,19 @@ class Purpose(Enum):
 
     ACTUAL = "actual"
     POLL = "look"
-    """The actual position: whether an axis that was unseen for a while is still at its target."""
+    """Read the actual position, to check whether an axis that was unseen for a while is still at its
+    target."""
     COMMANDED = "commanded"
     COMMAND = "command"
     KEPT = "kept"
-    """The same read: whether the drive still holds the target from before a close, which a trigger runs."""
+    """Read a command field before a trigger, to check whether the drive still holds the target from before
+    its connection was closed."""
     HOMED = "homed"
     STANDSTILL = "standing"
     RULE = "rule"
     REWRITE = "restage"
     TRIAL = "trial"
-    """Any register of a drive that does not answer: whether it is back."""
+    """Read any register of a drive that does not answer, to check whether it answers again."""
 
 
 _REPEATED: Final = frozenset({Purpose.ACTUAL, Purpose.POLL, Purpose.HOMED, Purpose.RULE})
@@ -90,13 +92,13 @@ class AddedFrame:
     bit: BitField | None = None
     words: bytes = b""
     rendering: Rendering | None = None
-    """Of a restaged target."""
+    """Of the staged target that is written again."""
     is_for_distance: bool = False
-    """A poll before a distance, for which no position on the way is a base."""
+    """A poll before a relative move: a position on the way is no base for one."""
     epoch: int = 0
     """Epoch of its field when the frame was made."""
     is_again: bool = False
-    """A repeat of a refused read that no request needs."""
+    """A refused read that is repeated although no request needs it."""
 
     @property
     def pdu(self) -> bytes:
@@ -219,7 +221,7 @@ def next_poll(read: AddedFrame, now_ns: int) -> AddedFrame | None:
     """Return the next read at the start, until it is known whether an axis went to its last target.
 
     A drive that may still be moving is polled. Otherwise its status bit and its position are read, at most
-    twice; after that passing traffic must show it.
+    twice. After that the replies to later requests must show it.
     """
     axis, record = read.axis, read.axis.recall.record
     actual = axis.reach.asked_actual
@@ -256,7 +258,7 @@ def next_rewrite(axis: Axis, rendering: Rendering) -> AddedFrame | None:
 
 
 def addresses_to_rewrite(axis: Axis, rendering: Rendering) -> list[int]:
-    """Return the registers that must be written for that, in any number of frames."""
+    """Return the registers that must be written so that the drive holds the words of a rendering."""
     image, corrected_words = axis.fields[rendering.number], rendering.corrected_words
     if image.holds(0, corrected_words):
         return []
@@ -328,7 +330,7 @@ def learn(read: AddedFrame, reply: bytes, prefetched: Prefetched, asked_ns: int)
     A drive that refuses to report whether it is homed counts as not homed, except by :func:`is_open`.
     """
     if read.purpose is Purpose.TRIAL:
-        return  # its arrival is all that counts
+        return  # only the arrival of the reply counts
     axis, name, words = read.axis, read.axis.plan.name, read.words_of(reply)
     if read.purpose is Purpose.HOMED:
         prefetched.references.add(name)

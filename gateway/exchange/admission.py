@@ -26,9 +26,9 @@ NO_ROOM: Final = Denial(
 
 
 def judge(units: UnitMaps, transaction: Transaction, *, is_free: bool) -> tuple[bool, list[AxisCommand]]:
-    """Return whether a controller's role allows a request, and what it stops, if that matters.
+    """Return whether a controller's role allows a request, and the stops in it, if they matter.
 
-    On a free line a motion controller's stop is sent like its other requests.
+    On a free line the stops of a motion controller do not matter: they are sent like its other requests.
     """
     assert transaction.port is not None
     role = transaction.port.plan.role
@@ -84,7 +84,7 @@ class Admission:
         return denial
 
     def denial_of_waiting(self, transaction: Transaction) -> Denial:
-        """Return why a request that waited after its denial is refused; see ``denial``."""
+        """Return why a request is refused that was denied on arrival and then waited for its turn."""
         port = transaction.port
         assert port is not None
         gate = port.gate
@@ -102,7 +102,7 @@ class Admission:
             self._ownership.gone(port, now_ns, is_broken=is_broken)
 
     def report(self, transaction: Transaction, denial: Denial, now_ns: int) -> None:
-        """Report a forbidden request, and how many like it there were."""
+        """Report a forbidden request, and the number of similar ones."""
         port = transaction.port
         assert port is not None
         count = self._reports.due((port.plan.name, denial.key), now_ns)
@@ -120,7 +120,7 @@ class Admission:
         self._on_event(Event(exchange_events.REQUEST_REFUSED, None, detail, more))
 
     def refuse(self, transaction: Transaction, denial: Denial, now_ns: int) -> None:
-        """Answer a forbidden request; only a sender that may move something can lose it (M3)."""
+        """Answer a forbidden request. It is a loss (M3) only for a motion controller."""
         self._transactions.finish(
             transaction,
             Outcome.NEVER_SENT,

@@ -1,8 +1,8 @@
-"""Unit ids that may reach an axis under a unit id that is not its own.
+"""Unit ids that may reach an axis although they are not its own.
 
 A broadcast reaches every drive of a serial line. A Modbus/TCP drive may answer to 0 and 255 besides its own
-unit id (Messaging on TCP/IP implementation guide V1.0b, p. 23), and many ignore the unit id completely. None
-of these may carry a position around the correction.
+unit id (Messaging on TCP/IP implementation guide V1.0b, p. 23), and many ignore the unit id completely. In
+none of these ways may a position bypass the correction.
 
 So on a Modbus/TCP line with one axis unit id, a request to any other one counts as reaching that axis. Unit
 ids of devices that the configuration names (``other_units``) are excepted. Several axis unit ids mean that
@@ -26,7 +26,7 @@ _HARMLESS: Final = frozenset({Action.STOP, Action.IGNORE, Action.UNKNOWN})
 
 
 class Aliases:
-    """The unit ids of one line without an axis: which are known, and what may pass to them."""
+    """The unit ids of one line that have no axis: which are known, and what may pass to them."""
 
     def __init__(self, units: Collection[UnitMap], other: OtherUnits, *, is_serial: bool) -> None:
         self._units = units
@@ -78,7 +78,7 @@ class Aliases:
         return [DecodedRequest(unit, pdu, access, coils) for unit in self._units]
 
     def is_stop(self, pdu: bytes, frames: Iterable[DecodedRequest]) -> bool:
-        """Whether a request is the stop of a known drive, and nothing else for the axes here."""
+        """Whether a request is a stop of a known drive, and does nothing else to the axes of this line."""
         word = _only_word(pdu)
         is_coil = pdu[0] == FunctionCode.WRITE_SINGLE_COIL
         if word is None or not any(_is_that_stop(stop, word, is_coil=is_coil) for stop in self._other.stops):

@@ -1,4 +1,4 @@
-"""When monitors get the line: in the gaps between motion, and never after too long a wait.
+"""When monitors get the line: in the gaps between motion transactions, after a limited wait.
 
 A monitor's transaction may start at two kinds of moments, and only if it fits the expected gap:
 
@@ -7,9 +7,9 @@ A monitor's transaction may start at two kinds of moments, and only if it fits t
   long as ``quiet_ms``. Bursts have short gaps between their frames and long ones behind them; a pause is one
   of the long ones.
 
-A transaction is expected to last as long as the last time; one that was never seen, as long as a motion
-transaction. One that has waited for ``monitor_max_wait_ms``, or for half of its controller's ``timeout_ms``,
-starts at the next such moment even if it does not fit: it is forced.
+A transaction is expected to take as long as the last one like it. The first of its kind is expected to take
+as long as a motion transaction. A transaction that has waited for ``monitor_max_wait_ms``, or for half of its
+controller's ``timeout_ms``, starts at the next such moment even if it does not fit: it is forced.
 
 The number of monitors does not matter. After the end of a forced transaction the next one is forced only when
 two times have passed: ``monitor_max_wait_ms``, and nine times as long as the last one held the line. That
@@ -27,7 +27,7 @@ from gateway.exchange.transaction import Transaction
 from gateway.times import NS_PER_MS, NS_PER_S
 
 WINDOW_NS: Final = NS_PER_S // 2
-"""Gaps are kept for two of these: the last second, within half of one."""
+"""A gap counts in its window and in the next one: for one second, give or take half a second."""
 REMEMBERED: Final = 256
 """Number of requests whose duration is remembered."""
 SHRINKS: Final = 8
@@ -39,7 +39,7 @@ HEAD_BYTES: Final = 5
 
 
 class _Shortest:
-    """The shortest gap of the last second, within half of one."""
+    """The shortest gap of the last second, give or take half a second."""
 
     def __init__(self) -> None:
         self._now_ns: int | None = None
@@ -68,7 +68,7 @@ class _Shortest:
 
 
 class _Behind(Enum):
-    """What the line was free after last."""
+    """What came last before the line became free."""
 
     __hash__ = object.__hash__
 
@@ -77,7 +77,8 @@ class _Behind(Enum):
     SILENCE = "silence"
     """The silence behind a motion transaction; nothing waits for its end."""
     AWAITED_SILENCE = "awaited-silence"
-    """The same, and something has waited only for its end: it may start behind the motion."""
+    """The same, and a transaction has waited only for the end of that silence: it may start as directly after
+    motion."""
 
 
 class Gaps:
@@ -88,9 +89,10 @@ class Gaps:
         self._quiet_ns = int(timing.quiet_ms * NS_PER_MS)
         self._max_wait_ns = int(timing.monitor_max_wait_ms * NS_PER_MS)
         self.is_watching = False
-        """Whether others than motion controllers use the line; gaps are not recorded before."""
+        """Whether any other controllers than motion controllers use the line; gaps are recorded only from
+        then on."""
         self._ended_ns: int | None = None
-        """From when the line was free after the last motion transaction; None: none was seen yet."""
+        """When the line became free after the last motion transaction; None: none was seen yet."""
         self._behind = _Behind.ANYTHING
         self._any = _Shortest()
         self._long = _Shortest()
@@ -98,10 +100,10 @@ class Gaps:
         self._durations_ns: dict[bytes, int] = {}
         self._motion_ns = 0
         self._forced: Transaction | None = None
-        """The last forced transaction: it did not fit."""
+        """The last transaction that was started although it did not fit."""
         self._forced_since_ns = 0
         self._next_forced_ns = 0
-        """No other transaction is forced before."""
+        """Earliest time at which the next transaction may be forced."""
 
     def motion_came(self, now_ns: int) -> None:
         """Record a motion request that found no other motion transaction under way."""
@@ -113,7 +115,7 @@ class Gaps:
             self._long.add(gap_ns, now_ns)
 
     def ended(self, transaction: Transaction, now_ns: int, rests_until_ns: int | None = None) -> None:
-        """Record the end of a transaction, answered or not, and the rest that the line takes after it."""
+        """Record the end of a transaction, answered or not, and until when the line rests after it."""
         if not self.is_watching:
             return
         next_ns = self._stamps.next_ns if rests_until_ns is None else now_ns
@@ -136,15 +138,15 @@ class Gaps:
             self._next_forced_ns = free_ns + max(self._max_wait_ns, PAID_BACK * occupied_ns)
 
     def wait_for_silence(self) -> None:
-        """Something waits for the silence of the wire, perhaps behind the end of a motion transaction."""
+        """Record that something waits for a silence on the wire, perhaps after a motion transaction."""
         if self._behind is _Behind.SILENCE:
             self._behind = _Behind.AWAITED_SILENCE
 
     def choose(self, first: Sequence[Transaction], now_ns: int) -> tuple[Transaction | None, int | None]:
         """Return the first transaction that may start; else None, and when to ask again.
 
-        The line is free, and no motion waits. A transaction whose controller has given up is returned too,
-        and one that is to be refused: neither is sent, and neither holds back what waits behind it.
+        The line is free, and no motion request waits. A transaction that its controller gave up, or that is
+        to be refused, is returned too. It is not sent, so it must not hold back those behind it.
         """
         idle_ns = self._idle_ns(now_ns)
         has_waited = self._behind is _Behind.AWAITED_SILENCE

@@ -149,9 +149,9 @@ class Part(NamedTuple):
 
     image: FieldImage
     first: int
-    """Its first word; -1: all of it, or a write that leaves nothing of it certain."""
+    """Its first word; -1: the whole field, or a write after which nothing of it is certain."""
     words: bytes
-    """Empty if a mask changes one word."""
+    """Empty for a mask write (FC22), which changes one word."""
 
 
 class Staging(NamedTuple):
@@ -239,7 +239,7 @@ class AxisCommand:
         """Mode and trigger registers, as the request leaves them."""
         self.coils = coils
         self.unclear_words = unclear_words
-        """Such registers whose content is unknown after the request."""
+        """Mode and trigger registers whose content is unknown after the request."""
         self.modes_written = tuple(sorted(axis.rules.modes.intersection((*self.words, *unclear_words))))
         """Registers that it writes and that decide what a position means."""
         self.needs_word = needs_word
@@ -278,7 +278,7 @@ class AxisCommand:
         self.goes_unknown = False
         """The axis goes to an unknown position: a distance passed unchanged."""
         self.is_uncorrected = False
-        """It goes there together with a stop of another axis, with words that were not corrected for it."""
+        """It goes there by a frame that stops another axis, with words that were not corrected for it."""
         self.peer_runs = NO_RUNS
         """Targets that the other axes of its group hold and must run, by their names (M11)."""
         self.remaps = False

@@ -225,7 +225,7 @@ def _partners(axes: Sequence[Axis]) -> tuple[int, ...]:
 
 
 def is_acting_on(units: UnitMaps, transaction: Transaction, axes: Sequence[Axis]) -> bool:
-    """Whether a request, which is no stop, would move one of these axes or give it a target."""
+    """Whether a request is no stop, and would move one of these axes or give it a target."""
     return not transaction.is_stop and moves_one_of(units, transaction, axes)
 
 

@@ -1,4 +1,4 @@
-"""What comes from the drives: a reply, a frame that answers nothing, no reply in time, the link ends."""
+"""What the line does after a reply, a frame that answers nothing, a time-out, and the end of the link."""
 
 from typing import Final
 
@@ -35,7 +35,7 @@ from gateway.modbus.pdu import EXCEPTION_BIT, MAX_PDU, ExceptionCode, is_absence
 ACKNOWLEDGED: Final = Outcome.ACKNOWLEDGED
 EXCEPTION: Final = Outcome.EXCEPTION
 NO_UNIT_ID: Final = -1
-"""Of bytes that belong to no unit."""
+"""Unit id of bytes that belong to no unit."""
 
 
 class DriveSide:
@@ -119,7 +119,7 @@ class DriveSide:
             self._turn.next(now_ns)
 
     def _drop_oversized(self, transaction: Transaction, now_ns: int) -> None:
-        """A reply is too long for a PDU: it cannot be passed on."""
+        """End an exchange whose reply is too long for a PDU, and so cannot be passed on."""
         self._transactions.free_wire()
         self._renewal.mark_alive()
         self._counters.oversized += 1
@@ -128,7 +128,7 @@ class DriveSide:
         self._turn.next(now_ns)
 
     def _send_stop_again(self, transaction: Transaction, now_ns: int) -> None:
-        """An early stop got the late answer of another request: it is sent once more (W6)."""
+        """Send an early stop again: the reply to it was the late answer to another request (W6)."""
         unit_id = transaction.wire_unit_id
         self._renewal.mark_alive()
         self._silent_units.disturb(unit_id, now_ns)
@@ -139,10 +139,10 @@ class DriveSide:
         self._turn.next(now_ns)
 
     def _end_silence(self, transaction: Transaction, now_ns: int, *, is_absent: bool) -> None:
-        """A reply came while a unit of the line is silent; ``is_absent``: from its converter."""
+        """Take a reply while a unit of the line is silent; ``is_absent``: it is from its converter."""
         unit_id = transaction.wire_unit_id
         if transaction.stopping is Stopping.AGAIN and self._silent_units.awaits_late_reply_of(unit_id):
-            # The same stop was sent twice, and one answer came; it is unknown for which.
+            # The same stop was sent twice and answered once; it is unknown which of them was answered.
             self._silent_units.expect_late_reply(unit_id, transaction.sent_ns + self._response_timeout_ns)
         self._renewal.mark_answered(unit_id)
         self._renewal.mark_alive()
@@ -150,7 +150,7 @@ class DriveSide:
             self._silent_units.mark_alive(unit_id, now_ns)
 
     def _take_absence(self, transaction: Transaction, pdu: bytes, now_ns: int) -> None:
-        """A converter has answered in the place of a drive, which may be off: it counts as silent (W7)."""
+        """Count a drive as silent: its converter answered in its place, and the drive may be off (W7)."""
         unit_id = transaction.wire_unit_id
         silence, has_died = self._silent_units.miss(
             unit_id, transaction.sent_ns, now_ns, may_answer_late=False
@@ -161,7 +161,7 @@ class DriveSide:
         self._fall_silent(transaction, why if has_died else "", now_ns)
 
     def _take_reply(self, transaction: Transaction, pdu: bytes, now_ns: int) -> tuple[Axis, ...]:
-        """Take a reply on the slow path; return the axes about which it may tell something."""
+        """Take a reply on the slow path; return the axes whose state it may have changed."""
         axes = self._units.axes_of(transaction.wire_unit_id)
         if not is_absence(pdu):
             for axis in axes:
@@ -180,7 +180,7 @@ class DriveSide:
         return axes
 
     def _take_added(self, transaction: Transaction, pdu: bytes, now_ns: int) -> None:
-        """Process the reply to a frame of the gateway, and go on with the request that needed it."""
+        """Process the reply to a frame of the gateway, and continue with the request that needed it."""
         frame = transaction.added
         assert frame is not None
         if self._renewal.holds and frame.rendering is None:
@@ -203,7 +203,7 @@ class DriveSide:
         elif self._scheduler.has_due_stop(now_ns) and not transaction.overtaken_by:
             transaction.begin_anew()
             self._waiting.put_back(transaction)
-        elif self._rest.is_closing or self._renewal.holds:  # do not send it into a connection that closes
+        elif self._rest.is_closing or self._renewal.holds:  # send nothing on a connection that closes
             self._waiting.put_back(transaction)
         elif self._turn.is_paced(now_ns):
             self._scheduler.put_next(transaction)
@@ -214,7 +214,7 @@ class DriveSide:
         """Process the reply to a prerequisite.
 
         Returns:
-            The exception code with which its request is refused; None: the request can go on.
+            The exception code with which its request is refused; None: the request can continue.
         """
         prefetched = transaction.knowledge()
         rendering = frame.rendering
@@ -223,7 +223,7 @@ class DriveSide:
             if frame.purpose is Purpose.POLL:
                 transaction.excuse(now_ns - transaction.sent_ns)
             if is_asked_again(frame, pdu, prefetched) and now_ns <= transaction.leave_by_ns:
-                return None  # it is read again, if nothing else goes first
+                return None  # it is read again, unless something else is sent first
             if is_open(frame, pdu):
                 return pdu[-1]
             learn(frame, pdu, prefetched, transaction.sent_ns)

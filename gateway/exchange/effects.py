@@ -2,7 +2,7 @@
 
 Only a complete normal reply proves that the drive obeyed. After any other end the drive may have written the
 data or not, unless an exception proves that it did not (``Axis.writes_nothing``). So each function here calls
-the methods of ``Axis`` for what is proven, and for what is open.
+the methods of ``Axis`` for what is proven and for what stays unknown.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ def leave(request: Request, now_ns: int) -> int:
     """A request is sent next: record what must be known if the process dies before the reply.
 
     Returns:
-        For how many axes it has a meaning that the register map does not know.
+        The number of axes for which it has a meaning that the register map does not know.
     """
     return sum([_leave_to(command, now_ns) for command in request.commands])
 
@@ -154,7 +154,7 @@ def _not_obeyed(request: Request, command: AxisCommand, outcome: Outcome, code: 
         elif command.runs_alone and not command.is_run_known and not _runs_superseded(command):
             axis.motion.displace(now_ns)
     if is_broadcast and command.runs_target:
-        axis.targets.mark_run(command.action)  # no drive answers it: what it held does not wait any more
+        axis.targets.mark_run(command.action)  # no drive answers a broadcast: the target counts as run
     if not (is_broadcast or (axis.passes_unchanged and is_refusal)):
         _block_for(command, code)
 
@@ -233,7 +233,8 @@ def _lose(parts: Sequence[Part], loss: Loss, arrived_ns: int, follows_ns: int, n
 def _block_for(command: AxisCommand, code: int) -> None:
     """A target, its mode or a part of it was lost: refuse its triggers from now on (M3)."""
     axis = command.axis
-    # The other axes of a gantry must not go alone (M11). A run refused for their sake blocks none of them.
+    # The other axes of a gantry must not start alone (M11). A run that was refused because of them blocks
+    # none of them.
     is_run_of_gantry = bool(axis.peers) and command.runs_target and axis.blocked_by_peer is None
     may_stand = axis.plan.motion.waits_for_trigger or bool(axis.peers)
     if not may_stand or not (command.written or command.writes_mode or is_run_of_gantry):
@@ -245,6 +246,7 @@ def _block_for(command: AxisCommand, code: int) -> None:
             f"a target or its mode was lost (exception {code:#04x}): triggers are refused until a "
             "complete one was accepted; stops always pass"
         )
-        # For a frame that only stages, the loss is its own: a released peer must not go without this axis.
+        # A frame that only stages a target is a loss of its own axis: a released peer must not start without
+        # it.
         is_own = axis.blocked_by_peer is None or not command.runs_target
         axis.block_triggers(code, why, is_own=is_own)

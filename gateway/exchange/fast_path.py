@@ -1,10 +1,10 @@
-"""The fast path: most frames need no judgement, and are sent after a lookup or after one correction.
+"""The fast path: most frames need no decision, and are sent after a lookup or after one correction.
 
-A path is found once for a unit id and the head of a request, which says what registers it touches, and is
-then cached. It decides nothing: it holds prepared lookups, handles the usual case only, and calls
-the same transitions as the slow path. If anything is unusual it returns None. The request or reply then takes
-the slow path (``dispatch``, ``prepare``, ``transaction``), which handles every case. Both give the same bytes
-and leave the same state; tests/exchange/test_fast_path.py compares them.
+The head of a request names the registers that it touches. A path is found once for a unit id and a head, and
+is then cached. A path decides nothing: it holds prepared lookups, handles the usual case only, and calls the
+same transitions as the slow path. If anything is unusual it returns None. The request or reply then takes the
+slow path (``dispatch``, ``prepare``, ``transaction``), which handles every case. Both give the same bytes and
+leave the same state; tests/exchange/test_fast_path.py compares them.
 """
 
 from typing import Final, NamedTuple
@@ -34,7 +34,7 @@ LOWEST: Final = b"\x00"
 HIGHEST: Final = b"\xff"
 """Together with LOWEST, the range of the last byte of a position of which all others have come."""
 NO_AXES: Final[frozenset[str]] = frozenset()
-"""Names of the axes that a read sends somewhere."""
+"""Names of the axes that a read moves: none."""
 
 
 class _Read(NamedTuple):
@@ -120,7 +120,7 @@ class ReadPath(FastPath):
 
     @property
     def is_sure(self) -> bool:
-        """Whether no position in it can prove something and then be converted back differently."""
+        """Whether no position in the reply can prove something that changes how it is converted back."""
         for read in self._reads:
             record = read.axis.recall.record
             if read.axis.motion.unacknowledged is not None:
@@ -159,8 +159,8 @@ class ReadPath(FastPath):
     def begins_with(self, byte: int, transaction: Transaction, which: int, begun: bytes) -> bool:
         """Whether :meth:`nominal_words` begins with this byte, whatever the last byte after ``begun`` is.
 
-        Conversion keeps the order of positions, so both ends are enough; a command may be recognised by its
-        words.
+        Conversion keeps the order of positions, so checking both ends is enough. A command may also be
+        recognised by its words, so that is checked too.
         """
         axis, role, _, number, _, _, _ = self._reads[which]
         candidates = [begun + LOWEST, begun + HIGHEST]
@@ -243,7 +243,7 @@ class WritePath(FastPath):
         return self._head + words if self._is_last else pdu[:start] + words + pdu[end:]
 
     def write_ahead(self, transaction: Transaction, target: SteadyTarget) -> None:
-        """A target is sent next: write what must survive a kill."""
+        """A target is sent next: record what must survive a kill."""
         axis = self._axis
         transaction.carry(self, target)
         if self._recall.record is not None and not axis.send_steady(target):
@@ -252,7 +252,7 @@ class WritePath(FastPath):
     def is_ready(self, port: ControllerPort | None, now_ns: int) -> bool:
         """Whether only the words of a target can still keep it from this path."""
         if port is None or (port.writer != self._hold.writer and not self._hold.is_shared):
-            return False  # another writer moved it last, or none
+            return False  # another writer moved the axis last, or no writer has
         return self._axis.compensation.is_steady and self._is_usual(now_ns)
 
     @property
@@ -299,8 +299,8 @@ class WritePath(FastPath):
     def begins_with(self, byte: int, port: ControllerPort | None, begun: bytes, now_ns: int) -> bool:
         """Whether the words that :meth:`judged` sends, if any, begin with this byte.
 
-        The last byte after ``begun`` may have any value. Correction keeps the order of targets, so both ends
-        are enough; a repeated target is sent unchanged.
+        The last byte after ``begun`` may have any value. Correction keeps the order of targets, so checking
+        both ends is enough. A repeated target gets the same words as before, so that is checked too.
         """
         image = self._image
         if not self.is_ready(port, now_ns) or (self._terms is not None and self._terms.is_due(now_ns)):

@@ -1,7 +1,7 @@
-"""What one controller may send besides its role: its rights, looked up by the head of a request.
+"""What one controller may send within its role: its rights, looked up by the head of a request.
 
-A verdict belongs to a unit id and the head of a request, which says what registers it touches. It is found
-once and cached, like the fast paths.
+The head of a request names the registers that it touches. A verdict belongs to a unit id and a head; it is
+found once and cached, like the fast paths.
 """
 
 from collections.abc import Sequence
@@ -34,7 +34,8 @@ _READS_REGISTERS: Final = frozenset(
     {FunctionCode.READ_HOLDING_REGISTERS, FunctionCode.READ_INPUT_REGISTERS, 0x17}
 )
 _OBJECT: Final = bytes((FunctionCode.ENCAPSULATED_INTERFACE_TRANSPORT, MEI_CANOPEN_GENERAL_REFERENCE))
-"""Beginning of requests that read or write one object; where allowed, its index is their address."""
+"""Beginning of requests that read or write one object. Where they are allowed, the index of the object is
+their address."""
 _ADDRESSED: Final = frozenset({0x01, 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F, 0x10, 0x16, 0x17})
 """Function codes whose requests name the addresses that they touch."""
 _WITHOUT_ADDRESSES: Final = frozenset({0x07, 0x0B, 0x0C, 0x11})
@@ -72,8 +73,8 @@ class Gate:
     def denial(self, unit_id: int, pdu: bytes, *, is_odd: bool = False) -> Denial | None:
         """Return why a request is not allowed; None: it is.
 
-        ``is_odd``: its length differs from its function code, and it counts as a write. It depends on unit
-        id, head and length only, like the verdict.
+        ``is_odd``: its length does not fit its function code, so it counts as a write. That depends only on
+        unit id, head and length, so the verdict can be cached.
         """
         head = pdu[: HEAD_BYTES[pdu[0]]]
         verdicts = self._verdicts.get(unit_id)

@@ -3,9 +3,9 @@
 ``axis.gantry`` has the state machine: what is fixed, and for how long. This file drives it when a request is
 sent (:func:`leave_in_group`) and when it ends (:func:`end_in_group`).
 
-Once the first axis has started, the others must not be refused anything. So what their triggers need is done
+Once the first axis has started, no trigger of the others may be refused. So what their triggers need is done
 before (:func:`next_of_groups`). Their references are read. Their staged targets are rewritten with the words
-that the decision gives, each with one named write (M2). If that is refused, unanswered or not allowed, the
+that the decision gives, each with one added write (M2). If that is refused, unanswered or not allowed, the
 first trigger is refused, and nothing moves.
 """
 
@@ -164,7 +164,7 @@ def _is_group_through(axis: Axis, now_ns: int) -> bool:
 
 
 def _report_unconfirmed_first(axis: Axis, gantry: Gantry, code: int) -> None:
-    """It is the first of its group, and it is unknown whether it starts."""
+    """Report that the first axis of a group was triggered, and that it is unknown whether it starts."""
     gantry.skew_by(None)
     detail = (
         f"its trigger was sent, and the drive may have obeyed it (exception {code:#04x}): the skew is "
@@ -174,7 +174,7 @@ def _report_unconfirmed_first(axis: Axis, gantry: Gantry, code: int) -> None:
 
 
 def report_skew(axis: Axis, code: int) -> None:
-    """It is refused after another axis of its group has started: the gateway does not stop that one (M3)."""
+    """Report that an axis is refused after another one of its group has started. Nothing is stopped (M3)."""
     gantry, fixed = axis.member.gantry, axis.member.fixed
     if gantry is None or not gantry.is_under_way or fixed is None or fixed.has_gone:
         return
@@ -273,7 +273,8 @@ def _poll_at_superseded(request: Request, axis: Axis) -> AddedFrame | None:
 def _poll_at_kept(request: Request, command: AxisCommand, axis: Axis) -> AddedFrame | None:
     """Return the read that decides if an axis can keep words of another switch, table or gain (M4).
 
-    Its own target would be preceded by that read, but by then the first axis has gone with such words.
+    The target of the axis itself would cause that read too, but too late: the first axis has then started
+    with such words.
     """
     actual, name = axis.reach.asked_actual, axis.plan.name
     if actual is None or name in request.prefetched.actual or command.action.is_relative:
@@ -352,16 +353,16 @@ def _reference_of(request: Request, axis: Axis) -> AddedFrame | None:
 
 
 def _prepare_peer(request: Request, axis: Axis, first: AxisCommand) -> AddedFrame | None:
-    """Return the next frame after which an axis holds its target as it must run it.
+    """Return the next frame that an axis needs, so that it holds its target with the words that it must run.
 
-    It will run as the first trigger of its group runs its own target: a target of the same number, with the
-    same kind of move, where the trigger decides that.
+    It will run its target as the first trigger of the group runs that of the first axis: from the field of
+    the same number, with the same kind of move, where the trigger decides that.
 
     A target before which the axis was stopped may be meant to run later or not: it holds up no other axis.
     """
     number, motion = axis.rules.staged, axis.plan.motion
     if not (motion.is_staged or motion.starts_on):
-        return None  # it holds nothing that waits: a position that is written to it moves it
+        return None  # its drive holds no waiting target: each position that is written moves it
     count = len(axis.plan.command)
     if first.number is not None and 1 < count > first.number:
         number = first.number
@@ -370,13 +371,13 @@ def _prepare_peer(request: Request, axis: Axis, first: AxisCommand) -> AddedFram
     is_incomplete = any(field.is_incomplete for field in fields)
     if number is None or words is None or is_incomplete:
         may_pass = axis.passes_unchanged or motion.passes_stored_moves
-        # Its frame was refused because of the others, or it was taken over with them, or all have lost their
-        # own: it must come again, and may come after the first. Otherwise all would wait for each other, if
-        # one frame writes and runs.
+        # The target of this axis was refused because of the others, or was taken over with theirs, or all
+        # axes have lost their own. It must come again, and may come after the first trigger. Otherwise, where
+        # one frame writes and runs a target, all axes would wait for each other.
         block = axis.interlock.block
         may_come_later = block is Block.OF_GROUP or (block is Block.OWN is first.axis.interlock.block)
         may_come_later = may_come_later and not any(each.has_part for each in fields)
-        # A controller that writes and runs in one frame never writes again what the drive holds alone.
+        # A controller that writes and runs a target in one frame never writes the held target again alone.
         is_awaited = axis.targets.holds_unrun and not (may_come_later and not first.runs_alone)
         if (is_awaited or (is_incomplete and not may_come_later)) and not may_pass:
             why = "its target was lost or forgotten, write it again"

@@ -15,7 +15,8 @@ def may_keep_words(axis: Axis, spec: CorrectionSpec) -> bool:
     Words rendered with the requested correction are always right. Setpoints of a stream may keep others: the
     requested correction comes into force over the distance that they travel, and a repeat has no distance.
 
-    In a group it may only if all axes keep theirs. One whose target was not acknowledged keeps none.
+    In a group an axis may keep its words only if all axes keep theirs. An axis whose target was not
+    acknowledged keeps none.
     """
     member = axis.member
     if member.gantry is None or axis.compensation.is_stream or not is_other(axis, spec):
@@ -29,9 +30,9 @@ def keeps_other_words(axis: Axis) -> bool:
     """Whether its next target probably keeps words of another switch, table or gain.
 
     A target that has not come yet is unknown. It is assumed to be a repeat of the last one. If there is no
-    last one, or the axis was moved otherwise since, no target can be a repeat. One that was not acknowledged
-    keeps none: where the axis is seen elsewhere, it is rendered anew. An axis that has lost a target keeps
-    none: the lost one comes next, and it is probably another one.
+    last one, or the axis was moved otherwise since, no target can be a repeat. A target that was not
+    acknowledged keeps none: if the axis is seen elsewhere, it is rendered again. An axis that has lost a
+    target keeps none: its controller writes that target next, and it is probably a different one.
     """
     number, motion = axis.rules.staged, axis.motion
     if motion.unacknowledged is not None or axis.interlock.is_blocked:

@@ -1,4 +1,4 @@
-"""Statistics of durations, in integers: counts in log-linear buckets, a hundred nanoseconds per value.
+"""Statistics of durations, in integers: counts in log-linear buckets; one count takes 100 ns.
 
 Each power of two has 64 buckets, so a value is known within 1.6 %, from 1 ns to ten hours.
 """
@@ -13,14 +13,14 @@ from gateway.times import NS_PER_S
 
 SUB_BITS: Final = 6
 OCTAVE: Final = SUB_BITS + 1
-"""Durations of up to so many bits have a bucket each; of longer ones the lowest bits are dropped."""
+"""Durations of up to this number of bits have a bucket each; longer ones lose their lowest bits."""
 LONGEST_BITS: Final = 45
 LONGEST_NS: Final = (1 << LONGEST_BITS) - 1
 """Longer durations count as this: ten hours, longer than any time-out."""
 BUCKETS: Final = (LONGEST_BITS - OCTAVE + 2) << SUB_BITS
 SLOT_NS: Final = 10 * NS_PER_S
 SLOTS: Final = 6
-"""High marks of the last minute are kept for ten seconds each."""
+"""Number of slots of ten seconds: together they give the high mark of the last minute."""
 
 
 def bucket_of(span_ns: int) -> int:
@@ -115,5 +115,5 @@ class HighMark:
 
     @property
     def minute_ns(self) -> int:
-        """Highest of the last minute, within ten seconds."""
+        """Highest of the last minute, give or take ten seconds."""
         return max(self.slot_ns, *self._slots)

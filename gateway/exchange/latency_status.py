@@ -25,8 +25,8 @@ BOUNDS_US: Final = (5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000, 20_0
 STEPS: Final = 3
 """Steps for each poll: one pass through the buckets, or the sum of one pair; 60 µs at most."""
 AT_FIRST: Final = 12
-"""Number of figures without a sum that are computed immediately, the first time that they are requested; the
-others are null until their turn."""
+"""Number of figures without a sum that are computed immediately at their first request. The others are null
+until their turn comes."""
 
 BOUNDS_NS: Final = tuple(int(bound_us * NS_PER_US) for bound_us in BOUNDS_US)
 
@@ -138,7 +138,7 @@ class LatencyStatus:
             self._round_robin.rotate(-1)
 
     def _worked_out(self, key: Key, columns: Sequence[Iterable[int]]) -> Figures:
-        """Return the percentiles, 0 of none; keep the histogram of the gateway time of lines and axes."""
+        """Return the percentiles, or zeros; keep the histogram of the gateway time of lines and axes."""
         if not columns:
             return Figures(p50=0.0, p99=0.0, p999=0.0)
         totals = running_totals(columns[0])

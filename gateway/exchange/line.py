@@ -1,11 +1,11 @@
-"""One line: its requests come in, its time passes. Sans-IO; time is an argument.
+"""One line: what it does with each request, each reply and each deadline. Sans-IO; time is an argument.
 
 States of the line:
 
 - *down*: there is no link to the drives. If one can be made, requests wait for it for a limited time.
   Otherwise they are answered 0x0A (serial controllers: silence).
 - *free*: the next request is sent in the same call in which it arrives.
-- *busy*: one transaction is on the wire (W6). Others wait, stops at their head (M3).
+- *busy*: one transaction is on the wire (W6). Others wait, with stops before all others (M3).
 - *resting*: only stops are sent until a certain time. It is the silence after an unexpected frame (W6), or
   the turnaround after a broadcast, in which stops wait too.
 - *paced*: nothing is sent until the wire has been silent long enough for a frame (``Stamps.next_ns``).
@@ -259,7 +259,7 @@ class LineExchange:
             and not self.silent_units.silences
             and not self._renewal.holds
             and now_ns >= self._link.stamps.next_ns
-            # What waited for the silence before a frame goes first, also if its alarm has not come yet.
+            # What waits for the silence before a frame is sent first, even if its timer has not expired yet.
             and self._waiting.only_others
         )
         is_reachable = self.link_state.is_up or self._link.connects
@@ -306,13 +306,13 @@ class LineExchange:
                 transaction.hold_up()
             is_behind = self._waiting.has(port)
             self._waiting.add(transaction)
-            # Otherwise nothing has changed for those before it. A stop that waits for a silence precedes
-            # none.
+            # A request behind another one of its controller changes nothing for those that wait. But a stop
+            # that waits for a silence holds up nothing behind it.
             if not is_behind or self._waiting.has_stops:
                 self._turn.next(now_ns)
 
     def _is_answered_at_once(self, transaction: Transaction, now_ns: int) -> bool:
-        """Whether the gateway answers an arriving request itself; not if the next link polls dead drives."""
+        """Whether the gateway answers a request itself; not if the next link polls dead drives again."""
         return not self.link_state.asks_again and self.silent_units.is_answered_for(transaction, now_ns)
 
     def _is_behind(self, port: ControllerPort) -> bool:
@@ -322,7 +322,7 @@ class LineExchange:
         ) or self._waiting.has(port)
 
     def _deny(self, transaction: Transaction, denial: Denial, now_ns: int) -> None:
-        """Refuse a request behind the answers before it, which keeps their order; in a flood immediately."""
+        """Refuse a request after the answers to earlier ones, to keep their order; in a flood immediately."""
         port = transaction.port
         assert port is not None
         self._admission.report(transaction, denial, now_ns)
@@ -362,13 +362,13 @@ class LineExchange:
         self._settle()
 
     def _give_up(self, port: ControllerPort, reason: str, now_ns: int, *, is_gone: bool) -> None:
-        """Withdraw what a controller has given up on; it gets no reply to the request on the wire (W5)."""
+        """Withdraw what a controller has given up; it gets no reply to its request on the wire (W5)."""
         for transaction in self._waiting.give_up(port, is_gone=is_gone):
             self._transactions.withdraw(transaction, reason, now_ns)
         current = self._transactions.current
         if current is not None and current.port is port:
             self._drives.end_reply(ForwardEvent.ANEW, now_ns)
-            if is_gone or not current.is_broadcast:  # the frame on the wire may be one that it needs first
+            if is_gone or not current.is_broadcast:  # it may still need a frame first
                 current.give_up()
 
     def report_standstill(self, gap_ns: int) -> None:
@@ -432,7 +432,7 @@ class LineExchange:
         self._settle()
 
     def link_down(self, now_ns: int, reason: str = "", *, is_orderly: bool = False) -> None:
-        """The drives cannot be reached: requests wait for nothing but a connection.
+        """The drives cannot be reached: requests wait only for a connection, not for a serial port.
 
         ``reason``: why, if known. ``is_orderly``: the other end closed it, and nothing broke.
         """
@@ -468,10 +468,10 @@ class LineExchange:
         is_timed_out = self._transactions.current is not None
         if self._transactions.current is not None:
             self._drives.time_out(self._transactions.current, now_ns)
-        # A request that comes when a silence ends must see that there was one.
+        # A request that arrives when a silence ends must still see that silence.
         if self.link_state.is_up and self.silent_units.awaits_late_reply:
             self.silent_units.answer_waiting(now_ns)
-        # Only here: a late caller has read by then what had come in (W6).
+        # Rests end only here: a caller that is late has read before what had come in (W6).
         rests_until_ns = self.rest.until_ns
         if self.rest.is_closing and rests_until_ns is not None and now_ns >= rests_until_ns:
             self.link_state.stayed()

@@ -1,4 +1,4 @@
-"""What the parts of one line share: each part, made once and joined with the others. It decides nothing."""
+"""The parts of one line, each created once and connected with the others. Nothing is decided here."""
 
 from collections.abc import Callable, Iterable, Sequence
 

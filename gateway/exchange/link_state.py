@@ -1,8 +1,8 @@
 """The link to the drives of a line: when it ends, what its end and its return mean, and what is reported.
 
-A drive that was out of reach may have been power-cycled, or moved by hand. How much of the earlier knowledge
-still counts depends on how it went out of reach, and for how long: the table in ``docs/wire-rules.md``, "When
-a link is lost".
+A drive that could not be reached may have been power-cycled, or moved by hand. How much of the earlier
+knowledge still counts depends on how the link was lost, and for how long: see the table in
+``docs/wire-rules.md``, "When a link is lost".
 
 The gateway ends the link in two ways. A connection that is not needed, or too old, is closed when nothing is
 under way. A connection on which nothing answers any more is closed and made again (``renewal``).
@@ -35,14 +35,14 @@ from gateway.times import NEVER_NS, NS_PER_MS, NS_PER_S
 BLINK_NS: Final = 100 * NS_PER_MS
 """A connection closed in order that is back within this time has blinked: no drive restarts so fast."""
 HEARD_NS: Final = NS_PER_S
-"""If its drive answered so shortly before a blink, the axis is unchanged. The homed bit has the same limit:
-an older one is read again."""
+"""If its drive answered within this time before a blink, the axis is unchanged. The homed bit has the same
+limit: an older one is read again."""
 STREAM_ENDED_NS: Final = NS_PER_S
-"""A stream without a setpoint for so long has ended or paused."""
+"""A stream without a setpoint for this time has ended or paused."""
 LASTS_NS: Final = NS_PER_S
-"""A line that is down for so long is reported, however often the same reason was reported before."""
+"""A line that is down for this time is reported, however often the same reason was reported before."""
 ON_DEMAND_NS: Final = NS_PER_S
-"""A connection on demand is closed after so long without an answer."""
+"""A connection on demand is closed after this time without an answer."""
 LOOKED_AGAIN_NS: Final = 100 * NS_PER_MS
 """Time between checks whether a connection that is due to be closed can be closed."""
 IDLE: Final = "closed by its peer when idle"
@@ -59,16 +59,17 @@ class LinkLoss(Enum):
     __hash__ = object.__hash__
 
     BLINK = "blink"
-    """Closed in order by the peer or by us, with nothing outstanding, and open again within 100 ms. Only for
-    an axis whose drive answered within the last second; for others it is a close."""
+    """Closed in order by the peer or by the gateway, with nothing outstanding, and open again within 100 ms.
+    Only for an axis whose drive answered within the last second; for other axes it is a close."""
     IDLE_CLOSE = "idle-close"
     """Closed by its peer with nothing outstanding, for longer."""
     OWN_CLOSE = "own-close"
-    """Closed by us with nothing outstanding, for longer (``connect = "on-demand"``, ``max_connection_s``)."""
+    """Closed by the gateway with nothing outstanding, for longer (``connect = "on-demand"``,
+    ``max_connection_s``)."""
     RENEWAL = "renewal"
-    """Closed by us because nothing answered on it any more, to make a new one."""
+    """Closed by the gateway because nothing answered on it any more, to make a new one."""
     LOSS = "loss"
-    """Any other: closed while something was outstanding, reset, unplugged, malformed."""
+    """Any other way: closed while something was outstanding, reset, unplugged, malformed."""
     RESTART = "restart"
     """There was no link yet: the gateway itself was down."""
 
@@ -89,7 +90,7 @@ def is_at_rest(axis: Axis, up_ns: int, now_ns: int) -> bool:
     if axis.compensation.is_stream and now_ns - axis.motion.heard_ns < STREAM_ENDED_NS:
         return False
     if axis.motion.state is MotionState.IN_WINDOW:
-        has_arrived = DONE_BIT not in axis.plan.bits  # it has no other way to report it
+        has_arrived = DONE_BIT not in axis.plan.bits  # without a done bit nothing else can show it
     is_stationary = has_arrived and not axis.motion.is_moving and not axis.reference.is_homing
     if not is_stationary or axis.acknowledgement.on_wire is not OnWire.NOTHING:
         return False
@@ -155,14 +156,14 @@ class LinkState:
         self.is_up = False
         """Whether there is a link to the drives."""
         self.loss = LinkLoss.RESTART
-        """How it ended last; a blink that lasts becomes the loss that it is then."""
+        """How it ended last; an end that lasts longer than a blink counts as this loss."""
         self.lost: tuple[Axis, ...] = self._axes
-        """Axes of which nothing is known since it ended: they are read when it is back."""
+        """Axes about which nothing is known since the link ended: they are read when it is back."""
         self.up_ns = self.down_ns = 0
         self.blinks_until_ns = 0
         """Until then the link may come back as if it had not ended; 0: it has ended."""
         self.closes_soon = link.connects
-        """Whether the server may close its connection after an answer: it was not seen yet to keep one."""
+        """Whether the server may close its connection after an answer: true until it was seen to keep one."""
         self.has_closed_soon = False
         """Whether it did so the last time."""
         self._reports: Reports[tuple[str, str]] = Reports(others=others_of_pairs)
@@ -232,7 +233,7 @@ class LinkState:
         self._report(self._axes)
 
     def resume(self, up_ns: int, *, closes_soon: bool, has_closed_soon: bool) -> None:
-        """Continue with a link in a known state, not only known to be up: in a replay."""
+        """Continue with a link whose state is known, in a replay."""
         self.closes_soon, self.has_closed_soon = closes_soon, has_closed_soon
         if up_ns:
             self.up_ns = up_ns
@@ -364,10 +365,10 @@ class LinkState:
     # --- its server closes it --------------------------------------------------------------------------
 
     def see_whether_it_closes(self, transaction: Transaction, now_ns: int) -> None:
-        """Send nothing after an answer that a server which closes its connection would not read.
+        """After an answer, wait if the server may close its connection: it would not read the next request.
 
-        If the server was not seen to do so, only a request that would be sent in this very call waits. A
-        later one is sent after the end of the connection was read, if that has come.
+        As long as the server was not seen to do so, this holds up only a request that would be sent in this
+        very call. Before a later request the gateway has read whether the connection has ended.
         """
         answered_ns = self._silent_units.answered_ns[transaction.wire_unit_id]
         if not self.has_closed_soon and self.up_ns <= answered_ns < now_ns - CLOSES_SOON_NS:

@@ -1,4 +1,4 @@
-"""What the gateway itself costs: each transaction is measured and compared with the budget of its axes.
+"""The gateway's own time: each transaction is measured and compared with the budget of its axes.
 
 Times are those of ``read()`` and ``write()``. A transaction has these parts:
 
@@ -27,9 +27,10 @@ from gateway.exchange.transaction import Transaction
 from gateway.times import NEVER_NS, NS_PER_S, NS_PER_US
 
 WITHIN_TO_END: Final = 100
-"""So many transactions in a row within the budget end an overrun, if ``CALM_NS`` have passed too."""
+"""This many transactions in a row within the budget end an overrun, if ``CALM_NS`` have passed too."""
 CALM_NS: Final = 10 * NS_PER_S
-"""A busy machine exceeds a budget every second. Reporting each time would displace all other events."""
+"""An overrun ends at the earliest this long after the last transaction over the budget. A busy machine
+exceeds a budget every second, and a report each time would displace all other events."""
 RTU_OVERHEAD: Final = 3
 """Bytes of an RTU frame besides its PDU: unit id and CRC."""
 MOST_PAIRS: Final = 128
@@ -75,9 +76,9 @@ class AxisBudget:
         self.overruns = 0
         self.is_over = False
         self.within = 0
-        """Transactions since the last overrun, while that lasts."""
+        """Transactions within the budget since the last one over it; counted while an overrun lasts."""
         self.exceeded_ns = 0
-        """When the last overrun was."""
+        """When a transaction last exceeded the budget."""
 
     def take_limits(self, axis: Axis) -> None:
         """Use the budget in the axis's present plan."""
@@ -127,7 +128,7 @@ class LineMeter:
         self.wire_ns = 0
         """Total time of transactions' bytes on the drives' wire, computed from their number."""
         self.added_ns = 0
-        """Total time for which frames of the gateway held requests up."""
+        """Total time for which frames of the gateway delayed requests."""
 
     @property
     def overruns(self) -> int:

@@ -27,11 +27,11 @@ from gateway.modbus.pdu import ExceptionCode
 LOST_BY_WRITER: Final = 32
 """Lost requests of one writer to one axis that are remembered; above it, everything of the axis is lost."""
 KEPT: Final = 256
-"""Number of axes and writers for which losses are remembered; the oldest is dropped for the next."""
+"""Number of pairs of axis and writer for which losses are remembered; the oldest is dropped for the next."""
 
 _BUSY: Final = ExceptionCode.SERVER_DEVICE_BUSY
 _HEAD_BYTES: Final = {0x17: 9, 0x2B: 8}
-"""By function code: bytes of a PDU that say what it writes to; for all others 5 (``access``)."""
+"""By function code: length of the head of a PDU that names what it writes; for all others 5 (``access``)."""
 
 
 class Unsent(NamedTuple):
@@ -52,7 +52,7 @@ class Ownership:
         self._on_event = on_event
         self._connections: dict[str, int] = {}
         self._lost: dict[tuple[str, str], dict[tuple[int, bytes], Unsent]] = {}
-        """By axis and writer; the newest of each head."""
+        """By axis and writer; of the requests with the same head, the newest."""
         self._reports: Reports[tuple[str, str]] = Reports(others=others_of_pairs)
         self.writer_conflicts = WriterConflicts()
 
@@ -78,13 +78,13 @@ class Ownership:
                 axis.hold.leave(now_ns)
 
     def forget_parts(self, port: ControllerPort) -> None:
-        """Complete no part of a position that came on a broken connection."""
+        """Forget parts of positions that came on a connection that broke: nothing completes them."""
         for axis in self._axes:
             if axis.hold.is_shared or axis.hold.writer in ("", port.writer):
                 axis.forget_parts()
 
     def may_move(self, transaction: Transaction, now_ns: int) -> bool:
-        """Return whether a request may go on as far as other writers are concerned; it takes over its axes.
+        """Return whether other writers allow a request to be sent; if so, its writer takes over its axes.
 
         Stops always may, and take nothing over (M3).
         """
@@ -111,7 +111,7 @@ class Ownership:
                     _mark_beside_stop(command, request, port)
 
     def lose(self, transaction: Transaction, code: int, loss: Loss) -> None:
-        """Record that a request never reached the drive: now for its own axes, else for later."""
+        """Record that a request never reached the drive; for axes of another writer this counts later."""
         port = transaction.port
         assert port is not None
         frames = self._units.frames_of(transaction)
@@ -160,7 +160,7 @@ class Ownership:
 
     @staticmethod
     def _is_free(axis: Axis, command: AxisCommand | None, writer: str, now_ns: int) -> bool:
-        """Whether the rest of a frame that stops another axis may take an axis over; it always passes."""
+        """Whether a frame that stops another axis may take this axis over; the frame passes in any case."""
         if command is not None and command.is_idle:
             return False
         members = (axis, *axis.peers)
@@ -170,7 +170,7 @@ class Ownership:
     def _claims(self, transaction: Transaction) -> list[tuple[Axis, AxisCommand | None]]:
         """Return the axes that a request would move or prepare to move; not those that it stops.
 
-        Releasing a jog, like releasing a button, is a stop for the writer that jogged.
+        For the writer that jogs an axis, the release of the jog is a stop.
         """
         writer = "" if transaction.port is None else transaction.port.writer
         claims: list[tuple[Axis, AxisCommand | None]] = []
@@ -260,7 +260,7 @@ def _lets_go(command: AxisCommand, writer: str) -> bool:
 
 
 def _mark_beside_stop(command: AxisCommand, request: Request, port: ControllerPort) -> None:
-    """A stop from another writer changed more: the axis's writer must write that again (M3).
+    """A stop from another writer changed something more: the axis's writer must write that again (M3).
 
     This also holds if another axis is stopped in the same frame: the frame passed because of that.
     """
@@ -278,7 +278,7 @@ def _mark_beside_stop(command: AxisCommand, request: Request, port: ControllerPo
 
 
 def _is_changed(hit: FieldHit, request: Request) -> bool:
-    """Whether a request writes other words to a command field than its writer believes there."""
+    """Whether a request writes other words to a command field than its writer believes to be there."""
     image, access = hit.mapped.image, request.frame.access
     assert image is not None
     if image.is_incomplete or image.nominal_words is None or access.is_mask or not access.is_consistent:

@@ -1,4 +1,4 @@
-"""What the exchange needs from the outside: small base classes for the code that frames bytes.
+"""What the exchange needs from outside: small base classes for the code that frames bytes.
 
 The exchange uses unit ids and PDUs. The relay does the framing (RTU with its CRC, MBAP with its transaction
 id). These are classes and not protocols: access for each frame is then one attribute and one call, also when
@@ -28,7 +28,7 @@ class Stamps:
         self.sent_ns = 0
         """When the system had taken it; while it is held back, when it was ready; 0: not measured."""
         self.next_ns = 0
-        """From when the next frame may be sent: the wire or the other end needs a silence before it."""
+        """The earliest time for the next frame: the wire or the other end needs a silence before it."""
         self.wire_ns_per_byte = 0
         """Time of one byte on its wire; 0: there is no wire."""
 
@@ -125,13 +125,13 @@ class DriveLink:
         raise NotImplementedError
 
     def came_instead(self, unit_id: int) -> str:
-        """Return what came instead of the newest reply that a unit id did not give; "": unknown."""
+        """Return what came instead of a reply when a unit id last did not answer; "": unknown."""
         return ""
 
     # --- connections only: the exchange decides how they end, and treats the link as down immediately
 
     def want(self) -> None:
-        """A request waits for the link: connect, if another attempt is allowed already."""
+        """A request waits for the link: connect, if another attempt is already allowed."""
 
     def renew(self) -> None:
         """Abort the connection, with everything not sent yet, and make another one."""

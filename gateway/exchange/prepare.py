@@ -138,7 +138,7 @@ def _send_rendered(request: Request, changed: list[tuple[FieldHit, bytes]], *, h
 
 
 def _prepare_other(request: Request, hit: FieldHit) -> list[tuple[FieldHit, bytes]]:
-    """Render a limit, or refuse a write around the correction; return what is sent changed."""
+    """Render a limit, or refuse a write that would bypass the correction; return what is sent differently."""
     mapped = hit.mapped
     if mapped.role is FieldRole.LIMIT:
         return [(hit, _stage_limit(hit, request))]
@@ -166,7 +166,7 @@ def _pass_targets(request: Request, command: AxisCommand) -> None:
 
 
 def _check_counts(hit: FieldHit, access: Access) -> None:
-    """Refuse what no drive can execute: it must not end the compensation.
+    """Refuse a frame that no drive can execute: it must not end the compensation.
 
     Raises:
         RefusedRequestError: the counts in the request contradict each other, and its axis is corrected.
@@ -191,7 +191,7 @@ def _stage_limit(hit: FieldHit, request: Request) -> bytes:
 
 
 def _refuse_guarded(hit: FieldHit) -> None:
-    """Refuse a write of a position around the correction (M10).
+    """Refuse a write of a position that would bypass the correction (M10).
 
     Raises:
         RefusedRequestError: unless the axis lets such writes pass.
@@ -300,11 +300,11 @@ def target_lost(code: int, axis: str) -> RefusedRequestError:
 
 
 def _blocking_code(request: Request, command: AxisCommand) -> int | None:
-    """Return the exception code with which an action is refused; None: it may go on.
+    """Return the exception code with which an action is refused; None: it is allowed.
 
-    A request that writes a complete target and runs it may go on. Not if its mode was lost, or if another
-    axis of the group has lost its target: the gantry would skew. It may if that one gets its target in the
-    same frame, or if the axis has lost its own too: one of them must be the first.
+    A request that writes a complete target and runs it is allowed. It is not if its mode was lost, or if
+    another axis of the group has lost its target: the gantry would skew. But it is allowed if that axis gets
+    its target in the same frame, or if this axis has lost its own too: one of them must be the first.
     """
     axis, action = command.axis, command.action
     runs_unseen = command.runs_alone or (action is Action.UNKNOWN and not command.hits)
@@ -515,7 +515,8 @@ def _foreseen(request: Request, command: AxisCommand, hit: FieldHit, words: byte
     now = RenderContext(request.now_ns, None)
     spec = spec_of_words(axis, number, words)
     is_kept = spec is None or may_keep_words(axis, spec)
-    # Its trigger would rewrite it. A trigger that may not runs what is written now, so it is rendered here.
+    # A trigger rewrites its target if frames may be added. Otherwise it runs what is written now, so that is
+    # rendered here.
     is_kept &= axis.plan.added_frames
     if (
         is_kept
@@ -525,7 +526,7 @@ def _foreseen(request: Request, command: AxisCommand, hit: FieldHit, words: byte
     ):
         return image.corrected_words
     if axis.motion.repeat_kind(number, words) is RepeatKind.UNSEEN:
-        return words  # its trigger is refused until a reading shows what it is
+        return words  # its trigger is refused until a reading shows where the axis is
     action, is_certain = _expected(command, number)
     try:
         if action.is_relative:
@@ -574,7 +575,8 @@ def _merged(words: bytes | None, first: int, part: bytes) -> bytes | None:
 def _refuse_unknown(request: Request, hit: FieldHit) -> None:
     """Refuse a write that leaves an unknown position, unless the axis passes 1:1.
 
-    It is also refused if it leaves words in the drive that may be corrected ones.
+    With an axis that passes 1:1 it is refused only if it leaves words in the drive that may be corrected
+    ones.
 
     Raises:
         RefusedRequestError: unless it may pass.

@@ -65,7 +65,7 @@ def next_frame(request: Request) -> AddedFrame | None:
 
 
 def run_beside_stop(request: Request) -> None:
-    """Find which targets run correctly in a frame that stops another axis, which waits for nothing.
+    """Find which targets run correctly in a frame that stops another axis: such a frame waits for nothing.
 
     Other targets would need a read or a write first, or would be refused. They run with the words that the
     drive has (M3).
@@ -262,7 +262,7 @@ def _fixed_run(command: AxisCommand) -> Rendering | None:
 
 
 def _prepare_unknown(request: Request, command: AxisCommand) -> AddedFrame | None:
-    """Restore the words that the controller wrote before something unknown runs (M2).
+    """Before something unknown runs, restore the words that the controller wrote (M2).
 
     A number that was not written through the gateway may hold a target from an earlier gateway or another
     master: a stored move of any kind (M9).
@@ -280,7 +280,7 @@ def _prepare_unknown(request: Request, command: AxisCommand) -> AddedFrame | Non
     if not image.may_be_corrected:
         return None
     if image.nominal_words is None or image.is_incomplete:
-        if command.number is None:  # an unknown value may mean anything; this one runs the target
+        if command.number is None:  # an unknown value may mean anything
             return None
         raise refused(refusals.NOT_OURS, axis.plan.name, exchange_events.STORED_MOVE)
     return _next_rewrite(axis, as_it_came(axis, number))

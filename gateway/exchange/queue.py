@@ -12,7 +12,7 @@ WAITING_BYTES: Final = 1 << 16
 """Limit for the waiting requests of one host; above it they get exception 6 (Messaging guide V1.0b, p.
 29)."""
 REQUEST_BYTES: Final = 64
-"""Size of a request besides its PDU: 240 of the longest fit, or 949 that read registers."""
+"""Counted for each request besides its PDU: 240 of the longest fit, or 949 that read registers."""
 
 
 class WaitingQueue:
@@ -94,7 +94,10 @@ class WaitingQueue:
         return bool(self._stops)
 
     def add_stop(self, stop: Transaction) -> bool:
-        """Queue a stop before everything else; return False if enough equal ones wait already."""
+        """Queue a stop before everything else; return whether it was queued.
+
+        It is not if its host has reached its limit and an equal stop waits already.
+        """
         port = stop.port
         if port is not None and self.is_full(port) and any(each.is_same_stop(stop) for each in self):
             return False

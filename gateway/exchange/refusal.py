@@ -1,4 +1,4 @@
-"""What the gateway itself refuses."""
+"""Refusals by the gateway itself."""
 
 from gateway.catalogue import exchange_events
 from gateway.catalogue.entry import EventEntry, RefusalEntry

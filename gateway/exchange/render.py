@@ -46,7 +46,7 @@ class RenderContext(NamedTuple):
 
 
 class Base(NamedTuple):
-    """Where a relative move starts, in both frames (M5)."""
+    """Where a relative move starts, on both scales (M5)."""
 
     nominal_counts: Counts
     corrected_counts: Counts
@@ -215,7 +215,7 @@ def needs_poll(axis: Axis, now_ns: int, action: Action) -> bool:
 
 
 def lacks_poll(axis: Axis, seen: RenderContext) -> bool:
-    """Whether a target is sent again without a reading that the drive refuses (M6)."""
+    """Whether a target is sent again although the drive refused the reading that it needs (M6)."""
     if axis.compensation.is_stream:
         return False
     if not axis.reach.is_unreadable:
@@ -340,12 +340,12 @@ def _plan_move(
 
 
 def _estimated_position(axis: Axis, nominal_counts: Counts, now_ns: int) -> PositionEstimate | None:
-    """Where the axis is, from passing traffic (M6)."""
+    """Estimate where the axis is, from passing traffic (M6)."""
     accepted = axis.compensation.accepted
     if accepted is not None and (axis.motion.has_arrived or axis.plan.queues_targets):
         return PositionEstimate(
             accepted.nominal_counts, EstimateKind.REACHED
-        )  # there, or there before it moves on
+        )  # it is there, or will be before it moves to the next target
     if (
         accepted is not None
         and axis.motion.state is MotionState.DONE_REPORTED
@@ -370,7 +370,7 @@ def _reach_counts(axis: Axis, age_ns: int) -> float:
 
 
 def _may_run(axis: Axis, actual: Actual) -> bool:
-    """Whether something other than a target may have moved the axis when it was seen (M6)."""
+    """Whether something other than a target may have been moving the axis when it was seen (M6)."""
     return axis.motion.state is MotionState.UNKNOWN and not axis.motion.may_stand(actual.seen_ns)
 
 
@@ -400,7 +400,7 @@ def _measured(axis: Axis, actual: Actual) -> PositionEstimate:
         )
     if not axis.motion.knows_branch:
         return PositionEstimate(actual.counts, EstimateKind.ON_WAY)
-    # With an unknown start, a reading that still fades from there is no position, also not at its target.
+    # With an unknown start, a reading that still fades is not used as a position, not even at the target.
     fades = axis.compensation.readback.fade is not None
     is_start_unknown = axis.motion.state is MotionState.MOVING and not axis.motion.is_start_known
     if is_start_unknown and (fades or not axis.motion.is_at_target(actual.counts)):
@@ -447,7 +447,7 @@ def counts_from_commanded(axis: Axis, action: Action) -> bool:
 def _base_at(axis: Axis, counts: Counts, standstill: Standstill, *, tolerance: float) -> Base | None:
     """Return the base at a position that the drive reported.
 
-    A bit that may be older than the last move counts only together with a position at its end.
+    A bit that may be older than the last move counts only if the position is at the end of that move.
     """
     accepted = axis.compensation.accepted
     if accepted is not None and abs(counts - accepted.corrected_counts) <= tolerance:

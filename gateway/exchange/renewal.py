@@ -1,11 +1,11 @@
 """When the connection to the drives is renewed because nothing answers on it, and what a new one carries.
 
-A server may have lost a connection that its operating system still acknowledges. Nothing comes on it any
-more, but a new one would be served. The old one is closed when no byte has come for three time-outs and for
-three times ``response_timeout_ms``. Each unit id that may be read was polled in that time.
+A server may have lost a connection that its operating system still acknowledges. No byte comes on it any
+more, but the server would serve a new one. The gateway closes the old one when no byte has come for three
+time-outs and for three times ``response_timeout_ms``. Each unit id that may be read was polled in that time.
 
 Unanswered requests of the old connection may still be executed. If one of them may have written, the new
-connection carries only named reads until one is answered, and no write for ``lost_ms`` after that.
+connection carries only added reads until one is answered, and no write for ``lost_ms`` after that.
 :class:`Held` says how far this has come; only this file changes it.
 """
 
@@ -32,9 +32,9 @@ class Held(Enum):
     NOTHING = "nothing"
     """Everything: nothing is held back."""
     ALL = "all"
-    """Named reads and stops: an unanswered write may still be executed."""
+    """Added reads and stops: an unanswered write may still be executed."""
     WRITES = "writes"
-    """All but writes: a named read was answered, and ``lost_ms`` have not passed since."""
+    """All but writes: an added read was answered, and ``lost_ms`` have not passed since."""
 
 
 class Renewal:
@@ -44,13 +44,13 @@ class Renewal:
         self._shortest_ns = FEWEST_TIMES * response_timeout_ns
         self._hold_ns = lost_ns
         self.timeouts = 0
-        """Number in a row, without a byte from any unit."""
+        """Number of time-outs in a row, without a byte from any unit."""
         self._mute_since_ns = 0
-        """When the first of these requests was sent."""
+        """When the first of the unanswered requests was sent."""
         self._silent: set[int] = set()
-        """Their unit ids."""
+        """The unit ids that left them unanswered."""
         self._asked: set[int] = set()
-        """Unit ids that were polled to find out, once each."""
+        """Unit ids that the gateway polled since the last byte, once each."""
         self._open_writes: set[int] = set()
         """Unit ids that left a write unanswered, and answered nothing that was sent later."""
         self._backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
@@ -59,7 +59,7 @@ class Renewal:
         self.holds = False
         """Whether anything is held: checked for each request."""
         self.held_until_ns = 0
-        """While writes are held: until then."""
+        """Until when writes are held."""
 
     def miss(self, unit_id: int, sent_ns: int, *, is_read: bool) -> None:
         """A request was not answered in time."""
@@ -78,7 +78,7 @@ class Renewal:
         self._backoff.reset()
 
     def mark_answered(self, unit_id: int) -> None:
-        """A unit id answered: whatever it was sent before is done, or will never be."""
+        """A unit id answered: what was sent to it before is executed, or never will be."""
         self._open_writes.discard(unit_id)
 
     @property
@@ -92,12 +92,12 @@ class Renewal:
         return not self.timeouts and not self._open_writes
 
     def answered(self, now_ns: int) -> None:
-        """A named read was answered: see :class:`Held`."""
+        """An added read was answered: see :class:`Held`."""
         if self.held is Held.ALL:
             self.held, self.held_until_ns = Held.WRITES, now_ns + self._hold_ns
 
     def settle(self, now_ns: int) -> bool:
-        """Release held writes as early as possible; return whether that happened now."""
+        """Release held writes when their time is over; return whether they were released now."""
         is_over = self.held is Held.WRITES and now_ns >= self.held_until_ns
         if is_over:
             self.held, self.holds = Held.NOTHING, False
@@ -112,7 +112,7 @@ class Renewal:
         )
 
     def not_asked(self, unit_ids: Iterable[int]) -> list[int]:
-        """Return those that left nothing unanswered since the last byte."""
+        """Return those unit ids that left nothing unanswered since the last byte."""
         return [unit_id for unit_id in unit_ids if unit_id not in self._silent]
 
     def ask(self, unit_id: int) -> bool:
@@ -130,7 +130,7 @@ class Renewal:
         self.begin()
 
     def begin(self) -> None:
-        """There is another connection: nothing was sent on it yet."""
+        """A new connection begins: nothing was sent on it yet."""
         self.timeouts = 0
         self._silent.clear()
         self._asked.clear()

@@ -37,8 +37,8 @@ def outcome_of(request: Request, reply: bytes) -> tuple[Outcome, int]:
 def reply_without_positions(request: Request, reply: bytes, *, is_acknowledged: bool) -> bytes:
     """Return what the controller gets for a reply without positions (W4).
 
-    An acknowledgement becomes the echo of the controller's own request. Other replies pass unchanged; for a
-    request that was sent in another form, as an exception in the original form.
+    An acknowledgement becomes the echo of the controller's own request. Other replies pass unchanged. If the
+    request was sent in another form, they become an exception in the original form.
     """
     pdu = request.frame.pdu
     asked, sent = pdu[0], request.sent_pdu[0]

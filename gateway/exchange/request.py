@@ -28,7 +28,7 @@ from gateway.modbus.registers import PositionField, WordOrder
 
 
 class Standstill(Enum):
-    """What a drive's status bit says about an axis before a distance."""
+    """What a drive's status bit says about an axis before a relative move."""
 
     UNKNOWN = "untold"
     MOVES = "moves"
@@ -44,9 +44,9 @@ class Prefetched:
     actual: dict[str, Actual | None] = field(default_factory=dict)
     """By axis."""
     polls: dict[str, int] = field(default_factory=dict)
-    """How often the position was read, with or without success, by axis."""
+    """Number of reads of the position, successful or not, by axis."""
     refused: set[tuple[str, int]] = field(default_factory=set)
-    """Axes that refused a read once, each with the address of the read."""
+    """Reads that were refused once: axis, and address of the read."""
     commanded: dict[str, float | None] = field(default_factory=dict)
     """The drive's own commanded position in counts, by axis."""
     standstill: dict[str, Standstill] = field(default_factory=dict)
@@ -244,7 +244,7 @@ def _masked(hit: FieldHit, pdu: bytes, access: Access, arrived_ns: int) -> bytes
     image = hit.mapped.image
     base = None if image is None else image.base(arrived_ns)
     if base is None:
-        return None  # a mask needs the exact word below it
+        return None  # a mask needs the exact word that it changes
     merged = bytearray(base)
     at = -2 * hit.word
     data = pdu[access.data_offset :]

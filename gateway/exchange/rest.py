@@ -52,9 +52,9 @@ class Rest:
         self.until_ns: int | None = None
         """The line rests until then; set exactly in TURNAROUND, SILENCE, CLOSING, OPENED and ABORTED."""
         self.opened_until_ns = 0
-        """Nothing is sent before, also no stop: the drives would not serve it."""
+        """Nothing is sent before, not even a stop: the drives would not serve it."""
         self.aborted_until_ns = 0
-        """No stop is sent before either: it would be taken for the rest of an aborted frame."""
+        """Nothing is sent before, not even a stop: it would be taken for the rest of an aborted frame."""
 
     @property
     def is_draining(self) -> bool:
@@ -126,7 +126,7 @@ class Rest:
             self.aborted_until_ns = self.opened_until_ns = 0
 
     def expect_late_reply(self) -> None:
-        """A late reply may come: the line rests first when its link comes up."""
+        """A late reply may come: when the link comes up, the line rests first."""
         self._resting = Resting.SILENCE_PENDING
 
     def break_off(self, *, needs_silence: bool) -> None:

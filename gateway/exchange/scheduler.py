@@ -6,8 +6,8 @@
   only if it fits into a gap between two motion transactions (``arbitration``).
 - While the line rests, only stops are sent, and only those that the rest does not hold back.
 - While a unit id is silent, ``silent_units`` says how long each request waits.
-- While a new connection holds requests back, those wait that it does not carry yet (``renewal``).
-- A request whose prerequisite was answered goes next, behind stops: what was read for it is new then.
+- While a new connection holds requests back, those that it does not carry yet wait (``renewal``).
+- A request whose prerequisite was answered is sent next, after stops, while what was read for it is fresh.
 
 Requests of one controller keep their order; its stops wait for none of them.
 
@@ -86,7 +86,7 @@ class Scheduler:
         self._is_serial = link.is_serial
         self.gaps = Gaps(timing, link.stamps)
         self._goes_next: Transaction | None = None
-        """Its prerequisite was answered, and it waits only for the silence before its own frame."""
+        """The request whose prerequisite was answered: it waits only for the silence before its own frame."""
         self.waits_until_ns: int | None = None
         """When a waiting request may be sent: of a monitor, or one that waits for late frames."""
         self._early_stops: list[Transaction] = []
@@ -143,7 +143,7 @@ class Scheduler:
         transaction, self._goes_next = self._goes_next, None
         assert transaction is not None
         is_held_back = self._rest.until_ns is not None or self._renewal.holds
-        # Another unit that is silent holds it back only while a late frame may come.
+        # If another unit is silent, the request is held back only while a late frame may come.
         is_held_back = is_held_back or self._from_ns(transaction, now_ns) > now_ns
         if is_held_back or self.has_due_stop(now_ns) or not self._waiting.holds(transaction):
             transaction.begin_anew()
@@ -240,7 +240,7 @@ class Scheduler:
         return held is Held.ALL or not transaction.only_reads
 
     def held_read(self, now_ns: int) -> Transaction | None:
-        """Return a read that asks if a drive is there, while nothing else may be sent; None: not now."""
+        """Return a read that checks if a drive answers, while nothing else may be sent; None: not now."""
         if self._renewal.held is not Held.ALL:
             return None
         until_ns, own = NEVER_NS, None
@@ -270,7 +270,8 @@ class Scheduler:
         """Withdraw what would move the axes of a stop afterwards (M3).
 
         The same holds for axes whose targets the frame writes: waiting triggers were meant for earlier
-        targets. And for axes whose targets it runs: it would run the earlier ones.
+        targets. It also holds for axes whose targets the frame runs: it runs those from before the waiting
+        requests.
         """
         axes = [command.axis for command in stops]
         axes += self._units.given_targets(self._units.frames_of(stop))
@@ -287,7 +288,7 @@ class Scheduler:
         self._transactions.stop_goes_on(stop, event)
 
     def add_stop(self, stop: Transaction, now_ns: int) -> bool:
-        """Put a stop at the head of the queue; return False if many equal ones wait already.
+        """Put a stop at the head of the queue; return whether it was queued (``WaitingQueue.add_stop``).
 
         It replaces equal stops whose controllers have given up.
         """
@@ -324,7 +325,7 @@ class Scheduler:
         )
 
     def go_again(self, stop: Transaction, now_ns: int) -> None:
-        """End an early stop that was not answered; its controller waits for the next one.
+        """End an early stop that was not answered; its controller waits for the answer to the next one.
 
         If that controller has given up and an equal stop waits already, that one is the next.
         """

@@ -1,9 +1,9 @@
 """Silent and dead unit ids of a line: what they delay, and which requests the gateway answers (W6, W11).
 
 A unit id is silent from the first request that it left unanswered until its next frame. After three in a row
-it is *dead*: it gets only a trial from time to time, and the gateway answers its controllers. :class:`Reach`
-says how far a unit id is from answering. It changes only as :data:`REACH_AFTER` says, and only in its
-:class:`Silence`.
+it is *dead*: it gets only a trial from time to time, and the gateway itself answers its requests.
+:class:`Reach` says how far a unit id is from answering. It changes only as :data:`REACH_AFTER` says, and only
+in its :class:`Silence`.
 
 On a serial line a late reply would answer the next request. So the silent unit gets no request until
 ``drain_ms`` have passed without a frame from it. :meth:`SilentUnits.free_ns` says which other units may get
@@ -39,9 +39,10 @@ UNIT_IDS: Final = 0x100
 LONGEST_RETRY_NS: Final = 10 * NS_PER_S
 """Longest time between two trials: a drive that was switched on again waits no longer."""
 LATE_FOR_NS: Final = 600 * NS_PER_S
-"""Memory for a late unit: so long the complete line waits after each of its time-outs."""
+"""How long a unit that was late counts as such: the complete line waits after each of its time-outs."""
 UNASKED_AT_MOST: Final = 2
-"""Number of requests in one silence that are answered unsent; the next read waits and is sent late."""
+"""Number of requests in one silence that the gateway answers without sending them; the next read waits and is
+sent late."""
 MOST_STOPS: Final = 16
 """Different stops of one silent unit that are distinguished; all others count as new."""
 
@@ -107,14 +108,14 @@ class Silence:
     timeouts: int = 0
     """Number of time-outs in a row."""
     quiet_ns: int = 0
-    """Until then a late frame of it may come; 0: none may."""
+    """Until when a late frame of it may come; 0: none may."""
     quiet_at_last_ns: int = 0
     """No late frame extends the wait beyond this time."""
     late_reply_until_ns: int = 0
-    """Until then an early stop may still be answered: only stops are sent before that."""
+    """Until when an early stop may still be answered; before that only stops are sent."""
     unasked: int = 0
-    """Requests answered in its place in this silence, because they could only have been sent too late;
-    counted up to ``UNASKED_AT_MOST``."""
+    """Number of requests that the gateway answered in its place in this silence, because they could only have
+    been sent too late; counted up to ``UNASKED_AT_MOST``."""
     due_ns: int = 0
     """While it is dead: time of the next trial."""
     retry_ns: int = 0
@@ -122,11 +123,11 @@ class Silence:
     first_retry_ns: int = 0
     """The pause before the first trial, however long it has been dead."""
     odd_due_ns: int = 0
-    """While it is dead: an odd frame may be sent from then on."""
+    """While it is dead: earliest time for an odd frame."""
     stops: dict[bytes, int] = field(default_factory=dict)
     """Stops that it did not answer, each with the time from which the same may be sent again."""
     unserved_ports: set[int] = field(default_factory=set)
-    """Controllers that get an exchange before the next of these stops; see ``Scheduler``."""
+    """Controllers that get a transaction before the next of these stops; see ``Scheduler``."""
 
     def miss(self, sent_ns: int, now_ns: int, drain_ns: int, first_retry_ns: int) -> None:
         """A request that was sent at ``sent_ns`` was not answered."""
@@ -159,7 +160,7 @@ class Silence:
 
     @property
     def ends_ns(self) -> int:
-        """Until then it gets nothing but stops; 0: no frame of it is pending."""
+        """Until when it gets nothing but stops; 0: no frame of it is pending."""
         return max(self.late_reply_until_ns, self.quiet_ns)
 
     def link_up(self) -> None:
@@ -186,13 +187,13 @@ class Silence:
     def due_for(self, *, is_odd: bool) -> int:
         """Return the time of its next trial with a request.
 
-        The effect of an odd frame is unknown: it may stop a spindle. So it waits no longer than the first
-        trial.
+        The effect of an odd frame is unknown: it may stop a spindle. So it never waits longer than for the
+        first trial.
         """
         return self.odd_due_ns if is_odd else self.due_ns
 
     def miss_stop(self, pdu: bytes, until_ns: int, unserved_ports: set[int]) -> None:
-        """It did not answer a stop, which may be sent again then, after the controllers that wait."""
+        """It did not answer a stop, which may be sent again from ``until_ns`` on, after those that wait."""
         if len(self.stops) >= MOST_STOPS:
             self.stops.clear()
         self.stops[pdu] = until_ns
@@ -306,7 +307,7 @@ class SilentUnits:
         self.settle(0)
 
     def settle(self, now_ns: int) -> None:
-        """What was pending until now has not come; called after the input was read."""
+        """End the waits that are over; called after the input was read."""
         for silence in tuple(self.silences.values()):
             silence.settle(now_ns)
             self._forget(silence)
@@ -318,7 +319,7 @@ class SilentUnits:
     # --- effect on other requests ----------------------------------------------------------------------
 
     def dead(self, unit_id: int) -> Silence | None:
-        """Return the silence because of which a unit id gets no requests; None: it gets them.
+        """Return the silence because of which a unit id gets no requests; None: it gets requests.
 
         It is its own silence, or that of a unit of its group: the one with the latest trial.
         """
@@ -433,7 +434,7 @@ class SilentUnits:
         due_ns = dead.due_for(is_odd=transaction.is_odd)
         if now_ns >= due_ns:
             return False
-        # A request from a serial port waits: nothing of its controller waits behind it.
+        # An odd request from a serial port waits: nothing of its controller waits behind it.
         port = transaction.port
         waits = transaction.is_odd and port is not None and port.ends_by_silence
         return not waits or due_ns > transaction.leave_by_ns
@@ -502,7 +503,7 @@ class SilentUnits:
         self.silences[unit_id].miss_stop(pdu, now_ns + self._retry_ns, unserved_ports)
 
     def thin_out(self, stop: Transaction, now_ns: int) -> None:
-        """Keep only each controller's newest of a stop that its drive does not answer; answer the others."""
+        """Of a stop that its drive does not answer, keep only each controller's newest; answer the others."""
         if not self.backs_off:
             return
         newest: dict[int, Transaction] = {}
@@ -519,7 +520,7 @@ class SilentUnits:
             self.answer_for(each, now_ns)
 
     def note_served(self, port: int) -> None:
-        """A controller gets an exchange."""
+        """Record that a controller gets a transaction."""
         for silence in self.silences.values():
             silence.unserved_ports.discard(port)
 

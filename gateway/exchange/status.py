@@ -1,4 +1,4 @@
-"""The exchange's part of the status model. Positions are in units, each in its own frame.
+"""The exchange's part of the status model. Positions are in units, each on its own scale.
 
 ``exchange.status_words`` lists the states that it shows.
 """

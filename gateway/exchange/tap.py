@@ -1,7 +1,7 @@
 """The interface for monitoring a line: for a recording, or the trace of its last minutes.
 
 A tap is called with bytes that come in, bytes that are sent, deadlines that pass, and commands. It is called
-before the line acts on an input. A line without a tap makes only one check for each.
+before the line acts on an input. A line without a tap makes only one check for each input.
 """
 
 from collections.abc import Sequence

@@ -211,7 +211,7 @@ class FastPath:
         self._size = size
         """Bytes of the PDU. If the length contradicts the head, it is unknown what a request writes."""
         self.axes = axes
-        """Axes of its unit, about which the reply may tell something."""
+        """Axes of its unit: the reply may change what is known of them."""
 
     def sent(self, transaction: "Transaction", now_ns: int) -> bytes | None:
         """Return what is sent for a request; None: it takes the slow path."""
@@ -249,24 +249,24 @@ class Transaction:
     sent_ns = 0
     deadline_ns = 0
     started_ns = 0
-    """When its turn came, after waiting or after a prerequisite; 0: as it arrived."""
+    """When its turn came, after waiting or after a prerequisite; 0: when it arrived."""
     queue_ns = 0
     """How long it waited for the line."""
     added_ns = 0
-    """How long frames of the gateway held it up."""
+    """How long frames of the gateway delayed it."""
     early_ns = 0
-    """How long it had been forwarded when all of it had come (``cut_through``)."""
+    """How long it had been forwarded when its last byte came (``cut_through``)."""
     excused_ns = 0
     """Waiting time that no deadline counts: a read of the axis's position."""
     follows_ns = 0
     """When the request before it arrived on the same connection."""
     is_orphan = False
-    """Its controller has disconnected or moved on, or already received the reply by cut-through: what comes
-    is processed and then dropped."""
+    """Its controller does not wait for a reply any more: it has disconnected, sent another request, or
+    received an answer. What comes is processed and then dropped."""
     is_denied = False
-    """There was no room for it: it is refused after the answers before it were given."""
+    """Its rights, its role or a full queue forbid it: it is refused after the answers to earlier requests."""
     is_odd = False
-    """Its length differs from its function code, and it goes to a device that may accept that."""
+    """Its length does not fit its function code, and it is for a device that may accept that."""
     is_held_up = False
     """It waited for the link to the drives, which its controller cannot know (``leave_by_ns``)."""
     overtaken_by = ""
@@ -333,7 +333,7 @@ class Transaction:
         self._requests = requests
 
     def knowledge(self) -> Prefetched:
-        """Return what was read for it, to be added to."""
+        """Return what was read for it; the caller adds to it."""
         if self.prefetched is None:
             self.prefetched = Prefetched()
         return self.prefetched
@@ -343,7 +343,7 @@ class Transaction:
         self.is_odd = True
 
     def deny(self) -> None:
-        """Mark it as refused for lack of room; it is answered in its turn."""
+        """Mark it as refused; it is answered in its turn."""
         self.is_denied = True
 
     @property
@@ -362,9 +362,9 @@ class Transaction:
     def leave_by_ns(self) -> int:
         """Latest time at which a held-up request may be sent: half of ``timeout_ms`` is left then.
 
-        One limit for each wait that its controller cannot know: a line that is down, the silence of its own
-        drive, a connection that is renewed. A later request may be answered after its controller gave up. The
-        controller then takes a write for lost that the drive carries out.
+        The limit applies to each wait that its controller cannot know: a line that is down, the silence of
+        its own drive, a connection that is renewed. A later request may be answered after its controller gave
+        up. The controller then takes a write for lost that the drive carries out.
         """
         return NEVER_NS if self.port is None else self.arrived_ns + self.port.patience_ns // 2
 
@@ -486,7 +486,7 @@ class Transactions:
         self, port: ControllerPort, transaction_id: int, unit_id: int, pdu: bytes, now_ns: int
     ) -> Transaction:
         """Return the transaction of a request that arrives now."""
-        # It identifies losses (M3): no two requests have the same arrival time.
+        # The arrival time identifies losses (M3), so no two requests have the same.
         arrived_ns = self._arrived_ns = now_ns if now_ns > self._arrived_ns else self._arrived_ns + 1
         transaction = Transaction(port, transaction_id, unit_id, pdu, arrived_ns)
         transaction.follows_ns, port.newest_ns = port.newest_ns, arrived_ns
@@ -622,8 +622,7 @@ class Transactions:
             reply: of its drive.
             answer: how its controller is answered if there is no reply.
             withdrawn: why it was withdrawn; "": it was not.
-            loss: how its content is lost if it was never sent (M3). None: its sender has no right to write,
-                or the loss was recorded already.
+            loss: how its content is lost if it was never sent (M3). None: nothing counts as lost.
         """
         if not self.go_on(transaction, outcome):
             if transaction.phase is Phase.ENDED:
@@ -672,7 +671,7 @@ class Transactions:
         self.finish(transaction, Outcome.NEVER_SENT, now_ns, code=code, answer=Answer.REFUSAL, withdrawn=why)
 
     def reply(self, transaction: Transaction, pdu: bytes, now_ns: int) -> None:
-        """Give the controller its reply, if it still waits for one."""
+        """Send the controller its reply, if it still waits for one."""
         port = transaction.port
         if port is None or transaction.is_orphan:
             return
@@ -687,7 +686,7 @@ class Transactions:
     def _pass_back(
         self, transaction: Transaction, outcome: Outcome, code: int, reply: bytes, now_ns: int
     ) -> None:
-        """Give the controller a drive's reply, and apply what it proves.
+        """Send the controller a drive's reply, and apply what it proves.
 
         The controller waits, so the reply is sent as early as possible: before the new state of the axis is
         computed. If the same frame also reads positions, that state comes first, because it converts them
@@ -728,7 +727,7 @@ class Transactions:
             self.reply(transaction, exception_pdu(transaction.pdu[0], code), now_ns)
 
     def _report_late(self, name: str, now_ns: int) -> None:
-        """Report a reply that an RTU controller would take for the one to its next request (W6)."""
+        """Report a reply that an RTU controller would take for the reply to its next request (W6)."""
         if count := self._late.due(name, now_ns):
             late = f"a reply came after timeout_ms of {name} and was not passed on{times(count)}"
             self._on_event(Event(exchange_events.LATE_REPLY, None, late))

@@ -1,4 +1,4 @@
-"""The turn of a request: it is sent, or first the frame that it needs; or it is withdrawn or refused.
+"""The turn of a request: it is sent, or first a frame that it needs, or it is withdrawn or refused.
 
 ``scheduler`` decides whose turn it is. No turn begins while the wire needs a silence (``Stamps.next_ns``).
 """
@@ -24,7 +24,7 @@ ADDED_FRAME: Final = Step.ADDED_FRAME
 DEMAND_EVERY_NS: Final = 100 * NS_PER_MS
 """Minimum time between demands for a connection while something waits for it."""
 REFUSALS_REPORTED: Final = 10
-"""Number of refusals of one kind and axis that are reported in a second; of more, only their count."""
+"""Number of refusals of one kind and axis that are reported in a second; the others are only counted."""
 
 
 class Turn:
@@ -80,9 +80,9 @@ class Turn:
                 self.put_on_wire(read, read.pdu, read.unit_id, now_ns)
 
     def is_paced(self, now_ns: int) -> bool:
-        """Whether nothing may be sent yet, because the wire needs a silence; then the line wakes behind it.
+        """Whether nothing may be sent yet, because the wire needs a silence; the line wakes when it is over.
 
-        What waits can still be withdrawn, and bytes that come meanwhile answer nothing (W5, W6).
+        Until then waiting requests can still be withdrawn, and bytes that come answer nothing (W5, W6).
         """
         until_ns = self._link.stamps.next_ns
         if now_ns >= until_ns:
@@ -101,7 +101,7 @@ class Turn:
                 self._transactions.withdraw(transaction, reason, now_ns)
 
     def end(self, transaction: Transaction, now_ns: int, rests_until_ns: int | None = None) -> None:
-        """Tell the gaps that a transaction has ended; they begin when the wire is free."""
+        """Tell the gaps that a transaction has ended; a gap begins when the wire is free."""
         if self._tap is not None and rests_until_ns is None and self._link.stamps.next_ns > now_ns:
             self._tap.paced(self._link.stamps.next_ns)
         self._scheduler.gaps.ended(transaction, now_ns, rests_until_ns)
@@ -172,7 +172,7 @@ class Turn:
         self._ownership.moved(transaction, now_ns)
 
     def _report_refusal(self, refusal: RefusedRequestError, now_ns: int) -> None:
-        """Report why a request was refused, and how many like it there were."""
+        """Report why a request was refused, and the number of similar ones."""
         count = self._refusals.due((refusal.kind.name, refusal.axis), now_ns)
         if count:
             self._on_event(Event(refusal.kind, refusal.axis or None, refusal.reason + times(count)))

@@ -1,4 +1,4 @@
-"""Which words of which frame are positions, modes and triggers: the register map of one unit id."""
+"""The register map of one unit id: which words of a frame are positions, modes and triggers."""
 
 from collections.abc import Iterable
 from enum import Enum
@@ -87,7 +87,7 @@ class AxisHits(NamedTuple):
     """Its command fields."""
     rules: tuple[RuleHit, ...] = ()
     sets_position: bool = False
-    """It holds an actual position that can be written to set the drive's position."""
+    """The span holds an actual position that can be written to set the drive's position."""
 
 
 class Hits(NamedTuple):
@@ -99,7 +99,7 @@ class Hits(NamedTuple):
     by_axis: tuple[AxisHits, ...] = ()
     """Fields and rules, by axis, for each axis that has any; in the order of the axes."""
     is_unclear: bool = False
-    """Where addresses are objects: the span holds one of unknown width before a mapped one."""
+    """Where addresses are objects: the span holds an object of unknown width before a mapped one."""
 
 
 NO_HITS: Final = Hits((), ())
@@ -123,7 +123,7 @@ class UnitMap:
         """Whether addresses are objects, each with its own width."""
         self._writes: dict[int, Hits] = {}
         self._reads: dict[int, Hits] = {}
-        """What requested spans touch: by address and quantity in one number."""
+        """What spans touch: by address and quantity in one number."""
 
     def written(self, address: int, quantity: int) -> Hits:
         """Return what a write of ``address`` to ``address + quantity - 1`` touches."""

@@ -7,7 +7,7 @@ from gateway.status.axis import WriterConflictStatus
 from gateway.times import NS_PER_S
 
 CALM_NS: Final = 60 * NS_PER_S
-"""A conflict ends after so long without another attempt."""
+"""A conflict ends after this time without another attempt."""
 
 
 @dataclass(slots=True)
@@ -28,11 +28,11 @@ class WriterConflict:
         self.refused += 1
 
     def count_changed(self) -> None:
-        """One took the axis over."""
+        """One of them took the axis over."""
         self.changes += 1
 
     def go_on(self, one: str, other: str, now_ns: int) -> None:
-        """They met again."""
+        """Record another attempt."""
         self.writers, self.last_ns = (one, other), now_ns
 
 
