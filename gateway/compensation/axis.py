@@ -55,8 +55,8 @@ class AxisCompensation:
         self._accepted: Accepted | None = None
         self._way = (0.0, 0.0)
         self._steps = 0
-        """Targets of a run: accepted since the four values above were computed, each continuing from the one
-        before."""
+        """Number of targets of the present run: accepted since the four values above were computed, each
+        continuing from the one before."""
         self._from_nominal: Counts = 0
         self._from_corrected: Counts = 0
         """The last target but one of the run."""
@@ -158,7 +158,7 @@ class AxisCompensation:
         return state.previous is not None or state.spec is not self._requested or is_reversing(state)
 
     def machine_position(self, counts: Counts) -> float:
-        """Machine position, in units, of a count of either frame."""
+        """Return the machine position of a count on either scale, in units."""
         return (counts - self.settings.zero_counts) / self.settings.counts_per_unit
 
     def is_outside(self, counts: Counts) -> bool:
@@ -179,8 +179,9 @@ class AxisCompensation:
         """Derive the offset in force when setpoints begin to stream: drive position less command.
 
         The offset is limited to what a correction can be: between 0 and the corrections of both branches of
-        ``spec``, at the drive's position and at the setpoint, plus ``slack``. So the axis does not move for a
-        controller that read 1:1 until now and holds its setpoint, or whose correction was in force.
+        ``spec``, at the drive's position and at the setpoint, plus ``slack``. So the axis does not move if
+        the controller read 1:1 until now and holds its setpoint. Nor does it move if the correction was in
+        force before.
 
         Args:
             actual_counts: position of the drive.
@@ -247,7 +248,7 @@ class AxisCompensation:
             self._accepted, self._way = Accepted(here, here), (here, here)
 
     def find_reference(self, spec: CorrectionSpec) -> None:
-        """Request ``spec`` on the branch that homing ended on: the axis is referenced.
+        """The axis is referenced: request ``spec``, on the branch on which homing ended.
 
         If setpoints stream already, the correction in force changes over to ``spec``.
         """
@@ -332,7 +333,7 @@ class AxisCompensation:
         low, high = (before, corrected_counts) if before < corrected_counts else (corrected_counts, before)
         low, high = min(low, actual), max(high, actual)
         is_way_unknown = seen is None and has_target and not is_reached and not self.is_stream
-        if is_way_unknown:  # it may be anywhere on the way before
+        if is_way_unknown:  # the axis may be anywhere on its previous way
             low, high = min(low, self.way[0]), max(high, self.way[1])
         self._way = (low, high)
         target = Accepted(move.nominal_counts, corrected_counts)
@@ -343,7 +344,7 @@ class AxisCompensation:
         goes_on = self._goes_on(move)
         is_other = move.state.spec is not self.state.spec
         self._state = move.state
-        if is_other:  # another one may have been requested while it was on its way
+        if is_other:  # another correction may have been requested meanwhile
             self._measure_change()
         self._accepted = target
         self._actual_counts = None
@@ -426,8 +427,7 @@ class AxisCompensation:
     def go_on(self, steady: SteadyMove, corrected_counts: Counts, *, is_reached: bool) -> None:
         """Take a steady move as accepted by the drive, as :meth:`commit` would, in a fraction of its time.
 
-        The state after it is computed only when it is read, for the last target of the run: the state after
-        the others would be replaced by then.
+        The state after it is computed only when it is read, and only for the last target of the run.
 
         Args:
             steady: as :meth:`plan_steady` returned it.
@@ -499,14 +499,14 @@ class AxisCompensation:
         )
 
     def accept_again(self, target: Accepted) -> None:
-        """Take the axis as at a target that the drive accepted before: later targets did not run."""
+        """Take the axis as at a target that the drive accepted before: later ones were not executed."""
         if self._steps:
             self._end_run()
         self._accepted = target
         self._readback = reached(self._readback, self.map_of(self._state), target)
 
     def read_as_reached(self, move: Move, corrected_counts: Counts) -> None:
-        """Read the axis as if it were at a target that it may not have reached."""
+        """Convert readings as if the axis were at a target that it may not have reached."""
         target = Accepted(move.nominal_counts, corrected_counts)
         self._readback = reached(self.readback, move.correction_map, target)
 
@@ -522,7 +522,7 @@ class AxisCompensation:
     ) -> None:
         """Continue from the state of another run of the gateway; the requested correction stays.
 
-        ``came_from``: the target before the last one; anchor and fade follow from it.
+        ``came_from``: the target before the last one; anchor and fade are then computed from it.
         """
         self._steps = 0
         self._state = state
@@ -596,7 +596,7 @@ class AxisCompensation:
         return (Direction.FORWARD if actual < forward else Direction.BACKWARD), False
 
     def _direction_on_way(self, position: float, actual: float) -> tuple[Direction, bool]:
-        """The same for a moving axis: it passes a position without a branch having put it there."""
+        """Do the same for a moving axis: its position at one moment does not prove a branch."""
         forward = position + self._requested.map_at(1.0).correction(position)
         backward = position + self._requested.map_at(0.0).correction(position)
         if actual < min(forward, backward) - self._hysteresis:

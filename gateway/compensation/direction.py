@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class Direction(Enum):
-    """Direction of travel in the nominal machine frame, never in counts."""
+    """Direction of travel on the nominal scale, in machine units and never in counts."""
 
     FORWARD = 1
     BACKWARD = -1

@@ -2,7 +2,7 @@
 
 
 class CompensationError(Exception):
-    """Base of all intentional errors of this layer; any other error is a bug of ours."""
+    """Base of all intentional errors of this layer; any other error is a bug of this program."""
 
 
 class TableError(CompensationError):

@@ -1,4 +1,4 @@
-"""From the position that the drive reports back to the position that the controller commanded.
+"""Conversion of the position that the drive reports to the position that the controller commanded.
 
 There are three parts, all frozen when a target is accepted:
 
@@ -16,7 +16,8 @@ from gateway.compensation.moves import Accepted
 from gateway.counts import Counts
 
 AWAY_PER_DIFFERENCE: Final = 20.0
-"""An axis moving the other way keeps its reading monotonic by a fade of this many times the difference."""
+"""For an axis that moves the other way, a fade this many times as long as the difference keeps its reading
+monotonic."""
 NEGLIGIBLE_COUNTS: Final = 1e-6
 """A smaller difference of readings needs no fade: it is floating point, not position."""
 

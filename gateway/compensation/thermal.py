@@ -3,9 +3,9 @@
 A screw that is fixed at ``fixed_at`` and is warmer than its table by dT puts the axis at ``fixed_at + (x −
 fixed_at)·(1 + alpha·dT)``. So ``−alpha·dT·(x − fixed_at)`` is added: a straight line over the position.
 
-dT follows the sensor at most at ``rate_per_min``, by the time argument: how often it is called makes no
-difference. When the sensor falls silent, dT is held; after another ``hold_s`` it returns to 0 at the same
-rate.
+dT follows the sensor at most at ``rate_per_min``. It is computed from the time argument, so it does not
+matter how often it is computed. When the sensor falls silent, dT is held; after another ``hold_s`` it returns
+to 0 at the same rate.
 """
 
 from enum import Enum
