@@ -1,4 +1,4 @@
-"""The socket of a gateway: its path, its owner, and the remains of one that was killed."""
+"""The socket of a gateway: its path, its owner, and what a killed gateway leaves behind."""
 
 import contextlib
 import os
@@ -61,8 +61,8 @@ def _socket_path(state: Path, name: str) -> Path:
 class SocketFile:
     """The file of one gateway's socket, from :meth:`take` to :meth:`leave`.
 
-    A lock beside the socket tells a running gateway from a killed one: the system releases it however the
-    process ends. Without ``lock_name`` the caller has a lock already.
+    A lock beside the socket distinguishes a running gateway from a killed one: the system releases it however
+    the process ends. Without ``lock_name`` the caller has a lock already.
     """
 
     def __init__(self, state: Path, name: str = SOCKET_NAME, lock_name: str | None = LOCK_NAME) -> None:
@@ -92,7 +92,7 @@ class SocketFile:
             raise
 
     def leave(self, *, is_finished: bool = True) -> None:
-        """Release the lock, and remove the socket, if it is still ours.
+        """Release the lock, and remove the socket if it is still the one that was made here.
 
         The socket stays if work is unfinished: the next gateway then knows it, as after a kill.
         """

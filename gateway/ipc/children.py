@@ -1,4 +1,4 @@
-"""A process that another of ours starts: which signals it receives, and that it ends with its parent."""
+"""A process that another process of the gateway starts: its signals, and its end with its parent."""
 
 import ctypes
 import os
@@ -13,14 +13,14 @@ READY: Final = signal.SIGUSR1
 RELOADS: Final = signal.SIGHUP
 """Makes the supervisor reload the tables; a terminal that is closed sends it, too."""
 HELD_BACK: Final = frozenset({signal.SIGTERM, signal.SIGINT, signal.SIGCHLD, RELOADS, READY})
-"""Signals that the parent waits for instead of being interrupted by them; children inherit that."""
+"""Signals that the parent blocks and waits for; children inherit the block."""
 
 
 def follow_parent(parent_pid: int, number: signal.Signals) -> None:
     """Receive all signals again, and get ``number`` when the parent ends; exit if it has ended.
 
-    ``parent_pid`` 0: the process need not follow the one that started it. A hangup is ignored until the
-    process sets its meaning: one that waited meanwhile would end it here.
+    ``parent_pid`` 0: the process need not follow the one that started it. SIGHUP is ignored until the process
+    handles it: a pending one would end the process here.
     """
     signal.signal(RELOADS, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, HELD_BACK)

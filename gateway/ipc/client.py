@@ -30,7 +30,7 @@ class NoGatewayError(Exception):
 
 
 class NobodyListensError(NoGatewayError):
-    """No gateway at the socket; every other reason is a program whose reply cannot be read."""
+    """No gateway runs at the socket. With any other :class:`NoGatewayError` something may run there."""
 
 
 class NoRelayError(Exception):
@@ -117,7 +117,7 @@ def _answer(
 
 
 def check_owner(path: Path, connection: socket.socket) -> None:
-    """Check that a gateway is ours or root's; root may use any gateway.
+    """Check that a gateway belongs to this user or to root; root may use any gateway.
 
     Raises:
         NoGatewayError: it belongs to another user.

@@ -1,7 +1,7 @@
 """The log of a process on standard error: entries, their format, and the relay's JSON writer.
 
-Several processes write into one log. A pipe keeps a line whole if one write of at most ``PIPE_BUF`` bytes
-has it, pipe(7). So longer lines are shortened, and say how long they were.
+Several processes write into one log. A pipe keeps a line in one piece if it is written at once and has at
+most ``PIPE_BUF`` bytes (pipe(7)). So longer lines are shortened, and say how long they were.
 
 Supervisor and commands write with ``ipc.structured_log``. If standard error goes to the journal, each line
 begins with its priority (sd-daemon(3)).
@@ -31,7 +31,7 @@ PRIORITIES: Final = {Severity.ERROR: 3, Severity.WARNING: 4, Severity.INFO: 6}
 LONGEST: Final = select.PIPE_BUF - len("<6>\n")
 """Bytes of a line, without its priority and its end."""
 SHORTEST_FIELD: Final = 40
-"""Characters to which a field of a line in JSON is shortened at most."""
+"""No field of a line in JSON is shortened below this number of characters; then it is left out."""
 WARNING: Final = "warning: "
 """The beginning of a text for people that is no error."""
 
@@ -94,7 +94,7 @@ class LogLines:
 
 
 def json_writer(gateway: str) -> Callable[[LogEntry], None]:
-    """Return what writes an entry of this gateway as a line of JSON; it may block, as :class:`LogLines`.
+    """Return a function that writes an entry of this gateway as JSON; it may block (:class:`LogLines`).
 
     It works like ``structured_log`` without structlog, with which the relay would need a quarter more memory.
     """
@@ -181,7 +181,7 @@ class _Lines(io.TextIOBase):
 def _hook(
     write: Callable[[LogEntry], None],
 ) -> Callable[[type[BaseException], BaseException, TracebackType | None], None]:
-    """Return what makes one log entry of an exception that ends the process."""
+    """Return a function that makes one log entry of an exception that ends the process."""
 
     def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
         where = "".join(traceback.format_exception(kind, error, trace))

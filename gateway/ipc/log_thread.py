@@ -27,7 +27,7 @@ class LogThread:
     """Writes entries in order with ``write``, which may block and is called in the thread only.
 
     If the buffer overflows, an entry in place of the lost ones says how many are missing. Only one thread may
-    put entries. It is also a context, which runs the thread.
+    put entries. As a context manager it runs the thread.
     """
 
     def __init__(self, write: Callable[[LogEntry], None]) -> None:
@@ -63,7 +63,8 @@ class LogThread:
     def start(self) -> None:
         """Start the thread. It keeps the present scheduling.
 
-        It takes no signals: a process that waits for one with all its other threads would end by it.
+        The thread blocks all signals. In a process whose other threads block a signal to wait for it, the
+        signal would reach this thread and end the process.
         """
         self._nothing_to_do.acquire()
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())

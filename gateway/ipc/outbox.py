@@ -1,4 +1,4 @@
-"""Bytes that are still to be written to a connection, without a wait."""
+"""Writing to a connection without waiting: bytes that it does not take yet are kept."""
 
 import asyncio
 import socket

@@ -1,7 +1,7 @@
-"""The arguments of our programs: CONFIG, then options, each with its value.
+"""The arguments of the gateway's own programs: CONFIG, then options, each with its value.
 
-They come from our own command line (``cli.processes``), which has checked them. argparse, with all that it
-loads, would cost the relay half a megabyte as long as it runs.
+They come from the ``pitch-gateway`` command (``cli.processes``), which has checked them. argparse, with all
+that it loads, would cost the relay half a megabyte as long as it runs.
 """
 
 import sys

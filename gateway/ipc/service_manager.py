@@ -97,7 +97,7 @@ class ServiceManager:
 
 
 def manager_of(environment: MutableMapping[str, str]) -> ServiceManager:
-    """Return the manager named in the environment, and remove it there: children must not report for us."""
+    """Return the manager that the environment names, and remove it there: children must not report to it."""
     address = environment.pop("NOTIFY_SOCKET", "")
     for_pid = environment.pop("WATCHDOG_PID", str(os.getpid()))
     every_us = environment.pop("WATCHDOG_USEC", "")

@@ -1,4 +1,4 @@
-"""Root, when the gateway belongs to another user, who can neither read nor replace root's files."""
+"""Protection against root writing files for a gateway of another user, who could not use them."""
 
 import os
 import pwd
@@ -13,7 +13,7 @@ from gateway.state.folder import ANOTHER, FolderProblem
 def why_not_for_root(folder: Path) -> FolderProblem | None:
     """Return why root must not write into a state folder, None if it may, or if this is not root.
 
-    After that the service of the folder's owner would not start any more.
+    If root wrote there, the service of the folder's owner would not start any more.
     """
     try:
         uid = folder.stat().st_uid

@@ -34,8 +34,8 @@ from gateway.limits import Reports
 from gateway.transport.connections import longest
 
 MAX_CLIENTS: Final = 8
-"""At the same time. At the limit, the client that has been silent longest is closed for the next one. If none
-is idle, the next one is refused, with the reason."""
+"""Number at the same time. At the limit, the idle client that has been silent longest is closed for the next
+one. If none is idle, the next one is refused, with the reason."""
 MAX_LISTENERS: Final = MAX_CLIENTS // 2
 """Subscribers among the clients: subscribers that hang must leave room for commands."""
 READ_BYTES: Final = 4096
@@ -199,7 +199,7 @@ class Session:
             if self._is_handing_over():
                 self._read_no_more()
             elif rest:
-                self._read_no_more()  # a client must not make us store more than we answer
+                self._read_no_more()  # a client must not fill the memory with unanswered requests
                 self._loop.call_soon(self._next)
             else:
                 self._read_on()
