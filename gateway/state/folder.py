@@ -189,7 +189,7 @@ def identity_of(folder: Path) -> tuple[int, int] | None:
 
 
 def why_not_usable(folder: Path, identity: tuple[int, int] | None = None) -> FolderProblem | None:
-    """Return why a folder in use can keep nothing any more, None if it can. Writes nothing.
+    """Return why nothing more can be stored in a folder, None if it can. Writes nothing.
 
     ``identity``: its identity when its use began.
     """

@@ -33,7 +33,7 @@ SUFFIX: Final = ".jsonl"
 HEAD_NAME: Final = "head.json"
 FILE_BYTES: Final = 1_000_000
 MOST_BYTES: Final = 64_000_000
-"""Of all files: more than 100 000 entries. Whole files are dropped, the oldest first."""
+"""Limit for all files together: more than 100 000 entries. Whole files are dropped, the oldest first."""
 START: Final = "0" * 64
 """``previous`` of the first entry."""
 JUMP_S: Final = 5.0
@@ -41,7 +41,7 @@ JUMP_S: Final = 5.0
 MOST_ENTRIES: Final = 1 << 62
 """A larger number was never written."""
 MOST_RANGES: Final = 1000
-"""Of erased entries, in one entry."""
+"""Number of ranges of erased entries in one entry."""
 BOOT_ID: Final = Path("/proc/sys/kernel/random/boot_id")
 TORN: Final = (b"{", b"\0")
 """How the rest of an entry begins after a power cut: as an entry, or with bytes that were never written."""
@@ -98,7 +98,7 @@ _TYPES: Final[Mapping[str, Any]] = {
     **dict.fromkeys(("axis", "file"), str | None),
     "who": dict | None,
 }
-"""A forged entry with a right digest must not stop who reads it."""
+"""The type of each field, which is checked: a forged entry with a right digest must not stop a reader."""
 
 
 @cache
@@ -129,7 +129,7 @@ def _parsed_line(line: bytes) -> Entry:
     """Return the entry of a line, with its end.
 
     Raises:
-        ValueError: the line is not as it was written, in words.
+        ValueError: the line is not as it was written; the text says why.
     """
     try:
         entry: Entry = json.loads(line.decode())
@@ -214,7 +214,7 @@ class Verification:
         self._is_head_there = False
         self._place = "the journal"
         self._unread: list[str] = []
-        """Lines behind the last good one that are none."""
+        """Lines after the last good entry that are no entries."""
         self._may_be_torn = False
         self._needs_beginning = not is_end
         self._without_who: dict[int, str] = {}
@@ -237,7 +237,7 @@ class Verification:
                     yield entry
 
     def finish(self, *, is_folder: bool = True) -> None:
-        """Add what shows only at the end. ``is_folder``: not of an exported file, which has no head."""
+        """Add the problems that show only at the end. ``is_folder``: no exported file (without a head)."""
         head, last = self._head, self.last
         seq = 0 if last is None else last["seq"]
         if self._unread and self._may_be_torn and head is not None and head.seq <= seq:
@@ -268,13 +268,13 @@ class Verification:
 
     def _take(self, entry: Entry, place: str) -> None:
         last = self.last
-        if last is not None and not self._unread:  # nothing can be said about the link to a line that is none
+        if last is not None and not self._unread:  # the link to a line that is no entry cannot be checked
             if (entry["previous"], entry["seq"]) != (last["digest"], last["seq"] + 1):
                 self.problems.append(f"{place}: entry {entry['seq']} does not follow entry {last['seq']}")
             elif entry["boot"] and entry["boot"] == last["boot"]:
                 self._compare_clocks(last, entry, place)
         if self._unread:
-            self._needs_beginning &= last is not None  # it is one of these
+            self._needs_beginning &= last is not None  # one of these lines was the beginning
             self.problems += self._unread
             self._unread.clear()
         self.entries += 1
@@ -362,7 +362,7 @@ class Writer:
         """
         with self._alone():
             for rest in self._folder.glob(f".*{SUFFIX}.*"):
-                rest.unlink()  # half written anew when a process was killed; it has names too
+                rest.unlink()  # an unfinished copy of a killed process; it has names too
             found = {
                 path: {
                     entry["seq"]
@@ -397,11 +397,11 @@ class Writer:
             yield
 
     def _find_end(self) -> list[Intervention]:
-        """Find the last entry; return what has to be said about it.
+        """Find the last entry; return the entries that must be written about it.
 
-        What is behind the head was not synced: half an entry there is what a power cut leaves, and goes. What
-        the head names was synced: if it is not there, nothing is removed, and the chain goes on from the
-        head, in a new file, so that the gap stays.
+        Entries after the head were not synced: a power cut may leave half an entry there, which is removed.
+        The entry that the head names was synced. If it is missing, nothing is removed, and the chain
+        continues from the head in a new file, so that the gap stays visible.
         """
         head, files = head_in(self._folder), files_in(self._folder)
         self._file, self._end = files[-1] if files else None, Head(0, START)

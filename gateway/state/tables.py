@@ -25,7 +25,7 @@ VERSION: Final = 1
 FOLDER_NAME: Final = "tables"
 SUFFIX: Final = ".doubles"
 OTHERS_KEPT: Final = 4
-"""Tables of no axis that still stay in the state folder."""
+"""Number of tables that belong to no axis and still stay in the state folder."""
 POINT_BYTES: Final = 24
 MAX_POINTS: Final = 4_000_000
 """More than any file of 16 MiB can hold."""
