@@ -1,4 +1,4 @@
-"""What else the loop ran beside the exchanges: named in the event when a budget is exceeded.
+"""What the loop ran besides the exchanges; the event for an exceeded budget names it.
 
 The loop does one thing at a time, and bytes that arrive meanwhile wait unread. So an exchange may have waited
 for what ran just before the read, although its own time stamps begin later.

@@ -144,7 +144,7 @@ class AxisRecord:
 
 
 def _ignore(why: str) -> None:
-    """Nothing is open yet."""
+    """Report nothing, as long as the file was not opened."""
 
 
 def _mapped(path: Path, name: str) -> tuple[int, mmap.mmap, str]:

@@ -28,9 +28,9 @@ STOOD_STILL: Final = "it waited longer than its controller's timeout_ms while th
 HAS_GONE: Final = "its controller closed the connection"
 SENT_ANOTHER: Final = "its controller sent another request"
 NO_OTHERS: Final[list[Adu]] = []
-"""The bytes held no second request."""
+"""For bytes that hold no further request."""
 NO_FRAMES: Final[list[Frame]] = []
-"""The same for RTU."""
+"""The same, for RTU."""
 
 
 class Asked:
@@ -301,8 +301,8 @@ class RtuControllerPort(ControllerPort):
     def _expect_echo(self, sent: bytes) -> None:
         """Expect the echo of sent bytes.
 
-        While the echo is unknown, bytes sent during a request are skipped: the rest of that request is no
-        echo.
+        As long as it is unknown whether the adapter echoes, no echo is expected of bytes that are sent during
+        a request: the rest of that request is no echo.
         """
         echo = self._echo
         if echo is None or echo.echo is Echo.ABSENT:

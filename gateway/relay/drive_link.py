@@ -27,7 +27,7 @@ FIRST_ID: Final = 1
 """Transaction ids towards drives run from here to ``LAST_ID`` and wrap. 0 is left out: servers that ignore
 the id reply with 0, and their reply would match any request."""
 NONE: Final = -1
-"""Instead of a transaction id: no reply is awaited."""
+"""Used instead of a transaction id while no reply is awaited."""
 UNANSWERED_LIMIT: Final = 1024
 """This many ids of unanswered requests are not used again; older ones are forgotten. No drive replies more
 than a thousand time-outs late."""
@@ -92,7 +92,7 @@ class Link(DriveLink):
         return False
 
     def over(self, connector: TcpConnector) -> None:
-        """Set what makes its connections; before the first one."""
+        """Set what makes its connections; called before the first one."""
         self.connector = connector
         self.connects = True
 
@@ -117,7 +117,7 @@ class Link(DriveLink):
             self.connector.hang_up(returns=returns)
 
     def attach(self, exchange: LineExchange) -> None:
-        """Set the exchange that gets the replies; before the first byte."""
+        """Set the exchange that gets the replies; called before the first byte comes."""
         raise NotImplementedError
 
     def opened(self, channel: Channel, now_ns: int) -> None:
@@ -168,7 +168,7 @@ class RtuDriveLink(Link):
         self._forward_timer: Timer | None = None
         self._has_echo = has_echo
         self._own = b""
-        """Forwarded bytes whose echo has not come completely."""
+        """Forwarded bytes of which the echo has not come completely."""
         self._heard_own = b""
         """The part of their echo that has come."""
         self._asked_unit_id = 0

@@ -118,7 +118,7 @@ class Relay:
         self._tick_due_s = 0.0
         self._collecting = Collecting(lambda: not self.busy_lines, self._activity)
         self._pulse: Pulse | None = None
-        """Beats from the start on; None: not started, or closed."""
+        """It beats from the start on; None: not started, or closed."""
         self._scheduling = in_force()
         """How the kernel schedules it. Refreshed at each tick only, because the query takes a millisecond."""
         self._shape = shape or shape_of(plan)
@@ -220,7 +220,7 @@ class Relay:
     async def stop(self) -> None:
         """Accept no new requests, let the exchanges on the wires end, close everything."""
         if self._control is not None:
-            self._control.hang_up()  # its address stays ours as long as its lines are open
+            self._control.hang_up()  # its address stays reserved as long as its lines are open
         await asyncio.gather(*(line.stop() for line in self._lines))
         await self._close_rest(needs_silence=any(line.needs_silence for line in self._lines))
 
@@ -233,7 +233,7 @@ class Relay:
             case GetStatus():
                 return Status(status=self.status())
             case Subscribe() | GetTapes() | SetTable():
-                return Refused(reason="this is answered where the connection is")  # and never comes here
+                return Refused(reason="this is answered where the connection is")  # answered earlier
             case _:
                 return self._command_each(request, peer)
 

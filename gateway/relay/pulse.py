@@ -14,8 +14,9 @@ EVERY_NS: Final = 20 * NS_PER_MS
 """Between two beats. A standstill may be longer than measured by this much."""
 NEVER_NS: Final = 2**63 - 1
 FRESH_NS: Final = 5 * NS_PER_MS
-"""A beat may be this late before the other ends of connections are checked again. The system's information
-about a connection is then 25 ms older than its bytes at most, as if they had been on the way for longer."""
+"""If a beat is later than this, the gateway checks whether the other ends of connections are still there.
+Otherwise the system's information about a connection is at most 25 ms older than the bytes, as if these had
+been in transit for longer."""
 AFTERWARDS_NS: Final = EVERY_NS + 2 * FRESH_NS
 """For this long after a late beat, the bytes read may still have waited. After that the next beat is late
 itself."""

@@ -103,11 +103,11 @@ def run_relay(
 
 
 def noting(log: LogThread) -> Callable[[LogEntry], None]:
-    """Return what takes log entries of a relay: an append each, and immediately those of a start.
+    """Return a function that takes log entries of a relay, and writes those of its start immediately.
 
     Otherwise a relay that is killed in its first tenth of a second would not report what it did with its
-    records. The rest is written within ``WRITE_EVERY_S``: waking the log thread on the hot path costs too
-    much.
+    records. Any other entry costs one append, and is written within ``WRITE_EVERY_S``: waking the log thread
+    on the hot path costs too much.
     """
     is_due = False
 
@@ -203,7 +203,7 @@ class _Log:
         self.thread.write(log_entry(event, fields, wall_s()))
 
     def unexpected(self, _loop: asyncio.AbstractEventLoop, context: Mapping[str, Any]) -> None:
-        """Log what the loop would print itself, and block: a bug of ours, or no more descriptors."""
+        """Log what the loop would print itself, and block: a bug of this program, or no free descriptor."""
         error = context.get("exception")
         where = "".join(traceback.format_exception(error)) if isinstance(error, BaseException) else ""
         self.log(events.UNEXPECTED, detail=context.get("message", ""), traceback=where)

@@ -23,7 +23,7 @@ BEATS: Final = 4
 UNWATCHED_NS: Final = 5 * NS_PER_S
 """Interval of the beats without a watchdog: they only update the manager's status."""
 BEATS_TO_ACCEPT: Final = 2
-"""A client that waits for this many beats, while no client is accepted, waits in vain."""
+"""If clients wait during this many beats and none is accepted, the listener counts as stuck."""
 _WAITING: Final = struct.Struct("8x4x4x4x4xI")
 """``tcpi_unacked`` of ``struct tcp_info``: the connections that wait at a listening socket (``tcp_get_info``
 in the kernel's ``net/ipv4/tcp.c``)."""
@@ -54,8 +54,8 @@ class Accepting:
 class WatchdogFeeder:
     """Feeds the watchdog as long as ``why_stuck``, called with the time in ns, returns "".
 
-    ``on_stuck`` is called once each time that it returns a reason. ``show_status`` returns the manager's
-    status text.
+    ``on_stuck`` is called with the first reason after a "". ``status`` returns the status text for the
+    manager.
     """
 
     def __init__(
