@@ -143,7 +143,7 @@ def _header(length: int) -> bytes:
 # --- Validity
 
 SOON: Final = timedelta(days=30)
-"""This long before its end ``check`` and the running gateway warn of a certificate."""
+"""``check`` and the running gateway warn of a certificate this long before its end."""
 DAY: Final = timedelta(days=1)
 """Shortest time between two reports of one certificate; its expiry is reported in any case."""
 CHECK_EVERY: Final = timedelta(minutes=1)

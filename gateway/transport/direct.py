@@ -1,6 +1,6 @@
-"""Bytes of a TCP connection without its transport: one system call to read and one to write.
+"""Bytes of a TCP connection without asyncio's transport: one system call to read and one to write.
 
-The transport of asyncio keeps the connection: it closes it, and takes the bytes that the system does not take
+That transport still owns the connection: it closes it, and takes the bytes that the system does not take
 immediately.
 """
 
@@ -78,7 +78,7 @@ class DirectSocket(Channel):
         self._selector = selector
         self._far_end = FarEnd(descriptor)
         self._has_hung_up = False
-        """From the system's last report that there was something to read."""
+        """Whether the other end had hung up, by the system's last report that there was something to read."""
         self._may_have_left_over = False
         self._is_over = False
 

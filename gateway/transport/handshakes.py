@@ -1,4 +1,4 @@
-"""How many handshakes a listener accepts: no other request of an unknown client costs more.
+"""Limits of the handshakes of a listener: no other request of an unknown client costs more.
 
 The limits leave a returning controller room for every retry. A flood takes a few percent of one CPU, in a
 thread beside the loop.
@@ -38,8 +38,8 @@ class HandshakeLimits:
         """Admitted addresses, the newest last."""
         self._hosts = PerHost(lambda: bucket_of(PER_S_OF_A_HOST, BURST_OF_A_HOST), TokenBucket.is_full, HOSTS)
         self._running: dict[str, list[Callable[[], None]]] = {}
-        """The functions that end them, by host, the oldest first; the first host has had handshakes for
-        longest."""
+        """For each host, the functions that end its running handshakes, the oldest first. The first host has
+        had handshakes for longest."""
         self.running = 0
 
     def why_not(self, host: str, now_ns: int, give_up: Callable[[], None]) -> str:

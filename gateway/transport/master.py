@@ -1,8 +1,8 @@
 """A Modbus master: one exchange at a time with the drives of a line, for tools and trials.
 
-It keeps the timing of the gateway's own drive side. That is the silence that a drive needs before each
-request. After a time-out on a line without transaction ids it is a longer silence, so that no late reply is
-taken for another. Nothing is ever sent twice. Why it is not pymodbus's: docs/decisions/0032.
+It keeps the timing of the gateway's own drive side: before each request, the silence that a drive needs.
+After a time-out on a line without transaction ids, it keeps a longer silence, so that no late reply is taken
+for another. It never sends a request twice. docs/decisions/0032 says why it is not the master of pymodbus.
 """
 
 import asyncio

@@ -1,4 +1,4 @@
-"""Two pseudo terminals joined to a cable, for trials and tests without hardware.
+"""Two pseudo terminals joined by a cable, for trials and tests without hardware.
 
 It has no baud rate: bytes arrive as fast as the loop runs. Both programs open their end like a serial port.
 """

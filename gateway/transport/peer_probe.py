@@ -1,7 +1,7 @@
-"""Whether the far end of a TCP connection is still there: asked of the system, not derived from silence.
+"""Ask the system whether the far end of a TCP connection is still there: silence does not show it.
 
-A peer without power sends nothing, and neither does an idle one. The first leaves a keep-alive probe, or
-data, unacknowledged. The system of the second acknowledges it, whatever its program does.
+A peer without power sends nothing, and neither does an idle one. The peer without power leaves a keep-alive
+probe, or data, unacknowledged. The system of the idle one acknowledges it, whatever its program does.
 """
 
 import socket
@@ -33,7 +33,7 @@ class PeerVerdict(Enum):
     """The result of probing a peer so far."""
 
     UNKNOWN = "unknown"
-    """Nothing that was sent to it has been unacknowledged for long enough, and nothing came from it."""
+    """No data sent to it has been unacknowledged for long enough, and nothing came from it."""
     THERE = "there"
     """Something came from it since the probe began."""
     GONE = "gone"

@@ -106,7 +106,7 @@ class Reconnector:
 
 
 def _report_bug(task: asyncio.Task[None]) -> None:
-    """Only a bug of ours ends a reconnector without cancelling: report it to the loop's handler."""
+    """Report a bug of this program to the loop's handler: only a bug or a cancel ends a reconnector."""
     if not task.cancelled() and (error := task.exception()) is not None:
         handler = asyncio.get_running_loop().call_exception_handler
         handler({"message": "a connection is no longer kept up", "exception": error, "task": task})

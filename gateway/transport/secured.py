@@ -113,7 +113,7 @@ class SecuredConnection(Channel):
         self._steps = 0
         self._timer: asyncio.TimerHandle | None = None
         self._unread_ns = 0
-        """Since when records have brought nothing readable; 0: the last ones did."""
+        """When the records without readable content began; 0: the last ones had some."""
 
     @property
     def is_served(self) -> bool:

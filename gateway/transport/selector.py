@@ -69,7 +69,7 @@ class RelaySelector:
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         """See ``selectors``: wait until there is work for the loop, or for ``timeout`` seconds.
 
-        It may return earlier, with nothing, because of the time-out of an earlier call.
+        It may return earlier, with an empty list, because of the time-out of an earlier call.
         """
         self.has_work = False
         how_long = -1

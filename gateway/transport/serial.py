@@ -54,7 +54,7 @@ class SerialPort:
 
     @property
     def is_kept_up(self) -> bool:
-        """Whether it is still kept open: only a bug of ours ends that."""
+        """Whether it is still kept open: only a bug of this program ends that."""
         return self._reconnector.is_running
 
     @property

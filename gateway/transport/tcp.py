@@ -469,7 +469,7 @@ class TcpConnector:
 
     @property
     def is_kept_up(self) -> bool:
-        """Whether it is still kept up: only a bug of ours ends that."""
+        """Whether it is still kept up: only a bug of this program ends that."""
         return self._reconnector.is_running
 
     @property
@@ -587,8 +587,8 @@ def _tune(connection: socket.socket) -> None:
 def is_no_address_here(error: OSError) -> bool:
     """Whether listening failed because the machine does not have the address.
 
-    Up to Python 3.12 asyncio keeps the system's error number. Python 3.13 and later leave such an address
-    out. If none is left, the error has no number; every other error here has one.
+    Up to Python 3.12 asyncio keeps the system's error number. Python 3.13 and later omit such an address. If
+    no address remains, the error has no number; every other error here has one.
     """
     return error.errno in (errno.EADDRNOTAVAIL, None)
 

@@ -18,7 +18,7 @@ CIPHERS: Final = "ECDHE+AESGCM:ECDHE+CHACHA20"
 
 
 def bare_server_context() -> ssl.SSLContext:
-    """Return the context of any listener of ours, without certificates yet."""
+    """Return the context for any listener of the gateway, without certificates yet."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     context.set_ciphers(CIPHERS)
