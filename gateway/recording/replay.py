@@ -1,4 +1,4 @@
-"""A recording through a fresh exchange: the same inputs at the same times must cause the same bytes."""
+"""Replay of a recording in a new exchange: equal inputs at equal times must cause equal bytes."""
 
 import contextlib
 import zlib
@@ -29,7 +29,7 @@ from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 Numbered = tuple[int, traffic.Entry]
 """An entry with its line in the file."""
 KEPT_DIFFERENCES: Final = 10
-"""The first ones matter: later differences mostly follow from them."""
+"""Only the first ones matter: later differences mostly follow from them."""
 
 
 class ReplayError(Exception):
@@ -80,7 +80,7 @@ class ReplayResult:
     first: list[Difference] = field(default_factory=list)
     is_truncated: bool = False
     before: int = 0
-    """Entries of a capture before its first known state: they are not compared."""
+    """Number of entries of a capture before its first known state: they are not compared."""
 
     def as_data(self) -> JsonObject:
         """Return it as plain data."""
@@ -237,7 +237,8 @@ class _Line(DriveLink):
             tables = tuple(map(checked, entry.tables))
         except WrongTableError as error:
             raise ReplayError(f"a table in the recording: {error}; replay it with its own release") from None
-        # Refused now: it was refused then too and changed nothing, or the configuration is another one.
+        # A command that is refused now was also refused then and changed nothing, or the configuration
+        # differs.
         with contextlib.suppress(ControlError):
             self._exchange.command(entry.command, entry.t, tables)
 
@@ -285,7 +286,7 @@ class _Drives:
                 )
 
     def answer(self, unit_id: int, pdu: bytes) -> bytes:
-        """Return the reply to a read of the gateway's own."""
+        """Return the reply to a read that the gateway added."""
         function, address, quantity = pdu[0], int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[3:5], "big")
         words = [self._words.get((unit_id, address + at), 0) for at in range(quantity)]
         if function in (FunctionCode.READ_HOLDING_REGISTERS, FunctionCode.READ_INPUT_REGISTERS):
@@ -316,9 +317,10 @@ def _recall(axis: Axis, at: traffic.AxisAt, boot: bytes) -> None:
 
 
 def paced_first(entries: Iterable[Numbered]) -> Iterator[Numbered]:
-    """Yield entries so that a replay knows when the wire was not free before the input that it concerned.
+    """Yield the entries, each ``Paced`` before the input that it concerns: a replay needs to know it first.
 
-    It is recorded behind that input. Once an input has caused a frame, it sends no second one.
+    A recording has it after that input. After a ``Sent``, a ``Paced`` keeps its place: an input sends no
+    second frame.
     """
     group: list[Numbered] = []
     has_sent = False
@@ -365,7 +367,7 @@ class Replay:
         self._only = only
         self._is_capture = False
         self._begun: set[str] = set()
-        """Lines of a capture whose beginning has come."""
+        """Lines of a capture whose beginning was fed."""
         self._input: tuple[int, traffic.Input] | None = None
 
     def feed(self, number: int, entry: traffic.Entry) -> bool:
@@ -442,7 +444,7 @@ class Replay:
             self._differs(expected.line, expected, got, number)
 
     def _settle(self) -> None:
-        """Outputs of the last input that were not recorded are differences too."""
+        """Count the outputs of the last input that were not recorded as differences."""
         for name, line in self._lines.items():
             while line.outputs:
                 self._differs(name, None, line.outputs.popleft())

@@ -144,7 +144,7 @@ class RecordingTap(Tap):
 
 
 class FileTap(RecordingTap):
-    """Into a recording: everything from the start, as entries."""
+    """Writes everything from the start into a recording, as entries."""
 
     def __init__(self, line: str, recorder: Recorder) -> None:
         super().__init__(line)
@@ -169,7 +169,7 @@ class FileTap(RecordingTap):
 
 
 class TraceTap(RecordingTap):
-    """Into the trace buffer of a line: the newest bytes replace the oldest.
+    """Writes into the trace buffer of a line: the newest bytes replace the oldest.
 
     Each segment of the trace buffer names the controllers of its requests, and once the state (``beginning``;
     None: a request is on the wire, waits or is due). So a replay may begin in any segment.

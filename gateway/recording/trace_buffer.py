@@ -18,7 +18,7 @@ from librt.strings import BytesWriter, write_i32_le, write_i64_le
 
 MAGIC: Final = b"pgtape2\n"
 BEFORE: Final = b"pgtape1\n"
-"""Of 1.0.0, whose command entries differ; they are still read (``recording.traffic``)."""
+"""Magic of release 1.0.0, whose command entries differ; they are still read (``recording.traffic``)."""
 PAGE: Final = 4096
 SEGMENTS: Final = 8
 _WHOLE: Final = Struct("<8sQqq")
@@ -81,7 +81,7 @@ class TraceBuffer:
             fcntl.fcntl(writing, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW)
             self._map = mmap.mmap(writing, whole)
             self.descriptor = os.open(f"/proc/self/fd/{writing}", os.O_RDONLY | os.O_CLOEXEC)
-            """For readers."""
+            """The descriptor for readers."""
         finally:
             os.close(writing)
         _WHOLE.pack_into(self._map, 0, MAGIC, self._segment_size, now_ns, wall_ns)

@@ -84,7 +84,7 @@ class Gone(_Input, frozen=True, tag="gone", omit_defaults=True):
 
     port: int
     is_broken: bool = False
-    """Its controller had not closed it."""
+    """Whether it broke: its controller had not closed it."""
 
 
 class Reply(_Input, frozen=True, tag="reply"):
@@ -103,7 +103,7 @@ class Stray(_Input, frozen=True, tag="stray"):
 
 
 class RestFirst(_Input, frozen=True, tag="rest-first"):
-    """The gateway before left a request unanswered: the line begins with a silence."""
+    """The drives may still answer a request of the previous run: the line begins with a silence."""
 
 
 class Up(_Input, frozen=True, tag="up"):
@@ -115,11 +115,11 @@ class Down(_Input, frozen=True, tag="down", omit_defaults=True):
 
     reason: str = ""
     is_orderly: bool = False
-    """The other end closed the connection, and nothing broke."""
+    """Whether the other end closed the connection, and nothing broke."""
 
 
 class Unframed(_Input, frozen=True, tag="unframed"):
-    """Bytes came from the drives that made no frame yet."""
+    """Bytes came from the drives that are no whole frame yet."""
 
 
 class Tick(_Input, frozen=True, tag="tick"):
@@ -286,7 +286,7 @@ class Sent(_Entry, frozen=True, tag="sent"):
 
 
 class Abandoned(_Entry, frozen=True, tag="abandoned"):
-    """The reply is not expected any more."""
+    """The gateway does not expect the reply any more."""
 
     line: str
 

@@ -1,4 +1,4 @@
-"""A recording on its way to a file: an append on the hot path, everything else in its own thread.
+"""Writing a recording to a file: only an append on the hot path, everything else in a thread of its own.
 
 A full disk, or a disk so slow that the buffer overflows, ends the recording with an event, and never the
 gateway. A recording with a gap could not be replayed, so no entry is ever left out.
@@ -17,7 +17,7 @@ from gateway.files import create
 from gateway.recording.traffic import End, Entry, Header, encode
 
 CAPACITY: Final = 50_000
-"""Entries that wait for the disk: about ten seconds of the fastest line that we have seen."""
+"""Entries that may wait for the disk: about ten seconds of the fastest line seen so far."""
 WRITE_EVERY_S: Final = 0.2
 STOP_S: Final = 5.0
 """Time that a stop waits for the disk."""
@@ -33,7 +33,7 @@ class Recorder:
         self.path = path
         self.on_lost: Callable[[str], None] = _ignore
         self.entries = 0
-        """Written so far, without the header."""
+        """Number of entries written so far, without the header."""
         self._header = header
         self._max_bytes = max_bytes
         self._capacity = capacity
@@ -104,7 +104,7 @@ class Recorder:
         self._thread.shutdown(wait=False)
 
     async def discard(self) -> None:
-        """Stop, and remove the file: what it should record did not happen."""
+        """Stop, and remove the file: nothing that it should record has happened."""
         if self._task is not None:
             self._is_on = False
             await self.stop()
