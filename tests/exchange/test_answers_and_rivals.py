@@ -26,7 +26,7 @@ def controller(name: str) -> Port:
     return port
 
 
-def test_a_unit_id_that_nobody_asked_is_neither_silent_nor_has_it_answered() -> None:
+def test_a_unit_id_without_a_request_is_neither_silent_nor_answering() -> None:
     bench = Bench(axis_plan(actual=()), serial=False, tcp_drive=True)
     assert drives(bench) == {
         "1": UnitStatus(answered_s=None, silent_s=None, timeouts_in_a_row=0, tried_again_s=None)
@@ -61,7 +61,7 @@ def test_an_exception_is_an_answer() -> None:
     assert drives(bench)["1"].answered_s == 0.0
 
 
-def test_who_talks_to_a_unit_id_is_known_also_where_nobody_answers() -> None:
+def test_the_status_names_who_talks_to_a_unit_id_also_if_no_drive_answers() -> None:
     bench = Bench(axis_plan(actual=()), serial=False, tcp_drive=True)
     bench.send(OTHER, controller("panel"), unit_id=17)
     bench.link.take()

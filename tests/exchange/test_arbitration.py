@@ -79,7 +79,7 @@ def test_without_motion_a_monitor_never_waits() -> None:
         plant.answer()
 
 
-def test_a_monitor_goes_directly_after_a_motion_exchange_where_it_fits() -> None:
+def test_a_monitors_request_that_fits_a_gap_is_sent_in_it() -> None:
     plant = watching(10.0, 100.0)  # 2 ms of motion, 8 ms of gap; the last one ended at 92
     plant.at(94)
     plant.send(WATCH, plant.hmi)
@@ -100,7 +100,7 @@ def test_a_monitor_goes_directly_after_a_motion_exchange_where_it_fits() -> None
     assert len(plant.hmi.replies) == 2
 
 
-def test_one_that_came_during_motion_goes_in_the_same_instant_that_motion_ends() -> None:
+def test_a_monitors_request_that_came_during_motion_is_sent_as_soon_as_motion_ends() -> None:
     plant = watching(10.0, 100.0)
     plant.at(100)
     plant.send(MOTION)
@@ -143,7 +143,7 @@ def when_sent(plant: Plant) -> float:
 
 # 200 ms from 405; motion ends at 410, 414, ...: the first time from 605 on is 606. 405 + 50 = 455: 458.
 @pytest.mark.parametrize(("patience_ms", "sent_ms"), [(None, 606), (100, 458)])
-def test_one_that_does_not_fit_waits_for_half_of_its_patience_at_most_and_goes_at_the_next_chance(
+def test_a_request_that_fits_no_gap_waits_for_half_of_its_patience_and_then_for_the_end_of_motion(
     patience_ms: int | None, sent_ms: float
 ) -> None:
     plant = busy_with_a_long_one()
@@ -168,7 +168,7 @@ def test_a_pause_is_used_when_it_has_lasted_for_quiet_ms() -> None:
     assert plant.on_wire() == WATCH_MORE
 
 
-def test_what_is_too_long_for_the_rest_of_a_pause_waits() -> None:
+def test_a_request_too_long_for_the_rest_of_a_pause_waits() -> None:
     plant = watching(20.0, 400.0)  # gaps of 18 ms; the last one began at 382
     plant.at(382.1)
     plant.send(WATCH_MORE, plant.hmi)
@@ -204,7 +204,7 @@ def test_a_second_without_motion_ends_every_wait() -> None:
     assert plant.on_wire() == WATCH_MORE
 
 
-def test_motion_goes_before_monitors_that_came_earlier() -> None:
+def test_motion_is_sent_before_monitors_that_came_earlier() -> None:
     plant = watching(10.0, 100.0)
     plant.at(100)
     plant.send(MOTION)
@@ -234,7 +234,7 @@ def test_two_monitors_take_turns_and_each_keeps_its_order() -> None:
     assert [len(port.replies) for port in (plant.hmi, other)] == [2, 2]
 
 
-def test_a_monitor_that_gives_up_waiting_is_withdrawn_and_nothing_is_left_due() -> None:
+def test_a_monitor_that_gives_up_waiting_is_withdrawn_and_leaves_no_deadline() -> None:
     plant = watching(4.0, 400.0)
     plant.at(398.5)
     plant.send(WATCH_MORE, plant.hmi)
@@ -245,7 +245,7 @@ def test_a_monitor_that_gives_up_waiting_is_withdrawn_and_nothing_is_left_due() 
     assert plant.line.deadline_ns is None
 
 
-def test_a_monitors_turn_due_while_the_line_is_down_does_not_end_the_silence_that_is_owed() -> None:
+def test_a_monitors_turn_that_falls_due_while_the_line_is_down_does_not_shorten_the_silence() -> None:
     bench = Bench(axis_plan(), timing=LineTiming(drain_ms=50.0, quiet_ms=5.0))
     poll = bytes.fromhex("03 1000 0002")
     bench.send(poll, port=monitor())
@@ -388,7 +388,7 @@ def test_however_many_monitors_are_overdue_motion_waits_as_rarely_as_for_one(cou
     assert plant.ticks == 0  # the longest gap, behind a period that was left out, is 260 - 251 = 9 ms
 
 
-def test_those_that_wait_in_vain_are_withdrawn_when_their_controllers_give_up() -> None:
+def test_monitors_that_wait_in_vain_are_withdrawn_when_they_give_up() -> None:
     plant = crowded(21, 300.0)  # overdue after 150 ms, at 176: motion ends at 179; and given up at 326
     plant.run(326, asks_from_ms=26)
     assert plant.started == [(179, 0)]
@@ -404,7 +404,7 @@ def silent(*, rtu: bool = False) -> CrowdedPlant:
     return plant
 
 
-def test_a_monitor_that_asks_a_silent_drive_takes_a_tenth_of_the_line_at_most() -> None:
+def test_a_monitor_that_reads_a_silent_drive_takes_a_tenth_of_the_line_at_most() -> None:
     # 42: never seen, so taken to last 2 ms, which fits; times out at 342. Asked again then, overdue 150 later
     # at 492, when it is quiet: until 792. The next one not before 792 + 9 x 300 = 3492, quiet again; that is
     # the request of 3272. Given up after 300 ms: those of 792, 1102, ... 2962, and those of 652 and 3582,
@@ -431,7 +431,7 @@ def test_the_pause_after_a_broadcast_counts_too() -> None:
     assert plant.run(3000, asks_from_ms=40).started == [(42, 0), (502, 0), (1502, 0), (2502, 0)]
 
 
-def test_the_line_asks_to_be_woken_for_what_falls_due_and_for_nothing_else() -> None:
+def test_the_line_asks_to_be_woken_for_its_deadlines_only() -> None:
     plant = silent().run(800, asks_from_ms=40)
     ticks = plant.ticks
     # The requests of 652, 792 and 1102 are given up just after 952, 1092 and 1402, in gaps: a tick for each.
@@ -441,7 +441,7 @@ def test_the_line_asks_to_be_woken_for_what_falls_due_and_for_nothing_else() -> 
         assert plant.ticks - ticks == withdrawn
 
 
-def test_what_fits_a_gap_is_not_held_up_by_one_that_was_forced() -> None:
+def test_a_request_that_fits_a_gap_does_not_wait_for_one_that_was_forced() -> None:
     plant = silent().run(2000, asks_from_ms=40)  # another one is forced at 3492 at the earliest
     plant.monitors += monitors(1, 300.0)
     plant._asks_ns.append(START_NS + 2001 * MS)

@@ -56,7 +56,7 @@ def see_at(axis: Axis, counts: int, at_ms: float) -> None:
 # --- what is seen of it ------------------------------------------------------------------------------------
 
 
-def test_only_an_axis_that_was_unseen_for_long_has_left_its_way() -> None:
+def test_only_an_axis_that_was_unseen_for_long_counts_as_off_its_way() -> None:
     """From 40 010 to 50 010; it is seen at 30 000. Heard last at 1 ms, with the acknowledgement."""
     unseen_ms = an_axis().plan.unseen_ms
     for late_ms, after in ((0.0, MotionState.MOVING), (0.1, MotionState.UNKNOWN)):
@@ -65,7 +65,7 @@ def test_only_an_axis_that_was_unseen_for_long_has_left_its_way() -> None:
         assert state(axis) is after
 
 
-def test_an_axis_that_jumped_is_anywhere_also_while_its_target_is_open() -> None:
+def test_the_motion_of_an_axis_that_jumped_is_unknown_also_while_its_target_is_open() -> None:
     """From 30 mm to 60 mm in 1 ms, done."""
     axis = reached("unacknowledged-done")
     see_at(axis, 30_000, 5)
@@ -74,7 +74,7 @@ def test_an_axis_that_jumped_is_anywhere_also_while_its_target_is_open() -> None
     assert state(axis) is MotionState.UNKNOWN
 
 
-def test_only_a_rising_alarm_takes_its_position_away() -> None:
+def test_only_a_rising_alarm_makes_the_motion_unknown() -> None:
     axis = an_axis(bits={"alarm": BitField(0x30, 2)})
     states = []
     for is_set in (True, True, False, True):
@@ -85,7 +85,7 @@ def test_only_a_rising_alarm_takes_its_position_away() -> None:
     assert states == [unknown, moving, moving, unknown]
 
 
-def test_a_bit_that_decides_is_not_read_again_for_a_reading() -> None:
+def test_the_homed_bit_is_not_read_again_for_a_reading() -> None:
     """Seen at 1 ms; before a target it is too old after a second."""
     axis = an_axis(referenced=Reference.DRIVE_BIT, bits={"homed": BitField(0x30, 3)})
     axis.observe_bit("homed", 1 * MS, is_set=True)
@@ -93,7 +93,7 @@ def test_a_bit_that_decides_is_not_read_again_for_a_reading() -> None:
     assert not axis.needs_reference(2_000 * MS, is_target=False)
 
 
-def test_a_bit_that_decides_holds_up_no_stream() -> None:
+def test_the_homed_bit_is_not_read_again_for_a_stream() -> None:
     bits = {"homed": BitField(0x30, 3)}
     axis = Axis(stream_plan(referenced=Reference.DRIVE_BIT, bits=bits))
     axis.observe_bit("homed", 1 * MS, is_set=True)
@@ -101,7 +101,7 @@ def test_a_bit_that_decides_holds_up_no_stream() -> None:
 
 
 @pytest.mark.parametrize(("words", "is_read"), [((1,), False), ((1, 0), True), ((1, 0, 1), True)])
-def test_before_a_repeat_an_axis_that_may_have_left_is_looked_at(
+def test_the_position_is_read_before_a_repeat_if_the_axis_may_have_moved(
     words: tuple[int, ...], is_read: bool
 ) -> None:
     """Its done bit fell, or rose again since: the repeat is sent behind a read of its position (M4)."""
@@ -119,7 +119,7 @@ def test_before_a_repeat_an_axis_that_may_have_left_is_looked_at(
 # --- losses ------------------------------------------------------------------------------------------------
 
 
-def test_after_a_fault_of_the_program_an_axis_passes_1_to_1_until_its_bit_was_read() -> None:
+def test_after_a_fault_of_the_program_an_axis_with_a_homed_bit_passes_1_to_1_and_is_blocked() -> None:
     axis = an_axis(referenced=Reference.DRIVE_BIT, bits={"homed": BitField(0x30, 3)})
     axis.observe_bit("homed", 1 * MS, is_set=True)
     acknowledge(axis)
@@ -131,27 +131,27 @@ def test_after_a_fault_of_the_program_an_axis_passes_1_to_1_until_its_bit_was_re
     assert kinds(axis) == ["internal-fault", "axis-blocked", "reference-lost"]
 
 
-def test_after_a_fault_of_the_program_an_axis_is_anywhere() -> None:
+def test_after_a_fault_of_the_program_the_motion_is_unknown() -> None:
     axis = reached("moving")
     axis.report_fault("a sentence")
     assert state(axis) is MotionState.UNKNOWN
     assert not axis.passes_unchanged  # no bit could show its reference again
 
 
-def test_of_what_is_forgotten_neither_position_nor_words_are_known() -> None:
+def test_an_axis_that_is_forgotten_has_neither_a_known_position_nor_known_words() -> None:
     axis = reached("arrived")
     axis.forget()
     assert state(axis) is MotionState.UNKNOWN
     assert axis.fields[0].nominal_words is None
 
 
-def test_behind_a_lost_link_its_last_position_is_old() -> None:
+def test_after_a_lost_link_the_last_position_is_forgotten() -> None:
     axis = reached("arrived")
     axis.lose_link(9 * MS)
     assert axis.motion.actual is None
 
 
-def test_a_silence_leaves_an_open_target_open_and_its_record_names_it() -> None:
+def test_an_open_target_stays_open_over_a_silence_and_the_record_names_it() -> None:
     axis = reached("unacknowledged")
     open_target = axis.motion.unacknowledged
     axis.acknowledgement.go_on_naming(open_target)
@@ -171,7 +171,7 @@ def test_a_move_of_the_zero_voids_words_and_positions() -> None:
     assert axis.compensation.accepted is not None
 
 
-def test_a_stream_begins_anew_from_another_zero() -> None:
+def test_a_stream_begins_again_after_its_zero_was_moved() -> None:
     axis = Axis(stream_plan())
     acknowledge(axis)
     axis.move_zero()
@@ -204,7 +204,7 @@ def test_an_axis_of_a_group_is_corrected_when_all_of_them_are_referenced() -> No
     assert not y.passes_unchanged
 
 
-def test_where_nothing_is_fixed_nothing_is_released() -> None:
+def test_releasing_an_axis_without_a_fixed_decision_changes_nothing() -> None:
     axis = reached("arrived")
     axis.release()
     axis.member.keep_no_other_words()
@@ -212,7 +212,7 @@ def test_where_nothing_is_fixed_nothing_is_released() -> None:
     assert axis.member.fixed is None
 
 
-def test_what_a_group_fixes_is_where_its_controller_takes_an_axis_to_be() -> None:
+def test_a_group_fixes_the_position_at_which_the_controller_takes_an_axis_to_be() -> None:
     """Its last target; without one the position that it was seen at; else nowhere."""
     axis = an_axis()
     fixed = []
@@ -264,7 +264,7 @@ def test_without_a_table_a_correction_has_no_branches() -> None:
     ("motion", "is_held", "is_blocked"),
     [(STAGED, True, True), (STAGED, False, False), (MotionPlan(), True, False)],
 )
-def test_what_a_former_writer_staged_does_not_run_for_the_next_one(
+def test_a_target_that_a_former_writer_staged_does_not_run_for_the_next_one(
     motion: MotionPlan, is_held: bool, is_blocked: bool
 ) -> None:
     axis = an_axis(motion=motion)
@@ -277,7 +277,9 @@ def test_what_a_former_writer_staged_does_not_run_for_the_next_one(
 
 
 @pytest.mark.parametrize(("motion", "is_blocked"), [(STAGED, True), (MotionPlan(), False)])
-def test_of_more_losses_than_are_remembered_everything_is_lost(motion: MotionPlan, is_blocked: bool) -> None:
+def test_after_more_losses_than_are_remembered_everything_counts_as_lost(
+    motion: MotionPlan, is_blocked: bool
+) -> None:
     axis = an_axis(motion=motion)
     acknowledge(axis)
     axis.lose_everything(4)
@@ -310,7 +312,7 @@ def test_a_target_that_a_stop_of_another_controller_changed_must_come_again(
 # --- targets -----------------------------------------------------------------------------------------------
 
 
-def test_a_repeat_is_a_sign_of_life_and_the_time_of_a_blend() -> None:
+def test_a_repeat_is_a_sign_of_life_and_advances_the_time_of_the_blend() -> None:
     axis = reached("arrived")
     axis.targets.acknowledge(REPEAT, 11 * MS)
     times = [(axis.motion.heard_ns, axis.compensation.state.at_ns)]
@@ -340,7 +342,7 @@ def test_a_repeat_that_was_not_acknowledged_leaves_the_axis_where_it_is(way: str
     assert (axis.fields[0].nominal_words is None) is is_open
 
 
-def test_words_that_were_not_acknowledged_are_unknown_and_may_be_corrected_ones() -> None:
+def test_words_without_an_acknowledgement_are_unknown_and_may_be_corrected_ones() -> None:
     axis = an_axis()
     axis.fields[0].settle(NOMINAL, NOMINAL)
     axis.targets.leave_unacknowledged(target(axis, 50_000), 11 * MS)
@@ -361,7 +363,7 @@ def test_a_run_of_the_target_from_before_a_lost_link_leaves_the_same_words(
     assert axis.motion.sent_off_ns == 11 * MS
 
 
-def test_a_run_of_an_unknown_target_goes_anywhere() -> None:
+def test_after_a_run_of_an_unknown_target_the_motion_is_unknown() -> None:
     axis = reached("arrived")
     axis.targets.leave_run_unacknowledged(REPEAT._replace(nominal_words=b"\0\0\0\1"), 11 * MS)
     assert state(axis) is MotionState.UNKNOWN
@@ -375,7 +377,7 @@ def test_a_run_of_an_unknown_target_goes_anywhere() -> None:
         (1, COMMAND.pack(70_010), MotionState.UNACKNOWLEDGED),
     ],
 )
-def test_its_words_read_from_its_own_field_prove_an_open_target(
+def test_an_open_target_is_proven_by_its_words_read_from_its_own_field(
     number: int, words: bytes, after: MotionState
 ) -> None:
     axis = an_axis()
@@ -385,7 +387,7 @@ def test_its_words_read_from_its_own_field_prove_an_open_target(
 
 
 @pytest.mark.parametrize(("is_lost", "is_known"), [(False, True), (True, False)])
-def test_words_that_are_read_back_are_those_from_before_a_lost_link(is_lost: bool, is_known: bool) -> None:
+def test_words_read_back_after_a_lost_link_are_those_from_before_it(is_lost: bool, is_known: bool) -> None:
     axis = reached("out-of-reach")
     if is_lost:
         axis.fields[0].lose_all_words()
@@ -393,7 +395,7 @@ def test_words_that_are_read_back_are_those_from_before_a_lost_link(is_lost: boo
     assert axis.fields[0].nominal_words == (NOMINAL if is_known else None)
 
 
-def test_a_target_that_its_controller_wrote_since_is_not_the_one_from_before() -> None:
+def test_words_that_the_controller_wrote_since_are_not_those_from_before() -> None:
     axis = reached("out-of-reach")
     axis.fields[0].settle(COMMAND.pack(1), COMMAND.pack(2))
     axis.targets.read_back(0, CORRECTED)
@@ -421,14 +423,14 @@ def names(told: AxisReports) -> list[str]:
     return [event.kind.name for event in told.take(is_unsure=False)]
 
 
-def test_unknown_contents_are_reported_once_until_there_are_others() -> None:
+def test_unknown_contents_are_reported_once_until_they_change() -> None:
     told = reports()
     for contents in (((1, 2),), ((1, 2),), ((1, 3),)):
         told.report_unknown(contents)
     assert names(told) == ["unknown-mode"] * 2
 
 
-def test_that_targets_are_rewritten_is_reported_once_in_a_minute() -> None:
+def test_rewriting_targets_is_reported_once_in_a_minute() -> None:
     told = reports()
     counts = []
     for at_ms in (5, 60_004, 60_005):
@@ -448,7 +450,7 @@ def test_a_stream_that_begins_beside_its_first_setpoint_is_reported(
     assert names(told) == ["stream-began"] * count
 
 
-def test_a_stop_between_two_readings_leaves_the_accepted_target_void() -> None:
+def test_a_stop_voids_the_accepted_target() -> None:
     axis = reached("arrived", an_axis(bits=DONE_BIT))
     do(axis, Action.STOP)
     assert axis.compensation.accepted is None
@@ -516,7 +518,7 @@ def test_the_skew_is_the_longest_way_that_an_axis_has_gone(x_counts: int, y_coun
 
 
 @pytest.mark.parametrize("lost", [0, 1])
-def test_it_is_unknown_where_the_way_of_one_axis_is(lost: int) -> None:
+def test_the_skew_is_unknown_if_one_axis_has_an_unknown_way(lost: int) -> None:
     gantry, axes = group("x", "y", "z")
     x, y, z = axes
     begin(gantry, axes, x, y)
@@ -529,7 +531,7 @@ def test_it_is_unknown_where_the_way_of_one_axis_is(lost: int) -> None:
     assert gantry.skew is None
 
 
-def test_it_is_unknown_where_its_start_is() -> None:
+def test_the_skew_is_unknown_if_the_start_of_an_axis_is_unknown() -> None:
     gantry, axes = group("x", "y")
     x, y = axes
     do(x, Action.STOP)
@@ -539,7 +541,7 @@ def test_it_is_unknown_where_its_start_is() -> None:
     assert [detail.endswith("by an unknown amount") for detail in details(y)] == [True]
 
 
-def test_where_nothing_has_moved_nothing_is_skewed() -> None:
+def test_a_group_in_which_no_axis_has_moved_is_not_skewed() -> None:
     gantry, axes = group("x", "y")
     x, y = axes
     begin(gantry, axes, x)
@@ -548,7 +550,7 @@ def test_where_nothing_has_moved_nothing_is_skewed() -> None:
     assert not gantry.is_skewed
 
 
-def test_an_axis_that_has_gone_itself_or_before_anything_went_is_not_skewed() -> None:
+def test_an_axis_that_started_itself_or_while_none_had_started_reports_no_skew() -> None:
     gantry, axes = group("x", "y", "z")
     x, y, _ = axes
     report_skew(x, 4)
@@ -564,7 +566,7 @@ def test_an_axis_that_has_gone_itself_or_before_anything_went_is_not_skewed() ->
 # --- the end of a decision ---------------------------------------------------------------------------------
 
 
-def test_a_decision_ends_when_all_have_gone() -> None:
+def test_a_decision_ends_when_all_axes_have_started() -> None:
     gantry, axes = group("x", "y")
     x, y = axes
     begin(gantry, axes, x)
@@ -577,7 +579,7 @@ def test_a_decision_ends_when_all_have_gone() -> None:
     assert x.member.fixed is None
 
 
-def test_words_of_a_target_that_have_not_come_are_awaited_for_200_ms() -> None:
+def test_missing_words_of_a_target_are_awaited_for_200_ms() -> None:
     gantry, axes = group("x", "y")
     x, y = axes
     begin(gantry, axes, x)
@@ -589,7 +591,7 @@ def test_words_of_a_target_that_have_not_come_are_awaited_for_200_ms() -> None:
     assert was_under_way == [True, False]
 
 
-def test_a_reference_that_one_has_found_counts_for_all() -> None:
+def test_references_found_while_nothing_is_decided_count_for_the_group() -> None:
     _, axes = group("x", "y", referenced=Reference.SET_POSITION)
     for axis in axes:
         axis.reference.happens(ReferenceEvent.DECLARED)
@@ -598,7 +600,7 @@ def test_a_reference_that_one_has_found_counts_for_all() -> None:
     assert not any(axis.passes_unchanged for axis in axes)
 
 
-def test_an_axis_whose_registers_have_another_meaning_ends_it() -> None:
+def test_an_axis_whose_registers_have_another_meaning_ends_the_decision() -> None:
     gantry, axes = group("x", "y")
     begin(gantry, axes, axes[0])
     axes[1].end()
@@ -606,7 +608,7 @@ def test_an_axis_whose_registers_have_another_meaning_ends_it() -> None:
 
 
 @pytest.mark.parametrize("is_found_again", [False, True])
-def test_a_reference_that_was_lost_meanwhile_is_lost_when_it_ends(is_found_again: bool) -> None:
+def test_a_reference_lost_during_a_decision_is_lost_when_the_decision_ends(is_found_again: bool) -> None:
     gantry, axes = group("x", "y", referenced=Reference.SET_POSITION)
     x, _ = axes
     for axis in axes:
@@ -623,7 +625,7 @@ def test_a_reference_that_was_lost_meanwhile_is_lost_when_it_ends(is_found_again
     assert (x.motion.actual is None) is is_found_again  # it may be counted from another zero
 
 
-def test_a_reference_that_was_found_meanwhile_counts_when_it_ends() -> None:
+def test_a_reference_found_during_a_decision_counts_when_the_decision_ends() -> None:
     gantry, axes = group("x", "y", referenced=Reference.SET_POSITION)
     x, y = axes
     begin(gantry, axes, x)
@@ -638,7 +640,7 @@ def test_a_reference_that_was_found_meanwhile_counts_when_it_ends() -> None:
 # --- another switch, table or gain -------------------------------------------------------------------------
 
 
-def test_another_correction_is_one_with_another_switch_table_or_gain() -> None:
+def test_a_correction_differs_by_its_switch_its_table_or_its_gain() -> None:
     axis, off = an_axis(), an_axis(compensation=CompensationMode.OFF)
     asked = axis.correction.requested
     same = an_axis().correction.requested
@@ -659,7 +661,7 @@ def test_another_correction_is_one_with_another_switch_table_or_gain() -> None:
     assert [name for name, spec in others.items() if not is_other(off, spec)] == ["off"]
 
 
-def test_words_are_a_repeat_where_the_drive_acknowledged_them() -> None:
+def test_words_are_a_repeat_if_the_drive_acknowledged_them() -> None:
     def repeats(axis: Axis, number: int = 0, words: bytes = NOMINAL) -> bool:
         return is_repeat(axis, number, words)
 
@@ -768,7 +770,7 @@ def test_another_target_for_the_first_axis_begins_a_new_decision() -> None:
 
 
 @pytest.mark.parametrize("is_later", [False, True])
-def test_only_a_word_of_another_target_begins_one_anew(*, is_later: bool) -> None:
+def test_only_a_word_of_another_target_begins_a_new_decision(*, is_later: bool) -> None:
     """50 000 is C350 0000 with its low word first, 120 000 is D4C0 0001. What comes late is of another."""
     bench = Gantries()
     bench.ask(bytes.fromhex("06 0606 D4C0"))

@@ -145,7 +145,7 @@ which it was seen to be at its target is known in either case."""
 
 @pytest.mark.parametrize("way", list(REACHED))
 @pytest.mark.parametrize("is_seen", [True, False])
-def test_an_axis_sets_out_from_where_it_is_known_to_stand_or_from_nowhere(way: str, is_seen: bool) -> None:
+def test_a_move_starts_at_the_known_position_or_at_an_unknown_one(way: str, is_seen: bool) -> None:
     axis = reached(way)
     if is_seen:
         axis.compensation.observe(50_010)
@@ -157,7 +157,7 @@ def test_an_axis_sets_out_from_where_it_is_known_to_stand_or_from_nowhere(way: s
         assert not axis.reference.is_referenced  # it passes 1:1, and is gone to all the same
 
 
-def test_the_same_target_once_more_makes_an_axis_set_out_from_nowhere_else() -> None:
+def test_the_same_target_keeps_the_start_of_the_move_and_another_one_does_not() -> None:
     axis = reached("moving-from-a-known-start")
     for counts, is_known in ((50_000, True), (55_000, False)):
         acknowledge(axis, counts)
@@ -165,7 +165,7 @@ def test_the_same_target_once_more_makes_an_axis_set_out_from_nowhere_else() -> 
         assert axis.motion.is_start_known is is_known
 
 
-def test_done_alone_is_arrival_where_no_position_is_mapped() -> None:
+def test_done_alone_is_arrival_if_no_position_is_mapped() -> None:
     axis = an_axis(has_actual=False)
     acknowledge(axis)
     axis.motion.observe_done(3 * MS, is_done=True)
@@ -214,7 +214,7 @@ def test_after_an_unchanged_distance_nothing_is_known(
     check(axis)
 
 
-def test_a_sample_of_before_the_motion_shows_nothing() -> None:
+def test_a_sample_from_before_the_motion_shows_nothing() -> None:
     axis = an_axis()
     acknowledge(axis)
     axis.motion.observe_done(1 * MS - 1, is_done=True)
@@ -223,7 +223,7 @@ def test_a_sample_of_before_the_motion_shows_nothing() -> None:
 
 
 @pytest.mark.parametrize("way", list(REACHED))
-def test_an_axis_is_at_rest_only_where_something_says_so(way: str) -> None:
+def test_an_axis_is_at_rest_only_if_a_bit_or_position_shows_it(way: str) -> None:
     axis = reached(way)
     says_so = {"unacknowledged-done", "done-reported", "in-window", "arrived", "may-have-left", "at-rest"}
     assert axis.motion.is_at_rest is (way in says_so)
@@ -232,7 +232,7 @@ def test_an_axis_is_at_rest_only_where_something_says_so(way: str) -> None:
 # --- what cannot be ----------------------------------------------------------------------------------------
 
 
-def test_what_cannot_be_is_raised_in_a_test() -> None:
+def test_an_impossible_event_raises_an_error_in_a_test() -> None:
     axis = an_axis()
     with pytest.raises(ImpossibleEventError, match="motion: beside cannot be in unknown"):
         axis.motion.happens(MotionEvent.BESIDE)
@@ -245,7 +245,7 @@ def test_what_cannot_be_is_raised_in_a_test() -> None:
 
 
 @pytest.mark.usefixtures("in_production")
-def test_what_cannot_be_is_told_and_the_worst_is_assumed_in_production() -> None:
+def test_an_impossible_event_is_reported_in_production_and_the_worst_is_assumed() -> None:
     bench = Bench(axis_plan(bits={"homed": BitField(0x30, 0)}, referenced=Reference.DRIVE_BIT))
     axis = bench.line.axes[0]
 
@@ -358,7 +358,7 @@ silence      u u
 
 @pytest.mark.parametrize("row", UNCONFIRMED.strip("\n").splitlines()[1:])
 @pytest.mark.parametrize("first", [None, ReferenceEvent.BIT_SET, ReferenceEvent.BIT_CLEAR])
-def test_a_bit_that_decides_is_read_after_all_that_may_change_it(
+def test_the_homed_bit_is_read_after_every_event_that_may_change_it(
     row: str, first: ReferenceEvent | None
 ) -> None:
     name, unconfirmed, confirmed = row.split()
@@ -372,7 +372,7 @@ def test_a_bit_that_decides_is_read_after_all_that_may_change_it(
 
 
 @pytest.mark.parametrize("kind", Reference)
-def test_no_state_leads_nowhere(kind: Reference) -> None:
+def test_referenced_can_be_reached_from_each_state(kind: Reference) -> None:
     """From each state there is a way to be referenced, and each is come to."""
     after = REFERENCE_AFTER[kind]
     for state in after:
@@ -411,7 +411,7 @@ def write_whole(axis: Axis, *, epoch: int) -> None:
 
 
 @pytest.mark.parametrize(("block", "event"), list(product(Block, BlockEvent)), ids=lambda each: each.value)
-def test_each_loss_blocks_and_each_complete_target_lets_go(block: Block, event: BlockEvent) -> None:
+def test_each_loss_blocks_and_each_complete_target_unblocks(block: Block, event: BlockEvent) -> None:
     axis = an_axis()
     for step in BLOCKED[block]:
         step(axis)
@@ -429,7 +429,7 @@ def test_each_loss_blocks_and_each_complete_target_lets_go(block: Block, event: 
     assert [each.kind.name for each in axis.take_events()] == told
 
 
-def test_what_was_sent_before_a_loss_does_not_let_go_of_its_block() -> None:
+def test_a_target_sent_before_a_loss_does_not_unblock() -> None:
     axis = an_axis()
     axis.block_triggers(4, "lost")
     write_whole(axis, epoch=axis.interlock.epoch - 1)

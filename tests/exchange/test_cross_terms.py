@@ -70,7 +70,7 @@ def test_the_nominal_position_counts_and_not_the_corrected_one() -> None:
     assert bench.reach(200_000) == 200_050
 
 
-def test_another_target_of_the_other_axis_moves_nothing() -> None:
+def test_a_new_target_of_the_other_axis_does_not_move_this_one() -> None:
     bench = Bench(x_plan(), y_plan())
     bench.move(200_000)
     go_y(bench, 400_000)
@@ -112,7 +112,7 @@ def test_two_axes_that_act_on_each_other_do_not_run_in_circles() -> None:
     assert Y_ACTUAL.unpack(bench.ask(read(Y_ACTUAL))[2:]) == 500_001
 
 
-def test_it_adds_to_the_temperature() -> None:
+def test_a_cross_term_adds_to_the_thermal_one() -> None:
     bench = Bench(x_plan(thermal=ThermalSettings(11.5e-6, fixed_at=200.0)), y_plan())
     set_temperature(bench.line.axes, "x", 30.0, bench.now_ns)
     go_y(bench, 400_000)
@@ -121,7 +121,7 @@ def test_it_adds_to_the_temperature() -> None:
     assert bench.actual() == 200_000
 
 
-def test_an_other_axis_that_loses_its_reference_is_held_and_then_fades() -> None:
+def test_the_term_of_another_axis_that_loses_its_reference_is_held_and_then_fades() -> None:
     bench = Bench(x_plan(), y_plan(referenced=Reference.SET_POSITION))
     x, y = bench.line.axes
     bench.line.command(SetReference(axis="y"), bench.now_ns)
@@ -145,7 +145,7 @@ def test_an_other_axis_that_loses_its_reference_is_held_and_then_fades() -> None
     assert bench.reach(500_000) == 500_030
 
 
-def test_an_other_axis_without_a_target_counts_by_where_it_was_read_to_be() -> None:
+def test_another_axis_without_a_target_counts_by_its_reading() -> None:
     bench = Bench(x_plan(), y_plan())
     go_y(bench, 400_000)
     bench.move(100_000)
@@ -162,7 +162,7 @@ def test_an_other_axis_without_a_target_counts_by_where_it_was_read_to_be() -> N
     assert found.cross.state == "held"
 
 
-def test_an_other_axis_that_is_lost_before_it_ever_counted_is_waited_for() -> None:
+def test_another_axis_that_is_lost_before_it_ever_counted_is_waited_for() -> None:
     """As when a cable is pulled before the first target: y was read, and x was never told anything."""
     bench = Bench(x_plan(), y_plan())
     go_y(bench, 400_000)
@@ -198,7 +198,7 @@ def test_an_axis_of_another_line_counts_as_well() -> None:
     assert one.reach(200_000) == 200_040
 
 
-def test_a_restart_goes_on_with_what_the_other_axis_added() -> None:
+def test_after_a_restart_the_term_of_the_other_axis_continues() -> None:
     bench = RecordBench(x_plan(), y_plan(table=FLAT))
     go_y(bench, 400_000)
     bench.move(100_000)
@@ -212,7 +212,7 @@ def test_a_restart_goes_on_with_what_the_other_axis_added() -> None:
     assert again.reach(300_000) == 300_050
 
 
-def test_a_restart_in_which_the_other_axis_is_lost_holds_what_it_added() -> None:
+def test_a_restart_in_which_the_other_axis_is_lost_holds_its_term() -> None:
     bench = RecordBench(x_plan(), y_plan(table=FLAT))
     go_y(bench, 400_000)
     bench.move(100_000)

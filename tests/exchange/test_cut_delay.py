@@ -43,19 +43,19 @@ def test_shapes_are_as_long_as_their_frames() -> None:
     assert (POSITION.length, POSITION_AND_STATUS.length, STATUS.length) == (9, 11, 7)
 
 
-def test_what_waits_for_what_in_a_block_with_a_position_in_its_middle() -> None:
+def test_which_byte_waits_for_which_in_a_block_with_a_position_in_its_middle() -> None:
     # 01 10 addr addr count count bytes | w0 w0 | pp pp pp pp | w3 w3 | crc crc: no data before the position.
     shape = write_shape(4, 1, 2)
     assert [shape.needs(index) for index in range(17)] == [4, 4, 4, 4, 5, 6, 7, *[13] * 6, 14, 15, 17, 17]
 
 
-def test_what_waits_for_what_in_a_reply_with_two_positions() -> None:
+def test_which_byte_waits_for_which_in_a_reply_with_two_positions() -> None:
     # 01 03 bytes | ss ss | pp pp pp pp | pp pp pp pp | crc crc
     shape = reply_shape(5, [(1, 2), (3, 2)])
     assert [shape.needs(index) for index in range(15)] == [3, 3, 3, 4, 5, *[9] * 4, *[13] * 4, 15, 15]
 
 
-def test_what_waits_for_what_where_the_first_byte_of_a_position_leaves_before_the_last_one_has_come() -> None:
+def test_which_byte_waits_for_which_if_a_position_is_sent_before_it_is_whole() -> None:
     # 01 10 addr | addr count count bytes | p | p p p | w2 w2 | crc crc: the first byte of the position with
     # the third, what is behind it when it is whole.
     shape = write_shape(3, 0, 2, is_early=True)
@@ -84,7 +84,7 @@ def test_what_waits_for_what_where_the_first_byte_of_a_position_leaves_before_th
         (STATUS, 3),
     ],
 )
-def test_delays_in_characters_where_both_sides_are_equal(shape: FrameShape, characters: int) -> None:
+def test_delays_in_characters_if_both_baud_rates_are_equal(shape: FrameShape, characters: int) -> None:
     assert delay_ns(shape, CHAR_9600, CHAR_9600) == characters * CHAR_9600
 
 
@@ -115,7 +115,7 @@ def test_the_share_of_a_round_trip_that_is_added() -> None:
         (12, 1, 145),  # 9 600 behind 115 200: 13 × 12 − 11, of 156
     ],
 )
-def test_delays_where_baud_rates_differ(in_characters: int, out_characters: int, delay: int) -> None:
+def test_delays_if_baud_rates_differ(in_characters: int, out_characters: int, delay: int) -> None:
     assert delay_ns(WRITE, in_characters, out_characters) == delay
     assert delay < stored_ns(WRITE, in_characters)
 
@@ -149,7 +149,7 @@ def test_cut_through_never_begins_later_than_storing_does(shape: FrameShape, in_
 
 
 @given(shape=shapes)
-def test_what_may_leave_is_what_its_bytes_need(shape: FrameShape) -> None:
+def test_a_byte_may_be_sent_once_the_bytes_that_it_needs_have_come(shape: FrameShape) -> None:
     needs = [shape.needs(index) for index in range(shape.length)]
     assert needs == sorted(needs)
     assert needs[-2:] == [shape.length] * 2
@@ -165,7 +165,7 @@ def pieces_of(lumps: list[tuple[int, int]]) -> list[Piece]:
 
 
 @given(data=st.data(), shape=shapes, out_ns=st.integers(1, 50))
-def test_a_frame_that_begins_as_late_as_needed_never_runs_empty_and_one_sooner_does(
+def test_the_transmitter_runs_empty_only_if_a_frame_begins_sooner_than_its_delay(
     data: st.DataObject, shape: FrameShape, out_ns: int
 ) -> None:
     cuts = sorted({*data.draw(st.lists(st.integers(1, shape.length - 1), max_size=6)), shape.length})
@@ -188,7 +188,7 @@ def test_a_frame_that_begins_as_late_as_needed_never_runs_empty_and_one_sooner_d
     assert delay == 0 or slack(begun_ns + delay - 1) < 0
 
 
-def test_an_adapter_that_hands_over_each_millisecond_at_38400() -> None:
+def test_the_delay_behind_an_adapter_that_delivers_each_millisecond_at_38400() -> None:
     # A lump leaves 1 ms after its first byte came, and holds 4 characters of 286 µs. The position
     # is whole with the third lump, 8 characters after the first one, and its turn on the wire is 7 characters
     # after the frame began: 1. The check sum comes to the same: 12 − 11.
@@ -218,7 +218,7 @@ def test_nothing_is_known_of_a_port_before_enough_frames_have_come() -> None:
     assert delay.delay_ns == 4000
 
 
-def test_a_late_byte_is_remembered_with_half_of_what_it_was_late_and_forgotten_after_a_while() -> None:
+def test_half_of_the_lateness_of_a_byte_is_remembered_for_a_while() -> None:
     delay = learned()
     delay.add(steady(13, late_ns=900))
     assert delay.delay_ns == 3000 + 900 + 450 + 1000
@@ -232,7 +232,7 @@ def test_a_late_byte_is_remembered_with_half_of_what_it_was_late_and_forgotten_a
 @pytest.mark.parametrize(
     "late", [{"own_ns": 900}, {"written_need_ns": 3900}, {"own_ns": -50_000, "written_need_ns": 3900}]
 )
-def test_what_the_gateway_took_itself_is_remembered_and_forgotten_after_a_while(late: dict[str, int]) -> None:
+def test_the_gateways_own_delay_is_remembered_for_a_while(late: dict[str, int]) -> None:
     delay = learned()
     delay.add(steady(13), **late)
     assert delay.delay_ns == 3000 + 900 + 1000
@@ -243,21 +243,21 @@ def test_what_the_gateway_took_itself_is_remembered_and_forgotten_after_a_while(
     assert delay.delay_ns == 4000
 
 
-def test_a_gateway_that_is_always_too_slow_stores_for_good() -> None:
+def test_a_gateway_that_is_always_too_slow_stores_every_frame() -> None:
     delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(3 * REMEMBERED):
         delay.add(steady(13), own_ns=8000)
         assert delay.delay_ns is None  # 3 + 8 + 1 and the character that is to be gained, of 12
 
 
-def test_a_port_that_hands_frames_over_whole_stores() -> None:
+def test_frames_of_a_port_that_delivers_them_whole_are_stored() -> None:
     delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(2 * LEARNED_AFTER):
         delay.add([Piece(0, 13)])
     assert delay.delay_ns is None
 
 
-def test_a_frame_that_gains_nothing_says_when_it_could_begin_and_when_it_is_whole() -> None:
+def test_a_delay_without_gain_says_when_its_frame_could_begin_and_when_it_is_whole() -> None:
     delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER - 1):
         delay.add([Piece(0, 13)])
@@ -268,13 +268,13 @@ def test_a_frame_that_gains_nothing_says_when_it_could_begin_and_when_it_is_whol
     assert delay.no_gain is None
 
 
-def test_lumps_are_no_hindrance_where_the_wire_behind_them_is_busy_meanwhile() -> None:
+def test_lumps_do_not_prevent_cut_through_while_the_next_wire_is_busy() -> None:
     delay = learned([Piece(0, 9), Piece(5000, 13)])
     # Seven bytes of the head leave at once, for 7 characters; after 5 the rest is there.
     assert delay.delay_ns == 1000
 
 
-def test_a_port_whose_needs_leave_no_gain_stores_and_cuts_through_again_when_they_have_passed() -> None:
+def test_frames_of_a_port_are_stored_while_its_delays_leave_no_gain() -> None:
     delay = learned()
     late = [Piece(each.came_ns + (5000 if each.so_far > 10 else 0), each.so_far) for each in steady(13)]
     delay.add(late)
@@ -288,7 +288,7 @@ FRAMES = st.integers(0, 2**32 - 1).map(lambda raw: bytes.fromhex("01 10 06 06 00
 
 
 @given(frame=FRAMES, reach=st.integers(0, 2**25))
-def test_a_first_byte_is_expected_to_stay_where_no_border_is_within_reach(frame: bytes, reach: int) -> None:
+def test_a_first_byte_is_expected_to_stay_if_no_border_is_within_reach(frame: bytes, reach: int) -> None:
     raw = int.from_bytes(frame[7:])
     # 0 and 2^32 are borders as all other multiples of 2^24; the next one below belongs to the byte itself.
     is_far = raw % 2**24 >= reach and raw % 2**24 + reach < 2**24
@@ -297,7 +297,7 @@ def test_a_first_byte_is_expected_to_stay_where_no_border_is_within_reach(frame:
     assert WRITE.stays(frame, reach)
 
 
-def test_a_first_byte_that_ends_a_frame_is_expected_to_wait_for_the_one_behind_it() -> None:
+def test_a_first_byte_that_ends_a_frame_is_never_expected_to_stay() -> None:
     """One of 65 536 pairs of address and first byte leaves a residue at which no piece ends."""
     found = 0
     for address in range(0x10000):
@@ -338,7 +338,7 @@ def test_how_far_the_next_position_may_be() -> None:
         (9600, READ, POSITION, 0.390),
     ],
 )
-def test_figures_of_the_decision(
+def test_the_share_of_a_round_trip_that_cut_through_adds(
     baudrate: int, asked: FrameShape, answered: FrameShape, share: float
 ) -> None:
     char_ns = 11 * 1_000_000_000 // baudrate
@@ -359,7 +359,7 @@ def test_figures_of_the_decision(
         (38400, MS, READ, POSITION_AND_STATUS, 0.60),
     ],
 )
-def test_what_is_added_with_the_margin_of_a_measured_port(
+def test_the_added_share_stays_below_its_limit_with_the_margin_of_a_measured_port(
     baudrate: int, lump_ns: int, asked: FrameShape, answered: FrameShape, at_most: float
 ) -> None:
     char_ns = 11 * 1_000_000_000 // baudrate

@@ -67,7 +67,7 @@ def at_border(border: int, step: int = 40) -> Way:
 
 @pytest.mark.parametrize("step", [7, 40, 255, 256, 1000])
 @pytest.mark.parametrize("border", BORDERS)
-def test_a_stream_over_a_border_leaves_as_the_line_would_have_sent_it(border: int, step: int) -> None:
+def test_a_stream_over_a_border_is_sent_as_if_it_had_been_stored(border: int, step: int) -> None:
     way = at_border(border, step)
     whole = early = 0
     for counts in range(border - 1000 + step, border + 1100, step):
@@ -88,7 +88,7 @@ def test_a_stream_over_a_border_leaves_as_the_line_would_have_sent_it(border: in
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_targets_anywhere_leave_as_the_line_would_have_sent_them_or_as_no_frame(seed: int) -> None:
+def test_targets_anywhere_are_sent_as_if_they_had_been_stored_or_spoilt(seed: int) -> None:
     """Near to and far from the one before, at borders, of a stream that turns: whatever was expected."""
     rng = Random(seed)
     border = rng.choice(BORDERS)
@@ -113,7 +113,7 @@ def test_targets_anywhere_leave_as_the_line_would_have_sent_them_or_as_no_frame(
     assert ForwardState.WHOLE in outcomes
 
 
-def test_a_target_that_jumps_over_a_border_is_spoilt_and_never_sent_with_the_byte_of_before() -> None:
+def test_a_target_that_jumps_over_a_border_is_spoilt() -> None:
     way = at_border(0)
     way.store(write(TARGET, -990))
     way.bench.now_ns += 10 * MS
@@ -127,7 +127,7 @@ def test_a_target_that_jumps_over_a_border_is_spoilt_and_never_sent_with_the_byt
 
 
 @pytest.mark.parametrize("after_bytes", [10, 11, 12])
-def test_a_table_that_goes_behind_the_first_byte_of_a_position_spoils_it(after_bytes: int) -> None:
+def test_switching_off_after_the_first_byte_of_a_position_spoils_the_frame(after_bytes: int) -> None:
     way = at_border(1 << 16)
     forwarded = way.forwarded(
         frame_of(write(TARGET, (1 << 16) - 960)),
@@ -151,7 +151,7 @@ def void(_anything: object) -> None:
     scale=st.sampled_from((1.0, 2.0, -1.0, 0.5)),
     counts_per_unit=st.sampled_from((1000.0, -1000.0)),
 )
-def test_what_is_decided_is_so_for_each_last_byte(
+def test_a_decided_first_byte_is_right_for_each_last_byte(
     border: int, near: int, scale: float, counts_per_unit: float
 ) -> None:
     field = replace(TARGET, scale=scale)
@@ -201,12 +201,14 @@ def decides(*, added: int, counts: int = 300) -> tuple[WritePath, Bench]:
         (-30, "80 00 00", 0x80, False),
     ],
 )
-def test_both_ends_of_a_last_byte_decide(added: int, begun: str, byte: int, *, is_decided: bool) -> None:
+def test_a_first_byte_is_decided_if_the_lowest_and_the_highest_last_byte_agree(
+    added: int, begun: str, byte: int, *, is_decided: bool
+) -> None:
     path, bench = decides(added=added)
     assert path.begins_with(byte, bench.port, bytes.fromhex(begun), bench.now_ns) is is_decided
 
 
-def test_a_target_that_was_sent_with_another_first_byte_leaves_the_first_byte_open() -> None:
+def test_a_first_byte_is_not_decided_if_the_same_target_was_sent_with_another_one() -> None:
     """The same target is the same words, whatever the table adds by now."""
     path, bench = decides(added=30)
     begun = TARGET.pack(300)[:3]
@@ -217,7 +219,7 @@ def test_a_target_that_was_sent_with_another_first_byte_leaves_the_first_byte_op
     assert path.begins_with(0, bench.port, TARGET.pack(600)[:3], bench.now_ns)
 
 
-def test_nothing_is_decided_of_a_target_that_goes_the_slow_path() -> None:
+def test_the_first_byte_of_a_target_on_the_slow_path_is_never_decided() -> None:
     path, bench = decides(added=30)
     begun = TARGET.pack(300)[:3]
     assert path.begins_with(0, bench.port, begun, bench.now_ns)
@@ -227,7 +229,9 @@ def test_nothing_is_decided_of_a_target_that_goes_the_slow_path() -> None:
 
 
 @given(border=st.sampled_from(BORDERS), near=st.integers(-2_000, 2_000), place=st.integers(-2_000, 2_000))
-def test_what_is_said_to_be_read_is_what_each_last_byte_reads(border: int, near: int, place: int) -> None:
+def test_a_decided_first_byte_of_a_reading_is_right_for_each_last_byte(
+    border: int, near: int, place: int
+) -> None:
     bench = Bench(plan_at(border))
     for counts in range(border + near - 8_000, border + near + 1, 400):
         bench.ask(write(TARGET, counts))
@@ -262,7 +266,7 @@ def note(known: Heads, bench: Bench, counts: int, times: int = 2) -> bytes:
     return b"\x01" + pdu
 
 
-def test_a_write_begins_with_three_bytes_where_all_that_begin_so_went_to_one_address() -> None:
+def test_three_bytes_identify_a_write_if_all_with_them_went_to_one_address() -> None:
     known, bench = heads()
     frame = note(known, bench, 50_000)
     opening = known.opening(frame[:3])
@@ -282,7 +286,7 @@ def test_a_write_begins_with_three_bytes_where_all_that_begin_so_went_to_one_add
 @pytest.mark.parametrize(
     "other", ["01 10 07 06 00 01 02 00 07", "02 10 06 10 00 01 02 00 07", "01 03 06 06 00 02"]
 )
-def test_what_begins_otherwise_changes_nothing(other: str) -> None:
+def test_a_frame_with_another_beginning_changes_nothing(other: str) -> None:
     known, bench = heads()
     frame = note(known, bench, 50_000)
     known.saw(bytes.fromhex(other))
@@ -290,7 +294,7 @@ def test_what_begins_otherwise_changes_nothing(other: str) -> None:
 
 
 @pytest.mark.parametrize("counts", [0, 1000, -1, (1 << 24) - 500, -(1 << 24)])
-def test_a_write_near_a_border_begins_with_four_bytes(counts: int) -> None:
+def test_four_bytes_identify_a_write_near_a_border(counts: int) -> None:
     known, bench = heads()
     frame = note(known, bench, counts)
     assert known.opening(frame[:3]) is None
@@ -299,7 +303,7 @@ def test_a_write_near_a_border_begins_with_four_bytes(counts: int) -> None:
     assert opening.shape == write_shape(2, 0, 2)
 
 
-def test_the_first_one_that_was_seen_says_nothing_of_the_next() -> None:
+def test_one_write_is_not_enough_to_know_the_next_by_three_bytes() -> None:
     known, bench = heads()
     frame = note(known, bench, 50_000, times=1)
     opening = known.opening(frame[:4])
@@ -317,7 +321,7 @@ def test_the_first_one_that_was_seen_says_nothing_of_the_next() -> None:
         ({"command": (PositionField(0x0506, RegisterType.INT32),)}, True),
     ],
 )
-def test_a_target_with_another_one_beside_it_begins_with_four_bytes(
+def test_four_bytes_identify_a_target_with_another_one_beside_it(
     other: dict[str, Any], *, is_alone: bool
 ) -> None:
     plan = plan_at(0)
@@ -358,7 +362,7 @@ SENT = frame_of(NEXT[:6] + TARGET.pack(10_050))
 HEAD = [(3.325, "01 10 06"), (4.0, "06"), (5.0, "00"), (6.0, "02"), (7.0, "04")]
 
 
-def test_a_setpoint_and_the_place_that_is_read_leave_three_characters_behind_themselves() -> None:
+def test_a_setpoint_and_a_reading_are_sent_three_characters_after_they_came() -> None:
     line = settled()
     began_ns = line.come(frame_of(NEXT))
     assert line.to_drives(began_ns) == [*HEAD, (10.0, "00"), (11.0, "00 27 42"), (13.0, SENT[-2:].hex(" "))]
@@ -396,7 +400,7 @@ def test_m3_a_stop_of_another_controller_between_the_first_byte_and_the_last_one
     assert line.to_drives(began_ns)[0] == (26.825, frame_of(STOP_PDU, 2).hex(" "))
 
 
-def test_a_write_to_another_address_of_its_256_is_spoilt_once_and_then_all_are_known_by_four_bytes() -> None:
+def test_the_first_write_to_another_address_is_spoilt_and_then_four_bytes_identify_writes() -> None:
     """A register beside the target that no map names: nobody knew of it before."""
     line = settled()
     speed = bytes.fromhex("10 06 20 00 02 04 00 00 00 07")
@@ -417,7 +421,7 @@ def test_a_write_to_another_address_of_its_256_is_spoilt_once_and_then_all_are_k
 
 
 @pytest.mark.parametrize("border", [0, 1 << 24, 1 << 16])
-def test_readings_over_a_border_are_told_as_they_would_be_whole(border: int) -> None:
+def test_readings_over_a_border_are_answered_as_if_they_had_been_stored(border: int) -> None:
     way = ReplyWay(plan_at(border))
     for counts in range(border - 8_000, border - 99, 40):
         way.bench.ask(write(TARGET, counts))
@@ -447,7 +451,7 @@ def test_a_reading_that_jumps_over_a_border_is_spoilt() -> None:
     assert passed[2:3] == b"\x00"
 
 
-def test_a_limit_is_not_told_before_it_is_whole() -> None:
+def test_the_first_byte_of_a_limit_is_never_decided() -> None:
     """0 passes as it is, and 1 does not: both ends of 256 counts say nothing of what is between them."""
     bench = Bench(plan_at(0, limits=(PositionField(0x0620, RegisterType.INT32),)))
     for counts in range(-8_000, 1, 400):

@@ -66,7 +66,7 @@ def ends_aborted(left: Left, length: int = 13) -> None:
     assert (len(frame), residue_after(frame)) == (length, INVERTED)
 
 
-def test_a_setpoint_leaves_four_characters_behind_itself_and_its_reply_two() -> None:
+def test_a_setpoint_is_sent_four_characters_after_it_came_and_its_reply_two() -> None:
     line = site()
     line.measure(acknowledgement_shape(), of_replies=True)
     began_ns = line.come(frame_of(NEXT))
@@ -110,7 +110,7 @@ class Heard(RecordingTap):
         self.entries.append(entry)
 
 
-def test_a_tap_hears_frames_that_leave_early_in_the_order_of_those_that_are_stored() -> None:
+def test_a_tap_gets_forwarded_frames_in_the_order_of_stored_ones() -> None:
     heard = Heard()
     line = site(tap=heard)
     line.measure(acknowledgement_shape(), of_replies=True)
@@ -133,7 +133,7 @@ def test_a_tap_hears_frames_that_leave_early_in_the_order_of_those_that_are_stor
     assert heard.frames[4:] == [(REQUEST, 2, OTHER.hex()), (SENT, 0, OTHER.hex())]
 
 
-def test_what_takes_long_is_told_while_a_frame_is_leaving() -> None:
+def test_is_leaving_is_true_while_a_frame_is_being_forwarded() -> None:
     line = site()
     line.measure(acknowledgement_shape(), of_replies=True)
     seen = []
@@ -147,7 +147,7 @@ def test_what_takes_long_is_told_while_a_frame_is_leaving() -> None:
     assert seen == [*[False] * 4, *[True] * 8, False, *[False] * 2, *[True] * 5, False]
 
 
-def test_a_read_leaves_at_its_function_and_the_position_in_its_reply_when_it_is_whole() -> None:
+def test_a_read_is_sent_from_its_function_code_on_and_a_position_in_its_reply_when_it_is_whole() -> None:
     line = Site(stream_plan(table=CURVE, bits={"done": BitField(STATUS, 0)}))
     line.settle()
     line.bench.ask(BLOCK)
@@ -178,7 +178,7 @@ def test_a_read_leaves_at_its_function_and_the_position_in_its_reply_when_it_is_
     ]
 
 
-def test_w3_a_bad_check_sum_leaves_bad_in_both_bytes_and_nothing_follows_in_the_silence() -> None:
+def test_w3_a_bad_check_sum_is_sent_bad_in_both_bytes_and_nothing_follows_in_the_silence() -> None:
     line = site()
     frame = frame_of(NEXT)
     began_ns = line.come(frame[:-1] + bytes((frame[-1] ^ 0x10,)))
@@ -193,7 +193,7 @@ def test_w3_a_bad_check_sum_leaves_bad_in_both_bytes_and_nothing_follows_in_the_
     assert (line.line.counters.refused, line.bench.kinds()) == (0, ["line-up", "stream-began"])
 
 
-def test_a_frame_that_stalls_is_spoilt_and_goes_behind_the_silence_if_the_rest_comes_after_all() -> None:
+def test_a_frame_that_stalls_is_spoilt_and_sent_after_the_silence_if_the_rest_comes() -> None:
     line = site()
     frame = frame_of(NEXT)
     began_ns = line.come(frame[:6])
@@ -209,7 +209,7 @@ def test_a_frame_that_stalls_is_spoilt_and_goes_behind_the_silence_if_the_rest_c
     assert line.requests() == {ForwardEvent.STALLED: 1}
 
 
-def test_who_stood_still_in_the_middle_of_a_frame_spoils_it_whatever_he_looks_at_first() -> None:
+def test_a_process_that_stood_still_in_the_middle_of_a_frame_spoils_it_whatever_it_handles_first() -> None:
     """After 60 ms the decoder's timer, the port and the forwarder's timer are due, and come in this order."""
     line = site(PLAN, staged_plan(name="y", unit_id=2))
     frame = frame_of(NEXT)
@@ -233,7 +233,7 @@ def test_who_stood_still_in_the_middle_of_a_frame_spoils_it_whatever_he_looks_at
     assert line.requests() == {ForwardEvent.STALLED: 1, ForwardEvent.COMMITTED: 1}
 
 
-def test_a_target_that_may_not_leave_is_judged_in_its_turn_behind_the_silence() -> None:
+def test_a_target_that_may_not_be_forwarded_takes_the_slow_path_after_the_silence() -> None:
     line = site()
     turned = write(COMMAND, 9_000)  # the way turns: the slow path decides
     began_ns = line.come(frame_of(turned))
@@ -252,7 +252,7 @@ def test_a_target_that_may_not_leave_is_judged_in_its_turn_behind_the_silence() 
 
 
 @pytest.mark.parametrize(("bytes_come", "aborted_at"), [(6, 6.4), (8, 8.4), (12, 12.4)])
-def test_m3_a_stop_of_another_controller_spoils_what_leaves_and_goes(
+def test_m3_a_stop_of_another_controller_spoils_the_frame_and_is_sent(
     bytes_come: int, aborted_at: float
 ) -> None:
     line = site(PLAN, staged_plan(name="y", unit_id=2))
@@ -272,7 +272,7 @@ def test_m3_a_stop_of_another_controller_spoils_what_leaves_and_goes(
     assert line.to_drives(began_ns) == [(30.0, sent)]
 
 
-def test_what_another_controller_asks_meanwhile_waits_for_its_reply() -> None:
+def test_a_request_of_another_controller_waits_for_the_reply_to_a_forwarded_one() -> None:
     line = site()
     began_ns = line.come(frame_of(NEXT)[:8])
     line.hear(line.panel, frame_of(OTHER))
@@ -284,7 +284,7 @@ def test_what_another_controller_asks_meanwhile_waits_for_its_reply() -> None:
     assert line.to_drives(began_ns)[0][1] == frame_of(OTHER).hex(" ")
 
 
-def test_a_port_that_is_lost_while_its_request_leaves_ends_it() -> None:
+def test_a_port_lost_during_forwarding_spoils_its_request() -> None:
     line = site()
     began_ns = line.come(frame_of(NEXT)[:8])
     line.line.controller_gone(line.cnc, line.bench.now_ns)
@@ -294,7 +294,7 @@ def test_a_port_that_is_lost_while_its_request_leaves_ends_it() -> None:
     assert (line.line.is_idle, line.requests()) == (True, {ForwardEvent.GONE: 1})
 
 
-def test_a_wire_that_is_lost_while_a_request_leaves_gets_no_more_of_it() -> None:
+def test_a_drive_link_lost_during_forwarding_gets_no_more_of_the_request() -> None:
     line = site()
     began_ns = line.come(frame_of(NEXT)[:8])
     line.line.link_down(line.bench.now_ns)
@@ -304,7 +304,7 @@ def test_a_wire_that_is_lost_while_a_request_leaves_gets_no_more_of_it() -> None
     assert line.cnc.replies == []  # a serial controller: silence
 
 
-def test_bytes_of_the_drives_meet_what_leaves_and_spoil_it() -> None:
+def test_bytes_from_the_drives_spoil_a_request_that_is_being_forwarded() -> None:
     line = site()
     began_ns = line.come(frame_of(NEXT)[:8])
     line.answer(b"\x01")
@@ -312,7 +312,7 @@ def test_bytes_of_the_drives_meet_what_leaves_and_spoil_it() -> None:
     assert (line.requests(), line.line.counters.late) == ({ForwardEvent.MET: 1}, 1)
 
 
-def test_w5_its_controller_begins_another_request() -> None:
+def test_w5_a_controller_that_begins_another_request_spoils_the_one_before() -> None:
     line = site()
     frame = frame_of(NEXT)
     began_ns = line.come(frame[:12])
@@ -323,7 +323,7 @@ def test_w5_its_controller_begins_another_request() -> None:
     assert line.requests() == {ForwardEvent.ANEW: 1}
 
 
-def test_a_gateway_that_stops_lets_it_end() -> None:
+def test_a_gateway_that_stops_lets_a_forwarded_request_end() -> None:
     line = site()
     began_ns = line.come(frame_of(NEXT)[:8])
     line.line.stop(line.bench.now_ns)
@@ -332,7 +332,7 @@ def test_a_gateway_that_stops_lets_it_end() -> None:
     assert line.to_drives(began_ns) == WHOLE
 
 
-def test_the_record_says_what_leaves_before_its_check_sum_does() -> None:
+def test_the_record_names_a_forwarded_target_before_its_check_sum_is_sent() -> None:
     records = Records()
     line = site(before_up=records.attach)
     line.link.on_piece = lambda: told.append(records.read())
@@ -357,7 +357,7 @@ def stands_still(line: Site, wire: PieceLink | PiecePort, before: int, late_ms: 
 
 
 @pytest.mark.parametrize(("late_ms", "torn"), [(0.1, 0), (1.0, 1)])
-def test_a_request_is_torn_where_it_is_written_after_the_transmitter_is_empty(
+def test_a_request_is_torn_if_its_next_bytes_are_written_after_the_transmitter_is_empty(
     late_ms: float, torn: int
 ) -> None:
     line = site()
@@ -390,7 +390,7 @@ def test_a_request_is_not_torn_whose_first_bytes_were_written_late_and_the_next_
         (1.0, (5.325, "01 10 06 06 00")),
     ],
 )
-def test_requests_leave_as_much_later_as_the_gateway_took(late_ms: float, begins: tuple[float, str]) -> None:
+def test_requests_are_sent_later_by_the_gateways_own_delay(late_ms: float, begins: tuple[float, str]) -> None:
     line = site()
     left = []
     for number in range(3):
@@ -428,7 +428,7 @@ def test_a_gateway_that_is_always_too_slow_tears_one_request_and_stores_all_othe
 
 
 @pytest.mark.parametrize("is_good", [True, False])
-def test_what_leaves_in_one_write_is_not_torn_and_its_silence_begins_behind_it(is_good: bool) -> None:
+def test_a_frame_sent_in_one_write_is_not_torn_and_its_silence_begins_after_it(is_good: bool) -> None:
     line = site()
     frame = frame_of(NEXT)
     began_ns = line.come(frame[:4])  # nobody looks at 4.325
@@ -441,7 +441,7 @@ def test_what_leaves_in_one_write_is_not_torn_and_its_silence_begins_behind_it(i
         assert line.line.deadline_ns == began_ns + 33_500_000
 
 
-def test_the_guard_rings_in_time_also_where_the_writing_has_taken_its_time() -> None:
+def test_the_guard_timer_ends_in_time_also_after_a_slow_write() -> None:
     line = site()
     stands_still(line, line.link, 0, 0.8)  # the first four bytes are with the driver at 4.325 or at 5.125
     began_ns = line.come(frame_of(NEXT)[:10])
@@ -453,7 +453,7 @@ def test_the_guard_rings_in_time_also_where_the_writing_has_taken_its_time() -> 
 
 
 @pytest.mark.parametrize(("late_ms", "torn"), [(0.1, 0), (1.0, 1)])
-def test_a_reply_is_torn_where_it_is_written_after_the_transmitter_is_empty(
+def test_a_reply_is_torn_if_its_next_bytes_are_written_after_the_transmitter_is_empty(
     late_ms: float, torn: int
 ) -> None:
     line = site()
@@ -467,7 +467,7 @@ def test_a_reply_is_torn_where_it_is_written_after_the_transmitter_is_empty(
 
 
 @pytest.mark.parametrize("what", ["down", "busy", "resting", "silent", "stopping", "link", "gate"])
-def test_what_would_not_go_out_at_once_is_stored(what: str) -> None:
+def test_a_request_that_could_not_be_sent_immediately_is_stored(what: str) -> None:
     line = site()
     if what == "down":
         line.line.link_down(line.bench.now_ns)
@@ -489,7 +489,7 @@ def test_what_would_not_go_out_at_once_is_stored(what: str) -> None:
     assert line.to_drives(began_ns) == []
 
 
-def test_a_line_that_was_taken_before_the_delay_was_over_is_not_free_any_more() -> None:
+def test_a_request_is_stored_if_another_one_takes_the_line_during_its_delay() -> None:
     line = site()
     began_ns = line.come(frame_of(NEXT)[:4])
     line.pass_to(began_ns + 4_100_000)
@@ -534,7 +534,7 @@ def test_a_reply_with_a_bad_check_sum_is_passed_on_as_one_that_is_bad_in_both_by
     assert line.cnc.replies == []
 
 
-def test_a_reply_that_stalls_is_spoilt_and_what_it_says_counts_all_the_same() -> None:
+def test_a_reply_that_stalls_is_spoilt_and_counts_nevertheless() -> None:
     line = asked()
     began_ns = line.reply(ACKNOWLEDGED[:5])
     line.pass_to(began_ns + 12 * MS)
@@ -553,7 +553,7 @@ def test_a_reply_that_stalls_is_spoilt_and_what_it_says_counts_all_the_same() ->
     assert line.replies() == {ForwardEvent.STALLED: 1, ForwardEvent.KEPT: 1}
 
 
-def test_w4_another_acknowledgement_is_spoilt_and_none() -> None:
+def test_w4_a_wrong_acknowledgement_is_spoilt_and_does_not_count() -> None:
     line = asked()
     began_ns = line.reply(frame_of(bytes.fromhex("10 FF FF 00 02")))
     left = line.to_cnc(began_ns)
@@ -568,7 +568,7 @@ def test_an_exception_is_passed_on_whole() -> None:
     assert line.to_cnc(began_ns) == [(5.0, frame_of(b"\x90\x06").hex(" "))]
 
 
-def test_a_drive_link_that_is_lost_ends_the_reply_that_leaves() -> None:
+def test_a_drive_link_lost_during_forwarding_spoils_the_reply() -> None:
     line = asked()
     began_ns = line.reply(ACKNOWLEDGED[:5])
     line.line.link_down(line.bench.now_ns)
@@ -576,7 +576,7 @@ def test_a_drive_link_that_is_lost_ends_the_reply_that_leaves() -> None:
     assert line.replies() == {ForwardEvent.GONE: 1}
 
 
-def test_a_controller_that_is_lost_hears_no_more_of_its_reply() -> None:
+def test_a_controller_lost_during_forwarding_gets_no_more_of_its_reply() -> None:
     line = asked()
     began_ns = line.reply(ACKNOWLEDGED[:5])
     line.line.controller_gone(line.cnc, line.bench.now_ns)
@@ -585,7 +585,7 @@ def test_a_controller_that_is_lost_hears_no_more_of_its_reply() -> None:
     assert (line.replies(), line.line.is_idle) == ({ForwardEvent.LOST: 1}, True)
 
 
-def test_a_reply_does_not_begin_before_the_silence_behind_its_request_is_over() -> None:
+def test_a_reply_is_stored_while_the_controllers_port_is_busy() -> None:
     line = asked()
     line.cnc.is_busy = True
     began_ns = line.reply(ACKNOWLEDGED)
@@ -595,7 +595,7 @@ def test_a_reply_does_not_begin_before_the_silence_behind_its_request_is_over() 
 # --- whether it pays ------------------------------------------------------------------------------------
 
 
-def test_what_is_a_loss_is_stored_for_the_next_ones() -> None:
+def test_writes_whose_forwarding_lost_time_are_stored_for_a_while() -> None:
     heads = Heads(Delays(CHAR_NS, CHAR_NS, margin_ns(CHAR_NS)))
     line = site()
     pdu = b"\x01" + NEXT
@@ -644,7 +644,7 @@ def test_a_write_that_stalls_now_and_then_is_forwarded() -> None:
     assert line.to_drives(began_ns) == WHOLE
 
 
-def test_a_line_without_the_key_has_none_of_this() -> None:
+def test_a_line_without_the_key_has_no_forwarding() -> None:
     assert Bench(PLAN).line.forwarding is None
 
 
@@ -729,7 +729,7 @@ def test_each_end_in_each_state_leaves_a_line_that_works(state: str, end: Callab
 
 
 @pytest.mark.parametrize("is_named", [False, True])
-def test_w12_to_a_device_that_is_no_axis_nothing_is_cut_through(*, is_named: bool) -> None:
+def test_w12_requests_to_a_named_device_are_stored(*, is_named: bool) -> None:
     other = OtherUnits(frozenset({5}), frozenset({5})) if is_named else NO_OTHER_UNITS
     line = Site(other_units=other)
     line.settle()
@@ -747,7 +747,7 @@ def test_w12_to_a_device_that_is_no_axis_nothing_is_cut_through(*, is_named: boo
     assert line.requests() == ({} if is_named else {ForwardEvent.COMMITTED: 1})
 
 
-def test_w12_an_odd_frame_begins_like_a_read_and_goes_whole() -> None:
+def test_w12_an_odd_frame_that_begins_like_a_read_is_stored() -> None:
     line = Site(other_units=OtherUnits(frozenset({5}), frozenset({5})))
     line.cnc.ends_by_silence = True
     line.cnc.decoder = RtuRequestDecoder(WIRE.silence_ns, odd_units=frozenset({5}))
@@ -769,7 +769,7 @@ def test_w12_an_odd_frame_begins_like_a_read_and_goes_whole() -> None:
 
 
 @pytest.mark.usefixtures("in_production")
-def test_what_cannot_be_is_told_and_counted_and_the_line_goes_on() -> None:
+def test_an_impossible_event_is_reported_and_counted_and_the_line_continues() -> None:
     line = site()
     line.measure(acknowledgement_shape(), of_replies=True)
     frame = frame_of(NEXT)
@@ -801,7 +801,7 @@ def test_what_cannot_be_is_told_and_counted_and_the_line_goes_on() -> None:
 
 
 @pytest.mark.usefixtures("in_production")
-def test_a_request_that_may_not_begin_takes_nothing_of_another_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_request_that_may_not_begin_changes_nothing_of_another_one(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delitem(PHASE_AFTER[Phase.WAITING], Step.BEGINS)
     line, frame = site(), frame_of(NEXT)
     other = PiecePort(line, ControllerPlan("mes"))

@@ -103,7 +103,7 @@ def step(line: Site, rng: Random, coming: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_drives_hear_whole_frames_or_what_is_none(seed: int) -> None:
+def test_the_drives_get_whole_frames_or_spoilt_ones(seed: int) -> None:
     ends: Counter[ForwardEvent] = Counter()
     for number in range(SITES):
         ends.update(walked(Random(SITES * seed + number)))

@@ -54,7 +54,7 @@ def test_reads_of_other_registers_are_expected_too() -> None:
     assert is_expected(memory)
 
 
-def test_a_write_that_goes_on_differently_is_stored_from_then_on() -> None:
+def test_a_write_that_continues_differently_is_stored_from_then_on() -> None:
     memory, units = heads(), UnitMaps(Bench(stream_plan()).line.axes, is_serial=True)
     memory.add(units.path_of(1, WRITE[1:]), WRITE, WRITE)
     was_expected = [is_expected(memory, WRITE[:4])]
@@ -65,7 +65,7 @@ def test_a_write_that_goes_on_differently_is_stored_from_then_on() -> None:
     assert was_expected == [True, False, False]
 
 
-def test_so_many_beginnings_are_remembered_and_then_all_are_forgotten() -> None:
+def test_all_beginnings_are_forgotten_when_their_maximum_is_reached() -> None:
     memory = heads()
     *most, last = unit_reads(REMEMBERED_BEGINNINGS)
     add(memory, READ, *most)
@@ -75,7 +75,7 @@ def test_so_many_beginnings_are_remembered_and_then_all_are_forgotten() -> None:
     assert was_expected == [True, True, False, True]
 
 
-def test_what_forwarding_gained_is_forgotten_with_them() -> None:
+def test_the_gain_of_forwarding_is_forgotten_with_the_beginnings() -> None:
     memory = heads()
     add(memory, READ)
     for _ in range(WEIGHED_AT_LEAST):
@@ -135,7 +135,7 @@ def test_the_totals_say_what_was_forwarded_stored_and_spoilt() -> None:
     assert Totals().status().gain_us is None
 
 
-def test_a_spoilt_frame_was_wasted_where_a_stored_one_would_have_left() -> None:
+def test_a_spoilt_frame_counts_as_wasted_if_it_would_have_been_sent_stored() -> None:
     """Not one that is bad or overtaken, nor one whose wire or port was lost: stored, it stays too."""
     none_left = {ForwardEvent.BAD, ForwardEvent.OVERTAKEN, ForwardEvent.GONE, ForwardEvent.LOST}
     no_ends = {ForwardEvent.OPENED, ForwardEvent.FITTED, ForwardEvent.JUDGED}

@@ -82,7 +82,7 @@ def settled() -> Way:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_replies_leave_as_the_line_would_have_passed_them_on(seed: int) -> None:
+def test_replies_are_sent_as_if_they_had_been_stored(seed: int) -> None:
     rng, way = Random(seed), settled()
     counts, states = 10_000, []
     for pdu in (BLOCK, read(ACTUAL), read(COMMAND)):
@@ -125,7 +125,7 @@ def begun(way: Way, pdu: bytes) -> tuple[Transaction, ForwardedFrame]:
     return transaction, ForwardedFrame(ReplyArrival(1, pdu), judge, PACE, way.events.append)
 
 
-def test_a_spoilt_reply_is_filled_with_what_was_said_before() -> None:
+def test_a_spoilt_reply_is_filled_with_the_words_of_the_reply_before() -> None:
     way = settled()
     _, before = way.ask(BLOCK)
     way.bench.memory.put(ACTUAL, 9_000)
@@ -153,7 +153,7 @@ def test_an_exception_is_stored() -> None:
     assert (forwarded.state, forwarded.left, passed) == (ForwardState.STORED, b"", b"\x90\x04")
 
 
-def test_the_reply_to_what_went_the_slow_path_is_stored() -> None:
+def test_the_reply_to_a_request_on_the_slow_path_is_stored() -> None:
     way = settled()
     for _ in range(2):
         way.ask(read(COMMAND))
@@ -167,7 +167,7 @@ def test_the_reply_to_what_went_the_slow_path_is_stored() -> None:
     ("after_bytes", "state", "why"),
     [(0, ForwardState.STORED, ForwardEvent.KEPT), (5, ForwardState.ABORTED, ForwardEvent.REFUSED)],
 )
-def test_a_reading_that_may_prove_a_target_is_not_turned_back_before_it_is_whole(
+def test_a_reading_that_may_prove_a_target_is_stored_or_spoilt(
     after_bytes: int, state: ForwardState, why: ForwardEvent
 ) -> None:
     """What is known of that before it begins to leave has it stored; what comes later, spoilt."""

@@ -88,7 +88,7 @@ def settled() -> Way:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_stream_leaves_as_the_line_would_have_sent_it(seed: int) -> None:
+def test_a_stream_is_sent_as_if_it_had_been_stored(seed: int) -> None:
     rng, way = Random(seed), settled()
     counts, step = 10_000, 40
     outcomes = []
@@ -113,7 +113,7 @@ def test_a_stream_leaves_as_the_line_would_have_sent_it(seed: int) -> None:
     assert outcomes.count(ForwardState.ABORTED) == 2  # once for each turn
 
 
-def test_a_spoilt_target_is_filled_with_what_the_drive_holds() -> None:
+def test_a_spoilt_target_is_filled_with_the_words_in_the_drive() -> None:
     way = Way()
     last = way.settle()
     forwarded = way.forwarded(frame_of(write(COMMAND, 9_000)))
@@ -121,7 +121,7 @@ def test_a_spoilt_target_is_filled_with_what_the_drive_holds() -> None:
     assert forwarded.left[1:-2] == last
 
 
-def test_whoever_takes_the_axis_over_meanwhile_is_not_overwritten() -> None:
+def test_a_target_is_spoilt_if_another_writer_takes_the_axis_over_meanwhile() -> None:
     way = settled()
     hold = way.bench.line.axes[0].hold
     forwarded = way.forwarded(
@@ -130,7 +130,7 @@ def test_whoever_takes_the_axis_over_meanwhile_is_not_overwritten() -> None:
     assert (forwarded.state, way.events[-1], way.left) == (ForwardState.ABORTED, ForwardEvent.CHANGED, [])
 
 
-def test_an_axis_whose_link_was_lost_meanwhile_gets_no_target() -> None:
+def test_a_target_is_spoilt_if_the_link_of_its_axis_was_lost_meanwhile() -> None:
     way = settled()
     forwarded = way.forwarded(
         frame_of(write(COMMAND, 10_120)), lambda: way.bench.line.axes[0].lose_link(way.bench.now_ns)
@@ -139,7 +139,7 @@ def test_an_axis_whose_link_was_lost_meanwhile_gets_no_target() -> None:
     assert way.left == []
 
 
-def test_a_read_leaves_at_its_function_wherever_it_reads() -> None:
+def test_a_read_is_sent_from_its_function_code_on_whatever_it_reads() -> None:
     way = Way()
     way.stream(10_000, 10_040)
     way.store(read(ACTUAL))
@@ -152,7 +152,7 @@ def test_a_read_leaves_at_its_function_wherever_it_reads() -> None:
     assert (forwarded.state, way.events[-1]) == (ForwardState.ABORTED, ForwardEvent.UNFIT)
 
 
-def test_a_read_that_cuts_a_position_before_all_others_keeps_none_of_them_from_leaving() -> None:
+def test_a_read_that_cuts_a_position_does_not_prevent_forwarding_of_the_others() -> None:
     way = Way()
     way.store(bytes.fromhex("03 05 20 00 01"))
     way.store(read(ACTUAL))
@@ -171,7 +171,7 @@ def test_a_read_that_cuts_a_position_before_all_others_keeps_none_of_them_from_l
         "04 05 20 00 02",  # a function that has not been used
     ],
 )
-def test_what_does_not_begin_like_something_acknowledged_is_stored(pdu: str) -> None:
+def test_a_request_with_an_unknown_beginning_is_stored(pdu: str) -> None:
     way = Way()
     way.bench.ask(write(COMMAND, 10_000))
     way.store(read(ACTUAL))
@@ -179,7 +179,7 @@ def test_what_does_not_begin_like_something_acknowledged_is_stored(pdu: str) -> 
     assert (forwarded.state, forwarded.left) == (ForwardState.STORED, b"")
 
 
-def test_nothing_begins_to_leave_while_the_line_is_not_free() -> None:
+def test_no_forwarding_begins_while_the_line_is_not_free() -> None:
     way = settled()
     way.is_free = False
     assert way.forwarded(frame_of(write(COMMAND, 10_120))).state is ForwardState.STORED
@@ -200,7 +200,7 @@ def test_two_writes_that_begin_alike_are_both_stored() -> None:
     assert way.forwarded(frame_of(write(COMMAND, 14_000))).state is ForwardState.STORED
 
 
-def test_the_first_block_behind_a_known_beginning_is_spoilt_and_those_after_it_are_stored() -> None:
+def test_the_first_block_with_a_known_beginning_is_spoilt_and_those_after_it_are_stored() -> None:
     way = settled()
     block = bytes.fromhex("10 06 06 00 03 06") + write(COMMAND, 10_120)[6:] + b"\0\0"
     forwarded = way.forwarded(frame_of(block))
@@ -218,7 +218,7 @@ def test_a_target_for_an_axis_whose_drive_fell_silent_is_stored() -> None:
     assert (forwarded.state, way.left) == (ForwardState.STORED, [])
 
 
-def test_nothing_is_cut_through_before_the_port_was_measured() -> None:
+def test_requests_are_stored_until_the_port_was_measured() -> None:
     heads = Heads(Delays(CHAR_NS, CHAR_NS, CHAR_NS))
     way = Way()
     pdu = write(COMMAND, 10_000)

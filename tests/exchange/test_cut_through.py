@@ -48,7 +48,7 @@ ABORTED_CRC = "a5 b9"
 """Both bytes of 5A 46 with all bits inverted."""
 
 
-def test_a_write_leaves_four_characters_behind_itself() -> None:
+def test_a_write_is_sent_four_characters_after_it_came() -> None:
     forwarded, judge, events = write()
     assert play(forwarded, characters(WRITE)) == OUT + DATA + CRC
     assert forwarded.left == SENT
@@ -58,7 +58,7 @@ def test_a_write_leaves_four_characters_behind_itself() -> None:
     assert forwarded.empty_ns == 18000
 
 
-def test_a_read_leaves_as_it_comes_and_its_check_sum_when_it_was_good() -> None:
+def test_a_read_is_sent_as_it_comes_and_its_check_sum_once_it_is_known_to_be_good() -> None:
     forwarded, judge, _ = read()
     assert play(forwarded, characters(READ)) == [
         (3000, "01 03 02"),
@@ -70,7 +70,7 @@ def test_a_read_leaves_as_it_comes_and_its_check_sum_when_it_was_good() -> None:
     assert judge.committed == [(READ[:-2], READ[:-2])]
 
 
-def test_the_positions_of_a_reply_are_turned_back_when_they_are_whole() -> None:
+def test_the_positions_of_a_reply_are_converted_back_when_they_are_whole() -> None:
     forwarded, _, events = read_reply(counts=-3)
     assert (
         play(forwarded, characters(READ_REPLY))
@@ -85,7 +85,7 @@ def test_the_positions_of_a_reply_are_turned_back_when_they_are_whole() -> None:
     assert events == [ForwardEvent.OPENED, ForwardEvent.FITTED, ForwardEvent.JUDGED, ForwardEvent.COMMITTED]
 
 
-def test_an_acknowledgement_is_two_characters_behind_itself() -> None:
+def test_an_acknowledgement_is_sent_two_characters_after_it_came() -> None:
     forwarded, _, _ = acknowledgement()
     left = play(forwarded, characters(ACKNOWLEDGEMENT))
     assert [when for when, _ in left] == [3000, 4000, 5000, 6000, 8000]
@@ -99,7 +99,7 @@ def test_a_frame_that_comes_whole_before_its_delay_is_over_is_stored() -> None:
     assert forwarded.arrival.progress is Progress.GOOD
 
 
-def test_a_frame_that_stood_still_before_anything_of_it_left_is_stored() -> None:
+def test_a_frame_that_pauses_before_forwarding_begins_is_stored() -> None:
     # Two bytes do not say yet what it is. When more come its delay is over: it counts from the first of them.
     forwarded, _, events = write()
     pieces = [(1000, WRITE[:2]), (90000, WRITE[2:9]), (91000, WRITE[9:11]), (92000, WRITE[11:])]
@@ -108,7 +108,7 @@ def test_a_frame_that_stood_still_before_anything_of_it_left_is_stored() -> None
     assert forwarded.arrival.progress is Progress.GOOD
 
 
-def test_lumps_leave_as_far_as_they_may_when_the_delay_is_over() -> None:
+def test_the_bytes_of_lumps_are_sent_when_the_delay_is_over() -> None:
     forwarded, _, _ = write(stall_ns=4000)
     assert play(forwarded, [(1000, WRITE[:4]), (4500, WRITE[4:9]), (8000, WRITE[9:])]) == [
         (5000, HEAD.hex(" ")),
@@ -117,7 +117,7 @@ def test_lumps_leave_as_far_as_they_may_when_the_delay_is_over() -> None:
     assert forwarded.state is ForwardState.WHOLE
 
 
-def test_no_byte_of_data_leaves_before_the_position_is_whole_and_words_behind_it_as_they_come() -> None:
+def test_data_is_sent_when_the_position_is_whole_and_words_after_it_as_they_come() -> None:
     shape = write_shape(4, 1, 2)
     head = bytes.fromhex("01 10 6F 00 00 04 08")
     frame = append_crc(head + bytes.fromhex("11 11 00 00 00 20 22 22"))
@@ -148,7 +148,7 @@ EARLY = [(4000, "01 10 6f 00"), (5000, "00"), (6000, "02"), (7000, "04")]
 """The head of the write, as it leaves: three bytes of it have come at 3 000, the first one at 1 000."""
 
 
-def test_a_write_whose_first_byte_is_decided_by_the_third_leaves_three_characters_behind_itself() -> None:
+def test_a_write_whose_first_byte_is_decided_by_the_third_is_sent_three_characters_after_it_came() -> None:
     forwarded, judge, events = early()
     assert play(forwarded, characters(WRITE)) == [*EARLY, (10000, "55"), (11000, "55 00 0b"), *CRC]
     assert forwarded.left == SENT
@@ -189,7 +189,7 @@ def test_a_first_byte_that_is_not_decided_or_differs_waits_for_the_last(
 
 
 @pytest.mark.parametrize(("counts", "data"), [(0xFF, "55 FF FF 01"), (-0x100, "55 00 00 FF")])
-def test_a_position_that_begins_with_another_byte_than_has_left_is_spoilt(counts: int, data: str) -> None:
+def test_a_position_is_spoilt_if_its_first_byte_was_sent_differently(counts: int, data: str) -> None:
     """The correction changes between the third and the last byte, so that it carries into the first."""
     frame = append_crc(HEAD + bytes.fromhex(data))
     forwarded, judge, events = early(0)
@@ -205,7 +205,7 @@ def test_a_position_that_begins_with_another_byte_than_has_left_is_spoilt(counts
 @pytest.mark.parametrize(
     "why", [ForwardEvent.OVERTAKEN, ForwardEvent.GONE, ForwardEvent.ANEW, ForwardEvent.MET]
 )
-def test_what_ends_a_frame_behind_its_first_byte_fills_it_with_what_the_drive_holds(
+def test_a_frame_ended_after_the_first_byte_of_its_position_is_filled_with_the_words_in_the_drive(
     why: ForwardEvent,
 ) -> None:
     forwarded, _, _ = early()
@@ -215,7 +215,7 @@ def test_what_ends_a_frame_behind_its_first_byte_fills_it_with_what_the_drive_ho
     assert (forwarded.left[:-2], forwarded.state) == (LAST, ForwardState.ABORTED)
 
 
-def test_silence_behind_the_first_byte_of_a_position_fills_it_up() -> None:
+def test_a_silence_after_the_first_byte_of_a_position_fills_the_frame_up() -> None:
     forwarded, _, events = early()
     # Eight bytes from 4 000 on are off the wire at 12 000; a character's pause ends at 11 500, the same.
     assert play(forwarded, characters(WRITE[:10]), 40000)[-1] == (
@@ -225,7 +225,7 @@ def test_silence_behind_the_first_byte_of_a_position_fills_it_up() -> None:
     assert (forwarded.state, events[-1]) == (ForwardState.ABORTED, ForwardEvent.STALLED)
 
 
-def test_each_position_of_a_reply_begins_to_leave_before_it_is_whole() -> None:
+def test_sending_of_each_position_of_a_reply_begins_before_it_is_whole() -> None:
     shape = reply_shape(5, [(0, 2), (3, 2)], [0, 3])
     asked, head = bytes.fromhex("03 02 00 00 05"), bytes.fromhex("01 03 0A")
     frame = append_crc(head + bytes.fromhex("00 00 10 00 00 07 00 FE FF FF"))
@@ -247,7 +247,7 @@ def test_each_position_of_a_reply_begins_to_leave_before_it_is_whole() -> None:
     )
 
 
-def test_a_first_byte_behind_which_a_frame_would_end_waits_for_the_next_one() -> None:
+def test_a_first_byte_with_which_a_frame_would_end_waits_for_the_next_one() -> None:
     for address in range(0x10000):
         head = b"\x01\x10" + address.to_bytes(2, "big") + b"\x00\x02\x04"
         if is_fit_head(head) and ends_a_frame(residue_after(head + b"\x55")):
@@ -270,7 +270,7 @@ def test_w3_a_bad_check_sum_at_the_end_is_passed_on_as_one_that_is_bad_in_both_b
     assert (forwarded.state, events[-1], judge.committed) == (ForwardState.ABORTED, ForwardEvent.BAD, [])
 
 
-def test_silence_in_the_middle_fills_it_up_with_what_the_drive_holds() -> None:
+def test_a_silence_in_the_middle_fills_the_frame_up_with_the_words_in_the_drive() -> None:
     forwarded, _, events = write()
     # Nine characters, then nothing: 1.5 characters after the ninth.
     assert play(forwarded, characters(WRITE[:9]), 40000) == [
@@ -281,7 +281,7 @@ def test_silence_in_the_middle_fills_it_up_with_what_the_drive_holds() -> None:
     assert forwarded.left[:-2] == LAST
 
 
-def test_a_frame_that_broke_off_before_its_delay_is_over_does_not_begin_to_leave() -> None:
+def test_a_frame_that_broke_off_before_its_delay_is_over_is_not_forwarded() -> None:
     # Three bytes came at 1 000: 1.5 characters later, at 2 500, no more of it comes. Its delay ends at 3 000.
     forwarded, _, events = read()
     assert play(forwarded, [(1000, READ[:3])], 40000) == []
@@ -293,7 +293,7 @@ def filled_crc(body: bytes) -> bytes:
     return bytes((residue & 0xFF, residue >> 8))
 
 
-def test_a_transmitter_that_would_be_empty_is_filled_before_it_is() -> None:
+def test_the_frame_is_filled_up_before_the_transmitter_runs_empty() -> None:
     # The delay of a port that lied: seven characters of the head have left by 5 000 and last until 12 000.
     forwarded, _, events = write(stall_ns=60000)
     assert play(forwarded, [(1000, WRITE[:7])], 40000) == [
@@ -312,7 +312,7 @@ def test_bytes_that_come_too_late_do_not_mend_a_frame_that_was_due_to_be_filled(
     assert forwarded.arrival.progress is Progress.GOOD  # and may go the usual way
 
 
-def test_what_is_refused_ends_before_any_of_its_data_has_left() -> None:
+def test_a_refused_write_is_spoilt_before_any_of_its_data_is_sent() -> None:
     position = b"\x7f\xff\xff\xff"
     forwarded, _, events = write(refused=frozenset({position}))
     assert play(forwarded, characters(append_crc(HEAD + position))) == [
@@ -322,7 +322,7 @@ def test_what_is_refused_ends_before_any_of_its_data_has_left() -> None:
     assert events == [ForwardEvent.OPENED, ForwardEvent.FITTED, ForwardEvent.REFUSED]
 
 
-def test_a_head_that_goes_on_otherwise_than_expected_is_filled_up_as_expected() -> None:
+def test_a_head_that_continues_unexpectedly_is_filled_up_as_expected() -> None:
     forwarded, _, events = write()
     other = append_crc(bytes.fromhex("01 10 6F 00 00 03 06 55 55 00 08 00 00"))
     # The length is known with the seventh byte; the sixth has left as it came.
@@ -336,7 +336,7 @@ def test_a_head_that_goes_on_otherwise_than_expected_is_filled_up_as_expected() 
     assert forwarded.arrival.progress is Progress.GOOD
 
 
-def test_a_stop_spoils_what_is_leaving_at_once() -> None:
+def test_a_stop_spoils_a_forwarded_frame_immediately() -> None:
     forwarded, _, events = write()
     play(forwarded, characters(WRITE[:6]))
     assert forwarded.go_on(ForwardEvent.OVERTAKEN, 6400) == LAST[6:] + filled_crc(LAST)
@@ -352,13 +352,13 @@ def test_a_request_with_another_one_behind_it_in_the_same_read_is_given_up() -> 
     assert (events[-1], judge.committed) == (ForwardEvent.ANEW, [])
 
 
-def test_what_has_changed_since_it_was_judged_gets_no_check_sum() -> None:
+def test_a_frame_whose_target_has_changed_since_its_judgement_gets_no_check_sum() -> None:
     forwarded, _, events = write(agrees=False)
     assert play(forwarded, characters(WRITE)) == [*OUT, *DATA, (13000, ABORTED_CRC)]
     assert events[-1] is ForwardEvent.CHANGED
 
 
-def test_a_lost_wire_breaks_it_off_and_nothing_more_leaves() -> None:
+def test_a_lost_wire_ends_forwarding_and_nothing_more_is_sent() -> None:
     forwarded, _, _ = write()
     play(forwarded, characters(WRITE[:6]))
     assert forwarded.go_on(ForwardEvent.LOST, 6400) == b""
@@ -373,7 +373,7 @@ def test_a_lost_wire_breaks_it_off_and_nothing_more_leaves() -> None:
         ("01 03 08 00 00", ""),  # another number of bytes than were asked for
     ],
 )
-def test_w4_replies_that_are_not_what_was_asked_for_are_stored(reply: str, left: str) -> None:
+def test_w4_replies_that_do_not_match_the_request_are_stored(reply: str, left: str) -> None:
     forwarded, _, _ = read_reply(delay_ns=0)
     assert play(forwarded, characters(bytes.fromhex(reply))) == []
     assert (forwarded.state, forwarded.left.hex(" ")) == (ForwardState.STORED, left)
@@ -400,7 +400,7 @@ def test_the_last_byte_of_a_piece_that_is_a_frame_by_itself_waits_for_the_one_be
     assert residue_after(aborted.left) == INVERTED
 
 
-def test_heads_that_would_have_to_wait_are_stored() -> None:
+def test_a_head_is_unfit_if_a_part_of_it_ends_a_frame() -> None:
     assert is_fit_head(HEAD)
     # 01EC: of unit id 1 the first four bytes are a frame. 56F9: they are a seam.
     for address in ("01 EC", "56 F9", "32 FB", "CA 98", "51 20", "FF 6B", "14 D4"):
@@ -437,7 +437,7 @@ TABLE: dict[ForwardState, dict[str | None, str]] = {
 """State → where to → by what. None: nothing happens. What is not there cannot be."""
 
 
-def test_the_table_is_the_one_that_was_meant() -> None:
+def test_the_table_of_states_is_the_one_worked_out_by_hand() -> None:
     meant = {
         state: {
             ForwardEvent(event): None if after is None else ForwardState(after)
@@ -470,7 +470,7 @@ ENDS = [ForwardEvent(each) for each in OUTSIDE.split()]
 
 @pytest.mark.parametrize("why", [*ENDS, ForwardEvent.LOST])
 @pytest.mark.parametrize("state", list(ForwardState))
-def test_each_end_in_each_state(state: ForwardState, why: ForwardEvent) -> None:
+def test_each_end_is_right_in_each_state(state: ForwardState, why: ForwardEvent) -> None:
     forwarded = in_state(state)
     before = forwarded.left
     filling = forwarded.go_on(why, 8100)
@@ -494,7 +494,7 @@ IMPOSSIBLE = [
 
 
 @pytest.mark.parametrize(("state", "event"), IMPOSSIBLE)
-def test_what_cannot_be_is_raised_in_a_test(state: ForwardState, event: ForwardEvent) -> None:
+def test_an_impossible_event_raises_an_error_in_a_test(state: ForwardState, event: ForwardEvent) -> None:
     forwarded = in_state(state)
     with pytest.raises(ImpossibleEventError, match=f"cut-through: {event.value} cannot be in {state.value}"):
         forwarded.go_on(event, 8100)
@@ -502,7 +502,9 @@ def test_what_cannot_be_is_raised_in_a_test(state: ForwardState, event: ForwardE
 
 @pytest.mark.parametrize(("state", "event"), IMPOSSIBLE)
 @pytest.mark.usefixtures("in_production")
-def test_what_cannot_be_is_told_and_no_frame_comes_of_it(state: ForwardState, event: ForwardEvent) -> None:
+def test_an_impossible_event_is_reported_in_production_and_spoils_the_frame(
+    state: ForwardState, event: ForwardEvent
+) -> None:
     told: list[str] = []
     forwarded = in_state(state, told.append)
     before = forwarded.left
@@ -534,7 +536,7 @@ def test_what_cannot_be_is_told_and_no_frame_comes_of_it(state: ForwardState, ev
         ({4: 4000, 13: 5200}, [9200], 0),
     ],
 )
-def test_how_late_it_would_have_had_to_begin(
+def test_how_late_a_frame_should_have_begun(
     came: dict[int, int], written_ns: list[int], needed_ns: int
 ) -> None:
     forwarded, _, _ = write(stall_ns=99_000)

@@ -140,7 +140,7 @@ def run(course: Course) -> Left:
 
 
 @given(course=courses())
-def test_w3_a_check_sum_is_good_only_where_all_came_good_and_left_as_it_was_agreed(course: Course) -> None:
+def test_w3_a_good_check_sum_is_sent_only_if_all_came_good_and_was_sent_as_agreed(course: Course) -> None:
     left = run(course)
     forwarded = left.forwarded
     assert b"".join(data for _, data in left.pieces) == forwarded.left
@@ -224,7 +224,7 @@ def a_stored_frame_leaves_nothing_and_is_followed_to_its_end(course: Course, lef
 
 @settings(max_examples=repeated(3000))
 @given(course=courses(), following=st.lists(good_frames, min_size=1, max_size=2))
-def test_what_holds_for_every_course(course: Course, following: list[bytes]) -> None:
+def test_every_course_keeps_the_rules_of_forwarding(course: Course, following: list[bytes]) -> None:
     left = run(course)
     no_piece_ends_where_a_frame_could(course, left)
     no_data_leaves_before_its_position_is_judged(course, left)
@@ -262,7 +262,7 @@ def test_a_filling_that_ends_a_frame_with_the_inverted_crc_keeps_its_length_with
     assert not ends_a_frame(residue_after(left + filling))
 
 
-def test_a_head_that_is_fit_can_stand_still_behind_each_of_its_bytes() -> None:
+def test_a_head_is_fit_only_if_no_part_of_it_ends_a_frame() -> None:
     for address in range(0, 0x10000, 97):
         head = b"\x01\x10" + address.to_bytes(2, "big") + b"\x00\x02\x04"
         assert is_fit_head(head) == (not any(ends_a_frame(residue_after(head[:to])) for to in range(1, 8)))

@@ -34,7 +34,7 @@ def late_bench(plan: AxisPlan, wait_ms: float, request: bytes) -> Bench:
     return bench
 
 
-def test_what_is_right_for_each_kind_of_setpoints_is_the_default() -> None:
+def test_the_default_of_late_fits_each_kind_of_setpoints() -> None:
     assert default_late(Setpoints.STREAM) is Late.REJECT
     assert default_late(Setpoints.TARGETS) is Late.FORWARD
 
@@ -50,13 +50,13 @@ def test_a_stale_setpoint_is_refused() -> None:
     assert event.detail == 'it waited 4.1 ms, deadline_ms = 4: refused (late = "reject")'
 
 
-def test_one_in_time_is_sent() -> None:
+def test_a_setpoint_in_time_is_sent() -> None:
     bench = late_bench(stream_plan(deadline_ms=4.0, late=Late.REJECT), 4.0, write(COMMAND, 500))
     assert len(bench.link.sent) == 1
     assert bench.line.counters.late_targets == 0
 
 
-def test_a_move_is_sent_all_the_same_and_counted() -> None:
+def test_a_late_move_is_sent_nevertheless_and_counted() -> None:
     bench = late_bench(axis_plan(deadline_ms=4.0, added_frames=False), 400, write(COMMAND, 500))
     assert bench.link.sent[0][1][:5] == write(COMMAND, 500)[:5]
     assert bench.line.counters.late_targets == 1
@@ -66,20 +66,20 @@ def test_a_move_is_sent_all_the_same_and_counted() -> None:
 
 
 @pytest.mark.parametrize("request_", [read(ACTUAL), OTHER, bytes.fromhex("06 1000 0001")])
-def test_what_moves_nothing_is_never_late(request_: bytes) -> None:
+def test_a_request_that_moves_nothing_is_never_late(request_: bytes) -> None:
     bench = late_bench(stream_plan(deadline_ms=4.0, late=Late.REJECT), 400, request_)
     assert bench.link.sent == [(1, request_)]
     assert bench.line.counters.late_targets == 0
 
 
-def test_after_a_late_one_was_refused_the_next_setpoint_goes_on_from_where_the_drive_is() -> None:
+def test_after_a_refused_late_setpoint_the_next_one_is_sent() -> None:
     bench = late_bench(stream_plan(deadline_ms=4.0, late=Late.REJECT), 40, write(COMMAND, 500))
     bench.port.take()
     assert bench.ask(write(COMMAND, 600)) == write(COMMAND, 600)[:5]
     assert bench.seen[-1][:5] == write(COMMAND, 600)[:5]
 
 
-def test_late_moves_are_counted_each_and_told_once_a_second() -> None:
+def test_each_late_move_is_counted_and_one_a_second_is_reported() -> None:
     bench = late_bench(axis_plan(deadline_ms=4.0, added_frames=False), 10, write(COMMAND, 500))
     bench.serve()
     for _ in range(20):
@@ -107,12 +107,12 @@ ROWS: Final = (
 )
 
 
-def test_a_request_that_was_held_up_leaves_while_half_of_its_controllers_time_out_is_left() -> None:
+def test_a_request_is_sent_only_while_half_of_its_controllers_time_out_is_left() -> None:
     port = Port(ControllerPlan("plc", timeout_ms=1000.0))
     assert Transaction(port, 1, 1, READ, 7 * MS).leave_by_ns == 507 * MS
 
 
-def test_a_read_of_the_gateway_itself_has_no_such_limit() -> None:
+def test_a_read_of_the_gateway_itself_may_be_sent_at_any_time() -> None:
     assert Transaction(None, 0, 1, READ, 7 * MS).leave_by_ns == NEVER_NS
 
 
@@ -124,7 +124,9 @@ def test_the_page_has_each_wait_once() -> None:
 
 @pytest.mark.parametrize(("timeout_ms", "leaves"), [(102.0, True), (98.0, False)])
 @pytest.mark.parametrize("pdu", [READ, WRITE])
-def test_behind_the_silence_of_its_own_unit(timeout_ms: float, pdu: bytes, *, leaves: bool) -> None:
+def test_too_late_after_the_silence_of_its_own_unit_id(
+    timeout_ms: float, pdu: bytes, *, leaves: bool
+) -> None:
     """50 ms of silence: half of 102 ms is behind its end, half of 98 ms is not."""
     bench = line(*two_axes())
     bench.missed(READ, 100, unit_id=2)
@@ -136,7 +138,7 @@ def test_behind_the_silence_of_its_own_unit(timeout_ms: float, pdu: bytes, *, le
 
 
 @pytest.mark.parametrize(("after_ms", "leaves"), [(499, True), (501, False)])
-def test_where_the_connection_is_down(after_ms: float, *, leaves: bool) -> None:
+def test_too_late_after_a_connection_that_was_down(after_ms: float, *, leaves: bool) -> None:
     bench = ConnectionBench(axis_plan())
     bench.breaks()
     plc = tcp_controller(timeout_ms=1000.0)
@@ -159,7 +161,7 @@ def test_a_stop_waits_for_a_connection_as_long_as_its_controller(after_ms: float
     assert plc.take() == (STOP if leaves else bytes.fromhex("86 0A"))
 
 
-def test_where_writes_are_held() -> None:
+def test_too_late_while_writes_are_held() -> None:
     bench = ConnectionBench(axis_plan(), retry_ms=0.0)
     slow = tcp_controller("cnc", timeout_ms=200.0)
     while not bench.connection.renewed:

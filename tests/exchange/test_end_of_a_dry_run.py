@@ -27,7 +27,7 @@ def state(bench: Bench) -> object:
     return axis_status(bench.line.axes[0], bench.now_ns).compensation
 
 
-def test_it_comes_into_force_with_the_next_different_target() -> None:
+def test_the_end_of_a_dry_run_comes_into_force_with_the_next_different_target() -> None:
     bench = Bench(axis_plan(compensation=SHADOW))
     arrived(bench, 20_000)
     arrived(bench, 50_000)
@@ -44,7 +44,7 @@ def test_it_comes_into_force_with_the_next_different_target() -> None:
 
 
 @pytest.mark.parametrize(("target", "told"), [(60_000, 60_010), (40_000, 39_990)])
-def test_the_branch_is_that_of_the_way_to_the_next_target_as_after_enabling(target: int, told: int) -> None:
+def test_the_next_target_gets_the_branch_of_its_direction_as_after_enabling(target: int, told: int) -> None:
     dry = Bench(axis_plan(compensation=SHADOW))
     off = Bench(axis_plan(compensation=CompensationMode.OFF))
     for bench, message in ((dry, LIVE), (off, Enable(axes=("x",)))):
@@ -68,7 +68,7 @@ def test_an_axis_that_is_on_its_way_stays_in_shadow() -> None:
     assert bench.move(60_000) == write(COMMAND, 60_000)
 
 
-def test_not_while_a_target_is_on_the_wire() -> None:
+def test_a_dry_run_does_not_end_while_a_target_is_on_the_wire() -> None:
     bench = Bench(axis_plan(compensation=SHADOW))
     arrived(bench, 20_000)
     bench.send(write(COMMAND, 50_000))
@@ -77,7 +77,7 @@ def test_not_while_a_target_is_on_the_wire() -> None:
     bench.serve()
 
 
-def test_an_axis_that_was_told_nothing_yet_begins_as_at_a_start() -> None:
+def test_an_axis_without_a_target_begins_as_at_a_start() -> None:
     bench = Bench(axis_plan(compensation=SHADOW))
     bench.memory.put(ACTUAL, 50_000)
     assert bench.line.command(LIVE, bench.now_ns) == {"x": "next-target"}
@@ -90,7 +90,7 @@ def test_a_second_time_changes_nothing() -> None:
     assert bench.line.command(LIVE, bench.now_ns) == {}
 
 
-def test_of_a_group_all_go_or_none() -> None:
+def test_the_dry_run_ends_for_all_axes_of_a_group_or_for_none() -> None:
     other = axis_plan(compensation=SHADOW, name="y", unit_id=2)
     bench = Bench(axis_plan(compensation=SHADOW), other, groups=[["x", "y"]])
     bench.ask(write(COMMAND, 50_000))
@@ -108,7 +108,7 @@ def test_of_a_group_all_go_or_none() -> None:
     }
 
 
-def test_a_stream_blends_the_correction_in_from_where_it_stands() -> None:
+def test_a_stream_blends_the_correction_in_from_its_present_setpoint() -> None:
     """Setpoints 50 counts apart."""
     bench = Bench(stream_plan(compensation=SHADOW))
     for counts in range(0, 10_000, 50):
@@ -124,7 +124,7 @@ def test_a_stream_blends_the_correction_in_from_where_it_stands() -> None:
     assert {after - before for before, after in pairwise(offsets)} == {0, 1}
 
 
-def test_the_fast_path_finds_the_same() -> None:
+def test_the_fast_path_corrects_after_the_end_of_a_dry_run() -> None:
     """Paths that were found in the dry run are none any more."""
     bench = Bench(axis_plan(compensation=SHADOW))
     for counts in (10_000, 20_000, 30_000):
@@ -134,7 +134,7 @@ def test_the_fast_path_finds_the_same() -> None:
         assert bench.move(counts) == write(COMMAND, counts + 10)
 
 
-def test_where_no_register_tells_the_drives_last_word_has_to_do() -> None:
+def test_without_an_actual_position_the_last_acknowledged_target_counts() -> None:
     bench = Bench(axis_plan(compensation=SHADOW, actual=()))
     bench.move(20_000, 50_000)
     assert bench.line.command(LIVE, bench.now_ns) == {"x": "next-target"}

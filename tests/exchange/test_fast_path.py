@@ -214,7 +214,7 @@ STEPS = st.tuples(
 @pytest.mark.parametrize("name", PLANS)
 @settings(max_examples=60)
 @given(steps=st.lists(STEPS, max_size=40))
-def test_both_ways_come_to_the_same(name: str, steps: list[tuple[str, int, str]]) -> None:
+def test_the_fast_and_the_slow_path_have_equal_results(name: str, steps: list[tuple[str, int, str]]) -> None:
     twins = Twins(PLANS[name])
     for what, amount, reply in steps:
         twins.step(what, amount, reply)
@@ -233,7 +233,7 @@ def test_both_ways_come_to_the_same(name: str, steps: list[tuple[str, int, str]]
         ("targets of a warm screw", 30, 100),
     ],
 )
-def test_a_long_run_goes_the_fast_path_often(name: str, writes: int, reads: int) -> None:
+def test_a_long_run_takes_the_fast_path_often(name: str, writes: int, reads: int) -> None:
     random = Random(4)
     twins = Twins(PLANS[name])
     for _ in range(1500):
@@ -263,7 +263,7 @@ def test_a_long_run_goes_the_fast_path_often(name: str, writes: int, reads: int)
         assert twins.ways[WritePath] == 0
 
 
-def test_an_axis_that_may_have_left_is_looked_at_before_its_target_is_repeated() -> None:
+def test_the_position_is_read_before_a_repeat_if_the_axis_may_have_moved() -> None:
     twins = Twins(PLANS["targets"])
     for counts in (1000, 1000, 1000):
         for step in ("move", counts), ("arrive", -1), ("status", 0), ("arrive", 1), ("status", 0):
@@ -277,7 +277,7 @@ def test_an_axis_that_may_have_left_is_looked_at_before_its_target_is_repeated()
 
 
 @pytest.mark.parametrize("remembered_paths", [4096, 0])
-def test_a_target_written_into_another_register_since_is_no_repeat(remembered_paths: int) -> None:
+def test_the_same_words_after_a_target_in_another_register_are_no_repeat(remembered_paths: int) -> None:
     bench = Bench(axis_plan(command=(COMMAND, SECOND), bits=BITS), remembered_paths=remembered_paths)
     told = []
     for place, counts in ((COMMAND, 1000), (COMMAND, 4000), (SECOND, 9000), (COMMAND, 4000)):
@@ -289,7 +289,7 @@ def test_a_target_written_into_another_register_since_is_no_repeat(remembered_pa
     assert told == [1010, 4010, 9010, 3990]  # it comes back from 9000: the backward branch
 
 
-def test_before_a_target_that_another_register_replaced_comes_again_the_axis_is_looked_at() -> None:
+def test_the_position_is_read_before_a_target_that_another_register_replaced_is_repeated() -> None:
     bench = Bench(axis_plan(command=(COMMAND, SECOND), bits=BITS, max_speed=0.0))
     for place, counts in ((COMMAND, 1000), (COMMAND, 4000), (SECOND, 9000)):
         bench.move(counts, place=place)
@@ -300,7 +300,7 @@ def test_before_a_target_that_another_register_replaced_comes_again_the_axis_is_
     assert not bench.line.axes[0].is_unsure
 
 
-def test_after_a_long_silence_an_axis_goes_the_long_way_once() -> None:
+def test_after_a_long_silence_one_request_takes_the_slow_path() -> None:
     twins = Twins(PLANS["stream"])
     for _ in range(30):
         twins.step("move", 500, "done")
@@ -314,7 +314,7 @@ def test_after_a_long_silence_an_axis_goes_the_long_way_once() -> None:
     assert twins.ways[WritePath] == written + 1
 
 
-def test_a_request_whose_length_contradicts_its_head_goes_the_long_way() -> None:
+def test_a_request_whose_length_contradicts_its_head_takes_the_slow_path() -> None:
     bench = Bench(stream_plan(table=CURVE))
     bench.ask(write(COMMAND, 0))
     good = bytes.fromhex("10 1000 0002 04 0001 0002")
@@ -326,14 +326,14 @@ def test_a_request_whose_length_contradicts_its_head_goes_the_long_way() -> None
     assert bench.line._transactions.current.path is None
 
 
-def test_no_more_heads_are_remembered_than_asked_for() -> None:
+def test_no_more_paths_are_remembered_than_configured() -> None:
     bench = Bench(stream_plan(table=CURVE), remembered_paths=3)
     for address in range(0x1000, 0x1010):
         bench.ask(bytes((3,)) + address.to_bytes(2, "big") + b"\0\x01")
         assert sum(map(len, bench.line._units._paths)) <= 3
 
 
-def test_the_bench_drive_is_memory() -> None:
+def test_the_drive_of_the_bench_acknowledges_and_keeps_a_write() -> None:
     memory = Memory()
     assert memory.answer(write(COMMAND, 77)) == write(COMMAND, 77)[:5]
     assert memory.get(COMMAND) == 77

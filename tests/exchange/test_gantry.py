@@ -73,7 +73,7 @@ def bit_gantry(**changes: Any) -> GantryBench:
 # --- between the triggers ----------------------------------------------------------------------------------
 
 
-def test_a_switch_between_two_triggers_waits_until_both_have_gone() -> None:
+def test_a_switch_between_two_triggers_waits_until_both_axes_have_started() -> None:
     bench = gantry()
     bench.begin(60_000)
     bench.switch(is_on=False)
@@ -107,7 +107,7 @@ def test_a_homed_bit_that_falls_between_two_triggers_waits_too() -> None:
     assert bench.go(70_000) == [70_000, 70_000]
 
 
-def test_a_bit_that_falls_and_rises_between_is_a_lost_reference_afterwards() -> None:
+def test_a_homed_bit_that_falls_and_rises_between_two_triggers_is_a_lost_reference_afterwards() -> None:
     bench = bit_gantry()
     bench.begin(60_000)
     bench.lose_homed_bit(2)
@@ -152,7 +152,7 @@ def test_a_gain_or_another_table_between_two_triggers_waits(
     assert bench.go(70_000) == [70_000 + then_added] * 2
 
 
-def test_a_target_that_is_staged_after_the_first_has_gone_goes_by_what_was_fixed() -> None:
+def test_a_target_staged_after_the_first_axis_has_started_uses_the_fixed_values() -> None:
     """Stage, run, stage, run: the axis that waits has to follow the one that went."""
     bench = gantry()
     bench.start(1, 60_000)
@@ -160,7 +160,7 @@ def test_a_target_that_is_staged_after_the_first_has_gone_goes_by_what_was_fixed
     assert bench.start(2, 60_000) == [60_010, 60_010]
 
 
-def test_what_is_enabled_between_waits_as_well() -> None:
+def test_enabling_between_two_triggers_waits_as_well() -> None:
     bench = gantry()
     bench.switch(is_on=False)
     assert bench.go(60_000) == [60_000, 60_000]
@@ -203,7 +203,7 @@ def writes(bench: GantryBench) -> list[tuple[int, str]]:
     return [each for each in bench.log if not each[1].startswith("03")]
 
 
-def test_each_staged_target_is_written_anew_before_the_first_leaves() -> None:
+def test_each_staged_target_is_written_again_before_the_first_trigger_is_sent() -> None:
     bench = reversed_gantry()
     bench.run(1)
     assert writes(bench) == BOTH_ANEW
@@ -216,7 +216,9 @@ def test_each_staged_target_is_written_anew_before_the_first_leaves() -> None:
 @pytest.mark.parametrize(
     ("answer", "code"), [(bytes.fromhex("90 04"), 4), (bytes.fromhex("90 06"), 6), (None, 0x0B)]
 )
-def test_where_that_is_refused_or_unanswered_the_first_is_refused(answer: bytes | None, code: int) -> None:
+def test_the_first_trigger_is_refused_if_writing_a_target_again_fails(
+    answer: bytes | None, code: int
+) -> None:
     bench = reversed_gantry()
     moves = bench.counts_of_moves()
     bench.refuses.append((2, bytes.fromhex("10 0606"), answer))
@@ -231,7 +233,7 @@ def test_where_that_is_refused_or_unanswered_the_first_is_refused(answer: bytes 
     assert bench.go(80_000) == [80_010, 80_010]
 
 
-def test_where_nothing_may_be_added_the_first_is_refused() -> None:
+def test_the_first_trigger_is_refused_if_no_frames_may_be_added() -> None:
     bench = GantryBench(added_frames=False)
     bench.go(50_000)
     assert bench.go(60_000) == [60_010, 60_010]
@@ -244,7 +246,7 @@ def test_where_nothing_may_be_added_the_first_is_refused() -> None:
     assert bench.counts_of_moves() == moves
 
 
-def test_the_bits_of_all_are_read_before_the_first_leaves() -> None:
+def test_the_homed_bits_of_all_are_read_before_the_first_trigger_is_sent() -> None:
     bench = bit_gantry()
     bench.stage_all(60_000)
     bench.lose_homed_bit(2)
@@ -256,7 +258,7 @@ def test_the_bits_of_all_are_read_before_the_first_leaves() -> None:
 
 
 @pytest.mark.parametrize("unit_id", [1, 2])
-def test_a_switch_before_the_first_leaves_counts_for_both(unit_id: int) -> None:
+def test_a_switch_before_the_first_trigger_is_sent_counts_for_both(unit_id: int) -> None:
     """While its own target, or that of the other axis, is written anew for it."""
     bench = reversed_gantry()
     bench.send(RUN_PDU, unit_id=1)
@@ -270,7 +272,7 @@ def test_a_switch_before_the_first_leaves_counts_for_both(unit_id: int) -> None:
 
 
 @pytest.mark.parametrize("lost", [1, 2])
-def test_a_first_that_is_refused_has_no_drive_asked(lost: int) -> None:
+def test_no_drive_is_read_for_a_first_trigger_that_is_refused(lost: int) -> None:
     """Its own target was lost, or that of the other axis. The homed bits are older than a second."""
     bench = bit_gantry()
     bench.stage_all(60_000)
@@ -281,7 +283,7 @@ def test_a_first_that_is_refused_has_no_drive_asked(lost: int) -> None:
     assert bench.log == []
 
 
-def test_nor_has_one_whose_drive_holds_no_target() -> None:
+def test_no_drive_is_read_for_a_first_trigger_whose_drive_holds_no_target() -> None:
     bench = GantryBench(referenced=Reference.DRIVE_BIT)
     bench.stage(2, 60_000)
     bench.wait(1_200)
@@ -301,7 +303,7 @@ def half_gone() -> GantryBench:
     return bench
 
 
-def test_the_same_target_again_does_not() -> None:
+def test_the_same_target_again_does_not_end_the_decision() -> None:
     bench = half_gone()
     for _ in range(3):
         bench.start(1, 60_000)
@@ -311,7 +313,9 @@ def test_the_same_target_again_does_not() -> None:
 @pytest.mark.parametrize(
     ("first", "then", "end"), [(RUN_PDU, RUN_RELATIVE_PDU, 40_000), (RUN_RELATIVE_PDU, RUN_PDU, 20_000)]
 )
-def test_the_same_words_with_another_meaning_begin_anew(first: bytes, then: bytes, end: int) -> None:
+def test_the_same_words_with_another_meaning_begin_a_new_decision(
+    first: bytes, then: bytes, end: int
+) -> None:
     """To 20 mm and 20 mm further, or from 50 mm 20 mm further and to 20 mm."""
     bench = gantry()
     bench.stage_all(20_000)
@@ -322,7 +326,7 @@ def test_the_same_words_with_another_meaning_begin_anew(first: bytes, then: byte
     assert bench.ends() == [end, 50_010]
 
 
-def test_a_distance_that_is_run_again_does() -> None:
+def test_a_distance_that_is_run_again_begins_a_new_decision() -> None:
     bench = gantry()
     for unit_id in (1, 2):
         bench.stage(unit_id, 5_000)
@@ -337,7 +341,7 @@ def test_a_distance_that_is_run_again_does() -> None:
 
 @pytest.mark.parametrize("pdu", [STOP_PDU, HOME_PDU, bytes.fromhex("06 050E 012C")])
 @pytest.mark.parametrize("unit_id", [1, 2])
-def test_a_stop_a_homing_and_a_jog_end_it(pdu: bytes, unit_id: int) -> None:
+def test_a_stop_a_homing_and_a_jog_end_the_decision(pdu: bytes, unit_id: int) -> None:
     bench = half_gone()
     bench.to(unit_id, pdu)
     assert bench.group()["state"] == "open"
@@ -347,7 +351,7 @@ def test_a_stop_a_homing_and_a_jog_end_it(pdu: bytes, unit_id: int) -> None:
     assert bench.go(80_000) == [80_000, 80_000]
 
 
-def test_after_ten_seconds_what_was_put_off_comes_into_force() -> None:
+def test_after_ten_seconds_deferred_changes_come_into_force() -> None:
     bench = half_gone()
     for _ in range(9):
         bench.wait(1_000)
@@ -360,14 +364,14 @@ def test_after_ten_seconds_what_was_put_off_comes_into_force() -> None:
     assert bench.run(2) == [60_010, 60_000]
 
 
-def test_a_lost_link_ends_it() -> None:
+def test_a_lost_link_ends_the_decision() -> None:
     bench = half_gone()
     bench.cut(500)
     assert bench.group()["state"] == "open"
     assert bench.to(2, RUN_PDU)[0] == 0x86  # what it holds nobody knows
 
 
-def test_a_first_that_its_drive_refused_fixes_nothing() -> None:
+def test_a_first_trigger_that_its_drive_refused_fixes_nothing() -> None:
     bench = gantry()
     bench.stage_all(60_000)
     bench.refuses.append((1, RUN_PDU, bytes.fromhex("86 01")))
@@ -377,7 +381,7 @@ def test_a_first_that_its_drive_refused_fixes_nothing() -> None:
     assert "group-skewed" not in bench.kinds()
 
 
-def test_a_broadcast_trigger_is_one_of_all() -> None:
+def test_a_broadcast_trigger_is_the_trigger_of_all_axes() -> None:
     bench = gantry()
     bench.stage_all(60_000)
     bench.send(RUN_PDU, unit_id=0)
@@ -386,7 +390,7 @@ def test_a_broadcast_trigger_is_one_of_all() -> None:
     assert bench.ends() == [60_010, 60_010]
 
 
-def test_a_target_that_a_broadcast_has_run_waits_no_more() -> None:
+def test_a_target_that_a_broadcast_has_run_is_not_written_again() -> None:
     """y2 runs nothing with the next trigger of y1, so nothing is read or written for it. Gain 0.5: +5."""
     bench = gantry()
     bench.stage_all(60_000)
@@ -399,7 +403,7 @@ def test_a_target_that_a_broadcast_has_run_waits_no_more() -> None:
     assert [unit_id for unit_id, _ in bench.log if unit_id == 2] == []
 
 
-def test_a_target_that_a_broadcast_has_run_holds_up_nothing_after_a_lost_link() -> None:
+def test_a_target_that_a_broadcast_has_run_blocks_nothing_after_a_lost_link() -> None:
     bench = gantry()
     bench.stage_all(60_000)
     bench.send(RUN_PDU, unit_id=0)
@@ -412,7 +416,7 @@ def test_a_target_that_a_broadcast_has_run_holds_up_nothing_after_a_lost_link() 
 # --- a later one that is refused ---------------------------------------------------------------------------
 
 
-def test_a_later_one_that_its_drive_refuses_is_told_with_the_skew() -> None:
+def test_a_later_trigger_that_its_drive_refuses_is_reported_with_the_skew() -> None:
     bench = half_gone()
     bench.refuses.append((2, RUN_PDU, bytes.fromhex("86 04")))
     assert bench.to(2, RUN_PDU) == bytes.fromhex("86 04")
@@ -426,7 +430,7 @@ def test_a_later_one_that_its_drive_refuses_is_told_with_the_skew() -> None:
     assert bench.group()["is_skewed"] is False
 
 
-def test_a_later_target_that_was_lost_is_told_too() -> None:
+def test_a_later_trigger_of_a_lost_target_is_reported_with_the_skew_too() -> None:
     bench = gantry()
     bench.start(1, 60_000)
     bench.lose_target(2, 60_000)
@@ -444,7 +448,7 @@ def movers(**changes: Any) -> GantryBench:
     return bench
 
 
-def test_the_first_target_fixes_it_for_movers() -> None:
+def test_the_first_target_fixes_the_values_for_movers() -> None:
     bench = movers()
     bench.write(1, 60_000)
     bench.switch(is_on=False)
@@ -473,7 +477,7 @@ def halves(bench: GantryBench, unit_id: int, counts: int) -> None:
 
 
 @pytest.mark.parametrize("after", [(1, 0), (1, 1), (2, 0)])
-def test_halves_of_movers_belong_together(after: tuple[int, int]) -> None:
+def test_the_halves_of_a_target_for_movers_use_one_decision(after: tuple[int, int]) -> None:
     """Switched off behind the low word of y1, behind its high one, behind the low one of y2."""
     bench = movers()
     for unit_id in (1, 2):
@@ -488,7 +492,7 @@ def test_halves_of_movers_belong_together(after: tuple[int, int]) -> None:
     assert bench.ends() == [60_000, 60_000]
 
 
-def test_a_low_word_that_stays_alone_ends_it_after_its_time() -> None:
+def test_a_low_word_that_stays_alone_ends_the_decision_after_200_ms() -> None:
     bench = movers()
     for unit_id in (1, 2):
         bench.to(unit_id, bytes.fromhex("06 0606 EA60"))
@@ -500,7 +504,7 @@ def test_a_low_word_that_stays_alone_ends_it_after_its_time() -> None:
 
 
 @pytest.mark.parametrize(("ms", "end"), [(200, 150_010), (201, 150_000)])
-def test_the_high_word_belongs_to_a_low_one_for_200_ms(ms: int, end: int) -> None:
+def test_a_high_word_uses_the_decision_of_its_low_word_for_200_ms(ms: int, end: int) -> None:
     """No position is read, which would take time."""
     plans = [axis_plan(name=f"y{unit}", unit_id=unit, actual=()) for unit in (1, 2)]
     bench = GantryBench(*plans, serial=False)
@@ -513,7 +517,7 @@ def test_the_high_word_belongs_to_a_low_one_for_200_ms(ms: int, end: int) -> Non
     assert bench.ends() == [end, end]
 
 
-def test_a_whole_target_is_no_rest_of_one_that_began_with_a_mask() -> None:
+def test_a_whole_target_after_a_masked_write_begins_a_new_round() -> None:
     """C350, its low byte masked to 60: 50 016."""
     bench = movers()
     bench.to(1, bytes.fromhex("16 0606 FF00 0060"))
@@ -535,7 +539,7 @@ def test_a_stream_changes_over_between_whole_rounds() -> None:
     assert bench.ends() == [2950, 2950]
 
 
-def test_a_repeat_of_one_axis_alone_puts_nothing_off_for_ever() -> None:
+def test_repeats_of_one_axis_alone_defer_no_change_for_ever() -> None:
     bench = movers()
     bench.switch(is_on=False)
     for _ in range(150):
@@ -545,7 +549,7 @@ def test_a_repeat_of_one_axis_alone_puts_nothing_off_for_ever() -> None:
     assert bench.drives[1].get(COMMAND) == 60_000
 
 
-def test_the_bits_of_all_movers_are_read_before_the_first_target() -> None:
+def test_the_homed_bits_of_all_movers_are_read_before_the_first_target() -> None:
     bits = {"homed": BITS["homed"]}
     bench = movers(referenced=Reference.DRIVE_BIT, bits=bits)
     bench.wait(1_200)
@@ -572,7 +576,7 @@ def test_a_dry_run_does_not_end_between_two_triggers() -> None:
     assert bench.go(70_000) == [70_010, 70_010]
 
 
-def test_after_a_kill_nobody_remembers() -> None:
+def test_a_kill_ends_the_decision() -> None:
     """What the other axis holds is not known then: its trigger is refused, and M11 begins anew."""
     bench = half_gone()
     after = GantryBench()
@@ -584,7 +588,7 @@ def test_after_a_kill_nobody_remembers() -> None:
     assert after.go(70_000) == [70_010, 70_010]
 
 
-def test_three_axes_go_by_the_first() -> None:
+def test_three_axes_follow_the_first() -> None:
     plans = [staged_plan(name=f"y{unit}", unit_id=unit) for unit in (1, 2, 3)]
     bench = GantryBench(*plans)
     bench.go(50_000)
@@ -597,7 +601,7 @@ def test_three_axes_go_by_the_first() -> None:
     assert bench.group()["state"] == "open"
 
 
-def test_a_pipelined_pair_goes_by_one_decision() -> None:
+def test_two_pipelined_triggers_follow_one_decision() -> None:
     bench = reversed_gantry(serial=False)
     for unit_id in (1, 2):
         bench.line.request(bench.port, unit_id, unit_id, RUN_PDU, bench.now_ns)
@@ -610,7 +614,7 @@ def test_a_pipelined_pair_goes_by_one_decision() -> None:
     assert bench.ends() == [59_990, 59_990]
 
 
-def test_what_was_refused_to_the_first_may_be_given_again() -> None:
+def test_a_first_trigger_that_was_refused_may_come_again() -> None:
     """Beyond the travel of y2 only: y1 is refused as well, and both go once y2 has another target."""
     settings = {"travel": (0.0, 100.0), "travel_margin": 0.0}
     bench = gantry(**settings)
@@ -623,7 +627,7 @@ def test_what_was_refused_to_the_first_may_be_given_again() -> None:
     assert bench.run(1, 2) == [60_010, 60_010]
 
 
-def test_an_alarm_between_two_triggers_leaves_the_other_corrected() -> None:
+def test_an_axis_with_an_alarm_between_two_triggers_is_still_run_corrected() -> None:
     bench = GantryBench(referenced=Reference.SET_POSITION)
     for unit_id in (1, 2):
         assert bench.to(unit_id, ZERO_PDU) == ZERO_PDU
@@ -638,7 +642,7 @@ def test_an_alarm_between_two_triggers_leaves_the_other_corrected() -> None:
     assert bench.go(70_000) == [70_000, 70_000]
 
 
-def test_an_axis_without_a_group_has_no_status_of_one() -> None:
+def test_an_axis_without_a_group_has_no_group_status() -> None:
     bench = Bench(axis_plan())
     assert axis_status(bench.line.axes[0], bench.now_ns).group is None
 
@@ -651,7 +655,7 @@ def run_both(bench: GantryBench, pdu: bytes) -> list[bytes]:
     return [bench.to(unit_id, pdu) for unit_id in (1, 2)]
 
 
-def test_an_absolute_target_behind_a_distance_is_no_distance_of_the_other_axis() -> None:
+def test_the_other_axis_gets_an_absolute_target_after_a_distance_as_such() -> None:
     """Prepared as 70 000 + 60 000, the other axis would have left its travel: both were refused for ever."""
     bench = gantry(travel=(0.0, 100.0))
     bench.stage_all(20_000)
@@ -661,14 +665,14 @@ def test_an_absolute_target_behind_a_distance_is_no_distance_of_the_other_axis()
     assert bench.run(1, 2) == [59_990, 59_990]
 
 
-def test_a_distance_behind_an_absolute_target_is_no_place_of_the_other_axis() -> None:
+def test_the_other_axis_gets_a_distance_after_an_absolute_target_as_such() -> None:
     bench = gantry(travel=(0.0, 100.0))
     bench.stage_all(-5_000)
     assert run_both(bench, RUN_RELATIVE_PDU) == [RUN_RELATIVE_PDU] * 2
     assert bench.ends() == [44_990, 44_990]
 
 
-def test_a_distance_of_the_other_axis_is_written_anew_before_the_first_leaves() -> None:
+def test_a_distance_of_the_other_axis_is_written_again_before_the_first_trigger_is_sent() -> None:
     """From 50 010 back to 44 990: by -5 020, FFFF EC64."""
     bench = gantry()
     bench.stage_all(-5_000)
@@ -678,7 +682,7 @@ def test_a_distance_of_the_other_axis_is_written_anew_before_the_first_leaves() 
     assert writes(bench) == [(2, by), (1, by), (1, "06 05 0e 00 02")]
 
 
-def test_a_target_before_which_the_other_axis_was_stopped_is_written_anew() -> None:
+def test_the_target_of_a_stopped_axis_is_written_again_before_the_first_trigger() -> None:
     bench = gantry()
     bench.begin(60_000)
     bench.run(2)
@@ -702,7 +706,7 @@ JOGGING_PDU: Final = bytes.fromhex("06 0700 0003")
 
 
 @pytest.mark.parametrize(("mode", "written"), [(ABSOLUTE_PDU, BOTH_ANEW), (JOGGING_PDU, BOTH_ANEW[1:])])
-def test_the_mode_of_the_other_axis_decides_what_is_written_anew(
+def test_the_mode_of_the_other_axis_decides_whether_its_target_is_written_again(
     mode: bytes, written: list[tuple[int, str]]
 ) -> None:
     bench = GantryBench(motion=sticky())
@@ -716,7 +720,7 @@ def test_the_mode_of_the_other_axis_decides_what_is_written_anew(
 
 
 @pytest.mark.parametrize("added_frames", [True, False])
-def test_an_unknown_mode_of_the_other_axis_is_asked_for_once_at_most(*, added_frames: bool) -> None:
+def test_an_unknown_mode_of_the_other_axis_is_read_once_at_most(*, added_frames: bool) -> None:
     """Its drive refuses to tell it, or nothing may be read: its target stays as it is."""
     bench = GantryBench(motion=sticky(), added_frames=added_frames)
     bench.to(1, ABSOLUTE_PDU)
@@ -727,7 +731,7 @@ def test_an_unknown_mode_of_the_other_axis_is_asked_for_once_at_most(*, added_fr
     assert [pdu for unit_id, pdu in bench.log if unit_id == 2] == ["03 07 00 00 01"] * added_frames
 
 
-def test_an_axis_that_passes_1_1_holds_up_no_other_one() -> None:
+def test_an_axis_that_passes_1_to_1_blocks_no_other_axis() -> None:
     bench = bit_gantry()
     for unit_id in (1, 2):
         bench.lose_homed_bit(unit_id)
@@ -737,7 +741,7 @@ def test_an_axis_that_passes_1_1_holds_up_no_other_one() -> None:
     assert bench.run(2) == [50_010, 60_000]
 
 
-def test_the_first_is_refused_where_another_axis_has_lost_the_target_that_it_held() -> None:
+def test_the_first_trigger_is_refused_if_another_axis_has_lost_its_staged_target() -> None:
     """y2 was silent for longer than lost_ms between staging and running: what it holds nobody knows."""
     bench = gantry()
     bench.stage_all(70_000)
@@ -750,7 +754,7 @@ def test_the_first_is_refused_where_another_axis_has_lost_the_target_that_it_hel
     assert "group-skewed" not in bench.kinds()
 
 
-def test_the_first_is_refused_where_another_axis_was_refused_its_target_while_positions_passed_1_1() -> None:
+def test_the_first_trigger_is_refused_if_another_axis_lost_its_target_while_positions_passed_1_to_1() -> None:
     bench = bit_gantry()
     for unit_id in (1, 2):
         bench.lose_homed_bit(unit_id)
@@ -769,7 +773,7 @@ def test_the_first_is_refused_where_another_axis_was_refused_its_target_while_po
 
 
 @pytest.mark.parametrize(("y2_stands_at", "end"), [(50_010, 50_010), (50_050, 50_000)])
-def test_of_a_beam_all_targets_of_before_a_loss_count_or_none(y2_stands_at: int, end: int) -> None:
+def test_all_targets_of_a_group_from_before_a_loss_count_or_none(y2_stands_at: int, end: int) -> None:
     """Where each stands where it was told to, they keep their words. 40 counts beside it, both go anew."""
     bench = bit_gantry()
     for unit_id in (1, 2):
@@ -781,7 +785,7 @@ def test_of_a_beam_all_targets_of_before_a_loss_count_or_none(y2_stands_at: int,
     assert bench.run(1, 2) == [end, end]
 
 
-def test_movers_of_a_beam_are_looked_at_before_the_first_goes() -> None:
+def test_the_positions_of_all_movers_are_read_before_the_first_target() -> None:
     bench = GantryBench(
         *(
             axis_plan(name=f"y{unit}", unit_id=unit, referenced=Reference.DRIVE_BIT, bits=BITS)
@@ -838,7 +842,7 @@ def test_a_trigger_that_may_have_been_obeyed_fixes_the_decision(
     assert bench.go(70_000) == [70_000, 70_000]
 
 
-def test_that_the_skew_is_not_known_is_told_at_once() -> None:
+def test_an_unknown_skew_is_reported_immediately() -> None:
     bench = gantry()
     bench.stage_all(60_000)
     bench.obeys_secretly(RUN_PDU)
@@ -851,7 +855,7 @@ def test_that_the_skew_is_not_known_is_told_at_once() -> None:
 
 
 @pytest.mark.parametrize("answer", [bytes.fromhex("86 01"), bytes.fromhex("86 04")])
-def test_what_proves_that_nothing_was_obeyed_fixes_nothing(answer: bytes) -> None:
+def test_an_exception_that_proves_nothing_was_executed_fixes_nothing(answer: bytes) -> None:
     bench = gantry(exception_writes_nothing=True)
     bench.stage_all(60_000)
     bench.refuses.append((1, RUN_PDU, answer))
@@ -860,7 +864,7 @@ def test_what_proves_that_nothing_was_obeyed_fixes_nothing(answer: bytes) -> Non
     assert "group-skewed" not in bench.kinds()
 
 
-def test_after_ten_seconds_one_that_may_have_gone_is_told_anew_as_all_are() -> None:
+def test_after_ten_seconds_all_targets_are_rendered_again_also_of_an_axis_that_may_have_started() -> None:
     """Its words are those of another switch, and the other axis has none of that target: both go 1:1."""
     bench = perhaps_gone(None)
     bench.switch(is_on=False)
@@ -880,7 +884,7 @@ def may_have_gone(**changes: Any) -> GantryBench:
 
 
 @pytest.mark.parametrize("before", [half_gone, may_have_gone])
-def test_one_that_has_or_may_have_gone_and_is_given_another_target_begins_anew(
+def test_another_target_for_an_axis_that_has_or_may_have_started_ends_the_decision(
     before: Callable[[], GantryBench],
 ) -> None:
     bench = before()
@@ -890,7 +894,7 @@ def test_one_that_has_or_may_have_gone_and_is_given_another_target_begins_anew(
     assert bench.run(1, 2) == [70_000, 70_000]
 
 
-def test_a_part_of_another_target_begins_nothing_yet() -> None:
+def test_a_part_of_another_target_does_not_end_the_decision() -> None:
     """A distance may have been run. Its successor is lost to a wrong count (90 03), then comes in parts."""
     bench = gantry()
     bench.stage_all(5_000)
@@ -904,21 +908,23 @@ def test_a_part_of_another_target_begins_nothing_yet() -> None:
 
 
 @pytest.mark.parametrize("order", [(1, 2), (2, 1)])
-def test_a_drive_that_cannot_be_reached_ends_it_and_neither_keeps_its_words(order: tuple[int, int]) -> None:
+def test_a_drive_that_cannot_be_reached_ends_the_decision_and_no_axis_keeps_its_words(
+    order: tuple[int, int],
+) -> None:
     bench = perhaps_gone(None, lost_ms=1_000.0)
     bench.switch(is_on=False)
     bench.stage_all(60_000)
     assert bench.run(*order) == [60_000, 60_000]
 
 
-def test_a_stop_ends_what_one_that_may_have_gone_has_fixed() -> None:
+def test_a_stop_ends_the_decision_of_an_axis_that_may_have_started() -> None:
     bench = perhaps_gone(None)
     bench.switch(is_on=False)
     bench.stop(1)
     assert bench.group()["state"] == "open"
 
 
-def test_a_homed_bit_that_falls_after_one_may_have_gone_refuses_nothing() -> None:
+def test_a_homed_bit_that_falls_after_an_axis_may_have_started_refuses_nothing() -> None:
     bench = bit_gantry(lost_ms=5_000.0)
     bench.stage_all(60_000)
     bench.obeys_secretly(RUN_PDU)
@@ -931,7 +937,7 @@ def test_a_homed_bit_that_falls_after_one_may_have_gone_refuses_nothing() -> Non
 
 
 @pytest.mark.parametrize(("lost_ms", "end"), [(5_000.0, 60_010), (1_000.0, 60_000)])
-def test_a_mover_that_may_have_gone_fixes_it_too(lost_ms: float, end: int) -> None:
+def test_a_mover_that_may_have_started_fixes_the_values_too(lost_ms: float, end: int) -> None:
     """Unless its drive could not be reached for so long; then neither axis keeps its words."""
     bench = movers(lost_ms=lost_ms)
     bench.obeys_secretly(write(COMMAND, 60_000))
@@ -961,14 +967,14 @@ def apart(bench: GantryBench, elsewhere: float = 50_010) -> GantryBench:
 
 
 @pytest.mark.parametrize("order", [(1, 2), (2, 1)])
-def test_where_one_goes_by_what_is_asked_for_none_keeps_its_words(order: tuple[int, int]) -> None:
+def test_no_axis_keeps_its_words_if_one_uses_the_requested_values(order: tuple[int, int]) -> None:
     """y1 was told 60 010 for it before the switch; y2 is told 60 000."""
     bench = apart(gantry())
     bench.stage_all(60_000)
     assert bench.run(*order) == [60_000, 60_000]
 
 
-def test_where_nothing_may_be_added_each_target_written_again_goes_by_what_is_asked_for() -> None:
+def test_without_added_frames_each_target_written_again_uses_the_requested_values() -> None:
     """y1 was written with its words of before, for nobody knew yet what y2 is told: refused once."""
     bench = GantryBench(added_frames=False)
     bench.go(50_000)
@@ -980,14 +986,14 @@ def test_where_nothing_may_be_added_each_target_written_again_goes_by_what_is_as
     assert bench.run(1, 2) == [60_000, 60_000]
 
 
-def test_where_all_keep_their_words_nothing_moves() -> None:
+def test_no_axis_moves_if_all_keep_their_words() -> None:
     bench = apart(gantry())
     bench.stage(1, 60_000)
     bench.stage(2, 50_000)
     assert bench.run(1, 2) == [60_010, 50_010]
 
 
-def test_where_all_are_only_run_again_none_is_told_anew() -> None:
+def test_targets_that_are_only_run_again_are_not_written_again() -> None:
     bench = gantry()
     bench.switch(is_on=False)
     bench.log.clear()
@@ -995,7 +1001,7 @@ def test_where_all_are_only_run_again_none_is_told_anew() -> None:
     assert bench.log == [(2, "06 05 0e 00 01"), (1, "06 05 0e 00 01")]
 
 
-def test_a_gain_makes_all_anew_as_a_switch_does() -> None:
+def test_all_targets_are_rendered_again_after_a_new_gain() -> None:
     """y1 goes backward for it, from 60 010."""
     bench = apart(gantry())
     bench.switch(is_on=True)
@@ -1014,7 +1020,7 @@ def test_a_gain_makes_all_anew_as_a_switch_does() -> None:
         (lambda bench: set_tables(bench, 0.02), [60_020, 60_020], [70_020, 70_020]),
     ],
 )
-def test_one_that_has_gone_and_one_that_may_have_both_go_by_what_is_asked_for_now(
+def test_an_axis_that_has_started_and_one_that_may_have_both_use_the_requested_values(
     order: tuple[int, int],
     staging: tuple[int, int],
     change: Callable[[GantryBench], None],
@@ -1043,7 +1049,7 @@ def test_one_that_has_gone_and_one_that_may_have_both_go_by_what_is_asked_for_no
     assert bench.go(70_000) == then
 
 
-def test_what_is_enabled_makes_all_anew_too() -> None:
+def test_all_targets_are_rendered_again_after_enabling() -> None:
     bench = gantry()
     bench.switch(is_on=False)
     bench.go(60_000)
@@ -1057,14 +1063,14 @@ def test_what_is_enabled_makes_all_anew_too() -> None:
     assert bench.run(1, 2) == [70_010, 70_010]
 
 
-def test_a_mover_keeps_no_words_behind_one_that_went_by_what_is_asked_for() -> None:
+def test_a_mover_keeps_no_words_after_one_that_used_the_requested_values() -> None:
     bench = movers()
     bench.switch(is_on=False)
     bench.write(2, 60_000)
     assert bench.write(1, 50_000) == [50_000, 60_000]
 
 
-def test_movers_that_are_told_the_same_again_keep_their_words() -> None:
+def test_movers_that_get_the_same_targets_again_keep_their_words() -> None:
     bench = movers()
     bench.switch(is_on=False)
     for _ in range(3):
@@ -1095,7 +1101,7 @@ def test_a_mover_keeps_no_words_beside_one_that_has_no_target_yet() -> None:
     assert bench.write(1, 50_000) == [50_000, 60_000]
 
 
-def test_a_distance_makes_the_repeat_of_another_axis_anew() -> None:
+def test_the_repeat_of_an_axis_is_rendered_again_after_a_distance_of_another_one() -> None:
     bench = apart(gantry())
     bench.stage(2, 10_000)
     assert bench.to(2, RUN_RELATIVE_PDU) == RUN_RELATIVE_PDU
@@ -1113,7 +1119,7 @@ def test_a_mover_keeps_no_words_beside_one_that_something_else_has_moved() -> No
 
 
 @pytest.mark.parametrize("order", [(1, 2), (2, 1)])
-def test_a_mover_keeps_no_words_beside_one_that_a_hand_has_moved_unseen(order: tuple[int, int]) -> None:
+def test_a_mover_keeps_no_words_beside_one_that_was_moved_unseen(order: tuple[int, int]) -> None:
     """y2 is read before the first one goes. With half the gain 50 000 is 50 005, or 49 995 from above."""
     bench = movers()
     bench.poll(read(ACTUAL))
@@ -1147,7 +1153,7 @@ def test_a_mover_keeps_no_words_beside_one_that_has_lost_its_target() -> None:
     assert bench.write_all(60_000) == [60_000, 60_000]
 
 
-def test_a_stopped_drive_that_moves_with_each_write_is_written_nothing_for_the_others() -> None:
+def test_no_target_is_written_to_a_stopped_mover_for_another_axis() -> None:
     """Its old target would be right with half the gain only after another write, and that would move it."""
     motion = MotionPlan(triggers=(TriggerPlan(TRIGGER, deeds=DEEDS),))
     bench = GantryBench(*(staged_plan(name=f"y{unit}", unit_id=unit, motion=motion) for unit in (1, 2)))
@@ -1191,7 +1197,7 @@ def started_on_one_unit_id() -> StagedBench:
     return bench
 
 
-def test_a_stop_of_one_axis_is_sent_though_its_frame_runs_a_target_that_is_refused() -> None:
+def test_a_stop_is_sent_although_its_frame_runs_a_target_that_is_refused() -> None:
     """M3: the axes y1 and y2 are on one unit id. y2 has run, y1 has lost its target."""
     bench = started_on_one_unit_id()
     bench.unanswered(write(COMMAND, 60_000), 1000, 1000)
@@ -1217,7 +1223,7 @@ def test_a_target_beside_a_stop_begins_a_new_round_as_any_other() -> None:
     ],
     ids=["moves with each write", "starts on a word", "starts on a word, staged"],
 )
-def test_a_group_goes_on_after_a_refused_target_if_one_frame_writes_and_runs(motion: MotionPlan) -> None:
+def test_a_group_continues_after_a_refused_target_if_one_frame_writes_and_runs(motion: MotionPlan) -> None:
     """M11: both axes get a target beyond the travel, then an allowed one. Neither waits for the other."""
     plans = [axis_plan(name=f"y{n}", unit_id=n, motion=motion, travel=(0.0, 100.0)) for n in (1, 2)]
     bench = Bench(*plans, groups=[("y1", "y2")])
@@ -1237,7 +1243,9 @@ def both(counts: float) -> bytes:
 
 
 @pytest.mark.parametrize("is_answered", [True, False])
-def test_one_frame_for_both_axes_goes_on_after_it_was_refused_or_lost(*, is_answered: bool) -> None:
+def test_one_frame_for_both_axes_is_sent_after_the_one_before_was_refused_or_lost(
+    *, is_answered: bool
+) -> None:
     """M11: each axis gets its target with the other one, so neither is waited for. 60 000 is 60 010."""
     y1 = axis_plan(name="y1", command=(FIRST,), travel=(0.0, 100.0))
     y2 = axis_plan(name="y2", command=(SECOND,), actual=(Y_ACTUAL,), travel=(0.0, 100.0))
@@ -1263,7 +1271,7 @@ def frame_of(trigger: int, counts: float) -> bytes:
     return bytes.fromhex("10 050E 0003 06") + trigger.to_bytes(2, "big") + write(GO_COMMAND, counts)[6:]
 
 
-def test_a_staged_target_that_never_ran_holds_up_no_frames_that_write_and_run() -> None:
+def test_a_staged_target_that_never_ran_blocks_no_frames_that_write_and_run() -> None:
     bench = Bench(*GO_PLANS, groups=[("y1", "y2")])
     assert bench.ask(write(GO_COMMAND, 55_000), unit_id=2) == write(GO_COMMAND, 55_000)[:5]
     for counts, is_allowed in ((150_000, False), (60_000, True), (70_000, True)):
@@ -1274,7 +1282,7 @@ def test_a_staged_target_that_never_ran_holds_up_no_frames_that_write_and_run() 
             )
 
 
-def test_two_axes_that_have_both_lost_their_own_targets_go_on_with_frames_that_write_and_run() -> None:
+def test_two_axes_that_have_both_lost_their_targets_continue_with_frames_that_write_and_run() -> None:
     """Both targets were written alone, and lost: one of the two has to be the first."""
     bench = Bench(*GO_PLANS, groups=[("y1", "y2")])
     for unit_id in (1, 2):

@@ -91,7 +91,7 @@ LOSSES = ["reference", "link", "silence"]
 
 
 @pytest.mark.parametrize("how", LOSSES)
-def test_m4_a_repeat_over_a_loss_moves_nothing_where_the_axis_stands_there(how: str) -> None:
+def test_m4_a_repeat_after_a_loss_keeps_its_words_if_the_axis_is_at_its_target(how: str) -> None:
     bench = mover()
     lose(bench, how)
     before = len(bench.seen)
@@ -102,7 +102,7 @@ def test_m4_a_repeat_over_a_loss_moves_nothing_where_the_axis_stands_there(how: 
 
 
 @pytest.mark.parametrize("beside", [20, -20])
-def test_m4_a_standing_error_within_the_window_is_no_other_place(beside: int) -> None:
+def test_m4_a_standing_error_within_the_window_counts_as_at_the_target(beside: int) -> None:
     bench = mover()
     lose(bench, "reference")
     bench.memory.put(ACTUAL, 59_740 + beside)
@@ -110,7 +110,7 @@ def test_m4_a_standing_error_within_the_window_is_no_other_place(beside: int) ->
 
 
 @pytest.mark.parametrize("how", LOSSES)
-def test_m9_a_repeat_passes_1_to_1_where_the_axis_stands_elsewhere_without_a_reference(how: str) -> None:
+def test_m9_a_repeat_passes_1_to_1_if_the_axis_is_elsewhere_without_a_reference(how: str) -> None:
     bench = mover()
     lose(bench, how)
     bench.memory.words[HOMED.address] = 0
@@ -121,7 +121,7 @@ def test_m9_a_repeat_passes_1_to_1_where_the_axis_stands_elsewhere_without_a_ref
 
 
 @pytest.mark.parametrize("how", LOSSES[1:])
-def test_m6_a_repeat_is_corrected_anew_where_the_axis_stands_elsewhere_with_its_reference(how: str) -> None:
+def test_m6_a_repeat_is_rendered_again_if_the_axis_is_elsewhere_with_its_reference(how: str) -> None:
     bench = mover()
     lose(bench, how)
     bench.memory.put(ACTUAL, 20_000)
@@ -140,7 +140,7 @@ def test_m9_only_a_reading_of_the_controller_after_the_loss_is_proof(is_after: b
     assert bench.memory.get(COMMAND) == 59_740
 
 
-def test_m9_a_reading_elsewhere_ends_what_was_kept_for_good() -> None:
+def test_m9_after_a_reading_elsewhere_a_kept_target_never_counts_again() -> None:
     bench = mover()
     lose(bench, "reference")
     bench.memory.put(ACTUAL, 20_000)
@@ -151,7 +151,7 @@ def test_m9_a_reading_elsewhere_ends_what_was_kept_for_good() -> None:
 
 
 @pytest.mark.parametrize("how", LOSSES)
-def test_m4_where_nobody_may_look_a_drive_that_goes_with_each_write_gets_the_same_words(how: str) -> None:
+def test_m4_without_added_reads_a_mover_gets_the_same_words(how: str) -> None:
     """A cyclic writer that repeats its target over a pulled cable must not jerk the axis."""
     bench = mover(added_frames=False)
     assert bench.memory.get(COMMAND) == 59_740
@@ -164,7 +164,7 @@ def test_m4_where_nobody_may_look_a_drive_that_goes_with_each_write_gets_the_sam
     assert bench.command(60_000) == 60_000
 
 
-def test_m4_where_the_drive_does_not_tell_where_it_is_it_gets_the_same_words() -> None:
+def test_m4_a_drive_that_refuses_to_report_its_position_gets_the_same_words() -> None:
     bench = mover()
     lose(bench, "link")
     bench.send(write(COMMAND, 60_000))
@@ -204,7 +204,7 @@ def switch_off(bench: StagedBench, *, is_homed: bool = False, at: int = 20_000) 
     bench.ask(STATUS_PDU)
 
 
-def test_m9_a_drive_that_comes_back_from_another_zero_is_not_corrected_on_it() -> None:
+def test_m9_a_drive_that_comes_back_with_another_zero_gets_no_correction() -> None:
     """Staged 1:1 and written anew as 60 410 at its trigger, without a look: so it was."""
     bench = staged()
     switch_off(bench)
@@ -217,7 +217,7 @@ def test_m9_a_drive_that_comes_back_from_another_zero_is_not_corrected_on_it() -
     assert bench.drive.moves[-1] == ("absolute", 60_000)
 
 
-def test_m9_a_reboot_that_nobody_saw_is_found_by_the_look_too() -> None:
+def test_m9_the_added_read_finds_a_restart_of_the_drive_too() -> None:
     bench = staged()
     bench.drive.put(ACTUAL, 20_000)
     bench.drive.set_bits(is_done=True, is_homed=False)
@@ -226,7 +226,7 @@ def test_m9_a_reboot_that_nobody_saw_is_found_by_the_look_too() -> None:
     assert bench.run(60_000) == ("absolute", 60_000)
 
 
-def test_m9_where_nobody_may_look_a_target_of_before_is_refused_until_a_reading() -> None:
+def test_m9_without_added_reads_a_target_from_before_is_refused_until_a_reading() -> None:
     bench = staged(added_frames=False)
     switch_off(bench, at=60_075)  # half-way, for nobody could look before the first target either
     moves = list(bench.drive.moves)
@@ -237,7 +237,7 @@ def test_m9_where_nobody_may_look_a_target_of_before_is_refused_until_a_reading(
     assert bench.run(60_000) == ("absolute", 60_075)
 
 
-def test_m9_where_nobody_may_look_a_different_target_passes_1_to_1() -> None:
+def test_m9_without_added_reads_a_different_target_passes_1_to_1() -> None:
     bench = staged(added_frames=False)
     switch_off(bench)
     bench.stage(60_000)
@@ -245,7 +245,7 @@ def test_m9_where_nobody_may_look_a_different_target_passes_1_to_1() -> None:
     assert bench.run(60_001) == ("absolute", 60_001)
 
 
-def test_m6_m9_where_nobody_may_look_unproved_words_are_forgotten_and_the_direction_is_flagged() -> None:
+def test_m6_m9_without_added_reads_unproven_words_are_forgotten_and_the_direction_is_flagged() -> None:
     bench = staged(added_frames=False, is_polled=False)
     switch_off(bench)
     assert bench.run(60_000) == ("absolute", 60_000)
@@ -259,7 +259,7 @@ def test_m6_m9_where_nobody_may_look_unproved_words_are_forgotten_and_the_direct
     assert bench.line.axes[0].is_unsure
 
 
-def test_m4_one_that_stands_there_runs_with_the_same_words_as_often_as_it_is_given() -> None:
+def test_m4_an_axis_at_its_target_gets_the_same_words_with_each_repeat() -> None:
     bench = staged()
     switch_off(bench, at=60_410)
     for _ in range(3):
@@ -330,7 +330,7 @@ def test_m2_after_a_close_a_trigger_runs_the_target_that_its_drive_has_kept() ->
 
 
 @pytest.mark.parametrize("kept", [60_409, 60_000, 0])
-def test_m9_after_a_close_a_trigger_is_refused_where_its_drive_holds_anything_else(kept: int) -> None:
+def test_m9_after_a_close_a_trigger_is_refused_if_its_drive_holds_anything_else(kept: int) -> None:
     bench = after_a_close()
     bench.drive.put(COMMAND, kept)
     assert bench.refused(RUN_PDU) == 4
@@ -341,7 +341,7 @@ def test_m9_a_trigger_alone_is_refused_after_any_other_loss_of_the_link() -> Non
     assert bench.refused(RUN_PDU) == 4
 
 
-def test_m3_reading_it_back_makes_up_for_no_word_that_was_lost() -> None:
+def test_m3_reading_a_kept_target_back_does_not_replace_a_lost_one() -> None:
     bench = staged()
     bench.unanswered(write(COMMAND, 70_000), 1001, 2)
     lose(bench, "link")
@@ -350,7 +350,7 @@ def test_m3_reading_it_back_makes_up_for_no_word_that_was_lost() -> None:
     assert bench.drive.moves == moves
 
 
-def test_m2_after_a_close_it_is_corrected_anew_where_the_axis_stands_elsewhere() -> None:
+def test_m2_after_a_close_a_kept_target_is_rendered_again_if_the_axis_is_elsewhere() -> None:
     bench = after_a_close()
     bench.drive.put(ACTUAL, 90_000)
     assert bench.trigger() == ("absolute", 59_740)  # backward from 90 mm
@@ -363,7 +363,7 @@ KINDS = [Reference.SET_POSITION, Reference.HOMING]
 
 @pytest.mark.parametrize("referenced", KINDS)
 @pytest.mark.parametrize("is_read", [True, False])
-def test_m4_a_declared_reference_leaves_a_staged_target_its_words(
+def test_m4_a_declared_reference_does_not_change_the_words_of_a_staged_target(
     referenced: Reference, is_read: bool
 ) -> None:
     bench = StagedBench(staged_plan(table=WORN, referenced=referenced))
@@ -380,7 +380,9 @@ def test_m4_a_declared_reference_leaves_a_staged_target_its_words(
 
 
 @pytest.mark.parametrize("is_read", [True, False])
-def test_m4_a_declared_reference_leaves_a_target_that_is_repeated_on_its_way_its_words(is_read: bool) -> None:
+def test_m4_a_declared_reference_does_not_change_the_words_of_a_target_repeated_on_the_way(
+    is_read: bool,
+) -> None:
     bench = Bench(axis_plan(table=WORN, referenced=Reference.SET_POSITION))
     assert bench.reach(60_000) == 60_000
     bench.memory.put(ACTUAL, 40_000)
@@ -413,7 +415,7 @@ def mode(word: int) -> bytes:
 IGNORES = MotionPlan(modes=(ModePlan(MODE, actions={1: Action.ABSOLUTE}, otherwise=Action.IGNORE),))
 
 
-def test_a_position_that_was_written_where_it_means_nothing_is_no_repeat_afterwards() -> None:
+def test_words_written_in_a_mode_without_targets_do_not_make_the_next_target_a_repeat() -> None:
     """M4: in mode 9 the drive keeps 3000 and stands at 10; in mode 1 the same words are a target: 3010."""
     bench = Bench(axis_plan(motion=IGNORES))
     bench.ask(mode(1))
@@ -495,7 +497,7 @@ def test_w8_a_trigger_register_that_is_known_is_not_read_before_a_position() -> 
 
 
 @pytest.mark.parametrize("word", [1, 0xFFFC])
-def test_no_target_is_written_anew_while_the_drive_goes_to_what_is_written(word: int) -> None:
+def test_no_target_is_written_again_while_the_drive_follows_its_register(word: int) -> None:
     """M2: +1000 went out as +1020, from 1990 to 3010. Written anew for the trigger, as 1000 in the same
     direction, it would move the drive at once, and the trigger once more. 0xFFFC means what nobody knows."""
     bench = following_bench()
@@ -546,7 +548,7 @@ def test_a_lost_target_of_one_path_does_not_run_once_another_path_has_a_new_one(
     assert bench.seen == []
 
 
-def test_words_that_stood_in_the_register_before_prove_no_target() -> None:
+def test_words_that_were_in_the_register_before_prove_no_target() -> None:
     """M7: 1000 by the other register went out as 1010 long ago; given again it is lost. What is read there is
     what the first one left. 800 from 500 (490) may come from either side: flagged."""
     plan = axis_plan(command=(COMMAND, OTHER), actual=(), bits={"done": BitField(STATUS, DONE_BIT)})
@@ -600,7 +602,7 @@ def test_the_same_target_lost_twice_is_proven_by_its_arrival() -> None:
     assert bench.ask(read(ACTUAL)) == b"\x03\x04" + ACTUAL.pack(1000)
 
 
-def test_m9_an_orderly_close_after_another_loss_makes_up_for_nothing() -> None:
+def test_m9_an_orderly_close_after_another_loss_does_not_restore_a_kept_target() -> None:
     bench = after_a_close(is_orderly=False)
     bench.line.link_down(bench.now_ns, "closed by its peer", is_orderly=True)
     bench.wait(3000)

@@ -15,7 +15,7 @@ from tests.exchange.staged_bench import RUN_PDU, STOP_PDU, StagedBench
 OTHER = bytes.fromhex("03 0700 0001")
 
 
-def test_one_exchange_at_a_time_and_the_next_goes_out_with_the_reply() -> None:
+def test_one_exchange_at_a_time_and_the_next_is_sent_with_the_reply() -> None:
     bench = Bench()
     bench.send(OTHER, transaction_id=1)
     bench.send(bytes.fromhex("03 0701 0001"), Port(ControllerPlan("second")), transaction_id=2)
@@ -25,7 +25,7 @@ def test_one_exchange_at_a_time_and_the_next_goes_out_with_the_reply() -> None:
     assert bench.port.replies == [(1, 1, bytes.fromhex("03 02 0000"))]
 
 
-def test_motion_goes_before_monitors() -> None:
+def test_motion_is_sent_before_monitors() -> None:
     bench = Bench(serial=False)
     hmi = monitor()
     bench.send(OTHER)
@@ -59,7 +59,7 @@ def test_the_gateway_is_never_less_patient_than_the_controller() -> None:
     assert bench.link.abandoned == 1
 
 
-def test_after_a_time_out_nothing_goes_to_a_serial_line_until_it_was_silent() -> None:
+def test_after_a_time_out_nothing_is_sent_to_a_serial_line_until_it_was_silent() -> None:
     bench = Bench(serial=False, timing=LineTiming(drain_ms=50))
     bench.send(OTHER)
     bench.wait(1000)
@@ -71,7 +71,7 @@ def test_after_a_time_out_nothing_goes_to_a_serial_line_until_it_was_silent() ->
     assert bench.leaves_after(50) == (1, bytes.fromhex("03 0701 0001"))
 
 
-def test_after_a_time_out_a_tcp_drive_is_asked_at_once() -> None:
+def test_after_a_time_out_the_next_request_to_a_tcp_drive_is_sent_immediately() -> None:
     bench = Bench(serial=False, tcp_drive=True)
     bench.send(OTHER)
     bench.send(bytes.fromhex("03 0701 0001"), Port(ControllerPlan("second", timeout_ms=5000)))
@@ -90,7 +90,7 @@ def test_w5_a_serial_controller_that_repeats_withdraws_what_it_sent_before() -> 
     assert bench.kinds()[-1] == "withdrawn"
 
 
-def test_requests_that_are_withdrawn_together_are_told_of_once_a_second() -> None:
+def test_withdrawn_requests_are_reported_once_a_second_for_each_controller() -> None:
     """Thirty reads of two panels wait while a drive takes its time, and both connections end."""
     bench = Bench(serial=False)
     busy, panel, other = (Port(ControllerPlan(name)) for name in ("cnc", "panel", "other"))
@@ -112,7 +112,7 @@ def test_requests_that_are_withdrawn_together_are_told_of_once_a_second() -> Non
     assert told[2].endswith(", 30 times since the last note")
 
 
-def test_a_reply_whose_serial_controller_went_on_is_not_given_to_its_next_request() -> None:
+def test_a_late_reply_is_not_passed_on_for_the_next_request_of_a_serial_controller() -> None:
     bench = Bench()
     bench.send(OTHER)
     bench.send(bytes.fromhex("03 0701 0001"))
@@ -199,7 +199,7 @@ FEW: Final = -(-WAITING_BYTES // (64 + 5))
 """Reads of registers that have room: 950."""
 
 
-def test_what_has_no_room_is_answered_busy_behind_the_answers_before_it() -> None:
+def test_requests_without_room_are_answered_busy_after_the_answers_before_them() -> None:
     bench = Bench(serial=False)
     for number in range(FEW + 3):
         bench.send(OTHER, transaction_id=number)  # the first is on the wire
@@ -210,7 +210,7 @@ def test_what_has_no_room_is_answered_busy_behind_the_answers_before_it() -> Non
     assert [pdu.hex() for _, _, pdu in bench.port.replies[-3:]] == ["03020000", "8306", "8306"]
 
 
-def test_the_room_is_that_of_a_host_and_others_have_their_own() -> None:
+def test_each_host_has_its_own_room_for_requests() -> None:
     bench = Bench(serial=False)
     ports = [Port(ControllerPlan("plc")) for _ in range(3)]
     for port, host in zip(ports, ("10.0.0.1", "10.0.0.1", "10.0.0.2"), strict=True):
@@ -223,7 +223,7 @@ def test_the_room_is_that_of_a_host_and_others_have_their_own() -> None:
     assert ports[2].replies == []
 
 
-def test_m3_a_stop_goes_first_where_nothing_has_room() -> None:
+def test_m3_a_stop_is_sent_first_even_if_nothing_has_room() -> None:
     bench = StagedBench(serial=False)
     for number in range(FEW + 2):
         bench.send(OTHER, transaction_id=number)
@@ -233,7 +233,7 @@ def test_m3_a_stop_goes_first_where_nothing_has_room() -> None:
     assert bench.link.sent == [(1, STOP_PDU)]
 
 
-def test_a_flood_is_answered_busy_at_once() -> None:
+def test_a_flood_is_answered_busy_immediately() -> None:
     bench = Bench(serial=False)
     for number in range(2 * FEW + 10):
         bench.send(OTHER, transaction_id=number)
@@ -303,7 +303,7 @@ def test_a_corrected_value_that_does_not_fit_its_register_is_refused_never_wrapp
     assert "2147483647" in bench.events[-1].detail
 
 
-def test_an_echo_that_is_not_what_was_sent_passes_untouched_and_is_no_acknowledgement() -> None:
+def test_a_wrong_echo_passes_untouched_and_is_no_acknowledgement() -> None:
     bench = Bench(axis_plan())
     bench.move(50_000)
     bench.send(write(COMMAND, 60_000))
@@ -323,7 +323,7 @@ def test_exception_codes_pass_as_they_are(code: int) -> None:
     assert bench.port.take() == bytes((0x90, code))
 
 
-def test_after_an_exception_the_same_target_is_decided_anew() -> None:
+def test_after_an_exception_the_branch_of_the_same_target_is_decided_again() -> None:
     bench = Bench(axis_plan())
     bench.move(50_000)
     bench.send(write(COMMAND, 20_000))
@@ -432,7 +432,7 @@ def test_w1_an_odd_request_and_its_reply_pass_as_they_are(pdu: bytes) -> None:
 
 @pytest.mark.parametrize("pdu", [START, SPEED])
 @pytest.mark.parametrize(("unit_id", "wired"), [(1, True), (6, True), (5, False)])
-def test_w1_for_others_and_over_tcp_an_odd_frame_is_cut_short(
+def test_w1_an_odd_frame_to_other_units_or_over_tcp_is_refused(
     pdu: bytes, unit_id: int, *, wired: bool
 ) -> None:
     bench = line(port=port_of(wired=wired))
@@ -441,7 +441,7 @@ def test_w1_for_others_and_over_tcp_an_odd_frame_is_cut_short(
     assert bench.port.take() == bytes((pdu[0] | 0x80, 3))
 
 
-def test_w9_it_counts_as_a_write_whatever_its_function_code_says() -> None:
+def test_w9_an_odd_frame_counts_as_a_write_whatever_its_function_code() -> None:
     for role in (Role.MONITOR, Role.OPERATOR):
         for wired in (True, False):
             bench = line(port=port_of("hmi", role=role, wired=wired))
@@ -472,7 +472,7 @@ def test_w9_it_counts_as_a_write_whatever_its_function_code_says() -> None:
         ),
     ],
 )
-def test_w9_rights_hold_for_it(rights: Rights, pdu: bytes, code: int) -> None:
+def test_w9_the_rights_apply_to_an_odd_frame(rights: Rights, pdu: bytes, code: int) -> None:
     bench = line(port=port_of(rights=rights))
     for _ in range(2):  # the second time by what was remembered
         bench.send(READ if 3 in rights.function_codes else pdu, unit_id=6)
@@ -489,7 +489,7 @@ def test_w9_rights_hold_for_it(rights: Rights, pdu: bytes, code: int) -> None:
             bench.line.reply(5, pdu, bench.now_ns)
 
 
-def test_w9_a_read_with_the_same_head_is_judged_by_itself() -> None:
+def test_w9_a_read_with_the_head_of_an_odd_frame_is_judged_separately() -> None:
     rights = Rights(is_read_only=True)
     bench = line(port=port_of(rights=rights))
     odd, ordinary = bytes.fromhex("03 0700 0001 00"), READ
@@ -503,7 +503,7 @@ def test_w9_a_read_with_the_same_head_is_judged_by_itself() -> None:
         assert bench.port.take() == b"\x83\x01"
 
 
-def test_w5_it_is_withdrawn_when_its_controller_sends_anything_new() -> None:
+def test_w5_an_odd_frame_is_withdrawn_when_its_controller_sends_a_new_request() -> None:
     bench = line()
     other = port_of("panel")
     bench.send(read(ACTUAL), other)  # busy
@@ -515,7 +515,7 @@ def test_w5_it_is_withdrawn_when_its_controller_sends_anything_new() -> None:
     assert bench.line.counters.withdrawn == 1
 
 
-def test_w5_it_is_sent_once_and_not_again_after_a_time_out() -> None:
+def test_w5_an_odd_frame_is_not_sent_again_after_a_time_out() -> None:
     bench = line(response_timeout_ms=1000.0)
     bench.send(START, unit_id=5)
     assert bench.link.take() == START
@@ -525,7 +525,9 @@ def test_w5_it_is_sent_once_and_not_again_after_a_time_out() -> None:
 
 
 @pytest.mark.parametrize("pdu", [START, LONG])
-def test_w6_after_a_time_out_of_another_unit_it_waits_for_silence_and_a_read_does_not(pdu: bytes) -> None:
+def test_w6_after_a_time_out_of_another_unit_an_odd_frame_waits_for_silence_and_a_read_does_not(
+    pdu: bytes,
+) -> None:
     bench = line()
     bench.missed(READ, 1000, unit_id=9)
     bench.send(pdu, unit_id=5)
@@ -541,7 +543,7 @@ def test_w6_after_a_time_out_of_another_unit_it_waits_for_silence_and_a_read_doe
     assert bench.link.sent == [(5, READ)]
 
 
-def test_m3_a_stop_of_an_axis_goes_before_it() -> None:
+def test_m3_an_odd_frame_keeps_its_place_before_a_later_write() -> None:
     bench = line()
     panel, third = port_of("panel"), port_of("third")
     bench.send(read(ACTUAL), panel)
@@ -565,7 +567,7 @@ def dead_line(**options: Any) -> Bench:
     return bench
 
 
-def test_w11_to_a_dead_unit_the_newest_goes_every_retry_ms_and_nothing_twice() -> None:
+def test_w11_the_newest_odd_frame_to_a_dead_unit_is_sent_every_retry_ms_and_none_twice() -> None:
     bench = dead_line(port=port_of(timeout_ms=100.0))
     sent: list[tuple[int, bytes]] = []
     for number in range(150):  # every 20 ms another one
@@ -579,7 +581,7 @@ def test_w11_to_a_dead_unit_the_newest_goes_every_retry_ms_and_nothing_twice() -
     assert sent == [(number, bytes((5, 2, 0, number))) for number in range(7, 150, 15)]
 
 
-def test_w11_one_alone_waits_for_the_trial_while_half_of_its_time_is_left() -> None:
+def test_w11_an_odd_frame_alone_waits_for_the_trial_while_half_of_its_time_is_left() -> None:
     bench = dead_line()
     assert bench.link.sent == []
     bench.send(START, unit_id=5)  # 150 ms too soon, and its controller waits for 1000
@@ -588,7 +590,7 @@ def test_w11_one_alone_waits_for_the_trial_while_half_of_its_time_is_left() -> N
     assert bench.leaves_after(150)[1] == START
 
 
-def test_w11_one_that_would_wait_for_longer_is_answered_at_once() -> None:
+def test_w11_an_odd_frame_that_would_wait_too_long_is_answered_immediately() -> None:
     bench = dead_line(port=port_of(timeout_ms=200.0))
     bench.send(START, unit_id=5)  # 150 ms too soon, and its controller waits for 200
     assert bench.port.take() == bytes.fromhex("83 0B")
@@ -597,7 +599,7 @@ def test_w11_one_that_would_wait_for_longer_is_answered_at_once() -> None:
     assert bench.link.sent == []
 
 
-def test_w11_a_read_of_the_device_is_answered_as_ever_and_its_pause_doubles() -> None:
+def test_w11_a_read_of_a_dead_device_is_answered_as_usual_and_its_pause_doubles() -> None:
     bench = dead_line()
     bench.send(READ, unit_id=5)
     assert bench.port.take() == bytes.fromhex("83 0B")
@@ -613,7 +615,7 @@ def test_w11_a_read_of_the_device_is_answered_as_ever_and_its_pause_doubles() ->
     assert bench.link.take() == START  # 200 ms each time
 
 
-def test_w11_one_that_waits_for_a_trial_is_withdrawn_when_its_controller_sends_anything_new() -> None:
+def test_w11_an_odd_frame_that_waits_for_a_trial_is_withdrawn_by_the_next_request() -> None:
     bench = dead_line()
     bench.send(START, unit_id=5)
     bench.send(read(ACTUAL))
@@ -623,7 +625,7 @@ def test_w11_one_that_waits_for_a_trial_is_withdrawn_when_its_controller_sends_a
     assert bench.link.sent == []
 
 
-def test_w11_an_answer_ends_it() -> None:
+def test_w11_an_answer_to_an_odd_frame_ends_the_back_off() -> None:
     bench = dead_line()
     bench.wait(150)
     bench.send(START, unit_id=5)
@@ -633,7 +635,7 @@ def test_w11_an_answer_ends_it() -> None:
     assert bench.line.silent_units.silences == {}
 
 
-def test_w6_its_trial_waits_for_the_silence_of_another_unit() -> None:
+def test_w6_an_odd_frame_that_is_a_trial_waits_for_the_silence_of_another_unit() -> None:
     """Unit 5 is dead: it is due 200 ms after the last time-out. Unit 1 owes a reply until 10 ms later."""
     bench, plc = line(port=port_of(timeout_ms=5000.0)), port_of("plc", wired=False, timeout_ms=100.0)
     for _ in range(3):
@@ -660,7 +662,7 @@ def is_owed(bench: Bench) -> bool:
     return bench.line.rest.needs_silence
 
 
-def test_nothing_is_sent_before_the_silence_and_what_waits_goes_then_in_its_order() -> None:
+def test_nothing_is_sent_before_the_silence_and_waiting_requests_keep_their_order() -> None:
     bench = Bench(axis_plan(), timing=TIMING, before_up=awaits_late_reply)
     port = Port(PATIENT)
     bench.send(FIRST, port)
@@ -675,7 +677,7 @@ def test_nothing_is_sent_before_the_silence_and_what_waits_goes_then_in_its_orde
     assert bench.seen == [FIRST, SECOND]
 
 
-def test_a_late_reply_begins_the_silence_anew_and_a_line_that_is_never_silent_is_used_all_the_same() -> None:
+def test_a_late_reply_restarts_the_silence_and_a_line_that_is_never_silent_is_used_nevertheless() -> None:
     bench = Bench(axis_plan(), timing=TIMING, before_up=awaits_late_reply)
     bench.send(FIRST, Port(PATIENT))
     for _ in range(4):  # at 30, 60, 90 and 120 ms; three times the silence are 150 ms
@@ -685,7 +687,7 @@ def test_a_late_reply_begins_the_silence_anew_and_a_line_that_is_never_silent_is
     assert bench.leaves_after(30) == (1, FIRST)
 
 
-def test_m3_a_stop_does_not_wait_for_the_silence_goes_again_after_it_and_withdraws_queued_moves() -> None:
+def test_m3_a_stop_is_sent_before_and_after_the_silence_and_withdraws_queued_moves() -> None:
     bench = StagedBench(serial=False, timing=TIMING, before_up=awaits_late_reply)
     bench.send(FIRST, Port(PATIENT))
     bench.send(RUN_PDU)
@@ -701,7 +703,7 @@ def test_m3_a_stop_does_not_wait_for_the_silence_goes_again_after_it_and_withdra
     assert bench.port.take() == bytes.fromhex("86 06")  # the move that the stop has overtaken
 
 
-def test_a_cable_that_is_lost_meanwhile_begins_it_anew() -> None:
+def test_a_lost_cable_restarts_the_silence() -> None:
     bench = Bench(axis_plan(), timing=TIMING, before_up=awaits_late_reply)
     bench.wait(49)
     bench.line.link_down(bench.now_ns)
@@ -712,7 +714,7 @@ def test_a_cable_that_is_lost_meanwhile_begins_it_anew() -> None:
     assert bench.leaves_after(50) == (1, FIRST)
 
 
-def test_a_stop_of_the_gateway_leaves_nothing_owed_but_what_is_on_the_wire_or_still_late() -> None:
+def test_a_gateway_that_stops_owes_a_silence_only_for_a_request_on_the_wire_or_a_late_reply() -> None:
     bench = Bench(axis_plan(), timing=TIMING)
     bench.line.link_down(bench.now_ns)
     assert not is_owed(bench)

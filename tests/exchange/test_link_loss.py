@@ -42,7 +42,7 @@ def test_w5_a_request_that_finds_an_idle_connection_closed_waits_for_the_next_on
     assert bench.memory.get(COMMAND) == 50_010
 
 
-def test_w5_ten_of_ten_writes_pass_though_the_server_closes_after_each_answer() -> None:
+def test_w5_ten_of_ten_writes_pass_although_the_server_closes_after_each_answer() -> None:
     bench = ConnectionBench(axis_plan(), settled=False)
     for number in range(10):
         counts = 10_000 + 1_000 * number
@@ -83,7 +83,7 @@ def test_m3_a_target_that_found_no_connection_is_lost_and_its_trigger_refused() 
     assert TRIGGER not in bench.seen
 
 
-def test_a_connection_is_wanted_once_in_100_ms_while_something_waits() -> None:
+def test_a_connection_is_requested_every_100_ms_while_a_request_waits() -> None:
     bench = ConnectionBench(axis_plan())
     bench.peer_closes()
     wanted = bench.connection.wanted
@@ -94,7 +94,7 @@ def test_a_connection_is_wanted_once_in_100_ms_while_something_waits() -> None:
     assert bench.connection.wanted == wanted + 5  # at 0, 100, 200, 300 and 400 ms
 
 
-def test_what_may_write_leaves_only_while_half_of_the_time_out_remains() -> None:
+def test_a_request_that_may_write_is_sent_only_while_half_of_the_time_out_remains() -> None:
     """Up after 499 ms; the reads that go first take until 501 ms."""
     bench = homed_bench()
     bench.until(2000)  # nothing is known of it any more once the connection is lost
@@ -106,7 +106,7 @@ def test_what_may_write_leaves_only_while_half_of_the_time_out_remains() -> None
     assert [pdu for pdu in bench.seen if pdu[0] == 16] == []
 
 
-def test_m3_a_stop_goes_first_withdraws_and_is_not_sent_after_its_time_out() -> None:
+def test_m3_a_stop_without_a_connection_withdraws_triggers_and_is_not_sent_after_its_time_out() -> None:
     bench = ConnectionBench(axis_plan(command=(COMMAND,), motion=STAGED))
     bench.ask(write(COMMAND, 50_000))
     bench.until(2000)
@@ -123,7 +123,7 @@ def test_m3_a_stop_goes_first_withdraws_and_is_not_sent_after_its_time_out() -> 
     assert STOP not in bench.seen
 
 
-def test_m3_a_stop_that_finds_no_connection_leaves_before_everything_else() -> None:
+def test_m3_a_stop_that_finds_no_connection_is_sent_before_everything_else() -> None:
     bench = ConnectionBench(axis_plan(command=(COMMAND,), motion=STAGED))
     bench.until(2000)
     bench.peer_closes()
@@ -135,7 +135,7 @@ def test_m3_a_stop_that_finds_no_connection_leaves_before_everything_else() -> N
     assert [pdu for _, _, pdu in bench.port.replies] == [ABSENT_READ, STOP]
 
 
-def test_w5_bytes_given_to_a_connection_are_sent_and_never_again() -> None:
+def test_w5_a_request_given_to_a_connection_is_never_sent_again() -> None:
     bench = ConnectionBench(axis_plan())
     bench.move(20_000)
     seen = len(bench.seen)
@@ -152,7 +152,7 @@ def test_w5_bytes_given_to_a_connection_are_sent_and_never_again() -> None:
     assert bench.told() == ["closed by its peer while a request was unanswered"]
 
 
-def test_w5_a_prerequisite_that_is_lost_with_the_connection_is_asked_anew() -> None:
+def test_w5_a_prerequisite_that_is_lost_with_the_connection_is_read_again() -> None:
     bench = homed_bench()
     bench.until(1500)
     bench.send(write(COMMAND, 50_000))
@@ -168,7 +168,7 @@ def test_w5_a_prerequisite_that_is_lost_with_the_connection_is_asked_anew() -> N
 # --- what is known after it ---------------------------------------------------------------------------------
 
 
-def test_a_blink_forgets_nothing_of_an_axis_that_was_heard_within_a_second() -> None:
+def test_a_short_orderly_close_forgets_nothing_of_an_axis_that_was_heard_within_a_second() -> None:
     bench = ConnectionBench(axis_plan())
     bench.move(50_000)  # and 1000 ms later
     bench.actual()
@@ -181,7 +181,7 @@ def test_a_blink_forgets_nothing_of_an_axis_that_was_heard_within_a_second() -> 
 
 
 @pytest.mark.parametrize(("quiet_ms", "away_ms"), [(0, 101), (1002, 10)])
-def test_longer_or_of_an_axis_that_was_not_heard_it_is_a_lost_link(quiet_ms: float, away_ms: float) -> None:
+def test_a_close_for_longer_or_of_an_axis_not_heard_is_a_lost_link(quiet_ms: float, away_ms: float) -> None:
     bench = ConnectionBench(axis_plan())
     bench.move(50_000)
     bench.actual()
@@ -191,7 +191,7 @@ def test_longer_or_of_an_axis_that_was_not_heard_it_is_a_lost_link(quiet_ms: flo
     assert bench.line.axes[0].motion.state is MotionState.SUPERSEDED
 
 
-def test_a_connection_that_breaks_is_no_blink() -> None:
+def test_a_connection_that_breaks_is_a_lost_link() -> None:
     bench = ConnectionBench(axis_plan())
     bench.move(50_000)
     bench.actual()
@@ -200,7 +200,7 @@ def test_a_connection_that_breaks_is_no_blink() -> None:
     assert bench.line.axes[0].motion.state is MotionState.SUPERSEDED
 
 
-def test_a_drive_that_was_switched_off_during_a_close_is_asked_whether_it_is_homed() -> None:
+def test_after_a_close_the_homed_bit_is_read_before_a_target() -> None:
     bench = homed_bench()
     bench.move(50_000)
     bench.peer_closes()
@@ -211,7 +211,7 @@ def test_a_drive_that_was_switched_off_during_a_close_is_asked_whether_it_is_hom
     assert bench.seen[-2:] == [READ_HOMED, write(COMMAND, 20_000)]
 
 
-def test_w11_a_dead_drive_stays_dead_over_a_blink_and_is_asked_again_after_a_loss() -> None:
+def test_w11_a_dead_drive_stays_dead_over_a_short_close_and_is_tried_again_after_a_lost_link() -> None:
     bench = ConnectionBench(axis_plan(), retry_ms=1000.0)
     slow = controller(timeout_ms=200.0)
     for _ in range(3):
@@ -231,7 +231,7 @@ def test_w11_a_dead_drive_stays_dead_over_a_blink_and_is_asked_again_after_a_los
     assert bench.link.sent[-1] == (9, READ)
 
 
-def test_w5_nothing_is_sent_into_a_connection_that_its_server_closes_behind_each_answer() -> None:
+def test_w5_nothing_is_sent_on_a_connection_that_its_server_closes_after_each_answer() -> None:
     """It closed 0.2 ms after its first answer: for 20 ms after the next nothing leaves, not even a stop."""
     bench = ConnectionBench(axis_plan(motion=STAGED), settled=False)
     bench.send(READ)
@@ -252,7 +252,7 @@ def test_w5_nothing_is_sent_into_a_connection_that_its_server_closes_behind_each
     assert bench.link.take() == READ
 
 
-def test_w5_what_would_leave_with_an_answer_waits_until_a_server_has_shown_that_it_stays() -> None:
+def test_w5_the_next_request_waits_until_a_server_has_shown_that_it_keeps_the_connection() -> None:
     bench = ConnectionBench(axis_plan(), settled=False)
     bench.send(write(COMMAND, 50_000))
     bench.serve_one()  # the look
@@ -266,7 +266,7 @@ def test_w5_what_would_leave_with_an_answer_waits_until_a_server_has_shown_that_
     assert bench.link.take() == write(COMMAND, 60_010)
 
 
-def test_a_server_that_is_asked_later_than_20_ms_after_its_answer_has_shown_that_it_stays() -> None:
+def test_a_server_whose_connection_is_open_20_ms_after_its_answer_has_shown_that_it_keeps_it() -> None:
     bench = ConnectionBench(axis_plan(), settled=False)
     for _ in range(2):
         bench.send(READ)
@@ -280,7 +280,7 @@ def test_a_server_that_is_asked_later_than_20_ms_after_its_answer_has_shown_that
 # --- connections that we close ------------------------------------------------------------------------------
 
 
-def test_a_connection_on_demand_is_closed_after_a_second_without_an_answer_and_nobody_is_told() -> None:
+def test_a_connection_on_demand_is_closed_after_an_idle_second_without_an_event() -> None:
     bench = ConnectionBench(axis_plan(), connects_on_demand=True)
     bench.ask(READ)
     bench.until(999)
@@ -297,14 +297,14 @@ def test_a_connection_on_demand_is_closed_after_a_second_without_an_answer_and_n
 
 
 @pytest.mark.parametrize("plan", [axis_plan(), axis_plan(motion=STAGED)], ids=["under way", "staged"])
-def test_a_connection_on_demand_stays_while_its_axis_is_under_way_or_a_target_staged(plan: AxisPlan) -> None:
+def test_a_connection_on_demand_stays_open_while_its_axis_moves_or_a_target_is_staged(plan: AxisPlan) -> None:
     bench = ConnectionBench(plan, connects_on_demand=True)
     bench.ask(write(COMMAND, 50_000))
     bench.until(20_000)
     assert bench.connection.hung_up == []
 
 
-def test_after_a_close_of_our_own_the_homed_bit_is_read_first() -> None:
+def test_after_a_close_by_the_gateway_the_homed_bit_is_read_first() -> None:
     bench = homed_bench(connects_on_demand=True)
     bench.until(20_000)
     assert bench.connection.hung_up == [False]
@@ -313,7 +313,7 @@ def test_after_a_close_of_our_own_the_homed_bit_is_read_first() -> None:
     assert bench.link.sent == [(1, READ_HOMED)]
 
 
-def test_a_connection_is_made_anew_after_max_connection_s_once_nothing_is_under_way() -> None:
+def test_a_connection_is_renewed_after_max_connection_s_while_no_axis_moves() -> None:
     bench = ConnectionBench(axis_plan(), max_connection_s=2.0)
     bench.until(1900)
     bench.ask(READ)
@@ -328,7 +328,7 @@ def test_a_connection_is_made_anew_after_max_connection_s_once_nothing_is_under_
 # --- what is told -------------------------------------------------------------------------------------------
 
 
-def test_line_down_is_told_once_a_minute_for_each_reason() -> None:
+def test_line_down_is_reported_once_a_minute_for_each_reason() -> None:
     bench = ConnectionBench(axis_plan())
     for _ in range(60):
         bench.peer_closes()
@@ -345,7 +345,7 @@ def test_line_down_is_told_once_a_minute_for_each_reason() -> None:
     assert bench.told()[2:] == ["closed by its peer when idle, 60 times since the last note"]
 
 
-def test_line_down_that_lasts_is_told_however_often_it_was() -> None:
+def test_line_down_that_lasts_a_second_is_always_reported() -> None:
     bench = ConnectionBench(axis_plan())
     bench.peer_closes()
     bench.returns(10)
@@ -358,7 +358,7 @@ def test_line_down_that_lasts_is_told_however_often_it_was() -> None:
     assert len(bench.told(exchange_events.LINE_UP)) == 2
 
 
-def test_a_loss_under_way_is_told_at_once() -> None:
+def test_a_link_lost_while_an_axis_moves_is_reported_immediately() -> None:
     bench = ConnectionBench(axis_plan())
     for _ in range(3):
         bench.ask(write(COMMAND, 50_000))
@@ -367,7 +367,7 @@ def test_a_loss_under_way_is_told_at_once() -> None:
     assert bench.told() == ["Connection reset by peer"] * 3
 
 
-def test_serial_ports_answer_at_once_that_they_are_not_there() -> None:
+def test_a_missing_serial_port_is_answered_as_absent_immediately() -> None:
     bench = ConnectionBench(axis_plan())
     bench.connection.connects = False
     bench.breaks("unplugged")
@@ -396,7 +396,7 @@ def go_silent(bench: Bench) -> None:
     bench.unanswered(bytes.fromhex("03 0700 0001"), 1000, 1)
 
 
-def test_after_a_silence_the_homed_bit_is_asked_before_anything_is_corrected() -> None:
+def test_after_a_silence_the_homed_bit_is_read_before_a_target_is_corrected() -> None:
     bench = corrected_bench()
     go_silent(bench)
     bench.memory.words[HOMED.address] = 0  # it was switched off and on
@@ -404,14 +404,14 @@ def test_after_a_silence_the_homed_bit_is_asked_before_anything_is_corrected() -
     assert bench.kinds()[-2:] == ["drive-answers", "reference-lost"]
 
 
-def test_after_a_silence_a_drive_that_is_still_homed_goes_on_being_corrected() -> None:
+def test_after_a_silence_a_drive_that_is_still_homed_is_corrected_as_before() -> None:
     bench = corrected_bench()
     go_silent(bench)
     assert bench.actual() == 50_000
     assert READ_HOMED in bench.seen[-2:]
 
 
-def test_a_homed_bit_that_could_not_be_read_is_asked_again_with_the_next_request() -> None:
+def test_a_homed_bit_that_could_not_be_read_is_read_again_with_the_next_request() -> None:
     bench = Bench(axis_plan(referenced=Reference.DRIVE_BIT, bits={"homed": HOMED}))
     bench.line.link_down(bench.now_ns)
     bench.line.link_up(bench.now_ns)
@@ -422,14 +422,14 @@ def test_a_homed_bit_that_could_not_be_read_is_asked_again_with_the_next_request
     assert bench.command(50_000) == 50_010
 
 
-def test_where_nothing_may_be_read_a_silence_ends_the_reference() -> None:
+def test_without_added_reads_a_silence_ends_the_reference() -> None:
     bench = corrected_bench(added_frames=False, home_approach=1)
     go_silent(bench)
     assert bench.kinds()[-1] == "reference-lost"
     assert bench.command(60_000) == 60_000
 
 
-def test_silence_is_counted_for_each_unit_by_itself() -> None:
+def test_silence_is_counted_for_each_unit_separately() -> None:
     bench = Bench(serial=False, tcp_drive=True)
     for _ in range(3):
         bench.send(bytes.fromhex("03 0700 0001"), unit_id=9)
@@ -440,7 +440,7 @@ def test_silence_is_counted_for_each_unit_by_itself() -> None:
     assert bench.kinds() == ["line-up", "drive-silent", "drive-backed-off"]
 
 
-def test_a_serial_link_that_comes_back_first_falls_silent_when_something_was_outstanding() -> None:
+def test_a_serial_link_that_comes_back_begins_with_a_silence_if_a_reply_was_pending() -> None:
     bench = Bench(timing=LineTiming(drain_ms=50))
     bench.send(bytes.fromhex("03 0700 0001"))
     bench.link.sent.clear()
@@ -453,7 +453,7 @@ def test_a_serial_link_that_comes_back_first_falls_silent_when_something_was_out
 
 @pytest.mark.parametrize("unit_id", [0, 255])
 @pytest.mark.parametrize("request_pdu", [write(COMMAND, 50_000), read(ACTUAL)])
-def test_a_tcp_drive_is_not_reached_around_its_axis_by_0_or_255(unit_id: int, request_pdu: bytes) -> None:
+def test_unit_ids_0_and_255_of_a_tcp_drive_do_not_bypass_its_axis(unit_id: int, request_pdu: bytes) -> None:
     bench = Bench(axis_plan(), serial=False, tcp_drive=True)
     bench.send(request_pdu, unit_id=unit_id)
     assert bench.link.sent == []
@@ -462,7 +462,7 @@ def test_a_tcp_drive_is_not_reached_around_its_axis_by_0_or_255(unit_id: int, re
     assert bench.link.sent == [(unit_id, bytes.fromhex("03 0700 0001"))]
 
 
-def test_the_done_bit_in_the_reply_to_a_write_is_that_of_the_move_before() -> None:
+def test_a_done_bit_in_the_reply_to_a_write_belongs_to_the_move_before() -> None:
     done = BitField(0x0031, 0)
     bench = Bench(axis_plan(bits={"done": done}))
     bench.move(80_000)
@@ -497,7 +497,7 @@ def test_an_axis_with_a_done_bit_but_no_actual_position_keeps_its_branch_until_i
     assert bench.command(10_000) == 9_990
 
 
-def test_a_stream_goes_on_with_its_correction_after_its_link_blinked() -> None:
+def test_a_stream_continues_with_its_correction_after_a_short_close() -> None:
     bench = Bench(stream_plan(home_approach=1, reload_distance=0.001), timing=LineTiming(drain_ms=1))
     for counts in (0, 1000, 2000, 3000):
         bench.ask(write(COMMAND, counts))
@@ -542,7 +542,7 @@ def test_nothing_without_a_function_code_does_anything() -> None:
     assert bench.port.take() == bytes.fromhex("03 02 0000")
 
 
-def test_an_axis_that_is_homed_later_is_corrected_from_then_on_without_anybody_reading_the_bit() -> None:
+def test_an_axis_that_is_homed_later_is_corrected_from_then_on_although_no_controller_reads_the_bit() -> None:
     bench = Bench(axis_plan(referenced=Reference.DRIVE_BIT, bits={"homed": HOMED}))
     assert bench.kinds() == ["line-up", "reference-lost"]
     assert bench.reach(10_000) == 10_000
@@ -567,7 +567,7 @@ def test_a_homed_bit_seen_a_moment_ago_is_not_read_again() -> None:
     assert READ_HOMED not in bench.seen[frames:]
 
 
-def test_nobody_answers_a_broadcast_on_a_controllers_serial_line() -> None:
+def test_a_broadcast_on_a_controllers_serial_line_gets_no_answer() -> None:
     bench = Bench(axis_plan(), tcp_drive=True)
     bench.send(bytes.fromhex("06 0700 0001"), unit_id=0)
     assert bench.link.take() == bytes.fromhex("06 0700 0001")
@@ -577,7 +577,7 @@ def test_nobody_answers_a_broadcast_on_a_controllers_serial_line() -> None:
     assert bench.port.replies == []
 
 
-def test_a_frame_that_nobody_asked_for_makes_the_line_fall_silent_first() -> None:
+def test_an_unrequested_frame_makes_the_line_wait_for_silence() -> None:
     bench = Bench(timing=LineTiming(drain_ms=50))
     bench.ask(bytes.fromhex("03 0700 0001"))
     bench.line.stray(bench.now_ns, unit_id=1)  # the drive answered twice
@@ -586,7 +586,7 @@ def test_a_frame_that_nobody_asked_for_makes_the_line_fall_silent_first() -> Non
     assert bench.kinds()[-1] == "late-reply"
 
 
-def test_noise_on_an_idle_line_holds_nothing_up() -> None:
+def test_noise_on_an_idle_line_delays_nothing() -> None:
     bench = Bench(timing=LineTiming(drain_ms=50))
     bench.line.stray(bench.now_ns)
     bench.send(bytes.fromhex("03 0701 0001"))

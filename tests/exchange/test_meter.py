@@ -80,7 +80,7 @@ def is_about(found: float, wanted: float) -> bool:
     return abs(found - wanted) <= wanted / 60
 
 
-def test_every_part_of_an_exchange_is_measured_apart() -> None:
+def test_every_part_of_an_exchange_is_measured_separately() -> None:
     bench = MeterBench()
     bench.exchange(work_us=30, write_us=5, drive_us=900, turn_us=20, answer_us=7)
     found = times_us(bench.line.meter.measured["cnc", 1])
@@ -156,7 +156,7 @@ def test_no_percentile_lies_above_the_highest_time() -> None:
     assert [took_us.p50, took_us.p99, took_us.p999, took_us.max] == [1000.0] * 4
 
 
-def test_a_monitor_is_measured_apart() -> None:
+def test_a_monitor_is_measured_separately() -> None:
     bench = MeterBench()
     bench.exchange(1, 1, 1, 1, 1)
     hmi = TimedPort(ControllerPlan("hmi", role=Role.MONITOR))
@@ -178,7 +178,7 @@ def test_a_monitor_is_measured_apart() -> None:
     assert status.axis("x").gateway_us == of_line
 
 
-def test_an_overrun_is_told_once_when_it_begins_and_once_when_it_has_ended() -> None:
+def test_an_overrun_is_reported_once_when_it_begins_and_once_when_it_has_ended() -> None:
     bench = MeterBench(budget_us=100)
     bench.exchange(60, 20, 500, 19, 1)  # exactly 100: kept
     assert bench.line.meter.overruns == 0
@@ -205,7 +205,7 @@ def test_an_overrun_is_told_once_when_it_begins_and_once_when_it_has_ended() -> 
     assert bench.line.meter.overruns == 3
 
 
-def test_overruns_within_ten_seconds_of_each_other_are_one() -> None:
+def test_overruns_within_ten_seconds_of_each_other_are_reported_as_one() -> None:
     bench = MeterBench(budget_us=100)
     for _ in range(3):
         bench.exchange(200, 1, 1, 1, 1)
@@ -220,7 +220,7 @@ def test_overruns_within_ten_seconds_of_each_other_are_one() -> None:
     assert "; 3 over it so far" in bench.events[-1].detail
 
 
-def test_an_exchange_that_needed_a_frame_of_the_gateways_own_counts_that_apart() -> None:
+def test_the_time_of_added_frames_is_measured_separately() -> None:
     link = TimedLink()
     bench = Bench(axis_plan(budget_us=100), link=link)
     port = TimedPort(ControllerPlan("cnc"))
@@ -240,7 +240,7 @@ def test_an_exchange_that_needed_a_frame_of_the_gateways_own_counts_that_apart()
     assert bench.line.meter.overruns == 0
 
 
-def test_percentiles_of_many_are_worked_out_a_few_at_a_time() -> None:
+def test_percentiles_of_many_controllers_are_computed_a_few_at_a_time() -> None:
     bench = MeterBench()
     for number in range(10):
         bench.port = bench.timed_port = TimedPort(ControllerPlan(f"cnc-{number}"))

@@ -67,7 +67,7 @@ def done(bench: Bench, *, is_set: bool) -> None:
 # --- rule 5: done of the move before -----------------------------------------------------------------------
 
 
-def test_m6_a_done_bit_left_from_the_move_before_is_no_arrival() -> None:
+def test_m6_a_done_bit_of_the_move_before_is_no_arrival() -> None:
     bench = Bench(axis_plan(table=WORN, bits={"done": DONE}))
     bench.move(60_000)
     done(bench, is_set=True)
@@ -80,7 +80,7 @@ def test_m6_a_done_bit_left_from_the_move_before_is_no_arrival() -> None:
     assert not unsure(bench)
 
 
-def test_m6_done_that_fell_and_came_back_with_the_axis_in_its_window_is_arrival() -> None:
+def test_m6_done_that_fell_and_rose_with_the_axis_in_its_window_is_arrival() -> None:
     bench = Bench(axis_plan(table=WORN, bits={"done": DONE}))
     bench.ask(write(COMMAND, 60_000))
     done(bench, is_set=False)
@@ -94,7 +94,7 @@ def test_m6_done_that_fell_and_came_back_with_the_axis_in_its_window_is_arrival(
     assert not unsure(bench)
 
 
-def test_m6_done_without_its_fall_counts_once_the_drive_has_had_the_time() -> None:
+def test_m6_done_that_did_not_fall_counts_after_done_drop_ms() -> None:
     for later_ms, stage in ((900, MotionState.MOVING), (1001, MotionState.ARRIVED)):
         bench = Bench(axis_plan(table=WORN, bits={"done": DONE}, actual=()))
         bench.ask(write(COMMAND, 60_000))
@@ -103,7 +103,7 @@ def test_m6_done_without_its_fall_counts_once_the_drive_has_had_the_time() -> No
         assert bench.line.axes[0].motion.state is stage
 
 
-def test_m6_a_place_on_a_way_from_a_known_start_tells_the_direction() -> None:
+def test_m6_a_position_on_the_way_from_a_known_start_shows_the_direction() -> None:
     """Nor does it matter that either branch could have brought a standing axis there."""
     bench = Bench(axis_plan(table=WORN, bits={"done": DONE}))
     bench.move(60_000)
@@ -118,7 +118,7 @@ def test_m6_a_place_on_a_way_from_a_known_start_tells_the_direction() -> None:
     assert not unsure(bench)
 
 
-def test_m6_a_sample_is_as_old_as_its_request() -> None:
+def test_m6_a_sample_has_the_time_of_its_request() -> None:
     bench = Bench(axis_plan(table=WORN, bits={"done": DONE}, actual=()), serial=False, tcp_drive=True)
     bench.ask(write(COMMAND, 60_000))
     done(bench, is_set=False)
@@ -150,7 +150,7 @@ def test_m9_a_read_that_waited_behind_another_one_is_no_jump() -> None:
     assert not unsure(bench)
 
 
-def test_m6_a_moving_bit_makes_no_done_bit_newer() -> None:
+def test_m6_a_moving_bit_does_not_make_an_old_done_bit_count() -> None:
     moving = BitField(DONE.address, 1)
     bench = Bench(axis_plan(table=WORN, bits={"done": DONE, "moving": moving}, actual=()))
     bench.ask(write(COMMAND, 60_000))
@@ -172,13 +172,13 @@ def test_m6_in_position_alone_never_is_arrival() -> None:
 # --- rule 6: short reversals -------------------------------------------------------------------------------
 
 
-def test_m6_a_reversal_shorter_than_the_hysteresis_is_one() -> None:
+def test_m6_a_reversal_shorter_than_the_hysteresis_counts() -> None:
     bench = Bench(axis_plan(table=WORN, hysteresis=0.05))
     for counts, corrected in ((100_000, 100_410), (60_000, 59_740), (60_030, 60_440)):
         assert bench.reach(counts) == corrected
 
 
-def test_m6_a_target_that_trembles_hunts_is_told_and_can_be_stilled() -> None:
+def test_m6_a_trembling_target_is_reported_and_repeat_within_counts_ends_it() -> None:
     bench = Bench(axis_plan(table=WORN))
     bench.move(60_000)
     for number in range(12):
@@ -213,18 +213,18 @@ def jogged(**changes: object) -> Bench:
 
 
 @pytest.mark.parametrize(("counts", "corrected"), [(120_000, 119_740), (100_000, 99_740), (160_000, 160_410)])
-def test_m6_an_axis_that_nobody_saw_is_looked_at_before_it_moves(counts: int, corrected: int) -> None:
+def test_m6_the_position_of_an_unseen_axis_is_read_before_it_moves(counts: int, corrected: int) -> None:
     bench = jogged()
     assert bench.frames(write(COMMAND, counts)) == [read(ACTUAL), write(COMMAND, corrected)]
 
 
-def test_m6_where_it_may_not_be_looked_at_it_is_flagged() -> None:
+def test_m6_an_unseen_axis_that_may_not_be_read_is_flagged() -> None:
     bench = jogged(safe_read=False)
     assert bench.command(120_000) == 120_410
     assert unsure(bench)
 
 
-def test_m4_a_servo_that_stands_off_is_where_it_was_sent() -> None:
+def test_m4_a_servo_with_a_standing_error_counts_as_at_its_target() -> None:
     bench = jogged()
     bench.memory.put(ACTUAL, 100_410 - 15)
     assert bench.command(100_000) == 100_410
@@ -232,7 +232,7 @@ def test_m4_a_servo_that_stands_off_is_where_it_was_sent() -> None:
     assert bench.command(100_003) == 100_413
 
 
-def test_m6_who_polls_is_not_looked_for_and_streams_never_are() -> None:
+def test_m6_no_position_is_read_for_an_axis_that_its_controller_polls() -> None:
     bench = jogged()
     bench.memory.put(ACTUAL, 100_410)
     bench.actual()
@@ -240,7 +240,7 @@ def test_m6_who_polls_is_not_looked_for_and_streams_never_are() -> None:
     assert bench.frames(write(COMMAND, 100_000)) == [write(COMMAND, 100_410)]
 
 
-def test_m6_a_done_bit_that_is_read_after_a_pause_does_not_tell_where_the_axis_is() -> None:
+def test_m6_a_done_bit_read_after_a_pause_does_not_show_the_position() -> None:
     """The jog is over by then, and the bit looks as it did before. Who polled it all the time saw it fall."""
     bench = jogged()
     done(bench, is_set=True)
@@ -251,7 +251,7 @@ def test_m6_a_done_bit_that_is_read_after_a_pause_does_not_tell_where_the_axis_i
     assert bench.frames(write(COMMAND, 120_000)) == [write(COMMAND, 119_740)]
 
 
-def test_m6_an_axis_that_says_done_elsewhere_is_not_on_its_way_any_more() -> None:
+def test_m6_an_axis_that_is_done_elsewhere_is_no_longer_on_its_way() -> None:
     """Sent to 100 mm, jogged to 150 mm: nobody saw it arrive; it has been done, and is elsewhere."""
     bench = Bench(axis_plan(table=WORN, bits={"done": DONE}))
     bench.ask(write(COMMAND, 100_000))
@@ -263,7 +263,7 @@ def test_m6_an_axis_that_says_done_elsewhere_is_not_on_its_way_any_more() -> Non
     assert not unsure(bench)
 
 
-def test_m4_an_axis_that_is_held_or_creeps_gets_the_same_words_over_a_switch() -> None:
+def test_m4_an_axis_held_on_its_way_gets_the_same_words_over_a_switch() -> None:
     bench = Bench(axis_plan(table=WORN, bits={"done": DONE}))
     bench.ask(write(COMMAND, 100_000))
     bench.memory.put(ACTUAL, 50_000)
@@ -285,7 +285,7 @@ def test_m4_an_axis_that_is_on_its_way_gets_the_same_words_again() -> None:
     assert bench.command(100_000) == 100_410
 
 
-def test_the_look_does_not_count_towards_the_deadline() -> None:
+def test_the_added_read_does_not_count_towards_the_deadline() -> None:
     bench = jogged(deadline_ms=5.0, late=Late.REJECT)
     bench.send(write(COMMAND, 120_000))
     unit_id, pdu = bench.link.sent.pop()
@@ -300,7 +300,7 @@ def test_the_look_does_not_count_towards_the_deadline() -> None:
 
 @pytest.mark.parametrize("reply", ["lost", "refused"])
 @pytest.mark.parametrize("has_run", [True, False])
-def test_m5_a_distance_that_was_not_acknowledged_ends_where_it_stands(reply: str, has_run: bool) -> None:
+def test_m5_a_reading_shows_the_end_of_an_unacknowledged_distance(reply: str, has_run: bool) -> None:
     bench = standing_with_done()
     distance(bench, reply, has_run=has_run)
     assert unsure(bench)
@@ -339,7 +339,7 @@ def distance(bench: StagedBench, reply: str, *, has_run: bool) -> None:
     bench.port.take()
 
 
-def test_m5_a_moving_bit_alone_tells_that_a_distance_has_ended() -> None:
+def test_m5_a_moving_bit_alone_shows_that_a_distance_has_ended() -> None:
     plan = staged_plan(table=SCREW, commanded=(), bits={"moving": BITS["moving"]})
     bench = StagedBench(plan, serial=False, tcp_drive=True)
     bench.drive.put(ACTUAL, 44_000)
@@ -362,7 +362,7 @@ def test_m5_a_moving_bit_alone_tells_that_a_distance_has_ended() -> None:
     assert not bench.line.axes[0].motion.is_distance_unconfirmed
 
 
-def test_m5_before_the_drive_has_had_the_time_to_start_there_is_no_base() -> None:
+def test_m5_there_is_no_base_before_done_drop_ms_have_passed() -> None:
     bench = standing_with_done()
     distance(bench, "refused", has_run=True)
     bench.drive.set_bits(is_done=True)  # still that of the move before
@@ -376,7 +376,7 @@ def test_m5_before_the_drive_has_had_the_time_to_start_there_is_no_base() -> Non
 
 
 @pytest.mark.parametrize("base", [Action.RELATIVE_TO_ACTUAL, Action.RELATIVE_TO_COMMANDED])
-def test_m5_a_done_bit_left_from_the_move_before_makes_no_base(base: Action) -> None:
+def test_m5_a_done_bit_of_the_move_before_gives_no_base(base: Action) -> None:
     """The drive says done until it has started: where it passes by is no place to count from."""
     bench = StagedBench(staged_plan(table=SCREW, motion=relative_by(base), commanded=()))
     bench.go_to(45_000)
@@ -391,7 +391,7 @@ def test_m5_a_done_bit_left_from_the_move_before_makes_no_base(base: Action) -> 
     assert len(bench.drive.moves) == moves + 1
 
 
-def test_m5_after_a_motion_of_its_own_a_done_bit_needs_its_time_too() -> None:
+def test_m5_a_done_bit_after_a_jog_counts_only_after_done_drop_ms() -> None:
     bench = StagedBench(staged_plan(table=SCREW, commanded=()))
     bench.go_to(45_000)
     bench.trigger(JOG_PDU)
@@ -403,7 +403,7 @@ def test_m5_after_a_motion_of_its_own_a_done_bit_needs_its_time_too() -> None:
     assert bench.trigger(RUN_RELATIVE_PDU)[0] == "relative"
 
 
-def test_m5_a_jog_whose_end_was_seen_needs_no_time() -> None:
+def test_m5_a_done_bit_counts_immediately_after_a_jog_whose_end_was_seen() -> None:
     bench = StagedBench(staged_plan(table=SCREW, commanded=()))
     bench.go_to(45_000)
     bench.trigger(JOG_PDU)
@@ -416,7 +416,7 @@ def test_m5_a_jog_whose_end_was_seen_needs_no_time() -> None:
     assert bench.run(1_000, RUN_RELATIVE_PDU)[0] == "relative"
 
 
-def test_m5_a_position_that_is_set_moves_nothing() -> None:
+def test_m5_a_set_position_is_no_motion() -> None:
     bench = StagedBench(staged_plan(table=SCREW, commanded=(), referenced=Reference.SET_POSITION))
     bench.drive.put(ACTUAL, 50_000)
     bench.wait(5000)
@@ -426,7 +426,7 @@ def test_m5_a_position_that_is_set_moves_nothing() -> None:
     assert bench.run(1_000, RUN_RELATIVE_PDU)[0] == "relative"
 
 
-def test_m5_a_distance_that_passed_unchanged_is_a_motion_too() -> None:
+def test_m5_a_distance_that_passed_unchanged_is_also_a_motion() -> None:
     plan = staged_plan(
         table=SCREW, motion=relative_by(Action.RELATIVE_TO_ACTUAL, passes_unknown_relative=True), commanded=()
     )
@@ -445,7 +445,7 @@ def test_m5_a_distance_that_passed_unchanged_is_a_motion_too() -> None:
     assert bench.memory.get(COMMAND) == 10_000
 
 
-def test_m5_where_the_look_is_not_answered_a_distance_has_no_base() -> None:
+def test_m5_a_distance_has_no_base_if_the_added_read_is_refused() -> None:
     """Somebody may have jogged it, and the drive counts from there."""
     bench = StagedBench(staged_plan(table=SCREW, commanded=(), motion=relative_by(Action.RELATIVE)))
     bench.go_to(45_000)
@@ -461,7 +461,7 @@ def test_m5_where_the_look_is_not_answered_a_distance_has_no_base() -> None:
 
 
 @pytest.mark.parametrize("stands_at", [50_000, 56_000])
-def test_m5_at_neither_end_there_is_no_base(stands_at: int) -> None:
+def test_m5_there_is_no_base_if_the_axis_is_at_neither_end(stands_at: int) -> None:
     bench = standing_with_done()
     distance(bench, "lost", has_run=True)
     bench.drive.arrive()
@@ -474,7 +474,7 @@ def test_m5_at_neither_end_there_is_no_base(stands_at: int) -> None:
     assert not bench.line.axes[0].motion.is_distance_unconfirmed
 
 
-def test_m5_where_both_ends_lie_in_the_window_there_is_no_base() -> None:
+def test_m5_there_is_no_base_if_both_ends_lie_in_the_window() -> None:
     bench = standing_with_done()
     bench.drive.pass_by(44_692)
     bench.stage(-10)
@@ -499,7 +499,7 @@ def homed(bench: Bench, *, is_set: bool) -> None:
     bench.ask(READ_DONE)
 
 
-def test_m9_a_retained_target_moves_nothing_when_the_reference_goes_and_comes() -> None:
+def test_m9_a_retained_target_moves_nothing_when_the_reference_is_lost_and_found() -> None:
     bench = Bench(axis_plan(table=WORN, referenced=Reference.DRIVE_BIT, bits={"homed": HOMED}))
     homed(bench, is_set=True)
     bench.move(100_000)
@@ -516,7 +516,7 @@ def test_m9_a_retained_target_moves_nothing_when_the_reference_goes_and_comes() 
 
 
 @pytest.mark.parametrize("is_staged_again", [True, False])
-def test_m9_a_retained_target_runs_as_it_was_when_the_reference_is_gone(is_staged_again: bool) -> None:
+def test_m9_a_retained_target_keeps_its_words_without_a_reference(is_staged_again: bool) -> None:
     bench = StagedBench(staged_plan(table=WORN, referenced=Reference.DRIVE_BIT))
     assert bench.go_to(60_000)[1] == 60_410
     bench.drive.set_bits(is_done=True, is_homed=False)
@@ -543,7 +543,7 @@ def test_m9_a_target_after_homing_is_a_new_one() -> None:
     assert bench.go_to(60_000)[1] == 60_000  # while it homes
 
 
-def test_m9_a_retained_target_moves_nothing_after_a_silence_in_which_the_reference_went() -> None:
+def test_m9_a_retained_target_moves_nothing_after_a_silence_in_which_the_reference_was_lost() -> None:
     plan = axis_plan(table=WORN, referenced=Reference.HOMING)
     bench = Bench(plan, timing=LineTiming(drain_ms=1))
     bench.line.axes[0].declare_referenced()
@@ -584,7 +584,7 @@ def cut(bench: Bench, ms: float) -> None:
 
 
 @pytest.mark.parametrize("trouble", ["a short silence", "a long silence", "a short cut", "a long cut"])
-def test_m9_a_repeat_moves_nothing_where_the_homed_bit_is_gone_afterwards(trouble: str) -> None:
+def test_m9_a_repeat_moves_nothing_if_the_homed_bit_is_clear_afterwards(trouble: str) -> None:
     bench = homed_bench()
     bench.memory.words[HOMED.address] = 0
     if "silence" in trouble:
@@ -599,7 +599,7 @@ def test_m9_a_repeat_moves_nothing_where_the_homed_bit_is_gone_afterwards(troubl
 
 @pytest.mark.parametrize("stands_at", [59_740, 52_000])
 @pytest.mark.parametrize("trouble", ["a long silence", "a cut"])
-def test_m6_a_repeat_is_planned_anew_where_the_homed_bit_is_still_there(trouble: str, stands_at: int) -> None:
+def test_m6_a_repeat_is_rendered_again_if_the_homed_bit_is_still_set(trouble: str, stands_at: int) -> None:
     """Somebody may have moved it: it is looked at, and one that stands where it was told gets the same."""
     bench = homed_bench()
     bench.memory.put(ACTUAL, stands_at)
@@ -615,7 +615,7 @@ def test_m6_a_repeat_is_planned_anew_where_the_homed_bit_is_still_there(trouble:
 # --- what a refusal proves ---------------------------------------------------------------------------------
 
 
-def test_m7_a_function_that_a_drive_does_not_know_has_written_nothing() -> None:
+def test_m7_exception_1_proves_that_nothing_was_written() -> None:
     bench = Bench(axis_plan(table=WORN))
     bench.move(100_000, 60_000)
     data = COMMAND.pack(70_000)
@@ -647,7 +647,7 @@ def test_a3_a_done_bit_that_flickers_does_not_flip_the_branch_of_the_same_target
         assert bench.sent_for(write(COMMAND, 50_000)) == told
 
 
-def test_m4_after_the_done_bit_dropped_a_reading_tells_whether_the_axis_was_moved_away() -> None:
+def test_m4_a_reading_after_the_done_bit_dropped_shows_whether_the_axis_was_moved_away() -> None:
     bench = Bench(axis_plan(bits=BITS))
     bench.move(50_000)
     for word in (1 << 4, 0):
@@ -671,7 +671,7 @@ def test_a11_the_reading_does_not_jump_at_a_reversal_although_the_last_one_is_ol
     assert bench.actual() == 50_000  # half of the way: half of the 20 counts between the branches
 
 
-def test_m4_a_repeat_whose_reply_was_lost_leaves_the_branch_as_it_is() -> None:
+def test_m4_a_repeat_whose_reply_was_lost_does_not_change_the_branch() -> None:
     bench = Bench(axis_plan(), serial=False, tcp_drive=True)
     bench.move(50_000)
     told = bench.seen[-1]
@@ -709,7 +709,7 @@ def just_jogged(at: int, *, ms: float = 300, is_done: bool = True, **changes: An
         (59_740, 60_410, True),
     ],
 )
-def test_m6_an_axis_just_jogged_is_looked_at_and_may_be_flagged(
+def test_m6_the_position_of_an_axis_just_jogged_is_read_and_its_branch_may_be_flagged(
     stands_at: int, told: int, is_flagged: bool
 ) -> None:
     bench = just_jogged(stands_at)
@@ -721,13 +721,13 @@ def test_m6_an_axis_just_jogged_is_looked_at_and_may_be_flagged(
     assert unsure(bench) is is_flagged
 
 
-def test_m6_a_second_later_it_stands_where_one_of_its_branches_is() -> None:
+def test_m6_a_second_after_a_jog_the_reading_shows_the_branch() -> None:
     bench = just_jogged(59_740, ms=1_001)
     assert bench.run(60_000) == ("absolute", 59_740.0)
     assert not unsure(bench)
 
 
-def test_m6_a_jog_that_was_seen_to_end_needs_no_second() -> None:
+def test_m6_the_reading_shows_the_branch_immediately_after_a_jog_whose_end_was_seen() -> None:
     bench = just_jogged(59_740, is_done=False)
     bench.poll()
     bench.trigger(STOP_PDU)
@@ -736,7 +736,7 @@ def test_m6_a_jog_that_was_seen_to_end_needs_no_second() -> None:
     assert not unsure(bench)
 
 
-def test_m6_it_may_have_come_past_its_target_while_the_reading_was_on_its_way() -> None:
+def test_m6_an_axis_may_have_passed_its_target_since_the_reading() -> None:
     """200 mm/s in 20 ms are 4 mm: 3 mm away is not far enough, 5 mm is."""
     for stands_at, is_flagged in ((63_000, True), (65_000, False)):
         bench = just_jogged(stands_at)
@@ -751,7 +751,9 @@ def test_m6_it_may_have_come_past_its_target_while_the_reading_was_on_its_way() 
 
 
 @pytest.mark.parametrize("change", [{"added_frames": False}, {"safe_read": False}])
-def test_m6_where_nothing_may_be_added_it_keeps_its_branch_and_is_flagged(change: dict[str, bool]) -> None:
+def test_m6_without_added_frames_a_jogged_axis_keeps_its_branch_and_is_flagged(
+    change: dict[str, bool],
+) -> None:
     bench = StagedBench(staged_plan(table=WORN, **change))
     bench.ask(read(ACTUAL))
     bench.go_to(45_000)
@@ -810,7 +812,7 @@ def unseen(*refusals: bytes, jogged_to: int = 150_000, **changes: object) -> Ben
 
 
 @pytest.mark.parametrize("code", [0x05, 0x06, 0x01, 0x02, 0x04, 0x0B, 0x33])
-def test_w8_a_look_that_was_refused_is_asked_once_more(code: int) -> None:
+def test_w8_a_refused_read_of_the_position_is_repeated_once(code: int) -> None:
     """Before: 120 410, and the axis comes from 150 mm: 0.67 mm off, flagged."""
     bench = unseen(bytes((0x83, code)))
     assert bench.ask(write(COMMAND, 120_000)) == write(COMMAND, 120_000)[:5]
@@ -818,7 +820,7 @@ def test_w8_a_look_that_was_refused_is_asked_once_more(code: int) -> None:
     assert not unsure(bench)
 
 
-def test_m6_an_axis_that_was_moved_a_little_while_unseen_assumes_the_branch_of_a_near_target() -> None:
+def test_m6_an_axis_moved_a_little_while_unseen_assumes_the_branch_of_a_near_target() -> None:
     """The drive at 100.61 mm is 100.2 mm forward and 100.87 mm backward; 100.6 mm lies between both."""
     bench = unseen(jogged_to=100_610)
     bench.ask(write(COMMAND, 100_600))
@@ -826,7 +828,7 @@ def test_m6_an_axis_that_was_moved_a_little_while_unseen_assumes_the_branch_of_a
     assert unsure(bench)
 
 
-def test_w8_busy_is_asked_once_more_for_each_target() -> None:
+def test_w8_a_read_answered_with_busy_is_repeated_once_for_each_target() -> None:
     bench = unseen(BUSY, BUSY, BUSY)
     bench.ask(write(COMMAND, 120_000))
     assert bench.seen == [read(ACTUAL), read(ACTUAL), write(COMMAND, 120_410)]
@@ -837,7 +839,7 @@ def test_w8_busy_is_asked_once_more_for_each_target() -> None:
     assert not unsure(bench)
 
 
-def test_w8_what_is_refused_twice_is_not_asked_before_the_link_comes_up() -> None:
+def test_w8_a_read_refused_twice_in_a_row_is_not_sent_again_until_the_link_comes_up() -> None:
     bench = unseen(ADDRESS, ADDRESS)
     bench.ask(write(COMMAND, 120_000))
     assert bench.seen == [read(ACTUAL), read(ACTUAL), write(COMMAND, 120_410)]
@@ -855,7 +857,7 @@ def test_w8_what_is_refused_twice_is_not_asked_before_the_link_comes_up() -> Non
     assert not unsure(bench)
 
 
-def test_w8_one_refusal_now_and_then_does_not_end_the_looks() -> None:
+def test_w8_single_refusals_do_not_end_the_added_reads() -> None:
     bench = unseen(ADDRESS)
     for counts in (120_000, 110_000, 100_000):
         bench.memory.put(ACTUAL, 150_000)
@@ -876,7 +878,7 @@ def test_m6_the_same_target_again_keeps_its_words_and_is_flagged(refusals: tuple
     assert unsure(bench)
 
 
-def test_w8_a_drive_that_tells_its_controller_is_asked_again_once() -> None:
+def test_w8_a_drive_that_reports_its_position_to_its_controller_is_tried_again_once() -> None:
     """Two exceptions in a row, and never again: a jog that nobody sees must not cost the branch for weeks."""
     bench = unseen(ADDRESS, ADDRESS)
     bench.ask(write(COMMAND, 120_000))
@@ -893,7 +895,7 @@ def test_w8_a_drive_that_tells_its_controller_is_asked_again_once() -> None:
         assert not unsure(bench)
 
 
-def test_m6_where_it_is_not_asked_any_more_the_same_target_again_is_flagged() -> None:
+def test_m6_the_same_target_again_is_flagged_once_added_reads_have_ended() -> None:
     bench = unseen(ADDRESS, ADDRESS, jogged_to=100_410)
     bench.ask(write(COMMAND, 120_000))
     bench.wait(1_200)
@@ -901,7 +903,7 @@ def test_m6_where_it_is_not_asked_any_more_the_same_target_again_is_flagged() ->
     assert unsure(bench)
 
 
-def test_w8_both_reads_leave_within_half_of_what_its_controller_waits() -> None:
+def test_w8_both_reads_are_sent_within_half_of_the_controllers_time_out() -> None:
     """1,000 ms: after 501 ms it is not asked again, and the target goes without; after 500 ms it is."""
     for after_ms, reads in ((500, 2), (501, 1)):
         bench = unseen(BUSY)
@@ -941,7 +943,7 @@ def refusing(*refusals: bytes) -> StagedBench:
 
 
 @pytest.mark.parametrize("refusal", [BUSY, ADDRESS])
-def test_m5_a_distance_before_which_the_look_is_refused_twice_gets_6(refusal: bytes) -> None:
+def test_m5_a_distance_whose_added_read_is_refused_twice_gets_exception_6(refusal: bytes) -> None:
     bench = refusing(refusal, refusal)
     bench.stage(10_000)
     bench.seen.clear()
@@ -957,7 +959,7 @@ def test_m5_a_distance_before_which_the_look_is_refused_twice_gets_6(refusal: by
         assert bench.trigger(RUN_RELATIVE_PDU) == ("relative", 55_410.0)
 
 
-def test_m3_a_stop_goes_between_both_reads() -> None:
+def test_m3_a_stop_is_sent_between_both_reads() -> None:
     bench = refusing(BUSY)
     bench.stage(60_000)
     bench.send(RUN_PDU)
@@ -973,7 +975,7 @@ def test_m3_a_stop_goes_between_both_reads() -> None:
     assert [kind for kind, _ in bench.drive.moves[moves:]] == ["stop"]
 
 
-def test_w8_what_the_start_reads_is_asked_once_more_too() -> None:
+def test_w8_a_refused_read_at_the_start_is_repeated_once_too() -> None:
     bench = RecordBench(axis_plan())
     bench.move(50_000, 20_000)
     for refusals, is_restored in (((BUSY,), True), ((ADDRESS,), True), ((BUSY, BUSY), False)):
@@ -987,7 +989,7 @@ def test_w8_what_the_start_reads_is_asked_once_more_too() -> None:
         assert started.actual() == 20_000  # what passes decides then
 
 
-def test_w8_a_drive_of_a_stream_that_becomes_busy_is_watched_no_longer() -> None:
+def test_w8_the_drive_of_a_stream_is_no_longer_read_once_it_becomes_busy() -> None:
     """It stood a millimetre behind its last setpoint when it was read first, and says "busy" from then on."""
     bench = RecordBench(stream_plan())
     for counts in (30_000, 30_100, 30_200):
@@ -1003,7 +1005,7 @@ def test_w8_a_drive_of_a_stream_that_becomes_busy_is_watched_no_longer() -> None
     assert len(memory.refusals) == 498
 
 
-def test_w8_a_first_setpoint_is_read_for_once_more() -> None:
+def test_w8_a_refused_read_before_a_first_setpoint_is_repeated_once() -> None:
     memory = Reluctant(BUSY)
     bench = Bench(stream_plan(table=WORN), memory=memory)
     memory.put(ACTUAL, 50_410)

@@ -93,7 +93,7 @@ def test_w10_another_controller_moves_nothing_of_an_axis_that_is_held(pdu: bytes
     assert bench.ask(RUN_PDU, cnc) == RUN_PDU
 
 
-def test_w10_two_hosts_on_one_listener_are_two_writers_and_connections_of_one_are_one() -> None:
+def test_w10_each_host_on_a_listener_is_one_writer_with_all_its_connections() -> None:
     bench = Bench(axis_plan())
     first, second = controller("cnc", "10.0.0.1"), controller("cnc", "10.0.0.1")
     other = controller("cnc", "10.0.0.2")
@@ -103,7 +103,7 @@ def test_w10_two_hosts_on_one_listener_are_two_writers_and_connections_of_one_ar
     assert bench.memory.get(COMMAND) in (2_000, 2_010)
 
 
-def test_w10_what_reads_or_touches_no_position_is_everybodys() -> None:
+def test_w10_any_controller_may_read_and_write_what_moves_nothing() -> None:
     bench = StagedBench(staged_plan())
     cnc, panel = controller("cnc"), controller("panel")
     move(bench, cnc, 1_000)
@@ -113,7 +113,7 @@ def test_w10_what_reads_or_touches_no_position_is_everybodys() -> None:
     assert writer(bench) == "cnc"
 
 
-def test_w10_a_stop_of_another_one_passes_and_takes_nothing_over() -> None:
+def test_w10_a_stop_of_another_controller_passes_and_takes_nothing_over() -> None:
     bench = StagedBench(staged_plan())
     cnc, panel = controller("cnc"), controller("panel")
     operator = controller("pendant", role=Role.OPERATOR)
@@ -125,7 +125,7 @@ def test_w10_a_stop_of_another_one_passes_and_takes_nothing_over() -> None:
     assert bench.ask(JOG_PDU, panel) == refusal(JOG_PDU)
 
 
-def test_w10_the_hold_ends_so_long_after_the_last_move_and_each_move_begins_it_anew() -> None:
+def test_w10_the_hold_ends_writer_hold_s_after_the_last_move() -> None:
     bench = Bench(axis_plan(writer_hold_s=2.0))
     cnc, panel = controller("cnc"), controller("panel")
     for counts in (1_000, 2_000, 3_000):  # the first goes the slow path, the others the fast one
@@ -161,7 +161,7 @@ def test_w10_the_hold_ends_two_seconds_after_the_last_connection_of_its_writer()
     move(bench, panel, 3_000)
 
 
-def test_w10_a_short_hold_ends_as_it_would_when_its_writer_goes() -> None:
+def test_w10_a_short_hold_is_not_prolonged_when_its_writer_disconnects() -> None:
     bench = Bench(axis_plan(writer_hold_s=0.5), serial=False)
     cnc, panel = controller("cnc", "10.0.0.1"), controller("panel", "10.0.0.2")
     move(bench, cnc, 1_000)
@@ -170,7 +170,7 @@ def test_w10_a_short_hold_ends_as_it_would_when_its_writer_goes() -> None:
     move(bench, panel, 3_000)
 
 
-def test_w10_a_controller_that_connects_anew_for_each_request_holds_its_axis() -> None:
+def test_w10_a_controller_with_a_new_connection_for_each_request_holds_its_axis() -> None:
     bench = StagedBench(staged_plan(), serial=False)
     panel = controller("panel", "10.0.0.2")
     for pdu in (write(COMMAND, 4_000), RUN_PDU, write(COMMAND, 5_000), RUN_PDU):
@@ -191,7 +191,7 @@ def test_w10_a_controller_that_connects_again_is_the_same_writer() -> None:
     assert [kind for kind, _ in bench.drive.moves] == ["absolute"]
 
 
-def test_w10_a_refused_frame_takes_nothing_from_the_one_who_holds_the_axis() -> None:
+def test_w10_a_refused_frame_does_not_void_the_target_of_the_writer() -> None:
     """Its target stands in the drive, and its trigger runs it (M3 is for the one who was refused)."""
     bench = StagedBench(staged_plan())
     cnc, panel = controller("cnc"), controller("panel")
@@ -203,7 +203,7 @@ def test_w10_a_refused_frame_takes_nothing_from_the_one_who_holds_the_axis() -> 
     assert (kind, abs(counts - 4_000) <= 10) == ("absolute", True)
 
 
-def test_w10_requests_of_another_one_that_never_went_out_take_nothing_either() -> None:
+def test_w10_requests_of_another_controller_that_were_never_sent_do_not_void_it_either() -> None:
     bench = StagedBench(staged_plan(), serial=False)
     cnc, panel = controller("cnc", "10.0.0.1"), controller("panel", "10.0.0.2")
     move(bench, cnc, 4_000)
@@ -217,7 +217,7 @@ def test_w10_requests_of_another_one_that_never_went_out_take_nothing_either() -
     assert bench.ask(RUN_PDU, cnc) == RUN_PDU
 
 
-def test_m3_a_trigger_does_not_run_the_target_of_another_one_also_later() -> None:
+def test_m3_a_trigger_does_not_run_the_target_of_another_writer_also_after_its_hold() -> None:
     bench = StagedBench(staged_plan())
     cnc, panel = controller("cnc"), controller("panel")
     move(bench, cnc, 4_000)
@@ -239,7 +239,7 @@ def test_m3_a_target_that_was_refused_to_a_second_writer_is_not_triggered_later(
     assert abs(counts - 9_000) <= 10
 
 
-def test_m3_whoever_takes_an_axis_over_by_a_jog_does_not_run_what_stood_there() -> None:
+def test_m3_a_writer_that_takes_an_axis_over_by_a_jog_does_not_run_the_target_before() -> None:
     bench = StagedBench(staged_plan())
     cnc, panel = controller("cnc"), controller("panel")
     move(bench, cnc, 4_000)
@@ -282,7 +282,7 @@ def test_m3_a_mode_that_was_refused_to_a_second_writer_has_to_come_again() -> No
     assert bench.drive.words[MODE] == 2
 
 
-def test_w10_any_writer_may_where_the_axis_says_so() -> None:
+def test_w10_any_controller_may_move_an_axis_without_one_writer() -> None:
     bench = StagedBench(staged_plan(has_one_writer=False))
     cnc, panel = controller("cnc"), controller("panel")
     move(bench, cnc, 4_000)
@@ -293,7 +293,7 @@ def test_w10_any_writer_may_where_the_axis_says_so() -> None:
     assert "second-writer" not in bench.kinds()
 
 
-def test_w10_any_writer_may_by_turns_on_the_short_way_too() -> None:
+def test_w10_controllers_may_take_turns_on_the_fast_path_too() -> None:
     bench = Bench(axis_plan(has_one_writer=False))
     ports = [controller("cnc"), controller("panel")]
     for number in range(6):
@@ -318,7 +318,7 @@ def test_w10_a_group_is_held_as_a_whole() -> None:
     assert [writer(bench, n) for n in range(3)] == ["cnc", "cnc", None]
 
 
-def test_w10_a_broadcast_trigger_asks_for_every_axis() -> None:
+def test_w10_a_broadcast_trigger_is_refused_if_another_writer_holds_one_axis() -> None:
     plans = [staged_plan(name=name, unit_id=n) for n, name in enumerate(("x", "y"), start=1)]
     bench = StagedBench(*plans, serial=False)
     cnc, panel = controller("cnc"), controller("panel")
@@ -332,7 +332,7 @@ def test_w10_a_broadcast_trigger_asks_for_every_axis() -> None:
     assert [unit_id for unit_id, _ in bench.link.sent] == [0]
 
 
-def test_w10_a_second_writer_is_told_of_once_a_minute() -> None:
+def test_w10_a_second_writer_is_reported_once_a_minute() -> None:
     bench = Bench(axis_plan())
     cnc, panel = controller("cnc"), controller("panel")
     for _ in range(90):
@@ -346,7 +346,7 @@ def test_w10_a_second_writer_is_told_of_once_a_minute() -> None:
     ]
 
 
-def test_w10_more_refused_frames_than_are_kept_lose_everything_of_the_axis() -> None:
+def test_w10_after_more_refused_frames_than_are_remembered_everything_counts_as_lost() -> None:
     deeds = {**STAGED.triggers[0].deeds, **{n: Operation(Action.OTHER_MOTION) for n in range(2_000, 2_040)}}
     plan = staged_plan(motion=replace(STAGED, triggers=(replace(STAGED.triggers[0], deeds=deeds),)))
     bench = StagedBench(plan)
@@ -394,7 +394,7 @@ def image(counts: int, trigger: int) -> bytes:
 
 @pytest.mark.parametrize("role", [Role.MOTION, Role.OPERATOR])
 @pytest.mark.parametrize("compensation", [CompensationMode.ON, CompensationMode.OFF])
-def test_m3_what_a_stop_of_another_writes_beside_never_runs(
+def test_m3_a_target_beside_the_stop_of_another_controller_never_runs(
     role: Role, compensation: CompensationMode
 ) -> None:
     bench = span_bench(compensation=compensation)
@@ -411,7 +411,7 @@ def test_m3_what_a_stop_of_another_writes_beside_never_runs(
     assert (kind, abs(counts - 5_000) <= 10) == ("absolute", True)
 
 
-def test_m3_a_target_beside_ones_own_stop_comes_in_place_of_that_of_another_one() -> None:
+def test_m3_a_target_beside_the_writers_own_stop_replaces_that_of_another_controller() -> None:
     bench = span_bench(compensation=CompensationMode.OFF)
     cnc, panel = controller("cnc"), controller("panel")
     move(bench, cnc, 4_000)
@@ -423,7 +423,7 @@ def test_m3_a_target_beside_ones_own_stop_comes_in_place_of_that_of_another_one(
 
 
 @pytest.mark.parametrize("role", [Role.MOTION, Role.OPERATOR])
-def test_m3_a_stop_of_another_one_with_the_target_that_stands_there_takes_nothing(role: Role) -> None:
+def test_m3_a_stop_of_another_controller_with_the_same_target_does_not_void_it(role: Role) -> None:
     bench = span_bench()
     cnc, panel = controller("cnc"), controller("panel", role=role)
     move(bench, cnc, 4_000)
@@ -433,7 +433,7 @@ def test_m3_a_stop_of_another_one_with_the_target_that_stands_there_takes_nothin
     assert [kind for kind, _ in bench.drive.moves] == ["stop", "absolute"]
 
 
-def test_m3_ones_own_stop_with_another_target_takes_nothing() -> None:
+def test_m3_a_target_beside_the_writers_own_stop_runs() -> None:
     bench = span_bench()
     cnc = controller("cnc")
     move(bench, cnc, 4_000)
@@ -463,7 +463,7 @@ def test_m3_a_mode_that_was_refused_in_fc23_is_not_forgotten_for_another_fc23() 
 LET_GO = bytes.fromhex("06 050E 0000")
 
 
-def test_m3_whoever_jogs_may_let_go_although_another_one_took_the_axis_over() -> None:
+def test_m3_a_controller_may_end_its_jog_although_another_one_took_the_axis_over() -> None:
     bench = StagedBench()
     pendant, cnc, other = controller("pendant"), controller("cnc"), controller("other")
     assert bench.ask(JOG_PDU, pendant) == JOG_PDU
@@ -507,7 +507,7 @@ def test_w10_a_group_that_was_taken_over_runs_no_target_of_its_former_writer() -
         assert bench.ask(RUN_PDU, panel, unit_id) == RUN_PDU
 
 
-def test_w10_a_target_of_the_former_writer_that_never_ran_holds_up_no_frames_that_write_and_run() -> None:
+def test_w10_a_target_of_the_former_writer_that_never_ran_blocks_no_frames_that_write_and_run() -> None:
     """M11: the panel writes and runs in one frame, so it never writes again what the CNC has left there."""
     place = PositionField(TRIGGER + 1, COMMAND.type, COMMAND.order)
     plans = [staged_plan(name=name, unit_id=n, command=(place,)) for n, name in enumerate(("y1", "y2"), 1)]

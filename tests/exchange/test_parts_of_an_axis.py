@@ -61,7 +61,7 @@ NOT_AT_REST: Final = {
 
 
 @pytest.mark.parametrize("way", list(REACHED))
-def test_an_axis_is_at_rest_where_its_drive_or_its_position_says_so(way: str) -> None:
+def test_an_axis_is_at_rest_if_its_drive_or_its_position_shows_it(way: str) -> None:
     axis = reached(way)
     assert axis.motion.why_not_at_rest == NOT_AT_REST[way]
 
@@ -102,7 +102,7 @@ def test_after_a_command_or_a_loss_the_moving_bit_is_old(command: Callable[[Axis
     assert not axis.motion.is_moving
 
 
-def test_a_moving_bit_alone_says_when_an_axis_may_stand() -> None:
+def test_a_moving_bit_alone_shows_when_an_axis_may_be_at_rest() -> None:
     """At the end of an unacknowledged distance a position proves it only after the bit has fallen (M5)."""
     axis = Axis(axis_plan(bits={"moving": BitField(0x30, 1)}, done_drop_ms=0.0))
     leave_unacknowledged(axis)
@@ -114,7 +114,7 @@ def test_a_moving_bit_alone_says_when_an_axis_may_stand() -> None:
     assert axis.compensation.accepted == Accepted(70_000, 70_010)
 
 
-def test_where_a_done_bit_is_mapped_the_moving_bit_does_not_decide() -> None:
+def test_the_moving_bit_does_not_decide_if_a_done_bit_is_mapped() -> None:
     axis = an_axis()
     leave_unacknowledged(axis)
     axis.observe_bit("done", 3 * MS, is_set=True)
@@ -123,7 +123,7 @@ def test_where_a_done_bit_is_mapped_the_moving_bit_does_not_decide() -> None:
     assert axis.compensation.accepted == Accepted(70_000, 70_010)
 
 
-def test_an_axis_of_unknown_branch_is_not_seen_at_its_target_while_its_reading_still_fades() -> None:
+def test_an_axis_of_unknown_branch_does_not_count_as_at_its_target_while_its_reading_is_blended() -> None:
     """Read at 20 000 before any target: it may stand there already, and 50 010 may be the end of its way."""
     axis = an_axis()
     see(axis, 20_000)
@@ -161,13 +161,15 @@ def test_only_a_stream_lags_behind_its_setpoints_when_it_is_done(way: str, after
         (50_511, MotionState.UNKNOWN),
     ],
 )
-def test_how_far_from_its_target_an_axis_stands_there_or_beside_it(counts: int, after: MotionState) -> None:
+def test_the_distance_from_its_target_decides_whether_an_axis_is_at_it(
+    counts: int, after: MotionState
+) -> None:
     axis = reached("arrived")
     see(axis, counts)
     assert state(axis) is after
 
 
-def test_without_a_position_done_alone_is_a_known_start() -> None:
+def test_done_alone_gives_a_known_start_if_no_position_is_mapped() -> None:
     axis = an_axis(has_actual=False)
     acknowledge(axis)
     axis.motion.observe_done(3 * MS, is_done=True)
@@ -176,7 +178,9 @@ def test_without_a_position_done_alone_is_a_known_start() -> None:
 
 
 @pytest.mark.parametrize(("counts", "is_there"), [(70_030, True), (70_031, False), (990, True), (989, False)])
-def test_how_near_to_its_ends_an_unacknowledged_distance_is_proven(counts: int, is_there: bool) -> None:
+def test_an_unacknowledged_distance_is_proven_within_the_window_of_its_ends(
+    counts: int, is_there: bool
+) -> None:
     """From 1010 to 70 010, with a window of 20 counts."""
     axis = an_axis()
     leave_unacknowledged(axis)
@@ -184,7 +188,7 @@ def test_how_near_to_its_ends_an_unacknowledged_distance_is_proven(counts: int, 
     assert (axis.motion.unacknowledged is None) is is_there
 
 
-def test_a_done_bit_asked_for_at_the_moment_of_the_command_counts() -> None:
+def test_a_done_bit_requested_at_the_moment_of_the_command_counts() -> None:
     axis = an_axis()
     acknowledge(axis)  # at 1 ms
     axis.motion.observe_done(1 * MS - 1, is_done=True)
@@ -193,7 +197,7 @@ def test_a_done_bit_asked_for_at_the_moment_of_the_command_counts() -> None:
     assert state(axis) is MotionState.DONE_REPORTED
 
 
-def test_bits_from_before_the_command_do_not_say_that_it_has_begun() -> None:
+def test_bits_from_before_the_command_do_not_show_that_it_has_begun() -> None:
     """The drive clears its done bit within 5 ms. Moving and standing again, both before the command, are of
     the motion before."""
     axis = Axis(axis_plan(bits=DONE_BIT, done_drop_ms=5.0))
@@ -208,7 +212,7 @@ def test_bits_from_before_the_command_do_not_say_that_it_has_begun() -> None:
 
 
 @pytest.mark.parametrize(("max_speed", "jumped"), [(0.0, False), (200.0, True)])
-def test_a_jump_is_one_where_the_speed_is_known(max_speed: float, jumped: bool) -> None:
+def test_a_jump_is_detected_only_if_max_speed_is_known(max_speed: float, jumped: bool) -> None:
     """30 mm in 1 ms. At most 2 * (200 mm/s * 1 ms + 0.5 mm) = 1.4 mm are possible."""
     axis = Axis(axis_plan(max_speed=max_speed))
     before = Actual(50_000, 0)
@@ -216,7 +220,7 @@ def test_a_jump_is_one_where_the_speed_is_known(max_speed: float, jumped: bool) 
     assert not axis.motion.has_jumped(before, Actual(51_400, 1 * MS))
 
 
-def test_an_axis_that_was_told_nothing_and_was_moved_has_an_unknown_position() -> None:
+def test_an_axis_in_another_motion_has_an_unknown_position() -> None:
     axis = an_axis()
     acknowledge(axis)
     do(axis, Action.OTHER_MOTION)
@@ -226,7 +230,7 @@ def test_an_axis_that_was_told_nothing_and_was_moved_has_an_unknown_position() -
     assert stopped.motion.why_not_at_rest == ""
 
 
-def test_in_a_dry_run_a_position_is_read_as_the_drive_tells_it() -> None:
+def test_in_a_dry_run_a_position_is_read_as_the_drive_reports_it() -> None:
     axis = Axis(axis_plan(compensation=CompensationMode.SHADOW))
     acknowledge(axis)
     assert axis.motion.nominal_of(50_010) == 50_010
@@ -235,7 +239,7 @@ def test_in_a_dry_run_a_position_is_read_as_the_drive_tells_it() -> None:
     assert live.motion.nominal_of(50_010) == 50_000
 
 
-def test_a_way_begins_at_the_target_that_was_reached_or_where_the_axis_was_seen() -> None:
+def test_a_way_begins_at_the_reached_target_or_at_the_last_seen_position() -> None:
     """It stood 5 counts before its target."""
     axis = an_axis()
     arrived(axis, 50_000, 50_005)
@@ -255,7 +259,7 @@ def test_a_position_from_before_another_reference_is_void() -> None:
     assert axis.motion.actual is None
 
 
-def test_done_at_its_target_it_has_arrived_while_its_reading_still_fades() -> None:
+def test_an_axis_that_is_done_at_its_target_has_arrived_also_while_its_reading_is_blended() -> None:
     axis = an_axis()
     see(axis, 20_000)
     acknowledge(axis, 20_005)
@@ -272,7 +276,7 @@ def test_done_at_its_target_it_has_arrived_while_its_reading_still_fades() -> No
         (False, False, MotionState.UNKNOWN),
     ],
 )
-def test_on_its_way_is_only_an_axis_that_has_not_arrived(
+def test_only_an_axis_that_has_not_arrived_counts_as_on_its_way(
     is_under_way: bool, is_for_distance: bool, after: MotionState
 ) -> None:
     """On the way from 40 010 to 50 010."""
@@ -287,7 +291,9 @@ def test_on_its_way_is_only_an_axis_that_has_not_arrived(
 
 
 @pytest.mark.parametrize(("counts", "after"), [(39_990, MotionState.MOVING), (39_989, MotionState.UNKNOWN)])
-def test_how_far_from_its_way_an_axis_was_moved_by_something_else(counts: int, after: MotionState) -> None:
+def test_an_axis_beyond_the_window_of_its_way_was_moved_by_something_else(
+    counts: int, after: MotionState
+) -> None:
     """From 40 010 to 50 010, with a window of 20 counts."""
     axis = an_axis()
     arrived(axis, 40_000, 40_010)
@@ -296,7 +302,7 @@ def test_how_far_from_its_way_an_axis_was_moved_by_something_else(counts: int, a
     assert state(axis) is after
 
 
-def test_every_position_is_on_a_way_of_unknown_start() -> None:
+def test_every_position_is_on_a_way_with_an_unknown_start() -> None:
     axis = an_axis()
     acknowledge(axis)
     axis.motion.see_way(Actual(10_000, 9 * MS))
@@ -304,7 +310,7 @@ def test_every_position_is_on_a_way_of_unknown_start() -> None:
 
 
 @pytest.mark.parametrize(("counts", "is_proven"), [(70_012, True), (70_013, False)])
-def test_how_near_to_an_unacknowledged_target_an_axis_has_gone_there(counts: int, is_proven: bool) -> None:
+def test_an_unacknowledged_target_is_proven_within_the_hysteresis(counts: int, is_proven: bool) -> None:
     """Within its hysteresis: 2 counts of 70 010 (M7)."""
     axis = an_axis()
     axis.targets.leave_unacknowledged(target(axis, 70_000), 1 * MS)
@@ -326,14 +332,14 @@ def test_an_axis_that_creeps_proves_nothing(counts: int, is_proven: bool) -> Non
     assert (axis.motion.unacknowledged is None) is is_proven
 
 
-def test_without_an_open_target_nothing_proves_one() -> None:
+def test_without_an_open_target_no_reading_proves_one() -> None:
     axis = an_axis()
     assert axis.motion.proof_at(Actual(70_010, 9 * MS)) is Proof.NONE
     axis.targets.leave_unacknowledged(target(axis, 70_000), 1 * MS)  # its start is unknown
     assert axis.motion.proof_at(Actual(70_010, 9 * MS)) is Proof.NONE
 
 
-def test_an_axis_goes_on_as_its_record_says() -> None:
+def test_an_axis_continues_in_the_state_of_its_record() -> None:
     """Sent off at 9 ms: what was asked for before is older."""
     axis = an_axis()
     axis.compensation.accept_again(Accepted(50_000, 50_010))

@@ -59,7 +59,7 @@ def test_a_half_of_an_unknown_position_is_completed_from_the_drive() -> None:
 
 
 @pytest.mark.parametrize("part", ["06 0606 0009", "06 0607 0001"])
-def test_a_part_is_refused_where_the_other_may_not_be_what_the_drive_holds(part: str) -> None:
+def test_a_part_is_refused_if_the_drive_may_hold_another_rest_of_the_position(part: str) -> None:
     bench = Bench(axis_plan())
     # 0x10005 may stand for 0x0FFFB: its high word is not certain, and its low word never is
     bench.memory.put(COMMAND, 0x00010005)
@@ -67,7 +67,7 @@ def test_a_part_is_refused_where_the_other_may_not_be_what_the_drive_holds(part:
     assert bench.memory.get(COMMAND) == 0x00010005
 
 
-def test_a_half_of_an_unknown_position_is_refused_where_nothing_may_be_read() -> None:
+def test_a_half_of_an_unknown_position_is_refused_if_no_read_may_be_added() -> None:
     bench = Bench(axis_plan(added_frames=False))
     assert bench.ask(bytes.fromhex("06 0606 0009")) == bytes.fromhex("86 04")
     assert bench.seen == []
@@ -105,7 +105,7 @@ def test_writing_a_register_that_reports_a_position_is_refused() -> None:
         "10 0605 0001 04 C350 0000",
     ],
 )
-def test_a_write_whose_counts_lie_about_a_position_is_refused(lie: str) -> None:
+def test_a_write_to_a_position_with_contradicting_counts_is_refused(lie: str) -> None:
     bench = Bench(axis_plan())
     assert bench.ask(bytes.fromhex(lie)) == bytes.fromhex("90 03")
     assert bench.seen == []
@@ -164,7 +164,7 @@ PARTS = ["06 0606 FFF0", "10 0606 0001 02 FFF0", "16 0606 0000 FFF0"]
 
 
 @pytest.mark.parametrize("part", PARTS)
-def test_a_part_beside_a_corrected_word_is_refused_where_its_rest_is_not_known(part: str) -> None:
+def test_a_part_beside_a_corrected_word_is_refused_if_the_rest_is_unknown(part: str) -> None:
     """M1, M9: 65530 is 65540 forward, 0004 0001: its high word is not that of 65530, 0000.
 
     FFF0 beside 0001 would be 131056, and 65520 was meant.
@@ -183,7 +183,7 @@ def test_a_part_beside_a_corrected_word_is_refused_where_its_rest_is_not_known(p
     assert bench.memory.get(COMMAND) == 65_521
 
 
-def test_a_part_beside_a_corrected_word_goes_out_whole_where_its_rest_is_certain() -> None:
+def test_a_part_beside_a_corrected_word_is_sent_as_a_whole_position_if_the_rest_is_certain() -> None:
     """M1, M9: 50000 is 50010 forward, C35A 0000, and no correction reaches the next high word.
 
     The low word C738 is 51000 then, and goes out as it came, with the rest.
@@ -193,14 +193,14 @@ def test_a_part_beside_a_corrected_word_goes_out_whole_where_its_rest_is_certain
     assert bench.seen[-2:] == [read(COMMAND), bytes.fromhex("10 0606 0002 04 C738 0000")]
 
 
-def test_a_part_is_refused_without_a_reference_where_nothing_may_be_read() -> None:
+def test_a_part_is_refused_without_a_reference_if_no_read_may_be_added() -> None:
     """M1, M9, W8: the same where the gateway adds no frames."""
     bench = unreferenced(50_000, added_frames=False)
     assert bench.ask(bytes.fromhex("06 0606 C738")) == bytes.fromhex("86 04")
     assert bench.seen == []
 
 
-def test_a_part_passes_as_it_came_without_a_reference_where_nothing_was_corrected() -> None:
+def test_a_part_passes_unchanged_without_a_reference_if_no_target_was_corrected() -> None:
     """M9: of an axis that was never corrected a part goes out 1:1, and nothing is read."""
     bench = Bench(axis_plan(referenced=Reference.SET_POSITION))
     assert bench.ask(bytes.fromhex("06 0606 C738")) == bytes.fromhex("06 0606 C738")

@@ -79,7 +79,7 @@ def test_at_its_target_an_axis_is_in_the_state_that_its_bits_gave(
 
 
 @pytest.mark.parametrize("was_done", [False, True])
-def test_on_its_way_it_moves_whatever_its_bits_said_before(was_done: bool) -> None:
+def test_an_axis_on_its_way_is_restored_as_moving_whatever_its_bits_were(was_done: bool) -> None:
     bench = at_50_mm(bits=BITS)
     report(bench, DONE if was_done else 0)
     bench.ask(write(COMMAND, 80_000))
@@ -105,7 +105,7 @@ def test_a_drive_with_triggers_may_have_stopped_on_its_way() -> None:
     assert axis_of(again).compensation.accepted is None
 
 
-def test_a_target_that_was_on_the_wire_and_was_obeyed_is_the_last_one() -> None:
+def test_a_target_on_the_wire_that_the_drive_obeyed_is_the_last_accepted_one() -> None:
     bench = at_50_mm()
     bench.send(write(COMMAND, 80_000))
     [(_, pdu)] = bench.link.sent
@@ -122,7 +122,7 @@ def test_a_target_that_was_on_the_wire_and_was_obeyed_is_the_last_one() -> None:
 
 
 @pytest.mark.parametrize("bits", [{}, BITS])
-def test_a_repeat_on_the_wire_changes_nothing_of_a_record(bits: dict[str, BitField]) -> None:
+def test_a_repeat_on_the_wire_does_not_change_what_the_record_restores(bits: dict[str, BitField]) -> None:
     bench = at_50_mm(bits=bits)
     report(bench, DONE, 0, DONE)
     bench.send(write(COMMAND, 50_000))
@@ -133,7 +133,7 @@ def test_a_repeat_on_the_wire_changes_nothing_of_a_record(bits: dict[str, BitFie
     assert axis_of(again).compensation.accepted == (50_000, 50_010)
 
 
-def test_a_record_that_did_not_count_counts_for_no_later_run_either() -> None:
+def test_a_record_that_was_not_used_is_not_used_in_a_later_run_either() -> None:
     bench = at_50_mm()
     bench.memory.put(ACTUAL, 70_000)
     moved = bench.restarted()
@@ -174,7 +174,7 @@ def test_a_stream_waits_for_its_homed_bit_before_its_record_counts() -> None:
     assert again.kinds()[-1] == "restored"
 
 
-def test_a_stream_that_is_not_referenced_any_more_keeps_only_what_it_stands_on() -> None:
+def test_a_stream_that_lost_its_reference_keeps_only_its_correction_in_force() -> None:
     """Its homed bit is clear after the kill: positions pass 1:1, and the correction in force fades out."""
     bench = RecordBench(stream_plan(referenced=Reference.DRIVE_BIT, bits=BITS))
     bench.memory.words[STATUS_WORD] = HOMED
@@ -264,7 +264,7 @@ def again(bench: StagedBench, records: Records, after_ms: float, plan: AxisPlan 
 # --- a distance that ends on the way of the target before ---------------------------------------------------
 
 
-def test_m5_a_distance_that_was_obeyed_right_before_a_kill_counts_where_its_end_is_seen_twice() -> None:
+def test_m5_a_distance_executed_before_a_kill_counts_once_its_end_was_seen_twice() -> None:
     """Before: "the drive is at 34990 counts: a lost target…", it read 34 990, and a distance
     went from there."""
     bench, records = killed()
@@ -278,7 +278,7 @@ def test_m5_a_distance_that_was_obeyed_right_before_a_kill_counts_where_its_end_
     assert started.run(-5_000, RUN_RELATIVE_PDU) == ("relative", 29_990.0)
 
 
-def test_m5_a_servo_that_stands_some_counts_off_is_at_its_end_too() -> None:
+def test_m5_a_servo_with_a_standing_error_counts_as_at_the_end_too() -> None:
     bench, records = killed()
     bench.drive.arrive(standing_error=8)
     started = again(bench, records, 1_300)
@@ -287,7 +287,7 @@ def test_m5_a_servo_that_stands_some_counts_off_is_at_its_end_too() -> None:
     assert started.accepted == (35_000, END)
 
 
-def test_m5_a_distance_that_never_came_to_the_drive_counts_where_its_start_is_seen_twice() -> None:
+def test_m5_a_distance_that_never_reached_the_drive_is_void_once_its_start_was_seen_twice() -> None:
     bench, records = killed(runs=False)
     started = again(bench, records, 1_300)
     assert started.actual() == 50_000
@@ -297,7 +297,7 @@ def test_m5_a_distance_that_never_came_to_the_drive_counts_where_its_start_is_se
 
 
 @pytest.mark.parametrize("place", [START, END])
-def test_m5_before_its_drive_has_had_the_time_to_start_no_reading_counts(place: int) -> None:
+def test_m5_no_reading_counts_before_done_drop_ms_have_passed(place: int) -> None:
     """The done bit may be that of the move before until 1,000 ms are over: nothing more is asked."""
     bench, records = killed(runs=place == END)
     started = again(bench, records, 400)
@@ -314,7 +314,7 @@ def test_m5_before_its_drive_has_had_the_time_to_start_no_reading_counts(place: 
     assert not unsure(started)
 
 
-def test_m5_a_drive_that_starts_late_ends_where_it_is_seen_twice() -> None:
+def test_m5_the_end_of_a_drive_that_starts_late_counts_once_it_was_seen_twice() -> None:
     """At 400 ms it stands at the start, done: it starts at 600 ms, and is at the end at 1,400 ms."""
     bench, records = killed(runs=False)
     started = again(bench, records, 400)
@@ -331,7 +331,7 @@ def test_m5_a_drive_that_starts_late_ends_where_it_is_seen_twice() -> None:
     assert started.accepted == (35_000, END)
 
 
-def test_m5_an_axis_that_is_not_done_is_at_neither_end() -> None:
+def test_m5_an_axis_that_is_not_done_counts_as_at_neither_end() -> None:
     """It passes the end of the distance on its way to the target before: done is down."""
     bench, records = killed(runs=False)
     bench.drive.put(ACTUAL, END)
@@ -351,7 +351,7 @@ def test_m5_an_axis_that_is_not_done_is_at_neither_end() -> None:
     assert not unsure(started)
 
 
-def test_m5_an_axis_that_is_seen_once_there_and_then_elsewhere_is_at_neither_end() -> None:
+def test_m5_an_axis_seen_once_at_an_end_and_then_elsewhere_counts_as_at_neither_end() -> None:
     bench, records = killed()
     started = again(bench, records, 400)
     started.wait(700)
@@ -366,7 +366,7 @@ def test_m5_an_axis_that_is_seen_once_there_and_then_elsewhere_is_at_neither_end
     assert not is_open(started)
 
 
-def test_m5_two_readings_of_an_axis_that_creeps_through_the_window_are_not_two() -> None:
+def test_m5_two_readings_of_an_axis_that_creeps_through_the_window_prove_nothing() -> None:
     """Eight counts further between them: within the window of 20, not within the hysteresis of 2."""
     bench, records = killed()
     started = again(bench, records, 400)
@@ -378,7 +378,7 @@ def test_m5_two_readings_of_an_axis_that_creeps_through_the_window_are_not_two()
     assert is_open(started)
 
 
-def test_m5_a_machine_that_was_switched_off_meanwhile_leaves_the_direction_unknown() -> None:
+def test_m5_the_direction_is_unknown_if_the_machine_was_switched_off_meanwhile() -> None:
     bench, records = killed()
     for buffer in records.buffers.values():
         buffer[42:58] = bytes(16)  # the boot
@@ -395,7 +395,7 @@ def test_m5_a_machine_that_was_switched_off_meanwhile_leaves_the_direction_unkno
     assert not unsure(started)
 
 
-def test_m5_ends_nearer_than_two_windows_decide_nothing() -> None:
+def test_m5_ends_nearer_than_two_windows_prove_nothing() -> None:
     """30 counts there and 20 more for the branch are 50, in windows of 26 counts to both sides."""
     bench, records = killed(distance=-30, in_position=0.026)
     assert bench.drive.moves[-1] == ("relative", 49_960.0)
@@ -408,7 +408,7 @@ def test_m5_ends_nearer_than_two_windows_decide_nothing() -> None:
     assert started.refused(RUN_RELATIVE_PDU) == 6
 
 
-def test_m5_a_distance_after_a_stop_says_nothing_of_where_it_began() -> None:
+def test_m5_the_start_of_a_distance_after_a_stop_is_unknown() -> None:
     bench = StagedBench(staged_plan(), before_up=(records := Records()).attach)
     bench.go_to(20_000)
     bench.run(50_000)
@@ -431,7 +431,7 @@ def test_m5_a_distance_after_a_stop_says_nothing_of_where_it_began() -> None:
     assert unsure(started)
 
 
-def test_m5_a_second_kill_finds_what_the_first_one_found() -> None:
+def test_m5_a_second_kill_restores_the_same_as_the_first() -> None:
     bench, records = killed()
     first = again(bench, records, 200)
     assert is_open(first)
@@ -442,7 +442,7 @@ def test_m5_a_second_kill_finds_what_the_first_one_found() -> None:
     assert third.actual() == 35_000
 
 
-def test_m5_a_target_that_follows_is_decided_on_the_scale_of_the_drive() -> None:
+def test_m5_the_branch_of_the_next_target_is_decided_on_the_scale_of_the_drive() -> None:
     bench, records = killed()
     started = again(bench, records, 400)
     # its two branches are 35 015 and 34 995: it stands just short of both
@@ -450,7 +450,7 @@ def test_m5_a_target_that_follows_is_decided_on_the_scale_of_the_drive() -> None
     assert not unsure(started)
 
 
-def test_m5_a_distance_whose_trigger_waited_is_as_old_as_its_trigger() -> None:
+def test_m5_a_distance_has_the_time_of_its_trigger() -> None:
     """The target was rendered, then written anew for 700 ms: the time to start begins with the trigger."""
     bench = StagedBench(staged_plan(), before_up=(records := Records()).attach)
     bench.go_to(20_000)
@@ -487,7 +487,7 @@ def retargeted() -> tuple[RecordBench, bytes]:
 
 
 @pytest.mark.parametrize("beside", [0, 7])
-def test_m6_a_target_on_the_way_of_the_one_before_counts_where_it_is_seen_twice(beside: int) -> None:
+def test_m6_a_target_on_the_way_of_the_one_before_counts_once_it_was_seen_twice(beside: int) -> None:
     """Also of a servo that stands some counts off: it read 35 007 - 10, on the branch of 80 mm."""
     bench, pdu = retargeted()
     bench.memory.answer(pdu)
@@ -500,7 +500,7 @@ def test_m6_a_target_on_the_way_of_the_one_before_counts_where_it_is_seen_twice(
     assert started.move(36_000) == write(COMMAND, 36_010)
 
 
-def test_m6_until_then_its_branch_is_flagged() -> None:
+def test_m6_the_branch_is_flagged_until_the_target_was_seen_twice() -> None:
     bench, pdu = retargeted()
     bench.memory.answer(pdu)
     bench.memory.put(ACTUAL, 34_990)
@@ -514,7 +514,7 @@ def test_m6_until_then_its_branch_is_flagged() -> None:
     assert not unsure(started)
 
 
-def test_m6_where_it_goes_on_to_the_target_before_it_is_that() -> None:
+def test_m6_an_axis_that_continues_to_the_target_before_has_that_one() -> None:
     """It passed the lost target when it was read, and is at 80 mm two seconds later."""
     bench, _ = retargeted()
     bench.memory.put(ACTUAL, 34_990)

@@ -131,7 +131,7 @@ def check_goes_on(plan: AxisPlan, ops: list[Op], at: int) -> RecordBench:
 
 @settings(max_examples=repeated(500))
 @given(st.lists(st.one_of(targets, targets, others, switches), min_size=1, max_size=12), st.data())
-def test_targets_go_on_after_a_kill_with_the_same_words_and_readings(ops: list[Op], data: Any) -> None:
+def test_targets_continue_after_a_kill_with_the_same_words_and_readings(ops: list[Op], data: Any) -> None:
     ops = [("move", 50_000, 1.0), ("arrive", 0, 0.0), *ops]
     at = data.draw(st.integers(2, len(ops)))
     assume(not is_called_back(ops, at))
@@ -151,14 +151,14 @@ def test_targets_go_on_after_a_kill_with_the_same_words_and_readings(ops: list[O
     ),
     st.data(),
 )
-def test_setpoints_go_on_after_a_kill_with_the_same_words(
+def test_setpoints_continue_after_a_kill_with_the_same_words(
     ops: list[Op], reversal: Reversal | None, data: Any
 ) -> None:
     at = data.draw(st.integers(1, len(ops)))
     check_goes_on(stream_plan(table=SCREW, reversal=reversal, reload_distance=1.5), ops, at)
 
 
-def test_a_change_over_that_was_asked_for_before_the_kill_is_made_after_it() -> None:
+def test_a_change_over_requested_before_the_kill_is_made_after_it() -> None:
     """Off and on again without a setpoint between: what is in force is not what is wanted any more."""
     ops: list[Op] = [("follow", at, 1.0) for at in (30_000, 31_000, 32_000, 33_000)]
     ops += [("switch", 0, 0.0), ("switch", 1, 0.0)]
@@ -179,7 +179,7 @@ def test_m1_a_half_after_a_restart_is_completed_from_the_record() -> None:
 
 @settings(max_examples=repeated(400))
 @given(streams(), st.integers(11, 400), st.booleans(), st.data())
-def test_a_setpoint_on_the_wire_counts_as_it_is_found(
+def test_a_reading_after_the_kill_decides_about_a_setpoint_on_the_wire(
     ops: list[Op], step: int, has_arrived: bool, data: Any
 ) -> None:
     ops = [op for op in ops if op[0] == "follow"]
@@ -207,7 +207,7 @@ def test_a_setpoint_on_the_wire_counts_as_it_is_found(
     assert play(again, [("read", 0, 0.0), *rest]) == play(bench, [("read", 0, 0.0), *rest])
 
 
-def test_a_standing_axis_reads_what_it_was_commanded_and_takes_the_same_words_again() -> None:
+def test_a_standing_axis_reads_its_target_and_repeats_it_with_the_same_words() -> None:
     bench = RecordBench(axis_plan())
     bench.move(50_000)
     assert bench.reach(20_000) == 19_990
@@ -232,7 +232,7 @@ def test_without_a_record_the_reading_jumps_by_the_correction() -> None:
     assert again.actual() == 19_990
 
 
-def test_an_axis_killed_in_the_middle_of_a_move_reads_on_without_a_jump() -> None:
+def test_readings_do_not_jump_after_a_kill_in_the_middle_of_a_move() -> None:
     """10 to 30 mm forward after a backward move: 20 counts are faded out over 20 mm."""
     bench = RecordBench(axis_plan())
     bench.move(50_000, 10_000)
@@ -259,7 +259,7 @@ def test_an_axis_moved_by_hand_meanwhile_starts_without_its_record() -> None:
     assert again.actual() == 19_993
 
 
-def test_the_hysteresis_is_as_far_as_it_may_stand_off() -> None:
+def test_a_record_counts_if_the_axis_is_within_the_hysteresis() -> None:
     bench = RecordBench(axis_plan())
     bench.move(50_000, 20_000)
     bench.actual()
@@ -283,7 +283,7 @@ def test_a_record_made_under_other_settings_does_not_count(changes: dict[str, An
     assert digest_of_axis(axis_plan(**changes)) != digest_of_axis(axis_plan())
 
 
-def test_settings_that_do_not_change_the_map_leave_the_record_its_worth() -> None:
+def test_settings_that_do_not_change_the_scale_do_not_end_the_record() -> None:
     for changes in ({"gain": Gain(0.5, 0.5)}, {"max_speed": 1.0}, {"table": SCREW}, {"lost_ms": 5.0}):
         assert digest_of_axis(axis_plan(**changes)) == digest_of_axis(axis_plan())
 
@@ -295,7 +295,9 @@ def test_settings_that_do_not_change_the_map_leave_the_record_its_worth() -> Non
         ({"compensation": CompensationMode.OFF}, "the compensation of the axis is off"),
     ],
 )
-def test_another_table_or_none_in_force_ends_the_record(plan: dict[str, Any], why: str) -> None:
+def test_a_record_does_not_count_with_another_table_or_without_compensation(
+    plan: dict[str, Any], why: str
+) -> None:
     bench = RecordBench(axis_plan())
     bench.move(50_000, 20_000)
     again = bench.restarted(axis_plan(**plan))
@@ -308,7 +310,7 @@ def test_another_table_or_none_in_force_ends_the_record(plan: dict[str, Any], wh
     ("plan", "told"),
     [({"table": SCREW}, 10_030), ({"gain": Gain(0.5, 0.5)}, 9_995)],  # 20 to 10 mm: a third of 0.09 mm
 )
-def test_an_old_table_that_can_be_had_or_gain_stays_in_force_until_the_next_different_target(
+def test_the_old_table_or_gain_stays_in_force_until_the_next_different_target(
     plan: dict[str, Any], told: int
 ) -> None:
     bench = RecordBench(axis_plan())
@@ -321,7 +323,7 @@ def test_an_old_table_that_can_be_had_or_gain_stays_in_force_until_the_next_diff
 
 
 @pytest.mark.parametrize("referenced", [Reference.HOMING, Reference.SET_POSITION])
-def test_a_reference_that_only_passed_on_the_wire_does_not_come_back(referenced: Reference) -> None:
+def test_a_reference_by_homing_or_set_position_is_not_restored(referenced: Reference) -> None:
     bench = RecordBench(staged_plan(referenced=referenced, motion=DIRECT))
     bench.line.command(SetReference(axis="x"), bench.now_ns)
     bench.move(50_000)
@@ -341,7 +343,7 @@ def test_a_homed_bit_is_read_before_the_record_counts(is_homed: bool) -> None:
     assert again.actual() == (20_000 if is_homed else 19_990)
 
 
-def test_where_reads_are_not_allowed_the_first_one_that_passes_decides() -> None:
+def test_without_added_reads_the_first_reading_of_the_controller_decides() -> None:
     bench = RecordBench(axis_plan(safe_read=False))
     bench.move(50_000)
     bench.actual()
@@ -362,7 +364,7 @@ def test_a_target_before_any_reading_ends_the_record() -> None:
     assert again.told == ["a target came before the axis was read; it starts without its record"]
 
 
-def test_a_second_kill_before_the_drive_answered_leaves_the_record_as_it_is() -> None:
+def test_a_second_kill_before_the_drive_answered_does_not_change_the_record() -> None:
     bench = RecordBench(axis_plan())
     bench.move(50_000, 20_000)
     records = bench.records.copy()
@@ -382,7 +384,7 @@ class Dumb(Memory):
         return super().answer(pdu) if self.speaks else bytes((pdu[0] | 0x80, 6))
 
 
-def test_the_reading_that_restores_an_axis_without_its_table_is_the_nominal_one() -> None:
+def test_the_reading_that_restores_an_axis_is_nominal_although_its_table_was_cleared() -> None:
     """At 20 mm, backward: the drive is at 19 990. Its table goes while its record is not decided yet."""
     before = RecordBench(axis_plan())
     before.move(50_000)
@@ -440,7 +442,7 @@ def test_the_newest_reading_decides_whether_it_is_at_its_target(
 @pytest.mark.parametrize(
     "pdu", [HOME_PDU, ZERO_PDU, JOG_PDU, UNKNOWN_PDU], ids=["home", "zero", "jog", "odd"]
 )
-def test_what_moves_an_axis_otherwise_ends_the_record_before_the_frame_goes_out(pdu: bytes) -> None:
+def test_another_motion_ends_the_record_before_its_frame_is_sent(pdu: bytes) -> None:
     bench, records = staged()
     bench.send(pdu)
     while bench.link.sent[0][1] != pdu:  # words that were corrected are taken back first
@@ -450,7 +452,7 @@ def test_what_moves_an_axis_otherwise_ends_the_record_before_the_frame_goes_out(
     assert records.read() is None
 
 
-def test_a_stored_position_ends_it_too() -> None:
+def test_a_stored_position_ends_the_record_too() -> None:
     bench, records = staged()
     assert bench.refused(STORED_PDU) == 4  # it never reaches the drive
     assert said(records).has_target
@@ -460,7 +462,7 @@ def test_a_stored_position_ends_it_too() -> None:
     assert records.read() is None
 
 
-def test_a_stop_leaves_the_way_and_no_target() -> None:
+def test_a_stop_keeps_the_way_in_the_record_and_removes_the_target() -> None:
     bench, records = staged()
     bench.run(20_000)
     bench.send(STOP_PDU)
@@ -510,7 +512,7 @@ def test_a_staged_target_changes_nothing_until_its_trigger() -> None:
     assert (record.nominal_counts, record.unacknowledged) == (20_000, None)
 
 
-def test_the_record_is_written_before_the_frame_goes_out_and_again_after_the_reply() -> None:
+def test_the_record_is_written_before_the_frame_is_sent_and_again_after_the_reply() -> None:
     records = Records()
     at_send: list[Remembered | None] = []
     at_reply: list[Remembered | None] = []
@@ -535,7 +537,7 @@ def test_the_record_is_written_before_the_frame_goes_out_and_again_after_the_rep
     assert said(records).nominal_counts == 60_000
 
 
-def test_several_targets_of_an_axis_in_one_frame_leave_none_that_a_record_could_name() -> None:
+def test_several_targets_of_an_axis_in_one_frame_end_the_record_until_the_reply() -> None:
     """It may be on its way to any of the three: what is named has to be all that is open."""
     fields = [COMMAND, *(PositionField(COMMAND.address + 2 * i, RegisterType.INT32) for i in (1, 2))]
     records = Records()
@@ -593,7 +595,7 @@ def test_a_lost_reply_leaves_both_targets_possible() -> None:
 
 
 @pytest.mark.parametrize("writes_nothing", [True, False])
-def test_a_refused_target_is_as_the_register_map_says(writes_nothing: bool) -> None:
+def test_the_register_map_decides_what_a_refused_target_leaves_in_the_record(writes_nothing: bool) -> None:
     records = Records()
     bench = Bench(axis_plan(exception_writes_nothing=writes_nothing), before_up=records.attach)
     bench.move(50_000)
@@ -607,7 +609,7 @@ def test_a_refused_target_is_as_the_register_map_says(writes_nothing: bool) -> N
     assert (record.unacknowledged is None) is writes_nothing
 
 
-def test_a_half_that_was_lost_on_the_way_leaves_the_words_unknown() -> None:
+def test_a_lost_half_makes_the_words_unknown() -> None:
     records = Records()
     bench = Bench(axis_plan(), before_up=records.attach, serial=False)
     bench.move(50_000)
@@ -619,7 +621,7 @@ def test_a_half_that_was_lost_on_the_way_leaves_the_words_unknown() -> None:
     assert (record.nominal_counts, record.knows_words) == (50_000, False)
 
 
-def test_a_lost_line_leaves_the_record_and_what_comes_back_ends_it() -> None:
+def test_a_lost_link_keeps_the_record_until_the_link_comes_up() -> None:
     bench, records = staged()
     before = said(records)
     bench.send(read(ACTUAL))
@@ -630,7 +632,7 @@ def test_a_lost_line_leaves_the_record_and_what_comes_back_ends_it() -> None:
     assert records.read() is None  # this run has forgotten the target, and so has the record
 
 
-def test_a_register_that_moves_others_about_ends_it() -> None:
+def test_a_write_to_a_remapping_register_ends_the_record() -> None:
     remap = PositionField(0x0900, RegisterType.INT16)
     records = Records()
     bench = Bench(axis_plan(remapping=(remap,)), before_up=records.attach)
@@ -641,7 +643,7 @@ def test_a_register_that_moves_others_about_ends_it() -> None:
     assert records.read() is None
 
 
-def test_switching_off_is_no_motion_and_the_record_follows_with_the_next_target() -> None:
+def test_switching_off_reaches_the_record_with_the_next_target() -> None:
     records = Records()
     bench = Bench(axis_plan(), before_up=records.attach)
     bench.move(50_000)
@@ -672,7 +674,7 @@ def relative_bench() -> tuple[StagedBench, Records]:
     return bench, records
 
 
-def test_m5_a_distance_on_the_wire_counts_where_its_end_is_found() -> None:
+def test_m5_a_distance_on_the_wire_counts_if_the_axis_is_at_its_end() -> None:
     bench, records = relative_bench()
     bench.memory.answer(bench.link.take())
     assert bench.drive.moves[-1] == ("relative", 19_990.0)
@@ -683,7 +685,7 @@ def test_m5_a_distance_on_the_wire_counts_where_its_end_is_found() -> None:
     assert accepted == (20_000, 19_990)
 
 
-def test_m5_a_distance_that_never_arrived_leaves_no_base() -> None:
+def test_m5_a_distance_that_never_reached_the_drive_gives_no_base() -> None:
     bench, records = relative_bench()
     again = restarted(bench, records)
     assert "restored" in again.kinds()
@@ -691,7 +693,7 @@ def test_m5_a_distance_that_never_arrived_leaves_no_base() -> None:
     assert again.line.axes[0].compensation.accepted is None
 
 
-def test_m5_an_axis_found_on_its_way_is_no_base_for_a_distance() -> None:
+def test_m5_an_axis_on_its_way_gives_no_base_for_a_distance() -> None:
     bench, records = staged()
     bench.run(20_000)
     bench.drive.put(ACTUAL, 30_000)
@@ -703,7 +705,7 @@ def test_m5_an_axis_found_on_its_way_is_no_base_for_a_distance() -> None:
 
 
 @pytest.mark.parametrize("found", [50_010, 19_990, 35_000])
-def test_either_target_counts_where_it_is_found(found: int) -> None:
+def test_the_target_at_which_the_axis_is_counts(found: int) -> None:
     records = Records()
     bench = Bench(axis_plan(), before_up=records.attach)
     bench.move(50_000)

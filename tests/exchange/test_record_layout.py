@@ -51,13 +51,13 @@ def test_only_one_slot_is_written_at_a_time_and_each_has_a_page_of_its_own() -> 
 
 @settings(max_examples=400)
 @given(st.integers(0, SLOT_SIZE - 1), st.integers(1, 255), st.sampled_from(SLOTS_AT))
-def test_a_flipped_byte_leaves_the_other_slot(place: int, flip: int, at: int) -> None:
+def test_a_flipped_byte_in_one_slot_makes_the_other_count(place: int, flip: int, at: int) -> None:
     data = bytearray(AFTER)
     data[at + place] ^= flip
     assert read(data) == (read(BEFORE) if at == AT else read(AFTER))
 
 
-def test_with_a_flipped_byte_in_both_nothing_is_left() -> None:
+def test_flipped_bytes_in_both_slots_leave_no_record() -> None:
     for place in range(SLOT_SIZE):
         data = bytearray(AFTER)
         for at in SLOTS_AT:
@@ -67,7 +67,7 @@ def test_with_a_flipped_byte_in_both_nothing_is_left() -> None:
 
 
 @pytest.mark.parametrize("rest", ["old", "zeros"])
-def test_a_store_that_was_cut_off_at_any_byte_leaves_the_generation_before(rest: str) -> None:
+def test_a_store_cut_off_at_any_byte_leaves_the_generation_before(rest: str) -> None:
     """Bytes are stored upwards, and the check sum stands last; a page is cleared before, or is not."""
     for cut in range(SLOT_SIZE):
         data = bytearray(BEFORE)
@@ -78,7 +78,7 @@ def test_a_store_that_was_cut_off_at_any_byte_leaves_the_generation_before(rest:
         assert found == (read(AFTER) if data == AFTER else read(BEFORE))
 
 
-def test_zeros_are_no_record_and_no_damage() -> None:
+def test_a_buffer_of_zeros_is_no_record_and_no_damage() -> None:
     slots = RecordSlots(memoryview(bytearray(RECORD_SIZE)), bytes(16))
     assert slots.read() is None
     assert not slots.is_damaged
@@ -93,14 +93,14 @@ def test_any_other_bytes_are_no_record(garbage: bytes, at: int) -> None:
     assert read(data) is None
 
 
-def test_a_slot_in_the_place_of_the_other_is_no_record() -> None:
+def test_a_slot_copied_to_the_place_of_the_other_is_no_record() -> None:
     data = bytearray(RECORD_SIZE)
     other = next(at for at in SLOTS_AT if at != AT)
     data[other : other + SLOT_SIZE] = AFTER[AT : AT + SLOT_SIZE]
     assert read(data) is None
 
 
-def test_numbers_come_back_as_they_were() -> None:
+def test_numbers_are_read_as_they_were_written() -> None:
     bench = RecordBench(axis_plan())
     bench.move(50_000, 20_000)
     axis = bench.line.axes[0]
@@ -132,7 +132,7 @@ def test_numbers_come_back_as_they_were() -> None:
         ),
     ],
 )
-def test_a_file_that_is_none_of_ours_says_why(data: bytes, reason: str) -> None:
+def test_a_file_that_is_no_record_is_refused_with_the_reason(data: bytes, reason: str) -> None:
     assert why_not_readable(data, "x") == reason
     assert why_not_readable(header("x").ljust(RECORD_SIZE, b"\0"), "x") == ""
 
@@ -153,7 +153,7 @@ _SAYS = (
 )
 
 
-def test_the_slope_of_a_line_stands_in_a_tail_that_is_not_there_before_the_first() -> None:
+def test_the_slope_of_a_line_is_in_a_tail_that_only_its_first_store_adds() -> None:
     buffer = bytearray(RECORD_SIZE)
     slots = RecordSlots(memoryview(buffer), bytes(16))
     found = []
@@ -189,7 +189,7 @@ def test_a_slot_without_its_own_tail_does_not_count() -> None:
     assert damaged.is_damaged
 
 
-def test_a_kill_between_a_level_tail_and_its_slot_takes_no_slope_from_the_older_slot() -> None:
+def test_a_kill_between_a_level_tail_and_its_slot_does_not_remove_the_slope_of_the_older_slot() -> None:
     buffer = bytearray(RECORD_SIZE)
     slots = RecordSlots(memoryview(buffer), bytes(16))
     for tilt in (-1e-4, -2e-4, -3e-4):

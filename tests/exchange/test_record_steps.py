@@ -40,7 +40,7 @@ def last_sent(bench: RecordBench) -> int:
     return int(COMMAND.unpack(bench.writes[-1][6:10]))
 
 
-def test_a_setpoint_that_goes_on_writes_steps_and_no_slot() -> None:
+def test_a_setpoint_that_continues_a_run_writes_steps_and_no_slot() -> None:
     bench = steady()
     before = data_of(bench)
     follow(bench, 60_000)
@@ -51,7 +51,7 @@ def test_a_setpoint_that_goes_on_writes_steps_and_no_slot() -> None:
     assert {at // PAGE for at in STEPS_AT} == {at // PAGE for at in SLOTS_AT}
 
 
-def test_a_step_says_what_was_accepted_and_what_is_on_its_way() -> None:
+def test_a_step_names_the_accepted_and_the_sent_setpoint() -> None:
     bench = steady()
     was_sent = last_sent(bench)
     follow(bench, 60_000)
@@ -76,7 +76,7 @@ def last_of(bench: RecordBench) -> int:
 
 
 @pytest.mark.parametrize("flip", [0x01, 0x80])
-def test_a_step_that_was_torn_leaves_the_one_before(flip: int) -> None:
+def test_a_torn_step_makes_the_one_before_count(flip: int) -> None:
     bench = steady()
     follow(bench, 60_000)
     before = data_of(bench)
@@ -91,7 +91,7 @@ def test_a_step_that_was_torn_leaves_the_one_before(flip: int) -> None:
         assert read(after) != read(before)
 
 
-def test_steps_of_an_older_slot_say_nothing() -> None:
+def test_steps_of_an_older_slot_do_not_count() -> None:
     bench = steady()
     follow(bench, 60_000)
     stepped = data_of(bench)
@@ -105,7 +105,7 @@ def test_steps_of_an_older_slot_say_nothing() -> None:
 
 
 @pytest.mark.parametrize("number", [0, 1, 2, 3, 7])
-def test_a_gateway_that_goes_on_from_steps_sends_what_it_would_have_sent(number: int) -> None:
+def test_a_gateway_restored_from_steps_sends_what_it_would_have_sent(number: int) -> None:
     bench = steady()
     for i in range(number):
         follow(bench, 60_000 + STEP * i)

@@ -33,7 +33,7 @@ def home(bench: StagedBench) -> None:
 
 
 @pytest.mark.parametrize("reference", [Reference.HOMING, Reference.SET_POSITION])
-def test_m9_not_referenced_positions_pass_unchanged_in_both_directions(reference: Reference) -> None:
+def test_m9_positions_of_an_unreferenced_axis_pass_unchanged_in_both_directions(reference: Reference) -> None:
     bench = StagedBench(staged_plan(referenced=reference))
     assert not is_corrected(bench)
     assert bench.actual() == 20_000
@@ -100,7 +100,7 @@ def test_a16_a_person_may_declare_an_absolute_axis_referenced_again() -> None:
     assert is_corrected(bench, 30_000)
 
 
-def test_a_persons_word_does_not_stand_against_the_drives_bit() -> None:
+def test_a_person_may_not_declare_a_reference_that_the_homed_bit_decides() -> None:
     bench = StagedBench(staged_plan(referenced=Reference.DRIVE_BIT))
     with pytest.raises(ControlError, match="home the drive"):
         bench.line.command(SetReference(axis="x"), bench.now_ns)
@@ -192,7 +192,7 @@ def test_m11_a_target_refused_for_one_refuses_the_triggers_of_all() -> None:
     assert bench.ask(RUN_PDU, unit_id=1) == RUN_PDU
 
 
-def test_m11_while_one_is_not_referenced_none_is_compensated() -> None:
+def test_m11_no_axis_is_compensated_while_one_is_not_referenced() -> None:
     bench = gantry(referenced=Reference.HOMING)
     bench.ask(HOME_PDU, unit_id=1)
     bench.wait(500)
@@ -209,7 +209,7 @@ def test_m11_while_one_is_not_referenced_none_is_compensated() -> None:
     assert bench.drive.get(COMMAND) == 60_010
 
 
-def test_m11_switching_one_off_switches_all_off() -> None:
+def test_m11_disabling_one_axis_disables_all() -> None:
     bench = gantry()
     assert set(switch(bench.line.axes, "y2", is_on=False)) == {"y1", "y2"}
     bench.ask(write(COMMAND, 50_000), unit_id=1)
@@ -236,7 +236,7 @@ def test_a20_a_monitor_may_not_even_stop() -> None:
     assert bench.drive.moves == []
 
 
-def test_a16_the_end_of_a_homing_that_nobody_watches_is_read_before_the_next_target() -> None:
+def test_a16_the_end_of_a_homing_that_no_controller_polls_is_read_before_the_next_target() -> None:
     bench = StagedBench(staged_plan(referenced=Reference.HOMING))
     bench.trigger(HOME_PDU)
     bench.drive.set_bits(is_done=False, is_homed=False)
@@ -251,7 +251,7 @@ def test_a16_the_end_of_a_homing_that_nobody_watches_is_read_before_the_next_tar
 # --- sequences that several rules have a part in ---------------------------------------------------------
 
 
-def test_m9_a_target_staged_while_corrected_and_run_while_it_passes_is_given_back_as_it_came() -> None:
+def test_m9_a_corrected_staged_target_is_written_again_1_to_1_after_the_reference_is_lost() -> None:
     bench = StagedBench(staged_plan(referenced=Reference.DRIVE_BIT))
     bench.go_to(20_000)
     bench.stage(50_000)
@@ -260,7 +260,7 @@ def test_m9_a_target_staged_while_corrected_and_run_while_it_passes_is_given_bac
     assert bench.trigger() == ("absolute", 50_000)
 
 
-def test_m9_after_homing_began_a_target_staged_before_is_given_back_as_it_came() -> None:
+def test_m9_a_staged_target_is_written_again_1_to_1_after_a_homing_began() -> None:
     bench = StagedBench(staged_plan(referenced=Reference.DRIVE_BIT))
     bench.go_to(20_000)
     bench.run(50_000, HOME_PDU)
@@ -283,7 +283,7 @@ def lose(bench: StagedBench, unit_id: int, pdu: bytes) -> None:
     bench.port.take()
 
 
-def test_m11_a_frame_of_target_and_trigger_does_not_run_while_the_other_axis_lost_its_own() -> None:
+def test_m11_a_frame_of_target_and_trigger_is_refused_while_the_other_axis_has_lost_its_target() -> None:
     bench = gantry(command=(WIDE,))
     lose(bench, 1, ONE_FRAME)
     assert bench.ask(ONE_FRAME, unit_id=2) == bytes.fromhex("90 04")
@@ -292,7 +292,7 @@ def test_m11_a_frame_of_target_and_trigger_does_not_run_while_the_other_axis_los
         assert bench.ask(ONE_FRAME, unit_id=unit_id) == ONE_FRAME[:5]
 
 
-def test_m11_a_drive_that_moves_at_once_waits_for_its_beam_too() -> None:
+def test_m11_a_mover_is_refused_too_while_the_other_axis_has_lost_its_target() -> None:
     plans = [axis_plan(name=name, unit_id=unit) for name, unit in (("y1", 1), ("y2", 2))]
     bench = StagedBench(*plans, groups=[["y1", "y2"]])
     lose(bench, 1, write(COMMAND, 50_000))
@@ -323,14 +323,14 @@ def test_a16_a_homing_that_was_stopped_or_refused_makes_no_reference() -> None:
         assert "axis-referenced" not in bench.kinds()
 
 
-def test_m9_an_axis_that_passes_is_never_blocked() -> None:
+def test_m9_an_axis_that_passes_1_to_1_is_never_blocked() -> None:
     bench = StagedBench(staged_plan(table=None), serial=False)
     bench.unanswered(write(COMMAND, 50_000), 1000, 1000)
     bench.trigger()
     assert bench.ask(bytes.fromhex("06 0606 1234")) == bytes.fromhex("06 0606 1234")
 
 
-def test_m9_a_target_that_was_lost_while_the_axis_passed_refuses_its_triggers_once_it_is_corrected() -> None:
+def test_m9_a_target_lost_while_positions_passed_1_to_1_blocks_the_axis_once_it_is_corrected() -> None:
     bench = StagedBench(staged_plan(referenced=Reference.DRIVE_BIT), serial=False)
     bench.drive.set_bits(is_homed=False, is_done=True)
     bench.poll()
@@ -346,7 +346,7 @@ def test_m9_a_target_that_was_lost_while_the_axis_passed_refuses_its_triggers_on
     bench.trigger()
 
 
-def test_m11_a_target_that_is_refused_at_its_trigger_keeps_the_other_axis_from_running() -> None:
+def test_m11_a_target_refused_at_its_trigger_blocks_the_other_axis_too() -> None:
     bench = gantry(travel=(0.0, 100.0))
     for unit_id, counts in ((1, 350_000), (2, 60_000)):
         bench.ask(write(COMMAND, counts), unit_id=unit_id)
@@ -355,7 +355,7 @@ def test_m11_a_target_that_is_refused_at_its_trigger_keeps_the_other_axis_from_r
     assert bench.drive.moves == []
 
 
-def test_a_target_of_which_a_word_was_replaced_is_not_given_again_over_a_lost_reference() -> None:
+def test_a_target_whose_word_was_replaced_is_rendered_again_after_a_lost_reference() -> None:
     """M4, M9: 65530 was told as 65540 = 0x0001_0004. Its high word, written alone, leaves the drive with
     0x0000_0004 for 0x0000_FFFA; the homed bit falls and rises, and the whole target comes again: 65540, for
     the axis stands there."""

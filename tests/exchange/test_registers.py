@@ -61,7 +61,7 @@ def starting_bench(**changes: object) -> Bench:
     return bench
 
 
-def test_m1_the_word_that_starts_nothing_goes_as_it_came_and_the_starting_one_sends_the_whole() -> None:
+def test_m1_a_word_that_starts_nothing_passes_and_the_starting_one_sends_the_whole_position() -> None:
     bench = starting_bench()
     assert bench.ask(HIGH_WORD) == HIGH_WORD
     assert bench.seen == [HIGH_WORD]
@@ -72,20 +72,20 @@ def test_m1_the_word_that_starts_nothing_goes_as_it_came_and_the_starting_one_se
     assert TARGET.unpack(bench.ask(read(TARGET))[2:]) == 131_072
 
 
-def test_m1_the_starting_word_alone_keeps_the_other_as_the_controller_wrote_it() -> None:
+def test_m1_the_starting_word_alone_is_joined_with_the_other_nominal_word() -> None:
     bench = starting_bench()
     bench.ask(bytes.fromhex("06 9901 0000"))  # 65 530 is 0x0000_FFFA: now 0
     assert bench.memory.get(TARGET) == -10
 
 
-def test_m1_writing_the_speed_runs_the_target_that_stands_there() -> None:
+def test_m1_writing_the_speed_runs_the_target_in_the_register() -> None:
     bench = starting_bench()
     assert bench.ask(SPEED_ALONE) == SPEED_ALONE[:5]
     assert writes(bench) == [SPEED_ALONE]
     assert told(bench) == (65_530, 65_540)
 
 
-def test_m1_it_runs_a_target_of_which_one_word_came_where_the_drive_holds_it_right() -> None:
+def test_m1_writing_the_speed_runs_a_target_of_which_one_word_came_if_the_drive_holds_it_right() -> None:
     """70 000, 0x0001_1170, is told 0x0001_117A; 135 536, 0x0002_1170, is told 0x0002_117A."""
     bench = starting_bench()
     bench.ask(write(TARGET, 70_000))
@@ -197,7 +197,7 @@ def test_w5_a_trigger_that_is_withdrawn_has_moved_nothing() -> None:
     assert told(bench) == (65_530, 65_540)
 
 
-def test_m2_a_trigger_alone_leaves_no_target_without_an_answer() -> None:
+def test_m2_a_refused_trigger_leaves_no_target_open() -> None:
     """Nothing is out that a drive could refuse or leave unanswered; 100 000 lies ahead: 100 010, 0x186AA."""
     bench = arrived_bench()
     refuse_speed(bench)
@@ -210,7 +210,7 @@ def test_m2_a_trigger_alone_leaves_no_target_without_an_answer() -> None:
 
 
 @pytest.mark.parametrize("is_silent", [False, True])
-def test_m7_target_and_speed_in_one_frame_are_in_doubt_where_it_is_not_acknowledged(is_silent: bool) -> None:
+def test_m7_target_and_speed_in_one_frame_are_open_if_it_is_not_acknowledged(is_silent: bool) -> None:
     """196 602 goes out as 196 612, 0x0003_0004, and the speed with it.
 
     The drive went there all the same, and is at 150 000 when 100 000 is asked for: that is read, lies behind
@@ -239,7 +239,7 @@ def test_m7_target_and_speed_in_one_frame_are_in_doubt_where_it_is_not_acknowled
     assert bench.seen == [*flags, read(HIGH_FIRST_ACTUAL), bytes.fromhex("10 9900 0002 04 0001 8696")]
 
 
-def test_m5_after_a_refused_trigger_a_distance_counts_from_where_the_axis_stands() -> None:
+def test_m5_after_a_refused_trigger_a_distance_counts_from_the_last_target() -> None:
     """From 65 530, told 65 540, by 100 to 65 630, told 65 640: 100, 0x64."""
     bench = arrived_bench()
     refuse_speed(bench)
@@ -250,7 +250,7 @@ def test_m5_after_a_refused_trigger_a_distance_counts_from_where_the_axis_stands
     assert told(bench) == (65_630, 65_640)
 
 
-def test_a_kill_after_a_refused_trigger_finds_the_target_that_the_drive_goes_to() -> None:
+def test_after_a_kill_the_target_before_a_refused_trigger_is_restored() -> None:
     """On its way to 131 056, told 131 066, its high word makes the target 0x0000_FFF0, 65 520.
 
     From 100 400 that lies behind: 65 510, where the drive holds 65 530. Before, 65 510 had gone out and was
@@ -287,7 +287,7 @@ def test_a_kill_after_a_refused_trigger_finds_the_target_that_the_drive_goes_to(
     assert again.line.axes[0].is_unsure is False
 
 
-def test_m9_without_a_reference_no_target_is_written_anew_that_would_start() -> None:
+def test_m9_without_a_reference_no_target_is_written_again_if_that_starts_it() -> None:
     """It was told 65 540 for 65 530, and may have been switched off since; 100 000 is 0x0001_86A0, 1:1."""
     bench = arrived_bench(bits={"done": DONE, "homed": HOMED}, referenced=Reference.DRIVE_BIT)
     assert bench.memory.get(TARGET) == 65_540
@@ -302,7 +302,7 @@ def test_m9_without_a_reference_no_target_is_written_anew_that_would_start() -> 
     assert writes(bench)[1:] == [SPEED_ALONE]
 
 
-def test_m2_a_word_that_starts_nothing_is_written_anew() -> None:
+def test_m2_a_word_that_starts_nothing_is_written_again() -> None:
     """A drive of single registers: 0x0002_0004 becomes 0x0003_0004 for 196 602, by its high word alone."""
     bench = starting_bench(writes_with=Form.FC06)
     bench.ask(HIGH_WORD)
@@ -311,7 +311,7 @@ def test_m2_a_word_that_starts_nothing_is_written_anew() -> None:
     assert writes(bench) == [bytes.fromhex("06 9900 0003"), SPEED_ALONE]
 
 
-def test_m2_no_word_is_written_anew_where_another_one_would_start() -> None:
+def test_m2_no_word_is_written_again_if_another_one_would_start_the_move() -> None:
     """From 196 612, told 0x0003_000E, back to 0x0001_0004, 65 540: told 65 530, 0x0000_FFFA.
 
     The drive holds 0x0001_000E, so both words would have to be written, the high one first.
@@ -367,14 +367,16 @@ parts-buffered   joined        joined           joined       joined
 
 
 @pytest.mark.parametrize(("state", "loss"), list(product(Completeness, Loss)))
-def test_m1_a_lost_part_leaves_its_field_as_the_rule_says(state: Completeness, loss: Loss) -> None:
+def test_m1_the_state_of_a_field_after_a_lost_part_is_what_the_rule_says(
+    state: Completeness, loss: Loss
+) -> None:
     assert COMPLETENESS_AFTER[state, loss].value == walk(LOSS_WALK)[state.value, loss.value]
 
 
 @pytest.mark.parametrize(
     ("state", "waits", "heard"), list(product(Completeness, (True, False), (True, False)))
 )
-def test_m1_the_next_part_becomes_what_the_rule_says(state: Completeness, waits: bool, heard: bool) -> None:
+def test_m1_the_next_part_is_sent_as_the_rule_says(state: Completeness, waits: bool, heard: bool) -> None:
     column = f"{'waits' if waits else 'moves'},{'heard' if heard else 'pipelined'}"
     assert NEXT_PART[state, waits, heard].value == walk(NEXT_WALK)[column, state.value]
 
@@ -418,7 +420,9 @@ def staged(**plan: Any) -> StagedBench:
 
 @pytest.mark.parametrize("frame", HIGH_FRAMES)
 @pytest.mark.parametrize("code", [1, 2, 3, 4])
-def test_m7_after_a_half_that_was_not_written_the_other_joins_what_is_held(frame: str, code: int) -> None:
+def test_m7_after_a_half_that_was_not_written_the_other_is_joined_with_the_word_in_the_drive(
+    frame: str, code: int
+) -> None:
     """0x0001_2000 = 73 728, backward 10 less. Of FC23 only 1 proves that nothing was written."""
     bench = mover(**PROVES)
     refuse(bench, HIGH_FRAMES[frame], code)
@@ -448,7 +452,7 @@ def test_m7_after_a_doubtful_half_a_mover_gets_both_again(
 
 
 @pytest.mark.parametrize("code", [1, 4])
-def test_m1_a_half_that_was_pipelined_behind_a_refused_one_is_refused(code: int) -> None:
+def test_m1_a_half_pipelined_after_a_refused_one_is_refused(code: int) -> None:
     bench = mover(**PROVES)
     bench.send(HIGH_3)
     bench.now_ns += 1_000_000
@@ -463,7 +467,7 @@ def test_m1_a_half_that_was_pipelined_behind_a_refused_one_is_refused(code: int)
     assert bench.memory.get(COMMAND) == 95_010
 
 
-def test_m1_a_half_that_was_refused_for_another_writer_joins_nothing() -> None:
+def test_m1_a_half_refused_to_a_second_writer_is_joined_with_no_other() -> None:
     bench = mover()
     panel = Port(ControllerPlan("hmi"))
     bench.send(HIGH_3, panel)
@@ -482,7 +486,7 @@ def test_m1_a_half_that_was_refused_for_another_writer_joins_nothing() -> None:
 @pytest.mark.parametrize(
     ("code", "plan"), [(1, MAY_HAVE_WRITTEN), (4, PROVES), (4, MAY_HAVE_WRITTEN), (6, PROVES), (0x0B, PROVES)]
 )
-def test_m3_a_trigger_behind_a_refused_half_is_refused(
+def test_m3_a_trigger_after_a_refused_half_is_refused(
     halves: tuple[bytes, bytes], code: int, plan: dict[str, Any]
 ) -> None:
     bench = staged(**plan)
@@ -513,7 +517,7 @@ def test_m3_one_frame_with_all_words_releases_the_trigger() -> None:
     assert bench.run(100_000) == ("absolute", 100_010)
 
 
-def test_m1_after_a_time_out_a_half_goes_out_as_it_came_and_counts_when_it_was_acknowledged() -> None:
+def test_m1_after_a_time_out_a_half_passes_unchanged_and_counts_once_it_is_acknowledged() -> None:
     bench = staged()
     bench.unanswered(HIGH_3, 1000)
     assert bench.ask(LOW_2000) == LOW_2000
@@ -536,7 +540,7 @@ def test_m3_a_word_that_the_drive_refused_is_not_written_again_for_a_trigger() -
     assert bench.trigger() == ("absolute", 200_010)
 
 
-def test_m3_a_half_that_starts_the_motion_does_not_run_beside_one_that_was_refused() -> None:
+def test_m3_a_half_that_starts_the_motion_is_refused_beside_a_refused_one() -> None:
     """The high word starts; the low one was refused, and its drive holds 0x7318."""
     starts = MotionPlan(starts_on=frozenset({0x0607}))
     bench = Bench(axis_plan(motion=starts, **PROVES), tcp_drive=True, serial=False)
@@ -547,7 +551,7 @@ def test_m3_a_half_that_starts_the_motion_does_not_run_beside_one_that_was_refus
     assert bench.memory.get(COMMAND) == told
 
 
-def test_m3_a_lost_target_of_one_field_is_not_run_because_another_one_was_written() -> None:
+def test_m3_a_lost_target_of_one_field_is_not_run_after_a_write_to_another_field() -> None:
     """Two paths of one drive: path 1 lost a word, path 0 is written whole and releases its own triggers."""
     second = PositionField(0x0610, COMMAND.type, COMMAND.order)
     deeds = {0: Operation(Action.ABSOLUTE, 0), 1: Operation(Action.ABSOLUTE, 1)}
@@ -561,7 +565,7 @@ def test_m3_a_lost_target_of_one_field_is_not_run_because_another_one_was_writte
     assert bench.ask(bytes.fromhex("06 050E 0000")) == bytes.fromhex("06 050E 0000")
 
 
-def test_m1_a_refused_half_is_forgotten_with_the_words_that_it_stood_beside() -> None:
+def test_m1_a_refused_half_is_forgotten_with_the_words_of_its_field() -> None:
     """The link was lost: the next pair goes out with its second half, as any first pair."""
     bench = mover(**PROVES)
     refuse(bench, HIGH_3, 4)
@@ -585,7 +589,7 @@ def standing_at(counts: int, **plan: object) -> Bench:
     return bench
 
 
-def test_a_half_beyond_travel_joins_nothing_and_the_pair_goes_out_when_it_is_written_again() -> None:
+def test_a_pair_beyond_travel_by_its_first_half_is_sent_when_it_is_written_again() -> None:
     # From 65 530 to 65 540 = 0x0001_0004: the high half alone makes 131 066, outside the travel.
     bench = standing_at(65_530, travel=(0.0, 100.0))
     told = bench.memory.get(COMMAND)
@@ -596,7 +600,7 @@ def test_a_half_beyond_travel_joins_nothing_and_the_pair_goes_out_when_it_is_wri
     assert bench.ask(LOW_4) == LOW_4
 
 
-def test_an_axis_crosses_zero_in_halves_with_the_second_pair_where_the_way_there_leaves_its_travel() -> None:
+def test_an_axis_crosses_zero_in_halves_with_the_second_pair_if_one_half_alone_leaves_its_travel() -> None:
     bench = standing_at(5_000, travel=(-10.0, 10.0))
     # -5 000 = 0xFFFF_EC78: its low half makes 60 536 of 5 000, the high one alone would make 0xFFFF_1388
     low, high = bytes.fromhex("06 0606 EC78"), bytes.fromhex("06 0607 FFFF")
@@ -645,7 +649,7 @@ def test_halves_of_different_commands_are_never_joined() -> None:
     assert "write all of it again" in bench.events[-1].detail
 
 
-def test_a_refused_pair_leaves_nothing_behind_to_join_the_next_half_with() -> None:
+def test_the_next_half_is_not_joined_with_a_refused_pair() -> None:
     bench = standing_at(5_000, travel=(-300.0, 10.0))
     low, high = bytes.fromhex("06 0606 1770"), bytes.fromhex("06 0607 0000")
     for part in ("06 0606 EC78", "06 0607 7FFF"):  # 0x7FFF_EC78 is far outside
@@ -655,7 +659,7 @@ def test_a_refused_pair_leaves_nothing_behind_to_join_the_next_half_with() -> No
     assert bench.memory.get(COMMAND) == 6_010
 
 
-def test_a_withdrawn_half_is_joined_with_the_one_that_withdrew_it_and_not_with_what_stood_there() -> None:
+def test_a_withdrawn_half_is_joined_with_the_one_that_withdrew_it() -> None:
     bench = standing_at(65_530)
     hmi = Port(ControllerPlan("hmi"))
     bench.send(bytes.fromhex("03 0700 0001"), hmi)
@@ -666,7 +670,7 @@ def test_a_withdrawn_half_is_joined_with_the_one_that_withdrew_it_and_not_with_w
     assert bench.memory.get(COMMAND) == 65_550
 
 
-def test_a_half_is_not_joined_with_one_that_was_lost_before_a_newer_whole_one() -> None:
+def test_a_half_is_not_joined_with_one_lost_before_a_newer_whole_write() -> None:
     """The part waits for a read, the whole one behind it; both are withdrawn, the newer one first."""
     bench = Bench(axis_plan(), timing=LineTiming(response_timeout_ms=50), serial=False, tcp_drive=True)
     bench.send(HIGH_1)
@@ -704,7 +708,7 @@ def test_a_half_that_the_drive_did_not_answer_is_lost_until_the_other_follows() 
 
 
 @pytest.mark.parametrize("stands_at", [0, 1, -1, 300, 65_536, 131_072])
-def test_the_first_pair_after_a_start_arrives_wherever_the_drive_stands(stands_at: int) -> None:
+def test_the_first_pair_after_a_start_is_sent_wherever_the_drive_is(stands_at: int) -> None:
     bench = Bench(axis_plan())
     bench.memory.put(COMMAND, stands_at)
     bench.memory.put(ACTUAL, stands_at)
@@ -714,7 +718,7 @@ def test_the_first_pair_after_a_start_arrives_wherever_the_drive_stands(stands_a
     assert COMMAND.unpack(bench.ask(read(COMMAND))[2:]) == 60_000
 
 
-def test_a_whole_write_mends_a_torn_position() -> None:
+def test_a_whole_write_replaces_a_torn_position() -> None:
     bench = standing_at(65_530, travel=(0.0, 100.0))
     bench.ask(HIGH_1)
     bench.move(70_000)
@@ -774,7 +778,7 @@ def test_the_first_direction_is_decided_on_the_drives_scale() -> None:
     assert bench.command(50_100) == 50_410
 
 
-def test_a_request_that_grew_too_old_during_an_added_read_is_not_sent() -> None:
+def test_a_request_that_became_too_old_during_an_added_read_is_not_sent() -> None:
     bench = Bench(axis_plan(), serial=False)
     hasty = Port(ControllerPlan("plc", timeout_ms=100))
     bench.send(write(COMMAND, 50_000), hasty)
@@ -810,7 +814,7 @@ def test_a_cyclic_image_with_two_command_fields_never_flips() -> None:
         assert bench.sent_for(image) == first
 
 
-def test_a_jog_that_was_seen_is_no_place_to_repeat_from() -> None:
+def test_a_target_after_a_jog_that_was_seen_is_no_repeat() -> None:
     bench = standing_at(50_000)
     bench.actual()
     bench.memory.put(ACTUAL, 80_000)  # somebody jogged the axis
@@ -819,7 +823,7 @@ def test_a_jog_that_was_seen_is_no_place_to_repeat_from() -> None:
     assert bench.command(50_000) == 49_990  # backward from 80 mm
 
 
-def test_an_actual_position_that_is_no_number_tells_nothing() -> None:
+def test_an_actual_position_that_is_no_number_is_ignored() -> None:
     reported = PositionField(0x0520, RegisterType.FLOAT32)
     bench = Bench(axis_plan(actual=(reported,)))
     bench.memory.put(reported, 90_000.0)
@@ -878,7 +882,7 @@ def test_m3_a_mode_that_was_withdrawn_is_not_replaced_by_the_one_on_the_wire() -
     assert bench.trigger() == ("relative", 51_010)
 
 
-def test_m3_a_part_whose_loss_shows_later_than_that_of_a_newer_one_counts_for_nothing() -> None:
+def test_m3_a_part_whose_loss_shows_after_that_of_a_newer_one_is_not_joined() -> None:
     image = FieldImage(COMMAND)
     image.settle(bytes(4), bytes(4))
     later, sooner = 100 * MS, 90 * MS
@@ -892,14 +896,14 @@ def lose(image: FieldImage, high: bytes, arrived_ns: int) -> None:
     image.lose(Loss.WITHDRAWN, 1, high, arrived_ns=arrived_ns, follows_ns=0, now_ns=arrived_ns)
 
 
-def test_m1_a_half_that_was_lost_and_given_again_may_wait_for_the_other() -> None:
+def test_m1_a_lost_half_that_was_written_again_may_wait_for_the_other() -> None:
     image = FieldImage(COMMAND)
     lose(image, b"\x00\x01", 100 * MS)
     image.buffer(1, b"\x00\x01", 250 * MS, 100 * MS)
     assert image.completed(0, b"\x12\x34", 900 * MS, 700 * MS) == bytes.fromhex("1234 0001")
 
 
-def test_m3_halves_that_came_at_one_instant_are_lost_in_their_order() -> None:
+def test_m3_halves_that_came_at_the_same_instant_are_lost_in_their_order() -> None:
     bench = StagedBench(tcp_drive=True, timing=LineTiming(response_timeout_ms=100))
     port = Port(ControllerPlan("cnc", timeout_ms=100))
     bench.go_to(50_000)
@@ -986,7 +990,7 @@ def test_a_connection_that_breaks_off_tears_what_was_acknowledged_in_part(before
     assert image.completed(1, b"\0\4", 10, 0) == completed.get(after)
 
 
-def test_m1_half_of_a_field_that_reads_as_something_else_is_not_completed_from_there() -> None:
+def test_m1_half_of_a_field_is_not_completed_from_a_register_that_reads_differently() -> None:
     target = replace(COMMAND, access=FieldAccess.WRITE)
     bench = Bench(axis_plan(command=(target,), actual=(replace(COMMAND, access=FieldAccess.READ),)))
     bench.memory.put(COMMAND, 0x0005_4020)
@@ -994,7 +998,7 @@ def test_m1_half_of_a_field_that_reads_as_something_else_is_not_completed_from_t
     assert bench.seen == []
 
 
-def test_m1_halves_that_the_drive_acknowledged_may_come_slowly() -> None:
+def test_m1_acknowledged_halves_may_come_slowly() -> None:
     bench = StagedBench(staged_plan(writes_with=Form.FC06, motion=ONLY_ABSOLUTE))
     for part in ("06 0606 FFFA", "06 0607 0000"):
         assert bench.ask(bytes.fromhex(part)) == bytes.fromhex(part)
@@ -1053,7 +1057,7 @@ def ran(line: Bench) -> int:
 
 @pytest.mark.parametrize("kind", [0x4001, 0x00C2, 9, 0])
 @pytest.mark.parametrize("is_read", [True, False], ids=["asked by the gateway", "read by the controller"])
-def test_m9_a_kept_target_of_a_kind_that_nobody_knows_is_refused(kind: int, is_read: bool) -> None:
+def test_m9_the_trigger_of_a_stored_target_of_unknown_kind_is_refused(kind: int, is_read: bool) -> None:
     line = keeping(kind)
     if not is_read:
         line.ask(bytes.fromhex("03 0703 0001"))
@@ -1063,7 +1067,7 @@ def test_m9_a_kept_target_of_a_kind_that_nobody_knows_is_refused(kind: int, is_r
 
 
 @pytest.mark.parametrize("is_forgotten", [False, True])
-def test_m9_it_is_refused_after_its_kind_was_written_too_and_once_its_words_were_forgotten(
+def test_m9_a_stored_target_is_refused_after_its_kind_was_written_or_its_words_were_forgotten(
     *, is_forgotten: bool
 ) -> None:
     line = keeping()
@@ -1075,14 +1079,14 @@ def test_m9_it_is_refused_after_its_kind_was_written_too_and_once_its_words_were
     assert (line.ask(RUN_3), ran(line)) == (REFUSED, 0)
 
 
-def test_m9_it_is_refused_in_a_frame_that_writes_another_path() -> None:
+def test_m9_the_trigger_of_a_stored_target_is_refused_in_a_frame_that_writes_another_path() -> None:
     motion = replace(PATHS, triggers=(replace(PATHS.triggers[0], address=0x0608),))
     line = keeping(motion=motion)
     frame = bytes.fromhex("10 0606 0003 06 4E20 0000 0004")  # 20 000 into path 0, and path 3 runs
     assert line.ask(frame) == bytes.fromhex("90 04")
 
 
-def test_m2_one_that_came_through_the_gateway_passes_untouched_and_displaces_its_axis() -> None:
+def test_m2_a_stored_target_written_through_the_gateway_passes_and_makes_the_motion_unknown() -> None:
     line = keeping()
     line.ask(ABSOLUTE_3)
     line.ask(write(PATH_3, 50_000))
@@ -1098,19 +1102,19 @@ def test_m2_one_that_came_through_the_gateway_passes_untouched_and_displaces_its
     [{"compensation": CompensationMode.OFF}, {"referenced": Reference.HOMING}, {"table": None}],
     ids=["off", "not homed", "no table"],
 )
-def test_m9_an_axis_that_passes_1_to_1_runs_it(plan: dict[str, Any]) -> None:
+def test_m9_an_axis_that_passes_1_to_1_runs_a_stored_target(plan: dict[str, Any]) -> None:
     """A machine that homes by a stored path has to be able to."""
     line = keeping(bits=BITS, **plan)
     assert (line.ask(RUN_3), ran(line)) == (RUN_3, 1)
 
 
 @pytest.mark.parametrize("word", [STOP, 100, 0, 0x200], ids=["stop", "homing", "nothing", "unknown"])
-def test_m9_all_that_runs_no_kept_target_passes(word: int) -> None:
+def test_m9_a_trigger_that_runs_no_stored_target_passes(word: int) -> None:
     pdu = bytes.fromhex(f"06 050E {word:04X}")
     assert keeping().ask(pdu) == pdu
 
 
-def test_m9_with_stored_moves_uncorrected_it_passes_and_its_axis_is_flagged() -> None:
+def test_m9_with_stored_moves_uncorrected_a_stored_target_runs_and_its_axis_is_flagged() -> None:
     line = keeping(motion=replace(PATHS, passes_stored_moves=True))
     line.stage(20_000)
     line.ask(bytes.fromhex("06 0700 0001"))
@@ -1124,7 +1128,7 @@ def test_m9_with_stored_moves_uncorrected_it_passes_and_its_axis_is_flagged() ->
     assert line.kinds()[-1] == "direction-unsure"
 
 
-def test_m3_with_stored_moves_uncorrected_a_torn_one_stays_refused() -> None:
+def test_m3_with_stored_moves_uncorrected_a_torn_stored_target_is_still_refused() -> None:
     line = keeping(motion=replace(PATHS, passes_stored_moves=True))
     line.unanswered(write(PATH_3, 50_000), 1000)
     line.wait(1000)

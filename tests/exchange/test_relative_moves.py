@@ -136,7 +136,7 @@ def test_m5_the_same_distance_again_is_another_move() -> None:
     assert bench.drive.moves[-2:] == [("relative", 30_150), ("relative", 40_200)]
 
 
-def test_a8_after_a_stop_the_base_is_where_the_axis_stands() -> None:
+def test_a8_after_a_stop_the_base_is_the_position_of_the_axis() -> None:
     bench = StagedBench(staged_plan(table=SLOPE))
     bench.run(100_000)
     bench.drive.pass_by(30_150)
@@ -193,7 +193,7 @@ def test_m5_a_lost_acknowledgement_makes_the_base_unknown_and_a_reading_finds_it
     assert bench.drive.moves[-2:] == [("relative", 30_150), ("relative", 40_200)]
 
 
-def test_m5_from_the_last_target_a_moving_axis_needs_no_reading_of_its_place() -> None:
+def test_m5_a_base_of_the_last_target_needs_no_reading_of_a_moving_axis() -> None:
     bench = StagedBench(staged_plan(table=SLOPE, motion=relative_by(Action.RELATIVE)))
     bench.run(20_000)
     bench.drive.pass_by(5_000)
@@ -216,14 +216,14 @@ def test_m8_a_relative_move_out_of_the_travel_is_refused() -> None:
     assert bench.refused(RUN_RELATIVE_PDU) == 4
 
 
-def test_m5_a_distance_of_nothing_is_nothing() -> None:
+def test_m5_a_distance_of_0_moves_nothing() -> None:
     bench = StagedBench()
     bench.go_to(50_000)
     by(bench, 0)
     assert bench.drive.moves[-1] == ("relative", 50_010)
 
 
-def test_m5_not_compensated_a_distance_passes_as_it_is() -> None:
+def test_m5_a_distance_passes_unchanged_without_compensation() -> None:
     bench = StagedBench(staged_plan(table=None))
     bench.go_to(20_000)
     by(bench, 10_000)
@@ -259,7 +259,7 @@ def test_m2_in_frame_a_target_without_its_mode_is_unknown_and_passes_untouched()
     assert bench.line.counters.unknown_modes == 1
 
 
-def test_a_distance_from_a_place_whose_branch_nobody_knows_is_flagged() -> None:
+def test_a_distance_from_a_position_of_unknown_branch_is_flagged() -> None:
     """M5, M6: jogged to 3000 on the drive, which is 2990 or 3010: -1000 is right for one."""
     bench = StagedBench(staged_plan(), serial=False)
     bench.go_to(5000)
@@ -273,7 +273,7 @@ def test_a_distance_from_a_place_whose_branch_nobody_knows_is_flagged() -> None:
     assert direction_state(bench.line.axes[0]) == "unsure"
 
 
-def test_the_words_of_a_distance_are_no_place_when_the_same_words_come_as_an_absolute_target() -> None:
+def test_the_same_words_as_an_absolute_target_are_no_repeat_of_a_distance() -> None:
     """M4, M5: the mode of a drive that goes at once falls back after each move.
 
     At 5000 forward 0.03 + 0.3 * 5/20 = 0.105 mm, so 5105; the distance of 3000 ends at 8000, which is 8150

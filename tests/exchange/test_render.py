@@ -44,9 +44,7 @@ from tests.exchange.staged_bench import COMMANDED, HOME_PDU, ONLY_ABSOLUTE, RUN_
         ),
     ],
 )
-def test_fc16_is_corrected_the_rest_of_its_block_is_left_alone_and_its_echo_is_the_controllers_own(
-    request_hex: str, told: str
-) -> None:
+def test_fc16_only_the_position_is_corrected_and_the_echo_is_nominal(request_hex: str, told: str) -> None:
     bench = Bench(axis_plan())
     pdu = bytes.fromhex(request_hex)
     assert bench.ask(pdu) == pdu[:5]
@@ -70,7 +68,7 @@ def test_the_actual_position_is_read_before_the_first_move_and_decides_its_direc
     ],
     ids=["no added frames", "write only", "in a block"],
 )
-def test_w8_a_position_that_may_not_be_read_or_that_no_read_brings_alone_is_never_asked_for(
+def test_w8_a_position_that_may_not_be_read_alone_is_never_read(
     plan: dict[str, Any],
 ) -> None:
     """At its address the drive shows 80 000, from where the move would be backward."""
@@ -97,7 +95,7 @@ def test_the_command_register_reads_back_nominal() -> None:
     assert COMMAND.unpack(bench.ask(read(COMMAND))[2:]) == 50_100
 
 
-def test_fc04_reads_are_turned_back_like_fc03() -> None:
+def test_fc04_reads_are_converted_back_like_fc03() -> None:
     bench = Bench(axis_plan())
     bench.move(50_000)
     assert ACTUAL.unpack(bench.ask(read(ACTUAL, 4))[2:]) == 50_000
@@ -124,7 +122,7 @@ def test_two_axes_in_one_frame_are_each_corrected_by_their_own_table() -> None:
     assert bench.seen[-1] == bytes.fromhex("10 0606 0004 08 C35A 0000 C382 0000")
 
 
-def test_a_window_of_reads_is_turned_back_in_place() -> None:
+def test_a_position_in_the_middle_of_a_read_is_converted_back_in_place() -> None:
     bench = Bench(axis_plan())
     bench.move(50_000)
     bench.memory.write(0x051E, bytes.fromhex("AAAA BBBB"))
@@ -133,7 +131,7 @@ def test_a_window_of_reads_is_turned_back_in_place() -> None:
 
 
 @pytest.mark.parametrize("function", [0x41, 0x64, 0x65, 0x2B, 0x08, 0x05])
-def test_w1_what_holds_no_position_passes_byte_for_byte(function: int) -> None:
+def test_w1_frames_without_a_position_pass_byte_for_byte(function: int) -> None:
     bench = Bench(axis_plan())
     request = bytes((function, 0x06, 0x06, 1, 2, 3, 4, 5))
     bench.send(request)
@@ -210,7 +208,7 @@ def test_an_axis_is_corrected_only_while_its_homed_bit_is_set() -> None:
     assert bench.kinds() == ["line-up", "reference-lost", "axis-referenced", "reference-lost"]
 
 
-def test_m6_the_done_bit_makes_the_last_target_the_place_of_the_axis() -> None:
+def test_m6_the_done_bit_shows_that_the_axis_is_at_its_last_target() -> None:
     done = BitField(0x0031, 0)
     bench = Bench(axis_plan(bits={"done": done}))
     bench.move(50_000)
@@ -239,7 +237,7 @@ def test_a_fresh_actual_decides_when_it_is_farther_than_the_axis_can_have_moved(
     assert bench.memory.get(COMMAND) == 50_010
 
 
-def test_m6_an_old_actual_is_read_anew() -> None:
+def test_m6_an_old_actual_is_read_again() -> None:
     bench = Bench(axis_plan())
     bench.move(80_000)
     bench.ask(read(ACTUAL))
@@ -261,7 +259,7 @@ def test_a_drive_that_refuses_the_added_read_leaves_the_branch_and_flags_it() ->
     assert direction_state(bench.line.axes[0]) == "unsure"
 
 
-def test_an_axis_without_an_actual_position_follows_the_order_of_its_targets_flagged() -> None:
+def test_an_axis_without_an_actual_position_takes_its_direction_from_its_targets_and_is_flagged() -> None:
     bench = Bench(axis_plan(actual=()))
     bench.ask(write(COMMAND, 0))
     assert bench.sent_for(write(COMMAND, 50_000)) == write(COMMAND, 50_010)
@@ -312,7 +310,7 @@ def test_float32_reads_back_the_very_bits_that_were_commanded() -> None:
         assert bench.ask(read(reported))[2:] == struct.pack(">f", value)
 
 
-def test_a_field_of_another_step_is_scaled() -> None:
+def test_a_field_with_another_scale_is_scaled() -> None:
     fine = PositionField(0x0606, RegisterType.INT32, WordOrder.HIGH_FIRST, scale=0.1)
     bench = Bench(axis_plan(command=(fine,)))
     bench.ask(write(fine, 500_000))  # 50 mm in steps of 0.1 count
@@ -353,12 +351,12 @@ def test_limits_are_corrected_half_way_between_the_branches_and_read_back_exactl
     assert LIMIT.unpack(bench.ask(read(LIMIT))[2:]) == limit
 
 
-def test_limits_half_a_limit_is_refused() -> None:
+def test_limits_a_part_of_a_limit_is_refused() -> None:
     bench = Bench(axis_plan(limits=(LIMIT,), table=ONE_SIDED))
     assert bench.ask(bytes.fromhex("06 0900 1234")) == bytes.fromhex("86 04")
 
 
-def test_aliases_are_turned_back_like_the_position_itself_and_not_written() -> None:
+def test_aliases_are_converted_back_like_the_position_and_not_written() -> None:
     bench = Bench(axis_plan(aliases=(ALIAS,)))
     bench.move(50_000)
     bench.memory.put(ALIAS, 50_010)
@@ -371,7 +369,7 @@ def test_aliases_are_turned_back_like_the_position_itself_and_not_written() -> N
 SINGLE = {"writes_with": Form.FC06, "motion": ONLY_ABSOLUTE}
 
 
-def test_fc06_drives_get_each_word_alone_and_the_trigger_puts_them_right() -> None:
+def test_fc06_drives_get_each_word_alone_and_the_trigger_rewrites_wrong_ones() -> None:
     bench = StagedBench(staged_plan(**SINGLE))
     for part in ("06 0606 FFFA", "06 0607 0000"):  # 65 530
         assert bench.ask(bytes.fromhex(part)) == bytes.fromhex(part)
@@ -383,7 +381,7 @@ def test_fc06_drives_get_each_word_alone_and_the_trigger_puts_them_right() -> No
     assert COMMAND.unpack(bench.ask(read(COMMAND))[2:]) == 65_530
 
 
-def test_fc06_only_the_words_that_differ_are_written_anew() -> None:
+def test_fc06_only_the_words_that_differ_are_written_again() -> None:
     """M2: of the first target no word is known; 49000, BF68 0000, is BF5E 0000 backward, and BF68 if off."""
     bench = StagedBench(staged_plan(**SINGLE))
     bench.ask(bytes.fromhex("06 0607 0000"))
@@ -420,7 +418,7 @@ def words_of(counts: int, place: PositionField = COMMAND) -> list[bytes]:
     ]
 
 
-def test_fc06_every_word_that_is_not_known_is_written_anew() -> None:
+def test_fc06_every_unknown_word_is_written_again() -> None:
     """M2: 0 backward is -10, FFF6 FFFF; homing makes that doubtful, and from -2000 it is 10: 000A 0000.
 
     The word that is 0000 is written too: 000A beside FFFF would be -65526.
@@ -437,7 +435,7 @@ def test_fc06_every_word_that_is_not_known_is_written_anew() -> None:
     assert bench.drive.moves[-1] == ("absolute", 10)
 
 
-def test_fc06_every_word_that_is_not_known_is_written_anew_high_word_first() -> None:
+def test_fc06_every_unknown_word_is_written_again_high_word_first() -> None:
     """M2: 65526 backward is 65516, 0000 FFEC; after homing it is 65536 forward from 0: 0001 0000.
 
     The word that is 0000 is written too: 0001 beside FFEC would be 131052.
@@ -459,7 +457,7 @@ def test_fc06_every_word_that_is_not_known_is_written_anew_high_word_first() -> 
     assert bench.drive.get(high_first) == 65_536
 
 
-def test_fc06_a_target_of_which_one_word_was_written_anew_is_not_believed_whole() -> None:
+def test_fc06_a_target_of_which_one_word_was_written_again_does_not_count_as_whole() -> None:
     """M2: as above, and the second word is refused; the first alone would be -65526 and does not run.
 
     0 written again goes out as 0000 and, once it is whole, as 0000; the trigger writes 000A 0000, each word.
@@ -486,7 +484,7 @@ def test_fc06_a_target_of_which_one_word_was_written_anew_is_not_believed_whole(
     assert bench.drive.moves[-1] == ("absolute", 10)
 
 
-def test_fc06_a_word_that_passed_as_it_came_is_not_taken_for_the_one_before() -> None:
+def test_fc06_a_word_that_passed_unchanged_replaces_the_known_one() -> None:
     """M1, M2: the drive holds -10, FFF6 FFFF, for 0; 2000 mm is refused, for it is outside the travel.
 
     Of 0 written again the first word passes as it came, 0000, for its other word was lost; the second is
@@ -518,7 +516,7 @@ def test_m10_a_write_to_a_position_that_is_not_mapped_is_refused_while_the_axis_
     assert "0x602a" in bench.events[-1].detail
 
 
-def test_reading_it_passes_as_it_is_and_is_counted() -> None:
+def test_m10_a_read_of_a_position_that_is_not_mapped_passes_and_is_counted() -> None:
     bench = Bench(axis_plan(guarded=(GUARDED,)))
     bench.move(50_000)
     bench.memory.put(GUARDED, 50_010)
@@ -530,7 +528,9 @@ def test_reading_it_passes_as_it_is_and_is_counted() -> None:
 @pytest.mark.parametrize(
     "plan", [{"passes_unmapped": True}, {"compensation": CompensationMode.SHADOW}, {"table": None}]
 )
-def test_it_passes_where_it_is_allowed_or_nothing_is_corrected(plan: dict[str, object]) -> None:
+def test_m10_a_write_to_a_position_that_is_not_mapped_passes_if_allowed_or_without_correction(
+    plan: dict[str, object],
+) -> None:
     bench = Bench(axis_plan(guarded=(GUARDED,), **plan))
     assert bench.ask(write(GUARDED, 5_000)) == write(GUARDED, 5_000)[:5]
     assert bench.seen == [write(GUARDED, 5_000)]
@@ -555,7 +555,7 @@ def test_m10_a_write_to_a_remapping_register_ends_the_compensation_of_its_unit(a
     assert bench.actual() == 60_000
 
 
-def test_a_frame_to_a_remapping_register_whose_counts_lie_is_refused_and_ends_nothing() -> None:
+def test_a_frame_to_a_remapping_register_with_contradicting_counts_is_refused_and_ends_nothing() -> None:
     bench = Bench(axis_plan(remapping=(REMAP,)))
     assert bench.ask(bytes.fromhex("10 0F10 0001 02 000A 01 02")) == bytes.fromhex("90 03")
     assert bench.seen == []
@@ -681,14 +681,14 @@ def test_opcodes_a_stop_with_position_0_is_no_target() -> None:
     assert bench.seen[-1] == stop
 
 
-def test_opcodes_the_same_register_in_another_frame_is_another_thing() -> None:
+def test_opcodes_the_same_register_in_another_frame_is_no_position() -> None:
     bench = Bench(axis_plan(**OPCODES, actual=()))
     for pdu in ("06 00F7 0001", "06 00F6 1234", "10 00F6 0002 04 0001 0002"):
         assert bench.sent_for(bytes.fromhex(pdu)) == bytes.fromhex(pdu)
 
 
 @pytest.mark.parametrize("reply", ["10 00F5 0000", "06 00F7 FFFF"])
-def test_w4_a_failure_that_looks_like_success_passes_untouched_and_is_no_acknowledgement(reply: str) -> None:
+def test_w4_a_refusal_in_a_normal_reply_passes_untouched_and_is_no_acknowledgement(reply: str) -> None:
     bench = Bench(axis_plan(**OPCODES, actual=()), memory=Answering(reply))
     assert bench.ask(bytes.fromhex("10 00F5 0004 08 0002 012C 0000 C350")) == bytes.fromhex(reply)
     assert bench.line.axes[0].compensation.accepted is None
@@ -788,7 +788,7 @@ def mei_read(index: int, count: int) -> bytes:
     return bytes.fromhex("2B 0D 00 0000") + index.to_bytes(2, "big") + bytes(4) + bytes((count,))
 
 
-def test_mei_a_target_and_its_reading_are_corrected_like_the_rest() -> None:
+def test_mei_a_target_and_its_reading_are_corrected() -> None:
     bench = Bench(axis_plan(**MEI, unit_id=0), memory=MeiDrive(), tcp_drive=True, serial=False)
     bench.send(mei_write(0x607A, (50_000).to_bytes(4, "little")), unit_id=0)
     bench.serve()
@@ -801,7 +801,7 @@ def test_mei_a_target_and_its_reading_are_corrected_like_the_rest() -> None:
 @pytest.mark.parametrize(
     "pdu", ["2B 0D 00 0000 6041 00 000000 02", "2B 0E 01 00", "2B 0D 01 0000 6081 00 000000 04 10270000"]
 )
-def test_mei_everything_else_passes_untouched(pdu: str) -> None:
+def test_mei_frames_without_a_position_pass_untouched(pdu: str) -> None:
     bench = Bench(axis_plan(**MEI), memory=Answering("AB 04"))
     assert bench.ask(bytes.fromhex(pdu)) == bytes.fromhex("AB 04")
     assert bench.seen[-1] == bytes.fromhex(pdu)
@@ -863,7 +863,7 @@ def image_bench() -> tuple[Bench, ImageDrive]:
     return Bench(axis_plan(**IMAGE), memory=drive), drive
 
 
-def test_a3_the_image_repeated_all_the_time_keeps_its_words_and_runs_once() -> None:
+def test_a3_an_image_written_cyclically_keeps_its_words_and_runs_once() -> None:
     bench, drive = image_bench()
     for control in (0x01, 0x01, 0x03, 0x03, 0x01, 0x01, 0x01):
         bench.ask(image(control, 50_000))
@@ -893,7 +893,7 @@ def test_image_a_relative_start_that_is_held_moves_once() -> None:
     assert accepted.nominal_counts == 52_000
 
 
-def test_image_a_start_bit_that_may_have_been_held_before_leaves_the_place_unknown() -> None:
+def test_image_a_start_bit_that_may_have_been_held_before_makes_the_motion_unknown() -> None:
     bench, drive = image_bench()
     bench.ask(image(3, 50_000))  # the first that the gateway ever sees
     assert bench.line.axes[0].compensation.accepted is None
@@ -951,7 +951,7 @@ def test_coils_a_stop_coil_passes_when_the_axis_is_blocked_and_a_trigger_does_no
 
 
 @pytest.mark.parametrize("pdu", ["05 001C FF00", "05 001C FF00 00", "0F 001C 0001 01 01"])
-def test_coils_a_trigger_that_is_longer_than_it_should_be_is_one(pdu: str) -> None:
+def test_coils_a_trigger_counts_in_each_form_of_frame(pdu: str) -> None:
     bench = Bench(axis_plan(**COILS), memory=CoilDrive())
     cnc, panel = Port(ControllerPlan("cnc")), Port(ControllerPlan("panel"))
     bench.send(write(COMMAND, 5_000), cnc)
@@ -960,7 +960,7 @@ def test_coils_a_trigger_that_is_longer_than_it_should_be_is_one(pdu: str) -> No
     assert panel.take() == bytes((int(pdu[:2], 16) | 0x80, 6))
 
 
-def test_coils_the_done_input_tells_where_the_axis_is() -> None:
+def test_coils_the_done_input_shows_that_the_axis_is_at_its_target() -> None:
     drive = CoilDrive()
     bench = Bench(axis_plan(**COILS, actual=()), memory=drive)
     bench.ask(write(COMMAND, 50_000))

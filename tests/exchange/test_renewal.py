@@ -30,7 +30,7 @@ def mute(bench: ConnectionBench, pdu: bytes = READ, times: int = 3, unit_id: int
     bench.port.replies.clear()
 
 
-def test_w11_a_connection_is_made_anew_after_three_time_outs_without_a_byte() -> None:
+def test_w11_a_connection_is_renewed_after_three_time_outs_without_a_byte() -> None:
     bench = ConnectionBench(axis_plan())
     mute(bench, times=2)
     assert bench.connection.renewed == 0
@@ -78,7 +78,7 @@ def test_three_time_outs_that_took_less_than_three_response_timeouts_are_too_few
     assert bench.connection.renewed == 1
 
 
-def test_each_other_unit_is_asked_on_the_old_connection_first() -> None:
+def test_each_other_unit_is_read_on_the_old_connection_first() -> None:
     bench = ConnectionBench(axis_plan(), axis_plan(name="y", unit_id=2))
     mute(bench)
     assert bench.connection.renewed == 0
@@ -87,7 +87,7 @@ def test_each_other_unit_is_asked_on_the_old_connection_first() -> None:
     assert bench.connection.renewed == 1
 
 
-def test_a_unit_that_answers_on_it_keeps_the_connection() -> None:
+def test_a_unit_that_answers_on_the_old_connection_prevents_its_renewal() -> None:
     bench = ConnectionBench(axis_plan(), axis_plan(name="y", unit_id=2))
     mute(bench)
     bench.serve()
@@ -96,7 +96,7 @@ def test_a_unit_that_answers_on_it_keeps_the_connection() -> None:
     assert bench.connection.renewed == 0
 
 
-def test_a_unit_that_may_not_be_read_and_was_not_asked_keeps_the_connection() -> None:
+def test_a_unit_that_may_not_be_read_and_had_no_request_prevents_a_renewal() -> None:
     bench = ConnectionBench(axis_plan(), axis_plan(name="y", unit_id=2, added_frames=False))
     mute(bench, times=6)
     assert (bench.connection.renewed, bench.link.sent) == (0, [])
@@ -119,7 +119,7 @@ def test_a_renewal_is_neither_a_lost_link_nor_a_sign_of_life() -> None:
     assert bench.line.axes[0].reach.silent_since_ns is not None
 
 
-def test_the_silence_of_a_drive_goes_on_over_a_renewal_until_its_own_frame() -> None:
+def test_the_silence_of_a_drive_lasts_over_a_renewal_until_its_first_frame() -> None:
     """600 ms without an answer, 500 ms more: beyond ``lost_ms`` of 1000 ms."""
     bench = ConnectionBench(axis_plan(), retry_ms=300.0)
     bench.move(50_000)
@@ -146,7 +146,7 @@ def test_a_renewed_connection_rests_first(delay_ms: float, rests_ms: float) -> N
     assert bench.link.sent == [(1, READ)]
 
 
-def test_a_stop_waits_for_that_rest_as_well() -> None:
+def test_a_stop_waits_for_connect_delay_ms_too() -> None:
     bench = ConnectionBench(axis_plan(motion=STAGED), connect_delay_ms=1000.0, settled=False)
     plc = controller(timeout_ms=5000.0)
     bench.send(STOP, plc)
@@ -186,7 +186,7 @@ def held(**plan: Any) -> ConnectionBench:
     return bench
 
 
-def test_w5_after_a_write_without_an_answer_only_named_reads_leave_until_one_is_answered() -> None:
+def test_w5_after_a_write_without_an_answer_only_added_reads_are_sent_until_one_is_answered() -> None:
     bench = ConnectionBench(axis_plan(), retry_ms=0.0)
     bench.move(20_000)
     bench.actual()
@@ -206,7 +206,7 @@ def test_w5_after_a_write_without_an_answer_only_named_reads_leave_until_one_is_
     assert plc.take() == b"\x03\x02\x00\x00"
 
 
-def test_w5_no_write_leaves_for_lost_ms_after_that() -> None:
+def test_w5_no_write_is_sent_for_lost_ms_after_the_first_answer() -> None:
     bench = ConnectionBench(axis_plan(lost_ms=700.0), retry_ms=0.0)
     bench.move(20_000)
     bench.actual()
@@ -229,14 +229,14 @@ def test_w5_no_write_leaves_for_lost_ms_after_that() -> None:
 
 
 @pytest.mark.parametrize("timeout_ms", [1000.0, 100.0])  # 100: half as long as the named read takes
-def test_w5_a_stop_leaves_behind_the_named_read_though_a_write_may_be_executed_yet(timeout_ms: float) -> None:
+def test_w5_a_stop_is_sent_after_the_added_read_while_writes_are_held(timeout_ms: float) -> None:
     bench = held()
     bench.send(STOP, controller("cnc", timeout_ms=timeout_ms))
     bench.until(200)  # one exchange at a time
     assert bench.link.sent == [(1, NAMED), (1, STOP)]
 
 
-def test_w5_such_a_stop_leaves_once_more_before_the_first_write() -> None:
+def test_w5_a_stop_while_writes_are_held_is_sent_once_more_before_the_first_write() -> None:
     """What it stops may have been executed after it."""
     bench = held(lost_ms=700.0)
     bench.send(STOP)
@@ -254,7 +254,7 @@ def test_w5_such_a_stop_leaves_once_more_before_the_first_write() -> None:
     assert bench.port.replies == []
 
 
-def test_w5_two_equal_stops_leave_once_more_together() -> None:
+def test_w5_two_equal_stops_while_writes_are_held_are_sent_once_more_together() -> None:
     bench = held(lost_ms=700.0)
     for _ in range(2):
         bench.send(STOP)
@@ -266,7 +266,7 @@ def test_w5_two_equal_stops_leave_once_more_together() -> None:
     assert bench.seen[seen:].count(STOP) == 1
 
 
-def test_w5_a_read_stays_behind_the_held_write_of_its_controller() -> None:
+def test_w5_a_read_waits_behind_the_held_write_of_its_controller() -> None:
     """Whatever others read meanwhile. Where the axis is is read for the write."""
     bench = held(lost_ms=700.0)
     bench.serve_one()
@@ -282,7 +282,7 @@ def test_w5_a_read_stays_behind_the_held_write_of_its_controller() -> None:
     assert bench.seen[-1] == READ
 
 
-def test_w11_on_a_new_connection_a_dead_drive_is_asked_as_seldom_as_before() -> None:
+def test_w11_the_trials_of_a_dead_drive_continue_on_a_new_connection() -> None:
     """300 ms after the last time-out, then 600 ms after that of the trial. Others are answered."""
     bench = ConnectionBench(axis_plan(motion=STAGED), retry_ms=300.0)
     mute(bench, write(COMMAND, 50_000))
@@ -297,13 +297,13 @@ def test_w11_on_a_new_connection_a_dead_drive_is_asked_as_seldom_as_before() -> 
     assert asked_ms == [300, 1_100]
 
 
-def test_w5_where_nothing_may_be_read_a_connection_with_an_open_write_stays() -> None:
+def test_w5_without_added_reads_a_connection_with_an_open_write_is_not_renewed() -> None:
     bench = ConnectionBench(axis_plan(added_frames=False), retry_ms=0.0)
     mute(bench, write(COMMAND, 50_000), times=5)
     assert bench.connection.renewed == 0
 
 
-def test_where_nothing_may_be_read_and_nothing_was_written_it_is_made_anew() -> None:
+def test_without_added_reads_a_connection_without_an_open_write_is_renewed() -> None:
     bench = ConnectionBench(axis_plan(added_frames=False), retry_ms=0.0)
     mute(bench)
     assert bench.connection.renewed == 1
@@ -324,14 +324,14 @@ def test_w5_writes_stay_held_when_the_new_connection_is_lost_too() -> None:
     assert {pdu for _, pdu in bench.link.sent} == {NAMED}
 
 
-def test_serial_ports_are_never_made_anew() -> None:
+def test_serial_ports_are_never_renewed() -> None:
     bench = ConnectionBench(axis_plan())
     bench.connection.connects = False
     mute(bench, times=6)
     assert bench.connection.renewed == 0
 
 
-def test_rtu_over_tcp_is_made_anew_and_falls_silent_first() -> None:
+def test_rtu_over_tcp_is_renewed_and_begins_with_a_silence() -> None:
     bench = ConnectionBench(axis_plan(), rtu=True, serial=False, retry_ms=0.0)
     plc = controller(timeout_ms=200.0)
     for _ in range(3):
@@ -351,7 +351,9 @@ def test_rtu_over_tcp_is_made_anew_and_falls_silent_first() -> None:
 
 
 @pytest.mark.parametrize("asked", [(1, 2, 1), (2, 1, 1), (1, 1, 1, 2)])
-def test_w11_a_power_cut_behind_a_renewal_is_silence_until_its_own_frame(asked: tuple[int, ...]) -> None:
+def test_w11_the_silence_of_a_power_cut_during_a_renewal_lasts_until_the_first_frame(
+    asked: tuple[int, ...],
+) -> None:
     """Silent for 30 s, of which the old connection saw 0.8 s: a position that was set is lost."""
     plans = [
         axis_plan(name=name, unit_id=unit_id, referenced=Reference.SET_POSITION, lost_ms=1000.0)
@@ -404,7 +406,7 @@ def test_w5_a_stop_that_is_answered_does_not_keep_writes_held(*, rtu: bool) -> N
 
 
 @pytest.mark.parametrize("sign", ["another unit", "late"])
-def test_w5_writes_are_held_while_one_is_open_whatever_else_was_heard(sign: str) -> None:
+def test_w5_writes_are_held_while_one_is_open_whatever_other_frames_came(sign: str) -> None:
     """A: 50 000, unanswered; then something else is heard, and then nothing any more. B does not pass A."""
     bench = ConnectionBench(axis_plan(motion=STAGED), axis_plan(name="y", unit_id=2), retry_ms=0.0)
     mute(bench, write(COMMAND, 50_000), times=1)

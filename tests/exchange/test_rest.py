@@ -57,7 +57,7 @@ def test_each_step_leads_from_each_state_to_the_one_that_the_rule_says(state: st
     assert kind(rest) == (state if after == "." else after)
 
 
-def test_a_silence_that_is_disturbed_begins_anew_but_not_for_ever() -> None:
+def test_a_silence_that_is_disturbed_begins_again_but_not_for_ever() -> None:
     rest = Rest(LineTiming(drain_ms=50.0))
     rest.drain(0)
     ends = []

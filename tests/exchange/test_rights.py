@@ -93,7 +93,9 @@ CASES = [
 
 
 @pytest.mark.parametrize(("rights", "request_pdu", "refusal"), CASES)
-def test_w9_only_what_rights_allow_reaches_the_drive(rights: Rights, request_pdu: str, refusal: str) -> None:
+def test_w9_only_requests_that_the_rights_allow_reach_the_drive(
+    rights: Rights, request_pdu: str, refusal: str
+) -> None:
     bench = Bench(axis_plan())
     port, seen = panel(rights), len(bench.seen)
     for _ in range(3):  # a verdict that is remembered is the same
@@ -110,7 +112,9 @@ def test_w9_only_what_rights_allow_reaches_the_drive(rights: Rights, request_pdu
     ("good", "longer", "refusal"),
     [(READ_PLACE, READ_PLACE + "00", "8302"), (WRITE_POSITION, WRITE_POSITION + "0000", "9002")],
 )
-def test_w9_what_a_head_allows_holds_for_its_length_only(good: str, longer: str, refusal: str) -> None:
+def test_w9_rights_remembered_for_a_head_hold_for_its_length_only(
+    good: str, longer: str, refusal: str
+) -> None:
     bench = Bench(axis_plan())
     port = panel(SPANS)
     assert int(asked(bench, port, good)[:2], 16) == int(good[:2], 16)
@@ -141,7 +145,7 @@ def test_w9_a_unit_id_that_is_not_allowed_is_absent() -> None:
 @pytest.mark.parametrize(
     ("unit_ids", "is_sent"), [((1,), False), ((0, 1), False), ((0, 1, 2), True), ((1, 2), False), ((), True)]
 )
-def test_w9_a_broadcast_needs_every_unit_id(unit_ids: tuple[int, ...], *, is_sent: bool) -> None:
+def test_w9_a_broadcast_needs_the_right_to_every_unit_id(unit_ids: tuple[int, ...], *, is_sent: bool) -> None:
     bench = Bench(axis_plan(), axis_plan(name="y", unit_id=2))
     port = panel(Rights(unit_ids=frozenset(unit_ids)), serial=True)
     asked(bench, port, "06 1000 0001", unit_id=0)
@@ -154,7 +158,7 @@ def test_w9_on_tcp_0_is_a_unit_id_like_others() -> None:
     assert asked(bench, panel(Rights(unit_ids=frozenset({1}))), READ_PLACE, 0) == "830a"
 
 
-def test_w9_requests_that_come_too_often_are_busy_and_stops_never_are() -> None:
+def test_w9_requests_that_come_too_often_are_answered_busy_and_stops_never() -> None:
     bench = StagedBench(staged_plan())
     port = panel(Rights(requests_per_s=10.0))
     # After a pause as many as in one second, and the one whose turn it is.
@@ -182,7 +186,7 @@ def test_w9_all_connections_of_a_controller_share_its_rate() -> None:
     assert replies == ["030400000000", "030400000000", "8306"]
 
 
-def test_w9_a_stop_that_is_not_writable_is_refused_as_it_is_written() -> None:
+def test_w9_a_stop_to_a_register_that_is_not_writable_is_refused() -> None:
     bench = StagedBench(staged_plan())
     assert asked(bench, panel(Rights(writable=(POSITION,))), STOP_PDU.hex()) == "8602"
     assert bench.drive.moves == []
@@ -199,7 +203,7 @@ def test_m3_the_trigger_of_a_target_that_came_too_often_is_refused() -> None:
     assert [kind for kind, _ in bench.drive.moves] == ["absolute"]
 
 
-def test_w9_a_monitor_that_writes_is_told_of_once_a_minute() -> None:
+def test_w9_a_monitor_that_writes_is_reported_once_a_minute() -> None:
     bench = Bench(axis_plan())
     port = monitor()
     for _ in range(600):
@@ -222,7 +226,7 @@ def test_w9_a_monitor_that_writes_is_told_of_once_a_minute() -> None:
         (Rights(requests_per_s=1.0), Role.MOTION, READ_PLACE, "8306"),
     ],
 )
-def test_w1_a_refusal_comes_behind_earlier_answers(
+def test_w1_a_refusal_comes_after_earlier_answers(
     rights: Rights, role: Role, refused: str | None, answer: str
 ) -> None:
     bench = Bench(axis_plan(), axis_plan(name="y", unit_id=2))
@@ -243,7 +247,7 @@ def test_w1_a_refusal_comes_behind_earlier_answers(
     assert bench.line.counters.refused_by == {"panel": 1}
 
 
-def test_w1_a_refusal_waits_for_no_gap_that_motion_leaves() -> None:
+def test_w1_the_refusal_of_a_monitor_waits_for_no_gap() -> None:
     bench = Bench(axis_plan(), timing=LineTiming(monitor_max_wait_ms=500.0))
     hmi = monitor()
     asked(bench, bench.port, READ_PLACE)  # motion was there a moment ago
@@ -255,7 +259,7 @@ def test_w1_a_refusal_waits_for_no_gap_that_motion_leaves() -> None:
 
 
 @pytest.mark.parametrize("end", ["stop", "close", "down"])
-def test_m3_what_a_monitor_may_not_write_blocks_no_axis_while_it_waits_for_its_refusal(end: str) -> None:
+def test_m3_a_monitors_write_that_waits_for_its_refusal_blocks_no_axis(end: str) -> None:
     bench = StagedBench(staged_plan(), serial=False)
     hmi = monitor()
     bench.send(bytes.fromhex(READ_PLACE), hmi, transaction_id=1)
@@ -272,7 +276,7 @@ def test_m3_what_a_monitor_may_not_write_blocks_no_axis_while_it_waits_for_its_r
     assert "axis-blocked" not in bench.kinds()
 
 
-def test_w9_a_serial_controller_that_may_not_is_told_at_once() -> None:
+def test_w9_a_serial_controller_without_the_right_is_refused_immediately() -> None:
     """It has given up on what it asked before: nothing is owed to it."""
     bench = Bench(axis_plan())
     port = panel(SPANS, serial=True)
@@ -319,7 +323,7 @@ def sent_to(bench: Bench, unit_id: int, pdu: bytes) -> list[tuple[int, bytes]]:
 
 
 @pytest.mark.parametrize("unit_id", [2, 17, 254])
-def test_a_target_to_another_unit_id_of_a_drive_that_may_not_look_at_it_is_refused(unit_id: int) -> None:
+def test_a_target_to_another_unit_id_of_the_drive_is_refused(unit_id: int) -> None:
     bench = bench_of()
     assert sent_to(bench, unit_id, write(COMMAND, 70_000)) == []
     assert bench.port.take() == bytes((0x90, 0x0A))
@@ -335,7 +339,7 @@ def test_a_limit_of_the_axis_is_refused_too() -> None:
     assert bench.port.take() == bytes((0x90, 0x0A))
 
 
-def test_what_touches_nothing_of_the_axis_passes_and_is_counted() -> None:
+def test_a_request_that_touches_nothing_of_the_axis_passes_and_is_counted() -> None:
     bench = bench_of()
     for pdu in (OTHER, read(ACTUAL), OTHER):
         assert sent_to(bench, 17, pdu) == [(17, pdu)]
@@ -344,7 +348,7 @@ def test_what_touches_nothing_of_the_axis_passes_and_is_counted() -> None:
     assert event.detail == "a controller addresses unit id 17, which has no axis; the axes are x (unit id 1)"
 
 
-def test_a_device_that_is_named_gets_everything_and_is_not_counted() -> None:
+def test_requests_to_a_named_device_pass_and_are_not_counted() -> None:
     bench = bench_of(other_units=OtherUnits(frozenset({17})))
     assert sent_to(bench, 17, write(COMMAND, 70_000)) == [(17, write(COMMAND, 70_000))]
     assert bench.line.unit_ids == UnitIds(heard=[17], strangers=[], requests={})
@@ -357,7 +361,7 @@ def test_behind_a_converter_of_several_axes_every_unit_id_passes() -> None:
     assert bench.line.unit_ids.requests == {"17": 1}
 
 
-def test_on_a_wire_every_drive_knows_its_unit_id() -> None:
+def test_every_unit_id_passes_on_a_serial_line() -> None:
     bench = Bench(axis_plan(), serial=False)
     assert sent_to(bench, 17, write(COMMAND, 70_000)) == [(17, write(COMMAND, 70_000))]
     assert bench.line.unit_ids == UnitIds(heard=[17], strangers=[17], requests={})

@@ -18,7 +18,7 @@ def holds(bench: Bench, ms: float = SILENCE_MS) -> None:
     bench.link.stamps.next_ns = bench.now_ns + int(ms * MS)
 
 
-def test_it_leaves_when_the_silence_is_over() -> None:
+def test_a_request_is_sent_when_the_silence_is_over() -> None:
     bench = Bench()
     holds(bench)
     bench.send(OTHER)
@@ -31,7 +31,7 @@ def test_it_leaves_when_the_silence_is_over() -> None:
     assert bench.link.sent == [(1, OTHER)]
 
 
-def test_bytes_that_come_meanwhile_put_it_off() -> None:
+def test_bytes_during_the_silence_delay_the_request() -> None:
     bench = Bench()
     holds(bench)
     bench.send(OTHER)
@@ -42,7 +42,7 @@ def test_bytes_that_come_meanwhile_put_it_off() -> None:
     assert bench.leaves_after(1) == (1, OTHER)
 
 
-def test_w5_it_is_not_sent_once_its_controller_has_given_up() -> None:
+def test_w5_a_request_is_not_sent_once_its_controller_has_given_up() -> None:
     """The process stands still while the silence passes."""
     for unit_id in (1, 0):
         bench = Bench()
@@ -54,7 +54,7 @@ def test_w5_it_is_not_sent_once_its_controller_has_given_up() -> None:
         assert bench.port.replies == []
 
 
-def test_w5_nor_if_its_controller_sends_another_one_or_disconnects() -> None:
+def test_w5_a_request_is_not_sent_if_its_controller_sends_another_one_or_disconnects() -> None:
     bench = Bench()
     holds(bench)
     bench.send(WORD)
@@ -70,7 +70,7 @@ def test_w5_nor_if_its_controller_sends_another_one_or_disconnects() -> None:
     assert bench.link.sent == []
 
 
-def test_m3_a_target_that_was_given_up_in_the_silence_is_lost() -> None:
+def test_m3_a_target_given_up_during_the_silence_is_lost() -> None:
     bench = StagedBench()
     assert bench.ask(write(COMMAND, 10_000)) == write(COMMAND, 10_000)[:5]
     holds(bench)
@@ -81,7 +81,7 @@ def test_m3_a_target_that_was_given_up_in_the_silence_is_lost() -> None:
     assert bench.ask(RUN_PDU) == bytes.fromhex("86 04")
 
 
-def test_w6_a_late_frame_that_comes_meanwhile_does_not_answer_it() -> None:
+def test_w6_a_late_frame_during_the_silence_does_not_answer_the_waiting_request() -> None:
     """A drive answers later than ``drain_ms``: the next request still waits for the wire."""
     bench = Bench(timing=LineTiming(drain_ms=50))
     holds(bench)
@@ -92,7 +92,7 @@ def test_w6_a_late_frame_that_comes_meanwhile_does_not_answer_it() -> None:
     assert bench.leaves_after(50) == (1, OTHER)
 
 
-def test_m3_a_stop_goes_before_what_waits_and_overtakes_it() -> None:
+def test_m3_a_stop_is_sent_before_a_waiting_request() -> None:
     bench = StagedBench()
     assert bench.ask(write(COMMAND, 10_000)) == write(COMMAND, 10_000)[:5]
     plc = Port(ControllerPlan("plc"))
@@ -126,7 +126,7 @@ def beside_a_staged_drive(
     return bench, Port(ControllerPlan("plc")), asked
 
 
-def test_the_frame_behind_its_prerequisite_waits_too_and_reads_nothing_twice() -> None:
+def test_the_frame_after_its_prerequisite_waits_too_and_reads_nothing_twice() -> None:
     bench, plc, _ = beside_a_staged_drive()
     bench.send(OTHER, plc, unit_id=2)
     bench.wait(SILENCE_MS)
@@ -142,7 +142,7 @@ def test_the_frame_behind_its_prerequisite_waits_too_and_reads_nothing_twice() -
     assert bench.link.sent == [(2, OTHER)]
 
 
-def test_what_was_read_is_read_again_if_a_stop_goes_first() -> None:
+def test_a_prerequisite_is_read_again_if_a_stop_is_sent_first() -> None:
     bench, plc, asked = beside_a_staged_drive()
     bench.send(STOP_PDU, plc, unit_id=2)
     bench.wait(SILENCE_MS)
@@ -154,14 +154,14 @@ def test_what_was_read_is_read_again_if_a_stop_goes_first() -> None:
     assert bench.link.sent == [(1, asked)]
 
 
-def test_what_was_read_is_read_again_behind_a_late_frame() -> None:
+def test_a_prerequisite_is_read_again_after_a_late_frame() -> None:
     bench, _, asked = beside_a_staged_drive(timing=LineTiming(drain_ms=50.0))
     bench.line.stray(bench.now_ns, unit_id=1)
     bench.wait(SILENCE_MS)
     assert bench.leaves_after(50 - SILENCE_MS) == (1, asked)
 
 
-def test_what_was_read_is_read_again_behind_a_lost_link() -> None:
+def test_a_prerequisite_is_read_again_after_a_lost_link() -> None:
     bench, _, asked = beside_a_staged_drive(connects=True)
     bench.line.link_down(bench.now_ns)
     bench.line.link_up(bench.now_ns)
@@ -169,7 +169,7 @@ def test_what_was_read_is_read_again_behind_a_lost_link() -> None:
     assert (1, asked) in bench.link.sent
 
 
-def test_a_monitor_still_gets_the_gap_behind_a_motion_exchange() -> None:
+def test_a_monitor_still_gets_the_gap_after_a_motion_exchange() -> None:
     """Motion of 2 ms each 20 ms: a read of a monitor fits into the gap, and begins when the wire is free."""
     plant: Plant = watching(20, 400)
     plant.at(400)
@@ -183,7 +183,7 @@ def test_a_monitor_still_gets_the_gap_behind_a_motion_exchange() -> None:
     assert plant.on_wire() == WATCH
 
 
-def test_w6_a_reply_behind_timeout_ms_is_not_given_to_an_rtu_controller() -> None:
+def test_w6_a_reply_after_timeout_ms_is_not_passed_on_to_an_rtu_controller() -> None:
     """It would take it for the reply to its newest request. What the reply proves still counts."""
     timing = LineTiming(response_timeout_ms=2000)
     for serial in (True, False):
@@ -198,7 +198,7 @@ def test_w6_a_reply_behind_timeout_ms_is_not_given_to_an_rtu_controller() -> Non
         assert bench.line.axes[0].reach.silent_since_ns is None
 
 
-def test_w6_a_reply_that_comes_in_time_is_passed_on() -> None:
+def test_w6_a_reply_within_timeout_ms_is_passed_on() -> None:
     bench = Bench(timing=LineTiming(response_timeout_ms=2000))
     bench.send(OTHER)
     bench.link.sent.clear()
@@ -207,7 +207,7 @@ def test_w6_a_reply_that_comes_in_time_is_passed_on() -> None:
     assert bench.port.take() == bytes.fromhex("03 02 0000")
 
 
-def test_the_gateways_own_reads_wait_for_the_wire() -> None:
+def test_added_reads_wait_for_the_silence_too() -> None:
     bench = Bench()
     bench.line.link_down(bench.now_ns)
     holds(bench, 5)
@@ -238,7 +238,7 @@ def test_w1_a_request_read_before_the_alarm_does_not_overtake_one_of_its_control
     assert bench.link.sent == [(1, WORD)]
 
 
-def test_m3_a_trigger_read_then_does_not_run_the_target_before() -> None:
+def test_m3_a_trigger_read_before_the_alarm_does_not_run_the_target_before() -> None:
     bench = StagedBench(serial=False)
     bench.go_to(10_000)
     holds(bench)
@@ -249,7 +249,7 @@ def test_m3_a_trigger_read_then_does_not_run_the_target_before() -> None:
     assert [pdu[0] for _, pdu in bench.link.sent] == [0x10], "the trigger overtook its target"
 
 
-def test_m3_a_stop_read_then_overtakes_the_waiting_trigger() -> None:
+def test_m3_a_stop_read_before_the_alarm_overtakes_the_waiting_trigger() -> None:
     bench = StagedBench(serial=False)
     bench.stage(10_000)
     plc = Port(ControllerPlan("plc"))
@@ -263,7 +263,7 @@ def test_m3_a_stop_read_then_overtakes_the_waiting_trigger() -> None:
     assert [kind for kind, _ in bench.drive.moves] == ["stop"], bench.drive.moves
 
 
-def test_m3_nothing_read_then_goes_before_a_waiting_stop() -> None:
+def test_m3_no_request_read_before_the_alarm_is_sent_before_a_waiting_stop() -> None:
     bench = StagedBench(serial=False)
     bench.stage(10_000)
     plc = Port(ControllerPlan("plc"))

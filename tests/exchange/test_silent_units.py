@@ -45,7 +45,9 @@ def test_each_sign_leads_from_each_state_to_the_one_that_the_rule_says(state: Re
 
 @pytest.mark.parametrize("serial", [False, True])
 @pytest.mark.parametrize("tcp_drive", [False, True])
-def test_w11_after_three_time_outs_a_request_is_answered_at_once(*, serial: bool, tcp_drive: bool) -> None:
+def test_w11_after_three_time_outs_a_request_is_answered_immediately(
+    *, serial: bool, tcp_drive: bool
+) -> None:
     bench = line(serial=serial, tcp_drive=tcp_drive)
     leave_unanswered(bench, 3)
     assert bench.ask(OTHER, unit_id=2) == SILENT
@@ -63,13 +65,13 @@ def test_w11_two_time_outs_are_not_enough() -> None:
     assert bench.ask(OTHER, unit_id=2) == bytes.fromhex("03 02 0000")
 
 
-def test_w11_with_retry_ms_0_it_is_asked_for_ever() -> None:
+def test_w11_with_retry_ms_0_requests_are_always_sent() -> None:
     bench = line(retry_ms=0.0)
     leave_unanswered(bench, 9)
     assert bench.kinds() == ["line-up", "drive-silent"]
 
 
-def test_w11_trials_come_after_retry_ms_then_twice_as_late_up_to_10_s() -> None:
+def test_w11_trials_come_after_retry_ms_then_after_twice_that_up_to_10_s() -> None:
     bench = line(retry_ms=2000.0)
     leave_unanswered(bench, 3)
     pauses_ms = []
@@ -102,7 +104,7 @@ def patient() -> Bench:
     return bench
 
 
-def test_w11_a_read_that_is_a_trial_costs_the_others_response_timeout_ms_and_no_more() -> None:
+def test_w11_a_trial_read_delays_the_others_by_response_timeout_ms_at_most() -> None:
     bench, panel = patient(), controller("panel", timeout_ms=1000.0)
     bench.send(OTHER, unit_id=2)
     assert bench.link.take() == OTHER
@@ -111,7 +113,7 @@ def test_w11_a_read_that_is_a_trial_costs_the_others_response_timeout_ms_and_no_
     assert bench.port.take() == SILENT
 
 
-def test_w11_an_answer_to_a_trial_that_comes_after_it_is_nobodys_and_ends_the_back_off() -> None:
+def test_w11_a_late_answer_to_a_trial_answers_no_request_and_ends_the_back_off() -> None:
     bench, panel = patient(), controller("panel", timeout_ms=1000.0)
     bench.missed(OTHER, 100, unit_id=2)
     bench.port.take()
@@ -133,7 +135,7 @@ def test_w11_an_answer_to_a_trial_that_comes_after_it_is_nobodys_and_ends_the_ba
 
 
 @pytest.mark.parametrize("pdu", ["06 0700 0001", "17 0700 0001 0700 0001 02 0001", "65 00"])
-def test_w11_a_trial_that_may_write_is_waited_for_as_long_as_its_controller_waits(pdu: str) -> None:
+def test_w11_a_trial_that_may_write_waits_as_long_as_its_controller(pdu: str) -> None:
     bench = patient()
     bench.send(bytes.fromhex(pdu), unit_id=2)
     assert bench.link.take() == bytes.fromhex(pdu)
@@ -171,7 +173,7 @@ def test_w11_a_trial_waits_for_the_silence_after_the_last_time_out_and_after_a_l
     assert bench.ask(OTHER, unit_id=2) == bytes.fromhex("03 02 0000")
 
 
-def test_w11_a_late_frame_ends_it_and_the_next_request_waits_for_the_silence() -> None:
+def test_w11_a_late_frame_ends_the_back_off_and_the_next_request_waits_for_the_silence() -> None:
     bench = line()
     leave_unanswered(bench, 2)
     bench.missed(OTHER, 100, unit_id=2)
@@ -180,7 +182,7 @@ def test_w11_a_late_frame_ends_it_and_the_next_request_waits_for_the_silence() -
     assert bench.leaves_after(50)[1] == OTHER
 
 
-def test_w11_the_link_that_comes_up_ends_it_and_the_unit_stays_silent_until_it_answers() -> None:
+def test_w11_a_link_that_comes_up_ends_the_back_off_and_the_unit_stays_silent_until_it_answers() -> None:
     bench = line()
     leave_unanswered(bench, 3)
     bench.line.link_down(bench.now_ns)
@@ -191,7 +193,7 @@ def test_w11_the_link_that_comes_up_ends_it_and_the_unit_stays_silent_until_it_a
     assert (status.timeouts_in_a_row, status.tried_again_s) == (3, None)
 
 
-def test_w11_a_controller_that_waits_for_another_answer_first_gets_that_first() -> None:
+def test_w11_the_answer_for_a_dead_drive_comes_after_earlier_answers() -> None:
     bench = line()
     leave_unanswered(bench, 3)
     bench.send(OTHER, unit_id=1, transaction_id=1)
@@ -232,7 +234,7 @@ def homing_line(retry_ms: float = 200.0, **changes: Any) -> Bench:
     return bench
 
 
-def test_w11_before_a_write_that_moves_a_named_read_is_the_trial_and_the_silence_is_judged() -> None:
+def test_w11_before_a_write_that_moves_an_added_read_is_the_trial_and_lost_ms_is_checked() -> None:
     """The drive was off for 8 s, of which the gateway saw three time-outs of 0.1 s: its zero is another."""
     bench = homing_line()
     leave_unanswered(bench, 3)
@@ -245,7 +247,7 @@ def test_w11_before_a_write_that_moves_a_named_read_is_the_trial_and_the_silence
     assert "reference-lost" in bench.kinds()
 
 
-def test_w11_what_was_answered_for_the_drive_counts_as_unanswered() -> None:
+def test_w11_requests_answered_for_the_drive_count_as_unanswered() -> None:
     bench = homing_line(retry_ms=2000.0)
     leave_unanswered(bench, 3)  # 0.45 s
     for _ in range(7):
@@ -266,7 +268,7 @@ def test_w11_a_short_back_off_keeps_the_reference() -> None:
     assert bench.seen[0] == read(ACTUAL)
 
 
-def test_w11_where_nothing_may_be_read_the_write_itself_is_the_trial() -> None:
+def test_w11_without_added_reads_the_write_itself_is_the_trial() -> None:
     bench = homing_line(added_frames=False)
     leave_unanswered(bench, 3)
     bench.wait(8000)
@@ -292,7 +294,7 @@ def test_w11_the_homed_bit_is_read_before_a_write_passes_again() -> None:
 # --- silence only where it is needed -----------------------------------------------------------------------
 
 
-def test_w6_a_read_of_another_unit_goes_without_the_silence_and_a_write_waits_for_it() -> None:
+def test_w6_a_read_of_another_unit_is_sent_without_the_silence_and_a_write_waits_for_it() -> None:
     bench, panel = line(), controller("panel")
     bench.missed(OTHER, 100, unit_id=2)
     bench.send(OTHER, unit_id=1)
@@ -306,7 +308,7 @@ def test_w6_a_read_of_another_unit_goes_without_the_silence_and_a_write_waits_fo
 
 
 @pytest.mark.parametrize("pdu", ["04 0700 0001", "03 0700 0002", "01 0700 0001"])
-def test_w6_the_silent_unit_itself_is_asked_nothing_before_the_silence(pdu: str) -> None:
+def test_w6_nothing_is_sent_to_the_silent_unit_itself_before_the_silence(pdu: str) -> None:
     bench = line()
     bench.missed(OTHER, 100, unit_id=2)
     bench.send(bytes.fromhex(pdu), unit_id=2)
@@ -314,7 +316,9 @@ def test_w6_the_silent_unit_itself_is_asked_nothing_before_the_silence(pdu: str)
 
 
 @pytest.mark.parametrize("is_owed_by_unit", [True, False])
-def test_w6_a_silence_over_a_standstill_ends_when_what_came_is_read(*, is_owed_by_unit: bool) -> None:
+def test_w6_a_silence_over_a_standstill_of_the_process_ends_when_all_bytes_are_read(
+    *, is_owed_by_unit: bool
+) -> None:
     """The process stops after the time-out, for longer than the silence. Meanwhile its drive answers
     late, and its controller asks again. What is read first is chance: the request waits for the port."""
     bench = line()
@@ -339,7 +343,7 @@ def test_w6_writes_and_broadcasts_do_not_wait_for_a_dead_unit(unit_id: int, pdu:
     assert bench.link.sent == [(unit_id, bytes.fromhex(pdu))]
 
 
-def test_w6_after_a_unit_that_was_late_once_everybody_waits_for_ten_minutes() -> None:
+def test_w6_all_units_wait_for_the_silence_for_ten_minutes_after_a_late_frame() -> None:
     bench = line()
     bench.missed(OTHER, 100, unit_id=2)
     bench.line.stray(bench.now_ns, unit_id=2)
@@ -405,7 +409,7 @@ def time_out(bench: Bench) -> None:
     bench.unanswered(OTHER, 100, unit_id=2)
 
 
-def test_w6_a_refusal_waits_for_no_silence_and_for_nobody_else() -> None:
+def test_w6_a_refusal_waits_for_no_silence_and_for_no_other_controller() -> None:
     """It is told behind the answer before it, though another one takes the line then."""
     bench = line(*two_axes())
     plc = Port(ControllerPlan("hmi", timeout_ms=100.0, rights=Rights(is_read_only=True)))
@@ -418,7 +422,7 @@ def test_w6_a_refusal_waits_for_no_silence_and_for_nobody_else() -> None:
 
 
 @pytest.mark.parametrize(("unit_id", "stop"), [(1, STOP), (2, STOP), (1, STOP_16)])
-def test_m3_a_stop_goes_at_once_while_the_line_waits_for_a_late_reply_and_once_where_it_is_answered(
+def test_m3_a_stop_is_sent_immediately_during_the_silence_and_only_once_if_it_is_answered(
     unit_id: int, stop: bytes
 ) -> None:
     bench = stoppable()
@@ -431,7 +435,7 @@ def test_m3_a_stop_goes_at_once_while_the_line_waits_for_a_late_reply_and_once_w
     assert bench.link.sent == []
 
 
-def test_m3_a_stop_takes_the_place_of_an_equal_one_that_nobody_waits_for() -> None:
+def test_m3_a_stop_replaces_an_equal_one_whose_controller_is_gone() -> None:
     """That one has left early, and has to leave once more behind the silence: both do so as one."""
     bench, panel = stoppable(), controller("panel")
     time_out(bench)
@@ -462,7 +466,7 @@ def test_m3_of_equal_stops_that_wait_for_a_dead_drive_only_the_newest_stays(
 
 
 @pytest.mark.parametrize("reply", ["86 04", "03 02 0005", "06 0900 0000", "10 0900 0001"])
-def test_m3_only_an_exact_echo_answers_it_else_it_goes_once_more_after_the_silence(reply: str) -> None:
+def test_m3_a_stop_without_an_exact_echo_is_sent_once_more_after_the_silence(reply: str) -> None:
     bench = stoppable()
     time_out(bench)
     bench.missed(STOP, 20, unit_id=2)
@@ -475,7 +479,7 @@ def test_m3_only_an_exact_echo_answers_it_else_it_goes_once_more_after_the_silen
     assert bench.link.sent == []
 
 
-def test_w6_the_late_echo_of_a_stop_that_was_given_up_early_answers_nothing_else() -> None:
+def test_w6_the_late_echo_of_an_early_stop_answers_no_other_request() -> None:
     """A late frame ends the wait for the stop after 20 ms; its own echo may still come, for 150 ms in all."""
     bench = stoppable()
     time_out(bench)
@@ -497,7 +501,7 @@ def test_w6_the_late_echo_of_a_stop_that_was_given_up_early_answers_nothing_else
     assert bench.link.sent.pop() == (2, OTHER)
 
 
-def test_m3_the_acknowledgement_of_several_registers_may_be_that_of_a_write_before() -> None:
+def test_m3_the_acknowledgement_of_several_registers_does_not_prove_a_stop_during_the_silence() -> None:
     bench = stoppable()
     time_out(bench)
     bench.send(STOP_16, unit_id=2)
@@ -508,7 +512,7 @@ def test_m3_the_acknowledgement_of_several_registers_may_be_that_of_a_write_befo
     assert bench.link.sent.pop() == (2, STOP_16)
 
 
-def test_m3_a_stop_that_nobody_answers_goes_twice_and_then_its_controller_is_told() -> None:
+def test_m3_a_stop_without_an_answer_is_sent_twice_and_then_answered_0x0b() -> None:
     bench = stoppable()
     bench.ask(write(COMMAND, 5_000), unit_id=2)
     time_out(bench)
@@ -522,7 +526,7 @@ def test_m3_a_stop_that_nobody_answers_goes_twice_and_then_its_controller_is_tol
     assert bench.link.sent == []
 
 
-def test_m3_a_panel_that_repeats_its_stop_to_a_dead_drive_starves_nobody() -> None:
+def test_m3_a_panel_that_repeats_its_stop_to_a_dead_drive_does_not_block_the_others() -> None:
     """Each 100 ms a stop to unit 2, which is dead; unit 1 answers in 1 ms and is read each 20 ms."""
     bench, panel = stoppable(), controller("panel")
     leave_unanswered(bench, 3)
@@ -546,7 +550,7 @@ def test_m3_a_panel_that_repeats_its_stop_to_a_dead_drive_starves_nobody() -> No
     assert answered >= asked - 5
 
 
-def test_m3_between_two_of_these_stops_each_other_controller_gets_an_exchange() -> None:
+def test_m3_between_two_stops_to_a_dead_drive_each_other_controller_gets_an_exchange() -> None:
     bench = line(*two_axes(motion=MOTION), retry_ms=1.0)
     panel, others = controller("panel", timeout_ms=900), [controller(n, timeout_ms=2000) for n in "abc"]
     bench.send(STOP, panel, unit_id=2)
@@ -571,7 +575,9 @@ def test_m3_between_two_of_these_stops_each_other_controller_gets_an_exchange() 
 
 @pytest.mark.parametrize("serial", [False, True])
 @pytest.mark.parametrize("ms", [1000.0, 300.0])
-def test_w11_beside_a_dead_drive_the_other_answers_within_20_ms_each_time(*, ms: float, serial: bool) -> None:
+def test_w11_beside_a_dead_drive_the_other_drive_answers_within_20_ms_each_time(
+    *, ms: float, serial: bool
+) -> None:
     bench = Bench(timing=LineTiming(response_timeout_ms=ms, drain_ms=ms), serial=serial)
     bench.port = controller("plc", serial=serial, timeout_ms=ms)
     asked = polled_in_turn(bench, 12)  # two trials at least
@@ -581,7 +587,7 @@ def test_w11_beside_a_dead_drive_the_other_answers_within_20_ms_each_time(*, ms:
     assert max(took_ms for took_ms in of_unit_1 if took_ms is not None) <= 20
 
 
-def test_w11_without_it_each_third_poll_of_the_dead_drive_costs_its_time_out() -> None:
+def test_w11_without_back_off_each_third_poll_of_the_dead_drive_costs_its_time_out() -> None:
     bench = Bench(timing=LineTiming(retry_ms=0.0), serial=False)
     bench.port = controller("plc", timeout_ms=1000.0)
     asked = polled_in_turn(bench, 12)
@@ -620,7 +626,7 @@ def spend(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("serial", [False, True])
-def test_w6_polled_in_turn_with_a_silent_drive_the_other_loses_nothing(*, serial: bool) -> None:
+def test_w6_a_drive_polled_in_turn_with_a_silent_one_loses_no_request(*, serial: bool) -> None:
     """All time-outs and the silence 1000 ms; unit 1 takes 3 ms. Before, it waited 3, 1000, 1000 ms: as long
     as its controller does, and whatever else took a millisecond lost it."""
     bench = Bench(timing=LineTiming(), serial=serial, link=Link())
@@ -639,7 +645,9 @@ def test_w6_polled_in_turn_with_a_silent_drive_the_other_loses_nothing(*, serial
 
 @pytest.mark.parametrize("serial", [False, True])
 @pytest.mark.parametrize("drain_ms", [400.0, 600.0, 3000.0])
-def test_w6_nor_with_shorter_and_longer_silences(*, serial: bool, drain_ms: float) -> None:
+def test_w6_a_drive_polled_in_turn_loses_no_request_with_shorter_or_longer_silences(
+    *, serial: bool, drain_ms: float
+) -> None:
     bench = Bench(timing=LineTiming(drain_ms=drain_ms), serial=serial)
     bench.port = controller("plc", serial=serial, timeout_ms=1000.0)
     asked = polled_in_turn(bench, 14, takes_ms=3)
@@ -649,7 +657,7 @@ def test_w6_nor_with_shorter_and_longer_silences(*, serial: bool, drain_ms: floa
 
 
 @pytest.mark.parametrize("serial", [False, True])
-def test_w6_a_stop_that_goes_once_more_keeps_no_read_of_its_controller_waiting(*, serial: bool) -> None:
+def test_w6_a_stop_that_is_sent_once_more_does_not_delay_a_read_of_its_controller(*, serial: bool) -> None:
     """The stop left early and was not answered. Its controller reads unit 1: that owes nothing to anybody."""
     bench = silent(axis_plan(name="y", unit_id=2, motion=MOTION), serial=serial)
     bench.send(STOP, unit_id=2)
@@ -669,7 +677,7 @@ def test_w6_a_stop_that_goes_once_more_keeps_no_read_of_its_controller_waiting(*
 
 @pytest.mark.parametrize("serial", [False, True])
 @pytest.mark.parametrize(("pdu", "answer"), [(OTHER, SILENT), (WRITE, WRITE_SILENT)])
-def test_w6_it_is_answered_on_serial_lines_too_and_counted(
+def test_w6_a_request_that_would_be_sent_too_late_is_answered_on_serial_lines_too_and_counted(
     pdu: bytes, answer: bytes, *, serial: bool
 ) -> None:
     bench = silent(serial=serial)
@@ -682,7 +690,7 @@ def test_w6_it_is_answered_on_serial_lines_too_and_counted(
 
 
 @pytest.mark.parametrize("pdu", [OTHER, WRITE])
-def test_w6_what_leaves_with_half_of_its_time_left_waits(pdu: bytes) -> None:
+def test_w6_a_request_that_can_be_sent_in_time_waits(pdu: bytes) -> None:
     bench = silent()
     bench.wait(30)
     bench.send(pdu, unit_id=2)
@@ -690,14 +698,14 @@ def test_w6_what_leaves_with_half_of_its_time_left_waits(pdu: bytes) -> None:
     assert bench.line.counters.too_late == 0
 
 
-def test_w6_a_patient_controller_is_not_answered() -> None:
+def test_w6_the_request_of_a_patient_controller_waits() -> None:
     bench, patient = silent(), controller("panel", timeout_ms=160.0)
     bench.send(OTHER, patient, unit_id=2)
     bench.wait(80)
     assert bench.link.take() == OTHER
 
 
-def test_w6_what_came_before_the_time_out_is_answered_with_it() -> None:
+def test_w6_a_request_that_came_before_the_time_out_is_answered_with_it() -> None:
     bench, panel = line(drain_ms=80.0), controller("panel")
     bench.send(OTHER, unit_id=2)
     bench.wait(60)
@@ -706,7 +714,7 @@ def test_w6_what_came_before_the_time_out_is_answered_with_it() -> None:
     assert (bench.port.take(), panel.take()) == (SILENT, WRITE_SILENT)
 
 
-def test_w6_what_a_late_frame_keeps_waiting_for_longer_is_answered_then() -> None:
+def test_w6_a_request_that_a_late_frame_delays_too_much_is_answered_then() -> None:
     bench = silent()
     bench.wait(40)
     bench.send(OTHER, unit_id=2)  # it could leave after 40 ms
@@ -716,7 +724,7 @@ def test_w6_what_a_late_frame_keeps_waiting_for_longer_is_answered_then() -> Non
     assert bench.port.take() == SILENT
 
 
-def test_w6_it_is_answered_behind_what_its_controller_asked_before() -> None:
+def test_w6_the_answer_to_a_late_request_comes_after_those_to_earlier_requests() -> None:
     bench = silent()
     bench.send(OTHER, unit_id=1, transaction_id=1)
     bench.send(OTHER, unit_id=2, transaction_id=2)
@@ -727,7 +735,7 @@ def test_w6_it_is_answered_behind_what_its_controller_asked_before() -> None:
     assert bench.link.sent == [(1, OTHER)] * 2
 
 
-def test_w6_it_is_answered_while_another_one_uses_the_line_or_the_line_rests() -> None:
+def test_w6_the_answer_to_a_late_request_comes_also_while_the_line_is_used_or_rests() -> None:
     bench, panel = silent(), controller("panel")
     bench.send(OTHER, panel, unit_id=1)
     bench.send(OTHER, unit_id=2)
@@ -739,7 +747,7 @@ def test_w6_it_is_answered_while_another_one_uses_the_line_or_the_line_rests() -
     assert bench.port.take() == SILENT
 
 
-def test_w6_a_monitor_does_not_wait_for_a_gap_for_it() -> None:
+def test_w6_a_monitor_waits_for_no_gap_for_the_answer_to_a_late_request() -> None:
     bench, hmi = silent(), Port(ControllerPlan("hmi", role=Role.MONITOR, timeout_ms=100.0))
     bench.send(OTHER, hmi, unit_id=2)
     assert hmi.take() == SILENT
@@ -748,7 +756,7 @@ def test_w6_a_monitor_does_not_wait_for_a_gap_for_it() -> None:
 # --- what is not -------------------------------------------------------------------------------------------
 
 
-def test_m11_nor_what_is_for_another_drive_of_the_group() -> None:
+def test_m11_a_request_to_another_drive_of_the_group_is_sent() -> None:
     plans = axis_plan(name="x", unit_id=1), axis_plan(name="y", unit_id=2)
     timing = LineTiming(response_timeout_ms=100, drain_ms=80, retry_ms=200)
     bench = Bench(*plans, timing=timing, serial=False, groups=[["x", "y"]])
@@ -768,7 +776,7 @@ def test_m11_nor_what_is_for_another_drive_of_the_group() -> None:
     [({}, 1, WRITE, 80), ({"serial": True}, 0, WRITE, 80), ({"tcp_drive": True}, 2, OTHER, 0)],
     ids=["another unit", "a broadcast", "a tcp drive, which owes no silence"],
 )
-def test_w6_what_waits_for_no_late_frame_of_its_own_drive_is_not_answered(
+def test_w6_a_request_that_waits_for_no_late_frame_of_its_own_drive_is_sent(
     options: dict[str, Any], unit_id: int, pdu: bytes, after_ms: int
 ) -> None:
     bench = silent(**options)
@@ -778,7 +786,7 @@ def test_w6_what_waits_for_no_late_frame_of_its_own_drive_is_not_answered(
 
 
 @pytest.mark.parametrize("pdu", [OTHER, WRITE])
-def test_w11_nor_is_a_trial_of_a_dead_drive_answered(pdu: bytes) -> None:
+def test_w11_a_trial_of_a_dead_drive_is_sent(pdu: bytes) -> None:
     bench = silent(retry_ms=1.0)
     for _ in range(2):
         bench.wait(80)
@@ -792,7 +800,7 @@ def test_w11_nor_is_a_trial_of_a_dead_drive_answered(pdu: bytes) -> None:
     assert bench.link.take() == pdu
 
 
-def test_m3_a_stop_goes_at_once_and_what_waits_then_is_judged_anew() -> None:
+def test_m3_a_stop_is_sent_immediately_and_waiting_requests_are_judged_again() -> None:
     bench = silent(axis_plan(name="y", unit_id=2, motion=MOTION))
     panel = controller("panel")
     bench.wait(40)
@@ -806,7 +814,7 @@ def test_m3_a_stop_goes_at_once_and_what_waits_then_is_judged_anew() -> None:
     assert bench.link.take() == STOP
 
 
-def test_m3_a_stop_is_never_answered_so_however_late_it_is() -> None:
+def test_m3_a_stop_is_never_answered_as_too_late() -> None:
     bench = silent(axis_plan(name="y", unit_id=2, motion=MOTION), serial=True)
     for _ in range(2):  # early, and once more behind the silence
         bench.send(STOP, unit_id=2)
@@ -817,7 +825,7 @@ def test_m3_a_stop_is_never_answered_so_however_late_it_is() -> None:
 # --- two in a row ------------------------------------------------------------------------------------------
 
 
-def test_w6_behind_two_such_answers_the_next_read_waits_and_goes_late_and_a_write_does_not() -> None:
+def test_w6_after_two_answers_to_late_requests_the_next_read_is_sent_late_and_a_write_is_not() -> None:
     bench, panel = silent(), controller("panel")
     spend(bench)
     bench.wait(1)
@@ -832,7 +840,7 @@ def test_w6_behind_two_such_answers_the_next_read_waits_and_goes_late_and_a_writ
     spend(bench)  # in the next silence
 
 
-def test_w6_they_are_counted_by_unit_id_whoever_asks() -> None:
+def test_w6_answers_to_late_requests_are_counted_by_unit_id_for_all_controllers_together() -> None:
     bench, panel = silent(), controller("panel")
     for port in (bench.port, panel):
         bench.send(OTHER, port, unit_id=2)
@@ -871,7 +879,7 @@ def test_w6_writes_alone_are_sent_too_as_soon_as_half_of_their_time_is_left() ->
     assert bench.link.sent == [(2, WRITE)]
 
 
-def test_w6_a_controller_that_reads_anew_at_once_for_ever_reaches_the_drive_in_each_silence() -> None:
+def test_w6_one_read_is_sent_after_each_silence_if_a_controller_repeats_it_immediately() -> None:
     bench = line(drain_ms=80.0, retry_ms=0.0)
     sent, asked_ms = 0, -100
     for ms in range(995):
@@ -910,7 +918,7 @@ def test_w6_pipelined_requests_are_answered_in_their_order_and_never_sent_late(d
 
 
 @pytest.mark.parametrize(("drain_ms", "until_ms"), [(80.0, 60), (45.0, 100)])
-def test_w7_a_late_read_is_waited_for_no_longer_than_its_drive_may_take(
+def test_w7_the_gateway_waits_for_a_late_read_no_longer_than_response_timeout_ms(
     drain_ms: float, until_ms: int
 ) -> None:
     """The drive may take 60 ms, the controller waits for 100. Late, it has given up 20 ms after it left."""
@@ -926,7 +934,7 @@ def test_w7_a_late_read_is_waited_for_no_longer_than_its_drive_may_take(
     assert bench.line.is_idle
 
 
-def test_w7_nor_any_shorter_than_its_controller_waits() -> None:
+def test_w7_the_gateway_waits_for_a_late_read_as_long_as_its_controller() -> None:
     bench = silent(drain_ms=60.0, response_timeout_ms=10.0)
     spend(bench)
     bench.wait(1)
@@ -942,7 +950,7 @@ def test_w7_nor_any_shorter_than_its_controller_waits() -> None:
 # --- what is learned of it ---------------------------------------------------------------------------------
 
 
-def test_w6_nothing_is_learned_of_the_drive() -> None:
+def test_w6_the_answer_to_a_late_request_does_not_change_the_status_of_the_drive() -> None:
     bench = silent()
     before = bench.line.unit_ids_status(bench.now_ns).drives["2"]
     spend(bench)
@@ -950,7 +958,7 @@ def test_w6_nothing_is_learned_of_the_drive() -> None:
     assert before.timeouts_in_a_row == bench.line.counters.timeouts == 1
 
 
-def test_w6_nor_does_the_silence_of_its_axis_grow() -> None:
+def test_w6_the_answer_to_a_late_request_does_not_prolong_the_silence_of_an_axis() -> None:
     """lost_ms is 1000: a drive that was asked for 0.1 s and answered for until 2.9 s was silent for 0.1 s."""
     plan = axis_plan(unit_id=2, referenced=Reference.HOMING, lost_ms=1000.0)
     bench = line(plan, drain_ms=3000.0)
@@ -974,7 +982,7 @@ def test_w6_nor_does_the_silence_of_its_axis_grow() -> None:
 
 
 @pytest.mark.parametrize("serial", [False, True])
-def test_m3_a_target_that_was_answered_so_is_lost_and_its_trigger_is_refused(*, serial: bool) -> None:
+def test_m3_a_target_answered_as_too_late_is_lost_and_its_trigger_is_refused(*, serial: bool) -> None:
     bench = silent(staged_plan(unit_id=2), serial=serial)
     bench.send(write(COMMAND, 70_000), unit_id=2)
     assert bench.port.take() == bytes.fromhex("90 0B")
@@ -987,7 +995,7 @@ def test_m3_a_target_that_was_answered_so_is_lost_and_its_trigger_is_refused(*, 
     assert bench.ask(RUN_PDU, unit_id=2) == RUN_PDU
 
 
-def test_m3_a_trigger_that_was_answered_so_does_not_run_later() -> None:
+def test_m3_a_trigger_answered_as_too_late_does_not_run_later() -> None:
     bench = silent(staged_plan(unit_id=2))
     bench.send(RUN_PDU, unit_id=2)
     assert bench.port.take() == WRITE_SILENT
@@ -999,7 +1007,7 @@ def test_m3_a_trigger_that_was_answered_so_does_not_run_later() -> None:
 
 
 @pytest.mark.parametrize(("pdu", "is_sent"), [(OTHER, True), (WRITE, False)])
-def test_w6_a_process_that_stood_still_sends_no_write_too_late(pdu: bytes, *, is_sent: bool) -> None:
+def test_w6_no_write_is_sent_too_late_after_a_standstill_of_the_process(pdu: bytes, *, is_sent: bool) -> None:
     """It would leave at 80 ms, 40 ms after it came; the process goes on 60 ms after it came."""
     bench = silent()
     bench.wait(40)
@@ -1009,7 +1017,7 @@ def test_w6_a_process_that_stood_still_sends_no_write_too_late(pdu: bytes, *, is
     assert bool(bench.port.replies) is not is_sent
 
 
-def test_w6_an_exchange_of_another_unit_over_its_end_sends_no_write_too_late() -> None:
+def test_w6_no_write_is_sent_too_late_after_an_exchange_with_another_unit() -> None:
     bench, panel = silent(), controller("panel")
     bench.wait(40)
     bench.send(WRITE, unit_id=2)
@@ -1023,7 +1031,7 @@ def test_w6_an_exchange_of_another_unit_over_its_end_sends_no_write_too_late() -
     assert bench.link.sent == []
 
 
-def test_w5_what_waits_for_another_units_silence_keeps_back_nothing_once_it_is_given_up() -> None:
+def test_w5_a_given_up_write_that_waited_for_the_silence_of_another_unit_delays_nothing() -> None:
     """A write of unit 1 waits for 1000 ms of silence of unit 2; its controller waits for 100 ms."""
     bench = silent(drain_ms=1000.0)
     bench.send(WRITE, unit_id=1, transaction_id=1)

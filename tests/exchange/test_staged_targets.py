@@ -44,7 +44,7 @@ def written(bench: StagedBench, trigger: bytes) -> list[str]:
     return bench.writes()
 
 
-def test_m2_a_trigger_runs_a_corrected_target_and_staging_alone_moves_nothing_and_no_reading() -> None:
+def test_m2_a_trigger_runs_a_corrected_target_and_staging_alone_changes_no_reading() -> None:
     # A11: before the trigger of a staged move the readback must not change.
     bench = standing()
     assert bench.actual() == 50_000
@@ -116,7 +116,7 @@ def test_a2_direction_is_decided_at_the_trigger_from_where_the_axis_is_then() ->
 
 
 @pytest.mark.parametrize(("word", "added"), [(1, []), (0x77, [write(COMMAND, 60_000).hex(" ")])])
-def test_m2_only_a_trigger_whose_words_are_not_right_already_adds_a_frame(
+def test_m2_a_trigger_adds_a_frame_only_if_the_staged_words_are_not_right(
     word: int, added: list[str]
 ) -> None:
     """A value that the map does not list runs what the controller wrote."""
@@ -164,7 +164,7 @@ def test_w8_without_added_frames_a_trigger_that_needs_one_is_refused() -> None:
     assert bench.refused(RUN_PDU) == 4
 
 
-def test_w8_without_added_frames_the_same_target_again_is_made_for_where_the_axis_stands_now() -> None:
+def test_w8_without_added_frames_the_same_target_again_is_rendered_for_the_present_position() -> None:
     """It was jogged past its target, so that it has to come from the other side."""
     bench = standing(staged_plan(added_frames=False))
     bench.stage(60_000)
@@ -188,7 +188,7 @@ def test_m3_a_refused_frame_of_target_and_trigger_refuses_the_trigger_alone() ->
     assert bench.refused(RUN_PDU) == 4
 
 
-def test_a_trigger_whose_target_came_from_before_the_gateway_is_refused() -> None:
+def test_a_trigger_of_a_target_from_before_the_start_of_the_gateway_is_refused() -> None:
     bench = StagedBench()
     bench.memory.put(COMMAND, 50_000)
     assert bench.refused(RUN_PDU) == 4
@@ -220,7 +220,7 @@ def test_m2_a_mode_that_was_never_seen_is_read() -> None:
     assert bench.drive.moves == [("absolute", 50_010)]
 
 
-def test_m2_a_mode_that_comes_after_the_target_counts() -> None:
+def test_m2_a_mode_written_after_the_target_counts() -> None:
     bench = StagedBench(staged_plan(motion=sticky()))
     set_mode(bench, 1)
     bench.go_to(50_000)
@@ -242,7 +242,7 @@ def test_an_unknown_mode_passes_untouched_and_is_counted(value: int) -> None:
 
 
 @pytest.mark.parametrize("before", ["kill", "link"])
-def test_m2_what_the_drive_keeps_is_not_run_in_a_mode_that_it_does_not_tell(before: str) -> None:
+def test_m2_a_kept_target_is_not_run_in_a_mode_that_the_drive_does_not_report(before: str) -> None:
     bench = StagedBench(staged_plan(motion=sticky()))
     if before == "link":
         set_mode(bench, 1)
@@ -283,7 +283,7 @@ def test_m3_a_lost_mode_refuses_triggers_until_it_was_accepted() -> None:
 # --- stops ------------------------------------------------------------------------------------------------
 
 
-def test_m3_a_stop_goes_to_the_head_of_the_queue_and_withdraws_what_would_move_its_axis() -> None:
+def test_m3_a_stop_goes_to_the_head_of_the_queue_and_withdraws_requests_that_would_move_its_axis() -> None:
     bench = standing(serial=False)
     hmi = Port(ControllerPlan("hmi"))
     bench.send(bytes.fromhex("03 0800 0001"), hmi)
@@ -369,7 +369,7 @@ def test_a18_a_broadcast_stop_always_passes() -> None:
     assert bench.drive.moves == [("stop", 0)]
 
 
-def test_a18_a_broadcast_trigger_runs_what_is_right_and_then_the_place_of_the_axis_is_read() -> None:
+def test_a18_a_broadcast_trigger_runs_right_words_and_the_position_is_read_afterwards() -> None:
     bench = standing()
     bench.stage(60_000)
     broadcast(bench, RUN_PDU)
@@ -409,7 +409,7 @@ def test_a_homing_command_passes_and_positions_pass_unchanged_until_the_drive_is
     assert bench.go_to(20_000) == ("absolute", 20_010)
 
 
-def test_m2_a_staged_target_is_given_back_as_it_came_when_its_mode_is_unknown_at_the_trigger() -> None:
+def test_m2_a_staged_target_is_written_again_1_to_1_if_its_mode_is_unknown_at_the_trigger() -> None:
     bench = StagedBench(staged_plan(motion=sticky()))
     set_mode(bench, 1)
     bench.go_to(50_000)
@@ -430,7 +430,7 @@ FOLLOWING = MotionPlan(
 )
 
 
-def test_m2_what_a_drive_follows_and_cannot_be_known_passes_as_it_came() -> None:
+def test_m2_a_position_that_an_unknown_mode_may_follow_passes_unchanged() -> None:
     bench = StagedBench(staged_plan(motion=FOLLOWING, added_frames=False))
     bench.ask(write(COMMAND, 50_000))
     assert bench.drive.get(COMMAND) == 50_000
@@ -438,7 +438,7 @@ def test_m2_what_a_drive_follows_and_cannot_be_known_passes_as_it_came() -> None
 
 
 @pytest.mark.parametrize(("word", "told"), [(0xFFFB, 50_010), (0xFFFC, 50_000)], ids=["follow", "unknown"])
-def test_m2_each_target_is_corrected_once_following_is_on_and_passes_while_the_register_is_unknown(
+def test_m2_targets_are_corrected_while_following_is_on_and_pass_while_its_register_is_unknown(
     word: int, told: int
 ) -> None:
     bench = StagedBench(staged_plan(motion=FOLLOWING))
@@ -449,7 +449,7 @@ def test_m2_each_target_is_corrected_once_following_is_on_and_passes_while_the_r
     assert word != 0xFFFB or bench.line.axes[0].compensation.accepted is not None
 
 
-def test_m2_an_opcode_frame_that_is_too_short_passes_as_it_came() -> None:
+def test_m2_an_opcode_frame_that_is_too_short_passes_unchanged() -> None:
     block = PositionField(0x00F7, RegisterType.INT32, WordOrder.HIGH_FIRST, block=0x00F5)
     bench = Bench(axis_plan(command=(block,), actual=()))
     bench.ask(bytes.fromhex("10 00F5 0004 08 0002 012C 0000 C350"))
@@ -457,7 +457,7 @@ def test_m2_an_opcode_frame_that_is_too_short_passes_as_it_came() -> None:
     assert bench.sent_for(short) == short
 
 
-def test_m2_what_passed_untouched_reads_back_as_it_was_written() -> None:
+def test_m2_words_that_passed_unchanged_read_back_as_they_were_written() -> None:
     mode = ModePlan(0x0605, actions={0: Action.ABSOLUTE}, is_in_frame=True)
     bench = Bench(axis_plan(motion=MotionPlan(modes=(mode,))))
     bench.ask(bytes.fromhex("10 0605 0003 06 0000") + COMMAND.pack(50_000))
@@ -479,7 +479,7 @@ def test_a18_after_a_broadcast_trigger_the_axis_reads_back_what_was_commanded() 
     assert bench.actual() == 50_000
 
 
-def test_m3_a_trigger_whose_mode_nobody_knows_does_not_run_what_was_left_from_before_a_lost_link() -> None:
+def test_m3_a_trigger_with_an_unknown_mode_does_not_run_a_target_from_before_a_lost_link() -> None:
     offset = make_table([0, 100], [0.05, 0.05], [0.05, 0.05], Units.MM)
     bench = StagedBench(staged_plan(table=offset, motion=sticky(), safe_read=False))
     bench.ask(bytes.fromhex("06 0700 0001"))
@@ -490,7 +490,7 @@ def test_m3_a_trigger_whose_mode_nobody_knows_does_not_run_what_was_left_from_be
     assert bench.refused(RUN_PDU) == 4
 
 
-def test_a_target_that_could_not_be_written_anew_reads_back_as_it_was_written() -> None:
+def test_a_target_that_could_not_be_written_again_reads_back_as_it_was_written() -> None:
     """M1: 5000 is staged forward, 5010. Jogged to 9000 it is backward, 4990: the drive refuses that. Its
     register holds 5010, or 4990 should the refusal lie; both are the 5000 that the controller wrote."""
     bench = StagedBench(staged_plan(), serial=False)

@@ -35,7 +35,7 @@ from tests.exchange.test_ownership import controller
 READ_OTHER = bytes.fromhex("03 0800 0001")
 
 
-def test_m3_a_waiting_stop_goes_out_although_its_serial_controller_went_on() -> None:
+def test_m3_a_waiting_stop_is_sent_although_its_serial_controller_sent_a_new_request() -> None:
     bench = StagedBench()
     bench.go_to(50_000)
     bench.send(READ_OTHER, Port(ControllerPlan("hmi")))
@@ -46,7 +46,7 @@ def test_m3_a_waiting_stop_goes_out_although_its_serial_controller_went_on() -> 
     assert bench.port.take()[0] == 3  # and nobody answers a request that was given up
 
 
-def test_m3_a_waiting_stop_goes_out_although_its_connection_closed() -> None:
+def test_m3_a_waiting_stop_is_sent_although_its_connection_closed() -> None:
     bench = StagedBench(serial=False)
     bench.go_to(50_000)
     panel = Port(ControllerPlan("panel"))
@@ -58,7 +58,7 @@ def test_m3_a_waiting_stop_goes_out_although_its_connection_closed() -> None:
     assert panel.replies == []
 
 
-def test_m3_a_stop_that_waited_for_long_goes_out_all_the_same() -> None:
+def test_m3_a_stop_that_waited_for_long_is_sent_nevertheless() -> None:
     bench = StagedBench(serial=False)
     bench.go_to(50_000)
     bench.send(READ_OTHER)
@@ -140,7 +140,7 @@ def test_w7_what_is_no_stop_does_not_reach_the_axis_under_another_name(unit_id: 
     assert bench.line.axes[0].motion.state is MotionState.ARRIVED
 
 
-def test_m3_a_stop_passes_where_everything_else_is_refused() -> None:
+def test_m3_a_stop_passes_while_everything_else_is_refused() -> None:
     bench = StagedBench(staged_plan(motion=ONLY_ABSOLUTE, travel=(0.0, 100.0)))
     bench.refused(write(COMMAND, 150_000))
     assert compensation_state(bench.line.axes[0]) == "blocked"
@@ -169,7 +169,7 @@ def test_m5_after_a_stop_the_same_target_again_is_a_move_from_where_the_axis_sta
     assert bench.run(90_000) == ("absolute", 89_990)
 
 
-def test_a_target_staged_before_homing_is_written_anew_before_it_runs() -> None:
+def test_a_target_staged_before_homing_is_written_again_before_it_runs() -> None:
     bench = StagedBench(staged_plan(referenced=Reference.HOMING))
     bench.trigger(bytes.fromhex("06 050E 0064"))
     bench.stage(50_000)  # not referenced: it passes as it is
@@ -198,7 +198,7 @@ def test_m7_one_lost_reply_is_no_silence() -> None:
     assert bench.run(49_980) == ("absolute", 49_970)
 
 
-def test_m3_a_stop_beside_a_target_waits_for_no_register_that_nobody_has_seen() -> None:
+def test_m3_a_stop_beside_a_target_waits_for_no_read_of_an_unknown_register() -> None:
     """Whether the drive follows each position decides about the target in the frame, not about the stop."""
     stop = TriggerPlan(COMMAND.end, deeds={1: Operation(Action.STOP)}, otherwise=Action.IGNORE)
     follow = TriggerPlan(0x0800, deeds={1: Operation(Action.FOLLOW_NEXT)}, otherwise=Action.IGNORE)
@@ -260,7 +260,7 @@ def test_w7_a_trigger_to_another_name_of_the_unit_is_refused_and_a_stop_is_not()
         assert bench.ask(STOP_PDU, unit_id=unit_id) == STOP_PDU
 
 
-def test_m3_a_stop_does_not_wait_for_the_frames_that_another_unit_needs() -> None:
+def test_m3_a_stop_does_not_wait_for_added_frames_of_another_unit() -> None:
     bench = StagedBench(staged_plan(), staged_plan(name="y", unit_id=2), serial=False)
     for unit_id in (1, 2):
         bench.ask(write(COMMAND, 50_000), unit_id=unit_id)
@@ -273,7 +273,7 @@ def test_m3_a_stop_does_not_wait_for_the_frames_that_another_unit_needs() -> Non
     assert bench.seen[-1] == RUN_PDU
 
 
-def test_m3_stops_that_nobody_waits_for_do_not_pile_up() -> None:
+def test_m3_stops_whose_controllers_have_given_up_do_not_accumulate() -> None:
     bench = StagedBench(serial=False)
     bench.send(bytes.fromhex("03 0800 0001"))
     for _ in range(100):
@@ -304,7 +304,7 @@ def test_m3_a_broadcast_stop_passes_with_a_position_in_its_frame() -> None:
     assert bench.drive.moves[-1][0] == "stop"
 
 
-def test_w6_bytes_that_never_end_do_not_keep_the_line_for_ever() -> None:
+def test_w6_bytes_that_never_end_do_not_block_the_line_for_ever() -> None:
     bench = StagedBench()
     bench.missed(read(ACTUAL), 1000)
     bench.send(STOP_PDU)
@@ -373,7 +373,7 @@ def test_a_stop_in_a_frame_with_a_newer_target_withdraws_the_trigger_of_the_olde
     assert bench.trigger() == ("absolute", 69_990)
 
 
-def test_what_was_read_for_a_target_before_a_stop_went_first_is_read_again() -> None:
+def test_a_prerequisite_of_a_target_is_read_again_if_a_stop_is_sent_first() -> None:
     """M6: x goes to 100 000 and is read at 50 000 for 60 000. A stop of y takes its turn and 240 ms; by then
     x is at 98 000, so 60 000 is backward: 59 990."""
     y = replace(staged_plan(), name="y", unit_id=2)
@@ -424,7 +424,7 @@ def test_a_mask_that_clears_the_enable_bit_stops_whatever_the_other_bits_are() -
     assert bench.seen == [stop]
 
 
-def test_an_axis_that_was_told_to_stay_and_is_seen_elsewhere_later_has_been_moved() -> None:
+def test_an_axis_seen_elsewhere_after_a_target_at_its_position_was_moved() -> None:
     """M4, M6: it stands at 1000 (1010), is stopped and sent there once more. Somebody jogs it to 3000. Seen
     there after a while, it is sent to 1000 once more: that is backward, 990, and certain."""
     bench = StagedBench(staged_plan(), serial=False)
@@ -538,7 +538,7 @@ def serve_for(bench: StagedBench, ms: int) -> None:
         bench.wait(10)
 
 
-def test_a_stop_that_runs_a_distance_of_another_axis_leaves_once_after_the_silence() -> None:
+def test_a_stop_that_runs_a_distance_of_another_axis_is_sent_once_after_the_silence() -> None:
     """W5, W6: 1000 of y would run twice if the frame left early and once more."""
     bench = side_by_side()
     bench.ask(write(OTHER, 1000))
@@ -550,7 +550,7 @@ def test_a_stop_that_runs_a_distance_of_another_axis_leaves_once_after_the_silen
     assert [pdu.hex() for _, _, pdu in bench.port.replies] == ["10050e0002"]
 
 
-def test_a_stop_that_writes_nothing_for_another_axis_leaves_early_and_once_more() -> None:
+def test_a_stop_that_does_nothing_to_another_axis_is_sent_early_and_once_more() -> None:
     """M3, W6: y's trigger gets 0, which does nothing, once or twice; while late frames may come an echo of
     the address alone is no answer."""
     bench = side_by_side()
@@ -561,7 +561,7 @@ def test_a_stop_that_writes_nothing_for_another_axis_leaves_early_and_once_more(
     assert bench.seen == [stop_beside(0), stop_beside(0)]
 
 
-def test_a_stop_that_comes_after_a_run_beside_a_stop_ends_it() -> None:
+def test_a_stop_after_a_frame_that_runs_its_axis_is_sent_immediately_and_after_that_frame() -> None:
     """M3: y's own stop goes at once, and once more behind the frame that runs y and waits for the silence."""
     bench = side_by_side()
     bench.ask(write(OTHER, 9000))
@@ -588,7 +588,9 @@ def test_a_stop_of_another_axis_is_answered_before_one_that_waits_for_the_silenc
 
 
 @pytest.mark.parametrize(("stop", "times"), [(STOP_PDU, 2), (stop_beside(1), 1)])
-def test_on_a_new_connection_a_stop_leaves_twice_unless_it_runs_another_axis(stop: bytes, times: int) -> None:
+def test_on_a_new_connection_a_stop_is_sent_twice_unless_it_runs_another_axis(
+    stop: bytes, times: int
+) -> None:
     """A write without an answer may be executed behind the first one (W5)."""
     bench = ConnectionBench(staged_plan(lost_ms=700.0), next_plan(lost_ms=700.0), retry_ms=0.0)
     for _ in range(3):
@@ -658,7 +660,7 @@ def test_an_operator_that_stops_one_axis_and_leaves_the_other_alone_takes_nothin
     assert bench.seen[-1] == NEXT_RUN_PDU
 
 
-def test_a_target_that_runs_beside_a_stop_with_words_that_are_not_right_is_flagged() -> None:
+def test_a_target_run_beside_a_stop_with_wrong_words_is_flagged() -> None:
     """M2, M3: 7000 of y was staged as 7010 on its way from 5000 to 10 000. From there it is 6990, but a stop
     waits for no other frame: y runs 7010 and its branch is flagged, until the next target: 2000 is 1990."""
     bench = side_by_side()
@@ -678,7 +680,7 @@ def test_a_target_that_runs_beside_a_stop_with_words_that_are_not_right_is_flagg
     assert not y.is_unsure
 
 
-def test_a_target_that_runs_beside_a_stop_with_the_right_words_is_not_flagged() -> None:
+def test_a_target_run_beside_a_stop_with_the_right_words_is_not_flagged() -> None:
     """M2, M3: 9000 of y stands in the drive as 9010, for it goes forward: nothing has to be written."""
     bench = side_by_side()
     bench.ask(write(OTHER, 9000))
@@ -719,7 +721,7 @@ def test_a_stop_passes_although_it_runs_another_axis_that_another_controller_hol
     assert run_next(bench, 8000) == 7990
 
 
-def test_what_a_stop_of_another_controller_writes_for_an_axis_that_it_does_not_move_is_not_run() -> None:
+def test_a_target_that_a_stop_of_another_controller_writes_for_another_axis_is_not_run() -> None:
     """M3, W10: x's trigger lies before y's position. The second controller stops x and writes 3000 for y,
     2990 backward; the trigger of y's writer is refused until it has written its own again."""
     field = PositionField(NEXT_TRIGGER, RegisterType.INT32, WordOrder.LOW_FIRST)
@@ -744,7 +746,7 @@ def test_what_a_stop_of_another_controller_writes_for_an_axis_that_it_does_not_m
     assert bench.memory.get(field) == 6010
 
 
-def test_a_stop_that_writes_an_impossible_target_of_another_axis_passes_as_it_came() -> None:
+def test_a_stop_that_writes_an_impossible_target_of_another_axis_passes_unchanged() -> None:
     """M3, M8: y goes to each position at once, and 2147483647 would not fit corrected. x is stopped, y goes
     there uncorrected and is flagged."""
     field = PositionField(NEXT_TRIGGER, RegisterType.INT32, WordOrder.LOW_FIRST)
@@ -760,7 +762,7 @@ def test_a_stop_that_writes_an_impossible_target_of_another_axis_passes_as_it_ca
     assert bench.line.axes[1].is_unsure
 
 
-def test_a_stop_that_runs_another_axis_does_not_leave_its_target_to_be_written_afterwards() -> None:
+def test_a_stop_that_runs_another_axis_refuses_its_waiting_target() -> None:
     """M3: 9000 of y waits as the frame comes that stops x and runs y. The stop goes first and y runs what it
     has, 5010; so 9000 is refused, y is flagged, and its next trigger is refused."""
     bench = side_by_side()
@@ -794,7 +796,7 @@ def test_a_broadcast_that_stops_one_drive_and_runs_a_blocked_one_reaches_both() 
 OTHER_ACTUAL = PositionField(0x0710, RegisterType.INT32, WordOrder.LOW_FIRST)
 
 
-def test_m3_a_drive_without_triggers_that_takes_it_for_a_target_keeps_its_writer_and_its_words() -> None:
+def test_m3_a_drive_that_takes_a_stop_for_a_target_keeps_its_writer_and_its_words() -> None:
     """Low word first: 4000 is 0FA0 0000, 9000 is 2328 0000; 9216 + 10 counts of correction is 240A 0000."""
     motion = MotionPlan(is_staged=True, triggers=(TriggerPlan(OTHER_TRIGGER, deeds=DEEDS),))
     staged = replace(axis_plan(name="y", unit_id=2, command=(OTHER,), actual=(OTHER_ACTUAL,)), motion=motion)

@@ -34,7 +34,7 @@ def stream(bench: Bench, setpoints: list[int]) -> list[float]:
     return found
 
 
-def test_m6_the_first_step_of_a_stream_is_motion_and_no_correction() -> None:
+def test_m6_the_first_step_of_a_stream_contains_no_correction() -> None:
     bench = Bench(stream_plan(table=WORN, reload_distance=0.1, max_slope=0.2))
     assert bench.memory.get(ACTUAL) == 0
     # The table puts 0.022 / 1.108 mm to 0, with -19.86 counts; and half a step of both registers.
@@ -57,7 +57,7 @@ def test_m6_a_held_setpoint_that_may_be_corrected_moves_nothing(stands_at: int, 
     assert bench.actual() == 30_000
 
 
-def test_m6_more_than_any_branch_is_motion() -> None:
+def test_m6_a_distance_larger_than_any_correction_is_motion() -> None:
     bench = Bench(stream_plan(table=LIFTED))
     bench.memory.put(ACTUAL, 19_700)
     assert stream(bench, [20_000]) == [19_999]  # 0 is the nearest of 0, 260 and 300; half a step of each
@@ -94,7 +94,7 @@ def test_m9_a_stream_that_loses_its_reference_keeps_its_offset_and_fades() -> No
     assert stream(bench, [57_760, 58_360]) == [57_760 + 150, 58_660]
 
 
-def test_m9_a_stream_of_an_axis_that_lost_replies_holds_still() -> None:
+def test_m9_a_repeated_setpoint_after_lost_replies_does_not_move_the_axis() -> None:
     plan = stream_plan(table=LIFTED, referenced=Reference.HOMING, lost_ms=1000.0)
     bench = Bench(plan, timing=LineTiming(drain_ms=1, retry_ms=0))
     bench.line.axes[0].declare_referenced()
@@ -112,7 +112,7 @@ def test_m9_a_stream_of_an_axis_that_lost_replies_holds_still() -> None:
     assert stream(bench, [57_150]) == [57_150]
 
 
-def test_m6_where_nothing_may_be_read_what_was_seen_in_passing_says_where_a_stream_begins() -> None:
+def test_m6_without_added_reads_the_last_reading_of_the_controller_decides_where_a_stream_begins() -> None:
     bench = Bench(stream_plan(table=LIFTED, added_frames=False))
     bench.memory.put(ACTUAL, 20_300)
     bench.ask(read(ACTUAL))
@@ -124,7 +124,7 @@ def test_m6_where_nothing_may_be_read_what_was_seen_in_passing_says_where_a_stre
     assert stream(bench, [20_000]) == [20_000]  # nobody knows
 
 
-def test_m9_an_axis_that_is_switched_off_is_read_for_nobody() -> None:
+def test_m9_no_position_is_read_for_an_axis_without_compensation() -> None:
     bench = Bench(stream_plan(table=LIFTED, compensation=CompensationMode.OFF))
     bench.memory.put(ACTUAL, 20_300)
     assert stream(bench, [20_000]) == [20_000]

@@ -72,7 +72,7 @@ FOR_X: Final = [TableFor("x", "x.tab", "centroid-3", "0" * 64)]
 
 
 @pytest.mark.parametrize("setpoints", list(Setpoints))
-def test_no_change_walks_over_the_points_of_a_table(setpoints: Setpoints) -> None:
+def test_no_change_reads_every_point_of_a_table(setpoints: Setpoints) -> None:
     old, old_columns = counting_table(1.0)
     new, new_columns = counting_table(2.0)
     axis = axis_with(old, setpoints)
@@ -122,7 +122,7 @@ def test_a_table_without_the_lost_motion_that_is_configured_is_refused() -> None
     assert control.set_tables([axis], FOR_X, [with_backlash(flat, backlash)]) == {"x": "next-target"}
 
 
-def test_a_change_asked_for_while_a_setpoint_is_on_the_wire_is_as_long_as_its_difference_needs() -> None:
+def test_the_blend_of_a_change_during_a_setpoint_on_the_wire_is_as_long_as_its_difference_needs() -> None:
     everywhere = make_table([0, 100], [0.4, 0.4], [0.4, 0.4], Units.MM)
     bench = Bench(stream_plan(table=everywhere, max_correction=0.5, reload_distance=0.1))
     control.switch(bench.line.axes, "x", is_on=False)
@@ -143,7 +143,7 @@ def test_a_change_asked_for_while_a_setpoint_is_on_the_wire_is_as_long_as_its_di
 
 
 @pytest.mark.parametrize("way", ["switch", "clear"])
-def test_an_axis_that_is_switched_off_reads_on_without_a_jump(way: str) -> None:
+def test_the_readings_of_an_axis_do_not_jump_when_it_is_switched_off(way: str) -> None:
     """0.5 mm lie between what it reads and what 1:1 would be: they fade on the way to its next target."""
     table = make_table([0, 100], [0.5, 0.5], [0.5, 0.5], Units.MM)
     bench = Bench(axis_plan(table=table, max_correction=0.5))

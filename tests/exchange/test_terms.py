@@ -47,7 +47,7 @@ def events(bench: Bench, kind: str) -> list[str]:
     return [event.detail for event in bench.events if event.kind.name == kind]
 
 
-def test_a_warm_screw_is_told_less_and_reads_back_what_was_commanded() -> None:
+def test_the_target_of_a_warm_screw_is_reduced_and_reads_back_as_commanded() -> None:
     bench = Bench(warm_plan())
     warm(bench, 30.0)
     assert bench.reach(800_000) == 799_908  # 92 µm less
@@ -66,7 +66,7 @@ def test_the_screw_is_held_where_the_configuration_says_and_adds_to_the_table() 
     assert bench.actual() == 100_000
 
 
-def test_a_temperature_moves_nothing_until_another_target_comes() -> None:
+def test_a_temperature_moves_nothing_until_the_next_target() -> None:
     bench = Bench(warm_plan())
     assert bench.reach(800_000) == 800_000
     seen = len(bench.seen)
@@ -112,7 +112,7 @@ def test_a_sensor_that_falls_silent_in_the_middle_of_a_move_is_held_and_then_fad
     assert len(events(bench, "term-fades")) == 1
 
 
-def test_it_is_told_that_a_sensor_is_silent_also_where_nothing_moves() -> None:
+def test_a_silent_sensor_is_reported_also_if_nothing_moves() -> None:
     bench = Bench(warm_plan())
     warm(bench, 30.0)
     bench.move(10_000)
@@ -123,7 +123,7 @@ def test_it_is_told_that_a_sensor_is_silent_also_where_nothing_moves() -> None:
 
 
 @pytest.mark.parametrize("celsius", [float("nan"), float("inf"), 3000.0, -300.0])
-def test_what_is_no_temperature_moves_nothing(celsius: float) -> None:
+def test_an_impossible_temperature_is_ignored(celsius: float) -> None:
     bench = Bench(warm_plan())
     warm(bench, 30.0)
     with pytest.raises(ControlError, match="the last good value is kept: look at the sensor"):
@@ -131,7 +131,7 @@ def test_what_is_no_temperature_moves_nothing(celsius: float) -> None:
     assert bench.reach(1_000_000) == 999_885
 
 
-def test_an_axis_that_asks_for_no_temperature_gets_none() -> None:
+def test_an_axis_without_a_thermal_term_takes_no_temperature() -> None:
     bench = Bench(axis_plan())
     with pytest.raises(ControlError, match="axis x has no thermal in its configuration"):
         warm(bench, 20.0)
@@ -139,7 +139,7 @@ def test_an_axis_that_asks_for_no_temperature_gets_none() -> None:
         warm(bench, 20.0, "y")
 
 
-def test_a_line_that_comes_with_its_table_to_more_than_allowed_stays_as_it_was() -> None:
+def test_a_thermal_term_beyond_max_correction_with_its_table_stays_as_it_was() -> None:
     bench = Bench(warm_plan(table=RAMP, max_correction=0.2))  # 100 µm of it are left
     warm(bench, 28.0)  # 92 µm
     assert bench.reach(1_000_000) == 1_000_000 + 100 - 92
@@ -155,7 +155,7 @@ def test_a_line_that_comes_with_its_table_to_more_than_allowed_stays_as_it_was()
     assert bench.reach(1_000_000) == 1_000_000 + 100 - 115
 
 
-def test_another_table_that_leaves_no_room_for_the_line_has_none() -> None:
+def test_a_new_table_that_leaves_no_room_for_the_thermal_term_is_used_without_it() -> None:
     bench = Bench(warm_plan(max_correction=0.2))
     warm(bench, 30.0)
     assert bench.reach(1_000_000) == 999_885
@@ -166,7 +166,7 @@ def test_another_table_that_leaves_no_room_for_the_line_has_none() -> None:
     assert len(events(bench, "term-too-large")) == 1
 
 
-def test_limits_that_are_lowered_below_what_is_in_force_take_it_away_with_the_next_target() -> None:
+def test_limits_lowered_below_the_term_in_force_remove_it_with_the_next_target() -> None:
     bench = Bench(warm_plan())
     warm(bench, 30.0)
     assert bench.reach(1_000_000) == 999_885
@@ -176,7 +176,7 @@ def test_limits_that_are_lowered_below_what_is_in_force_take_it_away_with_the_ne
     assert len(events(bench, "term-too-large")) == 1
 
 
-def test_a_sensor_that_was_never_heard_is_told_once() -> None:
+def test_a_sensor_that_was_never_heard_is_reported_once() -> None:
     bench = Bench(warm_plan())
     for counts in range(100):
         assert bench.reach(1_000 * counts) == 1_000 * counts
@@ -186,7 +186,7 @@ def test_a_sensor_that_was_never_heard_is_told_once() -> None:
     assert events(bench, "term-follows") == ["the sensor reports; +10 K count"]
 
 
-def test_switched_off_it_is_off_with_its_table_and_comes_back_with_it() -> None:
+def test_the_thermal_term_is_switched_off_and_on_with_the_table() -> None:
     bench = Bench(warm_plan())
     warm(bench, 30.0)
     bench.move(1_000_000)
@@ -197,7 +197,7 @@ def test_switched_off_it_is_off_with_its_table_and_comes_back_with_it() -> None:
     assert bench.reach(1_000_000) == 999_885
 
 
-def test_without_a_reference_positions_pass_as_they_are() -> None:
+def test_without_a_reference_positions_pass_unchanged() -> None:
     bench = Bench(warm_plan(referenced=Reference.HOMING))
     warm(bench, 30.0)
     assert bench.command(1_000_000) == 1_000_000
@@ -205,7 +205,7 @@ def test_without_a_reference_positions_pass_as_they_are() -> None:
     assert bench.reach(999_000) == 998_885
 
 
-def test_a_restart_goes_on_with_the_line_that_was_in_force() -> None:
+def test_after_a_restart_the_thermal_term_in_force_continues() -> None:
     bench = RecordBench(warm_plan(max_correction=1.0))
     warm(bench, 30.0)
     assert bench.reach(1_000_000) == 999_885
@@ -220,7 +220,7 @@ def test_a_restart_goes_on_with_the_line_that_was_in_force() -> None:
     assert again.reach(1_000_000) == 999_908
 
 
-def test_a_restart_with_another_table_goes_on_with_the_line_that_was_in_force() -> None:
+def test_after_a_restart_with_another_table_the_thermal_term_in_force_continues() -> None:
     bench = RecordBench(warm_plan(max_correction=1.0))
     warm(bench, 30.0)
     bench.move(1_000_000)
@@ -251,7 +251,7 @@ def test_a_first_restart_with_the_key_begins_with_the_first_temperature(is_heard
     assert again.actual() == 1_000_000
 
 
-def test_a_restart_without_the_key_takes_the_line_away_with_the_next_target() -> None:
+def test_a_restart_without_the_key_removes_the_thermal_term_with_the_next_target() -> None:
     bench = RecordBench(warm_plan())
     warm(bench, 30.0)
     bench.move(1_000_000)
@@ -261,7 +261,7 @@ def test_a_restart_without_the_key_takes_the_line_away_with_the_next_target() ->
     assert again.reach(800_000) == 800_000
 
 
-def test_a_frame_that_was_on_the_wire_when_the_temperature_came_is_what_counts() -> None:
+def test_a_frame_on_the_wire_when_the_temperature_came_counts_as_it_was_sent() -> None:
     bench = Bench(warm_plan())
     bench.send(write(COMMAND, 1_000_000))
     warm(bench, 30.0)
@@ -292,7 +292,7 @@ def test_a_staged_target_is_corrected_for_the_temperature_of_its_trigger() -> No
     assert bench.drive.moves[2:] == [("absolute", 799_908)]
 
 
-def test_distances_add_up_to_nothing_while_it_warms() -> None:
+def test_distances_there_and_back_add_up_to_0_while_the_screw_warms() -> None:
     bench = StagedBench(staged_plan(table=FLAT, travel=(0.0, 1000.0), thermal=STEEL))
     bench.go_to(500_000)
     for celsius in (25.0, 30.0, 22.0, 28.0):
@@ -335,7 +335,7 @@ def test_a_float_register_in_millimetres_gets_far_less_than_half_a_count() -> No
     assert bench.memory.get(place) == pytest.approx(999.0 - 999 * 11.5e-6 * 10.1, abs=5e-5)
 
 
-def test_a_field_whose_step_is_a_part_of_a_count_is_corrected_to_its_step() -> None:
+def test_a_field_with_a_step_finer_than_a_count_is_corrected_to_its_step() -> None:
     place, reported = (PositionField(at, RegisterType.INT32, scale=0.01) for at in (0x0606, 0x0520))
     plan = warm_plan(command=(place,), actual=(reported,), counts_per_unit=1.0, hysteresis=0.01)
     bench = Bench(plan)
@@ -349,7 +349,7 @@ def test_a_field_whose_step_is_a_part_of_a_count_is_corrected_to_its_step() -> N
 # --- limits ---------------------------------------------------------------------------------------------
 
 
-def test_a_sensor_that_trembles_about_the_limit_is_told_of_once_until_it_has_fitted_for_a_minute() -> None:
+def test_a_term_that_trembles_about_its_limit_is_reported_once_until_it_has_fitted_for_a_minute() -> None:
     ramp = make_table([0, 1000], [0.0, 0.1], [0.0, 0.1], Units.MM)
     bench = Bench(warm_plan(table=ramp, max_correction=0.2))  # 100 µm are left, 8.696 K
     noise = Random(1)
@@ -372,7 +372,7 @@ def test_a_sensor_that_trembles_about_the_limit_is_told_of_once_until_it_has_fit
 # --- restarts -------------------------------------------------------------------------------------------
 
 
-def test_a_target_that_nobody_saw_acknowledged_brings_its_line_into_the_next_run() -> None:
+def test_an_unacknowledged_target_keeps_its_thermal_term_over_a_restart() -> None:
     bench = RecordBench(warm_plan(max_correction=1.0))
     warm(bench, 22.0)
     bench.move(500_000)
@@ -392,7 +392,7 @@ def test_a_target_that_nobody_saw_acknowledged_brings_its_line_into_the_next_run
 
 
 @pytest.mark.parametrize("is_heard_first", [False, True])
-def test_a_restart_with_a_mended_alpha_does_not_wait_for_a_hundred_kelvin(is_heard_first: bool) -> None:
+def test_a_restart_with_a_corrected_alpha_does_not_wait_for_a_hundred_kelvin(is_heard_first: bool) -> None:
     """A figure too many: 10 K at 11.5e-5 are 100 K at 11.5e-6, and would last for 45 minutes."""
     bench = RecordBench(warm_plan(replace(STEEL, alpha=11.5e-5), max_correction=2.0))
     warm(bench, 30.0)
@@ -411,7 +411,7 @@ def test_a_restart_with_a_mended_alpha_does_not_wait_for_a_hundred_kelvin(is_hea
 # --- the other axis -------------------------------------------------------------------------------------
 
 
-def test_an_other_axis_whose_registers_were_moved_about_is_nowhere() -> None:
+def test_another_axis_whose_registers_were_remapped_has_no_position() -> None:
     bench = Bench(x_plan(), y_plan())
     go_y(bench, 400_000)
     assert bench.reach(100_000) == 100_040
@@ -446,7 +446,7 @@ def test_a_reading_of_the_other_axis_from_before_its_zero_was_moved_does_not_cou
     assert bench.memory.get(X_COMMAND) == 300_000
 
 
-def test_a_drive_that_counts_the_other_way_is_told_more_where_it_is_to_go_less_far() -> None:
+def test_a_reduced_target_of_a_drive_that_counts_the_other_way_gets_more_counts() -> None:
     plan = axis_plan(
         table=x_plan().table, thermal=ThermalSettings(11.5e-6), travel=(0.0, 1000.0), counts_per_unit=-500.0
     )
@@ -457,7 +457,7 @@ def test_a_drive_that_counts_the_other_way_is_told_more_where_it_is_to_go_less_f
     assert bench.actual() == -400_000
 
 
-def test_of_two_targets_in_one_frame_this_one_is_corrected_for_where_the_other_axis_was() -> None:
+def test_a_target_in_one_frame_with_that_of_the_other_axis_uses_the_previous_position_of_that_axis() -> None:
     beside = PositionField(COMMAND.address + 2, RegisterType.INT32, WordOrder.LOW_FIRST)
     bench = Bench(x_plan(), y_plan(command=(beside,)))
 
@@ -491,7 +491,7 @@ def both(**changes: Any) -> Bench:
     return bench
 
 
-def test_each_term_says_what_it_added_to_the_last_target() -> None:
+def test_the_status_shows_what_each_term_added_to_the_last_target() -> None:
     bench = both()
     warm(bench, 30.0)
     assert terms(bench)["correction"] is None  # there is no target yet
@@ -511,7 +511,7 @@ def test_each_term_says_what_it_added_to_the_last_target() -> None:
     assert terms(bench)["cross"]["correction"] == pytest.approx(0.1)
 
 
-def test_a_term_that_is_too_large_does_not_say_that_it_was_added() -> None:
+def test_the_status_of_a_term_that_is_too_large_shows_no_correction() -> None:
     bench = both(max_correction=0.05)
     go_y(bench, 400_000)
     bench.move(100_000)
@@ -522,7 +522,7 @@ def test_a_term_that_is_too_large_does_not_say_that_it_was_added() -> None:
     assert found["cross"]["correction"] == pytest.approx(0.04)
 
 
-def test_while_it_gives_way_in_a_stream_it_says_what_is_left_of_it() -> None:
+def test_the_status_shows_the_rest_of_a_term_that_fades_out_in_a_stream() -> None:
     screw = ThermalSettings(1e-4, reference=20.0, fixed_at=0.0)
     bench = Bench(stream_plan(table=FLAT, travel=TRAVEL, thermal=screw, max_correction=2.0))
     warm(bench, 30.0)
@@ -646,7 +646,7 @@ class Machine:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_a_standing_axis_reads_what_was_commanded_whatever_came_between(seed: int) -> None:
+def test_a_standing_axis_reads_its_target_whatever_came_between(seed: int) -> None:
     machine = Machine(seed)
     machine.move()
     for _ in range(60):
@@ -669,7 +669,9 @@ def test_a_standing_axis_reads_what_was_commanded_whatever_came_between(seed: in
 
 
 @pytest.mark.parametrize(("most", "kept"), [(0.05, 51), (1.0, 100)])
-def test_m6_a_stream_begins_with_as_much_of_a_term_as_the_limit_of_now_allows(most: float, kept: int) -> None:
+def test_m6_a_stream_begins_with_as_much_of_a_term_as_the_present_limit_allows(
+    most: float, kept: int
+) -> None:
     """100 counts lie between drive and setpoint; of 50 and half a step of both registers 51 are left."""
     bench = Bench(stream_plan(table=FLAT, travel=TRAVEL, thermal=STEEL, max_correction=0.05))
     set_limits(bench.line.axes, limits(most, 0.0))

@@ -350,7 +350,7 @@ class Machine:
 
 
 @pytest.mark.parametrize("seed", range(16))
-def test_every_target_is_told_what_the_document_says_and_every_standing_axis_reads_it(seed: int) -> None:
+def test_every_target_is_corrected_as_the_document_says_and_every_standing_axis_reads_it(seed: int) -> None:
     machine = Machine(seed)
     for model in machine.models.values():
         machine.go(model, machine.counts(model))

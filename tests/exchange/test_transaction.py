@@ -144,7 +144,7 @@ def take(line: Line, transaction: Transaction, event: Step | Outcome) -> bool:
 
 
 @pytest.mark.parametrize(("cell", "after"), walk(PHASE_WALK).items(), ids=str)
-def test_a_transaction_goes_on_as_the_table_says(cell: tuple[str, str], after: str) -> None:
+def test_each_step_of_a_transaction_leads_where_the_table_says(cell: tuple[str, str], after: str) -> None:
     phase, event = Phase(cell[0]), step_of(cell[1])
     line = Line()
     transaction = line.a_transaction(phase)
@@ -180,7 +180,7 @@ def test_the_tables_have_no_other_rows() -> None:
     assert set(stops) == {(s.value, e.value) for s in Stopping for e in StopEvent}
 
 
-def test_what_leaves_in_pieces_leaves_once_and_has_its_deadline_elsewhere_before() -> None:
+def test_a_request_sent_in_pieces_is_sent_once_and_gets_its_deadline_with_the_last_piece() -> None:
     line = Line()
     transaction = line.a_transaction()
     transaction.arrived_ns = 5 * MS
@@ -194,7 +194,7 @@ def test_what_leaves_in_pieces_leaves_once_and_has_its_deadline_elsewhere_before
 
 
 @pytest.mark.parametrize(("cell", "after"), walk(STOP_WALK).items(), ids=str)
-def test_a_stop_leaves_early_once_and_once_more_at_most(cell: tuple[str, str], after: str) -> None:
+def test_a_stop_is_sent_early_once_and_once_more_at_most(cell: tuple[str, str], after: str) -> None:
     stopping, event = Stopping(cell[0]), StopEvent(cell[1])
     line = Line()
     waited = line.a_stop(Stopping.AGAIN)
@@ -224,14 +224,14 @@ def test_a_stop_leaves_early_once_and_once_more_at_most(cell: tuple[str, str], a
         assert stop.stopping is (stopping if after == "." else Stopping(after))
 
 
-def test_a_stop_that_replaces_one_that_waits_for_nothing_is_as_it_came() -> None:
+def test_a_stop_that_replaces_one_that_was_not_sent_yet_stays_a_first_one() -> None:
     line = Line()
     stop = line.a_stop(Stopping.FIRST)
     line.transactions.replace(line.a_stop(Stopping.FIRST), stop)
     assert stop.stopping is Stopping.FIRST
 
 
-def test_no_way_leads_to_sending_twice() -> None:
+def test_no_sequence_of_steps_sends_a_request_twice() -> None:
     """Walked to the end: on each way from the arrival its own frame leaves once at most."""
     ways: list[tuple[Step | Outcome, ...]] = [()]
     reached: dict[tuple[Step | Outcome, ...], Phase] = {(): Phase.WAITING}
@@ -258,7 +258,9 @@ def test_no_way_leads_to_sending_twice() -> None:
 
 @pytest.mark.usefixtures("in_production")
 @pytest.mark.parametrize(("phase", "step"), list(product(Phase, SENDS)), ids=str)
-def test_what_may_not_leave_does_not_leave_in_production_and_is_told(phase: Phase, step: Step) -> None:
+def test_a_request_that_may_not_be_sent_is_not_sent_in_production_and_is_reported(
+    phase: Phase, step: Step
+) -> None:
     if step in PHASE_AFTER[phase]:
         return
     line = Line()
@@ -274,7 +276,7 @@ def test_what_may_not_leave_does_not_leave_in_production_and_is_told(phase: Phas
 
 @pytest.mark.usefixtures("in_production")
 @pytest.mark.parametrize("stopping", [Stopping.NO, Stopping.ONCE])
-def test_only_what_does_nothing_but_stop_leaves_a_second_time(stopping: Stopping) -> None:
+def test_only_a_pure_stop_is_sent_a_second_time(stopping: Stopping) -> None:
     line = Line()
     assert line.transactions.once_more(line.a_stop(stopping)) is None
     assert [each.detail for each in line.events] == [f"stop: goes-again cannot be in {stopping.value}"]
@@ -285,7 +287,9 @@ def test_only_what_does_nothing_but_stop_leaves_a_second_time(stopping: Stopping
 
 @pytest.mark.usefixtures("in_production")
 @pytest.mark.parametrize(("phase", "outcome"), list(product(Phase, Outcome)), ids=str)
-def test_what_ends_in_a_way_that_cannot_be_ends_once_and_is_told(phase: Phase, outcome: Outcome) -> None:
+def test_a_transaction_with_an_impossible_end_ends_once_and_is_reported(
+    phase: Phase, outcome: Outcome
+) -> None:
     line = Line()
     transaction = line.a_transaction(phase)
     code = 0x0B
@@ -298,7 +302,7 @@ def test_what_ends_in_a_way_that_cannot_be_ends_once_and_is_told(phase: Phase, o
 
 
 @pytest.mark.usefixtures("in_production")
-def test_a_line_that_would_send_a_request_twice_does_not_tells_it_and_goes_on() -> None:
+def test_a_line_that_would_send_a_request_twice_reports_it_and_continues() -> None:
     bench = Bench(axis_plan())
     bench.events.clear()
     bench.line.request(bench.port, 1, 1, PDU, bench.now_ns)
@@ -322,7 +326,7 @@ def test_a_transaction_that_was_not_sent_is_on_the_wire_to_its_own_unit() -> Non
     assert Transaction(Port(ControllerPlan("cnc")), 1, 5, PDU, 0).wire_unit_id == 5
 
 
-def test_the_content_is_parsed_once_and_anew_when_a_forwarded_request_is_whole() -> None:
+def test_the_content_is_parsed_again_when_a_forwarded_request_is_whole() -> None:
     line = Line()
     transaction = line.a_transaction(Phase.LEAVING)
     transaction.set_frames(())
@@ -331,7 +335,7 @@ def test_the_content_is_parsed_once_and_anew_when_a_forwarded_request_is_whole()
     assert transaction.frames is None
 
 
-def test_what_its_controller_gave_up_on_is_given_up_but_not_a_stop() -> None:
+def test_a_request_is_given_up_with_its_controller_but_not_a_stop() -> None:
     line = Line()
     request, stop = line.a_transaction(), line.a_stop(Stopping.FIRST)
     assert (request.why_given_up(1), stop.why_given_up(1)) == ("", "")
@@ -341,7 +345,7 @@ def test_what_its_controller_gave_up_on_is_given_up_but_not_a_stop() -> None:
 
 
 @pytest.mark.parametrize("is_asked_for", [False, True])
-def test_the_time_of_added_frames_is_apart_from_that_in_the_queue(is_asked_for: bool) -> None:
+def test_the_time_of_added_frames_is_counted_separately_from_that_in_the_queue(is_asked_for: bool) -> None:
     transaction = Line().a_transaction()
     if is_asked_for:
         transaction.knowledge()
@@ -365,7 +369,7 @@ def test_a_refusal_reaches_a_controller_on_a_serial_line_with_any_code() -> None
         assert [pdu for _, _, pdu in port.replies] == ([replies[ended]] if ended in replies else [])
 
 
-def test_what_never_left_ends_without_an_answer() -> None:
+def test_a_request_that_was_never_sent_whole_ends_without_an_answer() -> None:
     line = Line()
     transaction = line.a_transaction(Phase.LEAVING)
     line.transactions.never_left(transaction, 1)
@@ -373,7 +377,7 @@ def test_what_never_left_ends_without_an_answer() -> None:
     assert line.port.replies == []
 
 
-def test_what_was_withdrawn_is_counted_and_reported_once_a_second() -> None:
+def test_withdrawn_requests_are_counted_and_reported_once_a_second() -> None:
     line = Line()
     for at_ns in (1, 2):
         line.transactions.withdraw(line.a_transaction(), "it is late", at_ns)
@@ -430,7 +434,7 @@ def test_a_frame_of_unknown_meaning_is_reported_with_the_mode_that_is_known() ->
 # --- when it was obeyed ------------------------------------------------------------------------------------
 
 
-def test_a_stream_that_began_is_reported_when_its_first_setpoint_was_taken() -> None:
+def test_the_beginning_of_a_stream_is_reported_when_its_first_setpoint_is_acknowledged() -> None:
     axis = an_axis()
     axis.reports.begin_stream(0.5, 0.0)
     command = AxisCommand(axis, Action.ABSOLUTE, 0)
@@ -441,7 +445,7 @@ def test_a_stream_that_began_is_reported_when_its_first_setpoint_was_taken() -> 
     assert "stream-began" in kinds(axis)
 
 
-def test_registers_and_coils_are_known_as_they_were_written() -> None:
+def test_acknowledged_registers_and_coils_are_known() -> None:
     axis = an_axis(motion=STAGED)
     axis.rules.store_read(0x31, 5)
     end(AxisCommand(axis, words={MODE: 1}, coils={0x40: 1}, unclear_words=frozenset({0x31})), ACK, 0, 1 * MS)
@@ -449,7 +453,7 @@ def test_registers_and_coils_are_known_as_they_were_written() -> None:
 
 
 @pytest.mark.parametrize("outcome", OPEN)
-def test_they_are_unknown_where_the_drive_may_have_taken_them(outcome: Outcome) -> None:
+def test_registers_and_coils_are_unknown_if_the_drive_may_have_taken_them(outcome: Outcome) -> None:
     axis = an_axis(motion=STAGED)
     axis.rules.store_words({MODE: 1, 0x31: 5}, 0)
     axis.rules.store_coils({0x40: 1})
@@ -458,7 +462,7 @@ def test_they_are_unknown_where_the_drive_may_have_taken_them(outcome: Outcome) 
     assert (axis.rules.word(MODE), axis.rules.coil(0x40), axis.rules.word(0x31)) == (None, None, None)
 
 
-def test_they_are_as_before_where_an_exception_proves_it() -> None:
+def test_registers_and_coils_are_unchanged_if_an_exception_proves_it() -> None:
     """Code 1: the drive does not know the function."""
     axis = an_axis(motion=STAGED)
     axis.rules.store_words({MODE: 1}, 0)
@@ -469,7 +473,7 @@ def test_they_are_as_before_where_an_exception_proves_it() -> None:
     assert axis.motion.state is MotionState.ARRIVED
 
 
-def test_a_run_ends_a_homing_and_what_was_staged_is_run() -> None:
+def test_a_run_ends_a_homing_and_marks_the_staged_target_as_run() -> None:
     axis = an_axis(referenced=Reference.HOMING, bits={"homed": BitField(0x30, 3)}, motion=STAGED)
     axis.begin_homing(1 * MS, is_certain=True)
     axis.targets.mark_staged()
@@ -484,7 +488,7 @@ def test_a_run_ends_a_homing_and_what_was_staged_is_run() -> None:
     ("action", "passes", "is_unsure"),
     [(Action.STORED, False, True), (Action.STORED, True, False), (Action.OTHER_MOTION, False, False)],
 )
-def test_a_stored_position_was_not_corrected(
+def test_an_axis_is_unsure_after_a_stored_position(
     outcome: Outcome, action: Action, passes: bool, is_unsure: bool
 ) -> None:
     bench = Bench(axis_plan(compensation=CompensationMode.SHADOW if passes else CompensationMode.ON))
@@ -498,7 +502,7 @@ def test_a_stored_position_was_not_corrected(
 
 @pytest.mark.parametrize("outcome", [ACK, SILENT])
 @pytest.mark.parametrize(("mode", "is_unsure"), [(CompensationMode.ON, True), (CompensationMode.OFF, False)])
-def test_words_that_were_not_corrected_for_an_axis_make_it_unsure(
+def test_an_axis_is_unsure_after_a_run_of_uncorrected_words(
     outcome: Outcome, mode: CompensationMode, is_unsure: bool
 ) -> None:
     axis = an_axis(compensation=mode)
@@ -511,7 +515,7 @@ def test_words_that_were_not_corrected_for_an_axis_make_it_unsure(
     assert axis.compensation.is_unsure is (was_unsure or is_unsure)
 
 
-def test_an_axis_that_goes_anywhere_with_words_of_its_own_keeps_its_branch() -> None:
+def test_an_axis_with_an_unknown_motion_of_corrected_words_keeps_its_branch() -> None:
     axis = reached("arrived")
     was_unsure = axis.compensation.is_unsure
     command = AxisCommand(axis)
@@ -523,7 +527,7 @@ def test_an_axis_that_goes_anywhere_with_words_of_its_own_keeps_its_branch() -> 
 
 @pytest.mark.parametrize("outcome", [ACK, SILENT])
 @pytest.mark.parametrize("is_incomplete", [False, True])
-def test_a_field_that_was_written_blindly_is_unknown(outcome: Outcome, is_incomplete: bool) -> None:
+def test_a_field_with_untracked_words_is_unknown(outcome: Outcome, is_incomplete: bool) -> None:
     axis = reached("arrived")
     image = axis.fields[0]
     if is_incomplete:
@@ -541,7 +545,7 @@ def test_a_field_that_was_written_blindly_is_unknown(outcome: Outcome, is_incomp
 
 
 @pytest.mark.parametrize("outcome", OPEN)
-def test_of_a_part_or_a_staged_target_without_an_answer_nothing_is_known(outcome: Outcome) -> None:
+def test_the_words_are_unknown_after_a_part_or_a_staged_target_without_an_answer(outcome: Outcome) -> None:
     axis = an_axis(motion=STAGED)
     image = axis.fields[0]
     image.settle(NOMINAL, NOMINAL)
@@ -556,7 +560,7 @@ def test_of_a_part_or_a_staged_target_without_an_answer_nothing_is_known(outcome
     assert image.may_be_corrected
 
 
-def test_an_exception_that_proves_it_leaves_both_as_they_were() -> None:
+def test_the_words_are_unchanged_if_an_exception_proves_it() -> None:
     axis = an_axis(motion=STAGED)
     image = axis.fields[0]
     image.settle(NOMINAL, NOMINAL)
@@ -609,7 +613,7 @@ def test_a_staged_target_that_was_lost_blocks_its_triggers(
     assert axis.interlock.is_blocked is is_blocked
 
 
-def test_a_run_of_the_target_from_before_a_lost_link_leaves_it_there() -> None:
+def test_a_run_of_the_target_from_before_a_lost_link_keeps_it() -> None:
     axis = reached("out-of-reach", an_axis(motion=STAGED))
     same = target(axis, 50_000)._replace(move=None)
     for run, after in (

@@ -79,7 +79,7 @@ def meaning(axis: Axis, frame: str, read: Mapping[int, int | None] | None = None
         ("10 050E 0001 02 0001", 0, Action.ABSOLUTE, set()),
     ],
 )
-def test_a_trigger_counts_as_the_frame_leaves_it(
+def test_a_trigger_has_the_value_that_it_has_after_the_frame(
     frame: str, before: int | None, action: Action, unclear: set[int]
 ) -> None:
     axis = an_axis(STAGED)
@@ -99,7 +99,7 @@ def test_a_trigger_counts_as_the_frame_leaves_it(
         ("16 050E FFFD 0000", Action.UNKNOWN),  # bit 0 is not known
     ],
 )
-def test_bits_of_an_unknown_trigger_count_where_they_decide(frame: str, action: Action) -> None:
+def test_bits_of_an_unknown_trigger_count_if_they_decide(frame: str, action: Action) -> None:
     assert meaning(an_axis(TWO_BITS), frame).action is action
 
 
@@ -126,7 +126,7 @@ def test_a_frame_that_writes_only_a_limit_means_nothing() -> None:
         (9, Action.UNKNOWN, None),
     ],
 )
-def test_a_target_runs_at_once_while_its_trigger_says_so(
+def test_a_target_runs_immediately_while_its_trigger_register_says_so(
     content: int | None, action: Action, needed: int | None
 ) -> None:
     axis = an_axis(FOLLOWS)
@@ -139,17 +139,19 @@ def test_a_target_runs_at_once_while_its_trigger_says_so(
 @pytest.mark.parametrize(
     ("read", "action"), [(4, Action.ABSOLUTE), (0, Action.IGNORE), (None, Action.UNKNOWN)]
 )
-def test_what_was_read_for_it_decides_then(read: int | None, action: Action) -> None:
+def test_a_trigger_register_that_was_read_for_a_target_decides_whether_it_runs(
+    read: int | None, action: Action
+) -> None:
     command = meaning(an_axis(FOLLOWS), WRITES, {TRIGGER: read})
     assert (command.action, command.needs_word) == (action, None)
 
 
-def test_where_nothing_may_be_read_an_unknown_trigger_is_not_asked_for() -> None:
+def test_an_unknown_trigger_register_is_not_requested_if_no_read_may_be_added() -> None:
     command = meaning(an_axis(FOLLOWS, safe_read=False), WRITES)
     assert (command.action, command.needs_word) == (Action.UNKNOWN, None)
 
 
-def test_a_trigger_is_asked_for_only_where_a_target_is_written() -> None:
+def test_a_trigger_register_is_read_only_for_a_written_target() -> None:
     command = meaning(an_axis(TWO_FOLLOW), "06 050E 0001")
     assert (command.action, command.needs_word) == (Action.ABSOLUTE, None)
     follow_next = meaning(an_axis(TWO_FOLLOW), "06 050E 0005")
@@ -220,7 +222,7 @@ def test_a_drive_without_triggers_runs_both() -> None:
 # --- what is sent for it -----------------------------------------------------------------------------------
 
 
-def test_an_empty_command_does_nothing_and_has_nothing() -> None:
+def test_an_empty_command_does_nothing() -> None:
     axis = an_axis(STAGED)
     assert AxisCommand(axis).is_empty
     assert not AxisCommand(axis, Action.STOP).is_empty
@@ -230,7 +232,7 @@ def test_an_empty_command_does_nothing_and_has_nothing() -> None:
     assert not meaning(an_axis(WITH_MODE), "06 0700 0001").is_idle
 
 
-def test_where_the_axis_goes_is_known_until_it_goes_anywhere() -> None:
+def test_the_destination_of_a_command_is_unknown_after_go_anywhere() -> None:
     known, anywhere, uncorrected = (AxisCommand(an_axis(STAGED)) for _ in range(3))
     anywhere.go_anywhere()
     uncorrected.run_uncorrected()

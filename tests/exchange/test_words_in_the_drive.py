@@ -34,7 +34,7 @@ def lose(image: FieldImage, loss: Loss, first: int, words: bytes, *, at_ms: int,
     image.lose(loss, first, words, arrived_ns=at_ms * MS, follows_ns=follows_ms * MS, now_ns=at_ms * MS)
 
 
-def test_what_is_forgotten_is_unknown_in_both_scales() -> None:
+def test_forgotten_words_are_unknown_on_both_scales() -> None:
     image = whole()
     image.forget()
     assert (image.nominal_words, image.corrected_words) == (None, None)
@@ -42,7 +42,7 @@ def test_what_is_forgotten_is_unknown_in_both_scales() -> None:
     assert image.completed(0, FIRST, 1 * MS, 0) is None
 
 
-def test_a_refused_part_of_what_is_forgotten_completes_nothing() -> None:
+def test_after_a_refused_part_of_forgotten_words_all_of_them_count_as_lost() -> None:
     image = whole()
     lose(image, Loss.REFUSED_UNWRITTEN, 0, FIRST, at_ms=1)
     assert state(image) is Completeness.PART_REFUSED
@@ -52,13 +52,13 @@ def test_a_refused_part_of_what_is_forgotten_completes_nothing() -> None:
     assert state(image) is Completeness.ALL_LOST
 
 
-def test_a_refused_part_of_what_was_never_known_completes_nothing() -> None:
+def test_after_a_refused_part_of_words_never_known_all_of_them_count_as_lost() -> None:
     image = FieldImage(COMMAND)
     lose(image, Loss.REFUSED_UNWRITTEN, 0, FIRST, at_ms=1)
     assert state(image) is Completeness.ALL_LOST
 
 
-def test_what_was_sent_before_a_loss_replaces_nothing() -> None:
+def test_a_write_sent_before_a_loss_does_not_complete_the_words() -> None:
     for loss in Loss:
         image = whole()
         sent_in = image.epoch
@@ -69,7 +69,7 @@ def test_what_was_sent_before_a_loss_replaces_nothing() -> None:
         assert not image.is_incomplete, loss
 
 
-def test_nor_does_what_was_sent_before_a_whole_write_was_lost() -> None:
+def test_a_write_sent_before_a_whole_write_was_lost_does_not_complete_the_words() -> None:
     image = whole()
     sent_in = image.epoch
     image.lose_all_words(1 * MS)
@@ -91,7 +91,7 @@ def test_words_with_another_request_between_them_are_not_joined() -> None:
     assert image.completed(1, SECOND, 20 * MS, 15 * MS) is None
 
 
-def test_a_part_from_before_a_lost_write_joins_none() -> None:
+def test_a_part_from_before_a_lost_write_is_joined_with_none() -> None:
     """The whole one arrived at 50 ms. That the part of 40 ms is lost shows later."""
     image = whole()
     image.lose_all_words(50 * MS)
@@ -100,7 +100,7 @@ def test_a_part_from_before_a_lost_write_joins_none() -> None:
     assert image.completed(1, SECOND, 60 * MS, 40 * MS) is None
 
 
-def test_all_words_that_were_lost_one_by_one_are_a_whole_one_that_was_lost() -> None:
+def test_words_that_were_all_lost_one_by_one_count_as_a_lost_whole_write() -> None:
     image = whole()
     lose(image, Loss.WITHDRAWN, 0, FIRST, at_ms=10)
     lose(image, Loss.WITHDRAWN, 1, SECOND, at_ms=20, follows_ms=10)
@@ -108,7 +108,7 @@ def test_all_words_that_were_lost_one_by_one_are_a_whole_one_that_was_lost() -> 
     assert image.completed(0, FIRST, 30 * MS, 20 * MS) is None
 
 
-def test_so_is_one_whose_first_word_the_drive_has_got() -> None:
+def test_words_count_as_a_lost_whole_write_also_if_the_drive_got_the_first_one() -> None:
     image = whole(waits=True)
     image.lose_all_words(5 * MS)
     assert image.next_part(10 * MS) is NextPart.AS_IT_CAME
@@ -128,21 +128,21 @@ def test_buffered_words_are_joined_however_late_the_others_come() -> None:
     assert image.completed(1, SECOND, 9_000 * MS, 8_000 * MS) is None
 
 
-def test_words_of_a_connection_that_broke_leave_a_whole_target_alone() -> None:
+def test_the_loss_of_a_connection_does_not_change_a_whole_target() -> None:
     image = whole()
     image.forget_parts()
     assert not image.is_incomplete
     assert image.completed(1, SECOND, 9_000 * MS, 0) == NOMINAL[:2] + SECOND
 
 
-def test_a_buffered_part_leaves_unknown_what_the_drive_holds() -> None:
+def test_a_buffered_part_makes_the_words_in_the_drive_unknown() -> None:
     image = whole(waits=True)
     image.lose_all_words(5 * MS)
     image.buffer(0, FIRST, 10 * MS, 5 * MS)
     assert image.corrected_words is None
 
 
-def test_a_word_that_comes_once_more_begins_the_parts_anew() -> None:
+def test_a_word_that_comes_once_more_begins_the_parts_again() -> None:
     """Of the first command 0003 came, of the second one 0005 and 0004."""
     image = whole(waits=True)
     image.lose_all_words(5 * MS)
@@ -180,7 +180,7 @@ def long(*, waits: bool = False) -> FieldImage:
     return image
 
 
-def test_each_further_word_that_is_lost_makes_older_targets_count_no_more() -> None:
+def test_targets_older_than_the_last_lost_word_do_not_count() -> None:
     image = long()
     lose(image, Loss.WITHDRAWN, 0, FIRST, at_ms=10)
     sent_in = image.epoch
@@ -189,7 +189,7 @@ def test_each_further_word_that_is_lost_makes_older_targets_count_no_more() -> N
     assert image.is_incomplete
 
 
-def test_a_second_buffered_word_keeps_the_first_one() -> None:
+def test_a_second_buffered_word_does_not_replace_the_first_one() -> None:
     image = long(waits=True)
     image.lose_all_words(5 * MS)
     image.buffer(0, FIRST, 10 * MS, 5 * MS)
@@ -198,7 +198,7 @@ def test_a_second_buffered_word_keeps_the_first_one() -> None:
     assert image.completed(2, BOTH, 9_000 * MS, 8_000 * MS) == BOTH + BOTH
 
 
-def test_a_buffered_word_beside_a_lost_one_waits_for_no_longer_than_that() -> None:
+def test_a_buffered_word_waits_no_longer_than_the_lost_one_beside_it() -> None:
     image = long(waits=True)
     lose(image, Loss.WITHDRAWN, 0, FIRST, at_ms=10)
     image.buffer(1, SECOND, 20 * MS, 10 * MS)
@@ -241,7 +241,7 @@ def test_words_of_an_earlier_rewriting_are_not_joined_with_those_of_a_later_one(
         assert image.corrected_words is None
 
 
-def test_after_an_open_rewriting_both_words_stand_for_what_the_controller_wrote() -> None:
+def test_after_an_unanswered_rewriting_both_words_mean_what_the_controller_wrote() -> None:
     image = whole()
     image.invalidate_rewritten(BOTH)
     assert image.corrected_words is None
@@ -257,7 +257,7 @@ def test_after_an_open_rewriting_both_words_stand_for_what_the_controller_wrote(
         (NOMINAL, None, True),
     ],
 )
-def test_other_words_than_the_controllers_are_possible_once_they_were_sent(
+def test_corrected_words_are_possible_once_they_were_sent(
     before: bytes, left: bytes | None, may_be_corrected: bool
 ) -> None:
     image = FieldImage(COMMAND)
@@ -266,7 +266,7 @@ def test_other_words_than_the_controllers_are_possible_once_they_were_sent(
     assert image.may_be_corrected is may_be_corrected
 
 
-def test_nothing_is_known_of_rules_that_are_forgotten() -> None:
+def test_forgotten_registers_of_the_rules_are_unknown() -> None:
     rules = RuleImage(MotionPlan())
     rules.store_words({0x30: 5}, 0)
     rules.store_read(0x31, 6)
@@ -287,7 +287,7 @@ FOLLOWS: Final = RuleImage(
 
 
 @pytest.mark.parametrize(("word", "goes"), [(1, True), (2, False), (3, False)])
-def test_in_a_mode_that_follows_a_drive_may_go_at_once(word: int, goes: bool) -> None:
+def test_in_a_mode_that_follows_a_drive_may_move_immediately(word: int, goes: bool) -> None:
     FOLLOWS.store_read(MODE, word)
     assert FOLLOWS.may_go_at_once(0) is goes
     assert not FOLLOWS.may_go_at_once(1)  # this field has no mode
@@ -295,7 +295,7 @@ def test_in_a_mode_that_follows_a_drive_may_go_at_once(word: int, goes: bool) ->
     assert not FOLLOWS.may_go_at_once(0)
 
 
-def test_a_lost_mode_is_lost_until_it_is_written_anew_after_that() -> None:
+def test_a_lost_mode_is_lost_until_it_is_written_again() -> None:
     FOLLOWS.lose_mode(MODE, 4, 3)
     FOLLOWS.store_words({MODE: 1}, 2)
     assert FOLLOWS.lost_mode(0) == 4
@@ -304,7 +304,7 @@ def test_a_lost_mode_is_lost_until_it_is_written_anew_after_that() -> None:
     assert FOLLOWS.lost_mode(0) is None
 
 
-def test_a_buffered_part_that_comes_again_begins_anew() -> None:
+def test_the_time_of_a_buffered_part_begins_again_when_it_comes_again() -> None:
     """Its 200 ms count from then: a part that was withdrawn joins the other one 110 ms later."""
     image = FieldImage(COMMAND, waits=True)
     for at_ms in (1, 151):

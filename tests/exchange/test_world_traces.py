@@ -211,7 +211,7 @@ def test_a_trace_is_as_it_is_written(name: str) -> None:
 @pytest.mark.parametrize(
     "again", ["to 0", "to 1", "status, ack: 03 005C 0001 -> 0110, to 0", "status, ack, to 1"]
 )
-def test_an_axis_whose_done_bit_fell_and_rose_is_looked_at_before_any_target(again: str) -> None:
+def test_the_position_is_read_before_a_target_after_the_done_bit_fell_and_rose(again: str) -> None:
     """M4, M6: it is at rest at an unknown position. 9007 is 9172 forward; 5003 is 5108, or 4888 backward."""
     crept = """
         to 0: 10 0606 0002 04 232F 0000, ack: 03 0520 0002 -> 0000 0000
@@ -225,7 +225,7 @@ def test_an_axis_whose_done_bit_fell_and_rose_is_looked_at_before_any_target(aga
         played("s-crept-past", crept + again + forward)
 
 
-def test_a_target_given_again_after_its_axis_moved_on_is_flagged_where_nothing_tells_its_branch() -> None:
+def test_a_repeat_after_its_axis_moved_is_flagged_if_nothing_shows_its_branch() -> None:
     """M6: its axis has moved on since its words went out. Seen at 9184, it is backward."""
     onward = """
         to 1: 10 0606 0002 04 233B 0000, ack: 03 0520 0002 -> 0000 0000  # 9019
@@ -245,7 +245,7 @@ def test_a_target_given_again_after_its_axis_moved_on_is_flagged_where_nothing_t
         "reboot, plug, to 1, wait, ack: 03 005C 0001, ack, ack: 03 0520 0002, has: 10 0606 0002 04 232F 0000",
     ],
 )
-def test_a_repeat_that_was_lost_with_the_link_is_kept_where_the_axis_stands_there(after_it: str) -> None:
+def test_a_repeat_lost_with_the_link_keeps_its_words_if_the_axis_is_at_its_target(after_it: str) -> None:
     """M4, M9: 9007 (9172) is repeated, and the link goes before the answer. What stands at 9172 then gets the
     same words. A drive that was switched off stands at 0: without a reference it goes to 9007."""
     told = """
@@ -264,13 +264,13 @@ LOST_TARGETS = """
 """
 
 
-def test_a_beam_does_not_go_while_the_target_of_one_of_its_axes_is_lost() -> None:
+def test_a_group_does_not_move_while_the_target_of_one_axis_is_lost() -> None:
     """M11: both axes of a group lost their target; the new one of the first is no target of the second."""
     assert ("drive", "ack") not in played("group", LOST_TARGETS).happenings()
     assert ("drive", "ack") in played("group", LOST_TARGETS + "to 0 y, ack, run").happenings()
 
 
-def test_a_target_written_anew_that_nobody_acknowledged_does_not_run_without_a_reference() -> None:
+def test_a_rewritten_target_without_an_acknowledgement_does_not_run_without_a_reference() -> None:
     """M2, M9: without a reference runs what the controller wrote; -7003 is -7131 backward."""
     lost = """
         reboot, home, ack: 06 050E 0064
@@ -284,7 +284,7 @@ def test_a_target_written_anew_that_nobody_acknowledged_does_not_run_without_a_r
     played("homed", lost + "to 0, ack, ack, run, ack, has: 06 050E 0001")  # written again, it may run
 
 
-def test_a_record_leaves_open_which_of_two_targets_sent_an_axis_to_one_on_the_way_to_the_other() -> None:
+def test_the_branch_is_flagged_if_a_record_cannot_tell_which_of_two_targets_the_axis_reached() -> None:
     """M6, 5: the axis may have gone back, or not have begun yet. It reads 203, where it was sent, flagged.
 
     9007 is 9172 forward; 203 is 34.92 backward.
@@ -303,7 +303,7 @@ def test_a_record_leaves_open_which_of_two_targets_sent_an_axis_to_one_on_the_wa
     assert round(world.sides[0].line.axes[0].motion.nominal_of(35)) == 203
 
 
-def test_a_record_counts_at_each_kill_as_at_the_first() -> None:
+def test_a_record_counts_after_each_kill_as_after_the_first() -> None:
     """5: a setpoint is lost, the axis stands at the one before. A start keeps what its record says."""
     lost = """
         to 0: 10 0606 0002 04 03EB 0000, ack: 03 0520 0002 -> 0000 0000, ack  # 1003
@@ -322,13 +322,13 @@ LOST_WORD = "low 0: 06 0606 232F, ack: 03 0606 0002 -> 0000 0000\n"
 """The high word is not certain, so that it is answered 86 04."""
 
 
-def test_a_word_that_is_joined_with_a_lost_one_goes_out_whole_though_compensation_was_switched_off() -> None:
+def test_a_word_joined_with_a_lost_one_is_sent_as_a_whole_position_also_without_compensation() -> None:
     """M1: the drive never got the low word; both are 9007. 06 0607 0000 alone would be 0."""
     joined = "high 0: 06 0607 0000, switch, ack: 03 0520 0002 -> 0000 0000, has: 10 0606 0002 04 232F 0000"
     played("s-words-replaced", LOST_WORD + joined)
 
 
-def test_a_lost_word_is_joined_with_none_once_a_newer_one_went_out_as_it_came() -> None:
+def test_a_lost_word_is_joined_with_none_once_a_newer_one_was_sent_unchanged() -> None:
     """M1, M9: 0019 has replaced 232F in the drive, and was acknowledged."""
     played("s-words-replaced", LOST_WORD + "switch, low 1, ack: 06 0606 0019, high 0, has: 06 0607 0000")
 
@@ -371,7 +371,7 @@ AFTER_A_LOSS: Final = (
 )
 
 
-def test_a_target_from_before_a_loss_that_may_have_been_executed_is_no_other_target() -> None:
+def test_a_target_from_before_a_loss_that_may_have_been_executed_is_not_another_target() -> None:
     """M11: y was silent for long. Both axes get 5003 while switched off, each without an acknowledgement.
 
     The compensation is switched on in between, which is put off. y gets 5003 once more: it follows x, with
