@@ -1,6 +1,6 @@
-"""One axis without a line: what its drive acknowledges, reports and shows is told to its parts directly.
+"""One axis without a line: the tests pass acknowledgements, readings and bits to its parts directly.
 
-LOST_MOTION, 1000 counts per mm: 10 counts more going forward. Commands come at 1 ms.
+The table is LOST_MOTION, at 1000 counts per mm: forward, 10 counts more. Commands come at 1 ms.
 """
 
 from collections.abc import Callable
@@ -45,7 +45,7 @@ def do(axis: Axis, action: Action) -> None:
 
 
 def end(command: AxisCommand, outcome: Outcome, code: int, now_ns: int) -> None:
-    """Let a request end that does no more than this to its axis."""
+    """End a request that contains only this command of its axis."""
     frame = DecodedRequest(
         UnitMap([command.axis]), WRITE, Access(write_address=COMMAND.address, write_quantity=2), {}
     )
@@ -86,7 +86,7 @@ REACHED: Final[dict[str, tuple[MotionState, tuple[Callable[[Axis], None], ...]]]
 
 
 def reached(way: str, axis: Axis | None = None) -> Axis:
-    """Return an axis that was led to a state."""
+    """Return an axis in the named state."""
     axis = axis or an_axis()
     for step in REACHED[way][1]:
         step(axis)

@@ -1,4 +1,4 @@
-"""Benches between two serial wires: on a line that stores, and in two ways on one that cuts through."""
+"""Run benches between two serial wires in three ways: stored, and cut through at once or by characters."""
 
 from typing import Final
 
@@ -20,7 +20,7 @@ OWN_LINES: Final = (
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Give each test of a bench every way in which requests may come."""
+    """Run each test of such a bench once for every way in which requests may come."""
     name = metafunc.module.__name__.rpartition(".")[2]
     has_bench = any(
         isinstance(each, type) and issubclass(each, Bench) for each in vars(metafunc.module).values()

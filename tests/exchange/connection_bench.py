@@ -1,4 +1,4 @@
-"""A line whose link is a connection: it may be closed by either end, and requests wait for the next one."""
+"""A line whose link is a connection: either end may close it, and requests wait for the next one."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ S = 1000 * MS
 
 
 class Connection(Link):
-    """A connection that notes what the exchange wants of it."""
+    """A connection that records what the exchange requests of it."""
 
     def __init__(self, *, is_serial: bool = False) -> None:
         super().__init__(is_serial=is_serial)
@@ -33,7 +33,7 @@ class Connection(Link):
 class ConnectionBench(Bench):
     """Time-outs of the controller: 1000 ms; of the drive: 200 ms.
 
-    ``settled``: it was seen that the server does not close its connection behind an answer.
+    ``settled``: the server has shown that it does not close the connection after an answer.
     """
 
     def __init__(
@@ -56,32 +56,32 @@ class ConnectionBench(Bench):
                 self.until(21)
 
     def serve_one(self) -> None:
-        """Let the drive answer the first of what was sent."""
+        """Let the drive answer the first request that was sent."""
         unit_id, pdu = self.link.sent.pop(0)
         self.seen.append(pdu)
         self.now_ns += MS
         self.line.reply(unit_id, self.memory.answer(pdu), self.now_ns)
 
     def peer_closes(self) -> None:
-        """The server closes the connection in order."""
+        """Let the server close the connection in order."""
         self.line.link_down(self.now_ns, "closed by its peer", is_orderly=True)
 
     def breaks(self, reason: str = "Connection reset by peer") -> None:
         self.line.link_down(self.now_ns, reason)
 
     def returns(self, after_ms: float, then_ms: float = 0) -> None:
-        """The next connection is there after so long; then more time passes."""
+        """Establish the next connection after so long; then let more time pass."""
         self.until(after_ms)
         self.line.link_up(self.now_ns)
         self.until(then_ms)
 
     def returns_and_serves(self, after_ms: float) -> None:
-        """The next connection is there after so long, and the drive answers what waited."""
+        """Establish the next connection after so long, and let the drive answer the waiting requests."""
         self.returns(after_ms)
         self.serve()
 
     def until(self, ms: float) -> None:
-        """Let time pass, with each deadline in between at its instant."""
+        """Let time pass, and tick at each deadline in between."""
         end_ns = self.now_ns + int(ms * MS)
         while (due_ns := self.line.deadline_ns) is not None and due_ns <= end_ns:
             self.now_ns = max(due_ns, self.now_ns)

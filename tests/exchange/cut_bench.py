@@ -1,4 +1,4 @@
-"""A judge for frames that are cut through, and time that passes for them."""
+"""A judge for frames that are cut through, and helpers that let their bytes come in time."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -91,7 +91,7 @@ ACKNOWLEDGEMENT = append_crc(HEAD[:6])
 
 
 def write(stall_ns: int = STALL_NS, **changes: object) -> tuple[ForwardedFrame, Adds, list[ForwardEvent]]:
-    """Return a write that has not begun to come, its judge, and the steps that it takes."""
+    """Return the forwarder of a write that has not begun to come, its judge, and its events."""
     judge = Adds(**changes)  # type: ignore[arg-type]
     events: list[ForwardEvent] = []
     return (
@@ -102,14 +102,14 @@ def write(stall_ns: int = STALL_NS, **changes: object) -> tuple[ForwardedFrame, 
 
 
 def read(**changes: object) -> tuple[ForwardedFrame, Adds, list[ForwardEvent]]:
-    """The same of a read: it may begin with its second byte."""
+    """Return the same for a read: forwarding may begin with its second byte."""
     judge = Adds(shape=read_shape(), expected=READ[:-2], head_bytes=6, delay_ns=2000, **changes)  # type: ignore[arg-type]
     events: list[ForwardEvent] = []
     return ForwardedFrame(RequestArrival(), judge, PACE, events.append), judge, events
 
 
 def read_reply(**changes: object) -> tuple[ForwardedFrame, Adds, list[ForwardEvent]]:
-    """The same of the reply to it: a position and a status behind it."""
+    """Return the same for the reply to the read: a position and a status after it."""
     expected = {"shape": reply_shape(3, [(0, 2)]), "expected": READ_REPLY[:-2], "head_bytes": 3}
     judge = Adds(**{**expected, **changes})  # type: ignore[arg-type]
     events: list[ForwardEvent] = []
@@ -117,7 +117,7 @@ def read_reply(**changes: object) -> tuple[ForwardedFrame, Adds, list[ForwardEve
 
 
 def acknowledgement(**changes: object) -> tuple[ForwardedFrame, Adds, list[ForwardEvent]]:
-    """The same of the reply to a write."""
+    """Return the same for the acknowledgement of a write."""
     expected = {"shape": acknowledgement_shape(), "expected": HEAD[:6], "head_bytes": 2, "delay_ns": 2000}
     judge = Adds(**{**expected, **changes})  # type: ignore[arg-type]
     events: list[ForwardEvent] = []
@@ -125,7 +125,7 @@ def acknowledgement(**changes: object) -> tuple[ForwardedFrame, Adds, list[Forwa
 
 
 def learn(delays: Delays, *shapes: FrameShape, char_ns: int = CHAR_NS) -> None:
-    """Let so many frames of each shape have come, character by character, that its delay is known."""
+    """Measure the delay of each shape with enough frames, character by character."""
     for shape in shapes:
         pieces = [Piece(index * char_ns, index + 1) for index in range(shape.length)]
         for _ in range(LEARNED_AFTER):
@@ -133,7 +133,7 @@ def learn(delays: Delays, *shapes: FrameShape, char_ns: int = CHAR_NS) -> None:
 
 
 def assert_spoilt(forwarded: ForwardedFrame, length: int = 13) -> None:
-    """Assert that what left is as long as it said, and no frame."""
+    """Assert that the sent bytes have the length of their head, and are no intact frame."""
     found = forwarded.state, len(forwarded.left), residue_after(forwarded.left)
     assert found == (ForwardState.ABORTED, length, INVERTED)
 
@@ -146,7 +146,7 @@ def characters(data: bytes, from_ns: int = 0, char_ns: int = CHAR_NS) -> list[tu
 def play(
     forwarded: ForwardedFrame, came: Iterable[tuple[int, bytes]], until_ns: int | None = None
 ) -> list[tuple[int, str]]:
-    """Let bytes come at their instants, and time pass until they have; return what left when, in hex."""
+    """Feed bytes at their times, then let time pass; return the sent bytes with their times, in hex."""
     left: list[tuple[int, bytes]] = []
 
     def pass_until(now_ns: int) -> None:

@@ -1,8 +1,8 @@
-"""A line between two wires whose frames are cut through: bytes come at their instants, bytes leave at theirs.
+"""A line between two wires that cuts through: bytes come, and are sent, at their own times.
 
-A character takes 1 ms on either wire, so that what happens when can be counted. The silence between frames
-is 3.5 ms, a pause inside of one may have 1.5 ms. The line is that of ``line_bench``, with the real decoders
-and the real forwarders; ports and link are those that record.
+A character takes 1 ms on either wire, so that times can be worked out by hand. The silence between frames is
+3.5 ms; a pause inside a frame may have 1.5 ms. The line is that of ``line_bench``, with the real decoders and
+forwarders, and with ports and a link that record.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ Left = list[tuple[float, str]]
 
 
 class PiecePort(Port):
-    """A controller on a serial port, which also records what it is answered in pieces."""
+    """A controller's serial port, which also records replies that are sent in pieces."""
 
     def __init__(self, site: "Site", plan: ControllerPlan) -> None:
         super().__init__(plan)
@@ -55,7 +55,7 @@ class PiecePort(Port):
 
 
 class PieceLink(Link):
-    """The way to the drives, over which requests leave in pieces too."""
+    """The link to the drives, which also records requests that are sent in pieces."""
 
     def __init__(self) -> None:
         super().__init__(is_serial=True)
@@ -112,11 +112,11 @@ class Site:
     # --- before -------------------------------------------------------------------------------------------
 
     def measure(self, *shapes: FrameShape, of_replies: bool = False) -> None:
-        """Let so many frames of a shape have come, character by character, that their delay is known."""
+        """Measure the delay of a shape with enough frames, character by character."""
         learn(self.way.replies.delays if of_replies else self.way.heads.delays, *shapes, char_ns=CHAR_NS)
 
     def settle(self) -> None:
-        """Let a stream begin that is stored, until no correction is blended: it is at 10 000 counts."""
+        """Send a stored stream until no correction is blended any more: it ends at 10 000 counts."""
         for counts in range(2_000, 10_001, 160):
             self.bench.ask(write(COMMAND, counts))
             self.bench.memory.put(ACTUAL, self.bench.memory.get(COMMAND))
@@ -125,7 +125,7 @@ class Site:
         self.link.decoder.cancel()
 
     def forget(self) -> None:
-        """Forget what has left so far."""
+        """Forget the bytes sent so far."""
         for each in (self.link, self.cnc, self.panel):
             each.left.clear()
         self.link.sent.clear()
@@ -135,7 +135,7 @@ class Site:
     # --- time and bytes -----------------------------------------------------------------------------------
 
     def pass_to(self, until_ns: int) -> None:
-        """Let time pass; each thing that falls due happens at its instant."""
+        """Let time pass, and call each timer when it falls due."""
         while (due_ns := min(self._deadlines(), default=until_ns)) < until_ns:
             self.bench.now_ns = max(due_ns, self.bench.now_ns)
             self._due(self.bench.now_ns)
@@ -162,14 +162,14 @@ class Site:
             self.line.request(port, 0, unit_id, pdu, self.bench.now_ns)
 
     def hear(self, port: PiecePort, data: bytes) -> None:
-        """Bytes of a controller have come in this moment."""
+        """Feed bytes of a controller now."""
         now_ns = self.bench.now_ns
         has_left = self.forwarders[port].feed(data, now_ns, is_fresh=port.decoder.is_between_frames)
         requests = port.decoder.feed(data, now_ns)
         self._requests(port, requests[has_left:])
 
     def answer(self, data: bytes) -> None:
-        """Bytes of the drives have come in this moment."""
+        """Feed bytes of the drives now."""
         now_ns, decoder = self.bench.now_ns, self.link.decoder
         self.forwarding.drives.feed(data, now_ns, is_fresh=decoder.is_at_reply)
         counters = decoder.counters
@@ -182,7 +182,7 @@ class Site:
             self.line.reply(unit_id, pdu, now_ns)
 
     def come(self, frame: bytes, port: PiecePort | None = None, *, since_ns: int = 0) -> int:
-        """Let a frame of a controller come character by character; return when its first bit came."""
+        """Feed a frame of a controller character by character; return when its first bit came."""
         began_ns = since_ns or self.bench.now_ns
         for number in range(len(frame)):
             self.pass_to(began_ns + (number + 1) * CHAR_NS)
@@ -190,7 +190,7 @@ class Site:
         return began_ns
 
     def reply(self, frame: bytes) -> int:
-        """The same of a reply of the drives."""
+        """Feed a reply of the drives character by character; return when its first bit came."""
         began_ns = self.bench.now_ns
         for number in range(len(frame)):
             self.pass_to(began_ns + (number + 1) * CHAR_NS)
@@ -198,7 +198,7 @@ class Site:
         return began_ns
 
     def serve(self) -> None:
-        """Let the drive answer what is on the wire, in this moment."""
+        """Let the drive answer the request on the wire now."""
         current = self.line._transactions.current
         assert current is not None
         self.answer(frame_of(self.bench.memory.answer(self.link.sent[-1][1]), current.wire_unit_id))
@@ -206,22 +206,22 @@ class Site:
     # --- what left ----------------------------------------------------------------------------------------
 
     def to_drives(self, began_ns: int) -> Left:
-        """Return what left to the drives, and forget it."""
+        """Return the bytes sent to the drives, and forget them."""
         left, self.link.left = self.link.left, []
         return [((when - began_ns) / MS, data.hex(" ")) for when, data in left]
 
     def to_cnc(self, began_ns: int) -> Left:
-        """Return what left to the controller, and forget it."""
+        """Return the bytes sent to the controller, and forget them."""
         left, self.cnc.left = self.cnc.left, []
         return [((when - began_ns) / MS, data.hex(" ")) for when, data in left]
 
     def requests(self) -> dict[ForwardEvent, int]:
-        """Return how requests ended that began to leave."""
+        """Return how forwarded requests ended."""
         found = self.forwarding.requests.ended.items()
         return {event: count for event, count in found if count and event is not ForwardEvent.KEPT}
 
     def replies(self) -> dict[ForwardEvent, int]:
-        """Return how replies ended."""
+        """Return how forwarded replies ended."""
         return {event: count for event, count in self.forwarding.replies.ended.items() if count}
 
 

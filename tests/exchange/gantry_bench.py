@@ -14,7 +14,7 @@ STATUS_PDU = bytes.fromhex("03 005C 0001")
 
 
 class Mover(Memory):
-    """A drive that goes to each target as it is written."""
+    """A drive that moves to each target as soon as it is written."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -48,7 +48,7 @@ class GantryBench(Bench):
         self.log.clear()
 
     def serve(self) -> None:
-        """Let the drives answer all that was sent."""
+        """Let the drives answer all requests that were sent."""
         while self.link.sent:
             unit_id, pdu = self.link.sent.pop(0)
             self.log.append((unit_id, pdu.hex(" ")))
@@ -89,18 +89,18 @@ class GantryBench(Bench):
             self.stage(unit_id, counts)
 
     def run(self, *unit_ids: int) -> list[float]:
-        """Run some axes, in this order; return where the last moves of all ended."""
+        """Trigger some axes, in this order; return where the last moves of all ended."""
         for unit_id in unit_ids:
             assert self.to(unit_id, RUN_PDU) == RUN_PDU
         return self.ends()
 
     def start(self, unit_id: int, counts: float) -> list[float]:
-        """Stage one and run it; return where the last moves of all ended."""
+        """Stage a target of one axis and run it; return where the last moves of all ended."""
         self.stage(unit_id, counts)
         return self.run(unit_id)
 
     def write(self, unit_id: int, counts: float) -> list[float]:
-        """Write a target to one; return where the last moves of all ended."""
+        """Write a target to one axis; return where the last moves of all ended."""
         self.to(unit_id, write(COMMAND, counts))
         return self.ends()
 
@@ -110,24 +110,24 @@ class GantryBench(Bench):
         assert self.to(unit_id, write(COMMAND, counts)) == bytes.fromhex("90 04")
 
     def obeys_secretly(self, pdu: bytes, answer: bytes | None = None) -> None:
-        """Let the first obey a frame and answer so, or say nothing."""
+        """Let the first drive obey a frame, and answer it with ``answer`` (None: not at all)."""
         self.hides.append((1, pdu[:3], answer))
         self.send(pdu, unit_id=1)
         self.serve()
 
     def begin(self, counts: float) -> None:
-        """Stage all, and run the first."""
+        """Stage targets of all axes, and run the first."""
         self.stage_all(counts)
         self.run(1)
 
     def write_all(self, counts: float) -> list[float]:
-        """Write a target to each; return where the last moves of all ended."""
+        """Write a target to each axis; return where the last moves of all ended."""
         for unit_id in self.drives:
             self.write(unit_id, counts)
         return self.ends()
 
     def poll(self, *pdus: bytes) -> None:
-        """Read the status of each, or something else."""
+        """Read the status of each axis, or send other reads to each."""
         for unit_id in self.drives:
             for pdu in pdus or (STATUS_PDU,):
                 self.to(unit_id, pdu)
@@ -136,7 +136,7 @@ class GantryBench(Bench):
         assert self.to(unit_id, STOP_PDU) == STOP_PDU
 
     def settle(self) -> None:
-        """Let both arrive, and the controller see it."""
+        """Let both axes arrive, and the controller read it."""
         for unit_id, drive in self.drives.items():
             if isinstance(drive, StagedDrive):
                 drive.arrive()
@@ -146,7 +146,7 @@ class GantryBench(Bench):
             self.to(unit_id, read(ACTUAL))
 
     def go(self, counts: float) -> list[float]:
-        """Stage both, run both, arrive; return where they are."""
+        """Stage and run targets of both axes, and let them arrive; return where they are."""
         self.stage_all(counts)
         ends = self.run(*self.drives)
         self.settle()
@@ -154,7 +154,7 @@ class GantryBench(Bench):
         return ends
 
     def ends(self) -> list[float]:
-        """Where the last move of each drive ended or is to end, in counts."""
+        """Return where the last move of each drive ended or will end, in counts."""
         return [drive.moves[-1][1] if drive.moves else 0 for drive in self.drives.values()]
 
     def counts_of_moves(self) -> list[int]:
@@ -167,7 +167,7 @@ class GantryBench(Bench):
         self.line.command(SetGain(axes=("y1",), forward=share, backward=share), self.now_ns)
 
     def group(self, name: str = "y1") -> dict[str, Any]:
-        """What the status says of the group of an axis."""
+        """Return the group status of an axis."""
         axis = next(each for each in self.line.axes if each.plan.name == name)
         found: dict[str, Any] = plain(axis_status(axis, self.now_ns).group)
         return found

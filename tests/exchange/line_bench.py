@@ -71,14 +71,14 @@ class Arrival(Enum):
 
 CHAR_NS = 100_000
 WIRE = SerialTiming(CHAR_NS, 350_000)
-"""Of a bench whose line cuts through: as fast as 115 200 Bd."""
+"""The wires of a bench whose line cuts through: as fast as 115 200 Bd."""
 KNOWN_REQUESTS = (read_shape(), *(write_shape(words, 0, 2) for words in (2, 3, 4)))
 KNOWN_REPLIES = (acknowledgement_shape(), *(reply_shape(words, [(0, 2)]) for words in (2, 3, 4)))
-"""Of what such a bench has measured the delay before it begins."""
+"""The shapes whose delay such a bench has measured before it begins."""
 
 
 class Port(ControllerPort):
-    """A controller that records what it is answered."""
+    """A controller's port that records the replies to it."""
 
     def __init__(self, plan: ControllerPlan = CNC) -> None:
         super().__init__(plan)
@@ -86,7 +86,7 @@ class Port(ControllerPort):
         self.asked_id = 0
         """Transaction id of its last request; a line that cuts through has none."""
         self.left_early = b""
-        """Of a reply that leaves while it arrives."""
+        """Bytes already sent of a reply that still arrives."""
 
     def may_forward(self, now_ns: int) -> bool:
         return True
@@ -109,14 +109,14 @@ class Port(ControllerPort):
 
 
 class Link(DriveLink):
-    """The way to the drives: records what is sent."""
+    """The link to the drives; it records the requests that are sent."""
 
     def __init__(self, *, is_serial: bool = True) -> None:
         super().__init__(is_serial=is_serial)
         self.sent: list[tuple[int, bytes]] = []
         self.abandoned = 0
         self.left_early = b""
-        """Of a request that leaves while it arrives."""
+        """Bytes already sent of a request that still arrives."""
 
     def may_forward(self, now_ns: int) -> bool:
         return True
@@ -187,7 +187,7 @@ class Bench:
     """One line with one controller and a drive that answers at once, or not at all."""
 
     arrival: ClassVar[Arrival] = Arrival.STORED
-    """Of benches between two serial wires; see ``conftest``."""
+    """How requests come to benches between two serial wires; see ``conftest``."""
 
     def __init__(
         self,
@@ -202,7 +202,7 @@ class Bench:
         **options: Any,
     ) -> None:
         self.cuts_through = self.arrival is not Arrival.STORED and link is None and serial and not tcp_drive
-        """Not where a test brings a link of its own, or lines that cut through."""
+        """False if a test has its own link, or if a side is not serial."""
         if self.cuts_through:
             options = {"cut_through": WIRE, **options}
         self.link = link or Link(is_serial=not tcp_drive)
@@ -261,7 +261,7 @@ class Bench:
     # --- lines that cut through -----------------------------------------------------------------------------
 
     def _forwarder(self, port: Port) -> Forwarder:
-        """Return what follows the requests of a port, which has measured it."""
+        """Return the forwarder of a port, which has measured the delays of the known shapes."""
         forwarder = self.forwarders.get(port)
         if forwarder is None:
             assert self.line.forwarding is not None
@@ -276,7 +276,7 @@ class Bench:
         return forwarder
 
     def _arrives(self, port: Port, unit_id: int, pdu: bytes) -> bool:
-        """Let a request come in; return whether it has left with its last byte."""
+        """Let a request come in; return whether it was forwarded whole."""
         forwarder, frame = self._forwarder(port), append_crc(bytes((unit_id,)) + pdu)
         if self.arrival is Arrival.AT_ONCE:
             return forwarder.feed(frame, self.now_ns, is_fresh=True)
@@ -291,7 +291,7 @@ class Bench:
         return has_left
 
     def _end_silence(self) -> None:
-        """Let the silence behind a spoilt request end: what comes after it waits for that."""
+        """Let the silence after a spoilt request end: the next request waits for it."""
         aborted, self.link.left_early = self.link.left_early, b""
         if aborted:
             assert residue_after(aborted) == INVERTED
@@ -300,7 +300,7 @@ class Bench:
             self.line.tick(self.now_ns)
 
     def _pass(self, ns: int, unit_id: int, reply: bytes) -> None:
-        """Let time pass at whose end a reply is whole."""
+        """Let time pass until a reply has come whole."""
         if not self.cuts_through or not unit_id:
             self.now_ns += ns
             return
@@ -326,18 +326,18 @@ class Bench:
         return (port or self.port).take()
 
     def sent_for(self, pdu: bytes) -> bytes:
-        """Send a request and let the drive answer; return the last that the drive received for it."""
+        """Send a request and let the drive answer; return the last frame that the drive received for it."""
         self.ask(pdu)
         return self.seen[-1]
 
     def answers(self, reply: bytes) -> bytes:
-        """Let the drive of unit id 1 answer the only request on its way; return that."""
+        """Let the drive of unit id 1 answer the only request on the wire; return that request."""
         pdu = self.link.take()
         self.line.reply(1, reply, self.now_ns)
         return pdu
 
     def move(self, *counts: float, place: PositionField = COMMAND) -> bytes:
-        """Command positions with FC16 and let the axis get to each; return what the drive was told last."""
+        """Command positions with FC16 and let the axis reach each; return the last frame to the drive."""
         for each in counts:
             assert self.ask(write(place, each)) == write(place, each)[:5]
             self.memory.put(ACTUAL, self.memory.get(place))
@@ -345,17 +345,17 @@ class Bench:
         return self.seen[-1]
 
     def command(self, counts: float) -> float:
-        """Command a position with FC16; return where the drive was told to go, in counts."""
+        """Command a position with FC16; return the target in the drive, in counts."""
         self.ask(write(COMMAND, counts))
         return self.memory.get(COMMAND)
 
     def reach(self, counts: float) -> float:
-        """The same, and let the axis get there."""
+        """Command a position and let the axis reach it; return the target in the drive, in counts."""
         self.move(counts)
         return self.memory.get(COMMAND)
 
     def frames(self, pdu: bytes) -> list[bytes]:
-        """Send a request and let the drive answer; return all that the drive received for it."""
+        """Send a request and let the drive answer; return all frames that the drive received for it."""
         before = len(self.seen)
         self.ask(pdu)
         return self.seen[before:]
@@ -369,13 +369,13 @@ class Bench:
             self.wait(ms)
 
     def unanswered(self, pdu: bytes, *waits_ms: float, **to: Any) -> list[bytes]:
-        """The same; return what the port was answered, and forget it."""
+        """Do as :meth:`missed`; return the replies to the port, and forget them."""
         self.missed(pdu, *waits_ms, **to)
         replies, self.port.replies = self.port.replies, []
         return [each for _, _, each in replies]
 
     def leaves_after(self, ms: float) -> tuple[int, bytes]:
-        """Let time pass, at whose end one request has to leave; a millisecond before nothing has happened."""
+        """Let time pass, after which exactly one request is sent: nothing happens until 1 ms before."""
         before = list(self.port.replies)
         self.wait(ms - 1)
         assert (self.link.sent, self.port.replies) == ([], before)
@@ -385,7 +385,7 @@ class Bench:
         return request
 
     def cut(self, ms: float) -> None:
-        """Lose the link for so long."""
+        """Lose the link for ``ms``."""
         self.line.link_down(self.now_ns)
         self.wait(ms)
         self.line.link_up(self.now_ns)
@@ -396,7 +396,7 @@ class Bench:
         return ACTUAL.unpack(self.ask(read(ACTUAL))[2:])
 
     def kinds(self) -> list[str]:
-        """Names of the events so far, but of that one which says that frames come at once."""
+        """Names of the events so far, without ``cut-through-off``."""
         return [event.kind.name for event in self.events if event.kind is not exchange_events.CUT_THROUGH_OFF]
 
 

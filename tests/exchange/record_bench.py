@@ -1,4 +1,4 @@
-"""A line whose axes keep records in memory, and that can be killed and started again at any moment."""
+"""A line whose axes keep records in memory; it can be killed and started again at any moment."""
 
 from collections.abc import Callable, Iterable
 
@@ -14,13 +14,13 @@ FindTable = Callable[[bytes], CorrectionTable | None]
 
 
 class Records:
-    """What stays of a gateway that was killed: the bytes of its axes' records."""
+    """What remains of a gateway that was killed: the bytes of its axes' records."""
 
     def __init__(self) -> None:
         self.buffers: dict[str, bytearray] = {}
 
     def attach(self, line: LineExchange, find_table: FindTable | None = None) -> None:
-        """Let every axis of a line go on from here, as the relay does it."""
+        """Restore every axis of a line from these records, as the relay does it."""
         for axis in line.axes:
             buffer = self.buffers.setdefault(axis.plan.name, bytearray(RECORD_SIZE))
             digest = digest_of_axis(axis.plan)
@@ -42,7 +42,7 @@ class Records:
 
 
 class RecordBench(Bench):
-    """A bench with records. ``restarted`` is what comes after a SIGKILL at this very moment."""
+    """A bench with records. ``restarted`` returns the gateway after a SIGKILL at this moment."""
 
     def __init__(
         self,
@@ -64,7 +64,7 @@ class RecordBench(Bench):
         super().__init__(*plans, memory=memory, groups=groups, before_up=attach, link=link)
 
     def restarted(self, *plans: AxisPlan, find_table: FindTable | None = None) -> "RecordBench":
-        """Return another gateway in front of another drive, both as they are here and now."""
+        """Return another gateway with a copy of the records, and a copy of the drive."""
         memory = Memory()
         memory.words = dict(self.memory.words)
         return RecordBench(
@@ -78,7 +78,7 @@ class RecordBench(Bench):
 
     @property
     def writes(self) -> list[bytes]:
-        """Every write that the drive received."""
+        """All writes that the drive received."""
         return [pdu for pdu in self.seen if pdu[0] not in (1, 2, 3, 4)]
 
     @property

@@ -1,4 +1,4 @@
-"""A line of which one unit id does not answer, and a controller that polls it in turn with another one."""
+"""A line with a unit id that does not answer, and a controller that polls it in turn with another one."""
 
 from typing import Any, Final
 
@@ -23,10 +23,11 @@ def controller(name: str, *, serial: bool = False, timeout_ms: float = 100.0) ->
 
 
 def polled_in_turn(bench: Bench, seconds: float, takes_ms: int = 1) -> list[tuple[bool, int, float | None]]:
-    """Let one controller read unit 1, which takes 1 ms to answer, and unit 2, which is dead, in turn.
+    """Let one controller read unit 1, which answers after ``takes_ms``, and unit 2, which is dead, in turn.
 
-    It waits for each answer as long as its time-out is, then goes on. Returns for each request whether unit 2
-    had left three unanswered before, the unit id, and the ms that its answer took; None: it did not come.
+    The controller waits for each answer for its time-out at most, then sends the next request. Return for
+    each request: whether unit 2 was already dead, the unit id, and the time until the answer in ms (None: no
+    answer came).
     """
     asked: list[tuple[bool, int, float | None]] = []
     patience_ms, until_ns, unit_id = bench.port.plan.timeout_ms, bench.now_ns + seconds * 1e9, 1

@@ -1,4 +1,4 @@
-"""A drive that waits for a trigger, on the bench: what it was told, and every move that it made."""
+"""A drive that waits for a trigger, on the bench. It records its writes and its moves."""
 
 from dataclasses import replace
 from typing import Any
@@ -48,26 +48,26 @@ BITS = {
 
 
 def relative_by(base: Action, **changes: object) -> MotionPlan:
-    """The same drive with another base for its distances."""
+    """Return the motion of a drive that counts its distances from another base."""
     deeds = {**STAGED.triggers[0].deeds, 2: Operation(base)}
     return MotionPlan(is_staged=True, triggers=(TriggerPlan(TRIGGER, deeds=deeds),), **changes)  # type: ignore[arg-type]
 
 
 def sticky(**changes: Any) -> MotionPlan:
-    """A staged drive whose mode register says how a target is meant; its trigger only starts."""
+    """Return the motion of a staged drive with a mode register; its trigger only starts the move."""
     mode = ModePlan(MODE, actions={1: Action.ABSOLUTE, 2: Action.RELATIVE, 3: Action.OTHER_MOTION})
     triggers = (TriggerPlan(TRIGGER, deeds={**DEEDS, RUN: Operation(Action.START)}),)
     return replace(STAGED, modes=(mode,), triggers=triggers, **changes)
 
 
 def staged_plan(**changes: Any) -> AxisPlan:
-    """The axis of the other bench on a drive that waits for its trigger."""
+    """The axis of ``line_bench`` with a drive that waits for its trigger."""
     plan = {"motion": STAGED, "bits": BITS, "commanded": (COMMANDED,)} | changes
     return axis_plan(**plan)
 
 
 class StagedDrive(Memory):
-    """Plain memory with a motor: the trigger makes it go. It counts what it did."""
+    """Plain memory with a motor: the trigger starts a move. It records its moves."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -83,7 +83,7 @@ class StagedDrive(Memory):
                 self.act(int.from_bytes(data[2 * word : 2 * word + 2], "big"))
 
     def act(self, value: int) -> None:
-        """Do what the trigger register says."""
+        """Execute the content of the trigger register."""
         target = self.get(COMMAND)
         if value == RUN_RELATIVE or (value == RUN and self.words.get(MODE) == 2):
             self.go("relative", self.get(COMMANDED) + target)
@@ -102,7 +102,7 @@ class StagedDrive(Memory):
             self.set_bits(is_done=False)
 
     def go(self, kind: str, counts: float) -> None:
-        """Start towards a position."""
+        """Start a move to a position."""
         self.moves.append((kind, counts))
         self.put(COMMANDED, counts)
         self.set_bits(is_done=False)
@@ -113,7 +113,7 @@ class StagedDrive(Memory):
         self.set_bits(is_done=True)
 
     def pass_by(self, counts: int) -> None:
-        """Be somewhere on the way."""
+        """Be at a position on the way."""
         self.put(ACTUAL, counts)
 
     def stand_at(self, counts: int) -> None:
@@ -123,7 +123,7 @@ class StagedDrive(Memory):
         self.set_bits(is_done=True)
 
     def set_bits(self, *, is_done: bool, is_homed: bool = True, is_alarmed: bool = False) -> None:
-        """Show the state of the axis."""
+        """Set the bits of the status word."""
         self.is_running = not is_done
         word = is_done << DONE_BIT | is_homed << HOMED_BIT | (not is_done) << MOVING_BIT
         super().write(STATUS, (word | is_alarmed << ALARM_BIT).to_bytes(2, "big"))
@@ -137,11 +137,11 @@ class StagedBench(Bench):
         super().__init__(*(plans or (staged_plan(),)), memory=self.drive, **others)
 
     def stage(self, counts: float) -> None:
-        """Write a target, and see it acknowledged as the controller wrote it."""
+        """Write a target, and check that it is acknowledged as the controller wrote it."""
         assert self.ask(write(COMMAND, counts)) == write(COMMAND, counts)[:5]
 
     def trigger(self, pdu: bytes = RUN_PDU) -> tuple[str, float]:
-        """Run the target, and see the trigger acknowledged; return the last move of the drive."""
+        """Run the target, and check that the trigger is acknowledged; return the last move of the drive."""
         assert self.ask(pdu) == pdu
         return self.drive.moves[-1] if self.drive.moves else ("", 0)
 
@@ -155,7 +155,7 @@ class StagedBench(Bench):
         return int.from_bytes(self.ask(bytes.fromhex("03 005C 0001"))[2:], "big")
 
     def settle(self, *, is_polled: bool = True) -> None:
-        """Let the axis arrive, and the controller see it."""
+        """Let the axis arrive, and the controller read it."""
         self.drive.arrive()
         self.wait(MOVE_MS)
         if is_polled:
@@ -170,7 +170,7 @@ class StagedBench(Bench):
         return move
 
     def refused(self, pdu: bytes) -> int:
-        """Send a request that must be refused without reaching the drive; return the exception code."""
+        """Send a request that must be refused and not reach the drive; return the exception code."""
         before = list(self.drive.moves)
         reply = self.ask(pdu)
         assert reply[0] == pdu[0] | 0x80
@@ -178,7 +178,7 @@ class StagedBench(Bench):
         return reply[1]
 
     def writes(self) -> list[str]:
-        """What the drive was written since the last look, oldest first."""
+        """Return the writes to the drive since the last call, the oldest first."""
         found = [pdu.hex(" ") for pdu in self.seen if pdu[0] in (5, 6, 15, 16, 22, 23)]
         self.seen.clear()
         return found

@@ -1,7 +1,7 @@
-"""What docs/thermal-and-cross.md says an axis is told, worked out beside the gateway and not through it.
+"""A model of docs/thermal-and-cross.md: it computes the targets of an axis independently of the gateway.
 
-``Heat`` is the difference of temperature that counts, ``Nearby`` what the other axis adds, ``Model`` one
-axis: its table between points, its gain, its line. Nothing here looks at what the gateway has worked out.
+``Heat`` is the effective difference of temperature, ``Nearby`` the term of the other axis, ``Model`` one
+axis: its table between points, its gain, its thermal line. It uses no result of the gateway.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,8 @@ def between(positions: Sequence[float], values: Sequence[float], x: float) -> fl
 
 @dataclass
 class Heat:
-    """First value at once, the next ones at a rate; held while nothing is heard, then back to 0."""
+    """Takes the first value immediately and follows the next ones at a rate. Holds a value while the sensor
+    is silent, then fades to 0."""
 
     settings: ThermalSettings
     kelvin: float = 0.0
@@ -39,7 +40,7 @@ class Heat:
     """Taken over from a run in which it was worked out with other numbers: the next value counts at once."""
 
     def at(self, now_ns: int) -> float:
-        """Go on to a time."""
+        """Advance to a time."""
         if self.heard_ns is not None:
             silent_s = self.settings.timeout_s + self.settings.hold_s
             fades_ns = self.heard_ns + int(silent_s * S)
@@ -50,7 +51,7 @@ class Heat:
         return self.kelvin
 
     def hear(self, celsius: float, now_ns: int) -> None:
-        """Take what the sensor says."""
+        """Take a value of the sensor."""
         self.at(now_ns)
         self.goal = celsius - self.settings.reference
         if self.heard_ns is None or self.is_of_another_alpha:
@@ -65,7 +66,8 @@ class Heat:
 
 @dataclass
 class Nearby:
-    """The other axis by its last target, else by a fresh reading; else held, and faded over as long again."""
+    """The other axis by its last target, else by a fresh reading. Else the term is held, and then fades over
+    the same time."""
 
     plan: CrossPlan
     adds: float = 0.0
@@ -73,7 +75,7 @@ class Nearby:
     lost_ns: int | None = None
 
     def look(self, place: float | None, now_ns: int) -> float:
-        """What it adds for a target that comes now."""
+        """Return what it adds to a target that comes now."""
         if place is not None:
             self.adds = self.held = between(self.plan.positions, self.plan.corrections, place)
             self.lost_ns = None
@@ -111,7 +113,7 @@ class Model:
         return (counts - self.zero_counts) / self.counts_per_unit
 
     def place(self, now_ns: int, fresh_s: float) -> float | None:
-        """Where it is for another axis."""
+        """Return its position for the cross term of another axis."""
         if not self.is_referenced:
             return None
         if self.nominal is not None:
@@ -121,7 +123,7 @@ class Model:
         return None
 
     def line(self, other: "Model", now_ns: int) -> tuple[float, float]:
-        """Offset and slope of what is added to the table for a target that comes now."""
+        """Return offset and slope that are added to the table for a target that comes now."""
         offset = slope = 0.0
         if self.heat is not None:
             slope = -self.heat.settings.alpha * self.heat.at(now_ns)
@@ -131,7 +133,8 @@ class Model:
         return offset, slope
 
     def may_be_told(self, counts: float, line: tuple[float, float]) -> list[float]:
-        """Counts for a target: of the branch that it is gone to on, or of all where nobody can tell."""
+        """Return the possible counts for a target: those of its branch, or of all branches if it is
+        unknown."""
         if not self.is_on or not self.is_referenced:
             return [counts]
         x, columns = self.position(counts), (self.table.forward, self.table.backward)
@@ -146,7 +149,8 @@ class Model:
         return [counts + self.counts_per_unit * (branch + more) for branch in branches]
 
     def slack(self) -> float:
-        """Half a count for what is left for later, half for rounding; and 4 ms of what moves by itself."""
+        """Return the tolerance: half a count for a rest, half a count for rounding, and 4 ms of a moving
+        term."""
         slack = 1.0 + 1e-6
         if self.heat is not None:
             per_s = self.heat.settings.alpha * self.heat.settings.rate_per_min / 60.0 * 1200.0

@@ -1,4 +1,4 @@
-"""What the status says of unit ids that do not answer, of who talks to whom, and of rivals."""
+"""The status of unit ids that do not answer, of the controllers of each unit id, and of rivals."""
 
 from typing import Any
 

@@ -16,14 +16,14 @@ US = 1000
 
 
 class Plant(Bench):
-    """A line whose drive answers when it is told to: motion exchanges last 2 ms, in a cycle."""
+    """A line whose drive answers when a test lets it: motion exchanges last 2 ms, in a cycle."""
 
     def __init__(self, timing: LineTiming = TIMING) -> None:
         super().__init__(axis_plan(), serial=False, timing=timing)
         self.hmi = monitor()
 
     def at(self, ms: float) -> None:
-        """Let it be ``ms`` after the start, ticking when the line asks for it."""
+        """Advance to ``ms`` after the start, and tick at each deadline of the line."""
         until_ns = 1_000 * MS + int(ms * MS)
         while (due_ns := self.line.deadline_ns) is not None and due_ns <= until_ns:
             self.now_ns = due_ns
@@ -39,7 +39,7 @@ class Plant(Bench):
         return self.link.sent[-1][1] if self.link.sent else None
 
     def answer(self) -> None:
-        """The drive answers what is on the wire, now."""
+        """Let the drive answer the request on the wire now."""
         unit_id, pdu = self.link.sent.pop()
         self.seen.append(pdu)
         self.line.reply(unit_id, self.memory.answer(pdu), self.now_ns)
@@ -61,7 +61,7 @@ class Plant(Bench):
 
 
 def watching(period_ms: float, until_ms: float, timing: LineTiming = TIMING) -> Plant:
-    """A plant in which a monitor was seen once, and motion goes on since."""
+    """Return a plant with one earlier read of a monitor, and cyclic motion since then."""
     plant = Plant(timing)
     plant.send(WATCH, plant.hmi)
     plant.answer()
@@ -113,7 +113,7 @@ def test_a_monitors_request_that_came_during_motion_is_sent_as_soon_as_motion_en
 
 
 def busy_with_a_long_one() -> Plant:
-    """Motion every 4 ms; a monitor's exchange took 3 ms, more than any gap, and is asked for again at 405."""
+    """Motion every 4 ms; a monitor's exchange took 3 ms, more than any gap, and is requested again at 405."""
     plant = watching(4.0, 400.0)  # gaps of 2 ms: shorter than quiet_ms, so the only chance is behind motion
     plant.at(400)
     plant.send(MOTION)
@@ -133,7 +133,7 @@ def busy_with_a_long_one() -> Plant:
 
 
 def when_sent(plant: Plant) -> float:
-    """Let motion go on every 4 ms from 408 on, until the monitor's request is on the wire."""
+    """Continue motion every 4 ms from 408 on, until the monitor's request is on the wire."""
     start_ms = 408.0
     while plant.on_wire() != WATCH_MORE:
         plant.motion(start_ms)
@@ -277,10 +277,10 @@ PATIENT_MS = 10_000.0
 
 
 class CrowdedPlant(Bench):
-    """Motion once each period, monitors that ask again when they are answered, a drive that takes its time.
+    """Motion once each period, monitors that repeat their request after each answer, and a slow drive.
 
-    Where the motion controller still waits for its reply when a period begins, it leaves that period out. A
-    monitor that is not answered asks again after 310 ms.
+    If the motion controller still waits for its reply when a period begins, it skips that period. A monitor
+    without an answer repeats its request after 310 ms.
     """
 
     def __init__(
@@ -307,7 +307,7 @@ class CrowdedPlant(Bench):
         self._answer_ns: int | None = None
 
     def run(self, until_ms: float, asks_from_ms: float = 0.0) -> "CrowdedPlant":
-        """Let everybody do what falls due, until an instant; the monitors begin at another."""
+        """Run until ``until_ms``; the monitors begin at ``asks_from_ms``."""
         begin_ns = START_NS + int(asks_from_ms * MS)
         self._asks_ns = [max(ns, begin_ns) for ns in self._asks_ns]
         until_ns = START_NS + int(until_ms * MS)
@@ -322,7 +322,7 @@ class CrowdedPlant(Bench):
         return min(ns for ns in dues if ns is not None)
 
     def _act(self) -> None:
-        """Do one thing: the drive before motion, motion before the line's own, monitors last."""
+        """Do one thing: the drive's reply first, then motion, then the tick of the line, then monitors."""
         now_ns, line_ns = self.now_ns, self.line.deadline_ns
         if self._answer_ns == now_ns:
             self._answer_ns = None
@@ -344,7 +344,7 @@ class CrowdedPlant(Bench):
             self.send(bytes((3, 0x20, i, 0, 1)), self.monitors[i], self.unit_ids[i])
 
     def _look(self) -> None:
-        """See what went onto the wire, and which monitors were answered."""
+        """Record which request is on the wire, and which monitors were answered."""
         if self.link.sent and self._answer_ns is None:
             unit_id, pdu = self.link.sent[-1]
             if pdu == MOTION:
@@ -368,7 +368,8 @@ def monitors(count: int, timeout_ms: float) -> list[Port]:
 def crowded(count: int, timeout_ms: float) -> CrowdedPlant:
     """Motion takes 10 of each 13 ms; so does every exchange of a monitor, which fits into no gap of 3 ms.
 
-    Gaps are watched from the start on, and known when the monitors ask at 26, with motion. It is never quiet.
+    Gaps are measured from the start on, and known when the first requests of the monitors come at 26, with
+    motion. The line is never quiet.
     """
     plant = CrowdedPlant((13, 10), monitors(count, timeout_ms), unit_ids=(1,) * count, quiet_ms=10.0)
     plant.line._scheduler.gaps.is_watching = True
@@ -398,7 +399,7 @@ def test_monitors_that_wait_in_vain_are_withdrawn_when_they_give_up() -> None:
 
 
 def silent(*, rtu: bool = False) -> CrowdedPlant:
-    """Motion takes 2 of each 20 ms; one monitor asks a drive that never answers, from 40 on."""
+    """Motion takes 2 of each 20 ms; from 40 on, one monitor reads a drive that never answers."""
     plant = CrowdedPlant((20, 2), monitors(1, 300.0), unit_ids=(SILENT_UNIT, 1), rtu=rtu)
     plant.line._scheduler.gaps.is_watching = True
     return plant
@@ -462,7 +463,7 @@ PACED_FROM_NS = 1_100 * MS
 
 
 class PacedPlant(Plant):
-    """Motion each 10 ms, a monitor that asks again when it was answered, each answered in 2 ms.
+    """Motion each 10 ms, and a monitor that repeats its read after each answer; the drive answers in 2 ms.
 
     The wire is free 1.75 ms after each reply. The alarm comes ``late_ns`` after its time.
     """

@@ -1,4 +1,4 @@
-"""What concerns several parts of an axis, or all axes of a group (M4, M11)."""
+"""Tests of several parts of an axis together, and of all axes of a group (M4, M11)."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -57,7 +57,8 @@ def see_at(axis: Axis, counts: int, at_ms: float) -> None:
 
 
 def test_only_an_axis_that_was_unseen_for_long_counts_as_off_its_way() -> None:
-    """From 40 010 to 50 010; it is seen at 30 000. Heard last at 1 ms, with the acknowledgement."""
+    """From 40 010 to 50 010; its reading is 30 000. The last frame before it was the acknowledgement at 1
+    ms."""
     unseen_ms = an_axis().plan.unseen_ms
     for late_ms, after in ((0.0, MotionState.MOVING), (0.1, MotionState.UNKNOWN)):
         axis = reached("moving-from-a-known-start")
@@ -86,7 +87,7 @@ def test_only_a_rising_alarm_makes_the_motion_unknown() -> None:
 
 
 def test_the_homed_bit_is_not_read_again_for_a_reading() -> None:
-    """Seen at 1 ms; before a target it is too old after a second."""
+    """Read at 1 ms; for a target the bit is too old after a second."""
     axis = an_axis(referenced=Reference.DRIVE_BIT, bits={"homed": BitField(0x30, 3)})
     axis.observe_bit("homed", 1 * MS, is_set=True)
     assert axis.needs_reference(2_000 * MS, is_target=True)
@@ -104,7 +105,7 @@ def test_the_homed_bit_is_not_read_again_for_a_stream() -> None:
 def test_the_position_is_read_before_a_repeat_if_the_axis_may_have_moved(
     words: tuple[int, ...], is_read: bool
 ) -> None:
-    """Its done bit fell, or rose again since: the repeat is sent behind a read of its position (M4)."""
+    """Its done bit fell, or fell and rose, since: the position is read before the repeat (M4)."""
     bench = Bench(axis_plan(bits=DONE_BIT, done_drop_ms=0.0))
     bench.move(20_000, 50_000)
     bench.actual()
@@ -213,7 +214,7 @@ def test_releasing_an_axis_without_a_fixed_decision_changes_nothing() -> None:
 
 
 def test_a_group_fixes_the_position_at_which_the_controller_takes_an_axis_to_be() -> None:
-    """Its last target; without one the position that it was seen at; else nowhere."""
+    """Its last target; without one, its last reading; else none."""
     axis = an_axis()
     fixed = []
     steps: list[Callable[[], None]] = [lambda: None, lambda: see(axis, 30_000), lambda: acknowledge(axis)]
@@ -331,7 +332,7 @@ def test_a_repeat_is_a_sign_of_life_and_advances_the_time_of_the_blend() -> None
     ],
 )
 def test_a_repeat_that_was_not_acknowledged_leaves_the_axis_where_it_is(way: str, after: MotionState) -> None:
-    """Where its target is not known it may have moved: the words in the drive are unknown then."""
+    """If its target is unknown, it may have moved: the words in the drive are then unknown."""
     axis = reached(way)
     axis.fields[0].settle(NOMINAL, CORRECTED)
     sent_off_ns = axis.motion.sent_off_ns
@@ -758,7 +759,7 @@ class Gantries(Bench):
 
 
 def test_another_target_for_the_first_axis_begins_a_new_decision() -> None:
-    """Switched off after x has started: y goes as x has gone, and x goes 1:1 with its next target."""
+    """Switched off after x has started: y is corrected as x was, and the next target of x is sent 1:1."""
     bench = Gantries()
     assert bench.sent_for(write(COMMAND, 50_000)) == write(COMMAND, 50_010)
     since_ns = bench.gantry.since_ns
@@ -771,7 +772,8 @@ def test_another_target_for_the_first_axis_begins_a_new_decision() -> None:
 
 @pytest.mark.parametrize("is_later", [False, True])
 def test_only_a_word_of_another_target_begins_a_new_decision(*, is_later: bool) -> None:
-    """50 000 is C350 0000 with its low word first, 120 000 is D4C0 0001. What comes late is of another."""
+    """50 000 is C350 0000 with its low word first, 120 000 is D4C0 0001. A word that comes late belongs to
+    another target."""
     bench = Gantries()
     bench.ask(bytes.fromhex("06 0606 D4C0"))
     since_ns = bench.gantry.since_ns

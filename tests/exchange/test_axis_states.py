@@ -1,4 +1,4 @@
-"""The tables of states, walked: each happening in each state, reached and caused by what a line does."""
+"""The tables of states: each event in each state, reached and caused by steps of a line."""
 
 from collections.abc import Callable
 from itertools import product
@@ -95,7 +95,7 @@ CAUSED: Final[dict[MotionEvent, Callable[[Axis], None]]] = {
 
 
 def check(axis: Axis) -> None:
-    """What belongs to a state is there in it, and only in it."""
+    """Check that the data of a state is present in that state, and only in it."""
     motion = axis.motion
     assert (axis.compensation.accepted is not None) is (motion.state in TARGETED)
     assert (motion.superseded is not None) is (motion.state is MotionState.SUPERSEDED)
@@ -229,7 +229,7 @@ def test_an_axis_is_at_rest_only_if_a_bit_or_position_shows_it(way: str) -> None
     assert axis.motion.is_at_rest is (way in says_so)
 
 
-# --- what cannot be ----------------------------------------------------------------------------------------
+# --- impossible events -------------------------------------------------------------------------------------
 
 
 def test_an_impossible_event_raises_an_error_in_a_test() -> None:
@@ -279,7 +279,7 @@ def test_an_impossible_event_is_reported_in_production_and_the_worst_is_assumed(
     assert bench.line.counters.internal_faults == 2
 
 
-# --- whether it knows where it is --------------------------------------------------------------------------
+# --- whether the axis is referenced ------------------------------------------------------------------------
 
 REFERENCES: Final = {
     "l": ReferenceState.NOT_REFERENCED,
@@ -373,7 +373,7 @@ def test_the_homed_bit_is_read_after_every_event_that_may_change_it(
 
 @pytest.mark.parametrize("kind", Reference)
 def test_referenced_can_be_reached_from_each_state(kind: Reference) -> None:
-    """From each state there is a way to be referenced, and each is come to."""
+    """From each state the axis can become referenced."""
     after = REFERENCE_AFTER[kind]
     for state in after:
         ways = {state}

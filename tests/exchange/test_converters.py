@@ -17,7 +17,7 @@ TIMES: Final = LineTiming(response_timeout_ms=200.0, retry_ms=500.0)
 
 
 class Converter(Memory):
-    """Passes requests on to its drive, and answers those itself for which there is a code."""
+    """Passes requests on to its drive; if it has a code for a request, it answers with that itself."""
 
     def __init__(self, drive: Memory) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""What one axis does to another: by its last accepted target, held and faded where that says nothing."""
+"""Cross terms: an axis acts by its last accepted target; without one, its term is held, then fades."""
 
 from itertools import pairwise
 from typing import Any
@@ -163,7 +163,7 @@ def test_another_axis_without_a_target_counts_by_its_reading() -> None:
 
 
 def test_another_axis_that_is_lost_before_it_ever_counted_is_waited_for() -> None:
-    """As when a cable is pulled before the first target: y was read, and x was never told anything."""
+    """As if a cable is pulled before the first target: y was read, and x never got a target."""
     bench = Bench(x_plan(), y_plan())
     go_y(bench, 400_000)
     assert [event.kind.name for event in terms(bench).events("x", bench.now_ns)] == ["term-follows"]

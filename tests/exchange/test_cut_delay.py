@@ -1,4 +1,4 @@
-"""How late the first byte of a frame leaves that is cut through: in characters, and as it is measured."""
+"""When the first byte of a forwarded frame is sent: in characters, and by measured delays."""
 
 from itertools import accumulate
 
@@ -126,7 +126,7 @@ def block_shape(before: int, behind: int) -> FrameShape:
 
 
 def mixed_shape(has_position: list[bool], are_early: list[bool]) -> FrameShape:
-    """A reply with a position or one other register each."""
+    """A reply in which each item is a position or another register."""
     sizes = [1 + has for has in has_position]
     firsts = accumulate(sizes[:-1], initial=0)
     positions = [(first, 2) for first, size in zip(firsts, sizes, strict=True) if size == 2]
@@ -158,7 +158,7 @@ def test_a_byte_may_be_sent_once_the_bytes_that_it_needs_have_come(shape: FrameS
 
 
 def pieces_of(lumps: list[tuple[int, int]]) -> list[Piece]:
-    """From the time since the piece before and the bytes of each."""
+    """Return pieces from the bytes of each, and the time since the piece before."""
     times = accumulate(wait for wait, _ in lumps)
     counts = accumulate(count for _, count in lumps)
     return [Piece(came, count) for came, count in zip(times, counts, strict=True)]
@@ -175,7 +175,7 @@ def test_the_transmitter_runs_empty_only_if_a_frame_begins_sooner_than_its_delay
     delay = needed_ns(shape, pieces, out_ns)
 
     def slack(begins_ns: int) -> int:
-        """How long before a byte's turn on the wire it is there, the least of all."""
+        """Return the least time between the arrival of a byte and its turn on the wire."""
         return min(
             begins_ns
             + index * out_ns
@@ -201,7 +201,7 @@ def steady(count: int, char_ns: int = 1000, late_ns: int = 0) -> list[Piece]:
 
 
 def learned(pieces: list[Piece] | None = None) -> MeasuredDelay:
-    """Return what is known of writes after enough of them, by default byte by byte."""
+    """Return the measured delay of writes after enough of them, by default byte by byte."""
     delay = MeasuredDelay(WRITE, 1000, 1000, margin_ns=1000)
     for _ in range(LEARNED_AFTER):
         delay.add(pieces or steady(13))
@@ -368,7 +368,7 @@ def test_the_added_share_stays_below_its_limit_with_the_margin_of_a_measured_por
 
 
 def measured_ns(shape: FrameShape, char_ns: int, lump_ns: int) -> int:
-    """What a frame adds on its way: it ends so much later behind the gateway than in front of it."""
+    """Return the delay that the gateway adds: how much later a frame ends after it than before it."""
     pieces: list[Piece] = []
     begun_ns = 0
     for number in range(1, shape.length + 1):

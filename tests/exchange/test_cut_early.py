@@ -1,7 +1,7 @@
-"""Positions whose first byte leaves before their last one has come: on real axes, at every border.
+"""Positions whose first byte is sent before their last one has come: on real axes, at every border.
 
-The highest word comes first. Where the first three bytes of a position decide the first one, that byte leaves
-with the third. What leaves whole is what the line would have sent stored; what does not is no frame.
+The highest word comes first. If the first three bytes of a position decide the first one, that byte is sent
+with the third. A frame sent whole is equal to the stored one; any other is no intact frame.
 """
 
 from dataclasses import replace
@@ -47,7 +47,7 @@ BORDERS = (0, 1 << 8, 1 << 16, 1 << 24, -(1 << 24), -(1 << 8))
 
 
 def plan_at(border: int, **changes: Any) -> AxisPlan:
-    """An axis whose table has its middle at so many counts."""
+    """Return an axis whose table has its middle at ``counts``."""
     return stream_plan(table=STEEP, command=(TARGET,), actual=(PLACE,), zero_counts=float(border), **changes)
 
 
@@ -89,7 +89,8 @@ def test_a_stream_over_a_border_is_sent_as_if_it_had_been_stored(border: int, st
 
 @pytest.mark.parametrize("seed", range(12))
 def test_targets_anywhere_are_sent_as_if_they_had_been_stored_or_spoilt(seed: int) -> None:
-    """Near to and far from the one before, at borders, of a stream that turns: whatever was expected."""
+    """Targets near to and far from the one before, at borders, in a stream that reverses, with any
+    expectation."""
     rng = Random(seed)
     border = rng.choice(BORDERS)
     way = at_border(border)
@@ -176,7 +177,7 @@ def test_a_decided_first_byte_is_right_for_each_last_byte(
 
 
 def decides(*, added: int, counts: int = 300) -> tuple[WritePath, Bench]:
-    """Return the way of targets, of an axis whose table adds the same everywhere and that is at a place."""
+    """Return the write path of an axis at ``counts`` whose table adds the same everywhere."""
     table = make_table([-100, 100], [added / 1000] * 2, [added / 1000] * 2, Units.MM)
     bench = Bench(stream_plan(table=table, command=(TARGET,)))
     for each in range(counts - 8_000, counts + 1, 100):
@@ -209,7 +210,7 @@ def test_a_first_byte_is_decided_if_the_lowest_and_the_highest_last_byte_agree(
 
 
 def test_a_first_byte_is_not_decided_if_the_same_target_was_sent_with_another_one() -> None:
-    """The same target is the same words, whatever the table adds by now."""
+    """The same target gets the same words, whatever the table adds now."""
     path, bench = decides(added=30)
     begun = TARGET.pack(300)[:3]
     assert path.begins_with(0, bench.port, begun, bench.now_ns)
@@ -252,14 +253,14 @@ def test_a_decided_first_byte_of_a_reading_is_right_for_each_last_byte(
 
 
 def heads() -> tuple[Heads, Bench]:
-    """Return what is known of a port whose writes and their delays are known."""
+    """Return the beginnings known for a port, with measured delays of writes."""
     found = Heads(Delays(CHAR_NS, CHAR_NS, CHAR_NS))
     learn(found.delays, EARLY, write_shape(2, 0, 2), char_ns=CHAR_NS)
     return found, Bench(plan_at(0))
 
 
 def note(known: Heads, bench: Bench, counts: int, times: int = 2) -> bytes:
-    """Let a target be acknowledged so often; return its frame without check sum."""
+    """Record a target as acknowledged ``times`` times; return its frame without check sum."""
     pdu = write(TARGET, counts)
     for _ in range(times):
         known.add(units_of(bench).path_of(1, pdu), b"\x01" + pdu, b"\x01" + pdu)
@@ -339,7 +340,8 @@ def test_four_bytes_identify_a_target_with_another_one_beside_it(
 
 
 def settled(*more: AxisPlan) -> Site:
-    """A line whose controller has written setpoints and read the place; the next ones may be cut through."""
+    """Return a line whose controller has written setpoints and read the position; the next frames may be cut
+    through."""
     line = Site(plan_at(0), *more)
     for counts in range(2_000, 10_001, 160):
         line.bench.ask(write(TARGET, counts))
@@ -401,7 +403,7 @@ def test_m3_a_stop_of_another_controller_between_the_first_byte_and_the_last_one
 
 
 def test_the_first_write_to_another_address_is_spoilt_and_then_four_bytes_identify_writes() -> None:
-    """A register beside the target that no map names: nobody knew of it before."""
+    """A register beside the target that no map names, and that was never written before."""
     line = settled()
     speed = bytes.fromhex("10 06 20 00 02 04 00 00 00 07")
     began_ns = line.come(frame_of(speed))
@@ -452,7 +454,7 @@ def test_a_reading_that_jumps_over_a_border_is_spoilt() -> None:
 
 
 def test_the_first_byte_of_a_limit_is_never_decided() -> None:
-    """0 passes as it is, and 1 does not: both ends of 256 counts say nothing of what is between them."""
+    """0 passes unchanged, and 1 does not: both ends of 256 counts do not decide the values between them."""
     bench = Bench(plan_at(0, limits=(PositionField(0x0620, RegisterType.INT32),)))
     for counts in range(-8_000, 1, 400):
         bench.ask(write(TARGET, counts))

@@ -1,8 +1,8 @@
 """A line that cuts through: bytes in and out with their instants, by hand (see ``cut_line_bench``).
 
-A write of one position begins to leave 3.325 ms behind its first character (4.325): three for the eleventh
-byte, which leaves as the eighth, and the margin, a quarter of a character and 75 µs. Its 13 characters
-are off the wire at 17.325, and 10.5 of silence follow where it was spoilt: 27.825.
+The gateway begins to send a write of one position 3.325 ms after its first character (at 4.325). Three of
+these are for the eleventh byte, which is sent as the eighth. The rest is the margin: a quarter of a character
+and 75 µs. Its 13 characters are off the wire at 17.325. After a spoilt frame 10.5 of silence follow: 27.825.
 """
 
 from collections.abc import Callable
@@ -53,7 +53,7 @@ OTHER = bytes.fromhex("03 08 00 00 01")
 
 
 def site(*plans: AxisPlan, **options: Any) -> Site:
-    """A stream that has settled, whose next setpoint may be cut through."""
+    """Return a line with a settled stream, whose next setpoint may be cut through."""
     found = Site(*plans, **options)
     found.settle()
     found.measure(WRITE_SHAPE, read_shape())
@@ -61,7 +61,7 @@ def site(*plans: AxisPlan, **options: Any) -> Site:
 
 
 def ends_aborted(left: Left, length: int = 13) -> None:
-    """Assert that what left is as long as it said, and no frame."""
+    """Assert that the sent bytes have the length of their head, and are no intact frame."""
     frame = bytes.fromhex(" ".join(data for _, data in left))
     assert (len(frame), residue_after(frame)) == (length, INVERTED)
 
@@ -95,7 +95,7 @@ def test_a_setpoint_is_sent_four_characters_after_it_came_and_its_reply_two() ->
 
 
 class Heard(RecordingTap):
-    """Keeps the frames that it hears: their kinds in order, the numbers of their ports, and their PDUs."""
+    """Records the frames that it gets: their kinds in order, the numbers of their ports, and their PDUs."""
 
     def __init__(self) -> None:
         super().__init__("line")
@@ -210,7 +210,8 @@ def test_a_frame_that_stalls_is_spoilt_and_sent_after_the_silence_if_the_rest_co
 
 
 def test_a_process_that_stood_still_in_the_middle_of_a_frame_spoils_it_whatever_it_handles_first() -> None:
-    """After 60 ms the decoder's timer, the port and the forwarder's timer are due, and come in this order."""
+    """After 60 ms the decoder's timer, the port and the forwarder's timer are due, and are called in this
+    order."""
     line = site(PLAN, staged_plan(name="y", unit_id=2))
     frame = frame_of(NEXT)
     began_ns = line.come(frame[:5])
@@ -347,7 +348,7 @@ def test_the_record_names_a_forwarded_target_before_its_check_sum_is_sent() -> N
 
 
 def stands_still(line: Site, wire: PieceLink | PiecePort, before: int, late_ms: float) -> None:
-    """Let the process stand still between reading and writing, when so many pieces have left."""
+    """Let the process stand still between reading and writing, when ``before`` pieces were sent."""
 
     def stand_still() -> None:
         if len(wire.left) == before:
@@ -369,7 +370,8 @@ def test_a_request_is_torn_if_its_next_bytes_are_written_after_the_transmitter_i
 
 
 def test_a_request_is_not_torn_whose_first_bytes_were_written_late_and_the_next_ones_in_time() -> None:
-    """Between its clock and its first write the process stands still: that begins when it is written."""
+    """The process stands still between reading its clock and its first write: sending begins with that
+    write."""
     line = site()
     began_ns = line.come(frame_of(NEXT)[:4])
     line.bench.now_ns = began_ns + 11 * MS
@@ -515,7 +517,7 @@ def test_two_setpoints_in_a_row_are_cut_through() -> None:
 
 
 def asked(pdu: bytes = NEXT) -> Site:
-    """A request that has left, and replies to it that may be cut through."""
+    """Return a line with a request on the wire, whose reply may be cut through."""
     line = site()
     line.measure(acknowledgement_shape(), reply_shape(2, [(0, 2)]), of_replies=True)
     line.come(frame_of(pdu))
@@ -614,7 +616,8 @@ def test_writes_whose_forwarding_lost_time_are_stored_for_a_while() -> None:
 
 
 def stall(line: Site) -> None:
-    """Of a write only six bytes come: it is 10.5 ms of silence and 11 characters later than stored."""
+    """Feed only six bytes of a write: its spoilt frame costs 10.5 ms of silence and 11 characters more than
+    storing."""
     line.come(frame_of(NEXT)[:6])
     line.pass_to(line.bench.now_ns + 60 * MS)
     line.forget()
@@ -765,7 +768,7 @@ def test_w12_an_odd_frame_that_begins_like_a_read_is_stored() -> None:
     assert line.to_drives(began_ns) == [(44.5, odd.hex(" "))]
 
 
-# --- what cannot be ---------------------------------------------------------------------------------------
+# --- impossible events ------------------------------------------------------------------------------------
 
 
 @pytest.mark.usefixtures("in_production")

@@ -1,7 +1,7 @@
-"""Whatever happens while a request leaves: the drives hear whole frames, or what is none and ends in silence.
+"""Whatever happens while a request is forwarded, the drives get whole frames, or a spoilt one and a silence.
 
-Random happenings between the characters of setpoints and replies. A witness beside the line, which knows
-nothing of cut-through, takes what left to the drives apart by its own reckoning of time.
+Random events between the characters of setpoints and replies. A witness beside the line knows nothing of
+cut-through: it splits the bytes to the drives into frames by time alone.
 """
 
 from collections import Counter
@@ -26,7 +26,7 @@ STOP = frame_of(STOP_PDU, 2)
 
 
 class Witness:
-    """Takes apart what left to the drives: pieces that follow each other without a silence are one frame."""
+    """Splits the bytes to the drives into frames: pieces without a silence between them are one frame."""
 
     def __init__(self, line: Site) -> None:
         self.line = line
@@ -34,7 +34,7 @@ class Witness:
         self.aborted = 0
 
     def look(self) -> None:
-        """Take apart what has left since it looked last; what has not ended stays."""
+        """Split the bytes sent since the last call; a frame that has not ended stays."""
         left, frame, ends_ns, free_ns = self.line.link.left, b"", 0, 0
         for number, (when, data) in enumerate(left):
             assert when >= free_ns, "a silence was not kept"
@@ -61,7 +61,7 @@ class Witness:
 
 
 def step(line: Site, rng: Random, coming: bytes) -> bytes:
-    """Let something happen; return what is still to come of the controller's request."""
+    """Let something happen; return the rest of the controller's request that has not come yet."""
     what = rng.choices(
         ("character", "pause", "stop", "read", "noise", "link", "gone", "damage"), (100, 2, 2, 2, 2, 2, 1, 2)
     )[0]
@@ -120,7 +120,7 @@ def test_the_drives_get_whole_frames_or_spoilt_ones(seed: int) -> None:
 
 
 def walked(rng: Random) -> dict[ForwardEvent, int]:
-    """Return how requests ended that began to leave, while this and that happened."""
+    """Return how forwarded requests ended in a random walk."""
     line = site(PLAN, staged_plan(name="y", unit_id=2))
     line.measure(acknowledgement_shape(), of_replies=True)
     witness = Witness(line)

@@ -122,7 +122,7 @@ def test_the_longest_pause_is_that_of_the_last_frames() -> None:
 
 
 def test_the_totals_say_what_was_forwarded_stored_and_spoilt() -> None:
-    """Three were forwarded, each 2 us early. Of four that did not fit, of one nothing had been sent."""
+    """Three were forwarded, each 2 µs early. Four did not fit; of one of these nothing had been sent."""
     totals = Totals()
     totals.ended[ForwardEvent.COMMITTED] = 3
     totals.gain_ns = 6_000
@@ -136,7 +136,8 @@ def test_the_totals_say_what_was_forwarded_stored_and_spoilt() -> None:
 
 
 def test_a_spoilt_frame_counts_as_wasted_if_it_would_have_been_sent_stored() -> None:
-    """Not one that is bad or overtaken, nor one whose wire or port was lost: stored, it stays too."""
+    """A bad or overtaken frame does not count, nor one whose wire or port was lost: stored, it would not be
+    sent either."""
     none_left = {ForwardEvent.BAD, ForwardEvent.OVERTAKEN, ForwardEvent.GONE, ForwardEvent.LOST}
     no_ends = {ForwardEvent.OPENED, ForwardEvent.FITTED, ForwardEvent.JUDGED}
     well = {ForwardEvent.KEPT, ForwardEvent.COMMITTED}

@@ -1,4 +1,4 @@
-"""Replies that are cut through say what they would have said whole, or are spoilt: on real axes."""
+"""Forwarded replies are equal to stored ones, or are spoilt: on real axes."""
 
 from collections.abc import Callable
 from random import Random
@@ -26,7 +26,7 @@ PLAN = stream_plan(table=CURVE, bits={"done": BitField(STATUS, 0)})
 
 
 class Way:
-    """A line on which the reply to what is on the wire comes character by character."""
+    """A line on which the reply to the request on the wire comes character by character."""
 
     def __init__(self, plan: AxisPlan = PLAN) -> None:
         self.bench = Bench(plan)
@@ -40,7 +40,7 @@ class Way:
         learn(self.replies.delays, shape)
 
     def settle(self) -> None:
-        """Let a stream begin, and go on until no correction is blended any more."""
+        """Send a stream until no correction is blended any more."""
         for counts in range(2_000, 10_001, 40):
             self.bench.ask(write(COMMAND, counts))
             self.bench.memory.put(ACTUAL, self.bench.memory.get(COMMAND))
@@ -49,7 +49,7 @@ class Way:
     def ask(
         self, pdu: bytes, meanwhile: Callable[[], None] = lambda: None, reply: bytes = b""
     ) -> tuple[ForwardedFrame, bytes]:
-        """Send a request; return what became of its reply, and what the line makes of it when it is whole."""
+        """Send a request; return the forwarded reply, and the reply as the line would send it whole."""
         bench = self.bench
         bench.send(pdu)
         [(unit_id, sent)] = bench.link.sent
@@ -170,7 +170,7 @@ def test_the_reply_to_a_request_on_the_slow_path_is_stored() -> None:
 def test_a_reading_that_may_prove_a_target_is_stored_or_spoilt(
     after_bytes: int, state: ForwardState, why: ForwardEvent
 ) -> None:
-    """What is known of that before it begins to leave has it stored; what comes later, spoilt."""
+    """If that is known before forwarding begins, the reply is stored; else it is spoilt."""
     way = settled()
     way.ask(read(COMMAND))
     axis = way.bench.line.axes[0]

@@ -1,4 +1,4 @@
-"""Requests that are cut through leave as they would have been sent, or are spoilt: on real axes."""
+"""Forwarded requests are equal to stored ones, or are spoilt: on real axes."""
 
 from collections.abc import Callable
 from random import Random
@@ -26,7 +26,7 @@ def frame_of(pdu: bytes, unit_id: int = 1) -> bytes:
 
 
 class Way:
-    """A stream over a line that stores, and beside it a forwarder for what comes next."""
+    """A stream over a line that stores, and beside it a forwarder for the next frame."""
 
     def __init__(self, plan: AxisPlan | None = None) -> None:
         self.bench = Bench(plan or stream_plan(table=CURVE))
@@ -38,25 +38,25 @@ class Way:
         learn(self.heads.delays, WRITE_SHAPE, read_shape())
 
     def store(self, pdu: bytes) -> bytes:
-        """Let a request go the usual way, and be acknowledged; return what the drive was told."""
+        """Send a stored request, and let it be acknowledged; return the frame to the drive."""
         self.bench.ask(pdu)
         sent = self.bench.seen[-1]
         self.heads.add(self.units.path_of(1, pdu), b"\x01" + pdu, b"\x01" + sent)
         return sent
 
     def stream(self, *counts: float) -> bytes:
-        """Store setpoints, one in 10 ms; return the last as it left."""
+        """Send stored setpoints, one in 10 ms; return the last frame to the drive."""
         for each in counts:
             sent = self.store(write(COMMAND, each))
             self.bench.now_ns += 10 * MS
         return sent
 
     def settle(self) -> bytes:
-        """Let a stream begin, and go on until no correction is blended any more: it is at 10 000 counts."""
+        """Send a stream until no correction is blended any more: it ends at 10 000 counts."""
         return self.stream(*range(2_000, 10_001, 40))
 
     def begin(self) -> ForwardedFrame:
-        """Return a forwarder for what comes next."""
+        """Return a forwarder for the next frame."""
 
         def leaves(path: FastPath, pdu: bytes, target: SteadyTarget | None, now_ns: int) -> bytes | None:
             transaction = Transaction(self.bench.port, 0, 1, pdu, now_ns)
@@ -72,7 +72,7 @@ class Way:
     def forwarded(
         self, frame: bytes, meanwhile: Callable[[], None] = lambda: None, after_bytes: int = 12
     ) -> ForwardedFrame:
-        """Let a frame come character by character; something happens after so many of them."""
+        """Feed a frame character by character; call ``meanwhile`` after ``after_bytes`` of them."""
         forwarded = self.begin()
         came = characters(frame, from_ns=self.bench.now_ns)
         play(forwarded, came[:after_bytes])

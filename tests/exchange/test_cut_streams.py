@@ -1,8 +1,8 @@
 """A stream of setpoints as a motion controller sends it, one in 10 ms: stored, and cut through.
 
 Each cycle writes a setpoint and reads the position back, over wires as fast as 115 200 Bd. The drive lags a
-cycle behind. Whatever leaves while it arrives has to be what the line that stores sends: every target, every
-reading. What turns round, begins or stands is stored or spoilt, and nothing is torn.
+cycle behind. Every forwarded target and reading must be equal to the stored one. Setpoints that reverse,
+begin or stand still are stored or spoilt, and no frame is torn.
 """
 
 import sys
@@ -36,7 +36,7 @@ def setpoints(rng: Random) -> list[int]:
 
 
 def played(wanted: list[int]) -> tuple[Bench, list[bytes]]:
-    """Feed a stream; return its bench, with what the drive received, and what the controller was told."""
+    """Feed a stream; return its bench, with the frames to the drive, and the replies to the controller."""
     bench = Bench(stream_plan(table=CURVE, travel=(0.0, 100.0)))
     told, due_ns = [], bench.now_ns
     for setpoint in wanted:

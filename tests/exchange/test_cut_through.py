@@ -1,7 +1,8 @@
-"""Frames that leave while they still arrive: bytes in with their instants, bytes out with theirs, by hand.
+"""Frames that are sent while they still arrive: bytes in and bytes out with their times, worked out by hand.
 
-A character takes 1 000 ns on either side. The write of one position begins with its first character at 1 000
-and leaves 4 000 later: 3 by the arithmetic of delays (4 characters after its first bit) and one of margin.
+A character takes 1 000 ns on either side. The first character of the write of one position ends at 1 000; the
+gateway sends it 4 000 later. Three characters are the computed delay (4 characters after its first bit), one
+is the margin.
 """
 
 from collections.abc import Callable
@@ -135,7 +136,7 @@ def test_data_is_sent_when_the_position_is_whole_and_words_after_it_as_they_come
 
 
 def early(counts: int = 3, last: str = "55 55 00 05") -> tuple[ForwardedFrame, Adds, list[ForwardEvent]]:
-    """Return a write whose position may begin to leave with its third byte."""
+    """Return a write whose position may be sent from its third byte on."""
     return write(
         shape=write_shape(2, 0, 2, is_early=True),
         expected=HEAD + bytes.fromhex(last),
@@ -450,7 +451,7 @@ def test_the_table_of_states_is_the_one_worked_out_by_hand() -> None:
 
 
 def in_state(state: ForwardState, on_fault: Callable[[str], None] = lambda _sentence: None) -> ForwardedFrame:
-    """Return a write that has come so far."""
+    """Return a write in the named state."""
     forwarded = ForwardedFrame(RequestArrival(), Adds(), PACE, on_fault=on_fault)
     if state is ForwardState.STORED:
         forwarded.go_on(ForwardEvent.GONE, 0)

@@ -1,4 +1,4 @@
-"""What holds for every frame that is cut through: lumps, damage, ends in the middle, and what follows it."""
+"""Rules for every forwarded frame: with lumps, damage, ends in the middle, and frames that follow."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ good_frames = st.binary(min_size=2, max_size=60).map(append_crc)
 
 @dataclass(frozen=True)
 class Course:
-    """A write, how it comes, and what happens meanwhile."""
+    """A write, the times of its bytes, and the events meanwhile."""
 
     head: bytes
     data: bytes
@@ -95,7 +95,7 @@ def courses(draw: st.DrawFn) -> Course:
 
 @dataclass
 class Left:
-    """What became of it."""
+    """The result of a course."""
 
     forwarded: ForwardedFrame
     judge: Adds
@@ -105,7 +105,7 @@ class Left:
 
 
 def run(course: Course) -> Left:
-    """Let a course take place, with timers that are on time."""
+    """Run a course, with timers that are on time."""
     position = 7 + 2 * course.word
     judge = Adds(
         shape=write_shape(len(course.data) // 2, course.word, 2, is_early=course.is_early),

@@ -1,4 +1,4 @@
-"""What waits for too long: refused, answered, or sent late and counted (DESIGN 8, W7)."""
+"""Requests that wait for too long: refused, answered, or sent late and counted (DESIGN 8, W7)."""
 
 from pathlib import Path
 from typing import Final

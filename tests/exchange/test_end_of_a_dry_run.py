@@ -125,7 +125,7 @@ def test_a_stream_blends_the_correction_in_from_its_present_setpoint() -> None:
 
 
 def test_the_fast_path_corrects_after_the_end_of_a_dry_run() -> None:
-    """Paths that were found in the dry run are none any more."""
+    """Paths that were remembered in the dry run do not count any more."""
     bench = Bench(axis_plan(compensation=SHADOW))
     for counts in (10_000, 20_000, 30_000):
         arrived(bench, counts)

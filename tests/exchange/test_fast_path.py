@@ -1,8 +1,7 @@
-"""The fast path and the slow path come to the same bytes and leave the same state behind.
+"""The fast path and the slow path have the same bytes and the same state as result.
 
-Two lines get the same traffic: one remembers fast paths, the other one none, so that all of its frames go the
-slow path. The drive acknowledges, refuses, refuses and obeys all the same, stays silent, or says something
-else.
+Two lines get the same traffic: one remembers fast paths, the other one none, so that all its frames take the
+slow path. The drive acknowledges, refuses, refuses but obeys, stays silent, or sends a wrong reply.
 """
 
 from random import Random
@@ -60,7 +59,7 @@ PLANS: dict[str, AxisPlan] = {
 
 
 def state_of(axis: Axis) -> dict[str, Any]:
-    """Everything that the next frame may depend on, without the identity of curves."""
+    """Return everything that may influence the next frame, without the identity of curves."""
     compensation, actual = axis.compensation, axis.motion.actual
     state, readback = compensation.state, compensation.readback
     fields = [
@@ -148,7 +147,7 @@ class Twins:
             bench.serve()
 
     def arrive(self, amount: int) -> None:
-        """The axis gets where it was told, or a part of the way; its status says so, or not."""
+        """Let the axis arrive, or go a part of the way; its status shows it, or not."""
         for bench in self.benches:
             told, here = bench.memory.get(self.place) * self.place.scale, bench.memory.get(ACTUAL)
             is_there = amount > 0

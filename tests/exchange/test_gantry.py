@@ -1,6 +1,7 @@
 """What the first trigger of a group fixes for all of its axes (M11).
 
-10 counts more going forward, 10 less going backward (``line_bench.LOST_MOTION``): 50 000 is told as 50 010.
+Forward, the table adds 10 counts, backward it subtracts 10 (``line_bench.LOST_MOTION``): 50 000 is sent as 50
+010.
 """
 
 from collections.abc import Callable
@@ -60,7 +61,7 @@ def test_the_table_of_a_group_is_what_the_rule_says() -> None:
 
 
 def gantry(**changes: Any) -> GantryBench:
-    """A beam that has gone to 50 mm, corrected."""
+    """Return a gantry that has gone to 50 mm, corrected."""
     bench = GantryBench(**changes)
     assert bench.go(50_000) == [50_010, 50_010]
     return bench
@@ -171,11 +172,12 @@ def test_enabling_between_two_triggers_waits_as_well() -> None:
     assert bench.go(80_000) == [80_010, 80_010]
 
 
-# --- before the first leaves -------------------------------------------------------------------------------
+# --- before the first trigger is sent ----------------------------------------------------------------------
 
 
 def reversed_gantry(**changes: Any) -> GantryBench:
-    """Staged forward at 50 mm, and then found at 70: each target has to be written anew, backward."""
+    """Return a gantry with targets staged forward at 50 mm, and then read at 70: each target must be written
+    again, backward."""
     bench = gantry(**changes)
     bench.stage_all(60_000)
     assert [drive.get(COMMAND) for drive in bench.drives.values()] == [60_010, 60_010]
@@ -184,7 +186,7 @@ def reversed_gantry(**changes: Any) -> GantryBench:
 
 
 def turn_back(bench: GantryBench) -> None:
-    """Stop both, and let them be found at 70 mm."""
+    """Stop both axes, and put them to 70 mm."""
     for unit_id in (1, 2):
         bench.to(unit_id, STOP_PDU)
         bench.drives[unit_id].put(ACTUAL, 70_010)
@@ -199,7 +201,7 @@ BOTH_ANEW: Final = [(2, ANEW), (1, ANEW), (1, "06 05 0e 00 01")]
 
 
 def writes(bench: GantryBench) -> list[tuple[int, str]]:
-    """What was written to each drive, in order."""
+    """Return the writes to the drives, in order."""
     return [each for each in bench.log if not each[1].startswith("03")]
 
 
@@ -259,7 +261,7 @@ def test_the_homed_bits_of_all_are_read_before_the_first_trigger_is_sent() -> No
 
 @pytest.mark.parametrize("unit_id", [1, 2])
 def test_a_switch_before_the_first_trigger_is_sent_counts_for_both(unit_id: int) -> None:
-    """While its own target, or that of the other axis, is written anew for it."""
+    """While its own target, or that of the other axis, is written again for it."""
     bench = reversed_gantry()
     bench.send(RUN_PDU, unit_id=1)
     while bench.link.sent != [(unit_id, bytes.fromhex(ANEW))]:
@@ -292,11 +294,11 @@ def test_no_drive_is_read_for_a_first_trigger_whose_drive_holds_no_target() -> N
     assert bench.log == []
 
 
-# --- what ends it ------------------------------------------------------------------------------------------
+# --- what ends the decision --------------------------------------------------------------------------------
 
 
 def half_gone() -> GantryBench:
-    """The first has gone to 60 mm, and the compensation is switched off."""
+    """Return a gantry whose first axis has gone to 60 mm; then the compensation is switched off."""
     bench = gantry()
     bench.begin(60_000)
     bench.switch(is_on=False)
@@ -438,7 +440,7 @@ def test_a_later_trigger_of_a_lost_target_is_reported_with_the_skew_too() -> Non
     assert bench.group()["skew"] == 10.0
 
 
-# --- drives that go as they are written --------------------------------------------------------------------
+# --- drives that move with each write ----------------------------------------------------------------------
 
 
 def movers(**changes: Any) -> GantryBench:
@@ -457,7 +459,7 @@ def test_the_first_target_fixes_the_values_for_movers() -> None:
 
 
 def test_another_target_that_is_refused_begins_no_new_round() -> None:
-    """y1 stays where the round has sent it, so y2 is levelled by what was fixed."""
+    """y1 stays where the round has sent it, so y2 is levelled with the fixed values."""
     bench = movers()
     bench.write(1, 60_000)
     bench.switch(is_on=False)
@@ -478,7 +480,7 @@ def halves(bench: GantryBench, unit_id: int, counts: int) -> None:
 
 @pytest.mark.parametrize("after", [(1, 0), (1, 1), (2, 0)])
 def test_the_halves_of_a_target_for_movers_use_one_decision(after: tuple[int, int]) -> None:
-    """Switched off behind the low word of y1, behind its high one, behind the low one of y2."""
+    """Switched off after the low word of y1, after its high one, or after the low one of y2."""
     bench = movers()
     for unit_id in (1, 2):
         for number, (address, word) in enumerate((("0606", "49F0"), ("0607", "0002"))):
@@ -577,7 +579,7 @@ def test_a_dry_run_does_not_end_between_two_triggers() -> None:
 
 
 def test_a_kill_ends_the_decision() -> None:
-    """What the other axis holds is not known then: its trigger is refused, and M11 begins anew."""
+    """The target of the other axis is then unknown: its trigger is refused, and M11 begins again."""
     bench = half_gone()
     after = GantryBench()
     after.drives = bench.drives
@@ -615,7 +617,7 @@ def test_two_pipelined_triggers_follow_one_decision() -> None:
 
 
 def test_a_first_trigger_that_was_refused_may_come_again() -> None:
-    """Beyond the travel of y2 only: y1 is refused as well, and both go once y2 has another target."""
+    """The target of y2 alone was lost: y1 is refused as well, and both run once y2 has another target."""
     settings = {"travel": (0.0, 100.0), "travel_margin": 0.0}
     bench = gantry(**settings)
     bench.stage(1, 60_000)
@@ -721,7 +723,7 @@ def test_the_mode_of_the_other_axis_decides_whether_its_target_is_written_again(
 
 @pytest.mark.parametrize("added_frames", [True, False])
 def test_an_unknown_mode_of_the_other_axis_is_read_once_at_most(*, added_frames: bool) -> None:
-    """Its drive refuses to tell it, or nothing may be read: its target stays as it is."""
+    """Its drive refuses to report it, or no read may be added: its target stays as it is."""
     bench = GantryBench(motion=sticky(), added_frames=added_frames)
     bench.to(1, ABSOLUTE_PDU)
     bench.stage_all(60_000)
@@ -742,7 +744,7 @@ def test_an_axis_that_passes_1_to_1_blocks_no_other_axis() -> None:
 
 
 def test_the_first_trigger_is_refused_if_another_axis_has_lost_its_staged_target() -> None:
-    """y2 was silent for longer than lost_ms between staging and running: what it holds nobody knows."""
+    """y2 was silent for longer than lost_ms between staging and running: its target is unknown."""
     bench = gantry()
     bench.stage_all(70_000)
     for _ in range(3):
@@ -774,7 +776,8 @@ def test_the_first_trigger_is_refused_if_another_axis_lost_its_target_while_posi
 
 @pytest.mark.parametrize(("y2_stands_at", "end"), [(50_010, 50_010), (50_050, 50_000)])
 def test_all_targets_of_a_group_from_before_a_loss_count_or_none(y2_stands_at: int, end: int) -> None:
-    """Where each stands where it was told to, they keep their words. 40 counts beside it, both go anew."""
+    """If each axis is at its target, both keep their words. If y2 is 40 counts beside it, both targets are
+    rendered again."""
     bench = bit_gantry()
     for unit_id in (1, 2):
         bench.lose_homed_bit(unit_id)
@@ -804,7 +807,7 @@ def test_the_positions_of_all_movers_are_read_before_the_first_target() -> None:
     assert bench.ends() == [70_000, 70_000]
 
 
-# --- a first trigger of which nobody knows whether it was obeyed --------------------------------------------
+# --- a first trigger that the drive may have obeyed ---------------------------------------------------------
 
 
 UNCONFIRMED: Final = [None, bytes.fromhex("86 04"), bytes.fromhex("86 05"), bytes.fromhex("86 0B")]
@@ -812,7 +815,7 @@ UNCONFIRMED: Final = [None, bytes.fromhex("86 04"), bytes.fromhex("86 05"), byte
 
 
 def perhaps_gone(answer: bytes | None, **changes: Any) -> GantryBench:
-    """The first trigger was obeyed, and its reply says nothing of that; the second one is refused (M3)."""
+    """The drive obeyed the first trigger, but its reply does not prove it; the second one is refused (M3)."""
     bench = gantry(**{"lost_ms": 5_000.0, **changes})
     bench.stage_all(60_000)
     bench.obeys_secretly(RUN_PDU, answer)
@@ -865,7 +868,8 @@ def test_an_exception_that_proves_nothing_was_executed_fixes_nothing(answer: byt
 
 
 def test_after_ten_seconds_all_targets_are_rendered_again_also_of_an_axis_that_may_have_started() -> None:
-    """Its words are those of another switch, and the other axis has none of that target: both go 1:1."""
+    """Its words are those of another switch, and the other axis has no words of that target: both are sent
+    1:1."""
     bench = perhaps_gone(None)
     bench.switch(is_on=False)
     for _ in range(11):
@@ -877,7 +881,7 @@ def test_after_ten_seconds_all_targets_are_rendered_again_also_of_an_axis_that_m
 
 
 def may_have_gone(**changes: Any) -> GantryBench:
-    """The same, and the compensation is switched off."""
+    """Do as :func:`perhaps_gone`, then switch the compensation off."""
     bench = perhaps_gone(None, **changes)
     bench.switch(is_on=False)
     return bench
@@ -938,7 +942,7 @@ def test_a_homed_bit_that_falls_after_an_axis_may_have_started_refuses_nothing()
 
 @pytest.mark.parametrize(("lost_ms", "end"), [(5_000.0, 60_010), (1_000.0, 60_000)])
 def test_a_mover_that_may_have_started_fixes_the_values_too(lost_ms: float, end: int) -> None:
-    """Unless its drive could not be reached for so long; then neither axis keeps its words."""
+    """If its drive could not be reached for ``lost_ms``, no axis keeps its words."""
     bench = movers(lost_ms=lost_ms)
     bench.obeys_secretly(write(COMMAND, 60_000))
     bench.wait(1_000)
@@ -968,14 +972,15 @@ def apart(bench: GantryBench, elsewhere: float = 50_010) -> GantryBench:
 
 @pytest.mark.parametrize("order", [(1, 2), (2, 1)])
 def test_no_axis_keeps_its_words_if_one_uses_the_requested_values(order: tuple[int, int]) -> None:
-    """y1 was told 60 010 for it before the switch; y2 is told 60 000."""
+    """y1 got 60 010 for it before the switch; y2 gets 60 000."""
     bench = apart(gantry())
     bench.stage_all(60_000)
     assert bench.run(*order) == [60_000, 60_000]
 
 
 def test_without_added_frames_each_target_written_again_uses_the_requested_values() -> None:
-    """y1 was written with its words of before, for nobody knew yet what y2 is told: refused once."""
+    """y1 was written with its previous words, because the words of y2 were not known yet: it is refused
+    once."""
     bench = GantryBench(added_frames=False)
     bench.go(50_000)
     bench.go(55_000)
@@ -1029,8 +1034,8 @@ def test_an_axis_that_has_started_and_one_that_may_have_both_use_the_requested_v
 ) -> None:
     """y2 goes to 60 mm. The trigger of y1 is refused without proof, and y1 stays at 50.
 
-    Then gain, switch or table change, and both get 60 mm again. y1 is rendered anew, because it was seen at
-    50: so y2 may not keep its words. With half the gain y2 goes backward for it, from 60 010.
+    Then gain, switch or table change, and both get 60 mm again. The target of y1 is rendered again, because
+    it was read at 50: so y2 may not keep its words. With half the gain y2 goes backward for it, from 60 010.
     """
     bench = gantry(lost_ms=60_000.0)
     bench.stage_all(60_000)
@@ -1079,7 +1084,7 @@ def test_movers_that_get_the_same_targets_again_keep_their_words() -> None:
 
 
 def test_a_mover_that_kept_its_words_follows_one_that_did_not() -> None:
-    """Whether the other one is told the same again nobody knows as the first target leaves."""
+    """When the first target is sent, it is unknown whether the other axis gets the same again."""
     bench = movers()
     bench.write(1, 60_000)
     bench.wait(10_100)
@@ -1143,7 +1148,7 @@ def test_movers_at_their_targets_keep_their_words_after_a_long_pause() -> None:
 
 
 def test_a_mover_keeps_no_words_beside_one_that_has_lost_its_target() -> None:
-    """Both were refused a target, and only y1 got the next one: what y2 gets then is no repeat."""
+    """Targets of both were refused, and only y1 got the next one: the next target of y2 is no repeat."""
     bench = movers(travel=(0.0, 100.0))
     bench.write_all(150_000)
     assert bench.write(1, 60_000) == [60_010, 50_010]

@@ -1,4 +1,4 @@
-"""A target of before a loss of reach or reference: it counts only by proof (M4, M6, M9)."""
+"""A target from before a loss of reach or reference counts only by proof (M4, M6, M9)."""
 
 from itertools import product
 from typing import Any
@@ -52,11 +52,11 @@ def test_m9_a_kept_target_is_what_the_rule_says(seen: bool, waits: bool, before:
     assert len(REPEAT_KINDS) == len(rows)
 
 
-# --- a drive that goes with each write -----------------------------------------------------------------
+# --- a drive that moves with each write ----------------------------------------------------------------
 
 
 def mover(**plan: Any) -> Bench:
-    """Sent backward to 60 mm, where it stands: 59 740."""
+    """Return a mover that went backward to 60 mm and is there: 59 740."""
     memory = Memory()
     memory.words[HOMED.address] = 1 << HOMED.bit
     bits = {"referenced": Reference.DRIVE_BIT, "bits": {"homed": HOMED}}
@@ -180,7 +180,7 @@ def test_m4_a_drive_that_refuses_to_report_its_position_gets_the_same_words() ->
 
 
 def staged(*, is_polled: bool = True, **plan: Any) -> StagedBench:
-    """Run forward to 60 mm, where it stands: 60 410."""
+    """Return a staged drive that went forward to 60 mm and is there: 60 410."""
     bench = StagedBench(
         staged_plan(table=WORN, referenced=Reference.DRIVE_BIT, **plan), timing=LineTiming(drain_ms=1)
     )
@@ -195,7 +195,7 @@ def staged(*, is_polled: bool = True, **plan: Any) -> StagedBench:
 
 
 def switch_off(bench: StagedBench, *, is_homed: bool = False, at: int = 20_000) -> None:
-    """Silent for 3 s under polls, then back from another zero."""
+    """Let the drive be silent for 3 s under polls, then answer with another zero."""
     for _ in range(3):
         bench.unanswered(STATUS_PDU, 1001, 2)
     bench.wait(1000)
@@ -205,7 +205,7 @@ def switch_off(bench: StagedBench, *, is_homed: bool = False, at: int = 20_000) 
 
 
 def test_m9_a_drive_that_comes_back_with_another_zero_gets_no_correction() -> None:
-    """Staged 1:1 and written anew as 60 410 at its trigger, without a look: so it was."""
+    """Before, the target was staged 1:1 and written again as 60 410 at its trigger, without a read."""
     bench = staged()
     switch_off(bench)
     bench.stage(60_000)
@@ -270,7 +270,7 @@ def test_m4_an_axis_at_its_target_gets_the_same_words_with_each_repeat() -> None
 
 
 def test_m9_a_reading_of_an_axis_that_moves_proves_nothing() -> None:
-    """It is seen within the window of its target on the way past it."""
+    """Its reading is within the window of its target while it passes by."""
     bench = staged(added_frames=False)
     switch_off(bench, at=60_075)
     bench.drive.set_bits(is_done=False, is_homed=False)
@@ -293,7 +293,7 @@ def test_m4_an_axis_without_an_actual_position_runs_its_target_after_a_lost_link
 
 
 class ConnectedBench(StagedBench):
-    """The same drive behind a connection, whose server may close it behind an answer."""
+    """The same drive behind a connection, which its server may close after an answer."""
 
     def serve(self) -> None:
         super().serve()
@@ -303,7 +303,7 @@ class ConnectedBench(StagedBench):
 
 
 def after_a_close(*, is_orderly: bool = True) -> StagedBench:
-    """The connection was closed for 3 s while the axis stood at 60 410; nothing was staged since."""
+    """Return an axis at 60 410 whose connection was closed for 3 s; nothing was staged since."""
     bench = ConnectedBench(staged_plan(table=WORN, referenced=Reference.DRIVE_BIT), link=Connection())
     bench.ask(STATUS_PDU)
     bench.run(60_000)
@@ -416,7 +416,7 @@ IGNORES = MotionPlan(modes=(ModePlan(MODE, actions={1: Action.ABSOLUTE}, otherwi
 
 
 def test_words_written_in_a_mode_without_targets_do_not_make_the_next_target_a_repeat() -> None:
-    """M4: in mode 9 the drive keeps 3000 and stands at 10; in mode 1 the same words are a target: 3010."""
+    """M4: in mode 9 the drive keeps 3000 and is at 10; in mode 1 the same words are a target: 3010."""
     bench = Bench(axis_plan(motion=IGNORES))
     bench.ask(mode(1))
     bench.move(-5000, 0)
@@ -498,8 +498,9 @@ def test_w8_a_trigger_register_that_is_known_is_not_read_before_a_position() -> 
 
 @pytest.mark.parametrize("word", [1, 0xFFFC])
 def test_no_target_is_written_again_while_the_drive_follows_its_register(word: int) -> None:
-    """M2: +1000 went out as +1020, from 1990 to 3010. Written anew for the trigger, as 1000 in the same
-    direction, it would move the drive at once, and the trigger once more. 0xFFFC means what nobody knows."""
+    """M2: +1000 was sent as +1020, from 1990 to 3010. Written again for the trigger, as 1000 in the same
+    direction, it would move the drive immediately, and the trigger once more. The meaning of 0xFFFC is
+    unknown."""
     bench = following_bench()
     assert isinstance(bench.memory, FollowingDrive)
     assert bench.memory.ends == [5010, 1990, 3010]
@@ -528,8 +529,8 @@ OTHER = PositionField(0x0700, RegisterType.INT32, WordOrder.LOW_FIRST)
 
 
 def test_a_lost_target_of_one_path_does_not_run_once_another_path_has_a_new_one() -> None:
-    """M3: path 2 holds 1000 (1010), 0x7FFFFFFF for it is refused. A target for path 1 ends the block of the
-    axis; path 2 still holds what nobody means, also where stored moves may pass."""
+    """M3: path 2 holds 1000 (1010), and 0x7FFFFFFF for it is refused. A target for path 1 unblocks the axis.
+    Path 2 still holds a wrong target, also if stored moves may pass."""
     plan = staged_plan(command=(COMMAND, OTHER), motion=TWO_PATHS, bits={"done": BitField(STATUS, DONE_BIT)})
     bench = Bench(plan, serial=False)
     bench.memory.words[STATUS] = 1 << DONE_BIT
@@ -549,8 +550,8 @@ def test_a_lost_target_of_one_path_does_not_run_once_another_path_has_a_new_one(
 
 
 def test_words_that_were_in_the_register_before_prove_no_target() -> None:
-    """M7: 1000 by the other register went out as 1010 long ago; given again it is lost. What is read there is
-    what the first one left. 800 from 500 (490) may come from either side: flagged."""
+    """M7: 1000 through the other register was sent as 1010 long ago; its repeat is lost. The words read there
+    are still those of the first. 800 from 500 (490) may be on either branch: flagged."""
     plan = axis_plan(command=(COMMAND, OTHER), actual=(), bits={"done": BitField(STATUS, DONE_BIT)})
     bench = Bench(plan, serial=False, tcp_drive=True)
     bench.memory.words[STATUS] = 1 << DONE_BIT
@@ -570,8 +571,8 @@ def test_words_that_were_in_the_register_before_prove_no_target() -> None:
 
 
 def test_a_target_beside_the_one_before_is_not_proven_by_the_arrival_at_that_one() -> None:
-    """M7: 1000 runs as 1010; the trigger of 1001 (1011) is lost on the way there. The axis comes to 1010,
-    which is within the hysteresis of both. It stands at 1000: to go there once more moves nothing."""
+    """M7: 1000 runs as 1010; the trigger of 1001 (1011) is lost on the way there. The axis arrives at 1010,
+    which is within the hysteresis of both. It is at 1000: a repeat of that moves nothing."""
     bench = StagedBench(staged_plan(), serial=False, tcp_drive=True)
     bench.run(1000)
     bench.drive.pass_by(500)

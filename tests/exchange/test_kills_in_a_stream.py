@@ -1,4 +1,4 @@
-"""A gateway killed in a stream, in any instant: the drive goes on without a step, or it is said."""
+"""A gateway killed in a stream at any instant: the drive continues without a step, or an event reports it."""
 
 import random
 from itertools import pairwise
@@ -22,7 +22,8 @@ STEP = 40
 
 
 class Follower(Memory):
-    """A drive that goes to what it was told, so many counts in a millisecond; None: it is there at once."""
+    """A drive that follows its setpoints by so many counts in a millisecond; None: it is there
+    immediately."""
 
     def __init__(self, counts_per_ms: float | None, at: int) -> None:
         super().__init__()
@@ -43,7 +44,7 @@ class Follower(Memory):
         return super().answer(pdu)
 
     def copy(self) -> "Follower":
-        """Return another drive that is where this one is, and has been told the same."""
+        """Return a copy of this drive: the same position and the same setpoint."""
         copied = Follower(self.counts_per_ms, 0)
         copied.words, copied.place = dict(self.words), self.place
         return copied
@@ -59,7 +60,7 @@ class Line:
         self.bench = RecordBench(plan, records=records, memory=drive, start_ns=now_ns or 1_000 * MS)
 
     def follow(self, counts: int) -> float:
-        """Feed one setpoint; return what the drive was told."""
+        """Feed one setpoint; return the setpoint in the drive."""
         if not self.bench.link.sent:  # else it left before the kills of this cycle
             self.bench.send(write(COMMAND, counts))
         self.bench.serve()
@@ -69,9 +70,10 @@ class Line:
         return self.drive.get(COMMAND)
 
     def killed(self, counts: int, instant: str, away_ms: int) -> "Line":
-        """Kill it within the cycle of this setpoint; another one comes so much later.
+        """Kill the gateway within the cycle of this setpoint; a new one starts so much later.
 
-        That one has a drive of its own: this one may be killed again, later in the cycle, and go on itself.
+        The new gateway has a drive of its own: this one may be killed again, later in the cycle, and may also
+        continue.
         """
         bench, drive = self.bench, self.drive.copy()
         if instant != "between":
@@ -99,7 +101,8 @@ def setpoints(seed: int, number: int = 240) -> list[int]:
 
 @pytest.mark.parametrize("counts_per_ms", [None, 30.0, 11.0], ids=["at once", "30 mm/s", "11 mm/s"])
 def test_the_correction_goes_on_within_a_step_of_its_blend(counts_per_ms: float | None) -> None:
-    """Killed between two setpoints, with one sent, and with one taken; what goes on says what is right."""
+    """Killed between two setpoints, with one sent, and with one executed; the run that is not killed is the
+    reference."""
     plan = stream_plan(
         table=LIFTED, reload_distance=2.0, reversal=Reversal(ReversalKind.DISTANCE, 4.0), max_slope=0.2
     )
@@ -121,7 +124,7 @@ def test_the_correction_goes_on_within_a_step_of_its_blend(counts_per_ms: float 
 
 
 def lagging() -> Line:
-    """A drive that is two millimetres behind its setpoints when the gateway is killed."""
+    """Return a line whose drive is two millimetres behind its setpoints when the gateway is killed."""
     line = Line(stream_plan(table=LIFTED, home_approach=1), Follower(5.0, 20_000))
     for counts in range(20_000, 24_000, STEP):
         line.follow(counts)
@@ -175,7 +178,7 @@ def test_a_record_says_of_which_boot_it_is() -> None:
 
 
 class Watching(Link):
-    """Looks what a record says at the moment in which a frame leaves."""
+    """Reads the record at the moment in which a frame is sent."""
 
     def __init__(self, records: Records) -> None:
         super().__init__()

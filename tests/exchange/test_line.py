@@ -1,4 +1,4 @@
-"""Who may send, what happens when there is no answer, and what is never sent."""
+"""Which requests are sent, what happens without an answer, and which frames are never sent."""
 
 from typing import Any, Final
 
@@ -91,7 +91,7 @@ def test_w5_a_serial_controller_that_repeats_withdraws_what_it_sent_before() -> 
 
 
 def test_withdrawn_requests_are_reported_once_a_second_for_each_controller() -> None:
-    """Thirty reads of two panels wait while a drive takes its time, and both connections end."""
+    """Thirty reads of each of two panels wait for a slow drive, and both connections end."""
     bench = Bench(serial=False)
     busy, panel, other = (Port(ControllerPlan(name)) for name in ("cnc", "panel", "other"))
     bench.send(OTHER, busy)
@@ -131,7 +131,7 @@ def test_a_late_reply_is_not_passed_on_for_the_next_request_of_a_serial_controll
     ],
 )  # fmt: skip
 def test_a_request_that_lacks_bytes_never_reaches_the_drives(pdu: str) -> None:
-    """A drive's server that closes or hangs on it would take the answers of everybody else with it."""
+    """If it made a drive's server close or hang, all other controllers would lose their answers."""
     request = bytes.fromhex(pdu)
     for bench in (Bench(), Bench(serial=False)):
         bench.send(request)

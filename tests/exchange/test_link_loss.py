@@ -22,7 +22,7 @@ READ_HOMED = bytes.fromhex("03 1003 0001")
 
 
 def homed_bench(**timing: Any) -> ConnectionBench:
-    """An axis whose drive's homed bit references it, and was read."""
+    """Return an axis whose reference depends on the homed bit of its drive, which was read."""
     bench = ConnectionBench(axis_plan(referenced=Reference.DRIVE_BIT, bits={"homed": HOMED}), **timing)
     bench.memory.words[HOMED.address] = 1 << HOMED.bit
     bench.ask(READ_HOMED)
@@ -95,7 +95,7 @@ def test_a_connection_is_requested_every_100_ms_while_a_request_waits() -> None:
 
 
 def test_a_request_that_may_write_is_sent_only_while_half_of_the_time_out_remains() -> None:
-    """Up after 499 ms; the reads that go first take until 501 ms."""
+    """The link is up after 499 ms; the reads that are sent first take until 501 ms."""
     bench = homed_bench()
     bench.until(2000)  # nothing is known of it any more once the connection is lost
     bench.peer_closes()
@@ -232,7 +232,8 @@ def test_w11_a_dead_drive_stays_dead_over_a_short_close_and_is_tried_again_after
 
 
 def test_w5_nothing_is_sent_on_a_connection_that_its_server_closes_after_each_answer() -> None:
-    """It closed 0.2 ms after its first answer: for 20 ms after the next nothing leaves, not even a stop."""
+    """It closed 0.2 ms after its first answer: for 20 ms after the next answer nothing is sent, not even a
+    stop."""
     bench = ConnectionBench(axis_plan(motion=STAGED), settled=False)
     bench.send(READ)
     bench.serve_one()
@@ -277,7 +278,7 @@ def test_a_server_whose_connection_is_open_20_ms_after_its_answer_has_shown_that
     assert bench.link.take() == write(COMMAND, 50_010)
 
 
-# --- connections that we close ------------------------------------------------------------------------------
+# --- connections that the gateway closes --------------------------------------------------------------------
 
 
 def test_a_connection_on_demand_is_closed_after_an_idle_second_without_an_event() -> None:
@@ -325,7 +326,7 @@ def test_a_connection_is_renewed_after_max_connection_s_while_no_axis_moves() ->
     assert bench.connection.hung_up == [True]
 
 
-# --- what is told -------------------------------------------------------------------------------------------
+# --- reported events ----------------------------------------------------------------------------------------
 
 
 def test_line_down_is_reported_once_a_minute_for_each_reason() -> None:
@@ -377,7 +378,7 @@ def test_a_missing_serial_port_is_answered_as_absent_immediately() -> None:
     assert bench.connection.wanted == 0
 
 
-# === a drive that went away may have forgotten where it is ===============================================
+# === a drive that was away may have lost its reference ===================================================
 
 
 def corrected_bench(**plan: object) -> Bench:

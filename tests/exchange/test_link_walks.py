@@ -1,4 +1,5 @@
-"""Random walks over connections that come and go: what leaves, how often, and who is answered (W5)."""
+"""Random walks over connections that come and go: which requests are sent, how often, and which are answered
+(W5)."""
 
 import random
 from dataclasses import dataclass
@@ -20,14 +21,14 @@ WRITES = frozenset({6, 16})
 
 @dataclass
 class Asked:
-    """A request, and who waits for its answer."""
+    """A request, and the port that waits for its answer."""
 
     pdu: bytes
     port: Port
 
 
 class Walk:
-    """One bench, and what has to hold of it after each step."""
+    """One bench, and the rules that must hold after each step."""
 
     def __init__(self, seed: int) -> None:
         self.random = random.Random(seed)
@@ -52,7 +53,7 @@ class Walk:
         self.note()
 
     def note(self) -> None:
-        """Take what was sent from the link, and look at it."""
+        """Take the sent requests from the link, and check them."""
         bench = self.bench
         held = bench.line._renewal.held
         new, bench.link.sent = bench.link.sent, []
@@ -103,7 +104,7 @@ class Walk:
         self.bench.send(pdu, port)
 
     def pass_time(self, ms: float) -> None:
-        """Let time pass, deadline by deadline, and look at what leaves at each."""
+        """Let time pass, deadline by deadline, and check the requests sent at each."""
         bench, end_ns = self.bench, self.bench.now_ns + int(ms * MS)
         while (due_ns := bench.line.deadline_ns) is not None and due_ns <= end_ns:
             bench.now_ns = max(due_ns, bench.now_ns)
@@ -112,7 +113,8 @@ class Walk:
         bench.now_ns = end_ns
 
     def end(self) -> None:
-        """Nothing waits for ever, and nobody was answered twice: W5 has no answer for who gave up."""
+        """Check that no request waits for ever and none was answered twice: W5 has no answer for a request
+        that was given up."""
         for _ in range(20):
             if not self.bench.line.is_up:
                 self.pass_time(5)

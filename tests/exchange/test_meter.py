@@ -1,4 +1,4 @@
-"""What an exchange costs: legs, waiting, the drive; and the budget of its axes (DESIGN 8)."""
+"""The times of an exchange: its parts, waiting, the drive; and the budget of its axes (DESIGN 8)."""
 
 from gateway.exchange.latency import middle_ns
 from gateway.exchange.latency_status import AT_FIRST, PARTS, LatencyStatus
@@ -14,7 +14,7 @@ ANSWER = bytes.fromhex("03 02 0000")
 
 
 class TimedPort(Port):
-    """A port that takes its time: ``turn_ns`` until a reply is ready, ``write_ns`` to write it."""
+    """A slow port: it takes ``turn_ns`` until a reply is ready, and ``write_ns`` to write it."""
 
     def __init__(self, plan: ControllerPlan) -> None:
         super().__init__(plan)
@@ -27,7 +27,7 @@ class TimedPort(Port):
 
 
 class TimedLink(Link):
-    """A link that takes its time."""
+    """A slow link."""
 
     def __init__(self) -> None:
         super().__init__()

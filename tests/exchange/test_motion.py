@@ -1,4 +1,4 @@
-"""Where an axis is: old done bits, short reversals, jogs and distances that were not seen (M4, M5, M6)."""
+"""The position of an axis: old done bits, short reversals, unseen jogs and distances (M4, M5, M6)."""
 
 from typing import Any
 
@@ -104,7 +104,7 @@ def test_m6_done_that_did_not_fall_counts_after_done_drop_ms() -> None:
 
 
 def test_m6_a_position_on_the_way_from_a_known_start_shows_the_direction() -> None:
-    """Nor does it matter that either branch could have brought a standing axis there."""
+    """The reading could belong to either branch of a standing axis, which does not matter."""
     bench = Bench(axis_plan(table=WORN, bits={"done": DONE}))
     bench.move(60_000)
     done(bench, is_set=True)
@@ -131,7 +131,7 @@ def test_m6_a_sample_has_the_time_of_its_request() -> None:
 
 
 def test_m9_a_read_that_waited_behind_another_one_is_no_jump() -> None:
-    """It came before the other one and was sent after it: samples follow each other as they were sent."""
+    """It came before the other read and was sent after it: samples are ordered by when they were sent."""
     bench = Bench(axis_plan(table=WORN, bits={"done": DONE}), serial=False)
     bench.move(60_000)
     bench.actual()
@@ -195,11 +195,11 @@ def test_m6_a_trembling_target_is_reported_and_repeat_within_counts_ends_it() ->
     assert "branch-hunts" not in bench.kinds()
 
 
-# --- rule 7: what nobody saw -------------------------------------------------------------------------------
+# --- rule 7: unseen motion ---------------------------------------------------------------------------------
 
 
 def jogged(**changes: object) -> Bench:
-    """An axis that was sent to 100 mm, was seen to be done there, and was jogged to 150 mm unseen."""
+    """Return an axis that went to 100 mm, was read as done there, and was jogged to 150 mm unseen."""
     bench = Bench(axis_plan(table=WORN, bits={"done": DONE}, **changes))
     bench.ask(write(COMMAND, 100_000))
     done(bench, is_set=False)
@@ -241,7 +241,8 @@ def test_m6_no_position_is_read_for_an_axis_that_its_controller_polls() -> None:
 
 
 def test_m6_a_done_bit_read_after_a_pause_does_not_show_the_position() -> None:
-    """The jog is over by then, and the bit looks as it did before. Who polled it all the time saw it fall."""
+    """The jog is over by then, and the bit is set as before. A controller that polls all the time would have
+    read it clear."""
     bench = jogged()
     done(bench, is_set=True)
     assert bench.frames(write(COMMAND, 120_000)) == [read(ACTUAL), write(COMMAND, 119_740)]
@@ -252,7 +253,7 @@ def test_m6_a_done_bit_read_after_a_pause_does_not_show_the_position() -> None:
 
 
 def test_m6_an_axis_that_is_done_elsewhere_is_no_longer_on_its_way() -> None:
-    """Sent to 100 mm, jogged to 150 mm: nobody saw it arrive; it has been done, and is elsewhere."""
+    """Sent to 100 mm, jogged to 150 mm: its arrival was not read; it is done, and is elsewhere."""
     bench = Bench(axis_plan(table=WORN, bits={"done": DONE}))
     bench.ask(write(COMMAND, 100_000))
     bench.wait(1100)
@@ -295,7 +296,7 @@ def test_the_added_read_does_not_count_towards_the_deadline() -> None:
     assert bench.link.take() == write(COMMAND, 119_740)
 
 
-# --- rule 4: distances that nobody acknowledged ------------------------------------------------------------
+# --- rule 4: unacknowledged distances ----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("reply", ["lost", "refused"])
@@ -323,7 +324,7 @@ def standing_with_done() -> StagedBench:
 
 
 def distance(bench: StagedBench, reply: str, *, has_run: bool) -> None:
-    """Trigger +10 mm; the drive runs it or not, and its acknowledgement does not come."""
+    """Trigger +10 mm; the drive runs it or not, and does not acknowledge it."""
     bench.stage(10_000)
     bench.send(RUN_RELATIVE_PDU)
     bench.serve_writes()
@@ -377,7 +378,7 @@ def test_m5_there_is_no_base_before_done_drop_ms_have_passed() -> None:
 
 @pytest.mark.parametrize("base", [Action.RELATIVE_TO_ACTUAL, Action.RELATIVE_TO_COMMANDED])
 def test_m5_a_done_bit_of_the_move_before_gives_no_base(base: Action) -> None:
-    """The drive says done until it has started: where it passes by is no place to count from."""
+    """The drive reports done until it has started: a position on the way is no base."""
     bench = StagedBench(staged_plan(table=SCREW, motion=relative_by(base), commanded=()))
     bench.go_to(45_000)
     bench.run(60_000)
@@ -446,7 +447,7 @@ def test_m5_a_distance_that_passed_unchanged_is_also_a_motion() -> None:
 
 
 def test_m5_a_distance_has_no_base_if_the_added_read_is_refused() -> None:
-    """Somebody may have jogged it, and the drive counts from there."""
+    """The axis may have been jogged, and the drive would count from its new position."""
     bench = StagedBench(staged_plan(table=SCREW, commanded=(), motion=relative_by(Action.RELATIVE)))
     bench.go_to(45_000)
     bench.stage(10_000)
@@ -489,7 +490,7 @@ def test_m5_there_is_no_base_if_both_ends_lie_in_the_window() -> None:
     assert bench.refused(RUN_RELATIVE_PDU) == 6
 
 
-# --- references that come and go ---------------------------------------------------------------------------
+# --- references that are lost and found --------------------------------------------------------------------
 
 HOMED = BitField(0x0031, 5)
 
@@ -557,7 +558,7 @@ def test_m9_a_retained_target_moves_nothing_after_a_silence_in_which_the_referen
 
 
 def homed_bench() -> Bench:
-    """An axis that its drive's homed bit references, sent backward to 60 mm."""
+    """Return an axis whose reference depends on the homed bit, after a move backward to 60 mm."""
     plan = axis_plan(table=WORN, referenced=Reference.DRIVE_BIT, bits={"homed": HOMED})
     bench = Bench(plan, timing=LineTiming(drain_ms=1), memory=homed_memory())
     bench.move(100_000)
@@ -600,7 +601,7 @@ def test_m9_a_repeat_moves_nothing_if_the_homed_bit_is_clear_afterwards(trouble:
 @pytest.mark.parametrize("stands_at", [59_740, 52_000])
 @pytest.mark.parametrize("trouble", ["a long silence", "a cut"])
 def test_m6_a_repeat_is_rendered_again_if_the_homed_bit_is_still_set(trouble: str, stands_at: int) -> None:
-    """Somebody may have moved it: it is looked at, and one that stands where it was told gets the same."""
+    """The axis may have been moved: its position is read, and an axis at its target gets the same words."""
     bench = homed_bench()
     bench.memory.put(ACTUAL, stands_at)
     if trouble == "a cut":
@@ -688,7 +689,7 @@ BUSY, ADDRESS = bytes.fromhex("83 06"), bytes.fromhex("83 02")
 
 
 def just_jogged(at: int, *, ms: float = 300, is_done: bool = True, **changes: Any) -> StagedBench:
-    """An axis that arrived at 45 mm forward, was jogged, and is somewhere then."""
+    """Return an axis that arrived at 45 mm forward, was jogged, and is then at a given position."""
     bench = StagedBench(staged_plan(table=WORN, **changes))
     bench.go_to(45_000)
     bench.trigger(JOG_PDU)
@@ -776,11 +777,11 @@ def test_m5_a_distance_right_after_a_jog_is_refused(change: dict[str, Any]) -> N
     assert bench.refused(RUN_RELATIVE_PDU) == 6
 
 
-# --- a drive that answers a look with an exception ---------------------------------------------------------
+# --- a drive that answers an added read with an exception --------------------------------------------------
 
 
 class Reluctant(Memory):
-    """Refuses reads of its actual position, as often as it is told to."""
+    """Refuses reads of its actual position, once for each entry of ``refusals``."""
 
     def __init__(self, *refusals: bytes) -> None:
         super().__init__()
@@ -793,7 +794,8 @@ class Reluctant(Memory):
 
 
 def unseen(*refusals: bytes, jogged_to: int = 150_000, **changes: object) -> Bench:
-    """An axis that arrived at 100 mm forward, was jogged unseen, and whose drive refuses reads then."""
+    """Return an axis that arrived at 100 mm forward, was jogged unseen, and whose drive then refuses
+    reads."""
     memory = Reluctant()
     bench = Bench(axis_plan(table=WORN, bits={"done": DONE}, **changes), memory=memory)
     bench.ask(write(COMMAND, 100_000))
@@ -871,7 +873,7 @@ def test_w8_single_refusals_do_not_end_the_added_reads() -> None:
 
 @pytest.mark.parametrize("refusals", [(BUSY, BUSY), (ADDRESS, ADDRESS)])
 def test_m6_the_same_target_again_keeps_its_words_and_is_flagged(refusals: tuple[bytes, ...]) -> None:
-    """It may have been jogged, and comes from there."""
+    """The axis may have been jogged, and may come from another position."""
     bench = unseen(*refusals)
     bench.ask(write(COMMAND, 100_000))
     assert bench.seen == [read(ACTUAL), read(ACTUAL), write(COMMAND, 100_410)]
@@ -879,7 +881,8 @@ def test_m6_the_same_target_again_keeps_its_words_and_is_flagged(refusals: tuple
 
 
 def test_w8_a_drive_that_reports_its_position_to_its_controller_is_tried_again_once() -> None:
-    """Two exceptions in a row, and never again: a jog that nobody sees must not cost the branch for weeks."""
+    """Two exceptions in a row must not end the reads for ever: else one unseen jog makes the branch wrong for
+    weeks."""
     bench = unseen(ADDRESS, ADDRESS)
     bench.ask(write(COMMAND, 120_000))
     assert bench.actual() == 150_000 - 410
@@ -904,7 +907,8 @@ def test_m6_the_same_target_again_is_flagged_once_added_reads_have_ended() -> No
 
 
 def test_w8_both_reads_are_sent_within_half_of_the_controllers_time_out() -> None:
-    """1,000 ms: after 501 ms it is not asked again, and the target goes without; after 500 ms it is."""
+    """1,000 ms: after 500 ms the read is repeated; after 501 ms it is not, and the target is sent without
+    it."""
     for after_ms, reads in ((500, 2), (501, 1)):
         bench = unseen(BUSY)
         bench.send(write(COMMAND, 120_000))
@@ -918,7 +922,7 @@ def test_w8_both_reads_are_sent_within_half_of_the_controllers_time_out() -> Non
 
 
 class ReluctantDrive(StagedDrive):
-    """The same of a drive that waits for a trigger."""
+    """A drive that waits for a trigger and refuses reads of its actual position."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -931,7 +935,7 @@ class ReluctantDrive(StagedDrive):
 
 
 def refusing(*refusals: bytes) -> StagedBench:
-    """A staged axis that arrived at 45 mm forward, and was not seen for a while."""
+    """Return a staged axis that arrived at 45 mm forward, and was not read for a while."""
     drive = ReluctantDrive()
     plan = staged_plan(table=WORN, commanded=(), motion=relative_by(Action.RELATIVE))
     bench = StagedBench(plan, serial=False)
@@ -990,7 +994,7 @@ def test_w8_a_refused_read_at_the_start_is_repeated_once_too() -> None:
 
 
 def test_w8_the_drive_of_a_stream_is_no_longer_read_once_it_becomes_busy() -> None:
-    """It stood a millimetre behind its last setpoint when it was read first, and says "busy" from then on."""
+    """At the first reading it was a millimetre behind its last setpoint; from then on it answers "busy"."""
     bench = RecordBench(stream_plan())
     for counts in (30_000, 30_100, 30_200):
         bench.ask(write(COMMAND, counts))

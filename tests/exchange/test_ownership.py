@@ -1,4 +1,4 @@
-"""One writer at a time for each axis (W10): who holds it, who is refused, what a take-over leaves behind."""
+"""One writer at a time for each axis (W10): its hold, refusals, and the state after a take-over."""
 
 from dataclasses import replace
 
@@ -192,7 +192,7 @@ def test_w10_a_controller_that_connects_again_is_the_same_writer() -> None:
 
 
 def test_w10_a_refused_frame_does_not_void_the_target_of_the_writer() -> None:
-    """Its target stands in the drive, and its trigger runs it (M3 is for the one who was refused)."""
+    """Its target is still in the drive, and its trigger runs it (M3 applies to the refused controller)."""
     bench = StagedBench(staged_plan())
     cnc, panel = controller("cnc"), controller("panel")
     move(bench, cnc, 4_000)
@@ -444,7 +444,7 @@ def test_m3_a_target_beside_the_writers_own_stop_runs() -> None:
 
 
 def test_m3_a_mode_that_was_refused_in_fc23_is_not_forgotten_for_another_fc23() -> None:
-    """Both read the same; what they write is not the same, and each loss counts."""
+    """Both frames read the same register; they write different ones, and each loss counts."""
     bench = StagedBench(staged_plan(motion=sticky()))
     cnc, panel = controller("cnc"), controller("panel")
     assert bench.ask(MODE_ABSOLUTE, cnc) == MODE_ABSOLUTE
@@ -479,7 +479,8 @@ def test_m3_a_controller_may_end_its_jog_although_another_one_took_the_axis_over
 
 
 def test_w10_a_group_that_was_taken_over_moves_with_frames_that_write_and_run() -> None:
-    """M11: the former writer's targets are lost for both axes, and neither may wait for the other."""
+    """M11: the targets of the former writer are lost for both axes, and no axis may wait for the other
+    one."""
     motion = MotionPlan(starts_on=frozenset({COMMAND.address}), is_staged=True)
     plans = [axis_plan(name=name, unit_id=n, motion=motion) for n, name in enumerate(("y1", "y2"), start=1)]
     bench = Bench(*plans, groups=[("y1", "y2")])
@@ -508,7 +509,7 @@ def test_w10_a_group_that_was_taken_over_runs_no_target_of_its_former_writer() -
 
 
 def test_w10_a_target_of_the_former_writer_that_never_ran_blocks_no_frames_that_write_and_run() -> None:
-    """M11: the panel writes and runs in one frame, so it never writes again what the CNC has left there."""
+    """M11: the panel writes and runs in one frame, so it never writes the target of the CNC again."""
     place = PositionField(TRIGGER + 1, COMMAND.type, COMMAND.order)
     plans = [staged_plan(name=name, unit_id=n, command=(place,)) for n, name in enumerate(("y1", "y2"), 1)]
     bench = Bench(*plans, groups=[("y1", "y2")])

@@ -1,4 +1,4 @@
-"""Parts of an axis, each asked alone: where it is, its reference, what is on the wire, its triggers."""
+"""Parts of an axis, each tested alone: its motion, its reference, the target on the wire, its triggers."""
 
 from collections.abc import Callable
 from typing import Final
@@ -35,7 +35,7 @@ def state(axis: Axis) -> MotionState:
 
 
 def arrived(axis: Axis, counts: int, at: int, at_ms: int = 5) -> None:
-    """It goes to a target, and its drive reports done at a position."""
+    """Let an axis go to a target, and its drive report done at a position."""
     acknowledge(axis, counts)
     axis.motion.observe_done(3 * MS, is_done=True)
     axis.observe_actual(ACTUAL, ACTUAL.pack(at), at_ms * MS)
@@ -340,7 +340,7 @@ def test_without_an_open_target_no_reading_proves_one() -> None:
 
 
 def test_an_axis_continues_in_the_state_of_its_record() -> None:
-    """Sent off at 9 ms: what was asked for before is older."""
+    """It starts at 9 ms: a bit requested before that is older."""
     axis = an_axis()
     axis.compensation.accept_again(Accepted(50_000, 50_010))
     axis.motion.resume(MotionState.ARRIVED, 9 * MS, 0)

@@ -145,7 +145,8 @@ STATUS = bytes.fromhex("03 005C 0001")
 
 
 def unreferenced(counts: int, **changes: object) -> Bench:
-    """An axis at a target whose link was lost and whose homed bit is gone since: nothing of it is known."""
+    """Return an axis at a target whose link was lost, and whose homed bit is clear since: its words are
+    unknown."""
     bench = Bench(axis_plan(referenced=Reference.DRIVE_BIT, bits={"homed": HOMED}, **changes))
     bench.memory.words[HOMED.address] = 1 << 4
     bench.ask(STATUS)

@@ -1,4 +1,4 @@
-"""How an axis goes on after a kill: its state, and at which end of its last move it is."""
+"""How an axis is restored after a kill: its state, and at which end of its last move it is."""
 
 from dataclasses import replace
 from typing import Any, Final
@@ -92,7 +92,7 @@ def test_an_axis_on_its_way_is_restored_as_moving_whatever_its_bits_were(was_don
 
 
 def test_a_drive_with_triggers_may_have_stopped_on_its_way() -> None:
-    """Without its master it may stop: the next distance begins where it is (M5)."""
+    """Without its master the drive may stop: the next distance begins at its position (M5)."""
     bench = RecordBench(axis_plan(motion=STAGED))
     for counts in (20_000, 50_000):
         bench.ask(write(COMMAND, counts))
@@ -143,7 +143,7 @@ def test_a_record_that_was_not_used_is_not_used_in_a_later_run_either() -> None:
 
 
 def test_m11_a_group_is_restored_whole_or_not_at_all() -> None:
-    """The table of one axis was replaced meanwhile, and nobody kept the one that was in force."""
+    """The table of one axis was replaced meanwhile, and the one in force was not kept."""
     x = axis_plan()
     y = axis_plan(name="y", command=(Y_COMMAND,), actual=(Y_ACTUAL,))
     bench = RecordBench(x, y, groups=[["x", "y"]])
@@ -207,7 +207,7 @@ from 20 mm, so that the axis may have been stopped there as well."""
 
 
 class Started(StagedBench):
-    """A gateway that is started in front of a drive as it is, at an instant."""
+    """A gateway that is started at an instant, with a drive in its present state."""
 
     def __init__(
         self, records: Records, drive: StagedDrive, start_ns: int, plan: AxisPlan | None = None, **others: Any
@@ -235,7 +235,8 @@ def is_open(bench: Bench) -> bool:
 
 
 def killed(*, runs: bool = True, distance: int = -15_000, **changes: Any) -> tuple[StagedBench, Records]:
-    """An axis that went from 20 to 50 mm unseen, and then a distance whose reply was never taken note of."""
+    """Return an axis that went from 20 to 50 mm unseen, and then got a distance; the gateway was killed
+    before its reply."""
     records = Records()
     bench = StagedBench(staged_plan(**changes), before_up=records.attach)
     bench.go_to(20_000)
@@ -298,7 +299,7 @@ def test_m5_a_distance_that_never_reached_the_drive_is_void_once_its_start_was_s
 
 @pytest.mark.parametrize("place", [START, END])
 def test_m5_no_reading_counts_before_done_drop_ms_have_passed(place: int) -> None:
-    """The done bit may be that of the move before until 1,000 ms are over: nothing more is asked."""
+    """Until 1,000 ms have passed the done bit may be that of the move before: no more reads are sent."""
     bench, records = killed(runs=place == END)
     started = again(bench, records, 400)
     assert started.seen == [read(ACTUAL)]
@@ -451,7 +452,8 @@ def test_m5_the_branch_of_the_next_target_is_decided_on_the_scale_of_the_drive()
 
 
 def test_m5_a_distance_has_the_time_of_its_trigger() -> None:
-    """The target was rendered, then written anew for 700 ms: the time to start begins with the trigger."""
+    """The target was rendered, and writing it again took 700 ms: the time to start begins with the
+    trigger."""
     bench = StagedBench(staged_plan(), before_up=(records := Records()).attach)
     bench.go_to(20_000)
     bench.run(50_000)
@@ -515,7 +517,7 @@ def test_m6_the_branch_is_flagged_until_the_target_was_seen_twice() -> None:
 
 
 def test_m6_an_axis_that_continues_to_the_target_before_has_that_one() -> None:
-    """It passed the lost target when it was read, and is at 80 mm two seconds later."""
+    """The axis passed the lost target when it was read, and is at 80 mm 1.1 s later."""
     bench, _ = retargeted()
     bench.memory.put(ACTUAL, 34_990)
     bench.now_ns += 300 * MS
@@ -531,7 +533,7 @@ def test_m6_an_axis_that_continues_to_the_target_before_has_that_one() -> None:
 
 
 def test_every_reading_at_an_end_leads_where_the_table_says() -> None:
-    """By hand: twice at one end decides; once elsewhere, and it begins anew."""
+    """By hand: two readings at one end decide; a reading elsewhere begins the count again."""
     by_hand = walk("""
              one           two       at-start      at-end    none
     start    not-executed  at-start  not-executed  at-start  none

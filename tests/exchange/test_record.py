@@ -1,4 +1,4 @@
-"""What a record says: a gateway that was killed goes on from it, with the same words and readings."""
+"""Records: a gateway that was killed is restored from them, with the same words and readings."""
 
 from typing import Any
 
@@ -159,7 +159,7 @@ def test_setpoints_continue_after_a_kill_with_the_same_words(
 
 
 def test_a_change_over_requested_before_the_kill_is_made_after_it() -> None:
-    """Off and on again without a setpoint between: what is in force is not what is wanted any more."""
+    """Off and on again without a setpoint between: the correction in force is not the requested one."""
     ops: list[Op] = [("follow", at, 1.0) for at in (30_000, 31_000, 32_000, 33_000)]
     ops += [("switch", 0, 0.0), ("switch", 1, 0.0)]
     ops += [("follow", at, 1.0) for at in (33_400, 33_800, 33_600, 33_200, 32_800, 32_000)]
@@ -376,7 +376,7 @@ def test_a_second_kill_before_the_drive_answered_does_not_change_the_record() ->
 
 
 class Dumb(Memory):
-    """Refuses everything until it speaks."""
+    """Refuses every request until ``speaks`` is set."""
 
     speaks = False
 
@@ -385,7 +385,8 @@ class Dumb(Memory):
 
 
 def test_the_reading_that_restores_an_axis_is_nominal_although_its_table_was_cleared() -> None:
-    """At 20 mm, backward: the drive is at 19 990. Its table goes while its record is not decided yet."""
+    """At 20 mm, backward: the drive is at 19 990. The table is cleared before a reading has decided about the
+    record."""
     before = RecordBench(axis_plan())
     before.move(50_000)
     before.reach(20_000)
@@ -414,7 +415,7 @@ def said(records: Records) -> Remembered:
 
 
 def staged(plan: AxisPlan | None = None) -> tuple[StagedBench, Records]:
-    """An axis that went from 0 to 50 mm and stands there, as its record says."""
+    """Return an axis that went from 0 to 50 mm, and its record, which says so."""
     records = Records()
     bench = StagedBench(plan or staged_plan(), before_up=records.attach)
     bench.go_to(50_000)
@@ -479,8 +480,9 @@ def test_a_stop_keeps_the_way_in_the_record_and_removes_the_target() -> None:
 
 @pytest.mark.parametrize("is_answered", [False, True])
 def test_a_distance_begins_where_a_stop_has_ended_the_way_before_a_kill(is_answered: bool) -> None:
-    """M5: from 50 mm (50,010) to 20 mm (19,990), and stopped half-way, at 35,000: half of the difference has
-    faded, so that reads 35 mm. 5 mm more are forward, 40,010, whether the stop was answered or not."""
+    """M5: from 50 mm (50,010) to 20 mm (19,990), and stopped half-way at 35,000. Half of the difference has
+    faded there, so the axis reads 35 mm. 5 mm more are forward, 40,010, whether the stop was answered or
+    not."""
     bench, records = staged()
     bench.run(20_000)
     bench.send(STOP_PDU)
@@ -538,7 +540,7 @@ def test_the_record_is_written_before_the_frame_is_sent_and_again_after_the_repl
 
 
 def test_several_targets_of_an_axis_in_one_frame_end_the_record_until_the_reply() -> None:
-    """It may be on its way to any of the three: what is named has to be all that is open."""
+    """The axis may be on its way to any of the three, and a record can name only one open target."""
     fields = [COMMAND, *(PositionField(COMMAND.address + 2 * i, RegisterType.INT32) for i in (1, 2))]
     records = Records()
     bench = Bench(axis_plan(command=tuple(fields)), before_up=records.attach)
@@ -661,7 +663,7 @@ def restarted(bench: Bench, records: Records) -> RecordBench:
 
 
 def relative_bench() -> tuple[StagedBench, Records]:
-    """A distance of -30 mm from 50 mm: on the wire, not answered."""
+    """Return an axis with a distance of -30 mm from 50 mm on the wire, not answered."""
     bench, records = staged()
     bench.stage(-30_000)
     bench.send(RUN_RELATIVE_PDU)

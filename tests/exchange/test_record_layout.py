@@ -1,4 +1,4 @@
-"""The bytes of a record: whatever happens to them, what is read is the newest good record or none."""
+"""The bytes of a record: whatever happens to them, the newest good record is read, or none."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ def read(data: bytes | bytearray) -> Remembered | None:
 
 
 def two_generations() -> tuple[bytes, bytes]:
-    """The record before and after a target went out: both say something, and not the same."""
+    """Return the record before and after a target was sent: two different generations."""
     bench = RecordBench(stream_plan())
     for counts in (50_000, 50_200, 50_100):
         bench.move(counts)
@@ -39,7 +39,7 @@ def two_generations() -> tuple[bytes, bytes]:
 
 BEFORE, AFTER = two_generations()
 AT = next(at for at in SLOTS_AT if BEFORE[at : at + SLOT_SIZE] != AFTER[at : at + SLOT_SIZE])
-"""Where the newer generation stands."""
+"""Offset of the newer generation."""
 
 
 def test_only_one_slot_is_written_at_a_time_and_each_has_a_page_of_its_own() -> None:
@@ -170,7 +170,7 @@ def test_the_slope_of_a_line_is_in_a_tail_that_only_its_first_store_adds() -> No
 
 
 def test_a_slot_without_its_own_tail_does_not_count() -> None:
-    """Killed between tail and slot: the older slot holds, with its own slope."""
+    """Killed between tail and slot: the older slot counts, with its own slope."""
     buffer = bytearray(RECORD_SIZE)
     slots = RecordSlots(memoryview(buffer), bytes(16))
     for tilt in (-1e-4, -2e-4, -3e-4):

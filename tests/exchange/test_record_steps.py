@@ -1,4 +1,5 @@
-"""Steps of a run in the record: a setpoint that goes on changes few numbers, and these are written alone."""
+"""Steps of a run in the record: a setpoint that continues it changes few numbers, and only these are
+written."""
 
 import pytest
 

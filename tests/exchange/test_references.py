@@ -15,7 +15,7 @@ from tests.exchange.staged_bench import BITS, HOME_PDU, RUN_PDU, STOP_PDU, ZERO_
 
 
 def is_corrected(bench: StagedBench, counts: int = 20_000) -> bool:
-    """Move to a position and say whether the drive was told another one."""
+    """Move to a position; return whether the drive got another one."""
     bench.go_to(counts)
     told = bench.drive.moves[-1][1]
     assert told in (counts, counts + 10, counts - 10)
@@ -109,7 +109,7 @@ def test_a_person_may_not_declare_a_reference_that_the_homed_bit_decides() -> No
 
 
 def silence(bench: StagedBench, ms: float) -> None:
-    """Let the drive answer nothing for a while, and the controller ask all the time."""
+    """Let the drive answer nothing for a while, under polls of the controller."""
     for _ in range(int(ms / 1000) + 1):
         bench.missed(read(ACTUAL), 1000)
         bench.wait(1000)  # drained
@@ -356,9 +356,9 @@ def test_m11_a_target_refused_at_its_trigger_blocks_the_other_axis_too() -> None
 
 
 def test_a_target_whose_word_was_replaced_is_rendered_again_after_a_lost_reference() -> None:
-    """M4, M9: 65530 was told as 65540 = 0x0001_0004. Its high word, written alone, leaves the drive with
-    0x0000_0004 for 0x0000_FFFA; the homed bit falls and rises, and the whole target comes again: 65540, for
-    the axis stands there."""
+    """M4, M9: 65530 was sent as 65540 = 0x0001_0004. After its high word is written alone, the drive holds
+    0x0000_0004 for 0x0000_FFFA. The homed bit falls and rises, and the whole target comes again: 65540,
+    because the axis is there."""
     plan = axis_plan(
         command=(starting.TARGET,),
         actual=(starting.HIGH_FIRST_ACTUAL,),
@@ -397,7 +397,7 @@ BY_BITS = MotionPlan(
 
 
 def test_a_stop_that_moves_the_zero_too_ends_the_reference() -> None:
-    """M9: one frame switches the drive off and tells it that it stands at 0."""
+    """M9: one frame switches the drive off and sets its position to 0."""
     zero = 0x3101
     triggers = (
         *BY_BITS.triggers,

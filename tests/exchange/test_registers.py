@@ -336,7 +336,7 @@ def test_m5_a_distance_whose_rewriting_would_start_it_is_refused() -> None:
     assert [pdu for pdu in bench.seen if pdu[0] != 3] == []
 
 
-# === parts that were refused: what the next part becomes, what a trigger runs ============================
+# === refused parts: how the next part is sent, what a trigger runs =======================================
 
 PROVES, MAY_HAVE_WRITTEN = {"exception_writes_nothing": True}, {"exception_writes_nothing": False}
 HIGH_3 = bytes.fromhex("06 0607 0003")
@@ -576,7 +576,7 @@ def test_m1_a_refused_half_is_forgotten_with_the_words_of_its_field() -> None:
     ]
 
 
-# === writes that were lost, or may have been: nothing is put together from their remains =================
+# === lost writes: no position is joined from their words =================================================
 
 HIGH_1 = bytes.fromhex("06 0607 0001")
 LOW_4 = bytes.fromhex("06 0606 0004")

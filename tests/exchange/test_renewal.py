@@ -1,4 +1,4 @@
-"""A connection on which nothing answers any more is made anew; what it carries then (W5, W11)."""
+"""A connection without answers is renewed; the requests that are sent on the new one (W5, W11)."""
 
 from itertools import pairwise
 from typing import Any
@@ -21,7 +21,7 @@ NO_ANSWER_WRITE, ABSENT_WRITE = b"\x90\x0b", b"\x90\x0a"
 
 
 def mute(bench: ConnectionBench, pdu: bytes = READ, times: int = 3, unit_id: int = 1) -> None:
-    """Ask so often and get no answer: 200 ms each."""
+    """Send a request ``times`` times without an answer: 200 ms each."""
     plc = controller("cnc", timeout_ms=200.0)
     for _ in range(times):
         bench.send(pdu, plc, unit_id=unit_id)
@@ -178,7 +178,7 @@ def test_renewals_come_after_1_s_and_then_twice_as_late_up_to_60_s() -> None:
 
 
 def held(**plan: Any) -> ConnectionBench:
-    """A new connection behind a write without an answer: it carries named reads first."""
+    """Return a new connection after a write without an answer: added reads are sent on it first."""
     bench = ConnectionBench(axis_plan(motion=STAGED, **plan), retry_ms=0.0)
     mute(bench, write(COMMAND, 50_000))
     bench.returns(20, 201)
@@ -237,7 +237,7 @@ def test_w5_a_stop_is_sent_after_the_added_read_while_writes_are_held(timeout_ms
 
 
 def test_w5_a_stop_while_writes_are_held_is_sent_once_more_before_the_first_write() -> None:
-    """What it stops may have been executed after it."""
+    """The write that it stops may have been executed after it."""
     bench = held(lost_ms=700.0)
     bench.send(STOP)
     bench.serve_one()  # the named read, and then the stop
@@ -267,7 +267,7 @@ def test_w5_two_equal_stops_while_writes_are_held_are_sent_once_more_together() 
 
 
 def test_w5_a_read_waits_behind_the_held_write_of_its_controller() -> None:
-    """Whatever others read meanwhile. Where the axis is is read for the write."""
+    """Whatever other controllers read meanwhile. The position is read for the write."""
     bench = held(lost_ms=700.0)
     bench.serve_one()
     plc = controller("cnc", timeout_ms=5000.0)
@@ -407,7 +407,8 @@ def test_w5_a_stop_that_is_answered_does_not_keep_writes_held(*, rtu: bool) -> N
 
 @pytest.mark.parametrize("sign", ["another unit", "late"])
 def test_w5_writes_are_held_while_one_is_open_whatever_other_frames_came(sign: str) -> None:
-    """A: 50 000, unanswered; then something else is heard, and then nothing any more. B does not pass A."""
+    """Write A (50 000) is unanswered; then another frame comes, and then none any more. Write B does not
+    overtake A."""
     bench = ConnectionBench(axis_plan(motion=STAGED), axis_plan(name="y", unit_id=2), retry_ms=0.0)
     mute(bench, write(COMMAND, 50_000), times=1)
     if sign == "another unit":

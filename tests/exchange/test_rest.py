@@ -40,7 +40,7 @@ REACHED: Final[dict[str, Callable[[Rest], None]]] = {
 
 
 def kind(rest: Rest) -> str:
-    """What of a rest can be seen from outside."""
+    """Return what can be observed of a rest."""
     if rest.until_ns is None:
         return "owed" if rest.needs_silence else "not"
     assert rest.is_draining is rest.needs_silence

@@ -1,4 +1,4 @@
-"""What a controller may ask for: function codes, unit ids, addresses, how often (W9)."""
+"""The rights of a controller: function codes, unit ids, addresses, rates (W9)."""
 
 from dataclasses import replace
 from typing import Any
@@ -25,7 +25,7 @@ def panel(rights: Rights, role: Role = Role.MOTION, *, serial: bool = False, pee
 
 
 def asked(bench: Bench, port: Port, pdu: str, unit_id: int = 1) -> str:
-    """Ask as a controller; return the reply, empty for silence."""
+    """Send a request of a controller; return the reply, empty for silence."""
     bench.send(bytes.fromhex(pdu), port, unit_id)
     bench.serve()
     return port.take().hex() if port.replies else ""
@@ -277,7 +277,7 @@ def test_m3_a_monitors_write_that_waits_for_its_refusal_blocks_no_axis(end: str)
 
 
 def test_w9_a_serial_controller_without_the_right_is_refused_immediately() -> None:
-    """It has given up on what it asked before: nothing is owed to it."""
+    """It has given up on its earlier request: no reply to that comes first."""
     bench = Bench(axis_plan())
     port = panel(SPANS, serial=True)
     bench.send(bytes.fromhex(READ_PLACE), port)
@@ -314,7 +314,8 @@ def bench_of(*plans: Any, other_units: OtherUnits = STOPS, **options: Any) -> Be
 
 
 def sent_to(bench: Bench, unit_id: int, pdu: bytes) -> list[tuple[int, bytes]]:
-    """Send a request to a unit id; return what reached the drives. A refusal is told apart by its answer."""
+    """Send a request to a unit id; return the requests that reached the drives. A refusal shows in its
+    answer."""
     bench.line.request(bench.port, 1, unit_id, pdu, bench.now_ns)
     sent, bench.link.sent = bench.link.sent, []
     if sent:

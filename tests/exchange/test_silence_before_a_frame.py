@@ -1,4 +1,4 @@
-"""A request waits for the silence that the wire needs: it can be withdrawn, and nothing answers it."""
+"""A request waits for the silence that the wire needs: it can be withdrawn, and no late frame answers it."""
 
 import pytest
 
@@ -184,7 +184,8 @@ def test_a_monitor_still_gets_the_gap_after_a_motion_exchange() -> None:
 
 
 def test_w6_a_reply_after_timeout_ms_is_not_passed_on_to_an_rtu_controller() -> None:
-    """It would take it for the reply to its newest request. What the reply proves still counts."""
+    """The controller would take it for the reply to its newest request. The content of the reply still
+    counts."""
     timing = LineTiming(response_timeout_ms=2000)
     for serial in (True, False):
         bench = Bench(axis_plan(), serial=serial, timing=timing)
@@ -224,7 +225,7 @@ def test_added_reads_wait_for_the_silence_too() -> None:
 
 
 def passes(bench: Bench, ms: float) -> None:
-    """The silence ends; the alarm has not come yet: the loop reads first."""
+    """Let the silence end before its alarm is called: the loop reads first."""
     bench.now_ns += int(ms * MS)
 
 
@@ -330,7 +331,7 @@ def test_a_stop_that_waits_is_sent_although_the_gateway_stops() -> None:
 
 
 def test_a_deadline_counts_the_silence_too() -> None:
-    """``deadline_ms`` goes to the first byte to the drive: 3 ms, of which the drive's silence takes 4."""
+    """``deadline_ms`` counts until the first byte to the drive: 3 ms; the silence of the drive takes 4."""
     bench = Bench(axis_plan(deadline_ms=3.0, late=Late.REJECT), serial=False)
     bench.ask(write(COMMAND, 10_000))
     holds(bench, 5)
@@ -356,7 +357,7 @@ def test_w5_on_a_wire_that_is_never_silent_requests_are_withdrawn_in_time() -> N
 
 
 def reads_until_written(bench: Bench, gap_ms: float, ms: int) -> int:
-    """Let a request be sent that needs a prerequisite; return how many frames of the gateway go first."""
+    """Send a request that needs a prerequisite; return the number of added frames before it."""
     bench.send(HALF)
     for count in range(ms):
         while not bench.link.sent and bench.line.deadline_ns is not None:

@@ -1,4 +1,4 @@
-"""What a unit id that does not answer costs: it, its group, and the others on its line (W6, W11)."""
+"""A unit id that does not answer: the delays for it, its group, and the others on its line (W6, W11)."""
 
 from itertools import product
 from typing import Any, Final
@@ -26,7 +26,7 @@ link-up     answers    unheard    unheard    unheard    unheard
 
 
 def leave_unanswered(bench: Bench, times: int = 1, unit_id: int = 2) -> None:
-    """Let so many requests to a unit id meet with nothing, each after the silence that it needs."""
+    """Send so many requests to a unit id without an answer, each after the silence that it needs."""
     for _ in range(times):
         bench.send(OTHER, unit_id=unit_id)
         assert bench.link.sent.pop() == (unit_id, OTHER)
@@ -221,7 +221,7 @@ def test_m11_the_group_of_a_dead_drive_is_answered_too_and_a_read_of_that_drive_
 
 
 def homing_line(retry_ms: float = 200.0, **changes: Any) -> Bench:
-    """An axis whose reference somebody has declared, corrected at 60 mm on the forward branch."""
+    """Return an axis with a declared reference, corrected at 60 mm on the forward branch."""
     plan = axis_plan(unit_id=2, referenced=Reference.HOMING, lost_ms=1000.0, **changes)
     bench = line(plan, retry_ms=retry_ms)
     bench.line.axes[0].declare_referenced()
@@ -319,8 +319,9 @@ def test_w6_nothing_is_sent_to_the_silent_unit_itself_before_the_silence(pdu: st
 def test_w6_a_silence_over_a_standstill_of_the_process_ends_when_all_bytes_are_read(
     *, is_owed_by_unit: bool
 ) -> None:
-    """The process stops after the time-out, for longer than the silence. Meanwhile its drive answers
-    late, and its controller asks again. What is read first is chance: the request waits for the port."""
+    """The process stands still after the time-out, for longer than the silence. Meanwhile the drive answers
+    late, and the controller sends a new request. Either may be read first: the request waits until the
+    drives' port was read."""
     bench = line()
     if is_owed_by_unit:
         bench.missed(OTHER, 100, unit_id=2)
@@ -410,7 +411,7 @@ def time_out(bench: Bench) -> None:
 
 
 def test_w6_a_refusal_waits_for_no_silence_and_for_no_other_controller() -> None:
-    """It is told behind the answer before it, though another one takes the line then."""
+    """The refusal comes after the answer before it, although another request then takes the line."""
     bench = line(*two_axes())
     plc = Port(ControllerPlan("hmi", timeout_ms=100.0, rights=Rights(is_read_only=True)))
     bench.missed(OTHER, port=plc, unit_id=2)
@@ -436,7 +437,8 @@ def test_m3_a_stop_is_sent_immediately_during_the_silence_and_only_once_if_it_is
 
 
 def test_m3_a_stop_replaces_an_equal_one_whose_controller_is_gone() -> None:
-    """That one has left early, and has to leave once more behind the silence: both do so as one."""
+    """The first stop was sent early, and must be sent once more after the silence: both are then sent as
+    one."""
     bench, panel = stoppable(), controller("panel")
     time_out(bench)
     bench.missed(STOP, 100, port=panel, unit_id=2)
@@ -570,7 +572,7 @@ def test_m3_between_two_stops_to_a_dead_drive_each_other_controller_gets_an_exch
     assert order == [(1, OTHER)] * 3 + [(2, STOP)]
 
 
-# --- what it comes to --------------------------------------------------------------------------------------
+# --- results -----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("serial", [False, True])
@@ -595,7 +597,7 @@ def test_w11_without_back_off_each_third_poll_of_the_dead_drive_costs_its_time_o
     assert len([unit_id for _, unit_id, _ in asked if unit_id == 1]) == 1 + 4 + 4 * 3 + 2
 
 
-# === requests that could leave only too late are answered at once (W6)
+# === requests that could be sent only too late are answered immediately (W6)
 #
 # Where no other times are given: time-outs of 100 ms everywhere, silences of 80 ms. A request that comes less
 # than 30 ms after a time-out would leave with less than half of its controller's time left.
@@ -616,13 +618,13 @@ def silent(*plans: Any, unit_id: int = 2, **options: Any) -> Bench:
 
 
 def spend(bench: Bench) -> None:
-    """Use up what may be answered unasked in one silence."""
+    """Use up the answers to late requests of one silence."""
     for _ in range(2):
         bench.send(OTHER, unit_id=2)
         assert bench.port.take() == SILENT
 
 
-# --- what it is for ----------------------------------------------------------------------------------------
+# --- the purpose -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("serial", [False, True])
@@ -658,7 +660,7 @@ def test_w6_a_drive_polled_in_turn_loses_no_request_with_shorter_or_longer_silen
 
 @pytest.mark.parametrize("serial", [False, True])
 def test_w6_a_stop_that_is_sent_once_more_does_not_delay_a_read_of_its_controller(*, serial: bool) -> None:
-    """The stop left early and was not answered. Its controller reads unit 1: that owes nothing to anybody."""
+    """The stop was sent early and not answered. Its controller reads unit 1, which owes no reply."""
     bench = silent(axis_plan(name="y", unit_id=2, motion=MOTION), serial=serial)
     bench.send(STOP, unit_id=2)
     assert bench.link.sent.pop() == (2, STOP)
@@ -753,7 +755,7 @@ def test_w6_a_monitor_waits_for_no_gap_for_the_answer_to_a_late_request() -> Non
     assert hmi.take() == SILENT
 
 
-# --- what is not -------------------------------------------------------------------------------------------
+# --- what is not answered ----------------------------------------------------------------------------------
 
 
 def test_m11_a_request_to_another_drive_of_the_group_is_sent() -> None:
@@ -863,7 +865,7 @@ def test_w6_of_two_silent_units_each_has_its_own_count() -> None:
 
 
 def test_w6_writes_alone_are_sent_too_as_soon_as_half_of_their_time_is_left() -> None:
-    """A controller that writes anew as soon as it is answered, for ever."""
+    """A controller that repeats its write as soon as it is answered, for ever."""
     bench = silent()
     answered, waited_ms = 0, 0
     while not bench.link.sent:
@@ -921,7 +923,8 @@ def test_w6_pipelined_requests_are_answered_in_their_order_and_never_sent_late(d
 def test_w7_the_gateway_waits_for_a_late_read_no_longer_than_response_timeout_ms(
     drain_ms: float, until_ms: int
 ) -> None:
-    """The drive may take 60 ms, the controller waits for 100. Late, it has given up 20 ms after it left."""
+    """The drive may take 60 ms, the controller waits for 100. It gives up on the late read 20 ms after that
+    was sent."""
     bench = silent(drain_ms=drain_ms, response_timeout_ms=60.0)
     if drain_ms == 80:
         spend(bench)
@@ -947,7 +950,7 @@ def test_w7_the_gateway_waits_for_a_late_read_as_long_as_its_controller() -> Non
     assert bench.port.take() == SILENT
 
 
-# --- what is learned of it ---------------------------------------------------------------------------------
+# --- no effect on the drive's state ------------------------------------------------------------------------
 
 
 def test_w6_the_answer_to_a_late_request_does_not_change_the_status_of_the_drive() -> None:
@@ -959,7 +962,8 @@ def test_w6_the_answer_to_a_late_request_does_not_change_the_status_of_the_drive
 
 
 def test_w6_the_answer_to_a_late_request_does_not_prolong_the_silence_of_an_axis() -> None:
-    """lost_ms is 1000: a drive that was asked for 0.1 s and answered for until 2.9 s was silent for 0.1 s."""
+    """lost_ms is 1000. A drive with one unanswered request of 0.1 s, and answers of the gateway until 2.9 s,
+    was silent for 0.1 s."""
     plan = axis_plan(unit_id=2, referenced=Reference.HOMING, lost_ms=1000.0)
     bench = line(plan, drain_ms=3000.0)
     bench.line.axes[0].declare_referenced()
@@ -1003,12 +1007,12 @@ def test_m3_a_trigger_answered_as_too_late_does_not_run_later() -> None:
     assert bench.link.sent == []
 
 
-# --- how it can still be late ------------------------------------------------------------------------------
+# --- how a request could still be late ---------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("pdu", "is_sent"), [(OTHER, True), (WRITE, False)])
 def test_w6_no_write_is_sent_too_late_after_a_standstill_of_the_process(pdu: bytes, *, is_sent: bool) -> None:
-    """It would leave at 80 ms, 40 ms after it came; the process goes on 60 ms after it came."""
+    """It could be sent at 80 ms, 40 ms after it came; the process continues 60 ms after it came."""
     bench = silent()
     bench.wait(40)
     bench.send(pdu, unit_id=2)

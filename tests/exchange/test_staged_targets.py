@@ -1,4 +1,4 @@
-"""Staged targets and their triggers (M2, M3): none ever runs a target that the controller does not mean."""
+"""Staged targets and their triggers (M2, M3): no trigger runs a target that the controller does not mean."""
 
 import pytest
 
@@ -31,14 +31,14 @@ WIDE = PositionField(0x050C, COMMAND.type, COMMAND.order)
 
 
 def standing(*plans: AxisPlan, **others: bool) -> StagedBench:
-    """An axis that went to 50 mm, forward."""
+    """Return an axis that went to 50 mm, forward."""
     bench = StagedBench(*plans, **others)
     bench.go_to(50_000)
     return bench
 
 
 def written(bench: StagedBench, trigger: bytes) -> list[str]:
-    """Run a trigger; return what the drive was written for it."""
+    """Run a trigger; return the writes to the drive for it."""
     bench.writes()
     bench.trigger(trigger)
     return bench.writes()
@@ -165,7 +165,7 @@ def test_w8_without_added_frames_a_trigger_that_needs_one_is_refused() -> None:
 
 
 def test_w8_without_added_frames_the_same_target_again_is_rendered_for_the_present_position() -> None:
-    """It was jogged past its target, so that it has to come from the other side."""
+    """It was jogged past its target, so it must approach from the other side."""
     bench = standing(staged_plan(added_frames=False))
     bench.stage(60_000)
     bench.drive.put(ACTUAL, 90_000)
@@ -332,7 +332,7 @@ def test_a4e_a_stop_between_the_halves_of_a_target_passes_at_once() -> None:
 
 
 def test_m2_nothing_is_written_again_to_a_drive_that_moves_with_each_write() -> None:
-    """It has a trigger all the same. With half the gain 60 000 would be other words: refused with 4."""
+    """Such a drive has a trigger too. With half the gain 60 000 would be other words: refused with 4."""
     bench = StagedBench(staged_plan(motion=MotionPlan(triggers=STAGED.triggers)))
     bench.stage(60_000)
     bench.drive.pass_by(55_000)

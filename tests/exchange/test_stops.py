@@ -1,6 +1,6 @@
 """Stops at any moment (M3): never refused, never withdrawn, before everything else.
 
-The table adds 10 counts to a position that is come to forward and takes 10 away backward.
+Forward, the table adds 10 counts to a position; backward, it subtracts 10.
 """
 
 from dataclasses import replace
@@ -526,13 +526,13 @@ def side_by_side(**changes: object) -> StagedBench:
 
 
 def owe_silence(bench: StagedBench) -> None:
-    """Let a read of another controller time out: its answer may come yet."""
+    """Let a read of another controller time out: its answer may still come."""
     bench.missed(STRANGE, 101, port=Port(ControllerPlan("plc", timeout_ms=100.0)))
     bench.seen.clear()
 
 
 def serve_for(bench: StagedBench, ms: int) -> None:
-    """Answer what comes, and let time pass."""
+    """Answer the sent requests, and let time pass."""
     for _ in range(ms // 10):
         bench.serve()
         bench.wait(10)
@@ -562,7 +562,8 @@ def test_a_stop_that_does_nothing_to_another_axis_is_sent_early_and_once_more() 
 
 
 def test_a_stop_after_a_frame_that_runs_its_axis_is_sent_immediately_and_after_that_frame() -> None:
-    """M3: y's own stop goes at once, and once more behind the frame that runs y and waits for the silence."""
+    """M3: y's own stop is sent immediately, and once more after the frame that runs y and waits for the
+    silence."""
     bench = side_by_side()
     bench.ask(write(OTHER, 9000))
     owe_silence(bench)
@@ -780,7 +781,7 @@ def test_a_stop_that_runs_another_axis_refuses_its_waiting_target() -> None:
 
 
 def test_a_broadcast_that_stops_one_drive_and_runs_a_blocked_one_reaches_both() -> None:
-    """M3: trigger 1000 stops x and runs y, whose target its drive has refused."""
+    """M3: trigger 1000 stops x and runs y, whose drive has refused its target."""
     runs = (TriggerPlan(TRIGGER, deeds={STOP: Operation(Action.ABSOLUTE), 0: Operation(Action.IGNORE)}),)
     y = next_plan(unit_id=2, motion=MotionPlan(is_staged=True, triggers=runs))
     bench = StagedBench(staged_plan(), y)

@@ -1,4 +1,4 @@
-"""Streams that begin or lose their reference: nothing but a different setpoint moves the drive (M6, M9)."""
+"""Streams that begin or lose their reference: only a different setpoint moves the drive (M6, M9)."""
 
 import pytest
 
@@ -24,7 +24,7 @@ def told(bench: Bench) -> float:
 
 
 def stream(bench: Bench, setpoints: list[int]) -> list[float]:
-    """Feed setpoints to a drive that follows at once; return what it was told."""
+    """Feed setpoints to a drive that follows immediately; return the setpoints that it got."""
     found = []
     for counts in setpoints:
         bench.ask(write(COMMAND, counts))

@@ -48,7 +48,7 @@ def find_table(digest: bytes) -> CorrectionTable | None:
 
 
 class Streams:
-    """A bench whose two axes stand where they were told after each setpoint."""
+    """A bench whose two axes are at their setpoint after each cycle."""
 
     def __init__(self, seed: int) -> None:
         self.random = Random(seed)
@@ -106,7 +106,7 @@ class Streams:
         self.bench.serve()
 
     def look(self) -> None:
-        """What the line does every few seconds, and whoever asks for the status."""
+        """Do what the line does every few seconds, and what a status query does."""
         for axis in self.bench.line.axes:
             assert axis.correction.terms is not None
             axis.correction.terms.events(axis.plan.name, self.bench.now_ns)

@@ -1,4 +1,4 @@
-"""Another table or gain for an axis: what it costs the loop, and that a refusal changes nothing."""
+"""Another table or gain for an axis: it takes the loop little time, and a refusal changes nothing."""
 
 from array import array
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""Thermal and cross terms: what the drive is told, what is read back, and that nothing moves by itself."""
+"""Thermal and cross terms: the targets, the readings, and that nothing moves by itself."""
 
 from dataclasses import replace
 from random import Random
@@ -233,7 +233,7 @@ def test_after_a_restart_with_another_table_the_thermal_term_in_force_continues(
 
 @pytest.mark.parametrize("is_heard_first", [False, True])
 def test_a_first_restart_with_the_key_begins_with_the_first_temperature(is_heard_first: bool) -> None:
-    """The record knows of no line, and so of no temperature either."""
+    """The record has no thermal line, and so no temperature either."""
     bench = RecordBench(axis_plan(table=FLAT, travel=(0.0, 1000.0)))
     bench.move(500_000)
     again = bench.restarted(warm_plan())
@@ -393,7 +393,8 @@ def test_an_unacknowledged_target_keeps_its_thermal_term_over_a_restart() -> Non
 
 @pytest.mark.parametrize("is_heard_first", [False, True])
 def test_a_restart_with_a_corrected_alpha_does_not_wait_for_a_hundred_kelvin(is_heard_first: bool) -> None:
-    """A figure too many: 10 K at 11.5e-5 are 100 K at 11.5e-6, and would last for 45 minutes."""
+    """Alpha was ten times too large: 10 K at 11.5e-5 are 100 K at 11.5e-6, which would fade for 45
+    minutes."""
     bench = RecordBench(warm_plan(replace(STEEL, alpha=11.5e-5), max_correction=2.0))
     warm(bench, 30.0)
     assert bench.reach(1_000_000) == 998_850

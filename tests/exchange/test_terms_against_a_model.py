@@ -1,4 +1,4 @@
-"""Two warm axes that act on each other, interrupted in every way: each target against a model of its own."""
+"""Two warm axes that act on each other, interrupted in every way: each target is compared with a model."""
 
 from dataclasses import replace
 from random import Random
@@ -123,7 +123,7 @@ class Machine:
         return found
 
     def learn(self, model: Model) -> None:
-        """Take over which targets and temperatures count, where only the gateway can decide that."""
+        """Copy to the model which targets and temperatures count, if only the gateway can decide that."""
         axis = self.axis(model)
         accepted, terms = axis.compensation.accepted, axis.correction.terms
         model.is_referenced = axis.reference.is_referenced
@@ -148,7 +148,7 @@ class Machine:
     # --- targets ---------------------------------------------------------------------------------------
 
     def go(self, model: Model, counts: float) -> None:
-        """Command a target, look at it on its way, and let it get there."""
+        """Command a target, check the readings on its way, and let the axis arrive."""
         bench, memory = self.bench, self.bench.memory
         bench.wait(600.0)
         before = self.read(model)
@@ -173,7 +173,7 @@ class Machine:
         model.nominal, model.told = counts, told
 
     def _follow(self, model: Model, nominal: tuple[float, float], drive: tuple[float, float]) -> None:
-        """No jump where it stands, and no way back while it moves."""
+        """Check that readings do not jump at standstill, and do not reverse during a move."""
         grain = 0.2 if model.actual.type.is_float else 0.0
         readings = [self.read(model)]
         assert abs(readings[0] - nominal[0]) <= grain
@@ -280,7 +280,7 @@ class Machine:
         self.bench.serve_reads()
 
     def silent(self) -> None:
-        """A target that the drive obeyed, and nobody heard of it."""
+        """Send a target that the drive obeys without an answer."""
         model, bench = self.pick(), self.bench
         self._send(model)
         for _, pdu in bench.link.sent:

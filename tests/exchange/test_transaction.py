@@ -1,4 +1,4 @@
-"""A transaction from its arrival to its end: each step in each phase, what it changes in its axis (M7)."""
+"""A transaction from its arrival to its end: each step in each phase, and its effect on its axis (M7)."""
 
 from itertools import pairwise, product
 from typing import Any, Final
@@ -71,7 +71,7 @@ SENDS: Final = {Step.FRAME: PDU, Step.ADDED_FRAME: PDU, Step.PIECE: PIECE, Step.
 
 
 class Line:
-    """The transactions of a line, and what leaves."""
+    """The transactions of a line, and the sent frames."""
 
     def __init__(self) -> None:
         self.link = Link()
@@ -83,19 +83,19 @@ class Line:
         self.port = Port(ControllerPlan("cnc"))
 
     def send(self, transaction: Transaction, step: Step, at_ns: int = 1) -> bool:
-        """Let it leave, as far as the step says."""
+        """Send as much of it as the step does."""
         piece = {Step.PIECE: PIECE, Step.LAST_PIECE: REST}.get(step, b"")
         return self.transactions.send(transaction, step, 1, PDU, at_ns, patience_ns=MS, piece=piece)
 
     def left(self) -> list[bytes]:
-        """Return what has left."""
+        """Return the bytes and requests sent so far."""
         return [
             *(pdu for _, pdu in self.link.sent),
             *([self.link.left_early] if self.link.left_early else []),
         ]
 
     def a_transaction(self, phase: Phase = Phase.WAITING) -> Transaction:
-        """Return one that has come so far, after which nothing is known to have left."""
+        """Return a transaction in a phase; the frames sent for it are forgotten."""
         transaction = Transaction(self.port, 1, 1, PDU, 0)
         if phase is Phase.PREREQUISITE:
             transaction.need(read_word(Axis(axis_plan()), 0x10))
@@ -111,7 +111,7 @@ class Line:
         return transaction
 
     def a_stop(self, stopping: Stopping) -> Transaction:
-        """Return a stop that has come so far."""
+        """Return a stop in the given state."""
         stop = self.a_transaction()
         if stopping is Stopping.ONCE:
             self.transactions.stop_goes_on(stop, StopEvent.FOUND_WITH_MORE)
@@ -128,7 +128,7 @@ class Line:
 
 
 def step_of(name: str) -> Step | Outcome:
-    """Return what a row is called."""
+    """Return the step or outcome of a row by its name."""
     return Step(name) if name in {each.value for each in Step} else Outcome(name)
 
 
@@ -232,7 +232,7 @@ def test_a_stop_that_replaces_one_that_was_not_sent_yet_stays_a_first_one() -> N
 
 
 def test_no_sequence_of_steps_sends_a_request_twice() -> None:
-    """Walked to the end: on each way from the arrival its own frame leaves once at most."""
+    """All sequences of steps from the arrival to the end: its own frame is sent once at most in each."""
     ways: list[tuple[Step | Outcome, ...]] = [()]
     reached: dict[tuple[Step | Outcome, ...], Phase] = {(): Phase.WAITING}
     own = {Step.FRAME, Step.LAST_PIECE}
@@ -253,7 +253,7 @@ def test_no_sequence_of_steps_sends_a_request_twice() -> None:
             assert event is not Step.LAST_PIECE or before in {Step.BEGINS, Step.PIECE}
 
 
-# --- what cannot be, in production -------------------------------------------------------------------------
+# --- impossible events in production -----------------------------------------------------------------------
 
 
 @pytest.mark.usefixtures("in_production")
@@ -319,7 +319,7 @@ def test_a_line_that_would_send_a_request_twice_reports_it_and_continues() -> No
     assert bench.line.counters.internal_faults == 2
 
 
-# --- what its controller and the drive are told ------------------------------------------------------------
+# --- replies to the controller and frames to the drive -----------------------------------------------------
 
 
 def test_a_transaction_that_was_not_sent_is_on_the_wire_to_its_own_unit() -> None:
@@ -354,7 +354,7 @@ def test_the_time_of_added_frames_is_counted_separately_from_that_in_the_queue(i
 
 
 def test_a_refusal_reaches_a_controller_on_a_serial_line_with_any_code() -> None:
-    """Only where the unit may not be spoken to a serial line stays silent (W7)."""
+    """A serial line stays silent only if the controller has no right to the unit (W7)."""
     for ended in ("refuse", "overtaken", "refuse_absent"):
         line = Line()
         port = line.port = Port(ControllerPlan("cnc", serial=True))
@@ -398,7 +398,7 @@ def test_without_mapped_content_an_exception_is_the_only_refusal(
     assert outcome_of_reply(Line().a_transaction(Phase.SENT), reply) == found
 
 
-# === what its end changes in its axis: what is proven, and what is left open =============================
+# === effects of its end on its axis: what is proven, and what stays open =================================
 
 NOMINAL: Final = COMMAND.pack(50_000)
 CORRECTED: Final = COMMAND.pack(50_010)

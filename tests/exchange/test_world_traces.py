@@ -226,7 +226,7 @@ def test_the_position_is_read_before_a_target_after_the_done_bit_fell_and_rose(a
 
 
 def test_a_repeat_after_its_axis_moved_is_flagged_if_nothing_shows_its_branch() -> None:
-    """M6: its axis has moved on since its words went out. Seen at 9184, it is backward."""
+    """M6: its axis has moved since its words were sent. Read at 9184, it goes backward."""
     onward = """
         to 1: 10 0606 0002 04 233B 0000, ack: 03 0520 0002 -> 0000 0000  # 9019
         ack: 10 0606 0002 04 23E0 0000  # forward to 9184; it is on its way at 1501
@@ -246,8 +246,8 @@ def test_a_repeat_after_its_axis_moved_is_flagged_if_nothing_shows_its_branch() 
     ],
 )
 def test_a_repeat_lost_with_the_link_keeps_its_words_if_the_axis_is_at_its_target(after_it: str) -> None:
-    """M4, M9: 9007 (9172) is repeated, and the link goes before the answer. What stands at 9172 then gets the
-    same words. A drive that was switched off stands at 0: without a reference it goes to 9007."""
+    """M4, M9: 9007 (9172) is repeated, and the link is lost before the answer. An axis at 9172 then gets the
+    same words. A drive that was switched off is at 0: without a reference it goes to 9007."""
     told = """
         read, ack: 03 005C 0001 -> 0110, ack: 03 0520 0002 -> 0000 0000
         to 1, ack: 10 0606 0002 04 23D4 0000, arrive   # 9007 forward
@@ -271,7 +271,7 @@ def test_a_group_does_not_move_while_the_target_of_one_axis_is_lost() -> None:
 
 
 def test_a_rewritten_target_without_an_acknowledgement_does_not_run_without_a_reference() -> None:
-    """M2, M9: without a reference runs what the controller wrote; -7003 is -7131 backward."""
+    """M2, M9: without a reference the words of the controller run; -7003 is -7131 backward."""
     lost = """
         reboot, home, ack: 06 050E 0064
         to 0: 10 0606 0002 04 E4A5 FFFF, homed, ack: 03 005C 0001 -> 0110
@@ -285,7 +285,7 @@ def test_a_rewritten_target_without_an_acknowledgement_does_not_run_without_a_re
 
 
 def test_the_branch_is_flagged_if_a_record_cannot_tell_which_of_two_targets_the_axis_reached() -> None:
-    """M6, 5: the axis may have gone back, or not have begun yet. It reads 203, where it was sent, flagged.
+    """M6, 5: the axis may have gone back, or not have begun yet. It reads its target 203, flagged.
 
     9007 is 9172 forward; 203 is 34.92 backward.
     """

@@ -1,11 +1,10 @@
 """Traces through the small worlds of ``tests.verify``, as text: what happens, and the bytes that it causes.
 
-A line is a request with what it leads to. ``to 1: 10 …`` is the controller's write of the world's second
-target; ``ack: 03 … -> …`` is what the drive has, and the data that it answers; ``y`` is the second axis.
-Bytes may be left out. ``has: …`` is what the drive has not answered, ``told: …`` the last answer to the
-controller; ``flagged`` or ``not-flagged`` whether it is told a direction that nobody knows, ``forward`` or
-``backward`` which one. A comment begins with ``#``. A drive counts 1000 per mm on
-``tests.verify.screw.WORN``.
+A line is a request with its results. ``to 1: 10 …`` is the controller's write of the world's second target.
+``ack: 03 … -> …`` is the frame that the drive got, and its reply; ``y`` is the second axis. Bytes may be
+omitted. ``has: …`` is the frame that the drive has not answered, ``told: …`` the last reply to the
+controller. ``flagged`` or ``not-flagged`` says whether the direction is unknown, ``forward`` or ``backward``
+which one is used. A comment begins with ``#``. A drive counts 1000 per mm on ``tests.verify.screw.WORN``.
 """
 
 from tests.verify.designs import BY_NAME
