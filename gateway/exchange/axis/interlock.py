@@ -46,7 +46,7 @@ BLOCK_AFTER: Final[dict[Block, dict[BlockEvent, Block | None]]] = {
     },
     Block.OWN: {
         BlockEvent.LOST: IGNORED,  # the first loss gives the reason
-        BlockEvent.LOST_OF_GROUP: IGNORED,  # its own loss blocks the other axes too, and must go on doing so
+        BlockEvent.LOST_OF_GROUP: IGNORED,  # its own loss blocks the other axes too, and must still do so
         BlockEvent.COMPLETED: Block.NONE,
     },
     Block.OF_GROUP: {

@@ -145,7 +145,7 @@ MOTION_AFTER: Final[dict[MotionState, dict[MotionEvent, MotionState | None]]] = 
         MotionEvent.NOT_ACKNOWLEDGED: MotionState.UNACKNOWLEDGED,
         MotionEvent.STOPPED: MotionState.UNKNOWN,  # it stops on an unknown branch
         MotionEvent.DISPLACED: MotionState.UNKNOWN,
-        # It goes to no target of ours: a bit says only whether it moves (``Reported``).
+        # It goes to no known target: a bit says only whether it moves (``Reported``).
         MotionEvent.DONE: IGNORED,
         MotionEvent.DONE_ALONE: IGNORED,
         MotionEvent.NOT_DONE: IGNORED,
@@ -613,7 +613,7 @@ class Motion:
             self.reported = Reported.STOOD
 
     def observe_done(self, asked_ns: int, *, is_done: bool) -> None:
-        """Record the drive's done bit; without a target of ours it only says whether the axis moves."""
+        """Record the drive's done bit; without a known target it only says whether the axis moves."""
         self.observe_motion(asked_ns, moves=not is_done)
         if asked_ns < self.sent_off_ns:
             return
