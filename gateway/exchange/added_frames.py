@@ -72,7 +72,7 @@ _REPEATED: Final = frozenset({Purpose.ACTUAL, Purpose.POLL, Purpose.HOMED, Purpo
 """Reads that are repeated once: they decide what a request does, where its target goes, and whether it is
 corrected."""
 _NEEDED: Final = frozenset({Purpose.HOMED, Purpose.RULE})
-"""Those without which a request would be a guess."""
+"""Reads without which the gateway would have to guess what a request does."""
 LATER: Final = frozenset({ExceptionCode.ACKNOWLEDGE, ExceptionCode.SERVER_DEVICE_BUSY})
 """Exceptions which mean that the same read may succeed later."""
 POLLS: Final = 2

@@ -271,7 +271,7 @@ class LineExchange:
             self._judge(transaction, now_ns, is_free=is_free and self.link_state.is_up)
 
     def _stops(self, transaction: Transaction) -> bool:
-        """Whether a request stops an axis: it is sent though its controller gave up or we end (M3)."""
+        """Whether a request stops an axis: a stop is sent also after a give-up, or while the gateway ends."""
         return bool(self._units.stops_of(self._units.frames_of(transaction)))
 
     def _answer_as_own(self, transaction: Transaction, why_given_up: str, now_ns: int) -> None:

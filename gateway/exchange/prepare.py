@@ -444,7 +444,7 @@ def _pass_raw(request: Request, hit: FieldHit, words: bytes | None) -> None:
 
 
 def _pass_whole(request: Request, hit: FieldHit, words: bytes | None) -> list[tuple[FieldHit, bytes]]:
-    """Complete a part of a position in an unknown frame: a drive that follows would go to a mixed one (M1).
+    """Complete a part of a position in an unknown frame: a drive may follow it, to a mixed position (M1).
 
     Raises:
         RefusedRequestError: the rest of the position is unknown.

@@ -331,7 +331,9 @@ def test_a_repeat_is_a_sign_of_life_and_advances_the_time_of_the_blend() -> None
         ("unknown", MotionState.UNKNOWN),
     ],
 )
-def test_a_repeat_that_was_not_acknowledged_leaves_the_axis_where_it_is(way: str, after: MotionState) -> None:
+def test_a_repeat_without_an_acknowledgement_does_not_change_a_known_position(
+    way: str, after: MotionState
+) -> None:
     """If its target is unknown, it may have moved: the words in the drive are then unknown."""
     axis = reached(way)
     axis.fields[0].settle(NOMINAL, CORRECTED)
@@ -354,7 +356,7 @@ def test_words_without_an_acknowledgement_are_unknown_and_may_be_corrected_ones(
 @pytest.mark.parametrize(
     ("corrected", "after"), [(CORRECTED, MotionState.SUPERSEDED), (NOMINAL, MotionState.UNACKNOWLEDGED)]
 )
-def test_a_run_of_the_target_from_before_a_lost_link_leaves_the_same_words(
+def test_a_run_of_the_target_from_before_a_lost_link_keeps_the_same_words(
     corrected: bytes, after: MotionState
 ) -> None:
     axis = reached("out-of-reach")

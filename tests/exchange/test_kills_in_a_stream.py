@@ -100,7 +100,7 @@ def setpoints(seed: int, number: int = 240) -> list[int]:
 
 
 @pytest.mark.parametrize("counts_per_ms", [None, 30.0, 11.0], ids=["at once", "30 mm/s", "11 mm/s"])
-def test_the_correction_goes_on_within_a_step_of_its_blend(counts_per_ms: float | None) -> None:
+def test_the_correction_continues_within_a_step_of_its_blend(counts_per_ms: float | None) -> None:
     """Killed between two setpoints, with one sent, and with one executed; the run that is not killed is the
     reference."""
     plan = stream_plan(
@@ -132,13 +132,13 @@ def lagging() -> Line:
     return line
 
 
-def test_a_drive_that_lags_and_comes_nearer_counts() -> None:
+def test_a_record_counts_for_a_drive_that_lags_and_comes_nearer() -> None:
     again = lagging().killed(24_000, "taken", 20)
     assert again.bench.told[0].startswith("goes on from its record")
     assert 2 <= len(again.bench.seen) <= 10
 
 
-def test_a_drive_that_was_moved_meanwhile_and_stands_does_not() -> None:
+def test_a_record_does_not_count_for_a_drive_that_was_moved_meanwhile_and_is_at_rest() -> None:
     line = lagging()
     line.drive.counts_per_ms = 0.0
     again = line.killed(24_000, "taken", 20)
@@ -148,7 +148,7 @@ def test_a_drive_that_was_moved_meanwhile_and_stands_does_not() -> None:
 
 
 @pytest.mark.parametrize("spoil", ["later", "other boot", "no boot"])
-def test_an_old_record_counts_only_where_the_drive_stands_as_it_says(spoil: str) -> None:
+def test_an_old_record_counts_only_if_the_drive_is_at_its_position(spoil: str) -> None:
     line = lagging()
     if spoil == "other boot":
         (buffer,) = line.bench.records.buffers.values()
@@ -162,7 +162,7 @@ def test_an_old_record_counts_only_where_the_drive_stands_as_it_says(spoil: str)
     assert len(again.bench.seen) == 1
 
 
-def test_a_record_says_of_which_boot_it_is() -> None:
+def test_a_record_contains_its_boot_id() -> None:
     line = lagging()
     (buffer,) = line.bench.records.buffers.values()
     for at in range(HEADER.size, HEADER.size + BOOT.size + 4):
@@ -195,7 +195,7 @@ class Watching(Link):
         super().send_request(unit_id, pdu)
 
 
-def test_the_record_has_the_setpoint_before_its_frame_leaves() -> None:
+def test_the_record_has_the_setpoint_before_its_frame_is_sent() -> None:
     records = Records()
     link = Watching(records)
     bench = RecordBench(stream_plan(table=LIFTED), records=records, memory=Follower(None, 20_000), link=link)
@@ -229,13 +229,13 @@ def restarted(bench: RecordBench) -> RecordBench:
     )
 
 
-def test_m11_a_group_goes_on_as_a_whole() -> None:
+def test_m11_a_group_is_restored_as_a_whole() -> None:
     again = restarted(gantry())
     assert again.kinds().count("restored") == 2
 
 
 @pytest.mark.parametrize(("place", "count"), [(0x0520, 2), (0x0720, 2), (None, 1)])
-def test_m11_where_one_axis_of_a_group_was_moved_or_has_no_record_none_goes_on(
+def test_m11_no_axis_of_a_group_is_restored_if_one_was_moved_or_has_no_record(
     place: int | None, count: int
 ) -> None:
     bench = gantry()

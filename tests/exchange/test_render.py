@@ -247,7 +247,7 @@ def test_m6_an_old_actual_is_read_again() -> None:
     assert bench.seen[frames] == read(ACTUAL)
 
 
-def test_a_drive_that_refuses_the_added_read_leaves_the_branch_and_flags_it() -> None:
+def test_the_branch_is_kept_and_flagged_if_the_drive_refuses_the_added_read() -> None:
     bench = Bench(axis_plan())
     bench.move(50_000)
     bench.wait(30)
@@ -604,7 +604,7 @@ def plan_of(name: str, unit_id: int) -> AxisPlan:
 
 
 @pytest.mark.parametrize("frame", [f for f in FRAMES if "request" in f], ids=lambda f: f["name"])
-def test_a_printed_request_goes_out_unchanged_or_corrected(frame: dict[str, str]) -> None:
+def test_a_printed_request_is_sent_unchanged_or_corrected(frame: dict[str, str]) -> None:
     request = bytes.fromhex(frame["request"])
     [(unit_id, pdu)] = RtuRequestDecoder().feed(request, 0)
     bench = Bench(plan_of(frame["name"], unit_id))

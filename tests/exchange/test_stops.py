@@ -118,7 +118,7 @@ def test_m3_a_stop_under_another_name_of_the_drive_is_a_stop_of_its_axis(unit_id
 
 
 @pytest.mark.parametrize("unit_id", ALIASES)
-def test_m3_a_stop_under_another_name_overtakes_and_takes_back_a_waiting_trigger(unit_id: int) -> None:
+def test_m3_a_stop_under_another_name_overtakes_and_withdraws_a_waiting_trigger(unit_id: int) -> None:
     bench = StagedBench(tcp_drive=True, serial=False)
     bench.go_to(20_000)
     bench.stage(80_000)
@@ -132,7 +132,7 @@ def test_m3_a_stop_under_another_name_overtakes_and_takes_back_a_waiting_trigger
 
 
 @pytest.mark.parametrize("unit_id", ALIASES)
-def test_w7_what_is_no_stop_does_not_reach_the_axis_under_another_name(unit_id: int) -> None:
+def test_w7_a_request_other_than_a_stop_does_not_reach_the_axis_under_another_name(unit_id: int) -> None:
     bench = StagedBench(tcp_drive=True, serial=False)
     bench.go_to(20_000)
     assert bench.ask(RUN_PDU, unit_id=unit_id) == bytes.fromhex("86 0A")
