@@ -166,7 +166,8 @@ def test_a_reference_shows_the_states_that_it_comes_to() -> None:
         ("referenced", "set-at-rest"): "not-referenced",
         ("referenced", "set-moving"): "not-referenced",
     }
-    assert "The drive's homed bit. A person cannot declare it. At the start: `not-referenced`." in text
+    meaning = "The drive's homed bit. A person cannot declare the reference. At the start: `not-referenced`."
+    assert meaning in text
 
 
 def test_the_phases_and_outcomes_are_those_of_the_table() -> None:

@@ -89,7 +89,7 @@ def test_a_mutant_in_no_world_is_noticed_by_the_tests_that_run_through_it() -> N
     file = ROOT / "gateway" / "exchange" / "scheduler.py"
     name = "scheduler:Scheduler.held_read:negated: if read is None:"
     [mutant] = [each for each in mutants_of(file) if each.name == name]
-    held_read = "test_w5_after_a_write_without_an_answer_only_named_reads_leave_until_one_is_answered"
+    held_read = "test_w5_after_a_write_without_an_answer_only_added_reads_are_sent_until_one_is_answered"
     ran = [
         Ran("tests/exchange/test_rest.py", 0.1, {mutant.file: {1}}),
         Ran(f"tests/exchange/test_renewal.py::{held_read}", 2.0, {mutant.file: {mutant.line}}),
