@@ -290,10 +290,17 @@ def _units(tree: ast.Module) -> list[_Unit]:
 
 
 def _without_docstrings(statement: ast.stmt) -> ast.stmt:
+    """Return it without strings that stand alone: those of functions, attributes and members."""
     for node in ast.walk(statement):
-        if isinstance(node, ast.FunctionDef) and ast.get_docstring(node) is not None:
-            node.body = node.body[1:] or [ast.Pass()]
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            node.body = [each for each in body if not _is_docstring(each)] or [ast.Pass()]  # type: ignore[attr-defined]
     return statement
+
+
+def _is_docstring(statement: ast.stmt) -> bool:
+    is_constant = isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
+    return is_constant and isinstance(statement.value.value, str)  # type: ignore[attr-defined]
 
 
 def _statement_lines(tree: ast.Module) -> dict[int, int]:
