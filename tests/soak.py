@@ -11,6 +11,7 @@ A twentieth of what is drawn at random (``repeated``). In ``make soak``
 - ``exchange/test_record.py``: 500 or 400 kills of each kind;
 - ``metrology/test_mutated_readings.py``: 10 000 spoilt files; ``metrology/test_workbook.py``: 400;
 - ``processes/test_brokers.py``: a broker that stays away for 60 s;
+- ``supervisor/mqtt/test_mqtt_commands.py``: a flood of 6000 commands;
 - ``tabfile/test_every_pair.py``: 60 tables for each pair of dialects;
 - ``tabfile/test_mutants.py``: 10 000 spoilt files of each dialect;
 - each test of Hypothesis that does not say how many examples it needs: 1000.

@@ -18,6 +18,7 @@ from gateway.ipc.messages import Done, Request
 from gateway.supervisor.mqtt.commands import carry_out
 from gateway.supervisor.mqtt.interfaces import Orders
 from gateway.supervisor.outcome import ReloadOutcome
+from tests.soak import repeated
 from tests.supervisor.mqtt.mqtt_bench import ROOT, Site, data_of, model, publishing, settings
 from tests.support.mosquitto import ANYBODY, PATIENCE_S, Watcher, broker_in, payload_of, watching
 from tests.support.status_models import model_of
@@ -261,7 +262,7 @@ async def test_a_flood_is_answered_once_and_counted(tmp_path: Path, monkeypatch:
     assert len(site.said("mqtt-command")) == 12
 
 
-FLOOD = 3000
+FLOOD = repeated(6000)
 
 
 @VERSIONS
