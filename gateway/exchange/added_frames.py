@@ -13,7 +13,7 @@ The gateway adds these reads:
 It adds one kind of write: a staged target again, corrected for its trigger (M2).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Final
@@ -186,21 +186,29 @@ def homed_read(axis: Axis) -> AddedFrame | None:
     return read_bit(axis, Purpose.HOMED, bit)
 
 
-def trial_read(axes: Sequence[Axis]) -> AddedFrame | None:
-    """Return a read that shows whether the drive of some axes is back; None: none is allowed."""
+def trial_read(axes: Sequence[Axis], number: int = 0) -> AddedFrame | None:
+    """Return a read that shows whether the drive of some axes is back; None: none is allowed.
+
+    ``number``: counts the trials that a converter answered. Each takes another register, because a drive may
+    answer for one of them with a code of its own that looks like that of a converter.
+    """
+    reads = list({read.pdu: read for read in _trial_reads(axes)}.values())
+    return reads[number % len(reads)] if reads else None
+
+
+def _trial_reads(axes: Sequence[Axis]) -> Iterator[AddedFrame]:
     for axis in axes:
         if not axis.reach.may_read:
             continue
         plan = axis.plan
         for field in (axis.reach.asked_actual, axis.reach.asked_commanded):
             if field is not None:
-                return read_field(axis, Purpose.TRIAL, field)
+                yield read_field(axis, Purpose.TRIAL, field)
         for bit in plan.bits.values():
-            return read_bit(axis, Purpose.TRIAL, bit)
+            yield read_bit(axis, Purpose.TRIAL, bit)
         for field in plan.command:
             if field.is_readable and plan.reads_with is not Form.FC04:
-                return read_field(axis, Purpose.TRIAL, field)
-    return None
+                yield read_field(axis, Purpose.TRIAL, field)
 
 
 def reads_at_start(axes: Sequence[Axis]) -> list[AddedFrame]:

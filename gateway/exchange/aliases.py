@@ -83,7 +83,16 @@ class Aliases:
         is_coil = pdu[0] == FunctionCode.WRITE_SINGLE_COIL
         if word is None or not any(_is_that_stop(stop, word, is_coil=is_coil) for stop in self._other.stops):
             return False
-        return all(command.action in _HARMLESS and not command.hits for command in _commands(frames))
+        return _is_harmless(frames)
+
+
+def only_stops_alone(pdu: bytes, frames: Iterable[DecodedRequest]) -> bool:
+    """Whether a request writes a single register or coil, and runs nothing by any register map."""
+    return _only_word(pdu) is not None and _is_harmless(frames)
+
+
+def _is_harmless(frames: Iterable[DecodedRequest]) -> bool:
+    return all(command.action in _HARMLESS and not command.hits for command in _commands(frames))
 
 
 def why_not_passed(aliases: Aliases, unit_id: int, pdu: bytes) -> RefusalEntry | None:

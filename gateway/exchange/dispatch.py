@@ -7,7 +7,7 @@ from gateway.catalogue import refusals
 from gateway.drives.motion import Action
 from gateway.exchange.access import HEAD_BYTES, access_of, coils_written, is_truncated
 from gateway.exchange.added_frames import AddedFrame
-from gateway.exchange.aliases import Aliases, why_not_passed
+from gateway.exchange.aliases import Aliases, only_stops_alone, why_not_passed
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.decode import NO_ACCESS, AxisCommand, DecodedRequest, decode
 from gateway.exchange.fast_path import find_path
@@ -129,6 +129,7 @@ class UnitMaps:
                 frames = tuple([DecodedRequest(unit, pdu, access, coils) for unit in reached])
             else:
                 frames = self._stops_by_alias(transaction.unit_id, pdu)
+                transaction.is_by_alias = bool(frames)
             transaction.set_frames(frames)
         return frames
 
@@ -137,7 +138,7 @@ class UnitMaps:
         if not (self.have_rules and self.aliases.may_reach_axis(unit_id)):
             return ()
         frames = tuple(self.aliases.frames(pdu))
-        return frames if self.stops_of(frames) else ()
+        return frames if self.stops_of(frames) and only_stops_alone(pdu, frames) else ()
 
     @staticmethod
     def stops_of(frames: Iterable[DecodedRequest]) -> list[AxisCommand]:
@@ -217,7 +218,8 @@ class UnitMaps:
         for request in requests:
             prepare(request, has_stop=has_stop)
         transaction.set_requests(tuple(requests))
-        return None, requests[0].sent_pdu if len(requests) == 1 else transaction.pdu
+        is_one = len(requests) == 1 and not transaction.is_by_alias
+        return None, requests[0].sent_pdu if is_one else transaction.pdu
 
 
 def _partners(axes: Sequence[Axis]) -> tuple[int, ...]:

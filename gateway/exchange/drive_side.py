@@ -83,7 +83,9 @@ class DriveSide:
         if self._link_state.closes_soon:
             self._link_state.see_whether_it_closes(transaction, now_ns)
         is_absent = is_absence(pdu)
-        if not is_absent:
+        if is_absent:
+            self._fall_silent(transaction, now_ns)
+        else:
             self._silent_units.answered_ns[unit_id] = now_ns
         if self._silent_units.silences:
             self._end_silence(transaction, now_ns, is_absent=is_absent)
@@ -113,8 +115,7 @@ class DriveSide:
             self._turn.end(transaction, now_ns)
         if is_absent:
             self._take_absence(transaction, pdu, now_ns)
-        elif axes:
-            self._context.report(axes)
+        self._context.report(self._axes if transaction.is_by_alias else axes)
         if self._waiting.total or self._renewal.holds:
             self._turn.next(now_ns)
 
@@ -152,13 +153,15 @@ class DriveSide:
     def _take_absence(self, transaction: Transaction, pdu: bytes, now_ns: int) -> None:
         """Count a drive as silent: its converter answered in its place, and the drive may be off (W7)."""
         unit_id = transaction.wire_unit_id
-        silence, has_died = self._silent_units.miss(
-            unit_id, transaction.sent_ns, now_ns, may_answer_late=False
-        )
+        if transaction.phase is not Phase.ENDED:
+            return  # the read is repeated first
+        is_new, has_died = self._silent_units.miss_behind_converter(unit_id, transaction.sent_ns, now_ns)
         why = f"unit id {unit_id}: its converter answers {pdu[-1]:#04x} in its place"
-        if silence.timeouts == 1:
+        if is_new:
             self._on_event(Event(exchange_events.DRIVE_SILENT, None, why))
-        self._fall_silent(transaction, why if has_died else "", now_ns)
+        self._thin_out_stops(transaction, now_ns)
+        if has_died:
+            self._back_off(why, now_ns)
 
     def _take_reply(self, transaction: Transaction, pdu: bytes, now_ns: int) -> tuple[Axis, ...]:
         """Take a reply on the slow path; return the axes whose state it may have changed."""
@@ -225,7 +228,10 @@ class DriveSide:
             if is_asked_again(frame, pdu, prefetched) and now_ns <= transaction.leave_by_ns:
                 return None  # it is read again, unless something else is sent first
             if is_open(frame, pdu):
-                return pdu[-1]
+                if is_absence(pdu) or not transaction.only_reads:
+                    return pdu[-1]
+                prefetched.references.add(frame.axis.plan.name)  # a read does no harm
+                return None
             learn(frame, pdu, prefetched, transaction.sent_ns)
             return None
         if frame.is_acknowledged(pdu):
@@ -325,23 +331,31 @@ class DriveSide:
         silence, has_died = self._silent_units.miss(unit_id, transaction.sent_ns, now_ns)
         if silence.timeouts == 1:
             self._on_event(Event(exchange_events.DRIVE_SILENT, None, self._unanswered_by(unit_id)))
-        if self._units.have_rules and self._units.stops_of(self._units.frames_of(transaction)):
-            others = {id(each.port) for each in self._waiting if each.port not in (None, transaction.port)}
-            self._silent_units.miss_stop(unit_id, transaction.pdu, others, now_ns)
-            self._silent_units.thin_out(transaction, now_ns)
+        self._thin_out_stops(transaction, now_ns)
         if transaction.stopping is Stopping.EARLY:
             self._scheduler.go_again(transaction, now_ns)
         else:
             self._end_unanswered(transaction, now_ns)
-        self._fall_silent(transaction, self._unanswered_by(unit_id) if has_died else "", now_ns)
+        self._fall_silent(transaction, now_ns)
+        self._context.report(self._axes if transaction.is_by_alias else self._units.axes_of(unit_id))
+        if has_died:
+            self._back_off(self._unanswered_by(unit_id), now_ns)
         self._turn.end(transaction, now_ns, silence.quiet_ns or None)
 
-    def _fall_silent(self, transaction: Transaction, why_dead: str, now_ns: int) -> None:
-        """The drive of a transaction did not answer; ``why_dead``: "" if it may still be asked (W11)."""
-        axes = self._units.axes_of(transaction.wire_unit_id)
-        for axis in axes:
+    def _thin_out_stops(self, transaction: Transaction, now_ns: int) -> None:
+        """Let others in between if a stop, which waits for nothing, was not answered by its drive (W11)."""
+        if self._units.have_rules and self._units.stops_of(self._units.frames_of(transaction)):
+            others = {id(each.port) for each in self._waiting if each.port not in (None, transaction.port)}
+            self._silent_units.miss_stop(transaction.wire_unit_id, transaction.pdu, others, now_ns)
+            self._silent_units.thin_out(transaction, now_ns)
+
+    def _fall_silent(self, transaction: Transaction, now_ns: int) -> None:
+        """The drive of the transaction on the wire did not answer."""
+        for axis in self._units.axes_of(transaction.wire_unit_id):
             axis.fall_silent(transaction.sent_ns, now_ns)
-        self._context.report(axes)
-        if why_dead and self._silent_units.backs_off:
-            self._on_event(Event(exchange_events.DRIVE_BACKED_OFF, None, why_dead))
+
+    def _back_off(self, why: str, now_ns: int) -> None:
+        """A drive is dead from now on: answer in its place (W11)."""
+        if self._silent_units.backs_off:
+            self._on_event(Event(exchange_events.DRIVE_BACKED_OFF, None, why))
             self._silent_units.answer_waiting(now_ns)

@@ -15,6 +15,7 @@ from gateway.exchange.axis.registers import Loss
 from gateway.exchange.decode import AxisCommand, Part
 from gateway.exchange.group import end_in_group, leave_in_group, report_skew
 from gateway.exchange.request import Request
+from gateway.modbus.pdu import ABSENT
 
 # --- when it is sent ---------------------------------------------------------------------------------------
 
@@ -128,7 +129,7 @@ def _not_obeyed(request: Request, command: AxisCommand, outcome: Outcome, code: 
     """A request was sent and not acknowledged; the register map says what a refusal proves (M7)."""
     axis = command.axis
     is_broadcast = outcome is Outcome.BROADCAST
-    is_refusal = outcome is Outcome.EXCEPTION
+    is_refusal = outcome is Outcome.EXCEPTION and code not in ABSENT
     is_undone = is_refusal and axis.writes_nothing(code, reads_too=request.reads_too)
     if not is_undone:
         for rendering in command.targets:

@@ -290,7 +290,7 @@ class LineExchange:
             self._deny(transaction, role_denial(port.plan.role), now_ns)
         elif not self.link_state.is_up and not self._link.connects:
             self._transactions.refuse_absent(transaction, now_ns)
-        elif is_free and stops:
+        elif is_free and stops and not self.link_state.is_stopping:
             self._turn.start(transaction, now_ns)
         elif stops:
             self._overtake(transaction, stops, now_ns)

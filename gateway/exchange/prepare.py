@@ -418,7 +418,8 @@ def _pass_otherwise(request: Request, command: AxisCommand) -> list[tuple[FieldH
     """
     axis, changed = command.axis, []
     for hit, words, _ in command.writes:
-        is_sure = axis.writes_words_alone or _is_complete(hit, request.frame.access)
+        is_sure = _is_complete(hit, request.frame.access)
+        is_sure |= axis.writes_words_alone and not axis.rules.following
         if command.action is Action.UNKNOWN and not is_sure:
             changed += _pass_whole(request, hit, words)
         else:
@@ -451,7 +452,8 @@ def _pass_whole(request: Request, hit: FieldHit, words: bytes | None) -> list[tu
     """
     image = hit.mapped.image
     assert image is not None
-    if words is None or image.completeness is Completeness.PART_REFUSED:
+    is_alone = hit.mapped.axis.writes_words_alone  # its drive takes no whole position
+    if words is None or is_alone or image.completeness is Completeness.PART_REFUSED:
         _refuse_unknown(request, hit)
         return []
     written = mask_written(hit, request.frame.pdu, request.frame.access)

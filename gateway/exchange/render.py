@@ -323,9 +323,9 @@ def _plan_move(
         )
     else:
         estimate = estimate or _estimated_position(axis, nominal_counts, now_ns)
+    is_by_reading = estimate is None and fresh is not None
     if estimate is None and fresh is not None:
         estimate = _measured(axis, fresh)
-        is_doubtful |= _may_have_passed(axis, nominal_counts, fresh, now_ns)
     if estimate is None and accepted is not None and not axis.plan.actual and "done" not in axis.plan.bits:
         # The position is unknown. The order of targets is the best estimate, and the result is flagged.
         estimate = PositionEstimate(accepted.nominal_counts, EstimateKind.ASSUMED)
@@ -336,6 +336,8 @@ def _plan_move(
             True,
         )
     move = compensation.plan(nominal_counts, estimate, now_ns)
+    if is_by_reading and fresh is not None:
+        is_doubtful |= _may_have_passed(axis, nominal_counts + move.correction_counts, fresh, now_ns)
     return move._replace(state=move.state._replace(is_unsure=True)) if is_doubtful else move
 
 
@@ -374,13 +376,13 @@ def _may_run(axis: Axis, actual: Actual) -> bool:
     return axis.motion.state is MotionState.UNKNOWN and not axis.motion.may_stand(actual.seen_ns)
 
 
-def _may_have_passed(axis: Axis, nominal_counts: Counts, fresh: Actual, now_ns: int) -> bool:
+def _may_have_passed(axis: Axis, corrected_counts: Counts, fresh: Actual, now_ns: int) -> bool:
     """Whether an axis that moves may have passed its new target since it was read (M6).
 
     On its way to the last target it moves in one direction only, and no further than that.
     """
     reach_counts = _reach_counts(axis, now_ns - fresh.seen_ns)
-    away_counts = nominal_counts - fresh.counts
+    away_counts = corrected_counts - fresh.counts
     if _may_run(axis, fresh):
         return abs(away_counts) <= reach_counts
     accepted = axis.compensation.accepted

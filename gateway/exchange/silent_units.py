@@ -107,6 +107,10 @@ class Silence:
     """When the first unanswered request was sent."""
     timeouts: int = 0
     """Number of time-outs in a row."""
+    missed_ns: int = 0
+    """Time of the last of them."""
+    absences: int = 0
+    """Number of requests since its last frame that its converter answered in its place."""
     quiet_ns: int = 0
     """Until when a late frame of it may come; 0: none may."""
     quiet_at_last_ns: int = 0
@@ -134,6 +138,7 @@ class Silence:
         if self.reach is Reach.ANSWERS:
             self.since_ns = sent_ns
         self.timeouts += 1
+        self.missed_ns = now_ns
         was_dead = self.reach is Reach.DEAD
         self.reach = REACH_AFTER[self.reach, Sign.TIME_OUT]
         if drain_ns:
@@ -147,7 +152,7 @@ class Silence:
     def mark_alive(self) -> Reach:
         """A complete frame of it came; return its reach before."""
         before, self.reach = self.reach, REACH_AFTER[self.reach, Sign.FRAME]
-        self.timeouts = 0
+        self.timeouts = self.absences = 0
         self.stops.clear()
         self.unserved_ports.clear()
         return before
@@ -231,6 +236,7 @@ class SilentUnits:
         self._report = report
         self._drain_ns = int((timing.drain_ms or timing.response_timeout_ms) * NS_PER_MS) * is_serial
         self._retry_ns = int(timing.retry_ms * NS_PER_MS)
+        self._response_timeout_ns = int(timing.response_timeout_ms * NS_PER_MS)
         self.backs_off = timing.backs_off
         """Whether dead units get no requests except trials."""
         self.answered_ns = vec[i64]([0] * UNIT_IDS)
@@ -245,19 +251,36 @@ class SilentUnits:
 
     # --- observations ----------------------------------------------------------------------------------
 
-    def miss(
-        self, unit_id: int, sent_ns: int, now_ns: int, *, may_answer_late: bool = True
-    ) -> tuple[Silence, bool]:
+    def miss(self, unit_id: int, sent_ns: int, now_ns: int) -> tuple[Silence, bool]:
         """Record an unanswered request; return its unit id's silence, and whether the unit is dead now.
 
         ``may_answer_late``: not after a converter has answered in the place of the unit.
         """
+        silence = self._silence_of(unit_id)
+        was_dead = silence.reach is Reach.DEAD
+        silence.miss(sent_ns, now_ns, self._drain_ns, self._retry_ns)
+        return silence, silence.reach is Reach.DEAD and not was_dead
+
+    def miss_behind_converter(self, unit_id: int, sent_ns: int, now_ns: int) -> tuple[bool, bool]:
+        """Record that a converter answered in the place of a unit; return whether it is silent, or dead, now.
+
+        No late reply follows. A converter may answer immediately, so one such answer counts in each
+        ``response_timeout_ms``: the unit is dead no sooner than after time-outs.
+        """
+        silence = self._silence_of(unit_id)
+        silence.absences += 1
+        is_new = silence.reach is Reach.ANSWERS
+        if not is_new and now_ns - silence.missed_ns < self._response_timeout_ns:
+            return False, False
+        was_dead = silence.reach is Reach.DEAD
+        silence.miss(sent_ns, now_ns, 0, self._retry_ns)
+        return is_new, silence.reach is Reach.DEAD and not was_dead
+
+    def _silence_of(self, unit_id: int) -> Silence:
         silence = self.silences.get(unit_id)
         if silence is None:
             silence = self.silences[unit_id] = Silence(unit_id)
-        was_dead = silence.reach is Reach.DEAD
-        silence.miss(sent_ns, now_ns, self._drain_ns if may_answer_late else 0, self._retry_ns)
-        return silence, silence.reach is Reach.DEAD and not was_dead
+        return silence
 
     def mark_alive(self, unit_id: int, now_ns: int) -> None:
         """Record a complete frame of a unit id, while something on the line is silent."""
@@ -295,9 +318,7 @@ class SilentUnits:
         """A stop was given up before its drive had time to answer: the answer may come until then (W6)."""
         if not self._drain_ns:
             return
-        silence = self.silences.get(unit_id)
-        if silence is None:
-            silence = self.silences[unit_id] = Silence(unit_id)
+        silence = self._silence_of(unit_id)
         silence.late_reply_until_ns = max(silence.late_reply_until_ns, until_ns + self._drain_ns)
 
     def link_up(self) -> None:
@@ -485,7 +506,7 @@ class SilentUnits:
         is_own = transaction.unit_id == dead.unit_id
         read = None
         if not is_own or is_acting_on(self._units, transaction, axes):
-            read = trial_read(axes)
+            read = trial_read(axes, dead.absences)
         if read is None and not is_own:
             self.answer_for(transaction, now_ns)
             return False

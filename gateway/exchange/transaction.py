@@ -265,6 +265,8 @@ class Transaction:
     received an answer. What comes is processed and then dropped."""
     is_denied = False
     """Its rights, its role or a full queue forbid it: it is refused after the answers to earlier requests."""
+    is_by_alias = False
+    """It stops axes under another unit id than theirs: what its reply says is not certain of any of them."""
     is_odd = False
     """Its length does not fit its function code, and it is for a device that may accept that."""
     is_held_up = False
@@ -638,8 +640,7 @@ class Transactions:
         elif reply:
             self._pass_back(transaction, outcome, code, reply, now_ns)
         else:
-            for request in transaction.requests:
-                finish(request, outcome, code, now_ns)
+            self._finish_requests(transaction, outcome, code, now_ns)
         if answer is not Answer.NOTHING:
             self._answer(transaction, code, answer, now_ns)
 
@@ -699,6 +700,10 @@ class Transactions:
             unit = self._unit_of(transaction.unit_id)
             observe_discrete(unit, transaction.pdu, reply, transaction.sent_ns)
             return
+        if transaction.is_by_alias:
+            self.reply(transaction, reply, now_ns)
+            self._finish_requests(transaction, outcome, code, now_ns)
+            return
         is_acknowledged = outcome is Outcome.ACKNOWLEDGED
         for request in requests:
             is_read = request.reads_too
@@ -711,6 +716,13 @@ class Transactions:
                 finish(request, outcome, code, now_ns)
             if is_read:
                 self._counters.unmapped_reads += request.reads_unmapped
+
+    def _finish_requests(self, transaction: Transaction, outcome: Outcome, code: int, now_ns: int) -> None:
+        """Apply the end of a transaction to the axes of each unit that it may have reached."""
+        if transaction.is_by_alias:
+            outcome = Outcome.BROADCAST  # each drive may have executed it or not, whichever has answered
+        for request in transaction.requests:
+            finish(request, outcome, code, now_ns)
 
     def _answer(self, transaction: Transaction, code: int, answer: Answer, now_ns: int) -> None:
         port = transaction.port

@@ -80,7 +80,7 @@ def is_absence(pdu: bytes) -> bool:
     >>> is_absence(b"\x83\x0b"), is_absence(b"\x83\x02"), is_absence(b"\x03\x02\x00\x0b")
     (True, False, False)
     """
-    return pdu[0] >= EXCEPTION_BIT and pdu[-1] in ABSENT
+    return pdu[0] >= EXCEPTION_BIT and len(pdu) == 2 and pdu[1] in ABSENT
 
 
 def is_exception(pdu: bytes) -> bool:

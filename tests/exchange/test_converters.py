@@ -5,8 +5,9 @@ from typing import Any, Final
 import pytest
 
 from gateway.exchange.axis.motion import MotionState
+from gateway.exchange.axis.reference import ReferenceEvent
 from gateway.exchange.plan import LineTiming, Reference
-from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Memory, axis_plan, read, write
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Memory, axis_plan, read, write
 from tests.exchange.record_bench import RecordBench
 from tests.exchange.staged_bench import RUN_PDU, RUN_RELATIVE_PDU, STATUS, StagedBench, staged_plan
 from tests.exchange.test_link_loss import HOMED, READ_HOMED
@@ -24,10 +25,12 @@ class Converter(Memory):
         self.drive, self.words = drive, drive.words
         self.codes: list[int] = []
         """For the next requests, one each."""
+        self.refused: dict[bytes, int] = {}
+        """Codes of the drive's own for some requests."""
         self.is_drive_off = False
 
     def answer(self, pdu: bytes) -> bytes:
-        code = self.codes.pop(0) if self.codes else 0x0B if self.is_drive_off else 0
+        code = self.codes.pop(0) if self.codes else 0x0B if self.is_drive_off else self.refused.get(pdu, 0)
         return bytes((pdu[0] | 0x80, code)) if code else self.drive.answer(pdu)
 
 
@@ -73,6 +76,49 @@ def test_w11_a_drive_that_its_converter_does_not_reach_is_silent_and_dead_after_
     bench.wait(500)
     assert bench.ask(READ_STATUS)[0] == 3
     assert "drive-answers" in bench.kinds()
+
+
+def test_w11_a_converter_that_answers_at_once_makes_a_drive_dead_no_sooner_than_time_outs() -> None:
+    bench, converter = staged()
+    converter.codes = [0x0B] * 4
+    for _ in range(4):
+        assert bench.ask(READ_STATUS) == b"\x83\x0b"
+        bench.wait(1)
+    bench.stage(60_000)
+    assert bench.trigger() == ("absolute", 60_010)
+    assert "drive-backed-off" not in bench.kinds()
+
+
+@pytest.mark.parametrize("own", [read(ACTUAL), READ_STATUS])
+def test_w11_each_trial_that_a_converter_answers_takes_another_register(own: bytes) -> None:
+    """A drive may have a code of its own for one register that looks like that of a converter."""
+    bench, converter = staged()
+    switch_off(bench, converter, 1.0)
+    converter.refused = {own: 0x0B}
+    replies = []
+    for _ in range(3):
+        bench.wait(10_000)
+        replies.append(bench.ask(write(COMMAND, 60_000)))
+    assert replies[-1] == write(COMMAND, 60_000)[:5]
+
+
+def test_m9_the_silence_of_a_drive_begins_with_the_first_answer_of_its_converter() -> None:
+    """An added read and its repeat take 400 ms each."""
+    bench = Bench(axis_plan(referenced=Reference.DRIVE_BIT, bits={"homed": HOMED}, lost_ms=LOST_MS))
+    bench.memory.words[HOMED.address] = 1 << HOMED.bit
+    bench.ask(READ_HOMED)
+    bench.reach(50_000)
+    bench.wait(1_500)
+    bench.send(write(COMMAND, 60_000))
+    for _ in range(2):
+        [(unit_id, pdu)] = bench.link.sent
+        bench.link.sent.clear()
+        assert pdu == READ_HOMED
+        bench.wait(400)
+        bench.line.reply(unit_id, b"\x83\x0b", bench.now_ns)
+    reach = bench.line.axes[0].reach
+    assert reach.silent_since_ns is not None
+    assert bench.now_ns - reach.silent_since_ns == 800 * MS
 
 
 def test_m2_a_drive_that_was_off_holds_no_target_any_more() -> None:
@@ -150,6 +196,13 @@ def test_m9_a_target_waits_for_the_homed_bit_and_is_no_guess(code: int) -> None:
     assert bench.seen == [READ_HOMED, READ_HOMED]
     assert bench.ask(write(COMMAND, 60_000)) == write(COMMAND, 60_000)[:5]
     assert bench.memory.get(COMMAND) == 60_010
+
+
+def test_m9_a_read_is_not_refused_for_a_homed_bit_that_a_busy_drive_does_not_report() -> None:
+    bench, _ = homed(6, 6)
+    bench.line.axes[0].reference.happens(ReferenceEvent.SILENCE)
+    assert ACTUAL.unpack(bench.ask(read(ACTUAL))[2:]) == 50_000
+    assert bench.seen == [READ_HOMED, READ_HOMED, read(ACTUAL)]
 
 
 def test_m9_a_drive_that_refuses_to_report_its_homed_bit_counts_as_not_homed() -> None:

@@ -75,12 +75,14 @@ def test_m3_a_stop_is_sent_while_the_gateway_ends_and_nothing_else_is() -> None:
     bench.line.stop(bench.now_ns)
     bench.send(RUN_PDU, transaction_id=8)
     bench.send(STOP_PDU, transaction_id=9)
-    assert not bench.line.is_idle
+    was_idle = bench.line.is_idle
     bench.seen.clear()
     bench.serve()
     assert bench.seen == [READ_OTHER, STOP_PDU]
-    assert bench.port.replies[-1] == (9, 1, STOP_PDU)
-    assert bench.line.is_idle
+    assert bench.port.replies.pop() == (9, 1, STOP_PDU)
+    assert (was_idle, bench.line.is_idle) == (False, True)
+    operator = Port(ControllerPlan("panel", role=Role.OPERATOR))
+    assert bench.ask(STOP_PDU, operator) == STOP_PDU  # also on a free line
 
 
 @pytest.mark.parametrize("is_end_read_with_it", [False, True])
@@ -129,6 +131,30 @@ def test_m3_a_stop_under_another_name_overtakes_and_withdraws_a_waiting_trigger(
     bench.serve()
     assert bench.seen == [READ_OTHER, STOP_PDU]
     assert bench.port.replies == [(2, 1, bytes.fromhex("86 06")), (3, unit_id, STOP_PDU)]
+
+
+@pytest.mark.parametrize("reply", [STOP_PDU, bytes.fromhex("86 02")])
+def test_m3_a_stop_that_may_reach_several_axes_gets_one_reply_and_proves_nothing(reply: bytes) -> None:
+    x, y = (staged_plan(name=name, unit_id=unit_id) for name, unit_id in (("x", 1), ("y", 2)))
+    bench = StagedBench(x, y, tcp_drive=True, serial=False)
+    bench.go_to(20_000)
+    bench.stage(60_000)
+    bench.send(STOP_PDU, unit_id=255)
+    assert bench.link.sent == [(255, STOP_PDU)]
+    bench.link.sent.clear()
+    bench.line.reply(255, reply, bench.now_ns)
+    assert bench.port.replies == [(7, 255, reply)]
+    bench.port.replies.clear()
+    assert bench.trigger() == ("absolute", 60_010)  # another drive may have got the stop
+
+
+@pytest.mark.parametrize("unit_id", ALIASES)
+def test_w7_a_stop_under_another_name_writes_nothing_else(unit_id: int) -> None:
+    bench = StagedBench(tcp_drive=True, serial=False)
+    bench.go_to(20_000)
+    bench.stage(60_000)
+    bench.ask(bytes.fromhex("10 050E 0002 04 03E8 0000"), unit_id=unit_id)  # also the register behind it
+    assert bench.line.axes[0].motion.state is MotionState.ARRIVED
 
 
 @pytest.mark.parametrize("unit_id", ALIASES)
