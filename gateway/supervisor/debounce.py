@@ -10,6 +10,8 @@ from typing import Final
 
 STILL_S: Final = 0.5
 """A file is stable after so long without a change: longer than an editor's pauses and a clock's tick."""
+STILL_UNSEEN_S: Final = 10.0
+"""The same where the system does not tell who writes the file: longer than a copy over a slow link pauses."""
 GONE_S: Final = 5.0
 """A file is gone after so long. Editors move it away and back within a fraction of this."""
 
@@ -22,8 +24,17 @@ class FileStamp:
     """Whether a file is there, readable or not."""
     mark: tuple[object, ...] = ()
     """Device, inode, size and times, or the error."""
-    is_being_written: bool = False
-    """Whether a program has it open for writing, as far as the system reports that."""
+    is_being_written: bool | None = False
+    """Whether a program of this machine has it open for writing; None if the system does not tell."""
+    changed_ns: int = 0
+    """When it was last written to, by the clock of its file system."""
+
+    @property
+    def still_s(self) -> float:
+        """After how long without a change it may be read, or is gone."""
+        if not self.is_there:
+            return GONE_S
+        return STILL_UNSEEN_S if self.is_being_written is None else STILL_S
 
 
 class FileStability(Enum):
@@ -50,7 +61,7 @@ class FileDebounce:
         """Take the stamp of a poll."""
         if stamp != self._seen:
             self._seen, self._since_s = stamp, now_s
-        is_still = now_s - self._since_s >= (STILL_S if stamp.is_there else GONE_S)
+        is_still = now_s - self._since_s >= stamp.still_s
         if (stamp.is_there, stamp.mark) == self._taken:
             is_ready = self._is_taken_early and is_still and not stamp.is_being_written
             return FileStability.READY if is_ready else FileStability.SAME
@@ -67,7 +78,7 @@ class FileDebounce:
         if stamp != self._seen:
             self._seen, self._since_s = stamp, now_s
         self._taken = (stamp.is_there, stamp.mark)
-        self._is_taken_early = stamp.is_there and now_s - self._since_s < STILL_S
+        self._is_taken_early = stamp.is_there and now_s - self._since_s < stamp.still_s
 
     def forget(self) -> None:
         """Read the file again as soon as it is stable, even if its stamp is the same."""

@@ -1,6 +1,5 @@
 """Stamps of the files in the tables folder: cheap, and reliable on network file systems too."""
 
-import contextlib
 import errno
 import fcntl
 import os
@@ -43,23 +42,33 @@ def _stamp(folder: Path, name: str) -> FileStamp:
         return FileStamp(is_there=True, mark=(found.path.name, error.errno))
     mark = (found.path.name, *mark_of(status), status.st_mode, status.st_ctime_ns)
     is_file = stat.S_ISREG(status.st_mode)  # opening anything else may have an effect
-    return FileStamp(is_there=True, mark=mark, is_being_written=is_file and _is_being_written(found.path))
+    is_being_written = is_file and _is_being_written(found.path)
+    return FileStamp(
+        is_there=True, mark=mark, is_being_written=is_being_written, changed_ns=status.st_mtime_ns
+    )
 
 
-def _is_being_written(path: Path) -> bool:
-    """Whether a program on this machine has a file open for writing; False if the system cannot tell.
+def _is_being_written(path: Path) -> bool | None:
+    """Whether a program on this machine has a file open for writing; None if the system does not tell.
 
     The system refuses a read lease exactly then (fcntl(2), F_SETLEASE). The lease is returned immediately. A
     program that opens the file in between breaks the lease, which causes SIGIO: call
     :func:`ignore_broken_leases` first.
+
+    Only the owner of a file gets a lease, and whoever has CAP_LEASE: the service has neither for a table that
+    root or another user owns. Some file systems have no leases.
     """
-    with contextlib.suppress(OSError):
+    try:
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
-        try:
-            fcntl.fcntl(descriptor, fcntl.F_SETLEASE, fcntl.F_RDLCK)
-            fcntl.fcntl(descriptor, fcntl.F_SETLEASE, fcntl.F_UNLCK)
-        except BlockingIOError:
-            return True
-        finally:
-            os.close(descriptor)
+    except OSError:
+        return False  # nobody can read half of it either
+    try:
+        fcntl.fcntl(descriptor, fcntl.F_SETLEASE, fcntl.F_RDLCK)
+        fcntl.fcntl(descriptor, fcntl.F_SETLEASE, fcntl.F_UNLCK)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return None
+    finally:
+        os.close(descriptor)
     return False

@@ -7,8 +7,9 @@ import tomllib
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
+from gateway.clock import wall_s
 from gateway.config.compile import compile_into_state, keys_of, sources_of
 from gateway.config.findings import parse_document, read_document
 from gateway.config.last_good import Settled, TableSource, settle
@@ -31,9 +32,11 @@ from gateway.status.axis import AxisStatus
 from gateway.supervisor.debounce import FileStamp
 from gateway.supervisor.file_stamps import scan
 from gateway.supervisor.outcome import ReloadOutcome
+from gateway.times import NS_PER_S
 
 Still = Mapping[str, FileStamp | None]
 """The stamp of each stable table file, by name; None: the file is changing."""
+NOT_WATCHED: Final[Still] = {}
 
 
 class NeedsRestartError(StateError):
@@ -58,19 +61,20 @@ class Reloader:
         """Name of the table file of each axis that has one, from the configuration."""
         return {} if self.loaded is None else _names(self.loaded)
 
-    def reload(self, still: Still | None = None) -> ReloadOutcome:
+    def reload(self, still: Still | None = None, *, watched: Still = NOT_WATCHED) -> ReloadOutcome:
         """Read the configuration and its tables again, and apply what has changed.
 
-        A table file that is being written does not count yet. ``still`` is given when no user asked for the
-        reload. Then a file also does not count if its stamp differs from ``still``, or if it is missing and
-        that was not known.
+        A table file that is being written does not count yet. Where the system does not tell, one that has
+        just changed does not count either, unless ``watched`` shows that it is stable. ``still`` is given
+        when no user asked for the reload. Then a file also does not count if its stamp differs from
+        ``still``, or if it is missing and that was not known.
         """
         self._owed = None
         try:
             configured = load(self._config, forgives_tables=True)
         except ConfigErrors as errors:
             return self._refused(_of_configuration(errors))
-        return self._take_configured(configured, still)
+        return self._take_configured(configured, still, watched)
 
     def retry(self, still: Still) -> ReloadOutcome:
         """Apply the configuration that :meth:`reload` could not apply, as it was read then."""
@@ -106,10 +110,12 @@ class Reloader:
         except ConfigErrors as errors:
             return _of_configuration(errors)
 
-    def _take_configured(self, configured: Loaded, still: Still | None) -> ReloadOutcome:
+    def _take_configured(
+        self, configured: Loaded, still: Still | None, watched: Still = NOT_WATCHED
+    ) -> ReloadOutcome:
         before = self.loaded
         try:
-            outcome = self._take(configured, still, last_plan(configured.state_folder))
+            outcome = self._take(configured, still, last_plan(configured.state_folder), watched=watched)
         except ConfigErrors as errors:
             outcome = replace(_of_configuration(errors), is_owed=True)
         self._owed = configured if outcome.is_owed else None
@@ -143,6 +149,7 @@ class Reloader:
         still: Still | None,
         before: CompiledPlan | None,
         *,
+        watched: Still = NOT_WATCHED,
         keeps_plan: bool = False,
     ) -> ReloadOutcome:
         """Read the tables and bring everything up to date; ``before`` is the last compiled plan."""
@@ -153,7 +160,9 @@ class Reloader:
         read = {
             name: stamp
             for name, stamp in seen.items()
-            if stamp == seen_after[name] and not stamp.is_being_written and _may_count(name, stamp, still)
+            if stamp == seen_after[name]
+            and not stamp.is_being_written
+            and (watched.get(name) == stamp or _may_count(name, stamp, still))
         }
         unread = {axis for axis, name in names.items() if name not in read}
         folder_before = None if before is None else before.tables_folder
@@ -219,9 +228,11 @@ def _of_configuration(errors: ConfigErrors) -> ReloadOutcome:
 
 def _may_count(name: str, stamp: FileStamp, still: Still | None) -> bool:
     """Whether a file with this stamp counts; one that was not watched so far counts if it exists."""
-    if still is None:
-        return True
-    return still[name] == stamp if name in still else stamp.is_there
+    if still is not None and name in still:
+        return still[name] == stamp
+    if not stamp.is_there:
+        return still is None
+    return stamp.is_being_written is not None or wall_s() - stamp.changed_ns / NS_PER_S >= stamp.still_s
 
 
 def _digest_of(config: Path, before: CompiledPlan) -> str:

@@ -6,10 +6,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.supervisor.debounce import GONE_S, STILL_S, FileDebounce, FileStability, FileStamp
+from gateway.supervisor.debounce import (
+    GONE_S,
+    STILL_S,
+    STILL_UNSEEN_S,
+    FileDebounce,
+    FileStability,
+    FileStamp,
+)
 
 A, B = FileStamp(is_there=True, mark=("a",)), FileStamp(is_there=True, mark=("b",))
 WRITTEN_B = FileStamp(is_there=True, mark=("b",), is_being_written=True)
+UNSEEN_B = FileStamp(is_there=True, mark=("b",), is_being_written=None)
 GONE = FileStamp(is_there=False)
 MOVING, READY, SAME = FileStability.MOVING, FileStability.READY, FileStability.SAME
 
@@ -43,6 +51,17 @@ def test_what_somebody_writes_is_not_read_however_still_it_is() -> None:
     assert states(A, looks) == [MOVING, MOVING, MOVING, READY]
 
 
+def test_where_nobody_tells_who_writes_a_file_it_is_read_after_ten_seconds() -> None:
+    assert STILL_UNSEEN_S == 10.0
+    assert states(A, [(0.0, UNSEEN_B), (9.99, UNSEEN_B), (10.0, UNSEEN_B)]) == [MOVING, MOVING, READY]
+
+
+def test_what_was_read_early_where_nobody_tells_is_read_once_more_after_ten_seconds() -> None:
+    debounce = FileDebounce()
+    debounce.take(UNSEEN_B, 0.0)
+    assert [debounce.observe(UNSEEN_B, now_s) for now_s in (9.99, 10.0)] == [SAME, READY]
+
+
 def test_a_file_is_gone_after_five_seconds() -> None:
     assert GONE_S == 5.0
     assert states(A, [(0.0, GONE), (4.99, GONE), (5.0, GONE)]) == [MOVING, MOVING, READY]
@@ -62,7 +81,10 @@ def test_nothing_was_read_at_the_start() -> None:
     assert [debounce.observe(A, now_s) for now_s in (0.0, STILL_S)] == [MOVING, READY]
 
 
-@given(st.lists(st.tuples(st.floats(0.0, 2.0), st.sampled_from([A, B, WRITTEN_B, GONE])), max_size=30))
+STAMPS = st.sampled_from([A, B, WRITTEN_B, UNSEEN_B, GONE])
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 2.0), STAMPS), max_size=30))
 def test_whatever_comes_ready_means_another_file_that_stood_still(
     steps: list[tuple[float, FileStamp]],
 ) -> None:
@@ -77,7 +99,7 @@ def test_whatever_comes_ready_means_another_file_that_stood_still(
         if debounce.observe(stamp, now_s) is READY:
             assert stamp != A
             assert not stamp.is_being_written
-            assert now_s - since_s >= (STILL_S if stamp.is_there else GONE_S)
+            assert now_s - since_s >= {A: 0.5, B: 0.5, UNSEEN_B: 10.0, GONE: 5.0}[stamp]
 
 
 @pytest.mark.parametrize("stamp", [A, GONE])

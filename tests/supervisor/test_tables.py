@@ -22,6 +22,7 @@ from gateway.supervisor.table_files import TableFiles
 from gateway.supervisor.tables import Reloader
 from gateway.supervisor.watching import Watch
 from tests.support.config import RAMP, STEEPER, axis, one_axis, section, written
+from tests.support.lesser import nobody
 
 
 @pytest.fixture
@@ -103,6 +104,34 @@ def test_a_file_that_moves_is_no_mistake_where_the_relay_is_not_understood(
 def test_who_asks_gets_what_is_there(config: Path, reloader: Reloader) -> None:
     table(config).write_text(STEEPER)
     assert reloader.reload().waiting == frozenset()
+    assert largest(config) == 0.2
+
+
+@pytest.fixture
+def unseen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The tables belong to another user: the system does not tell who writes them."""
+    monkeypatch.setattr("gateway.supervisor.file_stamps._is_being_written", lambda _path: None)
+
+
+@pytest.mark.usefixtures("unseen")
+def test_a_file_that_has_just_changed_waits_where_nobody_tells_who_writes_it(
+    config: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table(config).write_text(RAMP)
+    changed_s = stamp(config).changed_ns / 1_000_000_000
+    monkeypatch.setattr("gateway.supervisor.tables.wall_s", lambda: changed_s + 9.9)
+    starting = Reloader(config)
+    for outcome in (starting.reload(), starting.reload({})):  # somebody asks; a supervisor starts
+        assert (outcome.is_refused, outcome.is_owed) == (True, True)
+    assert starting.reload(watched={"x.tab": stamp(config)}).problems == ()
+    assert largest(config) == 0.1
+    table(config).write_text(STEEPER)
+    assert starting.reload().waiting == {"x"}
+    assert largest(config) == 0.1
+    changed_s = stamp(config).changed_ns / 1_000_000_000
+    table(config).chmod(0o640)  # a new owner, mode or name is no writing
+    monkeypatch.setattr("gateway.supervisor.tables.wall_s", lambda: changed_s + 10.1)
+    assert starting.reload().waiting == frozenset()
     assert largest(config) == 0.2
 
 
@@ -353,6 +382,11 @@ def test_a_file_that_a_program_has_open_for_writing_is_being_written(folder: Pat
     with (folder / NAME).open():
         assert not seen(folder).is_being_written
     assert not seen(folder).is_being_written
+
+
+def test_who_writes_a_file_of_another_user_is_not_known() -> None:
+    with nobody():  # as the service, whose tables root or another user owns
+        assert scan(Path("/etc"), ["passwd"])["passwd"].is_being_written is None
 
 
 def test_nothing_but_a_file_is_opened(tmp_path: Path) -> None:
