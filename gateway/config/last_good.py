@@ -10,9 +10,10 @@ from enum import Enum
 
 from gateway.config.checks.files import ROUNDING, TableReading
 from gateway.config.load import Loaded
+from gateway.config.tables_folder import is_folder_of
 from gateway.exchange.limits import without_live_values
 from gateway.exchange.plan import AxisPlan
-from gateway.state.plan import GatewayPlan
+from gateway.state.plan import CompiledPlan, GatewayPlan
 from gateway.tabfile import TableState
 
 
@@ -26,7 +27,7 @@ class TableSource(Enum):
     ABSENT = "absent"
     """Its file was removed, or switched off by its name: no correction."""
     REFUSED = "refused"
-    """Its file is invalid or missing, and nothing in force can stay."""
+    """Its file is invalid and nothing in force can stay; or it is missing, and never existed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +37,8 @@ class Settled:
     plan: GatewayPlan
     sources: Mapping[str, TableSource]
     """Of each axis whose configuration names a table."""
+    slips: frozenset[str] = frozenset()
+    """Axes whose file is missing and never existed by that name in that folder."""
 
     @property
     def refused(self) -> tuple[str, ...]:
@@ -45,7 +48,7 @@ class Settled:
 
 def settle(
     loaded: Loaded,
-    before: GatewayPlan | None,
+    before: CompiledPlan | None,
     *,
     is_start: bool = False,
     waiting: Collection[str] = (),
@@ -53,44 +56,48 @@ def settle(
     """Return the result of a configuration, given what was in force before.
 
     ``loaded`` was read with ``forgives_tables``. ``waiting`` are axes whose file is being written, or has
-    been gone for a moment only. It does not count yet: what was in force stays if allowed. At a start, only a
-    file that was known before may be invalid or missing. A file that never existed is an error in the
-    configuration.
+    been gone for a moment only. It does not count yet: what was in force stays if allowed. Only a file that
+    was known before, by its name and its folder, may be missing; at a start only such a file may be invalid.
+    A file that never existed is an error in the configuration.
     """
-    old = {} if before is None else {axis.name: axis for line in before.lines for axis in line.axes}
+    old = {} if before is None else {axis.name: axis for line in before.plan.lines for axis in line.axes}
     new = {axis.name: axis for line in loaded.plan.lines for axis in line.axes}
-    sources = {
-        name: _source_of_moving(reading, old.get(name), new[name], is_start=is_start)
-        if name in waiting
-        else _source(reading, old.get(name), new[name], is_start=is_start)
-        for name, reading in loaded.readings.items()
-    }
+    is_same_folder = is_folder_of(loaded, before)
+    sources, slips = {}, set()
+    for name, reading in loaded.readings.items():
+        was = old.get(name)
+        is_known = was is not None and is_same_folder and was.table_name.lower() == reading.name.lower()
+        if reading.state is TableState.MISSING and not is_known:
+            slips.add(name)
+            sources[name] = TableSource.REFUSED
+        elif name in waiting:
+            sources[name] = _source_of_moving(reading, was, new[name])
+        else:
+            sources[name] = _source(reading, was, new[name], is_known=is_known, is_start=is_start)
     for line in loaded.plan.lines:
         for group in line.groups:
             members = {name: sources[name] for name in group if name in sources}
             sources |= _together(members, old, new)
-    return Settled(_with_tables(loaded.plan, old, sources), sources)
+    return Settled(_with_tables(loaded.plan, old, sources), sources, frozenset(slips))
 
 
-def _source(reading: TableReading, old: AxisPlan | None, new: AxisPlan, *, is_start: bool) -> TableSource:
+def _source(
+    reading: TableReading, old: AxisPlan | None, new: AxisPlan, *, is_known: bool, is_start: bool
+) -> TableSource:
     if reading.table is not None:
         return TableSource.FILE
-    is_known = old is not None and old.table_name.lower() == reading.name.lower()
     if reading.is_absent:
-        is_missing = reading.state is TableState.MISSING
-        return TableSource.REFUSED if is_missing and is_start and not is_known else TableSource.ABSENT
+        return TableSource.ABSENT
     if old is None or (is_start and not is_known) or not _still_fits(old, new):
         return TableSource.REFUSED
     return TableSource.KEPT
 
 
-def _source_of_moving(
-    reading: TableReading, old: AxisPlan | None, new: AxisPlan, *, is_start: bool
-) -> TableSource:
+def _source_of_moving(reading: TableReading, old: AxisPlan | None, new: AxisPlan) -> TableSource:
     """Return the source of the table while its file does not count."""
-    if old is not None:
-        return TableSource.KEPT if _still_fits(old, new) else TableSource.REFUSED
-    return _source(reading, old, new, is_start=is_start) if reading.is_absent else TableSource.REFUSED
+    if old is None:
+        return TableSource.ABSENT if reading.is_absent else TableSource.REFUSED
+    return TableSource.KEPT if _still_fits(old, new) else TableSource.REFUSED
 
 
 def _still_fits(old: AxisPlan, new: AxisPlan) -> bool:

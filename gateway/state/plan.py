@@ -11,6 +11,7 @@ one are never changed (docs/upgrade.md).
 
 import contextlib
 import hashlib
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -145,7 +146,7 @@ class TablesFolder(msgspec.Struct, frozen=True, array_like=True):
             status = path.stat()
         except OSError:
             return None
-        return cls(str(path), status.st_dev, status.st_ino)
+        return cls(os.path.abspath(path), status.st_dev, status.st_ino)  # noqa: PTH100 - ".." goes too
 
 
 class Writer(msgspec.Struct, frozen=True):

@@ -195,9 +195,7 @@ class Reloader:
         try:
             path = socket_path(loaded.state_folder)
             is_running = _check_same(path, loaded, before)
-            settled = settle(
-                loaded, before.plan if before else None, is_start=not is_running, waiting=waiting
-            )
+            settled = settle(loaded, before, is_start=not is_running, waiting=waiting)
             outcome = _found(loaded, settled, waiting, is_running=is_running)
             held = _held(settled, loaded, before, outcome)
             outcome = replace(outcome, held=held)
@@ -318,13 +316,13 @@ def _found(loaded: Loaded, settled: Settled, waiting: Collection[str], *, is_run
         str(problem)
         for name in settled.refused
         for problem in loaded.readings[name].problems
-        if name not in rejected and name not in waiting
+        if name not in rejected and (name not in waiting or name in settled.slips)
     ]
     missing += [
         f"{loaded.readings[name].path}: the file is being saved; the gateway applies it when it no longer "
         "changes"
         for name in settled.refused
-        if name in waiting
+        if name in waiting and name not in settled.slips
     ]
     absent = frozenset(name for name, source in settled.sources.items() if source is TableSource.ABSENT)
     return ReloadOutcome(
@@ -332,7 +330,7 @@ def _found(loaded: Loaded, settled: Settled, waiting: Collection[str], *, is_run
         rejected=rejected,
         absent=absent,
         waiting=frozenset(waiting) & settled.sources.keys(),
-        is_owed=any(name in waiting for name in settled.refused),
+        is_owed=not settled.slips and any(name in waiting for name in settled.refused),
         is_running=is_running,
     )
 

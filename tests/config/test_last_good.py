@@ -9,7 +9,7 @@ from gateway.config.compile import compile_into_state
 from gateway.config.last_good import Settled, TableSource, settle
 from gateway.config.load import load
 from gateway.state.last_good import last_plan
-from gateway.state.plan import GatewayPlan, in_force
+from gateway.state.plan import CompiledPlan, in_force
 from tests.config.config_bench import GOOD, ONE_WAY, TWO_WAYS, edited, written
 
 NAME = "cnc10x.tab"
@@ -25,7 +25,7 @@ PAIR = f'{GOOD}\n{SECOND_AXIS}\n[group.beam]\naxes = ["x", "y"]\n'
 
 
 def settled(
-    path: Path, before: GatewayPlan | None = None, *, is_start: bool = False, waiting: Collection[str] = ()
+    path: Path, before: CompiledPlan | None = None, *, is_start: bool = False, waiting: Collection[str] = ()
 ) -> Settled:
     return settle(load(path, forgives_tables=True), before, is_start=is_start, waiting=waiting)
 
@@ -46,29 +46,29 @@ def path(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def before(path: Path) -> GatewayPlan:
+def before(path: Path) -> CompiledPlan:
     compile_into_state(load(path))
     last = last_plan(path.parent / "state")
     assert last is not None
     assert last.plan == in_force(load(path).plan)
-    return last.plan
+    return last
 
 
-def test_a_good_file_counts(path: Path, before: GatewayPlan) -> None:
+def test_a_good_file_counts(path: Path, before: CompiledPlan) -> None:
     save(path, TWO_WAYS.replace("-0.0120", "-0.0130"))
     found = settled(path, before)
     assert (found.sources, forward_end(found)) == ({"x": TableSource.FILE}, -0.013)
 
 
 @pytest.mark.parametrize("is_start", [True, False])
-def test_a_bad_file_changes_nothing(path: Path, before: GatewayPlan, *, is_start: bool) -> None:
+def test_a_bad_file_changes_nothing(path: Path, before: CompiledPlan, *, is_start: bool) -> None:
     save(path, BAD)
     found = settled(path, before, is_start=is_start)
     assert (found.sources, forward_end(found)) == ({"x": TableSource.KEPT}, -0.012)
-    assert found.plan == before
+    assert found.plan == before.plan
 
 
-def test_a_file_that_does_not_go_with_the_axis_is_bad(path: Path, before: GatewayPlan) -> None:
+def test_a_file_that_does_not_go_with_the_axis_is_bad(path: Path, before: CompiledPlan) -> None:
     path.write_text(edited(("max_speed = 200.0", "max_speed = 200.0\nmax_correction = 0.02")))
     save(path, TWO_WAYS.replace("-0.0120", "-0.0210"))
     assert settled(path, before).sources == {"x": TableSource.KEPT}
@@ -79,7 +79,7 @@ def test_a_bad_file_at_the_first_start_is_refused(path: Path) -> None:
     assert settled(path, None, is_start=True).refused == ("x",)
 
 
-def test_a_bad_file_of_another_name_is_refused_at_the_start(path: Path, before: GatewayPlan) -> None:
+def test_a_bad_file_of_another_name_is_refused_at_the_start(path: Path, before: CompiledPlan) -> None:
     path.write_text(edited((NAME, "new.tab")))
     save(path, BAD, "new.tab")
     assert settled(path, before, is_start=True).refused == ("x",)
@@ -87,7 +87,7 @@ def test_a_bad_file_of_another_name_is_refused_at_the_start(path: Path, before: 
 
 
 def test_the_last_good_table_does_not_outlive_the_settings_it_was_good_for(
-    path: Path, before: GatewayPlan
+    path: Path, before: CompiledPlan
 ) -> None:
     save(path, BAD)
     path.write_text(edited(("max_speed = 200.0", "max_speed = 200.0\nmax_correction = 0.015")))
@@ -98,28 +98,53 @@ def test_the_last_good_table_does_not_outlive_the_settings_it_was_good_for(
     assert settled(path, before).sources == {"x": TableSource.KEPT}
 
 
-def test_a_file_that_is_gone_takes_the_correction_with_it(path: Path, before: GatewayPlan) -> None:
+def test_a_file_that_is_gone_takes_the_correction_with_it(path: Path, before: CompiledPlan) -> None:
     (path.parent / "tables" / NAME).unlink()
     for is_start in (True, False):
         found = settled(path, before, is_start=is_start)
         assert (found.sources, forward_end(found)) == ({"x": TableSource.ABSENT}, None)
 
 
-def test_a_file_that_never_was_is_a_slip_of_the_configuration(path: Path, before: GatewayPlan) -> None:
+def test_a_file_that_never_was_is_a_slip_of_the_configuration(path: Path, before: CompiledPlan) -> None:
     path.write_text(edited((NAME, "cnc10v.tab")))
-    assert settled(path, before, is_start=True).refused == ("x",)
-    assert settled(path, None, is_start=True).refused == ("x",)
+    for is_start in (True, False):
+        assert settled(path, before, is_start=is_start).refused == ("x",)
+        assert settled(path, None, is_start=is_start).refused == ("x",)
+    assert settled(path, before, waiting={"x"}).refused == ("x",)
 
 
-def test_a_file_that_was_gone_before_may_be_gone_at_the_start(path: Path, before: GatewayPlan) -> None:
+def test_a_folder_that_never_had_the_file_is_a_slip_of_the_configuration(
+    path: Path, before: CompiledPlan
+) -> None:
+    (path.parent / "tbles").mkdir()
+    path.write_text(edited(('name = "mill-1"', 'name = "mill-1"\ntables = "tbles"')))
+    for is_start in (True, False):
+        assert settled(path, before, is_start=is_start).refused == ("x",)
+    (path.parent / "tables" / NAME).unlink()
+    path.write_text(edited(('name = "mill-1"', 'name = "mill-1"\ntables = "tbles/../tables"')))
+    assert settled(path, before).sources == {"x": TableSource.ABSENT}  # the same folder by another name
+
+
+def test_a_file_that_is_gone_is_known_wherever_the_command_runs(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(path.parent)
+    compile_into_state(load(Path(path.name)))
+    before = last_plan(path.parent / "state")
+    monkeypatch.chdir("/")
+    (path.parent / "tables" / NAME).unlink()
+    assert settled(path, before).sources == {"x": TableSource.ABSENT}
+
+
+def test_a_file_that_was_gone_before_may_be_gone_at_the_start(path: Path, before: CompiledPlan) -> None:
     (path.parent / "tables" / NAME).unlink()
     loaded = load(path, forgives_tables=True)
     compile_into_state(loaded, settle(loaded, before).plan)
     again = last_plan(path.parent / "state")
     assert again is not None
-    assert settled(path, again.plan, is_start=True).sources == {"x": TableSource.ABSENT}
+    assert settled(path, again, is_start=True).sources == {"x": TableSource.ABSENT}
     save(path, TWO_WAYS)
-    assert settled(path, again.plan).sources == {"x": TableSource.FILE}
+    assert settled(path, again).sources == {"x": TableSource.FILE}
 
 
 def test_a_file_renamed_to_bak_is_switched_off_from_the_first_start(path: Path) -> None:
@@ -129,13 +154,13 @@ def test_a_file_renamed_to_bak_is_switched_off_from_the_first_start(path: Path) 
     assert (found.sources, forward_end(found)) == ({"x": TableSource.ABSENT}, None)
 
 
-def test_a_file_that_is_being_written_counts_for_nothing(path: Path, before: GatewayPlan) -> None:
+def test_a_file_that_is_being_written_counts_for_nothing(path: Path, before: CompiledPlan) -> None:
     save(path, ONE_WAY)
     found = settled(path, before, waiting={"x"})
     assert (found.sources, forward_end(found)) == ({"x": TableSource.KEPT}, -0.012)
 
 
-def test_a_folder_that_cannot_be_read_changes_nothing(path: Path, before: GatewayPlan) -> None:
+def test_a_folder_that_cannot_be_read_changes_nothing(path: Path, before: CompiledPlan) -> None:
     (path.parent / "tables").rename(path.parent / "elsewhere")
     assert settled(path, before).sources == {"x": TableSource.KEPT}
 
@@ -158,7 +183,7 @@ class TestGroups:
         ids=["good", "one is bad", "one is gone", "gone beats bad"],
     )
     def test_the_worst_file_decides(
-        self, path: Path, before: GatewayPlan, x: str | None, y: str, source: TableSource
+        self, path: Path, before: CompiledPlan, x: str | None, y: str, source: TableSource
     ) -> None:
         save(path, y.replace("-0.0120", "-0.0130"), "cnc10y.tab")
         if x is None:
@@ -180,7 +205,9 @@ def test_a_file_that_moves_counts_for_nothing_even_where_nothing_was_before(path
     assert settled(path, waiting={"x"}).sources == {"x": TableSource.REFUSED}
 
 
-def test_a_file_that_moves_keeps_no_table_that_the_new_limits_forbid(path: Path, before: GatewayPlan) -> None:
+def test_a_file_that_moves_keeps_no_table_that_the_new_limits_forbid(
+    path: Path, before: CompiledPlan
+) -> None:
     path.write_text(edited(("max_speed = 200.0", "max_speed = 200.0\nmax_correction = 0.005")))
     assert settled(path, before, waiting={"x"}).sources == {"x": TableSource.REFUSED}
 
@@ -212,7 +239,7 @@ def test_a_mint_offset_that_nothing_explains_any_more_leaves_the_table_in_force(
     last = last_plan(path.parent / "state")
     assert last is not None
     path.write_text(of_mint(""))
-    found = settled(path, last.plan, is_start=is_start)
+    found = settled(path, last, is_start=is_start)
     assert (found.sources, found.plan) == ({"x": TableSource.KEPT}, last.plan)
     (problem,) = load(path, forgives_tables=True).readings["x"].problems
     # 2 from A the motor is at 2 x 10 / 10.02, 12 from A at 10 + 1.98 / 9.99 x 10
@@ -221,4 +248,4 @@ def test_a_mint_offset_that_nothing_explains_any_more_leaves_the_table_in_force(
     assert problem.line == 4
     # told as it was read before, it is the same table: nothing changes
     path.write_text(of_mint(", file_start = 5.0"))
-    assert settled(path, last.plan).plan == last.plan
+    assert settled(path, last).plan == last.plan

@@ -200,6 +200,39 @@ def test_a_first_file_that_moves_is_not_compiled_and_is_tried_again(config: Path
     assert largest(config) == 0.1
 
 
+@pytest.fixture
+def running(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A relay runs this plan and takes all that it is given."""
+    monkeypatch.setattr("gateway.supervisor.tables._check_same", lambda *_: True)
+    monkeypatch.setattr("gateway.supervisor.tables._hand_over", lambda *given: given[-1])
+
+
+@pytest.mark.usefixtures("running")
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [('table = "x.tab"', 'table = "xx.tab"'), ('name = "trial"', 'name = "trial"\ntables = "tbles"')],
+    ids=["table", "tables"],
+)
+def test_a_slip_in_the_name_of_a_table_or_its_folder_takes_no_correction_away(
+    config: Path, reloader: Reloader, right: str, wrong: str
+) -> None:
+    (config.parent / "tbles").mkdir()
+    text = config.read_text()
+    config.write_text(text.replace(right, wrong))
+    outcome = reloader.reload()
+    assert (outcome.is_refused, outcome.is_owed, outcome.gone) == (True, False, ())
+    (problem,) = outcome.problems
+    assert f"{config}:" in problem
+    assert "axis.x.table: there is no x" in problem
+    assert reloader.loaded is not None
+    assert reloader.loaded.document.text == text
+    assert largest(config) == 0.1
+    table(config).unlink()  # what is removed on purpose goes, as before
+    config.write_text(text)
+    assert reloader.reload().absent == {"x"}
+    assert largest(config) is None
+
+
 def test_a_refused_configuration_says_all_and_tells_nothing_of_files(
     config: Path, reloader: Reloader
 ) -> None:
