@@ -47,7 +47,7 @@ def compile_for_start_or_exit(config: Path) -> tuple[str, Path, list[str]]:
         load_or_exit(config, is_start=True)  # also reports problems of the tables
         raise
     last = last_plan(loaded.state_folder)
-    settled = settle(loaded, last, is_start=True)
+    settled = settle(loaded, last)
     if settled.refused:
         load_or_exit(config, is_start=True)
     warnings = [str(warning) for warning in loaded.warnings]

@@ -46,58 +46,52 @@ class Settled:
         return tuple(name for name, source in self.sources.items() if source is TableSource.REFUSED)
 
 
-def settle(
-    loaded: Loaded,
-    before: CompiledPlan | None,
-    *,
-    is_start: bool = False,
-    waiting: Collection[str] = (),
-) -> Settled:
+def settle(loaded: Loaded, before: CompiledPlan | None, *, waiting: Collection[str] = ()) -> Settled:
     """Return the result of a configuration, given what was in force before.
 
     ``loaded`` was read with ``forgives_tables``. ``waiting`` are axes whose file is being written, or has
     been gone for a moment only. It does not count yet: what was in force stays if allowed. Only a file that
-    was known before, by its name and its folder, may be missing; at a start only such a file may be invalid.
-    A file that never existed is an error in the configuration.
+    was known before, by its name and its folder, may be missing or invalid: a name without a good file is an
+    error in the configuration, with which no gateway starts, so that none goes on with it either.
     """
     old = {} if before is None else {axis.name: axis for line in before.plan.lines for axis in line.axes}
     new = {axis.name: axis for line in loaded.plan.lines for axis in line.axes}
     is_same_folder = is_folder_of(loaded, before)
+    known = {
+        name: old[name]
+        for name, reading in loaded.readings.items()
+        if is_same_folder and name in old and old[name].table_name.lower() == reading.name.lower()
+    }
     sources, slips = {}, set()
     for name, reading in loaded.readings.items():
-        was = old.get(name)
-        is_known = was is not None and is_same_folder and was.table_name.lower() == reading.name.lower()
-        if reading.state is TableState.MISSING and not is_known:
+        if reading.state is TableState.MISSING and name not in known:
             slips.add(name)
             sources[name] = TableSource.REFUSED
         elif name in waiting:
-            sources[name] = _source_of_moving(reading, was, new[name])
+            sources[name] = _source_of_moving(reading, known.get(name), new[name])
         else:
-            sources[name] = _source(reading, was, new[name], is_known=is_known, is_start=is_start)
+            sources[name] = _source(reading, known.get(name), new[name])
     for line in loaded.plan.lines:
         for group in line.groups:
             members = {name: sources[name] for name in group if name in sources}
-            sources |= _together(members, old, new)
+            sources |= _together(members, known, new)
     return Settled(_with_tables(loaded.plan, old, sources), sources, frozenset(slips))
 
 
-def _source(
-    reading: TableReading, old: AxisPlan | None, new: AxisPlan, *, is_known: bool, is_start: bool
-) -> TableSource:
+def _source(reading: TableReading, known: AxisPlan | None, new: AxisPlan) -> TableSource:
+    """Return the source of the table; ``known`` is the axis before, if it had this file."""
     if reading.table is not None:
         return TableSource.FILE
     if reading.is_absent:
         return TableSource.ABSENT
-    if old is None or (is_start and not is_known) or not _still_fits(old, new):
-        return TableSource.REFUSED
-    return TableSource.KEPT
+    return TableSource.KEPT if known is not None and _still_fits(known, new) else TableSource.REFUSED
 
 
-def _source_of_moving(reading: TableReading, old: AxisPlan | None, new: AxisPlan) -> TableSource:
-    """Return the source of the table while its file does not count."""
-    if old is None:
+def _source_of_moving(reading: TableReading, known: AxisPlan | None, new: AxisPlan) -> TableSource:
+    """Return the source of the table while its file does not count; ``known`` as above."""
+    if known is None:
         return TableSource.ABSENT if reading.is_absent else TableSource.REFUSED
-    return TableSource.KEPT if _still_fits(old, new) else TableSource.REFUSED
+    return TableSource.KEPT if _still_fits(known, new) else TableSource.REFUSED
 
 
 def _still_fits(old: AxisPlan, new: AxisPlan) -> bool:
@@ -112,7 +106,7 @@ def _still_fits(old: AxisPlan, new: AxisPlan) -> bool:
 
 
 def _together(
-    sources: Mapping[str, TableSource], old: Mapping[str, AxisPlan], new: Mapping[str, AxisPlan]
+    sources: Mapping[str, TableSource], known: Mapping[str, AxisPlan], new: Mapping[str, AxisPlan]
 ) -> dict[str, TableSource]:
     """Return the sources with those of each group made equal."""
     for decides in (TableSource.REFUSED, TableSource.ABSENT, TableSource.KEPT):
@@ -121,7 +115,7 @@ def _together(
     else:
         return dict(sources)
     if decides is TableSource.KEPT and not all(
-        name in old and _still_fits(old[name], new[name]) for name in sources
+        name in known and _still_fits(known[name], new[name]) for name in sources
     ):
         decides = TableSource.REFUSED
     return dict.fromkeys(sources, decides)

@@ -195,7 +195,7 @@ class Reloader:
         try:
             path = socket_path(loaded.state_folder)
             is_running = _check_same(path, loaded, before)
-            settled = settle(loaded, before, is_start=not is_running, waiting=waiting)
+            settled = settle(loaded, before, waiting=waiting)
             outcome = _found(loaded, settled, waiting, is_running=is_running)
             held = _held(settled, loaded, before, outcome)
             outcome = replace(outcome, held=held)

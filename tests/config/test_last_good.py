@@ -24,10 +24,8 @@ Y = TWO_WAYS.replace("AXIS X", "AXIS Y")
 PAIR = f'{GOOD}\n{SECOND_AXIS}\n[group.beam]\naxes = ["x", "y"]\n'
 
 
-def settled(
-    path: Path, before: CompiledPlan | None = None, *, is_start: bool = False, waiting: Collection[str] = ()
-) -> Settled:
-    return settle(load(path, forgives_tables=True), before, is_start=is_start, waiting=waiting)
+def settled(path: Path, before: CompiledPlan | None = None, *, waiting: Collection[str] = ()) -> Settled:
+    return settle(load(path, forgives_tables=True), before, waiting=waiting)
 
 
 def forward_end(found: Settled, axis: int = 0) -> float | None:
@@ -60,10 +58,9 @@ def test_a_good_file_counts(path: Path, before: CompiledPlan) -> None:
     assert (found.sources, forward_end(found)) == ({"x": TableSource.FILE}, -0.013)
 
 
-@pytest.mark.parametrize("is_start", [True, False])
-def test_a_bad_file_changes_nothing(path: Path, before: CompiledPlan, *, is_start: bool) -> None:
+def test_a_bad_file_changes_nothing(path: Path, before: CompiledPlan) -> None:
     save(path, BAD)
-    found = settled(path, before, is_start=is_start)
+    found = settled(path, before)
     assert (found.sources, forward_end(found)) == ({"x": TableSource.KEPT}, -0.012)
     assert found.plan == before.plan
 
@@ -76,14 +73,23 @@ def test_a_file_that_does_not_go_with_the_axis_is_bad(path: Path, before: Compil
 
 def test_a_bad_file_at_the_first_start_is_refused(path: Path) -> None:
     save(path, BAD)
-    assert settled(path, None, is_start=True).refused == ("x",)
+    assert settled(path, None).refused == ("x",)
 
 
-def test_a_bad_file_of_another_name_is_refused_at_the_start(path: Path, before: CompiledPlan) -> None:
+def test_a_bad_file_of_another_name_is_refused(path: Path, before: CompiledPlan) -> None:
     path.write_text(edited((NAME, "new.tab")))
     save(path, BAD, "new.tab")
-    assert settled(path, before, is_start=True).refused == ("x",)
-    assert settled(path, before).sources == {"x": TableSource.KEPT}
+    assert settled(path, before).refused == ("x",)
+    assert settled(path, before, waiting={"x"}).refused == ("x",)
+
+
+def test_a_bad_file_of_another_folder_is_refused(path: Path, before: CompiledPlan) -> None:
+    (path.parent / "others").mkdir()
+    (path.parent / "others" / NAME).write_text(BAD)
+    path.write_text(edited(('name = "mill-1"', 'name = "mill-1"\ntables = "others"')))
+    assert settled(path, before).refused == ("x",)
+    path.write_text(edited(('name = "mill-1"', 'name = "mill-1"\ntables = "none"')))
+    assert settled(path, before).refused == ("x",)
 
 
 def test_the_last_good_table_does_not_outlive_the_settings_it_was_good_for(
@@ -100,16 +106,14 @@ def test_the_last_good_table_does_not_outlive_the_settings_it_was_good_for(
 
 def test_a_file_that_is_gone_takes_the_correction_with_it(path: Path, before: CompiledPlan) -> None:
     (path.parent / "tables" / NAME).unlink()
-    for is_start in (True, False):
-        found = settled(path, before, is_start=is_start)
-        assert (found.sources, forward_end(found)) == ({"x": TableSource.ABSENT}, None)
+    found = settled(path, before)
+    assert (found.sources, forward_end(found)) == ({"x": TableSource.ABSENT}, None)
 
 
 def test_a_file_that_never_was_is_a_slip_of_the_configuration(path: Path, before: CompiledPlan) -> None:
     path.write_text(edited((NAME, "cnc10v.tab")))
-    for is_start in (True, False):
-        assert settled(path, before, is_start=is_start).refused == ("x",)
-        assert settled(path, None, is_start=is_start).refused == ("x",)
+    assert settled(path, before).refused == ("x",)
+    assert settled(path, None).refused == ("x",)
     assert settled(path, before, waiting={"x"}).refused == ("x",)
 
 
@@ -118,8 +122,7 @@ def test_a_folder_that_never_had_the_file_is_a_slip_of_the_configuration(
 ) -> None:
     (path.parent / "tbles").mkdir()
     path.write_text(edited(('name = "mill-1"', 'name = "mill-1"\ntables = "tbles"')))
-    for is_start in (True, False):
-        assert settled(path, before, is_start=is_start).refused == ("x",)
+    assert settled(path, before).refused == ("x",)
     (path.parent / "tables" / NAME).unlink()
     path.write_text(edited(('name = "mill-1"', 'name = "mill-1"\ntables = "tbles/../tables"')))
     assert settled(path, before).sources == {"x": TableSource.ABSENT}  # the same folder by another name
@@ -142,7 +145,7 @@ def test_a_file_that_was_gone_before_may_be_gone_at_the_start(path: Path, before
     compile_into_state(loaded, settle(loaded, before).plan)
     again = last_plan(path.parent / "state")
     assert again is not None
-    assert settled(path, again, is_start=True).sources == {"x": TableSource.ABSENT}
+    assert settled(path, again).sources == {"x": TableSource.ABSENT}
     save(path, TWO_WAYS)
     assert settled(path, again).sources == {"x": TableSource.FILE}
 
@@ -150,7 +153,7 @@ def test_a_file_that_was_gone_before_may_be_gone_at_the_start(path: Path, before
 def test_a_file_renamed_to_bak_is_switched_off_from_the_first_start(path: Path) -> None:
     tables = path.parent / "tables"
     (tables / NAME).rename(tables / "cnc10x.bak")
-    found = settled(path, None, is_start=True)
+    found = settled(path, None)
     assert (found.sources, forward_end(found)) == ({"x": TableSource.ABSENT}, None)
 
 
@@ -196,9 +199,18 @@ class TestGroups:
         assert forward_end(found, 1) == y_end
         assert (forward_end(found, 0) is None) == (source is TableSource.ABSENT)
 
+    def test_no_table_of_another_name_stays_because_the_other_axis_has_a_bad_one(
+        self, path: Path, before: CompiledPlan
+    ) -> None:
+        path.write_text(PAIR.replace(NAME, "new.tab"))
+        save(path, TWO_WAYS, "new.tab")
+        assert settled(path, before).refused == ()
+        save(path, BAD, "cnc10y.tab")
+        assert set(settled(path, before).refused) == {"x", "y"}
+
     def test_without_a_last_good_pair_a_bad_one_is_refused(self, path: Path) -> None:
         save(path, BAD)
-        assert set(settled(path, None, is_start=True).refused) == {"x", "y"}
+        assert set(settled(path, None).refused) == {"x", "y"}
 
 
 def test_a_file_that_moves_counts_for_nothing_even_where_nothing_was_before(path: Path) -> None:
@@ -229,17 +241,14 @@ def of_mint(more: str) -> str:
     )
 
 
-@pytest.mark.parametrize("is_start", [True, False])
-def test_a_mint_offset_that_nothing_explains_any_more_leaves_the_table_in_force(
-    path: Path, *, is_start: bool
-) -> None:
+def test_a_mint_offset_that_nothing_explains_any_more_leaves_the_table_in_force(path: Path) -> None:
     path.write_text(of_mint(", file_start = 5.0"))
     save(path, MINT, "x.mnt")
     compile_into_state(load(path))
     last = last_plan(path.parent / "state")
     assert last is not None
     path.write_text(of_mint(""))
-    found = settled(path, last, is_start=is_start)
+    found = settled(path, last)
     assert (found.sources, found.plan) == ({"x": TableSource.KEPT}, last.plan)
     (problem,) = load(path, forgives_tables=True).readings["x"].problems
     # 2 from A the motor is at 2 x 10 / 10.02, 12 from A at 10 + 1.98 / 9.99 x 10

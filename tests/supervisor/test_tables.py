@@ -233,6 +233,50 @@ def test_a_slip_in_the_name_of_a_table_or_its_folder_takes_no_correction_away(
     assert largest(config) is None
 
 
+@pytest.mark.usefixtures("running")
+@pytest.mark.parametrize(
+    ("folder", "name", "said"),
+    [
+        ("tables", "new.tab", "new.tab:9: axis.x.table: 1 fields in 'x'"),
+        ("others", "x.tab", "others/x.tab:9: axis.x.table: 1 fields in 'x'"),
+        ("none", "x.tab", "none: No such file or directory"),
+    ],
+    ids=["another name", "another folder", "no folder"],
+)
+def test_no_reload_takes_a_configuration_with_which_no_gateway_starts(
+    config: Path, reloader: Reloader, folder: str, name: str, said: str
+) -> None:
+    if folder != "none":
+        (config.parent / folder).mkdir(exist_ok=True)
+        (config.parent / folder / name).write_text(f"{RAMP}x\n")
+    text = config.read_text()
+    changed = text.replace('name = "trial"', f'name = "trial"\ntables = "{folder}"')
+    config.write_text(changed.replace('table = "x.tab"', f'table = "{name}"'))
+    outcome = reloader.reload()
+    assert (outcome.is_refused, outcome.is_owed, outcome.changed) == (True, False, ())
+    assert said in outcome.problems[0]
+    plan = last_plan(config.parent / "state")
+    assert plan is not None
+    assert (plan.configuration, plan.plan.lines[0].axes[0].table_name) == (text, "x.tab")
+
+
+@pytest.mark.usefixtures("running")
+def test_a_file_of_another_name_that_moves_is_waited_for_with_all_of_its_configuration(
+    config: Path, reloader: Reloader
+) -> None:
+    (config.parent / "tables" / "new.tab").write_text(STEEPER)
+    text = config.read_text()
+    config.write_text(text.replace('table = "x.tab"', 'table = "new.tab"'))
+    moving = {"x.tab": stamp(config), "new.tab": None}
+    outcome = reloader.reload(moving)
+    assert (outcome.is_refused, outcome.is_owed, outcome.changed) == (True, True, ())
+    assert "new.tab: the file is being saved" in outcome.problems[0]
+    assert largest(config) == 0.1
+    seen = scan(config.parent / "tables", ["new.tab"])
+    assert reloader.retry(seen).changed == ("axis.x.table",)
+    assert largest(config) == 0.2
+
+
 def test_a_refused_configuration_says_all_and_tells_nothing_of_files(
     config: Path, reloader: Reloader
 ) -> None:
