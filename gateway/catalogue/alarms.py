@@ -266,6 +266,13 @@ TABLE_REMOVED: Final = AlarmEntry(
     "the file was renamed or removed",
     "put the file back, or remove it from the configuration, then `pitch-gateway reload CONFIG`",
 )
+TABLE_WAITING: Final = AlarmEntry(
+    "table-waiting",
+    Severity.WARNING,
+    "a table file is not taken: for more than 30 s it has changed, or a program has had it open for writing",
+    "a program that holds the file open, or writes to it again and again",
+    "end the program: `fuser -v FILE` names it. Or save the table under another name and rename it",
+)
 OVER_BUDGET: Final = AlarmEntry(
     "over-budget",
     Severity.WARNING,
@@ -362,7 +369,7 @@ OF_COMPENSATION: Final = (BLOCKED, UNREFERENCED, OFF, SHADOW, NO_TABLE, OUTSIDE)
 OF_SUPERVISOR: Final = (CONFIGURATION, TABLES_FOLDER, STATE_FOLDER, HTTP, MQTT, ALARM_OUTPUT)
 """Alarms named after the key of ``supervisor`` in the status that has their ``problem``."""
 
-_OF_TABLE: Final = (TABLE_REJECTED, TABLE_REMOVED)
+_OF_TABLE: Final = (TABLE_REJECTED, TABLE_REMOVED, TABLE_WAITING)
 _OF_RELAY: Final = tuple(
     entry
     for entry in ALARMS.values()

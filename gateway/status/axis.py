@@ -48,6 +48,8 @@ class TableStatus(Struct, kw_only=True):
     loaded_at: str | None = None
     problems: list[ProblemStatus] | UnsetType = UNSET
     """Known to the supervisor only."""
+    is_overdue: bool | UnsetType = UNSET
+    """Whether its file has been changing or open for writing for very long; known to the supervisor only."""
 
 
 class GroupStatus(Struct, kw_only=True):

@@ -396,6 +396,13 @@ def _of_axis(name: str, axis: AxisStatus, source_path: SourcePath) -> Iterator[A
     elif table.status == "removed":
         gone = Text("{file} is missing: positions pass uncorrected", file=table.file)
         yield Alarm(kinds.TABLE_REMOVED, source_path, where, table.error or gone, its)
+    if table.is_overdue is True:
+        waiting = Text(
+            "{file} is not taken: for more than 30 s it has changed, or a program has had it open for "
+            "writing",
+            file=table.file,
+        )
+        yield Alarm(kinds.TABLE_WAITING, source_path, where, waiting, its)
     entry = _OF_COMPENSATION.get(axis.compensation)
     if entry is not None:
         yield Alarm(entry, source_path, where, entry.description, its)

@@ -14,6 +14,8 @@ STILL_UNSEEN_S: Final = 10.0
 """The same where the system does not tell who writes the file: longer than a copy over a slow link pauses."""
 GONE_S: Final = 5.0
 """A file is gone after so long. Editors move it away and back within a fraction of this."""
+OVERDUE_S: Final = 30.0
+"""A file that has not been stable for so long is reported: no save takes this long."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +58,22 @@ class FileDebounce:
         self._is_taken_early = False
         self._seen: FileStamp | None = None
         self._since_s = 0.0
+        self._moving_since_s: float | None = None
 
     def observe(self, stamp: FileStamp, now_s: float) -> FileStability:
         """Take the stamp of a poll."""
+        state = self._judge(stamp, now_s)
+        if state is not FileStability.MOVING:
+            self._moving_since_s = None
+        elif self._moving_since_s is None:
+            self._moving_since_s = now_s
+        return state
+
+    def is_overdue(self, now_s: float) -> bool:
+        """Whether the file has not been stable for very long."""
+        return self._moving_since_s is not None and now_s - self._moving_since_s >= OVERDUE_S
+
+    def _judge(self, stamp: FileStamp, now_s: float) -> FileStability:
         if stamp != self._seen:
             self._seen, self._since_s = stamp, now_s
         is_still = now_s - self._since_s >= stamp.still_s

@@ -32,6 +32,8 @@ class ReloadOutcome:
     """Axes without correction: their table file, or that of another axis of their group, is missing."""
     waiting: frozenset[str] = frozenset()
     """Axes whose table file is being written and does not count yet."""
+    saving: tuple[str, ...] = ()
+    """What is not taken yet because its file is being written, or may be; each with what to do."""
     stamps: Mapping[str, FileStamp] = field(default_factory=dict)
     """Stamp of each file that was read, by its name: the same before and after reading."""
     has_read: bool = True
@@ -49,7 +51,7 @@ class ReloadOutcome:
         held = (problems for axis, problems in self.held.items() if axis not in self.absent)
         found = (*self.rejected.values(), *held)
         of_tables = (str(problem) for problems in found for problem in problems)
-        return (*self.problems, *dict.fromkeys(of_tables))
+        return (*self.problems, *dict.fromkeys(of_tables), *self.saving)
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data, with :attr:`all_problems`."""

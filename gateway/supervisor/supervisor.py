@@ -23,6 +23,7 @@ from gateway.catalogue.table_events import (
     TABLE_MENDED,
     TABLE_REJECTED,
     TABLE_TAKEN_AWAY,
+    TABLE_WAITING,
     WATCHING_BY_LOOKS,
 )
 from gateway.compensation.settings import AxisSettings
@@ -324,6 +325,8 @@ class Supervisor:
         elif is_asked and not outcome.comes and not outcome.changed and not outcome.all_problems:
             there = "nothing has changed" if outcome.is_running else "no gateway runs: kept for its start"
             self._log(NOTHING_TO_RELOAD, detail=there)
+        if is_asked and outcome.saving:
+            self._log(TABLE_WAITING, problems=list(outcome.saving))
         if outcome.has_read:
             self._report_files(outcome)
 
@@ -356,7 +359,7 @@ class Supervisor:
                 self._link.snapshot,
                 is_relay_up=self._link.is_up,
                 snapshot_age_s=self._link.snapshot_age_s,
-                tables=self._table_files.entries(self._watch.moving),
+                tables=self._table_files.entries(self._watch.moving, self._watch.overdue),
                 supervisor=self._own_status(),
                 recent=self._recent,
                 silent_after_s={} if loaded is None else loaded.sections.silent_after_s,

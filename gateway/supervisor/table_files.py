@@ -31,6 +31,8 @@ class TableFileEntry:
     file: str
     state: FileState
     problems: tuple[Problem, ...] = ()
+    is_overdue: bool = False
+    """It has been waiting for very long."""
 
     def over(self, table: TableStatus) -> TableStatus:
         """Return the relay's status of a table, with the state of its file."""
@@ -38,6 +40,7 @@ class TableFileEntry:
             table,
             file=self.file,
             status=self.state.value,
+            is_overdue=self.is_overdue,
             error=str(self.problems[0]) if self.problems else None,
             problems=[ProblemStatus(**problem.as_dict()) for problem in self.problems],
         )
@@ -64,9 +67,17 @@ class TableFiles:
             return TableFileEntry(name, FileState.REMOVED, held)
         return TableFileEntry(name, FileState.REJECTED if held else FileState.GOOD, held)
 
-    def entries(self, moving: frozenset[str]) -> dict[str, TableFileEntry]:
-        """Return all entries as of now; ``moving`` are axes whose file has begun to change since."""
+    def entries(
+        self, moving: frozenset[str], overdue: frozenset[str] = frozenset()
+    ) -> dict[str, TableFileEntry]:
+        """Return all entries as of now.
+
+        ``moving`` are axes whose file has begun to change since, ``overdue`` those of them that have waited
+        for very long.
+        """
         return {
-            axis: TableFileEntry(entry.file, FileState.WAITING, entry.problems) if axis in moving else entry
+            axis: TableFileEntry(entry.file, FileState.WAITING, entry.problems, axis in overdue)
+            if axis in moving
+            else entry
             for axis, entry in self._entries.items()
         }

@@ -29,7 +29,7 @@ from gateway.state.last_good import last_plan
 from gateway.state.plan import CompiledPlan, LinePlan, TablesFolder, shape_of, write_tables
 from gateway.state.tables import digest_of
 from gateway.status.axis import AxisStatus
-from gateway.supervisor.debounce import FileStamp
+from gateway.supervisor.debounce import STILL_UNSEEN_S, FileStamp
 from gateway.supervisor.file_stamps import scan
 from gateway.supervisor.outcome import ReloadOutcome
 from gateway.times import NS_PER_S
@@ -126,7 +126,7 @@ class Reloader:
             with contextlib.suppress(StateError):
                 self.loaded = self._as_compiled(last_plan(state_folder(self._config)))
         return ReloadOutcome(
-            problems=outcome.all_problems,
+            problems=replace(outcome, saving=()).all_problems,
             is_running=outcome.is_running,
             is_owed=outcome.is_owed,
             has_read=False,
@@ -179,6 +179,8 @@ class Reloader:
         outcome = self._bring(loaded, unread, before, folder, keeps_plan=keeps_plan)
         if strange:
             outcome = replace(outcome, problems=(*outcome.problems, strange))
+        elif not has_moved and not outcome.is_owed:
+            outcome = replace(outcome, saving=tuple(_saving(loaded, seen, outcome.waiting)))
         taken = {name for axis, name in names.items() if axis not in outcome.waiting}
         return replace(outcome, stamps={name: stamp for name, stamp in read.items() if name in taken})
 
@@ -231,6 +233,22 @@ def _may_count(name: str, stamp: FileStamp, still: Still | None) -> bool:
     if not stamp.is_there:
         return still is None
     return stamp.is_being_written is not None or wall_s() - stamp.changed_ns / NS_PER_S >= stamp.still_s
+
+
+def _saving(loaded: Loaded, seen: Mapping[str, FileStamp], waiting: Collection[str]) -> Iterator[str]:
+    """Yield why the files of these axes do not count yet."""
+    for axis in sorted(waiting):
+        reading = loaded.readings[axis]
+        stamp = seen[reading.name]
+        if stamp.is_being_written:
+            why = "a program has it open for writing; close it there"
+        elif stamp.is_being_written is None:
+            why = (
+                f"it has just changed, and the system does not tell who writes it; wait {STILL_UNSEEN_S:g} s"
+            )
+        else:
+            why = "it is just being saved; wait a moment"
+        yield f"{reading.path}: axis.{axis}.table: not taken yet: {why}, and it is taken when it is complete"
 
 
 def _digest_of(config: Path, before: CompiledPlan) -> str:

@@ -55,6 +55,12 @@ class Watch:
         return self._axes_in(FileStability.MOVING)
 
     @property
+    def overdue(self) -> frozenset[str]:
+        """Those of them that have been so for very long."""
+        now_s = time.monotonic()
+        return frozenset(axis for axis in self.moving if self._files[self._names[axis]].is_overdue(now_s))
+
+    @property
     def still(self) -> Mapping[str, FileStamp | None]:
         """The stamp with which each file may be read, by name; None while the file changes."""
         seen = {name: stamp for name, stamp in self._stamps.items() if name in self._files}

@@ -62,6 +62,18 @@ def test_what_was_read_early_where_nobody_tells_is_read_once_more_after_ten_seco
     assert [debounce.observe(UNSEEN_B, now_s) for now_s in (9.99, 10.0)] == [SAME, READY]
 
 
+def test_a_file_that_is_not_stable_for_thirty_seconds_is_overdue_until_it_was_read() -> None:
+    debounce = FileDebounce()
+    debounce.take(A, 0.0)
+    assert debounce.observe(WRITTEN_B, 1.0) is MOVING
+    other = FileStamp(is_there=True, mark=("c",), is_being_written=True)
+    assert debounce.observe(other, 20.0) is MOVING  # it changes meanwhile
+    assert [debounce.is_overdue(now_s) for now_s in (30.9, 31.0)] == [False, True]
+    debounce.observe(B, 40.0)
+    assert debounce.observe(B, 40.5) is READY
+    assert not debounce.is_overdue(100.0)
+
+
 def test_a_file_is_gone_after_five_seconds() -> None:
     assert GONE_S == 5.0
     assert states(A, [(0.0, GONE), (4.99, GONE), (5.0, GONE)]) == [MOVING, MOVING, READY]

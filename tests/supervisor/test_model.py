@@ -40,6 +40,7 @@ def model(
     outcome: ReloadOutcome | None = None,
     *,
     moving: frozenset[str] = frozenset(),
+    overdue: frozenset[str] = frozenset(),
     age_s: float | None = 0.1,
     is_up: bool = True,
     supervisor: dict[str, Any] | None = WELL,
@@ -54,7 +55,7 @@ def model(
             None if snapshot is None else relay_model_of(snapshot),
             is_relay_up=is_up,
             snapshot_age_s=age_s,
-            tables=table_files.entries(moving),
+            tables=table_files.entries(moving, overdue),
             supervisor=None if supervisor is None else supervisor_of(supervisor),
             silent_after_s=silent_after_s,
             recent=recent,
@@ -120,6 +121,14 @@ def test_a_file_that_is_being_saved_is_waited_for_without_alarm() -> None:
     found = model(moving=frozenset("x"))
     assert found["axes"]["x"]["table"]["status"] == "waiting"
     assert found["troubles"] == []
+
+
+def test_a_file_that_has_waited_for_very_long_is_an_alarm_with_every_reader() -> None:
+    found = model(moving=frozenset("x"), overdue=frozenset("x"))
+    assert found["axes"]["x"]["table"]["status"] == "waiting"
+    what = "x.tab is not taken: for more than 30 s it has changed, or a program has had it open for writing"
+    assert said(found, "warning", "table-waiting", "axis x") == what
+    assert found["axes"]["x"]["verdict"]["state"] == found["verdict"]["state"] == "warning"
 
 
 def test_a_bad_file_that_is_being_saved_again_keeps_its_problem_until_it_has_been_read() -> None:

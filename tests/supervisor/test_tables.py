@@ -107,6 +107,20 @@ def test_who_asks_gets_what_is_there(config: Path, reloader: Reloader) -> None:
     assert largest(config) == 0.2
 
 
+def test_who_asks_is_told_which_file_a_program_has_open(config: Path, reloader: Reloader) -> None:
+    ignore_broken_leases()
+    table(config).write_text(STEEPER)
+    with table(config).open("a"):
+        outcome = reloader.reload()
+    said = "axis.x.table: not taken yet: a program has it open for writing; close it there"
+    assert outcome.problems == ()
+    (problem,) = outcome.all_problems
+    assert problem == f"{table(config)}: {said}, and it is taken when it is complete"
+    assert largest(config) == 0.1
+    assert reloader.reload().all_problems == ()
+    assert largest(config) == 0.2
+
+
 @pytest.fixture
 def unseen(monkeypatch: pytest.MonkeyPatch) -> None:
     """The tables belong to another user: the system does not tell who writes them."""
@@ -126,7 +140,9 @@ def test_a_file_that_has_just_changed_waits_where_nobody_tells_who_writes_it(
     assert starting.reload(watched={"x.tab": stamp(config)}).problems == ()
     assert largest(config) == 0.1
     table(config).write_text(STEEPER)
-    assert starting.reload().waiting == {"x"}
+    outcome = starting.reload()
+    assert (outcome.waiting, outcome.problems) == ({"x"}, ())
+    assert "x.tab: axis.x.table: not taken yet: it has just changed" in outcome.all_problems[0]
     assert largest(config) == 0.1
     changed_s = stamp(config).changed_ns / 1_000_000_000
     table(config).chmod(0o640)  # a new owner, mode or name is no writing
@@ -528,6 +544,20 @@ async def test_a_file_counts_as_it_was_seen_once_it_was_taken(tmp_path: Path) ->
     assert watch.still == seen
     watch.take({}, waiting={"x"}, began_s=began_s)
     assert watch.moving == {"x"}
+
+
+async def test_a_file_that_a_program_holds_open_is_overdue_after_half_a_minute(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ignore_broken_leases()
+    watch = Watch()
+    watch.follow(tmp_path, NAMES)
+    with (tmp_path / "x.tab").open("w"):
+        await watch.scan()
+        assert (watch.moving, watch.overdue) == ({"x"}, frozenset())
+        began_s = time.monotonic()
+        monkeypatch.setattr("gateway.supervisor.watching.time.monotonic", lambda: began_s + 30.0)
+        assert watch.overdue == {"x"}
 
 
 async def test_a_file_that_was_read_since_the_last_look_does_not_move(tmp_path: Path) -> None:

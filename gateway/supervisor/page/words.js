@@ -83,6 +83,7 @@ const EVENTS = {
   "table-removed": t("Table removed"),
   "table-rejected": t("Table rejected"),
   "table-refused": t("Table refused"),
+  "table-waiting": t("Table not taken yet"),
   "table-mended": t("Table mended"),
   "gain-changed": t("Gain changed"),
   "limits-changed": t("Limits changed"),
