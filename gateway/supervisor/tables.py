@@ -397,7 +397,7 @@ def _hand_over(
         changed = [
             axis
             for axis in together
-            if axis.name in tables and in_force[axis.name].table.compiled != digest_of(tables[axis.name])
+            if axis.name in tables and not _is_in_force(in_force[axis.name], axis, tables[axis.name])
         ]
         if changed:
             done.append(_send(path, changed, tables))
@@ -413,10 +413,23 @@ def _hand_over(
         if ended.problems:
             stay = {f"axis.{axis.name}.compensation" for axis in live}
             outcome = replace(outcome, changed=tuple(key for key in outcome.changed if key not in stay))
-    comes = {name: how for _, one in done for name, how in one.comes.items()}
+    comes = {
+        name: how
+        for command, one in done
+        for name, how in one.comes.items()
+        if not isinstance(command, SetTable) or in_force[name].table.compiled != digest_of(tables[name])
+    }
     given = tuple((command, one.changed) for command, one in done if one.changed)
     problems = tuple(f"{path}: {problem}" for _, one in done for problem in one.problems)
     return replace(outcome, comes=comes, gone=gone, given=given, problems=outcome.problems + problems)
+
+
+def _is_in_force(has: AxisStatus, axis: AxisPlan, compiled: bytes) -> bool:
+    """Whether an axis has this table, from this file: equal corrections may be written in different ways."""
+    table = has.table
+    names = (table.file or "", table.format or "", table.sha256 or "")
+    is_named_so = names == (axis.table_name, axis.table_format, axis.table_digest)
+    return is_named_so and table.compiled == digest_of(compiled)
 
 
 def _goes_live(in_force: Mapping[str, AxisStatus], axis: AxisPlan) -> bool:

@@ -64,15 +64,15 @@ class Machine:
         assert found == unit
         return position
 
-    async def give(self, *tables: tuple[str, CorrectionTable | bytes]) -> Done:
+    async def give(self, *tables: tuple[str, CorrectionTable | bytes], sha256: str = "f" * 64) -> Done:
         """Hand over tables in one message."""
         content = [table if isinstance(table, bytes) else compiled(table) for _, table in tables]
         return await self.give_descriptors(
-            [axis for axis, _ in tables], [seal(data, "table") for data in content]
+            [axis for axis, _ in tables], [seal(data, "table") for data in content], sha256
         )
 
-    async def give_descriptors(self, axes: list[str], descriptors: list[int]) -> Done:
-        request = SetTable(tables=tuple(TableFor(axis, "new.tab", "centroid-3", "f" * 64) for axis in axes))
+    async def give_descriptors(self, axes: list[str], descriptors: list[int], sha256: str = "f" * 64) -> Done:
+        request = SetTable(tables=tuple(TableFor(axis, "new.tab", "centroid-3", sha256) for axis in axes))
         try:
             reply = await asyncio.to_thread(ask, self.socket, request, descriptors=descriptors)
         finally:

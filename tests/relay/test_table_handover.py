@@ -74,6 +74,24 @@ async def test_a_stream_never_steps_by_more_than_the_blend_allows(bench: Bench, 
     assert offsets[1 + 99] in (59, 60)
 
 
+async def test_the_same_corrections_in_another_file_only_change_its_sum(bench: Bench, tmp_path: Path) -> None:
+    """From 20 to 60 counts over 10 mm; after 5 mm half of it is there. A blend anew would begin at 40."""
+    axis = without_actual()
+    settings = replace(axis.settings, setpoints=Setpoints.STREAM, reload_distance=10.0)
+    mill = await machine(bench, tmp_path, replace(axis, settings=settings, table=table_of(0.02, 0.02)))
+    for counts in range(10_000, 22_000, 100):
+        await mill.move(counts)
+    await mill.give(("x", table_of(0.06, 0.06)))
+    for counts in range(22_000, 27_100, 100):
+        told = await mill.move(counts)
+    assert told == 27_000 + 40
+    assert (await mill.give(("x", table_of(0.06, 0.06)), sha256="e" * 64)).changed == ("x",)
+    assert mill.relay.status().axes["x"].table.sha256 == "e" * 64
+    for counts in range(27_100, 32_100, 100):
+        told = await mill.move(counts)
+    assert told == 32_000 + 60
+
+
 async def test_a_table_that_goes_takes_its_correction_along(bench: Bench, tmp_path: Path) -> None:
     mill = await machine(bench, tmp_path, without_actual())
     assert await mill.move(50_000) == 50_050

@@ -1,6 +1,7 @@
 """What counts of a tables folder in which files move."""
 
 import asyncio
+import hashlib
 import os
 import resource
 import shutil
@@ -13,9 +14,13 @@ import pytest
 
 from gateway.config.compile import compile_into_state
 from gateway.config.load import Loaded, load, reread_tables
+from gateway.exchange.commands import SetTable
+from gateway.exchange.limits import limits_of, values_of
+from gateway.ipc.messages import Done, Reply, Request, Status
 from gateway.state.last_good import last_plan
 from gateway.state.plan import read_plan
-from gateway.status.axis import TableStatus
+from gateway.status.axis import AxisStatus, TableStatus
+from gateway.status.model import RelayModel
 from gateway.supervisor.debounce import FileStamp
 from gateway.supervisor.file_stamps import ignore_broken_leases, scan
 from gateway.supervisor.table_files import TableFiles
@@ -141,7 +146,8 @@ def test_a_file_that_has_just_changed_waits_where_nobody_tells_who_writes_it(
     assert largest(config) == 0.1
     table(config).write_text(STEEPER)
     outcome = starting.reload()
-    assert (outcome.waiting, outcome.problems) == ({"x"}, ())
+    assert outcome.waiting == {"x"}
+    assert outcome.problems == ()
     assert "x.tab: axis.x.table: not taken yet: it has just changed" in outcome.all_problems[0]
     assert largest(config) == 0.1
     changed_s = stamp(config).changed_ns / 1_000_000_000
@@ -291,6 +297,39 @@ def test_a_file_of_another_name_that_moves_is_waited_for_with_all_of_its_configu
     seen = scan(config.parent / "tables", ["new.tab"])
     assert reloader.retry(seen).changed == ("axis.x.table",)
     assert largest(config) == 0.2
+
+
+def test_the_same_corrections_in_another_file_are_handed_over_with_its_sum(
+    config: Path, reloader: Reloader, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = last_plan(config.parent / "state")
+    assert plan is not None
+    has = TableStatus(
+        file="x.tab",
+        format="centroid-3",
+        sha256=hashlib.sha256(table(config).read_bytes()).hexdigest(),
+        compiled=plan.tables["x"],
+        points=3,
+    )
+    limits = values_of(limits_of(plan.plan.lines[0].axes[0]))
+    configured = {"compensation": "on", "gain": {"forward": 1.0, "backward": 1.0}, **limits}
+    status = RelayModel(axes={"x": AxisStatus(table=has, configured=configured)})
+    given: list[SetTable] = []
+
+    def answer(_path: Path, request: Request, **_more: object) -> Reply:
+        if isinstance(request, SetTable):
+            given.append(request)
+            return Done(changed=("x",), comes={"x": "next-target"})
+        return Status(status=status)
+
+    monkeypatch.setattr("gateway.supervisor.tables._check_same", lambda *_: True)
+    monkeypatch.setattr("gateway.supervisor.tables.ask", answer)
+    assert (reloader.reload().given, given) == ((), [])  # it has that file
+    table(config).write_text(f"{RAMP}\n")
+    outcome = reloader.reload()
+    assert [each.tables[0].sha256 for each in given] == [hashlib.sha256(f"{RAMP}\n".encode()).hexdigest()]
+    assert outcome.given == ((given[0], ("x",)),)  # the journal notes it
+    assert outcome.comes == {}  # and no correction changes
 
 
 def test_a_refused_configuration_says_all_and_tells_nothing_of_files(
@@ -554,7 +593,8 @@ async def test_a_file_that_a_program_holds_open_is_overdue_after_half_a_minute(
     watch.follow(tmp_path, NAMES)
     with (tmp_path / "x.tab").open("w"):
         await watch.scan()
-        assert (watch.moving, watch.overdue) == ({"x"}, frozenset())
+        assert watch.moving == {"x"}
+        assert watch.overdue == frozenset()
         began_s = time.monotonic()
         monkeypatch.setattr("gateway.supervisor.watching.time.monotonic", lambda: began_s + 30.0)
         assert watch.overdue == {"x"}
