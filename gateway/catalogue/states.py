@@ -78,7 +78,11 @@ DIRECTION: Final = (
 TABLE_FILE: Final = (
     StateEntry("active", "the axis uses this file"),
     StateEntry("none", "the axis has no table"),
-    StateEntry("waiting", "the file is changing, or has just disappeared: the table stays for now"),
+    StateEntry(
+        "waiting",
+        "the file is changing, has just disappeared, or could not be applied: the table stays for now",
+        "if it lasts, do what the trouble `table-waiting` or `tables_folder` says",
+    ),
     StateEntry(
         "rejected",
         "the file, or one of its group, is faulty: the axis keeps the last good table",

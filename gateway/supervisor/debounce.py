@@ -69,6 +69,10 @@ class FileDebounce:
             self._moving_since_s = now_s
         return state
 
+    def is_read(self, stamp: FileStamp) -> bool:
+        """Whether a file with this stamp was read, however early."""
+        return (stamp.is_there, stamp.mark) == self._taken
+
     def is_overdue(self, now_s: float) -> bool:
         """Whether the file has not been stable for very long."""
         return self._moving_since_s is not None and now_s - self._moving_since_s >= OVERDUE_S
@@ -77,7 +81,7 @@ class FileDebounce:
         if stamp != self._seen:
             self._seen, self._since_s = stamp, now_s
         is_still = now_s - self._since_s >= stamp.still_s
-        if (stamp.is_there, stamp.mark) == self._taken:
+        if self.is_read(stamp):
             is_ready = self._is_taken_early and is_still and not stamp.is_being_written
             return FileStability.READY if is_ready else FileStability.SAME
         if stamp.is_being_written:

@@ -28,6 +28,8 @@ class ReloadOutcome:
     """What is wrong with the table files of axes. The tables in force stay."""
     held: Mapping[str, tuple[Problem, ...]] = field(default_factory=dict)
     """Axes whose valid file is not in force because of another axis of their group; with the reason."""
+    digests: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of the valid file of each axis that has one."""
     absent: frozenset[str] = frozenset()
     """Axes without correction: their table file, or that of another axis of their group, is missing."""
     waiting: frozenset[str] = frozenset()

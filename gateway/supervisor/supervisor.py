@@ -359,7 +359,7 @@ class Supervisor:
                 self._link.snapshot,
                 is_relay_up=self._link.is_up,
                 snapshot_age_s=self._link.snapshot_age_s,
-                tables=self._table_files.entries(self._watch.moving, self._watch.overdue),
+                tables=self._table_files.entries(self._watch.unread, self._watch.overdue),
                 supervisor=self._own_status(),
                 recent=self._recent,
                 silent_after_s={} if loaded is None else loaded.sections.silent_after_s,

@@ -346,6 +346,7 @@ def _found(loaded: Loaded, settled: Settled, waiting: Collection[str], *, is_run
     return ReloadOutcome(
         problems=tuple(missing),
         rejected=rejected,
+        digests={name: table.source.sha256 for name, table in loaded.tables.items()},
         absent=absent,
         waiting=frozenset(waiting) & settled.sources.keys(),
         is_owed=not settled.slips and any(name in waiting for name in settled.refused),

@@ -55,8 +55,17 @@ class Watch:
         return self._axes_in(FileStability.MOVING)
 
     @property
+    def unread(self) -> frozenset[str]:
+        """Axes whose file is not the one that was last read."""
+        return frozenset(
+            axis
+            for axis, name in self._names.items()
+            if (stamp := self._stamps.get(name)) is not None and not self._files[name].is_read(stamp)
+        )
+
+    @property
     def overdue(self) -> frozenset[str]:
-        """Those of them that have been so for very long."""
+        """Axes whose file has been changing for very long."""
         now_s = time.monotonic()
         return frozenset(axis for axis in self.moving if self._files[self._names[axis]].is_overdue(now_s))
 

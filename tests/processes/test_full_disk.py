@@ -77,6 +77,7 @@ def test_a_full_disk_costs_no_move_is_told_and_is_overcome(site: Site) -> None:
         assert "No space left on device" in refused["problems"][0]
         model = status.until("No space left on device")
         assert model["axes"]["x"]["table"]["points"] == 3
+        assert model["axes"]["x"]["table"]["status"] == "waiting"
         assert "tables folder" in [trouble["where"] for trouble in model["troubles"]]
         assert master.move(50_001) == 50_051
         gateway.process.send_signal(signal.SIGHUP)  # a reload that finds the disk full is tried again too

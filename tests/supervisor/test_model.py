@@ -32,6 +32,7 @@ WELL: dict[str, Any] = {
     for name in ("configuration", "tables_folder", "state_folder", "http", "mqtt", "alarm_output")
 }
 WAITING = TableFileEntry("y.tab", FileState.WAITING)
+FULL = ("gateway.state: No space left on device",)
 REJECTED = Problem("tables/x.tab", "axis.x.table", "no number", "a number", 7)
 
 
@@ -112,9 +113,30 @@ def test_a_rejected_file_says_its_first_problem_and_keeps_what_the_relay_has() -
 
 
 def test_a_file_that_was_removed_counts_more_than_what_it_leads_to() -> None:
-    found = model(with_axis(compensation="no-table"), ReloadOutcome(absent=frozenset("x")))
+    gone = with_axis(compensation="no-table", table={"status": "none"})
+    found = model(gone, ReloadOutcome(absent=frozenset("x")))
     assert found["axes"]["x"]["table"]["status"] == "removed"
     assert kinds(found) == [("warning", "table-removed", "axis x")]
+
+
+@pytest.mark.parametrize(
+    ("sha256", "outcome", "status"),
+    [
+        ("f" * 64, ReloadOutcome(digests={"x": "f" * 64}, problems=FULL), "active"),
+        ("e" * 64, ReloadOutcome(digests={"x": "f" * 64}, problems=FULL), "waiting"),
+        (None, ReloadOutcome(digests={"x": "f" * 64}, problems=FULL), "waiting"),
+        ("e" * 64, ReloadOutcome(absent=frozenset("x"), problems=FULL), "waiting"),
+        # It was handed over, and the relay has not reported since.
+        ("e" * 64, ReloadOutcome(digests={"x": "f" * 64}), "active"),
+    ],
+    ids=["in force", "another is", "none is", "its table still is", "handed over"],
+)
+def test_a_file_is_not_called_what_it_would_be_if_it_could_be_applied(
+    sha256: str | None, outcome: ReloadOutcome, status: str
+) -> None:
+    """A full disk, or a relay that refuses a table."""
+    found = model(with_axis(table={**AXIS["table"], "sha256": sha256}), outcome)
+    assert found["axes"]["x"]["table"]["status"] == status
 
 
 def test_a_file_that_is_being_saved_is_waited_for_without_alarm() -> None:

@@ -409,31 +409,39 @@ def test_what_somebody_else_compiles_while_the_tables_are_read_stays(
     assert read_plan(config.parent / "state", config).configuration == config.read_text()
 
 
-def shown(reloader: Reloader) -> dict[str, tuple[str, str | None]]:
-    """Return state and error of each axis's file after a reload, as the status has them."""
+def shown(reloader: Reloader, config: Path) -> dict[str, tuple[str, str | None]]:
+    """Return state and error of each file after a reload that a relay takes, as the status has them."""
     table_files, outcome = TableFiles(), reloader.reload()
     table_files.enter(reloader.names, outcome)
-    tables = {axis: entry.over(TableStatus()) for axis, entry in table_files.entries(frozenset()).items()}
+    plan = last_plan(config.parent / "state")
+    assert plan is not None
+    relay = {
+        axis.name: TableStatus(
+            sha256=axis.table_digest, points=0 if axis.table is None else len(axis.table.positions)
+        )
+        for axis in plan.plan.lines[0].axes
+    }
+    tables = {axis: entry.over(relay[axis]) for axis, entry in table_files.entries(frozenset()).items()}
     return {axis: (found.status, found.error) for axis, found in tables.items()}
 
 
 def test_a_good_file_that_its_group_holds_back_is_not_called_active(pair: Path) -> None:
     reloader = Reloader(pair)
-    assert shown(reloader) == {"x": ("active", None), "y": ("active", None)}
+    assert shown(reloader, pair) == {"x": ("active", None), "y": ("active", None)}
     table(pair, "y").write_text("bad")
-    status = shown(reloader)
+    status = shown(reloader, pair)
     assert (status["x"], status["y"][0]) == (("active", None), "rejected")  # what x has is what its file says
     table(pair).write_text(STEEPER)
-    status = shown(reloader)
+    status = shown(reloader, pair)
     why = "axis.x.table: not used: y.tab of its group is missing or bad; "
     why += "repair this table: axes of a group are corrected together or not at all"
     assert status["x"] == ("rejected", f"{table(pair)}: {why}")
     assert largest(pair) == 0.1
     table(pair, "y").unlink()
-    assert shown(reloader) == {"x": ("removed", f"{table(pair)}: {why}"), "y": ("removed", None)}
+    assert shown(reloader, pair) == {"x": ("removed", f"{table(pair)}: {why}"), "y": ("removed", None)}
     assert largest(pair) is None
     table(pair, "y").write_text(RAMP.replace("AXIS X", "AXIS Y"))
-    assert shown(reloader) == {"x": ("active", None), "y": ("active", None)}
+    assert shown(reloader, pair) == {"x": ("active", None), "y": ("active", None)}
     assert largest(pair) == 0.2
 
 
@@ -598,6 +606,27 @@ async def test_a_file_that_a_program_holds_open_is_overdue_after_half_a_minute(
         began_s = time.monotonic()
         monkeypatch.setattr("gateway.supervisor.watching.time.monotonic", lambda: began_s + 30.0)
         assert watch.overdue == {"x"}
+
+
+async def test_a_file_is_unread_until_it_was_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "x.tab").write_text("one")
+    watch = Watch()
+    watch.follow(tmp_path, NAMES)
+    await watch.scan()
+    began_s = time.monotonic()
+    monkeypatch.setattr("gateway.supervisor.watching.time.monotonic", lambda: began_s + 100.0)
+    assert await watch.scan()  # it may be read, and that may fail again and again
+    assert watch.moving == frozenset()
+    assert watch.unread == {"x"}
+    seen = scan(tmp_path, ["x.tab"])
+    watch.take(seen, began_s=began_s + 100.0)
+    assert watch.unread == frozenset()
+    (tmp_path / "x.tab").write_text("another")
+    await watch.scan()
+    watch.take(scan(tmp_path, ["x.tab"]), began_s=began_s + 100.0)  # as soon as somebody asks
+    monkeypatch.setattr("gateway.supervisor.watching.time.monotonic", lambda: began_s + 101.0)
+    assert await watch.scan()  # it is read once more
+    assert watch.unread == frozenset()
 
 
 async def test_a_file_that_was_read_since_the_last_look_does_not_move(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ const VERDICT = {
 /** @type {Record<string, State>} */
 const TABLE = {
   active: { words: t("in force"), sign: "ok", tone: "well" },
-  waiting: { words: t("is being written: not read yet"), sign: "wait", tone: "note" },
+  waiting: { words: t("not in force yet"), sign: "wait", tone: "note" },
   rejected: { words: t("rejected: the last good one stays"), sign: "error", tone: "error" },
   removed: { words: t("removed"), sign: "off", tone: "warning" },
   none: { words: t("no table"), sign: "off", tone: "note" },
