@@ -13,6 +13,7 @@ from gateway.config.settings_of import settings_of
 from gateway.config.toml import KeyPath
 from gateway.tabfile import (
     DIALECTS,
+    KEEP_ONE,
     FileContext,
     FoundTable,
     LintSeverity,
@@ -59,6 +60,8 @@ def find_file(findings: Findings, key: KeyPath, folder: Path, name: str) -> Foun
         found = find_table(folder, name)
     except TabFileError as error:
         remedy = "put the tables there, or correct [gateway] tables: it is relative to the configuration file"
+        if error.allowed == KEEP_ONE:
+            remedy = f"allowed: {KEEP_ONE}"
         findings.refuse(key, f"{error.file}: {error.found}", remedy)
         return None
     if found.state is TableState.OFF:

@@ -19,6 +19,7 @@ from gateway.tabfile.errors import FileProblem, TabFileError
 _NAME: Final = re.compile(r"cnc(?:7|10|-)([a-z])\.(?:tab|bak)", re.IGNORECASE)
 _COMMENT: Final = re.compile(r"\b([a-z])[\s-]*axis\b", re.IGNORECASE)
 OFF_SUFFIX: Final = ".bak"
+KEEP_ONE: Final = "one of them; remove or rename the others"
 
 
 class TableState(Enum):
@@ -92,7 +93,7 @@ def _matches(folder: Path, lowered: str) -> Path | None:
     if len(found) > 1:
         names = ", ".join(found)
         raise TabFileError(
-            FileProblem(str(folder), f"{names}, which differ only in upper and lower case", "one of them")
+            FileProblem(str(folder), f"{names}, which differ only in upper and lower case", KEEP_ONE)
         )
     return folder / found[0] if found else None
 

@@ -74,9 +74,9 @@ def test_a_table_is_a_name_without_a_path(tmp_path: Path, name: str) -> None:
 
 def test_names_that_differ_by_case_only_are_refused(tmp_path: Path) -> None:
     tables = {"cnc10x.tab": TWO_WAYS, "CNC10x.tab": TWO_WAYS}
-    assert (
-        "differ only in upper and lower case" in refusal(tmp_path, GOOD, "axis.x.table", tables=tables).found
-    )
+    problem = refusal(tmp_path, GOOD, "axis.x.table", tables=tables)
+    assert "CNC10x.tab, cnc10x.tab, which differ only in upper and lower case" in problem.found
+    assert problem.remedy == "allowed: one of them; remove or rename the others"
 
 
 def test_a_table_renamed_to_bak_is_off_and_that_is_said(tmp_path: Path) -> None:
