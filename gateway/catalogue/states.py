@@ -46,7 +46,8 @@ COMPENSATION: Final = (
     StateEntry(
         "off",
         "the compensation is switched off: positions pass 1:1",
-        "do what the trouble `off` says",
+        'nothing, if the axis has no table and the configuration says `compensation = "off"`. Otherwise do '
+        "what its trouble says",
     ),
     StateEntry(
         "shadow",
@@ -58,7 +59,11 @@ COMPENSATION: Final = (
         "a target was lost: triggers are refused until a complete one is accepted; stops pass",
         "have the controller write the target again",
     ),
-    StateEntry("no-table", "no table is configured, or its file is missing: positions pass 1:1"),
+    StateEntry(
+        "no-table",
+        "no table is configured, or its file is missing: positions pass 1:1",
+        "do what the trouble `no-table` or `table-removed` says",
+    ),
     StateEntry("unreferenced", "the position of the axis is unknown: positions pass 1:1", "home the axis"),
 )
 """``axes.NAME.compensation``."""

@@ -189,8 +189,8 @@ class AxisSection(StrictModel):
         json_schema_extra=documented(
             text=(
                 "`on` corrects. `shadow` computes and shows corrections but passes positions unchanged: "
-                "begin with it. `off` does neither. Write the key: without it an axis with a table is "
-                "corrected, and `check` and each start warn"
+                "begin with it. `off` does neither; for an axis without a table it is no trouble. Write the "
+                "key: without it an axis with a table is corrected, and `check` and each start warn"
             )
         ),
     )

@@ -403,8 +403,7 @@ def _of_axis(name: str, axis: AxisStatus, source_path: SourcePath) -> Iterator[A
             file=table.file,
         )
         yield Alarm(kinds.TABLE_WAITING, source_path, where, waiting, its)
-    entry = _OF_COMPENSATION.get(axis.compensation)
-    if entry is not None:
+    if (entry := _of_compensation(axis)) is not None:
         yield Alarm(entry, source_path, where, entry.description, its)
     yield from _of_writer_conflict(name, axis.rivals, source_path)
     yield from _of_group(name, axis, source_path)
@@ -414,6 +413,18 @@ def _of_axis(name: str, axis: AxisStatus, source_path: SourcePath) -> Iterator[A
         yield Alarm(kinds.OVER_BUDGET, source_path, where, what, its)
     for entry, what in () if axis.terms is None else _of_terms(axis.terms):
         yield Alarm(entry, source_path, where, what, its)
+
+
+def _of_compensation(axis: AxisStatus) -> AlarmEntry | None:
+    """Return the alarm that explains the state of the compensation; None: it is as it should be.
+
+    An axis without a table whose configuration says "off" is not to be corrected. One that was switched off
+    otherwise cannot be switched on: what it needs is a table.
+    """
+    has_table = axis.table.points or axis.table.file
+    if axis.compensation == kinds.OFF.kind and not has_table:
+        return None if axis.configured.get("compensation") == "off" else kinds.NO_TABLE
+    return _OF_COMPENSATION.get(axis.compensation)
 
 
 def _of_group(name: str, axis: AxisStatus, source_path: SourcePath) -> Iterator[Alarm]:

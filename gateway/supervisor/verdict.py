@@ -23,7 +23,7 @@ class Health(Enum):
     """The verdict in one word."""
 
     HEALTHY = "healthy"
-    """Controllers poll, drives answer, axes are corrected."""
+    """Controllers poll, drives answer, axes are corrected as configured."""
     WAITING = "waiting"
     """Nothing is wrong yet: no controller has sent a request since the start, or the relay has not reported
     yet."""

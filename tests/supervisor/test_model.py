@@ -47,9 +47,10 @@ def model(
     supervisor: dict[str, Any] | None = WELL,
     silent_after_s: Limits = NO_LIMITS,
     recent: RecentHistory | None = None,
+    file: str | None = "x.tab",
 ) -> dict[str, Any]:
     table_files = TableFiles()
-    table_files.enter({"x": "x.tab"}, outcome or ReloadOutcome())
+    table_files.enter({} if file is None else {"x": file}, outcome or ReloadOutcome())
     return plain(
         whole_model(
             "mill-1",
@@ -173,6 +174,24 @@ def test_an_axis_that_is_not_corrected_is_a_trouble(compensation: str, severity:
     found = model(with_axis(compensation=compensation))
     assert kinds(found) == [(severity, compensation, "axis x")]
     assert begins_with_a_word(found["troubles"][0]["remedy"])
+
+
+BARE: dict[str, Any] = {"status": "none"}
+
+
+def test_an_axis_that_is_not_to_be_corrected_is_well() -> None:
+    axis = with_axis(compensation="off", table=BARE, configured={"compensation": "off"})
+    found = model(axis, file=None)
+    assert found["troubles"] == []
+    assert found["axes"]["x"]["verdict"]["kind"] == "off"
+    assert kinds(model(axis)) == [("warning", "off", "axis x")]  # its configuration names a table
+
+
+def test_an_axis_without_a_table_is_not_to_be_switched_on() -> None:
+    """``enable`` refuses it: what it needs is a table."""
+    found = model(with_axis(compensation="off", table=BARE, configured={"compensation": "on"}), file=None)
+    assert kinds(found) == [("warning", "no-table", "axis x")]
+    assert "pitch-gateway enable" not in found["troubles"][0]["remedy"]
 
 
 @pytest.mark.parametrize("compensation", ["blocked", "off"])

@@ -205,7 +205,7 @@ def _check_without_table(findings: Findings, path: KeyPath, axis: AxisSection) -
         findings.warn(
             (*path, "compensation"),
             'compensation = "on" without a table: positions pass uncorrected, and the axis is not green',
-            'name its file with `table` once it is measured; until then remove the key, or write "off"',
+            'name its file with `table` once it is measured; or write "off": then it is green uncorrected',
         )
     if "table_options" in axis.model_fields_set:
         findings.refuse(
