@@ -109,6 +109,7 @@ class Recipe:
     directions. ``fit`` is the curve of the table; without it, the table is straight from target to target,
     and nothing is reported about the range between. ``periods`` are the possible periods of the error.
     ``refusal`` returns why a table cannot be written, with the remedy; without it every table can be.
+    ``widen`` is what to do if the even grid ends before the readings, in the options of who asks.
     """
 
     home: HomeCase | HomeReference | None = None
@@ -122,6 +123,7 @@ class Recipe:
     fit: Fit | None = None
     periods: tuple[Period, ...] = ()
     refusal: Refusal | None = None
+    widen: str = "extend the grid with --travel LO HI, or give a step that divides both ends"
 
     def reference(self, table: CorrectionTable) -> HomeReference | None:
         """Return the home point of a table; None if no home is given.

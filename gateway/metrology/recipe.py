@@ -123,13 +123,13 @@ def build_from(survey: Survey, recipe: Recipe, screw: "MeasuredScrew | None" = N
         notes.extend(evidence.described(survey.units, "table"))
         if evidence.chosen.table is not table:
             table, loss = evidence.chosen.table, None
-            notes.extend(_uncovered(measured, table) if recipe.step is not None else ())
+            notes.extend(_uncovered(measured, table, recipe.widen) if recipe.step is not None else ())
     if loss is not None:
         notes.append(
             f"{len(table.positions)} points instead of {len(measured.positions)}: the largest loss is "
             f"{loss.size:.3g} {unit}, {loss.direction.name.lower()} at {loss.position:.9g}"
         )
-        notes.extend(_uncovered(measured, table))
+        notes.extend(_uncovered(measured, table, recipe.widen))
     home = recipe.reference(table)
     if home is None:
         notes.append("no home reference: the corrections are 0 where the instrument was zeroed")
@@ -236,12 +236,11 @@ def _estimated(survey: Survey) -> list[str]:
     ]
 
 
-def _uncovered(measured: CorrectionTable, table: CorrectionTable) -> list[str]:
+def _uncovered(measured: CorrectionTable, table: CorrectionTable, widen: str) -> list[str]:
     unit = table.units.value
     return [
         f"measured from {low:.9g} to {high:.9g} {unit}, but the table does not cover this, because no "
-        "multiple of the step is there: extend the grid with --travel LO HI, or give a step that divides "
-        "both ends"
+        f"multiple of the step is there: {widen}"
         for low, high in ((measured.first, table.first), (table.last, measured.last))
         if high > low
     ] + [

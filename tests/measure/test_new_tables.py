@@ -78,6 +78,13 @@ def test_a_new_table_is_read_by_its_configuration_as_it_was_built(
     assert table.forward[1] - table.backward[1] == pytest.approx(0.005, abs=1e-4)
 
 
+def test_what_the_grid_does_not_cover_is_said_with_an_option_that_measure_has(tmp_path: Path) -> None:
+    _, axis = configured(tmp_path, "")
+    outcome = outcome_of(READINGS, axis, is_active=False, step=40.0)  # to 80 of 100 mm
+    [note] = [note for note in outcome.notes if note.startswith("measured from 80 to 100 mm")]
+    assert note.endswith("no multiple of the step is there: give a --table-step that divides both ends")
+
+
 def test_options_with_which_it_would_be_another_table_are_said(tmp_path: Path) -> None:
     loaded, axis = configured(tmp_path, "")
     outcome = outcome_of(READINGS, axis, is_active=False)

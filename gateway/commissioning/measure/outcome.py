@@ -152,6 +152,7 @@ def outcome_of(
                 refusal=refusal,
                 step=step,
                 travel=axis.settings.travel if step is not None else None,
+                widen="give a --table-step that divides both ends",
             )
             built = done = build_from(survey, recipe, screw)
             left_out = None if built.screw is None else built.screw.left_out(built.table)
