@@ -374,8 +374,10 @@ def _held(
                 others = [one for one in group if one in outcome.rejected or loaded.readings[one].is_absent]
                 if others and name not in outcome.waiting:
                     files = ", ".join(loaded.readings[one].name for one in others)
-                    what = f"not used: {files} of its group is missing or bad"
-                    remedy = "repair this table: axes of a group are corrected together or not at all"
+                    it = "it" if len(others) == 1 else "them"
+                    what = f"not used, because of its group {files} is missing or faulty"
+                    together = "axes of a group are corrected together or not at all"
+                    remedy = f"correct {files} or put {it} back: {together}"
                     problem = Problem(str(loaded.readings[name].path), f"axis.{name}.table", what, remedy)
                     held[name] = (problem,)
     return held

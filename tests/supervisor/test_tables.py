@@ -433,8 +433,8 @@ def test_a_good_file_that_its_group_holds_back_is_not_called_active(pair: Path) 
     assert (status["x"], status["y"][0]) == (("active", None), "rejected")  # what x has is what its file says
     table(pair).write_text(STEEPER)
     status = shown(reloader, pair)
-    why = "axis.x.table: not used: y.tab of its group is missing or bad; "
-    why += "repair this table: axes of a group are corrected together or not at all"
+    why = "axis.x.table: not used, because of its group y.tab is missing or faulty; "
+    why += "correct y.tab or put it back: axes of a group are corrected together or not at all"
     assert status["x"] == ("rejected", f"{table(pair)}: {why}")
     assert largest(pair) == 0.1
     table(pair, "y").unlink()
