@@ -7,10 +7,16 @@ import signal
 import stat
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Final
 
 from gateway.files import mark_of
 from gateway.supervisor.debounce import FileStamp
 from gateway.tabfile import TabFileError, TableState, find_table
+
+MOUNTS: Final = Path("/proc/self/mountinfo")
+LEASES_OF_SERVERS: Final = frozenset({b"nfs", b"nfs4", b"cifs", b"smb3"})
+"""File systems that give a lease only if their server has given them the file. Otherwise nfs4_setlease and
+cifs_setlease of Linux refuse it as if there were a writer."""
 
 
 def ignore_broken_leases() -> None:
@@ -43,9 +49,21 @@ def _stamp(folder: Path, name: str) -> FileStamp:
     mark = (found.path.name, *mark_of(status), status.st_mode, status.st_ctime_ns)
     is_file = stat.S_ISREG(status.st_mode)  # opening anything else may have an effect
     is_being_written = is_file and _is_being_written(found.path)
+    if is_being_written and _is_by_server(status.st_dev):
+        is_being_written = None
     return FileStamp(
         is_there=True, mark=mark, is_being_written=is_being_written, changed_ns=status.st_mtime_ns
     )
+
+
+def _is_by_server(device: int) -> bool:
+    """Whether a refused lease proves nothing on the file system of a device."""
+    number = f"{os.major(device)}:{os.minor(device)}".encode()
+    try:
+        mounts = [line.split() for line in MOUNTS.read_bytes().splitlines()]
+    except OSError:
+        return False
+    return any(mount[2] == number and mount[mount.index(b"-") + 1] in LEASES_OF_SERVERS for mount in mounts)
 
 
 def _is_being_written(path: Path) -> bool | None:

@@ -529,6 +529,23 @@ def test_who_writes_a_file_of_another_user_is_not_known() -> None:
         assert scan(Path("/etc"), ["passwd"])["passwd"].is_being_written is None
 
 
+@pytest.mark.parametrize(("kind", "is_known"), [("ext4", True), ("nfs4", False), ("cifs", False)])
+def test_a_lease_that_a_server_refuses_proves_no_writer(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, kind: str, *, is_known: bool
+) -> None:
+    ignore_broken_leases()
+    device = (folder / NAME).stat().st_dev
+    mounts = folder / "mountinfo"
+    number = f"{os.major(device)}:{os.minor(device)}"
+    mounts.write_text(
+        f"22 1 254:0 / / rw - ext4 /dev/vda rw\n36 22 {number} / /mnt rw,noatime shared:1 - {kind} a:/b rw\n"
+    )
+    monkeypatch.setattr("gateway.supervisor.file_stamps.MOUNTS", mounts)
+    with (folder / NAME).open("a"):
+        assert seen(folder).is_being_written is (True if is_known else None)
+    assert seen(folder).is_being_written is False
+
+
 def test_nothing_but_a_file_is_opened(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / NAME)
     descriptor = os.open(tmp_path / NAME, os.O_RDWR | os.O_NONBLOCK)
