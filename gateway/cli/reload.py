@@ -30,11 +30,11 @@ def reload(config: Config, *, as_json: AsJson = False) -> None:
     """Read CONFIG and its tables now, and apply the changes to the gateway that runs it.
 
     A running gateway also finds changed table files itself, after they have stopped changing. Each axis is
-    checked separately, a group together: an axis with a bad table keeps its old one. No axis moves because of
-    it. From CONFIG it applies tables, gains, limits such as max_correction, the page, MQTT, and the end of a
-    dry run (compensation from "shadow" to "on", while the axis is at standstill at its target). If anything
-    else changed, nothing is applied, and the command names what needs a restart. If no gateway runs, all is
-    stored for its next start.
+    checked separately, a group together: an axis with a bad table keeps its old one, and so does one whose
+    file is still being written, until it is complete. No axis moves because of it. From CONFIG it applies
+    tables, gains, limits such as max_correction, the page, MQTT, and the end of a dry run (compensation from
+    "shadow" to "on", while the axis is at standstill at its target). If anything else changed, nothing is
+    applied, and the command names what needs a restart. If no gateway runs, all is stored for its next start.
 
     Exit code 1 if there is a problem; each one is a line on stderr.
 
