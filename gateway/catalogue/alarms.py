@@ -224,10 +224,11 @@ OFF: Final = AlarmEntry(
     "off",
     Severity.WARNING,
     "the compensation is off: positions pass uncorrected",
-    'it was switched off, `compensation = "off"`, or a `remap` register was written',
+    'it was switched off, `compensation = "off"`, a gain of 0, or a `remap` register was written',
     "switch it on with `pitch-gateway enable CONFIG AXIS`. If the configuration says `compensation = "
-    '"off"`, change it to `compensation = "on"` too, or the next start switches it off again. After '
-    "`compensation-ended` restart the gateway",
+    '"off"`, change it to `compensation = "on"` too, or the next start switches it off again. If its gain '
+    "is 0, set `gain` to 1, then `pitch-gateway reload CONFIG`. After `compensation-ended` restart the "
+    "gateway",
 )
 SHADOW: Final = AlarmEntry(
     "shadow",
@@ -243,6 +244,14 @@ NO_TABLE: Final = AlarmEntry(
     "no table configured, for example before the first measurement, or its file was never good",
     "measure the axis and name its file with `table`, then `pitch-gateway reload CONFIG`. To leave it "
     'uncorrected, set `compensation = "off"` and restart the gateway',
+)
+GAIN_DIFFERS: Final = AlarmEntry(
+    "gain-differs",
+    Severity.WARNING,
+    "another share of the table is applied than the configured one",
+    "a command over MQTT; it lasts until the gateway is started again",
+    "give the configured gain again over MQTT, or restart the gateway. To keep the other one, write it as "
+    "`gain` into the configuration, then `pitch-gateway reload CONFIG`",
 )
 OUTSIDE: Final = AlarmEntry(
     "outside",

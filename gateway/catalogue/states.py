@@ -45,7 +45,7 @@ COMPENSATION: Final = (
     ),
     StateEntry(
         "off",
-        "the compensation is switched off: positions pass 1:1",
+        "the compensation is switched off, or its gain is 0: positions pass 1:1",
         'nothing, if the axis has no table and the configuration says `compensation = "off"`. Otherwise do '
         "what its trouble says",
     ),

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from gateway.status.axis import Position, TermsStatus, WholeAxis
+from gateway.status.axis import Position, Shares, TermsStatus, WholeAxis
 from gateway.status.line import LINE_COUNTERS, ControllerStatus, LineStatus, TlsStatus
 from gateway.status.model import AlarmStatus, GatewayStatus, Model, Verdict
 from gateway.status.times import GatewayTimes
@@ -216,10 +216,19 @@ def _tables(axes: Mapping[str, WholeAxis]) -> Table:
             escape(name),
             escape(its.file or UNKNOWN),
             str(its.points),
-            f"{escape(its.status)}{error}",
+            f"{escape(its.status)}{_gain(axis.gain)}{error}",
             escape(axis.writer or UNKNOWN),
         )
     return table
+
+
+def _gain(gain: Shares) -> str:
+    """Return the gain if not all of the table is applied."""
+    if gain == Shares():
+        return ""
+    if gain.forward == gain.backward:
+        return f", gain {gain.forward:g}"
+    return f", gain {gain.forward:g} forward, {gain.backward:g} backward"
 
 
 def _terms(axes: Mapping[str, TermsStatus]) -> Table:

@@ -79,6 +79,11 @@ class Gain:
         """Whether both directions get the same share."""
         return self.forward == self.backward
 
+    @property
+    def is_zero(self) -> bool:
+        """Whether nothing of the table is applied."""
+        return not (self.forward or self.backward)
+
 
 class BacklashKind(Enum):
     """Where the lost motion of a unidirectional table is applied.

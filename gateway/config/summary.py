@@ -7,8 +7,8 @@ from msgspec import UNSET, Struct, UnsetType
 
 from gateway.compensation.correction_spec import spec_of_table
 from gateway.compensation.limits import MotionReport, motion_report
-from gateway.compensation.settings import ThermalSettings
-from gateway.compensation.table import CorrectionTable
+from gateway.compensation.settings import Gain, ThermalSettings
+from gateway.compensation.table import CorrectionTable, make_table
 from gateway.config.drive_files import NamedProfile
 from gateway.drives.profile import Tier
 from gateway.exchange.plan import AxisPlan
@@ -44,6 +44,8 @@ class TableSummary(Struct, frozen=True):
     max_correction: float
     max_reversal: float
     max_slope: float
+    gain: Gain
+    """The share that is applied: the three largest values above are with it."""
     can_cause: MotionReport
 
 
@@ -166,15 +168,23 @@ def _drive_summary(drive: NamedProfile) -> DriveSummary:
 
 
 def _table_summary(axis: AxisPlan, table: CorrectionTable) -> TableSummary:
+    gain = axis.settings.gain
+    applied = make_table(
+        table.positions,
+        [gain.forward * each for each in table.forward],
+        [gain.backward * each for each in table.backward],
+        table.units,
+    )
     return TableSummary(
         file=axis.table_name,
         format=axis.table_format,
         sha256=axis.table_digest,
         points=len(table.positions),
         range=(table.first, table.last),
-        max_correction=table.max_correction(),
-        max_reversal=table.max_reversal(),
-        max_slope=table.max_slope(),
+        max_correction=applied.max_correction(),
+        max_reversal=applied.max_reversal(),
+        max_slope=applied.max_slope(),
+        gain=gain,
         can_cause=motion_report(spec_of_table(table, axis.settings), axis.settings),
     )
 
@@ -237,6 +247,13 @@ def _table_lines(table: TableSummary, unit: str, max_speed: float) -> Iterator[s
     low, high = table.range
     cause = table.can_cause
     yield f"  table {table.file} ({table.format}): {table.points} points, {low:g} to {high:g} {unit}"
+    if table.gain.is_zero:
+        yield "  gain 0: nothing of it is applied"
+        return
+    if not table.gain.is_even:
+        yield f"  with a gain of {table.gain.forward:g} forward and {table.gain.backward:g} backward:"
+    elif table.gain.forward != 1.0:
+        yield f"  with a gain of {table.gain.forward:g}:"
     yield (
         f"  corrections up to {table.max_correction:.4g} {unit}, slope up to {table.max_slope:.3g}, "
         f"between the directions up to {table.max_reversal:.4g} {unit}"

@@ -61,6 +61,7 @@ def axis_status(axis: Axis, now_ns: int) -> AxisStatus:
         correction = (accepted.corrected_counts - accepted.nominal_counts) / settings.counts_per_unit
     return AxisStatus(
         compensation=compensation_state(axis),
+        is_enabled=axis.correction.is_enabled,
         units=settings.units.value,
         direction=direction_state(axis),
         gain=Shares(forward=settings.gain.forward, backward=settings.gain.backward),
@@ -105,6 +106,7 @@ def compensation_state(axis: Axis) -> str:
     """Return the state of the compensation as the status shows it.
 
     A block comes first: an axis that was switched off refuses triggers too, until it passes positions 1:1.
+    A gain of 0 switches off too, unless terms are added to the table: they have no gain.
     """
     if axis.blocked_by is not None and not axis.passes_unchanged:
         return "blocked"
@@ -112,6 +114,8 @@ def compensation_state(axis: Axis) -> str:
         return "off"
     if axis.plan.table is None:
         return "no-table"
+    if axis.plan.settings.gain.is_zero and axis.correction.terms is None:
+        return "off"
     if not axis.reference.is_referenced:
         return "unreferenced"
     if axis.correction.is_dry_run:

@@ -152,6 +152,8 @@ class AxisStatus(Struct, kw_only=True):
     """An axis."""
 
     compensation: str = ""
+    is_enabled: bool | UnsetType = UNSET
+    """Whether the compensation is switched on, whatever its state; UNSET from older releases."""
     units: str = ""
     direction: str = ""
     gain: Shares = Shares()

@@ -15,7 +15,7 @@ from gateway.catalogue import alarms as kinds
 from gateway.catalogue.alarms import CONTROLLER_SILENT_S, FEWEST_ASKED, SILENT_S
 from gateway.catalogue.entry import AlarmEntry, Severity
 from gateway.catalogue.text import Text, text_data
-from gateway.status.axis import AxisAlarm, AxisStatus, TermsStatus, WriterConflictStatus
+from gateway.status.axis import AxisAlarm, AxisStatus, Shares, TermsStatus, WriterConflictStatus
 from gateway.status.line import ControllerStatus, LineStatus, UnitIds
 from gateway.status.model import AcknowledgedBy, AlarmStatus, Model, SupervisorStatus
 from gateway.times import span
@@ -380,6 +380,7 @@ def _of_unit_ids(name: str, line: LineStatus) -> Iterator[Alarm]:
         yield Alarm(kinds.ANSWERS_AS, source_path, where, what)
 
 
+_GAIN_IS_0: Final = Text("the gain is 0: positions pass uncorrected")
 _OF_COMPENSATION: Final = {entry.kind: entry for entry in kinds.OF_COMPENSATION}
 
 
@@ -404,7 +405,9 @@ def _of_axis(name: str, axis: AxisStatus, source_path: SourcePath) -> Iterator[A
         )
         yield Alarm(kinds.TABLE_WAITING, source_path, where, waiting, its)
     if (entry := _of_compensation(axis)) is not None:
-        yield Alarm(entry, source_path, where, entry.description, its)
+        is_zero = entry is kinds.OFF and not (axis.gain.forward or axis.gain.backward)
+        yield Alarm(entry, source_path, where, _GAIN_IS_0 if is_zero else entry.description, its)
+    yield from _of_gain(name, axis, source_path)
     yield from _of_writer_conflict(name, axis.rivals, source_path)
     yield from _of_group(name, axis, source_path)
     if axis.latency.is_over_budget:
@@ -425,6 +428,27 @@ def _of_compensation(axis: AxisStatus) -> AlarmEntry | None:
     if axis.compensation == kinds.OFF.kind and not has_table:
         return None if axis.configured.get("compensation") == "off" else kinds.NO_TABLE
     return _OF_COMPENSATION.get(axis.compensation)
+
+
+def _of_gain(name: str, axis: AxisStatus, source_path: SourcePath) -> Iterator[Alarm]:
+    """Yield an alarm for a gain that a command has set, if there is a table to which it applies."""
+    if not axis.table.points or "gain" not in axis.configured:
+        return
+    configured = Shares(**axis.configured["gain"])
+    if axis.gain != configured:
+        what = Text(
+            "the gain is {gain}; the configuration says {configured}",
+            gain=_gain(axis.gain),
+            configured=_gain(configured),
+        )
+        yield Alarm(kinds.GAIN_DIFFERS, source_path, f"axis {name}", what, (name,))
+
+
+def _gain(gain: Shares) -> str:
+    forward, backward = f"{gain.forward:g}", f"{gain.backward:g}"
+    if forward == backward:
+        return forward
+    return Text("{forward} forward and {backward} backward", forward=forward, backward=backward)
 
 
 def _of_group(name: str, axis: AxisStatus, source_path: SourcePath) -> Iterator[Alarm]:

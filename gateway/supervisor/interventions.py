@@ -17,6 +17,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
+from msgspec import UNSET
+
 import gateway
 from gateway.catalogue import table_events as tables
 from gateway.exchange.commands import (
@@ -298,7 +300,8 @@ def _state_of(model: RelayModel, certificates: Sequence[CertificateStatus]) -> I
     for name, axis in model.axes.items():
         yield ("table", name), axis.table.sha256
         yield ("gain", name), {"forward": axis.gain.forward, "backward": axis.gain.backward}
-        yield ("compensation", name), "off" if axis.compensation == "off" else "on"
+        is_on = axis.compensation != "off" if axis.is_enabled is UNSET else axis.is_enabled
+        yield ("compensation", name), "on" if is_on else "off"
         yield ("mode", name), axis.configured.get("compensation")
         limits = {key: value for key, value in axis.configured.items() if key not in ("compensation", "gain")}
         yield ("limits", name), limits

@@ -234,6 +234,16 @@ def test_a_target_that_nobody_reads_is_dim_with_its_age() -> None:
     assert f"  {dim}{age}\x1b[0m" in lines
 
 
+def test_a_gain_stands_beside_the_table_if_not_all_of_it_is_applied() -> None:
+    half = copy.deepcopy(MODEL)
+    half["axes"]["x"]["gain"] = {"forward": 0.0, "backward": 0.5}
+    half["axes"]["y"]["gain"] = {"forward": 0.0, "backward": 0.0}
+    lines = shown(half)
+    assert "x x[1].tab 3 active, gain 0 forward, 0.5 backward cnc (192.168.0.9)" in lines
+    assert "y – 0 none, gain 0 –" in lines
+    assert not [line for line in shown(MODEL) if "gain" in line]
+
+
 def test_the_verdict_stands_on_top_in_one_word_with_since_when() -> None:
     then = datetime(2026, 5, 1, 12, tzinfo=UTC).astimezone()
     well = {"state": "healthy", "since": SINCE, "errors": 0, "warnings": 0}

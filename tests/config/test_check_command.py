@@ -43,6 +43,31 @@ def test_speed_that_nobody_knows_is_not_said_to_be_nothing(tmp_path: Path) -> No
     assert "0 mm/s" not in result.stdout
 
 
+def test_corrections_are_summed_up_with_their_gain(tmp_path: Path) -> None:
+    gain = "max_speed = 200.0\ngain = { forward = 0, backward = 0.5 }"
+    result = run(written(tmp_path, edited(("max_speed = 200.0", gain))))
+    assert (result.exit_code, result.stderr) == (0, "")
+    # Away from home is backward: 0.5 × 0.02 at -300, 0.5 × 0.01/150, and nothing forward.
+    assert (
+        "with a gain of 0 forward and 0.5 backward:\n  corrections up to 0.01 mm, slope up to 3.33e-05, "
+        "between the directions up to 0.01 mm" in result.stdout
+    )
+
+
+def test_a_gain_of_0_is_warned_of_and_no_corrections_are_promised(tmp_path: Path) -> None:
+    text = edited(("max_speed = 200.0", "max_speed = 200.0\ngain = 0"))
+    result = run(written(tmp_path, text))
+    assert result.exit_code == 0
+    line = line_of(text, "gain = 0")
+    assert result.stderr.startswith(
+        f"warning: {tmp_path / 'gateway.toml'}:{line}: axis.x.gain: a gain of 0: positions pass uncorrected"
+    )
+    assert "corrections up to" not in result.stdout
+    assert "  gain 0: nothing of it is applied\n" in result.stdout
+    off = run(written(tmp_path, text.replace('compensation = "on"', 'compensation = "off"')))
+    assert "gain" not in off.stderr
+
+
 def test_an_axis_without_a_table_is_summed_up(tmp_path: Path) -> None:
     result = run(written(tmp_path, edited(('table = "cnc10x.tab"\n', ""))))
     assert "no table: positions pass 1:1" in result.stdout

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gateway.compensation.settings import Backlash, BacklashKind
+from gateway.compensation.settings import Backlash, BacklashKind, Gain
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.drives.motion import Action, Addressing, Form, ModePlan, MotionPlan, Operation, TriggerPlan
@@ -192,6 +192,20 @@ def test_without_a_table_positions_pass_one_to_one() -> None:
     bench.move(50_000)
     assert bench.seen == [write(COMMAND, 50_000)]
     assert axis_status(bench.line.axes[0], bench.now_ns).compensation == "no-table"
+
+
+@pytest.mark.parametrize(
+    ("gain", "state"), [(Gain(0.0, 0.0), "off"), (Gain(0.0, 1.0), "active"), (Gain(0.5, 0.5), "active")]
+)
+def test_an_axis_of_whose_table_nothing_is_applied_is_off(gain: Gain, state: str) -> None:
+    bench = Bench(axis_plan(gain=gain))
+    status = axis_status(bench.line.axes[0], bench.now_ns)
+    assert (status.compensation, status.is_enabled) == (state, True)
+
+
+def test_without_a_table_the_gain_is_no_matter() -> None:
+    bench = Bench(axis_plan(table=None, gain=Gain(0.0, 0.0)))
+    assert compensation_state(bench.line.axes[0]) == "no-table"
 
 
 def test_an_axis_is_corrected_only_while_its_homed_bit_is_set() -> None:

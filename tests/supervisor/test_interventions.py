@@ -181,6 +181,18 @@ async def test_a_difference_that_nobody_noted_is_found_also_over_a_restart(tmp_p
     ]
 
 
+async def test_a_blocked_axis_and_a_gain_of_0_are_no_switch(tmp_path: Path) -> None:
+    async with noting(tmp_path) as interventions:
+        for state, is_on in (("off", False), ("blocked", False), ("active", True), ("off", True)):
+            found = model(state)
+            found.axes["x"].is_enabled = is_on
+            interventions.compare(found, ())
+    assert [one for one in said(entries_of(tmp_path)) if one[0] == "compensation"] == [
+        ("compensation", "x", None, "off", "start"),
+        ("compensation", "x", "off", "on", "found"),
+    ]
+
+
 async def test_each_further_file_begins_with_the_state_and_a_start_needs_no_older_one(tmp_path: Path) -> None:
     folder = tmp_path / "interventions"
     async with noting(tmp_path) as interventions:

@@ -200,6 +200,42 @@ def test_a_rejected_file_does_not_hide_that_the_axis_is_not_corrected(compensati
     assert {kind for _, kind, _ in kinds(found)} == {"table-rejected", compensation}
 
 
+NO_GAIN = {"forward": 0.0, "backward": 0.0}
+HALF = {"forward": 0.5, "backward": 0.5}
+FULL = {"forward": 1.0, "backward": 1.0}
+
+
+def test_an_axis_that_is_off_by_its_gain_says_so() -> None:
+    found = model(with_axis(compensation="off", gain=NO_GAIN, configured={"gain": NO_GAIN}))
+    assert said(found, "warning", "off", "axis x") == "the gain is 0: positions pass uncorrected"
+
+
+@pytest.mark.parametrize(
+    ("gain", "configured", "what"),
+    [
+        (HALF, FULL, "the gain is 0.5; the configuration says 1"),
+        (FULL, NO_GAIN, "the gain is 1; the configuration says 0"),
+        (
+            {"forward": 0.0, "backward": 1.0},
+            FULL,
+            "the gain is 0 forward and 1 backward; the configuration says 1",
+        ),
+    ],
+)
+def test_another_gain_than_the_configured_one_is_a_trouble(
+    gain: dict[str, float], configured: dict[str, float], what: str
+) -> None:
+    found = model(with_axis(gain=gain, configured={"gain": configured}))
+    assert said(found, "warning", "gain-differs", "axis x") == what
+    assert found["axes"]["x"]["verdict"]["state"] == "warning"
+
+
+def test_a_gain_that_is_configured_or_has_no_table_is_none() -> None:
+    assert kinds(model(with_axis(gain=HALF, configured={"gain": HALF}))) == []
+    without = {**AXIS["table"], "points": 0}
+    assert kinds(model(with_axis(gain=HALF, configured={"gain": FULL}, table=without))) == []
+
+
 @pytest.mark.parametrize("compensation", ["active", "blending"])
 def test_an_axis_that_does_what_it_should_is_none(compensation: str) -> None:
     assert kinds(model(with_axis(compensation=compensation))) == []

@@ -51,6 +51,7 @@ def check_axes(findings: Findings, sections: Sections) -> None:
         _check_setpoints(findings, path, axis)
         _check_without_table(findings, path, axis)
         _check_mode_is_given(findings, path, axis)
+        _check_gain(findings, path, axis)
     for name, axis in sections.axes.items():
         path = ("axis", name)
         _check_modulo(findings, path, axis)
@@ -215,6 +216,17 @@ def _check_without_table(findings: Findings, path: KeyPath, axis: AxisSection) -
         )
     if backlash is not None:
         check_backlash_alone(findings, path, axis)
+
+
+def _check_gain(findings: Findings, path: KeyPath, axis: AxisSection) -> None:
+    """Warn of an axis that its gain leaves uncorrected; terms have no gain."""
+    is_corrected = (axis.table is not None or axis.backlash is not None) and not (axis.thermal or axis.cross)
+    if axis.gain.is_zero and is_corrected and axis.compensation is not CompensationMode.OFF:
+        findings.warn(
+            (*path, "gain"),
+            "a gain of 0: positions pass uncorrected, and the axis is not green",
+            'write 1 to apply the whole table, or compensation = "off" if that is intended',
+        )
 
 
 def _check_mode_is_given(findings: Findings, path: KeyPath, axis: AxisSection) -> None:

@@ -43,6 +43,8 @@ def _project_url() -> str:
 
 
 SUPPORT_URL: Final = _project_url()
+_IS_ON: Final = "value_json.is_enabled | default(value_json.compensation != 'off')"
+"""A relay of an older release does not report the switch itself."""
 _RELAY_UP: Final = "value_json.relay == 'up'"
 
 
@@ -147,7 +149,7 @@ def _axis_commands(settings: Settings, name: str) -> JsonObject:
         "switch": {
             **_entity(_device(settings, name), "switch", "switch", "Compensation switch"),
             "state_topic": settings.topics.axis(name),
-            "value_template": "{{ 'OFF' if value_json.compensation == 'off' else 'ON' }}",
+            "value_template": f"{{{{ 'ON' if {_IS_ON} else 'OFF' }}}}",
             "state_on": "ON",
             "state_off": "OFF",
             "command_topic": settings.topics.command("switch"),

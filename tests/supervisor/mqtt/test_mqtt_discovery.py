@@ -210,7 +210,10 @@ def test_buttons_and_switches_are_there_only_where_commands_are_allowed(tmp_path
 def test_the_switch_shows_whether_the_axis_is_off(tmp_path: Path, state: str) -> None:
     told = discovery_messages(given(tmp_path, commands=True), model_of(model()))
     switch = told[f"{DEVICES}/commands_x/config"]["cmps"]["switch"]
-    shown = rendered(switch["value_template"], {"compensation": state})
+    for is_on in (True, False):
+        shown = rendered(switch["value_template"], {"compensation": state, "is_enabled": is_on})
+        assert shown == switch["state_on" if is_on else "state_off"]
+    shown = rendered(switch["value_template"], {"compensation": state})  # from an older release
     assert shown == (switch["state_off"] if state == "off" else switch["state_on"])
 
 
