@@ -253,6 +253,15 @@ GAIN_DIFFERS: Final = AlarmEntry(
     "give the configured gain again over MQTT, or restart the gateway. To keep the other one, write it as "
     "`gain` into the configuration, then `pitch-gateway reload CONFIG`",
 )
+RECORD_NOT_USED: Final = AlarmEntry(
+    "record-not-used",
+    Severity.WARNING,
+    "it started without its record: what it reads is not corrected until its first target",
+    "the axis was moved while the gateway did not run, or its record cannot be used: the event "
+    "`record-not-used` in the log says why",
+    "have the controller send a target, or home the axis. Until then its position is off by the correction",
+    title="Reads uncorrected",
+)
 OUTSIDE: Final = AlarmEntry(
     "outside",
     Severity.WARNING,

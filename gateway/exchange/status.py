@@ -18,6 +18,7 @@ from gateway.status.axis import AxisStatus, GroupStatus, Reading, Shares, TableS
 from gateway.status.line import LINE_COUNTERS, LineStatus
 from gateway.times import NS_PER_S
 
+CORRECTED: Final = frozenset({"active", "blending", "outside"})
 SHOWN_NS: Final = 2 * NS_PER_S
 """Maximum age of a reading that is shown as the position: the axis may have moved since, also by hand."""
 
@@ -62,6 +63,7 @@ def axis_status(axis: Axis, now_ns: int) -> AxisStatus:
     return AxisStatus(
         compensation=compensation_state(axis),
         is_enabled=axis.correction.is_enabled,
+        reads_uncorrected=axis.recall.reads_uncorrected and compensation_state(axis) in CORRECTED,
         units=settings.units.value,
         direction=direction_state(axis),
         gain=Shares(forward=settings.gain.forward, backward=settings.gain.backward),

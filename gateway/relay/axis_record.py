@@ -71,6 +71,7 @@ class AxisRecord:
         except OSError as error:
             why = error.strerror or str(error)
             report(f"{self.path}: {why}; no record is kept, and a restart begins without one")
+            axis.recall.start_without()
             return
         if wrong:
             report(f"{self.path}: {wrong}; it is made anew, and the axis starts without its record")
@@ -92,6 +93,8 @@ class AxisRecord:
             report(f"{self.path}: {reason}; the axis starts without its record")
             saved = None
         record = Record(slots, saved, find_table)  # empties the record if the saved one is not used
+        if wrong or reason:
+            axis.recall.start_without()
         if not why_none:
             axis.recall.attach(record)
 

@@ -154,6 +154,8 @@ class AxisStatus(Struct, kw_only=True):
     compensation: str = ""
     is_enabled: bool | UnsetType = UNSET
     """Whether the compensation is switched on, whatever its state; UNSET from older releases."""
+    reads_uncorrected: bool = False
+    """It is corrected, and reads 1:1 until its first target: the record of the last run is not used."""
     units: str = ""
     direction: str = ""
     gain: Shares = Shares()

@@ -408,6 +408,8 @@ def _of_axis(name: str, axis: AxisStatus, source_path: SourcePath) -> Iterator[A
         is_zero = entry is kinds.OFF and not (axis.gain.forward or axis.gain.backward)
         yield Alarm(entry, source_path, where, _GAIN_IS_0 if is_zero else entry.description, its)
     yield from _of_gain(name, axis, source_path)
+    if axis.reads_uncorrected:
+        yield Alarm(kinds.RECORD_NOT_USED, source_path, where, kinds.RECORD_NOT_USED.description, its)
     yield from _of_writer_conflict(name, axis.rivals, source_path)
     yield from _of_group(name, axis, source_path)
     if axis.latency.is_over_budget:

@@ -13,9 +13,10 @@ from gateway.compensation.units import Units
 from gateway.drives.motion import DIRECT
 from gateway.exchange.axis.record import digest_of_axis
 from gateway.exchange.axis.record_layout import Remembered
-from gateway.exchange.commands import SetReference
+from gateway.exchange.commands import Disable, Enable, SetReference
 from gateway.exchange.control import clear_table, switch
 from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
+from gateway.exchange.status import axis_status
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import (
     ACTUAL,
@@ -257,6 +258,44 @@ def test_an_axis_moved_by_hand_meanwhile_starts_without_its_record() -> None:
     ]
     assert again.records.read() is None
     assert again.actual() == 19_993
+
+
+def reads_uncorrected(bench: RecordBench) -> bool:
+    return axis_status(bench.line.axes[0], bench.now_ns).reads_uncorrected
+
+
+def test_the_status_says_that_such_an_axis_reads_uncorrected_until_its_first_target() -> None:
+    bench = RecordBench(axis_plan())
+    bench.move(50_000, 20_000)
+    bench.actual()
+    assert not reads_uncorrected(bench)
+    assert not reads_uncorrected(bench.restarted())  # goes on from its record
+    bench.memory.put(ACTUAL, 19_993)
+    again = bench.restarted()
+    assert again.actual() == 19_993
+    assert reads_uncorrected(again)
+    again.line.command(Disable(axes=("x",)), again.now_ns)
+    assert not reads_uncorrected(again)  # off, which says as much
+    again.line.command(Enable(axes=("x",)), again.now_ns)
+    assert reads_uncorrected(again)
+    again.move(50_000)
+    assert not reads_uncorrected(again)
+    assert again.actual() == 50_000
+
+
+@pytest.mark.parametrize("was_homed", [True, False])
+def test_an_axis_that_is_homed_after_the_start_reads_right(was_homed: bool) -> None:
+    bench = RecordBench(staged_plan(referenced=Reference.DRIVE_BIT, motion=DIRECT), memory=StagedDrive())
+    bench.move(50_000, 20_000)
+    bench.memory.put(ACTUAL, 60_000)
+    bench.memory.write(STATUS, (was_homed << HOMED_BIT).to_bytes(2, "big"))
+    again = bench.restarted()
+    assert reads_uncorrected(again) is was_homed
+    for is_homed in (False, True):
+        again.memory.write(STATUS, (is_homed << HOMED_BIT).to_bytes(2, "big"))
+        again.ask(bytes.fromhex("03 005C 0001"))
+    assert axis_status(again.line.axes[0], again.now_ns).compensation == "active"
+    assert not reads_uncorrected(again)
 
 
 def test_a_record_counts_if_the_axis_is_within_the_hysteresis() -> None:

@@ -68,6 +68,7 @@ def test_a_good_file_is_recalled_and_stays_as_it_is_until_it_is_decided(path: Pa
         opened = Opened(path)
         assert opened.saved is not None
         assert (opened.saved.nominal_counts, opened.told) == (20_000, [])
+        assert not opened.axis.recall.reads_uncorrected
         opened.record.close()
         assert path.read_bytes() == before
 
@@ -101,6 +102,7 @@ def test_a_spoilt_file_is_made_anew_and_the_axis_goes_without(path: Path, spoil:
     opened = Opened(path)
     assert opened.saved is None
     assert opened.axis.recall.record is not None
+    assert opened.axis.recall.reads_uncorrected
     assert len(opened.told) == 1
     assert opened.told[0].startswith(f"{path}: {why}")
     assert opened.told[0].endswith("the axis starts without its record")

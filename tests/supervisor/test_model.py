@@ -236,6 +236,13 @@ def test_a_gain_that_is_configured_or_has_no_table_is_none() -> None:
     assert kinds(model(with_axis(gain=HALF, configured={"gain": FULL}, table=without))) == []
 
 
+def test_an_axis_that_started_without_its_record_is_not_healthy() -> None:
+    found = model(with_axis(reads_uncorrected=True))
+    assert "not corrected until its first target" in said(found, "warning", "record-not-used", "axis x")
+    verdict = found["axes"]["x"]["verdict"]
+    assert (verdict["state"], verdict["title"]) == ("warning", "Reads uncorrected")
+
+
 @pytest.mark.parametrize("compensation", ["active", "blending"])
 def test_an_axis_that_does_what_it_should_is_none(compensation: str) -> None:
     assert kinds(model(with_axis(compensation=compensation))) == []

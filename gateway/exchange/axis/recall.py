@@ -11,7 +11,7 @@ from typing import Final
 from gateway.catalogue import exchange_events
 from gateway.compensation.errors import SettingsError, TableError
 from gateway.compensation.moves import Accepted, Move, State
-from gateway.compensation.readback import Fade
+from gateway.compensation.readback import Fade, Readback
 from gateway.exchange.axis.acknowledge import Proof, Rendering
 from gateway.exchange.axis.correction import RequestedCorrection
 from gateway.exchange.axis.motion import Actual, Motion, MotionState
@@ -38,6 +38,7 @@ class Recall:
     """The record of one axis, and how the axis is restored from it. Times are monotonic, in ns."""
 
     __slots__ = (
+        "_at_start",
         "_correction",
         "_motion",
         "_peers",
@@ -57,6 +58,7 @@ class Recall:
     ) -> None:
         self._motion, self.reference = motion, reference
         self._correction, self._targets, self._reports = correction, targets, reports
+        self._at_start: Readback | None = None
         self._peers: tuple[Recall, ...] = ()
         """Those of the other axes of its group."""
         self.record: Record | None = None
@@ -71,6 +73,21 @@ class Recall:
         self.record = record
         if record is not None and record.saved is not None and not self._correction.is_enabled:
             self.drop("the compensation of the axis is off")
+
+    def start_without(self) -> None:
+        """The record of the last run is not used: until its first target the axis reads 1:1."""
+        readback = self._motion.compensation.readback
+        if readback.end is None and not self.reference.is_lost:
+            self._at_start = readback
+
+    def find_reference_anew(self) -> None:
+        """Its reference is not that of the last run: what it reads is right."""
+        self._at_start = None
+
+    @property
+    def reads_uncorrected(self) -> bool:
+        """Whether it still reads 1:1 because the record of the last run is not used."""
+        return self._at_start is not None and self._motion.compensation.readback is self._at_start
 
     @property
     def is_open(self) -> bool:
@@ -123,6 +140,7 @@ class Recall:
         assert self.record is not None
         self.record.decide(Decision.DROPPED)
         self.record.clear()
+        self.start_without()
         self._reports.report(exchange_events.RECORD_NOT_USED, f"{reason}; it starts without its record")
         for peer in self._peers:
             if peer.is_open:
