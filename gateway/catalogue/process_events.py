@@ -113,6 +113,14 @@ SOCKET_REFUSED: Final = EventEntry(
     "another user, another release of the command line, more than eight clients, or an incomplete request",
     "use the command line of the same release, as the gateway's user or as root",
 )
+SOCKET_MISSING: Final = EventEntry(
+    "socket-missing",
+    Severity.WARNING,
+    "`relay.sock` was removed while the relay runs: until it is made again, no command reaches the relay. "
+    "The relay tries that every few seconds",
+    "another program cleans up the state folder, or the folder was replaced",
+    "keep that program away from the state folder. If the socket could not be made, do what `detail` says",
+)
 RECORDING_ENDED: Final = EventEntry(
     "recording-ended",
     Severity.ERROR,

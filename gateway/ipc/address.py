@@ -91,6 +91,22 @@ class SocketFile:
             self.leave()
             raise
 
+    @property
+    def is_missing(self) -> bool:
+        """Whether another program has removed it: clients find nobody. The lock is still ours."""
+        return bool(self._inode) and not os.path.lexists(self.path)
+
+    def make_again(self) -> socket.socket:
+        """Return another listening socket, in place of one that is missing.
+
+        Raises:
+            SocketError: it cannot be made; with the remedy.
+        """
+        try:
+            return self._listen()
+        except OSError as error:
+            raise SocketError(str(problem_of(error, self.path.parent))) from error
+
     def leave(self, *, is_finished: bool = True) -> None:
         """Release the lock, and remove the socket if it is still the one that was made here.
 

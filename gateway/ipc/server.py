@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
-from gateway.ipc.address import Peer, SocketFile, peer_of
+from gateway.ipc.address import Peer, SocketError, SocketFile, peer_of
 from gateway.ipc.handlers import RequestHandlers
 from gateway.ipc.messages import Happened, Refused, Reply, Request, encode
 from gateway.ipc.session import MAX_CLIENTS, Clients, Session
@@ -35,6 +35,8 @@ class ControlServer:
         )
         self._listener = Listener(self._accepted, self._nobody_can_connect)
         self._is_pump_due = False
+        self._is_missing = False
+        """It is missing and could not be made again, which was reported."""
 
     @property
     def path(self) -> Path:
@@ -63,6 +65,23 @@ class ControlServer:
             SocketError: another gateway uses the socket, or it cannot be made; with the remedy.
         """
         self._listener.open([self._socket_file.take()])
+
+    def renew_socket(self) -> str:
+        """Make the socket again if another program has removed it; return what was done, "" if nothing.
+
+        Connected clients stay. To be called every few seconds.
+        """
+        if not self._socket_file.is_missing:
+            self._is_missing = False
+            return ""
+        try:
+            listening = self._socket_file.make_again()
+        except SocketError as error:
+            told, self._is_missing = self._is_missing, True
+            return "" if told else f"{self.path} is missing, and cannot be made again: {error}"
+        self._listener.stop()
+        self._listener.open([listening])
+        return f"{self.path} was missing; it was made again"
 
     def hang_up(self) -> None:
         """Drop every client and accept no other; the socket stays reserved until :meth:`close`."""

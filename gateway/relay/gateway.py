@@ -410,6 +410,8 @@ class Relay:
             self._ticks += 1
             self._scheduling = in_force()
             self._lines[self._ticks % len(self._lines)].tick()
+            if self._control is not None and (done := self._control.renew_socket()):
+                self._journal.log(processes.SOCKET_MISSING, detail=done)
 
     def _is_forwarding(self) -> bool:
         return any(line.is_forwarding for line in self._lines)

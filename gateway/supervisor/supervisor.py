@@ -100,7 +100,7 @@ class Supervisor:
         self._write = write
         self._name_gateway = name_gateway
         self._tells_events = tells_events
-        self._reloader = Reloader(config)
+        self._reloader = Reloader(config, lambda: self._link.is_up)
         self._watch = Watch()
         self._table_files = TableFiles()
         self._work_due = asyncio.Event()

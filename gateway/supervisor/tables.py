@@ -4,7 +4,7 @@ import contextlib
 import json
 import os
 import tomllib
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -49,8 +49,10 @@ class Reloader:
     All methods block while they work; one thread calls at a time.
     """
 
-    def __init__(self, config: Path) -> None:
+    def __init__(self, config: Path, has_relay: Callable[[], bool] = bool) -> None:
         self._config = config
+        self._has_relay = has_relay
+        """Whether a relay is known to run, also if nothing listens at its socket."""
         self._owed: Loaded | None = None
         """The requested configuration that could not be applied for a temporary reason."""
         self.loaded: Loaded | None = None
@@ -196,7 +198,7 @@ class Reloader:
         outcome = ReloadOutcome(has_read=False)
         try:
             path = socket_path(loaded.state_folder)
-            is_running = _check_same(path, loaded, before)
+            is_running = self._is_running(path, loaded, before)
             settled = settle(loaded, before, waiting=waiting)
             outcome = _found(loaded, settled, waiting, is_running=is_running)
             held = _held(settled, loaded, before, outcome)
@@ -220,6 +222,18 @@ class Reloader:
             outcome = replace(outcome, is_owed=not isinstance(error, NeedsRestartError))
         # Nothing has changed, but what was found in the files is still valid.
         return replace(outcome, problems=(*outcome.problems, f"{self._config}: {problem}"), changed=())
+
+    def _is_running(self, path: Path, loaded: Loaded, before: CompiledPlan | None) -> bool:
+        try:
+            _check_same(path, loaded, before)
+        except NobodyListensError:
+            if self._has_relay():
+                raise NoGatewayError(
+                    f"{path} is missing, although the relay runs: it makes the socket again within seconds, "
+                    "and this is tried again. If this lasts, see the trouble state_folder"
+                ) from None
+            return False
+        return True
 
 
 def _of_configuration(errors: ConfigErrors) -> ReloadOutcome:
@@ -259,17 +273,15 @@ def _names(loaded: Loaded) -> dict[str, str]:
     return {axis: reading.name for axis, reading in loaded.readings.items()}
 
 
-def _check_same(path: Path, loaded: Loaded, before: CompiledPlan | None) -> bool:
-    """Whether a relay runs; it has to run the same plan, except for values that it can take.
+def _check_same(path: Path, loaded: Loaded, before: CompiledPlan | None) -> None:
+    """Check that the relay runs the same plan, except for values that it can take.
 
     Raises:
         NeedsRestartError: it runs another plan.
+        NobodyListensError: none runs.
         NoGatewayError: it cannot be understood.
     """
-    try:
-        pong = ask(path, Ping())
-    except NobodyListensError:
-        return False
+    pong = ask(path, Ping())
     if not isinstance(pong, Pong) or pong.shape != shape_of(loaded.plan):
         need = [] if before is None else _need_restart(loaded, before)
         what = ", ".join(need) or "keys that only a restart applies"
@@ -279,7 +291,6 @@ def _check_same(path: Path, loaded: Loaded, before: CompiledPlan | None) -> bool
             f"{', '.join(into_shadow)}: restart the gateway, because only a restart sets an axis to "
             "shadow; or leave it on and run pitch-gateway disable"
         )
-    return True
 
 
 def _into_shadow(path: Path, loaded: Loaded) -> list[str]:

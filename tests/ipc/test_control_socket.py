@@ -102,6 +102,35 @@ async def test_somebody_elses_socket_is_left_alone(tmp_path: Path) -> None:
         assert socket_path(tmp_path).exists()
 
 
+async def test_a_socket_that_was_removed_is_made_again(tmp_path: Path) -> None:
+    async with serving(tmp_path) as server:
+        reader, writer = await asyncio.open_unix_connection(str(server.path))
+        assert server.renew_socket() == ""
+        server.path.unlink()
+        assert server.renew_socket() == f"{server.path} was missing; it was made again"
+        assert stat.S_IMODE(server.path.stat().st_mode) == 0o600
+        [reply] = await talk(server.path, encode(Ping()), 1)
+        assert isinstance(reply, Pong)
+        writer.write(encode(Ping()))  # who was connected still is
+        assert isinstance(decode_reply(await reader.readline()), Pong)
+        writer.close()
+        assert server.renew_socket() == ""
+    assert not server.path.exists()
+
+
+async def test_a_socket_that_cannot_be_made_again_is_said_once(tmp_path: Path) -> None:
+    state = tmp_path / "state"
+    async with serving(state) as server:
+        for path in (server.path, state / "relay.lock"):
+            path.unlink()
+        state.rmdir()
+        told = server.renew_socket()
+        assert told.startswith(f"{server.path} is missing, and cannot be made again: {state}")
+        assert server.renew_socket() == ""
+        state.mkdir()
+        assert server.renew_socket() == f"{server.path} was missing; it was made again"
+
+
 async def test_a_file_in_its_place_is_not_removed(tmp_path: Path) -> None:
     socket_path(tmp_path).write_text("notes")
     with pytest.raises(SocketError, match="exists and is not a socket; move it away"):

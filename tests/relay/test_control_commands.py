@@ -65,6 +65,17 @@ async def test_compensation_is_switched_off_and_on_while_it_runs(bench: Bench, t
     ]
 
 
+async def test_a_relay_whose_socket_was_removed_makes_it_again(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gateway.relay.gateway.TICK_EVERY_S", 0.02)
+    relay, _ = await started(bench, tmp_path)
+    assert relay.control_socket is not None
+    relay.control_socket.unlink()
+    await eventually(lambda: "socket-missing" in [note.event for note in bench.notes])
+    assert await asyncio.to_thread(ask, relay.control_socket, Disable(axes=("x",))) == Done(changed=("x",))
+
+
 NAME = Path("/proc/self/comm").read_text().strip()
 
 

@@ -106,6 +106,21 @@ def test_a_file_that_moves_is_no_mistake_where_the_relay_is_not_understood(
     assert largest(config) == 0.1
 
 
+def test_a_table_waits_for_a_relay_whose_socket_is_missing(config: Path, reloader: Reloader) -> None:
+    table(config).write_text(STEEPER)
+    is_up = True
+    supervised = Reloader(config, lambda: is_up)
+    outcome = supervised.reload()
+    assert outcome.is_owed
+    [problem] = outcome.problems
+    assert f"{config.parent}/state/relay.sock is missing, although the relay runs" in problem
+    assert largest(config) == 0.1
+    is_up = False
+    outcome = supervised.reload()
+    assert (outcome.problems, outcome.is_running) == ((), False)
+    assert largest(config) == 0.2
+
+
 def test_who_asks_gets_what_is_there(config: Path, reloader: Reloader) -> None:
     table(config).write_text(STEEPER)
     assert reloader.reload().waiting == frozenset()
