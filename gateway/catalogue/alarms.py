@@ -262,6 +262,14 @@ RECORD_NOT_USED: Final = AlarmEntry(
     "have the controller send a target, or home the axis. Until then its position is off by the correction",
     title="Reads uncorrected",
 )
+RECORD_NOT_KEPT: Final = AlarmEntry(
+    "record-not-kept",
+    Severity.WARNING,
+    "no record of the axis can be kept: after a restart it would read 1:1 until its first target",
+    "the disk is full or read-only, or the permissions of the state folder changed",
+    "make room, or correct the permissions. The gateway tries again, at least every five minutes; do not "
+    "restart it before",
+)
 OUTSIDE: Final = AlarmEntry(
     "outside",
     Severity.WARNING,

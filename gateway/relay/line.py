@@ -1,5 +1,6 @@
 """One line: its controllers, the exchange between, and the link to the drives."""
 
+import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -311,6 +312,8 @@ class Line:
             terms = axis.correction.terms
             for event in () if terms is None else terms.events(axis.plan.name, now_ns):
                 self._journal.exchange_event(self.plan.name, event)
+        for record in self._records.values():
+            record.try_again(time.monotonic())
         now = now_utc()
         for controller in self._controllers:
             controller.tick(now)
@@ -326,6 +329,8 @@ class Line:
             of_axis.latency = self._latency.axis(name)
             of_axis.configured = self._configured[name]
             of_axis.table.loaded_at = self._loaded_at.get(name)
+            if name in self._records:
+                of_axis.record_problem = self._records[name].problem or None
         return status
 
     def command(self, command: Command, tables: Sequence[CorrectionTable] = ()) -> dict[str, str]:

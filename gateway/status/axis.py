@@ -156,6 +156,8 @@ class AxisStatus(Struct, kw_only=True):
     """Whether the compensation is switched on, whatever its state; UNSET from older releases."""
     reads_uncorrected: bool = False
     """It is corrected, and reads 1:1 until its first target: the record of the last run is not used."""
+    record_problem: str | None = None
+    """Why no record is kept for the next start, although there should be one."""
     units: str = ""
     direction: str = ""
     gain: Shares = Shares()

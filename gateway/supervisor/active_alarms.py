@@ -410,6 +410,9 @@ def _of_axis(name: str, axis: AxisStatus, source_path: SourcePath) -> Iterator[A
     yield from _of_gain(name, axis, source_path)
     if axis.reads_uncorrected:
         yield Alarm(kinds.RECORD_NOT_USED, source_path, where, kinds.RECORD_NOT_USED.description, its)
+    if axis.record_problem:
+        what = Text("{problem}: a restart begins without its record", problem=axis.record_problem)
+        yield Alarm(kinds.RECORD_NOT_KEPT, source_path, where, what, its)
     yield from _of_writer_conflict(name, axis.rivals, source_path)
     yield from _of_group(name, axis, source_path)
     if axis.latency.is_over_budget:

@@ -1,7 +1,10 @@
 """The file of a record: whatever is wrong with it, the relay starts, says so, and begins without it."""
 
+import contextlib
 import os
 import resource
+import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -189,16 +192,93 @@ def test_where_no_file_can_be_had_the_axis_runs_without_one(path: Path, spoil: o
     opened.record.close()
 
 
-def test_a_full_disk_is_found_at_the_start_and_not_in_the_middle_of_a_store(tmp_path: Path) -> None:
-    """A limit on the size of files stands for the disk: the blocks cannot be had."""
+@contextlib.contextmanager
+def full_disk() -> Iterator[None]:
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4096, limits[1]))
     try:
-        opened = Opened(record_path(tmp_path, "x"))
+        yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+def test_a_full_disk_is_found_at_the_start_and_not_in_the_middle_of_a_store(tmp_path: Path) -> None:
+    """A limit on the size of files stands for the disk: the blocks cannot be had."""
+    with full_disk():
+        opened = Opened(record_path(tmp_path, "x"))
     assert opened.axis.recall.record is None
     assert "no record is kept" in opened.told[0]
+
+
+def test_a_record_that_could_not_be_kept_is_kept_as_soon_as_there_is_room(tmp_path: Path) -> None:
+    path = record_path(tmp_path, "x")
+    told: list[str] = []
+    record: list[AxisRecord] = []
+
+    def attach(line: LineExchange) -> None:
+        record.append(AxisRecord(line.axes[0], path))
+        record[0].open(told.append)
+
+    now_s = time.monotonic()
+    with full_disk():
+        bench = LineBench(axis_plan(), before_up=attach)
+        bench.move(50_000)
+        record[0].try_again(now_s + 1000.0)
+        assert record[0].problem == f"{path}: File too large"
+    record[0].try_again(now_s + 1.0)  # not due yet
+    assert bench.line.axes[0].recall.record is None
+    record[0].try_again(now_s + 1000.0)
+    assert record[0].problem == ""
+    assert told == [
+        f"{path}: File too large: no record is kept, and a restart begins without one",
+        f"{path} can be written again: it holds from now on",
+    ]
+    bench.memory.put(ACTUAL, 49_990)
+    bench.move(30_000)
+    record[0].close()
+    opened = Opened(path)
+    assert opened.saved is not None
+    assert (opened.saved.nominal_counts, opened.told) == (30_000, [])
+    opened.record.close()
+
+
+def test_a_file_that_was_cut_on_a_full_disk_holds_again_as_soon_as_there_is_room(path: Path) -> None:
+    told: list[str] = []
+    record: list[AxisRecord] = []
+
+    def attach(line: LineExchange) -> None:
+        record.append(AxisRecord(line.axes[0], path))
+        record[0].open(told.append)
+
+    bench = LineBench(axis_plan(), before_up=attach)
+    bench.memory.put(ACTUAL, 19_990)
+    bench.move(30_000)
+    del told[:]
+    os.truncate(path, 0)
+    with full_disk():
+        bench.move(40_000)
+        assert record[0].problem == f"{path} was cut, and File too large"
+    record[0].try_again(time.monotonic() + 1000.0)
+    assert (record[0].problem, len(told)) == ("", 2)
+    bench.move(10_000)
+    record[0].close()
+    opened = Opened(path)
+    assert opened.saved is not None
+    assert opened.saved.nominal_counts == 10_000
+    opened.record.close()
+
+
+def test_an_empty_file_says_that_the_run_before_kept_nothing(tmp_path: Path) -> None:
+    path = record_path(tmp_path, "x")
+    path.touch()
+    opened = Opened(path)
+    [told] = opened.told
+    assert told.startswith(f"{path}: it is empty, because the run before could not write it; it is made anew")
+    assert opened.axis.recall.reads_uncorrected
+    opened.record.close()
+    fresh = Opened(record_path(tmp_path, "new"))
+    assert (fresh.told, fresh.axis.recall.reads_uncorrected) == ([], False)
+    fresh.record.close()
 
 
 def test_an_axis_in_shadow_mode_keeps_none_and_empties_what_there_is(path: Path) -> None:

@@ -243,6 +243,13 @@ def test_an_axis_that_started_without_its_record_is_not_healthy() -> None:
     assert (verdict["state"], verdict["title"]) == ("warning", "Reads uncorrected")
 
 
+def test_an_axis_whose_record_cannot_be_kept_is_not_healthy() -> None:
+    found = model(with_axis(record_problem="axis-x.record: No space left on device"))
+    assert said(found, "warning", "record-not-kept", "axis x") == (
+        "axis-x.record: No space left on device: a restart begins without its record"
+    )
+
+
 @pytest.mark.parametrize("compensation", ["active", "blending"])
 def test_an_axis_that_does_what_it_should_is_none(compensation: str) -> None:
     assert kinds(model(with_axis(compensation=compensation))) == []
