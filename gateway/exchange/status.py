@@ -14,13 +14,12 @@ from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.gantry import GantryState
 from gateway.exchange.axis.motion import Actual
 from gateway.exchange.line import LineExchange
-from gateway.status.axis import AxisStatus, GroupStatus, Reading, Shares, TableStatus
+from gateway.status.axis import SHOWN_S, AxisStatus, GroupStatus, Reading, Shares, TableStatus
 from gateway.status.line import LINE_COUNTERS, LineStatus
 from gateway.times import NS_PER_S
 
 CORRECTED: Final = frozenset({"active", "blending", "outside"})
-SHOWN_NS: Final = 2 * NS_PER_S
-"""Maximum age of a reading that is shown as the position: the axis may have moved since, also by hand."""
+SHOWN_NS: Final = int(SHOWN_S * NS_PER_S)
 
 
 def line_status(line: LineExchange, now_ns: int) -> LineStatus:

@@ -1,11 +1,14 @@
 """An axis: its position, its correction, and how well both are known. Lengths in its units."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from msgspec import UNSET, Struct, UnsetType, field
 
 from gateway.status.counters import Counter
 from gateway.status.times import NOT_WORKED_OUT, NOTHING_MEASURED, Figures, GatewayTimes
+
+SHOWN_S: Final = 2.0
+"""Maximum age of a reading that is shown as the position: the axis may have moved since, also by hand."""
 
 
 class Shares(Struct, frozen=True, kw_only=True):

@@ -806,6 +806,26 @@ def at(target: float | None, **changes: Any) -> dict[str, Any]:
     return with_axis(nominal_setpoint=target, corrected_setpoint=corrected, **changes)
 
 
+@pytest.mark.parametrize("is_up", [True, False])
+def test_ages_go_on_while_the_relay_reports_nothing(is_up: bool) -> None:
+    thermal = {"state": "following", "celsius": 25.0, "age_s": 3.0}
+    seen = {"nominal": 40.0, "corrected": 40.25, "age_s": 0.5}
+    axis: dict[str, Any] = {**READ, "last_actual": seen, "terms": {"thermal": thermal}}
+    snapshot = with_drive({"answered_s": 0.25}, **axis)
+    snapshot["lines"]["xyz"]["controllers"] = [cnc(asked_s=0.125)]
+    soon, late = model(snapshot, age_s=1.5, is_up=is_up), model(snapshot, age_s=1.75, is_up=is_up)
+    axis = soon["axes"]["x"]
+    assert (axis["nominal_actual"], axis["actual_age_s"]) == (40.0, 2.0)
+    assert axis["last_actual"] == {**seen, "age_s": 2.0}
+    assert axis["terms"]["thermal"]["age_s"] == 4.5
+    assert soon["lines"]["xyz"]["unit_ids"]["drives"]["1"]["answered_s"] == 1.75
+    [controller] = soon["lines"]["xyz"]["controllers"]
+    assert (controller["asked_s"], controller["silent_s"]) == (1.625, 1.625)
+    axis = late["axes"]["x"]  # 2.25 s: as old a reading is no position
+    assert (axis["nominal_actual"], axis["corrected_actual"], axis["actual_age_s"]) == (None, None, None)
+    assert axis["last_actual"]["age_s"] == 2.25
+
+
 def test_where_an_axis_is_said_to_be_is_a_reading_or_says_what_else_and_how_old() -> None:
     now = positions(at(40.0, **READ))
     assert (now["of"], now["nominal"], now["corrected"]) == ("reading", 40.0, 40.25)

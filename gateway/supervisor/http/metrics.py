@@ -21,6 +21,7 @@ from gateway.status.axis import ThermalStatus, WholeAxis
 from gateway.status.line import LINE_COUNTERS, CertificateStatus, LineStatus
 from gateway.status.model import COUNTERS, AlarmStatus, Model
 from gateway.status.times import GatewayTimes
+from gateway.supervisor.active_alarms import is_fresh
 from gateway.supervisor.broadcast import Broadcast
 from gateway.supervisor.table_files import FileState
 from gateway.supervisor.verdict import Health
@@ -41,9 +42,15 @@ class StatusCollector(Collector):
         model = self._broadcast.model
         if model is not None:
             bounds_us = model.gateway.latency_bounds_us or ()
+            is_up = model.gateway.relay == "up"
             yield from _of_gateway(model)
-            yield from _of_lines(model.lines, bounds_us)
-            yield from _of_axes(model.axes, bounds_us)
+            unknown = frozenset() if is_fresh(model) else _PRESENT
+            for metric in (
+                *_of_lines(model.lines, bounds_us, is_relay_up=is_up),
+                *_of_axes(model.axes, bounds_us),
+            ):
+                if metric.name not in unknown and (metric.name != _LINE_UP or not (unknown and is_up)):
+                    yield metric
             yield from _of_certificates(model)
 
 
@@ -70,6 +77,38 @@ def _gauge(rest: str, says: str, labels: Iterable[str] = ()) -> GaugeMetricFamil
 
 def _counter(rest: str, says: str, labels: Iterable[str] = ()) -> CounterMetricFamily:
     return CounterMetricFamily(_name(rest), says, labels=tuple(labels))
+
+
+_LINE_UP: Final = _name("line_up")
+"""Without a relay no drive is reached. Of a relay that is silent nobody knows."""
+_PRESENT: Final = frozenset(
+    map(
+        _name,
+        (
+            "controller_connections",
+            "controller_silent_seconds",
+            "drive_answers",
+            "drive_silent_seconds",
+            "drive_timeouts_in_a_row",
+            "line_latency_minute_max_seconds",
+            "axis_latency_minute_max_seconds",
+            "axis_over_budget",
+            "axis_position",
+            "axis_correction",
+            "axis_gain_ratio",
+            "axis_compensation",
+            "axis_direction",
+            "axis_term_correction",
+            "axis_term_state",
+            "axis_terms_too_large",
+            "axis_temperature_celsius",
+            "axis_temperature_age_seconds",
+            "axis_temperature_difference_kelvin",
+            "axis_temperature_silent",
+        ),
+    )
+)
+"""What only the relay knows, and only of the present: left out while it is down or silent."""
 
 
 def _of_gateway(model: Model) -> Iterator[Metric]:
@@ -156,7 +195,9 @@ def _of_certificates(model: Model) -> Iterator[Metric]:
     yield ends
 
 
-def _of_lines(lines: Mapping[str, LineStatus], bounds_us: Iterable[float]) -> Iterator[Metric]:
+def _of_lines(
+    lines: Mapping[str, LineStatus], bounds_us: Iterable[float], *, is_relay_up: bool
+) -> Iterator[Metric]:
     up = _gauge("line_up", "Whether the drives of a line are reached: 1 or 0.", ["line"])
     wire = _counter("line_wire_seconds", "Time that bytes took on the wire of the drives.", ["line"])
     added = _counter("line_added_frames_seconds", "Time that frames of the gateway's own took.", ["line"])
@@ -167,7 +208,7 @@ def _of_lines(lines: Mapping[str, LineStatus], bounds_us: Iterable[float]) -> It
         ["line", "controller"],
     )
     for name, line in lines.items():
-        up.add_metric((name,), line.state == "up")
+        up.add_metric((name,), is_relay_up and line.state == "up")
         wire.add_metric((name,), line.wire_s)
         added.add_metric((name,), line.added_frames_s)
         for controller in line.controllers:

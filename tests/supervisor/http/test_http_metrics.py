@@ -122,7 +122,7 @@ def of_terms(found: Samples) -> set[str]:
 def test_terms_have_what_each_added_and_how_well_it_is_known(accept: str) -> None:
     found = samples(with_terms(), accept)
     assert of(found, "axis_temperature_celsius", axis="x") == 30.5
-    assert of(found, "axis_temperature_age_seconds", axis="x") == 1.25
+    assert of(found, "axis_temperature_age_seconds", axis="x") == 1.35  # the report is 0.1 s old
     assert of(found, "axis_temperature_difference_kelvin", axis="x") == 10.0
     assert of(found, "axis_temperature_silent", axis="x") == 0
     assert of(found, "axis_term_correction", axis="x", units="mm", term="thermal") == -0.0575
@@ -229,6 +229,26 @@ def test_names_are_as_prometheus_wants_them() -> None:
         assert not family.name.endswith(("_us", "_ms", "_total", "_count", "_sum"))
         if family.type == "counter":
             assert {sample.name for sample in family.samples} <= {f"{family.name}_total"}
+
+
+PAST = re.compile(
+    r"(_total|_bucket|_max_seconds|_info|_budget_seconds|_points|_timestamp_seconds"
+    r"|_verdict|axis_table_state|component_ok|troubles?|relay_up|_age_seconds|relay_uptime_seconds)$"
+)
+"""Names of what stays true, or is the supervisor's own."""
+
+
+@pytest.mark.parametrize("is_relay_up", [True, False])
+def test_the_present_of_a_relay_that_reports_nothing_is_not_known(is_relay_up: bool) -> None:
+    ill = snapshot(line=SICK, axis={"terms": TERMS})
+    found = samples(model(ill, is_relay_up=is_relay_up, age_s=60.0))
+    names = {name for name, _ in found if not PAST.search(name) or "minute_max" in name}
+    names -= {"pitch_gateway_axis_temperature_age_seconds"}
+    assert names == (set() if is_relay_up else {"pitch_gateway_line_up"})
+    assert "pitch_gateway_axis_temperature_age_seconds" not in {name for name, _ in found}
+    if not is_relay_up:
+        assert of(found, "line_up", line="xyz") == 0
+    assert of(found, "line_exchanges_total", line="xyz") == 7
 
 
 def test_without_a_model_there_is_nothing_to_say() -> None:
