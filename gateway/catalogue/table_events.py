@@ -12,7 +12,7 @@ TABLE_ACTIVATED: Final = EventEntry(
 )
 TABLE_REMOVED: Final = EventEntry(
     "table-removed",
-    Severity.INFO,
+    Severity.WARNING,
     "the relay has removed the table of these axes: they pass 1:1 from their next target on",
     "the file was renamed or removed, or the configuration no longer names it",
     "put the file back if that was not intended",
@@ -32,7 +32,7 @@ TABLE_HANDED_OVER: Final = EventEntry(
 )
 TABLE_TAKEN_AWAY: Final = EventEntry(
     "table-taken-away",
-    Severity.INFO,
+    Severity.WARNING,
     "the supervisor has had the table of an axis removed",
     "the file was renamed or removed, or the configuration no longer names it",
     "put the file back if that was not intended",

@@ -13,6 +13,7 @@ import pytest
 import yaml
 from jsonschema import Draft202012Validator
 
+from gateway.catalogue.alarms import ALARMS
 from gateway.supervisor.broadcast import Broadcast
 from gateway.supervisor.http.metrics import Metrics
 from tests.supervisor.http.exposition import Samples, families, samples
@@ -507,6 +508,41 @@ CASES: list[tuple[dict[str, Any], dict[str, Any], str]] = [
         {"axis": "x", "state": "off"},
         "PitchGatewayAxisNotCorrected",
     ),
+    (
+        model(snapshot(axis={"compensation": "no-table"})),
+        {"axis": "x", "state": "no-table"},
+        "PitchGatewayAxisNotCorrected",
+    ),
+    (
+        model(snapshot(axis={"table": table("removed")})),
+        {"axis": "x", "state": "removed"},
+        "PitchGatewayTableRemoved",
+    ),
+    (
+        since_then(model(snapshot(axis={"group": {"is_skewed": True, "skew": 0.5}}))),
+        {"kind": "group-skewed", "where": "axis x"},
+        "PitchGatewayOtherError",
+    ),
+    (
+        since_then(model(snapshot(line={"drives": {"address": "a", "echo": "it returns"}}))),
+        {"kind": "adapter-echoes", "where": "line xyz"},
+        "PitchGatewayOtherError",
+    ),
+    (
+        sick(drive={**SILENT, "other_ids_in_a_row": 12}),
+        {"kind": "other-transaction-id", "where": "axis x"},
+        "PitchGatewayOtherError",
+    ),
+    (
+        since_then(model(supervisor={"state_folder": {"problem": "full"}})),
+        {"kind": "state_folder", "where": "state folder"},
+        "PitchGatewayOtherWarning",
+    ),
+    (
+        since_then(model(supervisor={"http": {"problem": "taken"}})),
+        {"kind": "http", "where": "http"},
+        "PitchGatewayOtherWarning",
+    ),
     (with_terms(thermal={**TERMS["thermal"], "is_silent": True}), {"axis": "x"}, "PitchGatewaySensorSilent"),
     (
         with_terms(cross={**TERMS["cross"], "state": "faded"}),
@@ -532,6 +568,24 @@ CASES: list[tuple[dict[str, Any], dict[str, Any], str]] = [
         "PitchGatewayCertificateEndsSoon",
     ),
 ]
+
+
+def test_each_kind_of_trouble_has_an_alert_of_its_own_or_the_one_for_the_others() -> None:
+    others = {rule["alert"]: rule["expr"] for rule in RULES if "kind!~" in rule["expr"]}
+    assert list(others) == ["PitchGatewayOtherError", "PitchGatewayOtherWarning"]
+    left_out = {expr: set(re.findall(r'kind!~"([^"]*)"', expr)[0].split("|")) for expr in others.values()}
+    [named, again] = left_out.values()
+    assert named == again
+    selected = {
+        value
+        for rule in RULES
+        for values in re.findall(r'(?:kind|state|component)=~?"([^"]*)"', rule["expr"])
+        for value in values.split("|")
+    }
+    tested = {
+        trouble["kind"] for newest, _, name in CASES if name not in others for trouble in newest["troubles"]
+    }
+    assert named <= ALARMS.keys() & (selected | tested)
 
 
 def series(found: Samples, growing: dict[str, int]) -> list[dict[str, str]]:
