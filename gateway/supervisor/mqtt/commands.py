@@ -53,6 +53,10 @@ class _Asked(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     id: Id = None
 
 
+class _WithId(msgspec.Struct, frozen=True):
+    id: Id = None
+
+
 class _OnAxes(_Asked, frozen=True, kw_only=True):
     axes: Axes
 
@@ -125,7 +129,7 @@ async def carry_out(command: str, payload: bytes, orders: Orders) -> CommandResu
 
     The result contains what is wrong with the message or its execution.
     """
-    answer = CommandResult(command, shown_payload(payload))
+    answer = CommandResult(command, shown_payload(payload), id_in(payload))
     if command not in _FORMS:
         answer.problems = (f"there is no command {command[:LONGEST_SHOWN]}; there are {', '.join(COMMANDS)}",)
         return answer
@@ -138,7 +142,6 @@ async def carry_out(command: str, payload: bytes, orders: Orders) -> CommandResu
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         answer.problems = (f"{error}; {_RULES[command]}",)
         return answer
-    answer.id = asked.id
     try:
         await _do(asked, command, orders, answer)
     except NoGatewayError as error:
@@ -182,6 +185,16 @@ def disabled_axes(command: str, payload: bytes) -> frozenset[str] | None:
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
         return None
     return None
+
+
+def id_in(payload: bytes) -> Id:
+    """Return the client's identifier, also of a command that is refused; None: no usable one."""
+    if len(payload) > LONGEST_PAYLOAD:
+        return None
+    try:
+        return msgspec.json.decode(payload, type=_WithId).id
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return None
 
 
 def shown_payload(payload: bytes) -> str:
@@ -252,7 +265,7 @@ class Commander:
                     f"too many commands: at most {BURST} at once and {PER_S:g} a second are allowed; this "
                     "command and the next ones are ignored"
                 )
-                entry.answer = CommandResult(command[:64], None, problems=(text,))
+                entry.answer = CommandResult(command[:64], None, id_in(payload), problems=(text,))
                 self._wait(entry)
 
     async def run(self) -> None:

@@ -107,6 +107,23 @@ async def test_what_is_malformed_is_refused_with_what_is_allowed(
     assert len(str(answer["asked"])) <= 200
 
 
+@pytest.mark.parametrize(
+    ("command", "payload", "id_"),
+    [
+        ("gain", b'{"axes": ["x"], "forward": 1.5, "backward": 1, "id": 7}', 7),
+        ("enable", b'{"axes": ["x"], "force": true, "id": "a"}', "a"),
+        ("move", b'{"id": "a"}', "a"),
+        ("enable", b'{"axes": ["x"], "id": [1]}', None),
+        ("enable", b'{"id": "' + b"a" * 65 + b'"}', None),
+        ("enable", b'[{"id": 7}]', None),
+        ("enable", b'{"id": 7', None),
+    ],
+)
+async def test_a_refusal_has_the_id_of_its_command(command: str, payload: bytes, id_: object) -> None:
+    _, answer = await answered(command, payload)
+    assert (answer["result"], answer["id"]) == ("refused", id_)
+
+
 async def test_what_the_relay_refuses_is_answered_with_its_reason() -> None:
     _, answer = await answered("enable", b'{"axes": ["q"]}', Done(problems=("axis q: there is none",)))
     assert (answer["result"], answer["problems"]) == ("refused", ["axis q: there is none"])
@@ -153,7 +170,7 @@ async def test_each_command_is_answered_by_an_event(tmp_path: Path, version: str
         await command(watcher, "reload", {"id": "b"})
         reloaded = await answer_to(watcher, "b")
         await command(watcher, "gain", {"axes": ["x"], "id": "c"})
-        assert (await answer_to(watcher, None))["result"] == "refused"
+        assert (await answer_to(watcher, "c"))["result"] == "refused"
     assert site.asked == [Disable(axes=("x",))]
     assert site.reloads == 1
     assert (reloaded["result"], reloaded["comes"], reloaded["keys"]) == (
@@ -245,7 +262,7 @@ async def test_a_flood_is_answered_once_and_counted(tmp_path: Path, monkeypatch:
     async with commanding(tmp_path) as (watcher, site):
         for number in range(30):
             await command(watcher, "enable", {"axes": "all", "id": number})
-        flooded = await answer_to(watcher, None)
+        flooded = await answer_to(watcher, 10)
         commander = site.publisher._commander
         async with asyncio.timeout(PATIENCE_S):
             while commander._missed < 20:  # noqa: ASYNC110 - nothing is told of these
