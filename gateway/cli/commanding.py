@@ -1,7 +1,7 @@
 """Sending a command to the gateway of a configuration, and reporting the result."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -38,13 +38,18 @@ def ask_or_exit(config: Path, request: "Request", *, as_json: bool = False) -> "
     raise typer.Exit(1)
 
 
-def command(config: Path, request: "Request", done: str, nothing: str, *, as_json: bool) -> None:
-    """Send a command and report the changed axes; exit code 1 if it failed for any axis."""
+def command(
+    config: Path, request: "Request", done: str, nothing: str, *, as_json: bool, waits: str = ""
+) -> None:
+    """Send a command and report the changed axes; exit code 1 if it failed for any axis.
+
+    ``waits`` is said in place of ``done`` of an axis on which the change has no effect yet.
+    """
     from gateway.ipc.messages import Done
 
     reply = ask_or_exit(config, request, as_json=as_json)
     assert isinstance(reply, Done), "a command is answered by what it did"
-    found = _Commanded(reply.changed, reply.problems, done, nothing)
+    found = _Commanded(reply.changed, reply.problems, done, nothing, waits, reply.comes)
     show(found, Format.JSON if as_json else Format.TEXT)
     for problem in reply.problems:
         typer.echo(f"{config}: {problem}", err=True)
@@ -62,6 +67,9 @@ class _Commanded:
     """The new state of a changed axis."""
     nothing: str = ""
     """The text if no axis changed and there was no problem."""
+    waits: str = ""
+    comes: Mapping[str, str] = field(default_factory=dict)
+    """How the change comes into force, by axis."""
 
     def as_data(self) -> JsonObject:
         """Return it as plain data."""
@@ -69,6 +77,9 @@ class _Commanded:
 
     def lines(self) -> Iterator[str]:
         """Yield it in words, without the problems."""
-        yield from (f"{axis}: {self.done}" for axis in self.changed)
+        from gateway.exchange.control import NOT_IN_FORCE
+
+        for axis in self.changed:
+            yield f"{axis}: {self.waits if self.comes.get(axis) == NOT_IN_FORCE else self.done}"
         if not self.changed and not self.problems:
             yield self.nothing

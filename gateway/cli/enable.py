@@ -29,6 +29,8 @@ def enable(config: Config, axes: Axes = None, *, as_json: AsJson = False) -> Non
         "compensation is on; the correction is applied at the next motion",
         "nothing to change: the compensation was already on",
         as_json=as_json,
+        waits="compensation is on, but not applied: the axis is in shadow mode, not referenced, or has a "
+        "gain of 0",
     )
     reply = ask_or_exit(config, GetStatus())
     assert isinstance(reply, Status), "a question for the status is answered by it"

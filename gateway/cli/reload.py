@@ -17,7 +17,7 @@ PATIENCE_S: Final = 60.0
 WORDS = {
     "next-target": "is applied at the next different target",
     "blended": "is blended in along the stream of setpoints",
-    "not-in-force": "is applied when the axis is referenced and its compensation is on",
+    "not-in-force": "is applied when the axis is referenced, not in shadow mode, and its compensation is on",
 }
 GONE = {
     "next-target": "is removed at the next different target",

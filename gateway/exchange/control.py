@@ -51,8 +51,11 @@ def carry_out(
         return set_tables(axes, command.tables, tables)
     [name] = axes_of(command)
     match command:
-        case Enable() | Disable():
-            return dict.fromkeys(switch(axes, name, is_on=isinstance(command, Enable)), "")
+        case Enable():
+            switched = switch(axes, name, is_on=True)
+            return {axis.plan.name: _comes_on(axis) for axis in axes if axis.plan.name in switched}
+        case Disable():
+            return dict.fromkeys(switch(axes, name, is_on=False), "")
         case EndDryRun():
             return end_dry_run(axes, name)
         case SetReference():
@@ -166,7 +169,7 @@ def clear_table(axes: Sequence[Axis], name: str) -> dict[str, str]:
     members = [axis for axis in _group_of(axes, name) if axis.plan.table is not None]
     for axis in members:
         axis.adopt(replace(axis.plan, table=None, table_name="", table_format="", table_digest=""))
-    return {axis.plan.name: _comes(axis) for axis in members}
+    return {axis.plan.name: _comes(axis, is_end=True) for axis in members}
 
 
 def set_gain(axes: Sequence[Axis], name: str, gain: Gain, *, is_configured: bool = False) -> dict[str, str]:
@@ -247,9 +250,21 @@ def _check_whole(members: Sequence[Axis]) -> None:
                 )
 
 
-def _comes(axis: Axis) -> str:
-    """Return how a requested change of an axis comes into force; it never moves the axis."""
-    if not axis.correction.is_enabled or not axis.reference.is_referenced:
+def _comes_on(axis: Axis) -> str:
+    """Return how an axis that was switched on is corrected: not at all with a gain of 0."""
+    is_zero = axis.plan.settings.gain.is_zero and axis.correction.terms is None
+    return NOT_IN_FORCE if is_zero else _comes(axis)
+
+
+def _comes(axis: Axis, *, is_end: bool = False) -> str:
+    """Return how a requested change of an axis comes into force; it never moves the axis.
+
+    ``is_end``: the change is that its table has gone.
+    """
+    correction = axis.correction
+    if not correction.is_enabled or correction.is_dry_run or not axis.reference.is_referenced:
+        return NOT_IN_FORCE
+    if axis.plan.table is None and not is_end:
         return NOT_IN_FORCE
     return BLENDED if axis.plan.settings.setpoints is Setpoints.STREAM else NEXT_TARGET
 

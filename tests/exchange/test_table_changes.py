@@ -4,7 +4,7 @@ from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Final, overload
+from typing import Any, Final, overload
 
 import pytest
 
@@ -13,7 +13,7 @@ from gateway.compensation.table import CorrectionTable, make_table
 from gateway.compensation.units import Units
 from gateway.exchange import control
 from gateway.exchange.axis.axis import Axis
-from gateway.exchange.commands import TableFor
+from gateway.exchange.commands import Disable, Enable, TableFor
 from gateway.exchange.control import ControlError
 from gateway.exchange.plan import AxisPlan, CompensationMode, Reference
 from gateway.modbus.registers import PositionField, RegisterType
@@ -166,3 +166,36 @@ def test_the_readings_of_an_axis_do_not_jump_when_it_is_switched_off(way: str) -
     bench.ask(write(COMMAND, 30_000))
     bench.memory.put(ACTUAL, 25_000)
     assert bench.actual() == 25_000
+
+
+@pytest.mark.parametrize(
+    ("changes", "gain", "comes"),
+    [
+        ({}, Gain(0.5, 0.5), "next-target"),
+        ({"setpoints": Setpoints.STREAM}, Gain(0.5, 0.5), "blended"),
+        ({}, Gain(0.0, 0.0), "next-target"),
+        ({"compensation": CompensationMode.SHADOW}, Gain(0.5, 0.5), "not-in-force"),
+        ({"compensation": CompensationMode.OFF}, Gain(0.5, 0.5), "not-in-force"),
+        ({"table": None}, Gain(0.5, 0.5), "not-in-force"),
+        ({"referenced": Reference.SET_POSITION}, Gain(0.5, 0.5), "not-in-force"),
+    ],
+)
+def test_a_gain_says_how_it_comes_into_force(changes: dict[str, Any], gain: Gain, comes: str) -> None:
+    axis = Axis(axis_plan(**changes))
+    assert control.set_gain([axis], "x", gain) == {"x": comes}
+
+
+@pytest.mark.parametrize(
+    ("changes", "comes"),
+    [
+        ({}, "next-target"),
+        ({"setpoints": Setpoints.STREAM}, "blended"),
+        ({"compensation": CompensationMode.SHADOW}, "not-in-force"),
+        ({"referenced": Reference.SET_POSITION}, "not-in-force"),
+        ({"gain": Gain(0.0, 0.0)}, "not-in-force"),
+    ],
+)
+def test_switching_on_says_how_the_correction_comes_into_force(changes: dict[str, Any], comes: str) -> None:
+    axis = Axis(axis_plan(**changes))
+    assert control.carry_out([axis], Disable(axes=("x",)), 0) == {"x": ""}
+    assert control.carry_out([axis], Enable(axes=("x",)), 0) == {"x": comes}

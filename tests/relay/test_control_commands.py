@@ -56,7 +56,9 @@ async def test_compensation_is_switched_off_and_on_while_it_runs(bench: Bench, t
     assert await write(WRITE_50_000) == CORRECTED
     assert await asyncio.to_thread(ask, relay.control_socket, Disable(axes=("x",))) == Done(changed=("x",))
     assert await write(WRITE_50_001) == WRITE_50_001
-    assert await asyncio.to_thread(ask, relay.control_socket, Enable()) == Done(changed=("x",))
+    assert await asyncio.to_thread(ask, relay.control_socket, Enable()) == Done(
+        changed=("x",), comes={"x": "next-target"}
+    )
     assert await write(WRITE_50_000) == CORRECTED
     await eventually(lambda: "enabled" in [note.event for note in bench.notes])
     assert [(n.event, n.fields["axes"]) for n in bench.notes if "axes" in n.fields] == [

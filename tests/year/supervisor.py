@@ -249,9 +249,10 @@ class Supervisor:
     def _done(self, done: Done, axis: Axis) -> None:
         if done.problems or axis.correction != axis.wanted:
             self._account.book.find("command-not-done", f"{axis.name}: {done}")
-        if any(
-            how != ("next-target" if axis.correction.is_on else "not-in-force") for how in done.comes.values()
-        ):
+        may_come = {"next-target" if axis.correction.is_on else "not-in-force"}
+        if axis.correction.screw is None:
+            may_come.add("not-in-force")  # a gain, without a table
+        if not may_come.issuperset(done.comes.values()):
             self._account.book.find("comes-otherwise", f"{axis.name}: {done}")
 
     def _ended(self) -> None:
