@@ -62,8 +62,14 @@ class Metrics:
         self._registry.register(StatusCollector(broadcast))
 
     def page(self, accept: str) -> tuple[bytes, str]:
-        """Return the page and its content type, in the format that ``accept`` requests."""
-        encode, media_type = choose_encoder(accept)
+        """Return the page and its content type, in the format that ``accept`` requests.
+
+        A version that is no number counts as no request.
+        """
+        try:
+            encode, media_type = choose_encoder(accept)
+        except (TypeError, ValueError):
+            encode, media_type = choose_encoder("")
         return encode(self._registry), media_type
 
 

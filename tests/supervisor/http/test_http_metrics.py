@@ -271,6 +271,21 @@ async def test_the_page_has_the_type_that_was_asked_for(showing: Served) -> None
     assert open_metrics.body.endswith(b"# EOF\n")
 
 
+@pytest.mark.parametrize(
+    "accept",
+    [
+        "application/openmetrics-text;version=abc",
+        "application/openmetrics-text;version=1.x,text/plain",
+        "text/plain;version=",
+        "text/plain;version=abc;escaping=what",
+        "application/openmetrics-text;version=" + "9" * 5000,
+    ],
+)
+async def test_a_version_that_is_no_number_gets_plain_text(showing: Served, accept: str) -> None:
+    page = await showing.ask("/metrics", "GET", f"Accept: {accept}")
+    assert (page.status, page.headers["content-type"]) == (200, "text/plain; version=0.0.4; charset=utf-8")
+
+
 @pytest.mark.skipif(shutil.which("promtool") is None, reason="promtool (Debian: prometheus) is not installed")
 def test_promtool_finds_nothing_to_say() -> None:
     broadcast = Broadcast()
