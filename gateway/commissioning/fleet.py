@@ -20,7 +20,9 @@ from urllib.parse import SplitResult, urlsplit
 import msgspec
 
 from gateway.config.files import NamedFileError, read_token
+from gateway.files import FileRefusedError, read_regular_file
 from gateway.status.model import Model
+from gateway.transport.certificates import LARGEST_FILE
 
 ANSWER_WITHIN_S: Final = 5.0
 """For a whole status, from the first byte sent."""
@@ -107,6 +109,8 @@ def access_by(
             raise FleetError(str(error)) from None
     if key is not None and certificate is None:
         raise FleetError("--key needs --certificate: the certificate that it belongs to")
+    for option, file in (("--ca", ca), ("--certificate", certificate), ("--key", key)):
+        _check_readable(option, file)
     try:
         context = ssl.create_default_context(cafile=ca)
     except (OSError, ssl.SSLError) as error:
@@ -118,6 +122,16 @@ def access_by(
             remedy = "name a PEM certificate, and its key with --key"
             raise FleetError(f"--certificate: {certificate}: {_reason(error)}; {remedy}") from None
     return Access(token, context)
+
+
+def _check_readable(option: str, file: Path | None) -> None:
+    """Check that a file can be read: OpenSSL would wait for a FIFO for ever."""
+    if file is None:
+        return
+    try:
+        read_regular_file(file, LARGEST_FILE, "a file in PEM")
+    except FileRefusedError as error:
+        raise FleetError(f"{option}: {file}: {error}") from None
 
 
 def look_at(urls: Sequence[str], access: Access) -> Fleet:

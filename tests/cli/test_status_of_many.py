@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import json
+import os
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
@@ -229,8 +230,11 @@ async def test_a_text_of_a_gateway_does_not_control_the_terminal() -> None:
         (["https://me:secret@mill"], "give the address alone; a token comes from --token-file"),
         (["http://mill", "gateway.toml"], "gateway.toml: no address of a gateway's page"),
         (["http://mill", "--key", "k.pem"], "--key needs --certificate"),
-        (["http://mill", "--ca", "/nonexistent"], "--ca: /nonexistent: No such file or directory"),
-        (["http://mill", "--certificate", "/nonexistent"], "--certificate: /nonexistent: No such file"),
+        (
+            ["http://mill", "--ca", "/nonexistent"],
+            "--ca: /nonexistent: no such file; give the path",
+        ),
+        (["http://mill", "--certificate", "/nonexistent"], "--certificate: /nonexistent: no such file"),
         (["http://mill", "--token-file", "/nonexistent"], "--token-file: /nonexistent"),
     ],
 )
@@ -239,6 +243,17 @@ def test_what_cannot_be_asked_is_refused_before_anything_is_sent(arguments: list
     assert refused.returncode == 1
     assert why in refused.stderr
     assert refused.stdout == ""
+
+
+@pytest.mark.parametrize("option", ["--ca", "--certificate", "--key"])
+def test_a_fifo_is_refused_and_not_waited_for(tmp_path: Path, option: str) -> None:
+    fifo, other = tmp_path / "fifo", tmp_path / "own.pem"
+    os.mkfifo(fifo)
+    other.write_text("not read before")
+    more = ["--certificate", str(other)] if option == "--key" else []
+    refused = typed("status", "http://127.0.0.1:9", *more, option, str(fifo))
+    assert refused.returncode == 1
+    assert refused.stderr == f"{option}: {fifo}: a FIFO, not a regular file; give the path of a file in PEM\n"
 
 
 @pytest.mark.parametrize("page", ["http://192.0.2.1:8480", "http://127.0.0.1.example:8480"])
