@@ -77,8 +77,11 @@ class Past:
             self._recent.acknowledged.restore(content, time.monotonic())
         except FileMissingError:
             return  # usually there is none
-        except (FileRefusedError, ValueError) as error:
+        except FileRefusedError as error:  # it may become readable again: the content stays
             self._log(ACKNOWLEDGEMENTS_LOST, file=str(path), detail=str(error))
+        except ValueError as error:
+            self._log(ACKNOWLEDGEMENTS_LOST, file=str(path), detail=str(error))
+            self._kept_version = -1  # it is written anew
 
     def wake(self) -> None:
         """Write acknowledgements immediately, not only when positions are due."""

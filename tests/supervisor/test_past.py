@@ -319,6 +319,18 @@ async def test_acknowledgements_that_cannot_be_restored_are_reported(
     assert said == told
 
 
+async def test_damaged_acknowledgements_are_written_anew_and_reported_once(tmp_path: Path) -> None:
+    file = tmp_path / "acknowledged.json"
+    file.write_text("[{")
+    said: list[str] = []
+    for _ in range(2):
+        past = Past(tmp_path, RecentHistory(), lambda event, *_, **fields: said.append(event.name))
+        await past.recall()
+        await past.write_new(0.0, NOON_S)
+        assert file.read_text() == "[]"
+    assert said == ["acknowledgements-lost"]
+
+
 # An acknowledgement belongs to one occurrence of an alarm: it ends with it, and not before.
 
 
