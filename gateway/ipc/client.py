@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from gateway.exchange.commands import Disable
 from gateway.ipc.address import ROOT_UID, SocketError, peer_of, socket_path
 from gateway.ipc.messages import (
     MAX_REPLY_BYTES,
@@ -111,7 +112,8 @@ def _answer(
             f"no permission for {path}: run this as the user that the gateway runs as, or as root"
         ) from None
     except TimeoutError:
-        raise NoGatewayError(f"the gateway at {path} did not answer within {timeout_s:g} s") from None
+        late = "; it switches off as soon as it goes on" if isinstance(request, Disable) else ""
+        raise NoGatewayError(f"the gateway at {path} did not answer within {timeout_s:g} s{late}") from None
     except OSError as error:
         raise NoGatewayError(f"{path}: {error.strerror or error}") from None
 

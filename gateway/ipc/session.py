@@ -5,12 +5,13 @@ import asyncio
 import contextlib
 import itertools
 import os
+import select
 import socket
 from collections.abc import Mapping, Sequence
 from typing import Final
 
 from gateway.clock import monotonic_ns
-from gateway.exchange.commands import MAX_TABLES, SetTable
+from gateway.exchange.commands import MAX_TABLES, Command, Disable, SetTable
 from gateway.ipc.address import Peer
 from gateway.ipc.handlers import ASKED_AGAIN_S, LONGEST_WAIT_S, RequestHandlers
 from gateway.ipc.listener import Subscriber
@@ -235,9 +236,23 @@ class Session:
                 "descriptor", f"{len(self._descriptors)} descriptors where {expected} belong to the message"
             )
             return
+        # What a person gave up must not happen later. Switching off is what stays right even then.
+        if isinstance(request, Command) and not isinstance(request, Disable) and self._has_hung_up():
+            self._complain("gone", "disconnected before its command was read: it is not carried out")
+            self.drop()
+            return
         if self.listener is None:
             self._wait_for_it()
         self._answer(request)
+
+    def _has_hung_up(self) -> bool:
+        """Whether the client has closed its end: it was told that nobody answers.
+
+        One that only sends no more, and waits for its answers, has not.
+        """
+        poll = select.poll()
+        poll.register(self._connection, 0)  # POLLHUP is always reported
+        return any(events & select.POLLHUP for _, events in poll.poll(0))
 
     def _answer(self, request: Request) -> None:
         handlers = self._clients.handlers

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from gateway.exchange.commands import MAX_TABLES, Disable, SetTable, TableFor
+from gateway.exchange.commands import MAX_TABLES, Disable, Enable, SetGain, SetTable, TableFor
 from gateway.ipc.address import Peer
 from gateway.ipc.handlers import RequestHandlers
 from gateway.ipc.messages import (
@@ -184,6 +184,39 @@ def _half(path: Path, data: bytes, descriptor: int) -> bytes:
         socket.send_fds(connection, [data[:20]], [descriptor])
         connection.shutdown(socket.SHUT_WR)
         return connection.recv(100)
+
+
+@pytest.mark.parametrize(
+    ("request_", "is_done"),
+    [
+        (Enable(axes=("x",)), False),
+        (SetGain(axes=("x",), forward=0.0, backward=0.0), False),
+        (Disable(axes=("x",)), True),  # what was to be off is off
+    ],
+)
+async def test_what_a_client_gave_up_is_not_carried_out_later(
+    tmp_path: Path, request_: Request, is_done: bool
+) -> None:
+    counter = Counter()
+    async with serving(tmp_path, counter) as server:
+        with socket.socket(socket.AF_UNIX) as client:  # closed before the server comes to read it
+            client.connect(str(server.path))
+            client.sendall(encode(request_))
+        assert isinstance((await asyncio.to_thread(say, server.path, encode(Ping())))[0], Pong)
+    assert counter.requests == ([request_] if is_done else []) + [Ping()]
+    assert [("not carried out" in text) for text in counter.complaints] == ([] if is_done else [True])
+
+
+async def test_a_client_that_only_sends_no_more_gets_its_answer(tmp_path: Path) -> None:
+    counter = Counter()
+    async with serving(tmp_path, counter) as server:
+        reader, writer = await asyncio.open_unix_connection(str(server.path))
+        writer.write(encode(Enable(axes=("x",))))
+        writer.write_eof()
+        async with asyncio.timeout(PATIENCE_S):
+            assert isinstance(decode_reply(await reader.readline()), Done)
+        writer.close()
+    assert counter.requests == [Enable(axes=("x",))]
 
 
 async def test_garbage_with_a_descriptor_is_refused_and_the_descriptor_closed(tmp_path: Path) -> None:
