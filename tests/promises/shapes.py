@@ -101,6 +101,7 @@ def _documents() -> Iterator[tuple[str, str]]:
             desk.changed(lambda: (desk.folder / "tables" / "x.tab").write_text(BAD_TABLE), "table-rejected")
             desk.changed(lambda: desk.write_table("X", "0.02"), "table-mended", *TAKEN)
             list(desk.commanded("gain", {"axes": ["x"], "forward": 1.0, "backward": 0.5}))
+            list(desk.commanded("gain", {"axes": ["x"], "forward": 1.0, "backward": 1.0}))
             for command in COMMANDS:
                 for document in desk.printed(command):
                     yield from shape_of(
