@@ -202,7 +202,7 @@ def test_a_rejected_file_does_not_hide_that_the_axis_is_not_corrected(compensati
 
 NO_GAIN = {"forward": 0.0, "backward": 0.0}
 HALF = {"forward": 0.5, "backward": 0.5}
-FULL = {"forward": 1.0, "backward": 1.0}
+WHOLE = {"forward": 1.0, "backward": 1.0}
 
 
 def test_an_axis_that_is_off_by_its_gain_says_so() -> None:
@@ -213,11 +213,11 @@ def test_an_axis_that_is_off_by_its_gain_says_so() -> None:
 @pytest.mark.parametrize(
     ("gain", "configured", "what"),
     [
-        (HALF, FULL, "the gain is 0.5; the configuration says 1"),
-        (FULL, NO_GAIN, "the gain is 1; the configuration says 0"),
+        (HALF, WHOLE, "the gain is 0.5; the configuration says 1"),
+        (WHOLE, NO_GAIN, "the gain is 1; the configuration says 0"),
         (
             {"forward": 0.0, "backward": 1.0},
-            FULL,
+            WHOLE,
             "the gain is 0 forward and 1 backward; the configuration says 1",
         ),
     ],
@@ -233,7 +233,7 @@ def test_another_gain_than_the_configured_one_is_a_trouble(
 def test_a_gain_that_is_configured_or_has_no_table_is_none() -> None:
     assert kinds(model(with_axis(gain=HALF, configured={"gain": HALF}))) == []
     without = {**AXIS["table"], "points": 0}
-    assert kinds(model(with_axis(gain=HALF, configured={"gain": FULL}, table=without))) == []
+    assert kinds(model(with_axis(gain=HALF, configured={"gain": WHOLE}, table=without))) == []
 
 
 def test_an_axis_that_started_without_its_record_is_not_healthy() -> None:
