@@ -195,6 +195,8 @@ class Axis:
         self.flags = 0
         """How often it was flagged."""
         self.is_referenced = True
+        self.is_blocked = False
+        """Its triggers are refused."""
         self.is_new = True
         """No move since the process began, and its record was not restored."""
         self.was_known = False
@@ -536,6 +538,8 @@ class Account:
                 axis.is_new &= name != "restored"
                 axis.was_known |= name == "restored"
                 axis.is_told |= name in ("restored", "record-not-used")
+                if name in ("axis-blocked", "axis-released"):
+                    axis.is_blocked = name == "axis-blocked"
                 if name in ("reference-lost", "axis-referenced"):
                     axis.is_referenced = name == "axis-referenced"
                 self._corrected(axis, name, fields)
@@ -583,6 +587,7 @@ class Account:
             for axis in line.axes.values():
                 axis.is_told = is_first or not axis.was_known
                 axis.is_new, axis.was_known = True, False
+                axis.is_blocked = False
                 axis.readings.clear()
             self.trouble(line)
 

@@ -53,7 +53,11 @@ class StatusCheck:
 
     def _check_correction(self, axis: Axis, shown: AxisStatus) -> None:
         correction, table = axis.correction, shown.table
-        now = (table.file or "", table.compiled, shown.gain, shown.compensation == "off")
+        is_blocked = shown.compensation == "blocked"  # it may be switched off too
+        if is_blocked and not axis.is_blocked:
+            self._wrong(axis.name, "it is shown as blocked")
+        is_off = not correction.is_on if is_blocked else shown.compensation == "off"
+        now = (table.file or "", table.compiled, shown.gain, is_off)
         digest = self._account.digests.get(correction.table)
         gain = Shares(forward=correction.forward, backward=correction.backward)
         if now != (correction.table, digest, gain, not correction.is_on):
