@@ -24,8 +24,9 @@ from tests.ledger.drives import Drive, Operation
 from tests.ledger.frames import Parsed, crc, native_success, parse, words_of
 from tests.ledger.layouts import STOP, Layout
 from tests.ledger.screws import Screw
-from tests.year.corrections import ROUNDING, Correction, span
+from tests.year.corrections import NONE, ROUNDING, Correction, span
 from tests.year.machine import MS, Machine, S
+from tests.year.setpoints import Flow
 
 BESIDE: Final = 12
 """Counts beside an axis within which a target's direction is nobody's certainty."""
@@ -43,9 +44,6 @@ UNSURE: Final = frozenset({"direction-unsure", "record-not-used", "reference-los
 """Events by which an axis is flagged: its next words may be those of the other direction."""
 ALARMS: Final = frozenset({"internal-fault", "unexpected", "no-progress"})
 """Events that are findings by themselves."""
-
-
-NONE: Final = Correction("", None)
 
 
 class FindingError(SystemExit):
@@ -153,14 +151,16 @@ class Frame:
         self.arrives_ns = 0
         """When its reply does."""
         self.doubled_ns = 0
-        """When its reply came once more: on RTU it may answer an equal read."""
+        """When its reply has come once more: on RTU it may answer an equal read, and any other write."""
 
 
 class Axis:
     """One axis as the account knows it."""
 
-    def __init__(self, name: str, layout: Layout, drive: Drive) -> None:
+    def __init__(self, name: str, layout: Layout, drive: Drive, *, is_stream: bool = False) -> None:
         self.name, self.layout, self.drive = name, layout, drive
+        self.flow = Flow(layout) if is_stream else None
+        """Its setpoints, if a stream of them leads it."""
         self.correction = NONE
         """In force for its next different target."""
         self.correction_before = NONE
@@ -210,8 +210,15 @@ class Axis:
         """Whether these are the words of a target: corrected, or those that the same target had before."""
         if (nominal, corrected) == (self.place, self.words):
             return True
+        if self.flow is not None:
+            return self.flow.covers(corrected, nominal) or self.begins(corrected, nominal)
         is_plain = not self.is_referenced and corrected == nominal
         return is_plain or correction.makes(self.layout, corrected, nominal)
+
+    def begins(self, corrected: int, nominal: int) -> bool:
+        """Whether these may be the words with which a stream begins in a process without its record."""
+        at = self.readings[-1][1] if self.readings else nominal
+        return self.flow is not None and not self.flow.is_begun and self.flow.begins(corrected, nominal, at)
 
     def goes(self, operation: Operation, correction: Correction) -> None:
         """Its drive goes to the staged target: what was before fades on the way."""
@@ -296,13 +303,21 @@ class Account:
         if request.parsed.write is not None:
             if not native_success(request.pdu, pdu):
                 self.book.find("wrong-echo", f"{_text(request)}: {pdu.hex(' ')}")
-            if not frames[0].is_acknowledged:
+            if not frames[0].is_acknowledged and not self._answers_twice(line, frames[0], pdu):
                 self.book.find("success-from-nowhere", f"{_text(request)}: its drive did not say so")
             self.book.seen["writes done"] += 1
         elif request.axis is not None:
             problems = [self._why_wrong_reply(request.axis, request, frame, pdu) for frame in frames]
             if all(problems):
                 self.book.find("wrong-reading", f"axis {request.axis.name}: {problems[0]}")
+
+    @staticmethod
+    def _answers_twice(line: Line, frame: Frame, pdu: bytes) -> bool:
+        """Whether an earlier reply came once more: on RTU nothing tells that it is not for this write."""
+        return any(
+            each.unit == frame.unit and each.reply == pdu and each.doubled_ns >= frame.sent_ns
+            for each in line.frames
+        )
 
     @staticmethod
     def _equal_reads(line: Line, request: Request) -> list[Frame]:
@@ -366,7 +381,38 @@ class Account:
         line.frames.append(frame)
         if axis is not None and request is not None:
             nominal = target_of(axis.layout, request.parsed)
+            if nominal is not None and axis.flow is not None:
+                self._flows(line, axis, axis.flow, frame, nominal)
             axis.staged = axis.staged if nominal is None else nominal
+
+    def _flows(self, line: Line, axis: Axis, flow: Flow, frame: Frame, nominal: int) -> None:
+        """A setpoint leaves: it goes on from the one before, or the stream begins with the drive's offset."""
+        corrected = target_of(axis.layout, frame.parsed)
+        assert corrected is not None
+        self.book.seen["setpoints"] += 1
+        if not flow.is_begun:
+            self.book.seen["setpoints that begin a stream"] += 1
+            before = line.frames[-2] if len(line.frames) > 1 else frame
+            is_read = before.axis is axis and before.parsed.read == (axis.layout.actual, 2)
+            if axis.is_new and is_read and before.request is None and before.arrives_ns:
+                self._begins_where_it_is(axis, flow, corrected, nominal)
+            flow.begin(corrected, nominal)
+            return
+        self.book.seen["setpoints on one branch"] += flow.is_even(nominal)
+        if why := flow.why_not(corrected, nominal):
+            self.book.find("wrong-setpoint", f"axis {axis.name}: {why}")
+        flow.go_on(corrected, nominal)
+
+    def _begins_where_it_is(self, axis: Axis, flow: Flow, corrected: int, nominal: int) -> None:
+        """The drive was asked where it is: the stream begins there, if a correction can explain it."""
+        at = axis.readings[-1][1]
+        low, high = flow.offsets(nominal, at, axis.correction._replace(is_on=True))
+        expected = min(max(at - nominal, low), high)
+        self.book.seen["streams that begin where the drive is"] += 1
+        if abs(corrected - nominal - expected) > BAND:
+            self.book.find(
+                "wrong-beginning", f"axis {axis.name}: {corrected} for {nominal}, with its drive at {at}"
+            )
 
     def _no_frame(self, line: Line, data: bytes) -> None:
         """Bytes that no drive takes: a frame that was aborted (W12), or torn by a fault."""
@@ -380,6 +426,8 @@ class Account:
         """The next frame leaves: what was not acknowledged before may have been done or not."""
         if line.frames:
             before = line.frames[-1]
+            if before.is_acknowledged and before.axis is not None and before.axis.flow is not None:
+                before.axis.flow.acknowledged()
             if before.parsed.write is not None and not before.is_acknowledged and before.axis is not None:
                 before.axis.doubt()
 
@@ -445,7 +493,8 @@ class Account:
         if operation.kind != "absolute":
             axis.place = None
             return
-        if nominal is None or not axis.is_one_of(end, nominal, frame.correction):
+        is_right = axis.flow is not None  # a setpoint was judged as it left
+        if nominal is None or not (is_right or axis.is_one_of(end, nominal, frame.correction)):
             if (
                 frame.correction.is_plain
             ):  # what its drive holds runs: nothing is refused to such an axis (M9)
@@ -456,6 +505,14 @@ class Account:
         if axis.is_new:
             axis.doubt()
         axis.is_new = False
+        axis.came_from, axis.ran_ns = (axis.place, axis.words), self._machine.now_ns
+        if axis.flow is None:
+            self._judge_way(axis, frame, nominal, operation)
+        axis.place, axis.words = nominal, end
+
+    def _judge_way(self, axis: Axis, frame: Frame, nominal: int, operation: Operation) -> None:
+        """Its words are those of the direction in which it goes, or it is flagged."""
+        end = operation.end
         axis.goes(operation, frame.correction)
         ways = self._ways(axis, nominal, operation)
         is_again = nominal == axis.place and axis.sure > 0 and not axis.is_flagged
@@ -473,8 +530,6 @@ class Account:
                 detail = f"axis {axis.name} goes {way} to {end} for {nominal}, from {operation.was_at}; "
                 detail += f"forward {up:.3f}, backward {down:.3f}"
                 self._machine.after(TOLD_NS, self._need_flag, axis, axis.flags, detail)
-        axis.came_from, axis.ran_ns = (axis.place, axis.words), self._machine.now_ns
-        axis.place, axis.words = nominal, end
 
     @staticmethod
     def _ways(axis: Axis, nominal: int, operation: Operation) -> tuple[bool, ...]:
@@ -498,6 +553,8 @@ class Account:
             if frame.axis is not None and frame.axis.place == frame.axis.staged:
                 frame.axis.sure += 1
                 frame.axis.was_known |= frame.axis.sure > 1
+                if frame.axis.flow is not None and frame.axis.sure > 1:
+                    frame.axis.is_flagged = False  # no branch is guessed in a stream
 
     def _why_wrong_reply(self, axis: Axis, request: Request, frame: Frame, pdu: bytes) -> str:
         layout = axis.layout
@@ -515,11 +572,12 @@ class Account:
         if axis.sure > 1 and not axis.is_flagged and corrected == axis.words and axis.place is not None:
             self.book.seen["exact readings"] += 1
             return "" if nominal == axis.place else f"{nominal} for {axis.place} at {corrected}"
-        low, high = span(axis.layout, axis.mixture, nominal)
+        is_stream = axis.flow is not None
+        low, high = axis.flow.span(nominal) if axis.flow else span(axis.layout, axis.mixture, nominal)
         band = BAND + axis.faded
         if not axis.is_referenced or low - band <= corrected <= high + band:
             return ""
-        if axis.is_flagged or not axis.is_settled:
+        if axis.is_flagged or not (axis.is_settled or is_stream):
             self.book.seen["unsure readings"] += 1
             return ""
         return f"{nominal} for {corrected} of the drive, not {low:.2f} to {high:.2f}"
@@ -542,6 +600,8 @@ class Account:
                     axis.is_blocked = name == "axis-blocked"
                 if name in ("reference-lost", "axis-referenced"):
                     axis.is_referenced = name == "axis-referenced"
+                if axis.flow is not None:
+                    axis.flow.is_begun |= name == "restored" and axis.flow.has_before
                 self._corrected(axis, name, fields)
         if name == "ready":
             self._boots = self._machine.boots
@@ -572,6 +632,8 @@ class Account:
             return
         axis.correction_before, axis.corrected_ns = axis.correction, self._machine.now_ns
         axis.correction = now
+        if axis.flow is not None:
+            axis.flow.change(now)
         if now != axis.wanted:
             self.book.find("changed-unasked", f"axis {axis.name}: {name}")
 
@@ -589,6 +651,8 @@ class Account:
                 axis.is_new, axis.was_known = True, False
                 axis.is_blocked = False
                 axis.readings.clear()
+                if axis.flow is not None:
+                    axis.flow.restart(is_recorded=not is_first)
             self.trouble(line)
 
     def trouble(self, line: Line, lasts_ns: int = 0) -> None:

@@ -42,6 +42,9 @@ class Correction(NamedTuple):
         return any(abs(corrected - value) <= ROUNDING for value in (up, down, (up + down) / 2))
 
 
+NONE: Final = Correction("", None)
+
+
 def span(layout: Layout, corrections: Iterable[Correction], nominal: int) -> tuple[float, float]:
     """Return between which counts a drive may be for a nominal position while these fade into each other."""
     ends = [end for each in corrections for end in each.branches(layout, nominal)]

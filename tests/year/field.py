@@ -27,6 +27,8 @@ TIMEOUT_MS: Final = 150.0
 PATIENCE_MS: Final = 1_000.0
 """Of each controller. The gateway waits as long for a drive (W7)."""
 PATIENCE_NS: Final = int(PATIENCE_MS * MS)
+ON_WIRE_NS: Final = 3 * MS
+"""The longest way of a short reply."""
 ON_TCP: Final = {"request-garbled": "request-lost", "reply-garbled": "reply-lost"}
 """TCP garbles nothing."""
 Answer = Callable[[bytes, bool], int]
@@ -85,7 +87,7 @@ class Bus:
             self._account.acknowledged(frame, arrives_ns)
         if fault == "reply-doubled":
             again_ns = self._rng.randrange(MS, 40 * MS)
-            frame.doubled_ns = self._machine.now_ns + again_ns
+            frame.doubled_ns = self._machine.now_ns + again_ns + ON_WIRE_NS
             self._machine.after(again_ns, answer, reply, False)
 
 
@@ -279,12 +281,15 @@ class Manner(Enum):
 
     STREAM = "streams targets on their way, then looks where the axis came to rest"
     SEQUENCE = "writes a target, starts it, and waits until the drive is done"
+    SETPOINTS = "leads its axes along together, with a setpoint for each in every cycle"
     WATCH = "only reads"
 
 
 def program(manner: Manner, axes: list[Axis], machine: Machine, rng: random.Random) -> Program:
     """Return one round of a program, for any axis of its own."""
     axis = rng.choice(axes)
+    if manner is Manner.SETPOINTS:
+        return _setpoints(axes, machine, rng)
     if manner is Manner.WATCH:
         return _watch(axis, rng)
     return _stream(axis, machine, rng) if manner is Manner.STREAM else _sequence(axis, machine, rng)
@@ -335,6 +340,29 @@ def _sequence(axis: Axis, machine: Machine, rng: random.Random) -> Program:
         if reply is not None and len(reply) == 4 and reply[3] >> DONE_BIT & 1:
             break
     yield from _look_at_rest(axis, machine, rng)
+
+
+def _setpoints(axes: list[Axis], machine: Machine, rng: random.Random) -> Program:
+    """Lead all axes along for some legs, now and then holding the last setpoint; look, and have a rest."""
+    cycle_ms = rng.choice((8.0, 20.0, 50.0))
+    at = {axis: axis.drive.target if axis.place is None else axis.place for axis in axes}
+    for _ in range(rng.randint(1, 4)):
+        ends = {axis: _near(axis, at[axis], rng) for axis in axes}
+        count = rng.randint(10, 40)
+        for number in (*range(1, count + 1), *[count] * rng.choice((0, 0, 3))):
+            for axis in axes:
+                setpoint = at[axis] + (ends[axis] - at[axis]) * number // count
+                yield axis.layout.unit, write_pdu(axis.layout.command, axis.layout.split(setpoint))
+            yield cycle_ms
+        at = ends
+    for axis in axes:
+        yield from _look_at_rest(axis, machine, rng)
+
+
+def _near(axis: Axis, counts: int, rng: random.Random) -> int:
+    """Return a position at most 20 mm away, often only some micrometres."""
+    end_mm = axis.layout.machine_mm(counts) + rng.choice((0.005, 0.5, 20.0)) * rng.uniform(-1.0, 1.0)
+    return axis.layout.counts(min(max(end_mm, 1.0), TRAVEL_MM - 1.0))
 
 
 def _look_at_rest(axis: Axis, machine: Machine, rng: random.Random) -> Program:

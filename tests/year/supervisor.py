@@ -249,7 +249,8 @@ class Supervisor:
     def _done(self, done: Done, axis: Axis) -> None:
         if done.problems or axis.correction != axis.wanted:
             self._account.book.find("command-not-done", f"{axis.name}: {done}")
-        may_come = {"next-target" if axis.correction.is_on else "not-in-force"}
+        comes = "next-target" if axis.flow is None else "blended"
+        may_come = {comes if axis.correction.is_on else "not-in-force"}
         if axis.correction.screw is None:
             may_come.add("not-in-force")  # a gain, without a table
         if not may_come.issuperset(done.comes.values()):

@@ -9,9 +9,10 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
-from gateway.exchange.plan import AxisPlan, ControllerPlan, LineTiming, Role
+from gateway.compensation.settings import Setpoints
+from gateway.exchange.plan import AxisPlan, ControllerPlan, Late, LineTiming, Role
 from gateway.ipc.log import LogEntry
 from gateway.relay.errors import StartError
 from gateway.relay.run import run_relay
@@ -57,6 +58,21 @@ Z: Final = (
     Layout("z", 1, Style.TRIGGERED),
     Layout("w", 2, Style.DIRECT, counts_per_unit=-1250.0, zero_counts=-70_000),
 )
+ZW: Final = (Layout("z", 1, Style.PLAIN), *Z[1:])
+
+
+class Job(NamedTuple):
+    """What a line is for: its axes, and how their controller works."""
+
+    layouts: tuple[Layout, ...]
+    manner: Manner
+
+
+XY_JOBS: Final = (Job(XY, Manner.STREAM), Job(XY, Manner.SETPOINTS))
+Z_JOBS: Final = (Job(Z, Manner.SEQUENCE), Job(ZW, Manner.SETPOINTS))
+"""A machine has one of each."""
+TOO_OLD_MS: Final = 200.0
+"""Age at which a setpoint of a stream is refused."""
 STARTS_NS: Final = S
 """After its end the service manager starts the process again (RestartSec)."""
 CUT_THROUGH: Final = 0.25
@@ -78,9 +94,12 @@ class World:
         self._network = Network(MACHINE, random.Random(f"{seed} network"), self._tell_tcp)
         self._disk = Disk(folder)
         self._is_over = False
-        screws = {layout.name: [random_screw(rng) for _ in range(TABLES)] for layout in (*XY, *Z)}
-        self.xy = Line("xy", _axes(XY, rng), open_rtu)
-        self.z = Line("z", _axes(Z, rng), lambda data: open_mbap(data)[1:])
+        jobs = random.Random(f"{seed} jobs")
+        self._xy_job, self._z_job = jobs.choice(XY_JOBS), jobs.choice(Z_JOBS)
+        layouts = (*self._xy_job.layouts, *self._z_job.layouts)
+        screws = {layout.name: [random_screw(rng) for _ in range(TABLES)] for layout in layouts}
+        self.xy = Line("xy", _axes(self._xy_job, rng), open_rtu)
+        self.z = Line("z", _axes(self._z_job, rng), lambda data: open_mbap(data)[1:])
         self.xy.may_abort = random.Random(f"{seed} cut-through").random() < CUT_THROUGH
         self.account = Account(MACHINE, self.book, {"xy": self.xy, "z": self.z})
         self._supervisor = Supervisor(
@@ -102,7 +121,8 @@ class World:
         SerialDrives(self._buses["xy"], self._drives_wire, random.Random(f"{seed} damage"))
         self._network.servers[Z_DRIVES.host, Z_DRIVES.port] = self._z_server
         self._begin_controllers(seed)
-        self._supervisor.begin(_plan(screws, cut_through=self.xy.may_abort))
+        plan = _plan(screws, self._xy_job, self._z_job, cut_through=self.xy.may_abort)
+        self._supervisor.begin(plan)
         self._later(random.Random(f"{seed} disk"), WRITTEN_BACK_S, self._disk.write_back)
         self.faults.arrange(MACHINE, self._troubles())
 
@@ -183,11 +203,11 @@ class World:
         return None if bus.is_silent else TcpDrives(bus)
 
     def _begin_controllers(self, seed: int) -> None:
-        cnc = SerialController(self._site(seed, "cnc", self.xy, Manner.STREAM))
+        cnc = SerialController(self._site(seed, "cnc", self.xy, self._xy_job.manner))
         cnc.over(self._cnc_wire)
         hmi = TcpController(self._site(seed, "hmi", self.xy, Manner.WATCH))
         hmi.over(self._network, "10.0.0.30", HMI_PORT, hangs_up=False)
-        plc = TcpController(self._site(seed, "plc", self.z, Manner.SEQUENCE))
+        plc = TcpController(self._site(seed, "plc", self.z, self._z_job.manner))
         plc.over(self._network, "10.0.0.31", PLC_PORT, hangs_up=True)
         panel = TcpController(self._site(seed, "panel", self.z, Manner.WATCH))
         panel.over(self._network, "10.0.0.30", PANEL_PORT, hangs_up=False)
@@ -338,13 +358,18 @@ class World:
         return True
 
 
-def _axes(layouts: tuple[Layout, ...], rng: random.Random) -> dict[int, Axis]:
-    return {layout.unit: Axis(layout.name, layout, make_drive(layout, rng)) for layout in layouts}
+def _axes(job: Job, rng: random.Random) -> dict[int, Axis]:
+    is_stream = job.manner is Manner.SETPOINTS
+    return {
+        layout.unit: Axis(layout.name, layout, make_drive(layout, rng), is_stream=is_stream)
+        for layout in job.layouts
+    }
 
 
-def _plan(screws: Mapping[str, Sequence[Screw]], *, cut_through: bool) -> GatewayPlan:
-    def axis(layout: Layout) -> AxisPlan:
-        return replace(axis_plan(layout, screws[layout.name][0]), table_name=table_name(layout.name, 0))
+def _plan(screws: Mapping[str, Sequence[Screw]], xy: Job, z: Job, *, cut_through: bool) -> GatewayPlan:
+    def axes(job: Job) -> tuple[AxisPlan, ...]:
+        is_stream = job.manner is Manner.SETPOINTS
+        return tuple(_axis(layout, screws[layout.name][0], is_stream=is_stream) for layout in job.layouts)
 
     timing = LineTiming(response_timeout_ms=TIMEOUT_MS, drain_ms=80.0)
     return GatewayPlan(
@@ -357,7 +382,7 @@ def _plan(screws: Mapping[str, Sequence[Screw]], *, cut_through: bool) -> Gatewa
                     ControllerLink(ControllerPlan("cnc", timeout_ms=PATIENCE_MS, serial=True), CNC),
                     _link("hmi", Role.MONITOR, HMI_PORT),
                 ),
-                tuple(map(axis, XY)),
+                axes(xy),
                 timing,
                 cut_through=cut_through,
                 tape_bytes=1 << 20,
@@ -366,11 +391,19 @@ def _plan(screws: Mapping[str, Sequence[Screw]], *, cut_through: bool) -> Gatewa
                 "z",
                 Z_DRIVES,
                 (_link("plc", Role.MOTION, PLC_PORT), _link("panel", Role.MONITOR, PANEL_PORT)),
-                tuple(map(axis, Z)),
+                axes(z),
                 timing,
             ),
         ),
     )
+
+
+def _axis(layout: Layout, screw: Screw, *, is_stream: bool) -> AxisPlan:
+    plan = replace(axis_plan(layout, screw), table_name=table_name(layout.name, 0))
+    if not is_stream:
+        return plan
+    settings = replace(plan.settings, setpoints=Setpoints.STREAM)
+    return replace(plan, settings=settings, deadline_ms=TOO_OLD_MS, late=Late.REJECT)
 
 
 def _link(name: str, role: Role, port: int) -> ControllerLink:
