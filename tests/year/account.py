@@ -22,9 +22,10 @@ from typing import Any, Final, NoReturn
 
 from tests.ledger.drives import Drive, Operation
 from tests.ledger.frames import Parsed, crc, native_success, parse, words_of
-from tests.ledger.layouts import STOP, Layout
+from tests.ledger.layouts import RUN, STOP, Layout
 from tests.ledger.screws import Screw
 from tests.year.corrections import NONE, ROUNDING, Correction, span
+from tests.year.groups import Group
 from tests.year.machine import MS, Machine, S
 from tests.year.setpoints import Flow
 
@@ -127,6 +128,7 @@ class Frame:
         "doubled_ns",
         "is_acknowledged",
         "is_taken",
+        "others",
         "parsed",
         "pdu",
         "reply",
@@ -141,6 +143,8 @@ class Frame:
         self.axis: Axis | None = None
         self.correction = NONE
         """That of its axis when it left."""
+        self.others: tuple[Correction, ...] = ()
+        """Those that its axis may go by too, behind a fault."""
         self.request: Request | None = None
         self.is_taken = False
         """Its drive has taken it."""
@@ -161,6 +165,7 @@ class Axis:
         self.name, self.layout, self.drive = name, layout, drive
         self.flow = Flow(layout) if is_stream else None
         """Its setpoints, if a stream of them leads it."""
+        self.group: Group | None = None
         self.correction = NONE
         """In force for its next different target."""
         self.correction_before = NONE
@@ -205,6 +210,11 @@ class Axis:
         """This process has said if it goes on from the record of the one before; True: there was none."""
         self.readings: deque[tuple[int, int]] = deque(maxlen=16)
         """The newest positions that its drive has told this process: when the read left, and the counts."""
+
+    @property
+    def members(self) -> Sequence["Axis"]:
+        """The axes of its group, or it alone."""
+        return (self,) if self.group is None else self.group.axes
 
     def is_one_of(self, corrected: int, nominal: int, correction: Correction) -> bool:
         """Whether these are the words of a target: corrected, or those that the same target had before."""
@@ -295,7 +305,8 @@ class Account:
             frames.append(request.frame)
         if pdu[0] & 0x80:
             self.book.seen[f"exceptions {pdu[1]:#04x}"] += 1
-            if all(frame.reply != pdu for frame in frames):
+            is_held = request.axis is not None and any(each.is_blocked for each in request.axis.members)
+            if all(frame.reply != pdu for frame in frames) and not is_held:
                 self._need_trouble(line, "refused-for-nothing", request, f"with {pdu[1]:#04x}")
             return
         if not frames:
@@ -360,6 +371,8 @@ class Account:
         if axis is not None:
             is_before = began_ns < axis.corrected_ns
             frame.correction = axis.correction_before if is_before else axis.correction
+            if axis.group is not None:
+                self._leaves_in_group(line, axis, axis.group, frame)
         frame.request = request = self._request_of(line, frame, axis)
         if request is not None:
             line.waiting.remove(request)
@@ -384,6 +397,19 @@ class Account:
             if nominal is not None and axis.flow is not None:
                 self._flows(line, axis, axis.flow, frame, nominal)
             axis.staged = axis.staged if nominal is None else nominal
+
+    def _leaves_in_group(self, line: Line, axis: Axis, group: Group, frame: Frame) -> None:
+        is_target = target_of(axis.layout, frame.parsed) is not None
+        group.leaves(
+            axis,
+            frame.sent_ns,
+            runs=_is_trigger(axis, frame.parsed, RUN) if axis.layout.is_staged else is_target,
+            is_target=is_target,
+            is_stop=_is_stop(axis, frame.parsed),
+        )
+        frame.correction = group.fixed(axis)
+        if self.is_troubled(line):
+            frame.others = axis.correction, axis.correction_before
 
     def _flows(self, line: Line, axis: Axis, flow: Flow, frame: Frame, nominal: int) -> None:
         """A setpoint leaves: it goes on from the one before, or the stream begins with the drive's offset."""
@@ -448,22 +474,29 @@ class Account:
         return self._are_words_of(axis, request, frame)
 
     @staticmethod
-    def _are_words_of(axis: Axis, request: Request, frame: Frame) -> bool:
+    def _fits(axis: Axis, frame: Frame, corrected: int, nominal: int) -> bool:
+        """Whether these are the words of a target by what its axis goes by, which its frame has then."""
+        for each in (frame.correction, *frame.others):
+            if axis.is_one_of(corrected, nominal, each):
+                frame.correction = each
+                return True
+        return False
+
+    def _are_words_of(self, axis: Axis, request: Request, frame: Frame) -> bool:
         """Whether a frame is a target that was asked for, corrected."""
         nominal = target_of(axis.layout, request.parsed)
         corrected = target_of(axis.layout, frame.parsed)
         if nominal is None or corrected is None:
             return False
         # While nothing shows where its axis is, a staged target waits as it came: it is judged when it runs.
-        is_one = axis.is_one_of(corrected, nominal, frame.correction)
+        is_one = self._fits(axis, frame, corrected, nominal)
         return is_one or (axis.layout.is_staged and corrected == nominal)
 
-    @staticmethod
-    def _is_restaged(axis: Axis | None, frame: Frame) -> bool:
+    def _is_restaged(self, axis: Axis | None, frame: Frame) -> bool:
         if axis is None or axis.staged is None:
             return False
         corrected = target_of(axis.layout, frame.parsed)
-        return corrected is not None and axis.is_one_of(corrected, axis.staged, frame.correction)
+        return corrected is not None and self._fits(axis, frame, corrected, axis.staged)
 
     # --- at the drives and back
 
@@ -494,7 +527,7 @@ class Account:
             axis.place = None
             return
         is_right = axis.flow is not None  # a setpoint was judged as it left
-        if nominal is None or not (is_right or axis.is_one_of(end, nominal, frame.correction)):
+        if nominal is None or not (is_right or self._fits(axis, frame, end, nominal)):
             if (
                 frame.correction.is_plain
             ):  # what its drive holds runs: nothing is refused to such an axis (M9)
@@ -513,10 +546,13 @@ class Account:
     def _judge_way(self, axis: Axis, frame: Frame, nominal: int, operation: Operation) -> None:
         """Its words are those of the direction in which it goes, or it is flagged."""
         end = operation.end
+        if axis.group is not None and axis.group.went(axis, nominal, end):
+            self.need_calm("skewed", f"axis {axis.name} goes to {end} for {nominal} by another decision")
+        self.book.seen["moves by what a group had fixed"] += frame.correction != axis.correction
         axis.goes(operation, frame.correction)
         ways = self._ways(axis, nominal, operation)
         is_again = nominal == axis.place and axis.sure > 0 and not axis.is_flagged
-        if is_again and end != axis.words:
+        if is_again and end != axis.words and axis.group is None:  # all axes of a group keep words, or none
             self.book.find("M4-other-words", f"axis {axis.name}: {axis.words} became {end} for {nominal}")
         if len(ways) == 1 and not is_again:
             up, down = axis.made_with.branches(axis.layout, nominal)
@@ -539,9 +575,12 @@ class Account:
         sign = axis.layout.machine_sign
         way = nominal - axis.place
         ends = axis.made_with.branches(axis.layout, nominal)
-        if way > BESIDE and min(ends) > operation.was_at + BESIDE:
+        # An axis may pass its target since it was read. The first trigger of a group reads all of its axes.
+        is_read_before = operation.was_moving or axis.group is not None
+        seen = [operation.was_at, *(each for _, each in list(axis.readings)[-1:] if is_read_before)]
+        if way > BESIDE and min(ends) > max(seen) + BESIDE:
             return (sign > 0,)
-        if way < -BESIDE and max(ends) < operation.was_at - BESIDE:
+        if way < -BESIDE and max(ends) < min(seen) - BESIDE:
             return (sign < 0,)
         return (True, False)
 
@@ -596,8 +635,8 @@ class Account:
                 axis.is_new &= name != "restored"
                 axis.was_known |= name == "restored"
                 axis.is_told |= name in ("restored", "record-not-used")
-                if name in ("axis-blocked", "axis-released"):
-                    axis.is_blocked = name == "axis-blocked"
+                if name in ("axis-blocked", "group-skewed", "axis-released"):
+                    axis.is_blocked = name != "axis-released"
                 if name in ("reference-lost", "axis-referenced"):
                     axis.is_referenced = name == "axis-referenced"
                 if axis.flow is not None:
@@ -696,7 +735,11 @@ def _is_inverted(data: bytes) -> bool:
 
 def _is_stop(axis: Axis | None, parsed: Parsed) -> bool:
     """Whether it stops its axis: a stop leaves however old it is."""
-    return axis is not None and parsed.write == (axis.layout.trigger, (STOP,))
+    return axis is not None and _is_trigger(axis, parsed, STOP)
+
+
+def _is_trigger(axis: Axis, parsed: Parsed, value: int) -> bool:
+    return parsed.write == (axis.layout.trigger, (value,))
 
 
 def _pair(data: bytes) -> tuple[int, int]:

@@ -282,6 +282,7 @@ class Manner(Enum):
     STREAM = "streams targets on their way, then looks where the axis came to rest"
     SEQUENCE = "writes a target, starts it, and waits until the drive is done"
     SETPOINTS = "leads its axes along together, with a setpoint for each in every cycle"
+    BEAM = "leads its axes together: a target for each, then each is started"
     WATCH = "only reads"
 
 
@@ -290,6 +291,8 @@ def program(manner: Manner, axes: list[Axis], machine: Machine, rng: random.Rand
     axis = rng.choice(axes)
     if manner is Manner.SETPOINTS:
         return _setpoints(axes, machine, rng)
+    if manner is Manner.BEAM:
+        return _beam(axes, machine, rng)
     if manner is Manner.WATCH:
         return _watch(axis, rng)
     return _stream(axis, machine, rng) if manner is Manner.STREAM else _sequence(axis, machine, rng)
@@ -355,6 +358,34 @@ def _setpoints(axes: list[Axis], machine: Machine, rng: random.Random) -> Progra
                 yield axis.layout.unit, write_pdu(axis.layout.command, axis.layout.split(setpoint))
             yield cycle_ms
         at = ends
+    for axis in axes:
+        yield from _look_at_rest(axis, machine, rng)
+
+
+def _beam(axes: list[Axis], machine: Machine, rng: random.Random) -> Program:
+    """Lead a beam on two axes to one place or several, without waiting; look, and have a rest.
+
+    It is stopped if something of it was refused or not answered. Another axis may go first then: the group
+    waits for the target that was lost (M3).
+    """
+    axes = rng.sample(axes, len(axes))
+    for _ in range(rng.choice((1, 1, 3))):
+        place_mm = rng.uniform(1.0, TRAVEL_MM - 1.0)
+        steps = [(each.layout, each.layout.command, each.layout.counts(place_mm)) for each in axes]
+        writes = [(at.unit, write_pdu(address, at.split(counts))) for at, address, counts in steps]
+        writes += [
+            (each.layout.unit, single_pdu(each.layout.trigger, RUN)) for each in axes if each.layout.is_staged
+        ]
+        for unit, pdu in writes:
+            reply = yield unit, pdu
+            if reply is None or reply[0] & 0x80:
+                for each in axes:
+                    if each.layout.style is not Style.PLAIN:
+                        yield each.layout.unit, single_pdu(each.layout.trigger, STOP)
+                yield 1000.0
+                return
+            yield rng.choice((0.0, 30.0, 600.0))
+        yield rng.uniform(60.0, 400.0)
     for axis in axes:
         yield from _look_at_rest(axis, machine, rng)
 

@@ -54,7 +54,7 @@ class StatusCheck:
     def _check_correction(self, axis: Axis, shown: AxisStatus) -> None:
         correction, table = axis.correction, shown.table
         is_blocked = shown.compensation == "blocked"  # it may be switched off too
-        if is_blocked and not axis.is_blocked:
+        if is_blocked and not any(each.is_blocked for each in axis.members):
             self._wrong(axis.name, "it is shown as blocked")
         is_off = not correction.is_on if is_blocked else shown.compensation == "off"
         now = (table.file or "", table.compiled, shown.gain, is_off)

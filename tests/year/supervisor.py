@@ -52,6 +52,9 @@ TABLES: Final = 3
 """Of each axis: it gets another one of them."""
 
 
+Changes = Mapping[Axis, Mapping[str, Any]]
+
+
 def table_name(axis: str, number: int) -> str:
     """Return the name of a table of an axis."""
     return f"{axis}-{number}.csv"
@@ -137,8 +140,8 @@ class Supervisor:
         account.digests = {name: digest_of(compiled(table)) for name, table in self._tables.items()}
         self._path = socket_path(disk.folder)
         self._commands = 0
-        self._commanded = next(iter(self._axes.values()))
-        """The axis of the newest command."""
+        self._commanded: tuple[Axis, ...] = ()
+        """The axes of the newest command."""
         self._listening: Connection | None = None
         self._asking: Connection | None = None
 
@@ -182,45 +185,59 @@ class Supervisor:
         self._ask(GetStatus())
 
     def _load(self, axis: Axis) -> None:
-        """Give an axis another table, or the same one again: first for the next start, then for now."""
-        name = table_name(axis.name, self._rng.randrange(TABLES))
-        table, digest = self._tables[name], self._account.digests[name]
-        self._write(_with_table(self._plan, axis.name, name, table))
-        request = SetTable(tables=(TableFor(axis.name, name, "csv", digest),))
-        self._soon(axis, request, {"table": name, "screw": self._account.tables[name]}, compiled(table))
+        """Give an axis another table, or the same one again: first for the next start, then for now.
+
+        All axes of a group get one: none of them may be left without.
+        """
+        plan, changes, tables = self._plan, dict[Axis, Mapping[str, object]](), list[TableFor]()
+        for each in axis.members:
+            name = table_name(each.name, self._rng.randrange(TABLES))
+            plan = _with_table(plan, each.name, name, self._tables[name])
+            tables.append(TableFor(each.name, name, "csv", self._account.digests[name]))
+            changes[each] = {"table": name, "screw": self._account.tables[name]}
+        self._write(plan)
+        self._soon(
+            changes, SetTable(tables=tuple(tables)), [compiled(self._tables[each.file]) for each in tables]
+        )
 
     def _remove(self, axis: Axis) -> None:
-        self._write(_with_table(self._plan, axis.name, "", None))
-        self._soon(axis, ClearTable(axes=(axis.name,)), {"table": "", "screw": None})
+        plan = self._plan
+        for each in axis.members:
+            plan = _with_table(plan, each.name, "", None)
+        self._write(plan)
+        self._for_all(axis, ClearTable(axes=(axis.name,)), {"table": "", "screw": None})
 
     def _set_gain(self, axis: Axis) -> None:
         forward, backward = self._rng.choice(GAINS), self._rng.choice(GAINS)
         request = SetGain(axes=(axis.name,), forward=forward, backward=backward)
-        self._soon(axis, request, {"forward": forward, "backward": backward})
+        self._for_all(axis, request, {"forward": forward, "backward": backward})
 
     def _turn(self, axis: Axis) -> None:
         """Switch the compensation of an axis on or off; without a table it stays as it is."""
         is_on = self._rng.random() < 0.7
         if axis.correction.screw is not None or not is_on:
-            self._soon(axis, (Enable if is_on else Disable)(axes=(axis.name,)), {"is_on": is_on})
+            self._for_all(axis, (Enable if is_on else Disable)(axes=(axis.name,)), {"is_on": is_on})
 
     # --- a command and its result
 
-    def _soon(self, axis: Axis, command: Command, change: Mapping[str, object], table: bytes = b"") -> None:
+    def _for_all(self, axis: Axis, command: Command, change: Mapping[str, object]) -> None:
+        """Send a command that changes an axis and its whole group."""
+        self._soon(dict.fromkeys(axis.members, change), command)
+
+    def _soon(self, changes: Changes, command: Command, tables: Sequence[bytes] = ()) -> None:
         """Send a command a little later: meanwhile the relay may be killed."""
         self._commands += 1
         delay_ns = self._rng.randrange(200 * MS)
-        self._machine.after(delay_ns, self._command, self._commands, axis, command, change, table)
+        self._machine.after(delay_ns, self._command, self._commands, changes, command, tables)
 
-    def _command(
-        self, number: int, axis: Axis, command: Command, change: Mapping[str, Any], table: bytes
-    ) -> None:
+    def _command(self, number: int, changes: Changes, command: Command, tables: Sequence[bytes]) -> None:
         if number != self._commands or self._machine.is_dead:
             return
-        self._commanded = axis
-        axis.wanted = axis.correction._replace(**change)
-        self._account.book.note(f"command {axis.name}", encode(command))
-        self._ask(command, [seal(table, "table")] if table else ())
+        self._commanded = tuple(changes)
+        for axis, change in changes.items():
+            axis.wanted = axis.correction._replace(**change)
+        self._account.book.note(f"command {self._commanded[0].name}", encode(command))
+        self._ask(command, [seal(table, "table") for table in tables])
 
     def _ask(self, request: Request, descriptors: Sequence[int] = ()) -> None:
         """Ask on a connection of its own, as ``gateway.ipc.client.ask`` does."""
@@ -239,7 +256,8 @@ class Supervisor:
         if isinstance(reply, Snapshot | Status):
             self._status.shown(reply.status)
         elif isinstance(reply, Done):
-            self._done(reply, self._commanded)
+            for axis in self._commanded:
+                self._done(reply, axis)
         elif not isinstance(reply, Happened | Subscribed):
             book.find("socket-refused", str(reply))
         if isinstance(reply, Status | Done) and self._asking is not None:

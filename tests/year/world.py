@@ -39,6 +39,7 @@ from tests.year.field import (
     make_drive,
     program,
 )
+from tests.year.groups import Group
 from tests.year.loop import LogAtOnce, SimulatedLoop
 from tests.year.machine import MS, KilledError, S, SpinningError
 from tests.year.network import Address, Network, Peer
@@ -58,6 +59,7 @@ Z: Final = (
     Layout("z", 1, Style.TRIGGERED),
     Layout("w", 2, Style.DIRECT, counts_per_unit=-1250.0, zero_counts=-70_000),
 )
+BEAM: Final = (Z[0], Layout("w", 2, Style.TRIGGERED, counts_per_unit=-1250.0, zero_counts=-70_000))
 ZW: Final = (Layout("z", 1, Style.PLAIN), *Z[1:])
 
 
@@ -68,8 +70,8 @@ class Job(NamedTuple):
     manner: Manner
 
 
-XY_JOBS: Final = (Job(XY, Manner.STREAM), Job(XY, Manner.SETPOINTS))
-Z_JOBS: Final = (Job(Z, Manner.SEQUENCE), Job(ZW, Manner.SETPOINTS))
+XY_JOBS: Final = (Job(XY, Manner.STREAM), Job(XY, Manner.SETPOINTS), Job(XY, Manner.BEAM))
+Z_JOBS: Final = (Job(Z, Manner.SEQUENCE), Job(ZW, Manner.SETPOINTS), Job(BEAM, Manner.BEAM))
 """A machine has one of each."""
 TOO_OLD_MS: Final = 200.0
 """Age at which a setpoint of a stream is refused."""
@@ -360,10 +362,16 @@ class World:
 
 def _axes(job: Job, rng: random.Random) -> dict[int, Axis]:
     is_stream = job.manner is Manner.SETPOINTS
-    return {
-        layout.unit: Axis(layout.name, layout, make_drive(layout, rng), is_stream=is_stream)
-        for layout in job.layouts
-    }
+    axes = [Axis(layout.name, layout, make_drive(layout, rng), is_stream=is_stream) for layout in job.layouts]
+    if job.manner is Manner.BEAM:
+        group = Group(axes)
+        for axis in axes:
+            axis.group = group
+    return {axis.layout.unit: axis for axis in axes}
+
+
+def _groups(job: Job) -> tuple[tuple[str, ...], ...]:
+    return (tuple(each.name for each in job.layouts),) if job.manner is Manner.BEAM else ()
 
 
 def _plan(screws: Mapping[str, Sequence[Screw]], xy: Job, z: Job, *, cut_through: bool) -> GatewayPlan:
@@ -384,6 +392,7 @@ def _plan(screws: Mapping[str, Sequence[Screw]], xy: Job, z: Job, *, cut_through
                 ),
                 axes(xy),
                 timing,
+                groups=_groups(xy),
                 cut_through=cut_through,
                 tape_bytes=1 << 20,
             ),
@@ -393,6 +402,7 @@ def _plan(screws: Mapping[str, Sequence[Screw]], xy: Job, z: Job, *, cut_through
                 (_link("plc", Role.MOTION, PLC_PORT), _link("panel", Role.MONITOR, PANEL_PORT)),
                 axes(z),
                 timing,
+                groups=_groups(z),
             ),
         ),
     )
