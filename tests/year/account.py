@@ -20,12 +20,14 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, NoReturn
 
+from gateway.exchange.plan import Reference
 from tests.ledger.drives import Drive, Operation
 from tests.ledger.frames import Parsed, crc, native_success, parse, words_of
-from tests.ledger.layouts import RUN, STOP, Layout
+from tests.ledger.layouts import MAX_SPEED_MM_S, RUN, STOP, Layout
 from tests.ledger.screws import Screw
 from tests.year.corrections import NONE, ROUNDING, Correction, span
 from tests.year.groups import Group
+from tests.year.homing import HomedDrive
 from tests.year.machine import MS, Machine, S
 from tests.year.setpoints import Flow
 
@@ -39,6 +41,9 @@ TOLD_NS: Final = 2 * S
 """A flag is reported with the end of the exchange that it concerns."""
 TROUBLED_NS: Final = 15 * S
 """After a fault: the longest pause before a silent drive is tried again is 10 s."""
+FRESH_NS: Final = 1_100 * MS
+"""A homed bit older than 1 s is read again before a target; and the time of that exchange."""
+MAX_CORRECTION_MM: Final = 0.5
 KEPT: Final = 60
 """Lines of the story that are printed with a finding."""
 UNSURE: Final = frozenset({"direction-unsure", "record-not-used", "reference-lost", "stood-still"})
@@ -166,6 +171,9 @@ class Axis:
         self.flow = Flow(layout) if is_stream else None
         """Its setpoints, if a stream of them leads it."""
         self.group: Group | None = None
+        self.reference = Reference.ABSOLUTE
+        self.is_jump_due = False
+        """It was seen at rest at its target, and will be read with another zero."""
         self.correction = NONE
         """In force for its next different target."""
         self.correction_before = NONE
@@ -200,6 +208,8 @@ class Axis:
         self.flags = 0
         """How often it was flagged."""
         self.is_referenced = True
+        self.told = 0
+        """How often its reference was reported as found or lost, or a process began."""
         self.is_blocked = False
         """Its triggers are refused."""
         self.is_new = True
@@ -222,7 +232,8 @@ class Axis:
             return True
         if self.flow is not None:
             return self.flow.covers(corrected, nominal) or self.begins(corrected, nominal)
-        is_plain = not self.is_referenced and corrected == nominal
+        may_be_lost = not self.is_referenced or self.reference is not Reference.ABSOLUTE
+        is_plain = may_be_lost and corrected == nominal
         return is_plain or correction.makes(self.layout, corrected, nominal)
 
     def begins(self, corrected: int, nominal: int) -> bool:
@@ -243,6 +254,19 @@ class Axis:
         low, high = span(self.layout, self.mixture, operation.was_at)
         self.faded = high - low + (0.0 if is_at_rest else self.faded)
         self.made_with = correction
+
+    def move_unseen(self) -> None:
+        """It is elsewhere, or is said to be."""
+        self.doubt()
+        self.place = None
+
+    def shifts(self, counts: int) -> None:
+        """Its drive counts from another zero, and says nothing."""
+        assert isinstance(self.drive, HomedDrive)
+        is_seen_at_rest = self.sure > 1 and not self.is_flagged and bool(self.readings)
+        self.is_jump_due = is_seen_at_rest and self.readings[-1][1] == self.words
+        self.drive.shift(counts)
+        self.move_unseen()
 
     def doubt(self) -> None:
         """Where it is, and from where it came, may not be known any more."""
@@ -324,10 +348,11 @@ class Account:
 
     @staticmethod
     def _answers_twice(line: Line, frame: Frame, pdu: bytes) -> bool:
-        """Whether an earlier reply came once more: on RTU nothing tells that it is not for this write."""
+        """Whether a reply came once more, which on RTU nothing tells, or a stop was sent again."""
         return any(
-            each.unit == frame.unit and each.reply == pdu and each.doubled_ns >= frame.sent_ns
+            each.reply == pdu and max(each.doubled_ns, each.sent_ns * each.is_acknowledged) >= frame.sent_ns
             for each in line.frames
+            if each.unit == frame.unit
         )
 
     @staticmethod
@@ -369,6 +394,7 @@ class Account:
         self._doubt_unacknowledged(line)
         frame.axis = axis = line.axes.get(frame.unit)
         if axis is not None:
+            axis.is_jump_due &= frame.parsed.write is None  # it may move
             is_before = began_ns < axis.corrected_ns
             frame.correction = axis.correction_before if is_before else axis.correction
             if axis.group is not None:
@@ -396,6 +422,9 @@ class Account:
             nominal = target_of(axis.layout, request.parsed)
             if nominal is not None and axis.flow is not None:
                 self._flows(line, axis, axis.flow, frame, nominal)
+            corrected = target_of(axis.layout, frame.parsed)
+            if nominal is not None and corrected is not None:
+                self._need_homed(axis, frame, corrected, nominal)
             axis.staged = axis.staged if nominal is None else nominal
 
     def _leaves_in_group(self, line: Line, axis: Axis, group: Group, frame: Frame) -> None:
@@ -529,7 +558,7 @@ class Account:
         is_right = axis.flow is not None  # a setpoint was judged as it left
         if nominal is None or not (is_right or self._fits(axis, frame, end, nominal)):
             if (
-                frame.correction.is_plain
+                frame.correction.is_plain or not axis.is_referenced
             ):  # what its drive holds runs: nothing is refused to such an axis (M9)
                 axis.place = None
                 axis.doubt()
@@ -587,6 +616,8 @@ class Account:
     def acknowledged(self, frame: Frame, arrives_ns: int) -> None:
         """The reply of a drive is on its way to the gateway, whole and in time."""
         frame.arrives_ns = arrives_ns
+        if frame.axis is not None and frame.axis.is_jump_due:
+            self._need_notice(frame.axis, frame)
         if frame.parsed.write is not None and native_success(frame.pdu, frame.reply):
             frame.is_acknowledged = True
             if frame.axis is not None and frame.axis.place == frame.axis.staged:
@@ -594,6 +625,33 @@ class Account:
                 frame.axis.was_known |= frame.axis.sure > 1
                 if frame.axis.flow is not None and frame.axis.sure > 1:
                     frame.axis.is_flagged = False  # no branch is guessed in a stream
+
+    def _need_notice(self, axis: Axis, frame: Frame) -> None:
+        """A drive has another zero since it was seen at rest: its reference is lost if it jumped (M9)."""
+        if frame.parsed.read == (axis.layout.actual, 2):
+            axis.is_jump_due = False
+            (before_ns, before), (now_ns, now) = list(axis.readings)[-2:]
+            way_mm = abs(now - before) / abs(axis.layout.counts_per_unit)
+            may_be_mm = 2.0 * (2 * MAX_SPEED_MM_S * (now_ns - before_ns) / S + MAX_CORRECTION_MM)
+            if way_mm > may_be_mm + 1.0 and axis.reference is Reference.HOMING:
+                self.book.seen["other zeros that must be noticed"] += 1
+                self._machine.after(TOLD_NS, self._need_lost, axis, axis.told)
+
+    def _need_lost(self, axis: Axis, told: int) -> None:
+        if axis.is_referenced and axis.told == told:
+            self.book.find("other-zero", f"axis {axis.name} keeps its reference")
+
+    def _need_homed(self, axis: Axis, frame: Frame, corrected: int, nominal: int) -> None:
+        """A target leaves corrected only while its drive is homed, by a bit not older than 1 s (M9)."""
+        drive = axis.drive
+        if axis.reference is not Reference.DRIVE_BIT or not isinstance(drive, HomedDrive) or drive.is_homed:
+            return
+        since_ns = frame.sent_ns - drive.lost_ns
+        self.book.seen["targets while the drive was not homed"] += 1
+        if corrected != nominal and since_ns > FRESH_NS:
+            self.book.find(
+                "not-homed", f"axis {axis.name}: {corrected} for {nominal}, {since_ns // MS} ms after"
+            )
 
     def _why_wrong_reply(self, axis: Axis, request: Request, frame: Frame, pdu: bytes) -> str:
         layout = axis.layout
@@ -606,10 +664,13 @@ class Account:
         if axis.is_new:
             self.book.seen["readings of axes that were not restored"] += 1
             is_known = axis.place is not None and not (axis.made_with.is_plain or axis.correction.is_plain)
-            is_silent = is_known and not axis.is_told
+            # A group is restored whole: while one of it is silent, the others are not told either.
+            is_silent = is_known and not axis.is_told and axis.group is None and axis.is_referenced
             return "it begins without its record, and does not say so" if is_silent else ""
         if axis.sure > 1 and not axis.is_flagged and corrected == axis.words and axis.place is not None:
             self.book.seen["exact readings"] += 1
+            if nominal == corrected and axis.reference is not Reference.ABSOLUTE:
+                return ""  # its reference may be lost, and reported with the end of the exchange
             return "" if nominal == axis.place else f"{nominal} for {axis.place} at {corrected}"
         is_stream = axis.flow is not None
         low, high = axis.flow.span(nominal) if axis.flow else span(axis.layout, axis.mixture, nominal)
@@ -639,6 +700,7 @@ class Account:
                     axis.is_blocked = name != "axis-released"
                 if name in ("reference-lost", "axis-referenced"):
                     axis.is_referenced = name == "axis-referenced"
+                    axis.told += 1
                 if axis.flow is not None:
                     axis.flow.is_begun |= name == "restored" and axis.flow.has_before
                 self._corrected(axis, name, fields)
@@ -655,6 +717,8 @@ class Account:
         if name == "axis":
             table = fields["table"] or ""
             now = axis.wanted = Correction(table, self.tables.get(table))
+            axis.is_referenced = axis.reference is Reference.ABSOLUTE
+            axis.told += 1
             if table != axis.planned:
                 self.book.find("other-table", f"axis {axis.name} begins with {table}, not {axis.planned}")
         elif name == "table-activated":
@@ -688,7 +752,7 @@ class Account:
             for axis in line.axes.values():
                 axis.is_told = is_first or not axis.was_known
                 axis.is_new, axis.was_known = True, False
-                axis.is_blocked = False
+                axis.is_blocked = axis.is_jump_due = False
                 axis.readings.clear()
                 if axis.flow is not None:
                     axis.flow.restart(is_recorded=not is_first)

@@ -24,6 +24,8 @@ TIMES: Final = {
     "stall": 1.0,
     "unplug": 0.5,
     "drive-off": 0.5,
+    "reboot": 1.0,
+    "zero-shift": 0.5,
     "halt": 1.0,
     "kill": 0.5,
     "kill-at-write": 0.5,

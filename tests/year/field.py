@@ -16,6 +16,7 @@ from tests.ledger.layouts import DONE_BIT, RUN, STOP, Layout, Style
 from tests.ledger.screws import TRAVEL_MM
 from tests.year.account import Account, Axis, Frame, Line, Request
 from tests.year.faults import Share
+from tests.year.homing import HOME, HOMED, HomedDrive
 from tests.year.machine import MS, Machine
 from tests.year.network import Network, Peer
 from tests.year.serial_ports import Wire
@@ -50,14 +51,17 @@ class Bus:
     ) -> None:
         self._machine, self._account, self._line, self._rng = machine, account, line, rng
         self._faults, self._is_tcp = faults, is_tcp
+        self.axes = line.axes
         self.is_silent = False
         """They are switched off."""
+        self.silent_units: set[int] = set()
+        """Those that reboot."""
 
     def take(self, data: bytes, unit: int, pdu: bytes, answer: Answer) -> None:
         """Take a frame; ``answer`` gets the PDU of the reply."""
         axis = self._line.axes.get(unit)
         frame = self._account.taken(self._line, unit, pdu, data)
-        if axis is None or self.is_silent or frame is None:
+        if axis is None or self.is_silent or unit in self.silent_units or frame is None:
             return
         fault = self._faults.choose()
         if self._is_tcp:
@@ -329,6 +333,8 @@ def _stream(axis: Axis, machine: Machine, rng: random.Random) -> Program:
 def _sequence(axis: Axis, machine: Machine, rng: random.Random) -> Program:
     """Move to somewhere, wait for the done bit, look; now and then stop on the way."""
     layout = axis.layout
+    if not axis.is_referenced and rng.random() < 0.8:
+        yield from _home(axis, rng)
     target = axis.place if axis.place is not None and rng.random() < 0.1 else _position(axis, rng)
     if (yield layout.unit, write_pdu(layout.command, layout.split(target))) is None:
         return
@@ -396,12 +402,24 @@ def _near(axis: Axis, counts: int, rng: random.Random) -> int:
     return axis.layout.counts(min(max(end_mm, 1.0), TRAVEL_MM - 1.0))
 
 
+def _home(axis: Axis, rng: random.Random) -> Program:
+    """Home an axis that is shown without a reference, and look at the bit that says so."""
+    yield axis.layout.unit, single_pdu(axis.layout.trigger, HOME)
+    for _ in range(20):
+        yield rng.uniform(50.0, 200.0)
+        reply = yield axis.layout.unit, read_pdu(axis.layout.status, 1)
+        if reply is not None and len(reply) == 4 and reply[3] >> HOMED & 1:
+            break
+    yield 500.0
+
+
 def _look_at_rest(axis: Axis, machine: Machine, rng: random.Random) -> Program:
     yield settle_ms(axis.drive, machine.now_ns) + rng.uniform(50.0, 400.0)
     yield axis.layout.unit, read_pdu(axis.layout.actual, 2)
     yield rng.uniform(20.0, 3_000.0)
 
 
-def make_drive(layout: Layout, rng: random.Random) -> Drive:
+def make_drive(layout: Layout, machine: Machine, rng: random.Random, *, is_homed: bool) -> Drive:
     """Return a drive that stands somewhere."""
-    return Drive(layout, layout.counts(rng.uniform(5.0, TRAVEL_MM - 5.0)), rng.uniform(30.0, 150.0))
+    at, speed_mm_s = layout.counts(rng.uniform(5.0, TRAVEL_MM - 5.0)), rng.uniform(30.0, 150.0)
+    return HomedDrive(machine, layout, at, speed_mm_s) if is_homed else Drive(layout, at, speed_mm_s)

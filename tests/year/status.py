@@ -10,7 +10,7 @@ from typing import Final
 from gateway.status.axis import AxisStatus, Shares
 from gateway.status.line import LineStatus
 from gateway.status.model import RelayModel
-from tests.year.account import TROUBLED_NS, Account, Axis, Line
+from tests.year.account import TOLD_NS, TROUBLED_NS, Account, Axis, Line
 from tests.year.machine import MS, Machine, S
 
 ON_ITS_WAY_NS: Final = 1_200 * MS
@@ -63,7 +63,13 @@ class StatusCheck:
         if now != (correction.table, digest, gain, not correction.is_on):
             self._wrong(axis.name, f"{now} for {correction.table} {correction[2:]}")
         if (shown.compensation == "unreferenced") == axis.is_referenced and correction.is_on and digest:
-            self._wrong(axis.name, f"{shown.compensation}, and referenced is {axis.is_referenced}")
+            why = f"{shown.compensation}, and referenced is {axis.is_referenced}"
+            self._machine.after(TOLD_NS, self._need_told, axis, axis.told, why)
+
+    def _need_told(self, axis: Axis, told: int, why: str) -> None:
+        """A reference that was found or lost is reported with the end of the exchange that shows it."""
+        if axis.told == told:
+            self._wrong(axis.name, why)
 
     def _check_target(self, line: Line, axis: Axis, shown: AxisStatus) -> None:
         """It is that of the last move; until the reply to that has come, of the one before."""

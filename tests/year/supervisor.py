@@ -268,7 +268,7 @@ class Supervisor:
         if done.problems or axis.correction != axis.wanted:
             self._account.book.find("command-not-done", f"{axis.name}: {done}")
         comes = "next-target" if axis.flow is None else "blended"
-        may_come = {comes if axis.correction.is_on else "not-in-force"}
+        may_come = {comes if axis.correction.is_on and axis.is_referenced else "not-in-force"}
         if axis.correction.screw is None:
             may_come.add("not-in-force")  # a gain, without a table
         if not may_come.issuperset(done.comes.values()):

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from gateway.compensation.settings import Setpoints
-from gateway.exchange.plan import AxisPlan, ControllerPlan, Late, LineTiming, Role
+from gateway.exchange.plan import AxisPlan, ControllerPlan, Late, LineTiming, Reference, Role
 from gateway.ipc.log import LogEntry
 from gateway.relay.errors import StartError
 from gateway.relay.run import run_relay
@@ -40,6 +40,7 @@ from tests.year.field import (
     program,
 )
 from tests.year.groups import Group
+from tests.year.homing import HomedDrive, with_homing
 from tests.year.loop import LogAtOnce, SimulatedLoop
 from tests.year.machine import MS, KilledError, S, SpinningError
 from tests.year.network import Address, Network, Peer
@@ -68,10 +69,13 @@ class Job(NamedTuple):
 
     layouts: tuple[Layout, ...]
     manner: Manner
+    references: tuple[Reference, ...] = ()
+    """Of its axes, if their drives have to be homed."""
 
 
+HOMED: Final = Job(BEAM, Manner.SEQUENCE, (Reference.DRIVE_BIT, Reference.HOMING))
 XY_JOBS: Final = (Job(XY, Manner.STREAM), Job(XY, Manner.SETPOINTS), Job(XY, Manner.BEAM))
-Z_JOBS: Final = (Job(Z, Manner.SEQUENCE), Job(ZW, Manner.SETPOINTS), Job(BEAM, Manner.BEAM))
+Z_JOBS: Final = (Job(Z, Manner.SEQUENCE), Job(ZW, Manner.SETPOINTS), Job(BEAM, Manner.BEAM), HOMED)
 """A machine has one of each."""
 TOO_OLD_MS: Final = 200.0
 """Age at which a setpoint of a stream is refused."""
@@ -134,6 +138,8 @@ class World:
         try:
             while not self._is_over:
                 self._run_process()
+                if self.book.finding:
+                    break  # raised where something else ended the process
                 if not self._is_over:
                     MACHINE.run_until(MACHINE.now_ns + STARTS_NS)
         except (FindingError, SpinningError) as error:
@@ -236,6 +242,8 @@ class World:
             "stall": self._stall,
             "unplug": self._unplug,
             "drive-off": self._drive_off,
+            "reboot": self._reboot,
+            "zero-shift": self._shift_zero,
             "halt": self._halt,
             "kill": self._kill,
             "kill-at-write": self._kill_at_write,
@@ -289,6 +297,31 @@ class World:
         self._trouble("drive-off", ns)
         bus.is_silent = True
         MACHINE.after(ns, setattr, bus, "is_silent", False)
+        return True
+
+    def _reboot(self, rng: random.Random) -> bool:
+        """A drive reboots: it stops, and if it has to be homed it counts from anywhere."""
+        bus = rng.choice(tuple(self._buses.values()))
+        axis = rng.choice(tuple(bus.axes.values()))
+        if axis.layout.unit in bus.silent_units:
+            return False
+        ns = int(rng.choice((0.05, 0.5, 5.0)) * rng.uniform(0.5, 1.5) * S)
+        self._trouble(f"reboot {axis.name}", ns)
+        bus.silent_units.add(axis.layout.unit)
+        MACHINE.after(ns, bus.silent_units.discard, axis.layout.unit)
+        axis.drive.motor.go(axis.drive.motor.at(MACHINE.now_ns), MACHINE.now_ns)
+        if isinstance(axis.drive, HomedDrive):
+            axis.drive.reboot(rng)
+        axis.move_unseen()
+        return True
+
+    def _shift_zero(self, rng: random.Random) -> bool:
+        """A drive counts from another zero, and says nothing."""
+        axis = rng.choice(tuple(self.z.axes.values()))
+        if not isinstance(axis.drive, HomedDrive):
+            return False
+        self._trouble(f"zero-shift {axis.name}")
+        axis.shifts(rng.choice((300, 8_000_000, 8_000_000)) * rng.choice((-1, 1)))
         return True
 
     def _halt(self, rng: random.Random) -> bool:
@@ -362,7 +395,10 @@ class World:
 
 def _axes(job: Job, rng: random.Random) -> dict[int, Axis]:
     is_stream = job.manner is Manner.SETPOINTS
-    axes = [Axis(layout.name, layout, make_drive(layout, rng), is_stream=is_stream) for layout in job.layouts]
+    drives = [make_drive(layout, MACHINE, rng, is_homed=bool(job.references)) for layout in job.layouts]
+    axes = [Axis(drive.layout.name, drive.layout, drive, is_stream=is_stream) for drive in drives]
+    for axis, reference in zip(axes, job.references, strict=False):
+        axis.reference = reference
     if job.manner is Manner.BEAM:
         group = Group(axes)
         for axis in axes:
@@ -377,7 +413,8 @@ def _groups(job: Job) -> tuple[tuple[str, ...], ...]:
 def _plan(screws: Mapping[str, Sequence[Screw]], xy: Job, z: Job, *, cut_through: bool) -> GatewayPlan:
     def axes(job: Job) -> tuple[AxisPlan, ...]:
         is_stream = job.manner is Manner.SETPOINTS
-        return tuple(_axis(layout, screws[layout.name][0], is_stream=is_stream) for layout in job.layouts)
+        plans = [_axis(layout, screws[layout.name][0], is_stream=is_stream) for layout in job.layouts]
+        return tuple(map(with_homing, plans, job.references)) if job.references else tuple(plans)
 
     timing = LineTiming(response_timeout_ms=TIMEOUT_MS, drain_ms=80.0)
     return GatewayPlan(
