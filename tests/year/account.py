@@ -133,6 +133,7 @@ class Frame:
         "doubled_ns",
         "is_acknowledged",
         "is_taken",
+        "is_unheard",
         "others",
         "parsed",
         "pdu",
@@ -153,6 +154,8 @@ class Frame:
         self.request: Request | None = None
         self.is_taken = False
         """Its drive has taken it."""
+        self.is_unheard = False
+        """The process stood still when it was on its way: its reply may count as none."""
         self.reply = b""
         """What its drive answered to it."""
         self.is_acknowledged = False
@@ -208,6 +211,8 @@ class Axis:
         self.flags = 0
         """How often it was flagged."""
         self.is_referenced = True
+        self.is_decided = True
+        """This process has said whether it goes on from its record; True: it is the first."""
         self.told = 0
         """How often its reference was reported as found or lost, or a process began."""
         self.is_blocked = False
@@ -264,7 +269,8 @@ class Axis:
         """Its drive counts from another zero, and says nothing."""
         assert isinstance(self.drive, HomedDrive)
         is_seen_at_rest = self.sure > 1 and not self.is_flagged and bool(self.readings)
-        self.is_jump_due = is_seen_at_rest and self.readings[-1][1] == self.words
+        is_seen_at_rest &= self.place is not None and self.readings[-1][1] == self.words
+        self.is_jump_due = is_seen_at_rest
         self.drive.shift(counts)
         self.move_unseen()
 
@@ -382,7 +388,7 @@ class Account:
 
     def left(self, line: Line, data: bytes, began_ns: int) -> None:
         """The gateway has sent a frame to a drive; the first of it at this instant."""
-        book, now_ns = self.book, self._machine.now_ns
+        book = self.book
         opened = line.open_frame(data)
         if opened is None:
             self._no_frame(line, data)
@@ -403,12 +409,7 @@ class Account:
         if request is not None:
             line.waiting.remove(request)
             request.frame = frame
-            if now_ns - request.arrived_ns > request.patience_ns + LATE_NS and not _is_stop(
-                axis, frame.parsed
-            ):
-                book.find(
-                    "W5-too-old", f"{_text(request)} left {(now_ns - request.arrived_ns) // MS} ms later"
-                )
+            self._need_in_time(axis, request)
         elif frame.parsed.write is None:
             book.seen["added reads"] += 1
         elif axis is not None and axis.layout.is_staged and self._is_restaged(axis, frame):
@@ -426,6 +427,16 @@ class Account:
             if nominal is not None and corrected is not None:
                 self._need_homed(axis, frame, corrected, nominal)
             axis.staged = axis.staged if nominal is None else nominal
+
+    def _need_in_time(self, axis: Axis | None, request: Request) -> None:
+        now_ns = self._machine.now_ns
+        late_ns = now_ns - request.arrived_ns - request.patience_ns
+        if late_ns <= LATE_NS or _is_stop(axis, request.parsed):
+            return
+        if now_ns == self._machine.slow_ns:  # it was judged before the process waited for the disk
+            self.book.seen["requests that left too old behind a slow store"] += 1
+            return
+        self.book.find("W5-too-old", f"{_text(request)} left {late_ns // MS} ms too late")
 
     def _leaves_in_group(self, line: Line, axis: Axis, group: Group, frame: Frame) -> None:
         is_target = target_of(axis.layout, frame.parsed) is not None
@@ -449,7 +460,15 @@ class Account:
             self.book.seen["setpoints that begin a stream"] += 1
             before = line.frames[-2] if len(line.frames) > 1 else frame
             is_read = before.axis is axis and before.parsed.read == (axis.layout.actual, 2)
-            if axis.is_new and is_read and before.request is None and before.arrives_ns:
+            is_calm = line.troubled_ns < before.sent_ns - S
+            if (
+                is_calm
+                and axis.is_new
+                and axis.is_decided
+                and is_read
+                and before.request is None
+                and before.arrives_ns
+            ):
                 self._begins_where_it_is(axis, flow, corrected, nominal)
             flow.begin(corrected, nominal)
             return
@@ -620,7 +639,9 @@ class Account:
             self._need_notice(frame.axis, frame)
         if frame.parsed.write is not None and native_success(frame.pdu, frame.reply):
             frame.is_acknowledged = True
-            if frame.axis is not None and frame.axis.place == frame.axis.staged:
+            if frame.is_unheard and frame.axis is not None:
+                frame.axis.doubt()
+            elif frame.axis is not None and frame.axis.place == frame.axis.staged:
                 frame.axis.sure += 1
                 frame.axis.was_known |= frame.axis.sure > 1
                 if frame.axis.flow is not None and frame.axis.sure > 1:
@@ -696,6 +717,7 @@ class Account:
                 axis.is_new &= name != "restored"
                 axis.was_known |= name == "restored"
                 axis.is_told |= name in ("restored", "record-not-used")
+                axis.is_decided |= name in ("restored", "record-not-used")
                 if name in ("axis-blocked", "group-skewed", "axis-released"):
                     axis.is_blocked = name != "axis-released"
                 if name in ("reference-lost", "axis-referenced"):
@@ -751,6 +773,7 @@ class Account:
             line.waiting = [each for each in line.waiting if each.arrived_ns > self._machine.now_ns]
             for axis in line.axes.values():
                 axis.is_told = is_first or not axis.was_known
+                axis.is_decided = not self.began_ns
                 axis.is_new, axis.was_known = True, False
                 axis.is_blocked = axis.is_jump_due = False
                 axis.readings.clear()
@@ -763,6 +786,7 @@ class Account:
         now_ns = self._machine.now_ns
         line.troubled_ns = max(line.troubled_ns, now_ns + lasts_ns)
         for frame in line.frames:
+            frame.is_unheard |= not frame.arrives_ns
             if frame.arrives_ns > now_ns and frame.axis is not None:
                 frame.axis.doubt()  # its reply may not arrive any more
 

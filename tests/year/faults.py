@@ -34,6 +34,8 @@ TIMES: Final = {
     "restart": 0.2,
     "power-cut": 0.1,
     "clock-step": 0.5,
+    "slow-store": 1.0,
+    "disk-full": 0.5,
 }
 """Of the whole machine: how many in an hour, in a calm machine."""
 KINDS: Final = (*EXCHANGES, *TIMES)

@@ -237,6 +237,13 @@ class Machine:
         """It is killed at this write from now on; 0: at none."""
         self.stores_left = 0
         """It is killed within or behind this store into a record from now on; 0: at none."""
+        self.slow_store_ns = 0
+        """The next store takes so long: the disk writes its page back."""
+        self.at_slow_store: Callable[[], object] = _nothing
+        """Called then."""
+        self.slow_ns = 0
+        """When one had ended."""
+        self.is_disk_full = False
         self.at_store: Callable[[], object] = _nothing
         """Called then, before it is killed."""
         self.signals: dict[int, Callable[[], object]] = {}
@@ -312,7 +319,7 @@ class Machine:
         for number, (epoll, mask) in list(self.real.items()):
             epoll.note(number, found.get(number, 0) & (mask | ALWAYS))
         for number, call in list(self.real_ends.items()):
-            if number in found:
+            if number in found and self.real_ends.get(number) is call:
                 call()
 
     def release(self, number: int) -> None:
@@ -362,6 +369,12 @@ class Machine:
         """
         if self.is_dead:
             raise KilledError
+        if self.slow_store_ns:
+            slow_ns, self.slow_store_ns = self.slow_store_ns, 0
+            self.at_slow_store()
+            self.halt(slow_ns)
+            self.stand_still()
+            self.slow_ns = self.now_ns
         if self.stores_left:
             self.stores_left -= 1
             if not self.stores_left:
@@ -380,7 +393,7 @@ class Machine:
 
     def begin_process(self) -> None:
         """Begin a process; the one before has ended."""
-        self.is_dead, self.writes_left, self.stores_left = False, 0, 0
+        self.is_dead, self.writes_left, self.stores_left, self.slow_store_ns = False, 0, 0, 0
         self._still_until_ns = self._waits = 0
         self.signals.clear()
 

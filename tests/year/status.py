@@ -80,6 +80,8 @@ class StatusCheck:
         now = self._counts(axis, shown.nominal_setpoint), self._counts(axis, shown.corrected_setpoint)
         if now == (None, None) and axis.ran_ns < line.troubled_ns + TROUBLED_NS:
             return  # a write or the link was lost since: it is not known any more
+        if any(each.doubled_ns for each in line.frames if each.axis is axis):
+            return  # a reply that came once more may have been taken for that of a write on its way
         if now not in targets:
             self._wrong(axis.name, f"its target is {now}, not one of {targets}")
 

@@ -5,6 +5,8 @@ its parts, in ``gateway.exchange.axis.record_layout``, does it here. Slices stay
 once after a start, and for a slope.
 """
 
+import errno
+import os
 import struct
 from typing import Any, Final
 
@@ -26,11 +28,29 @@ class _Stored:
         MACHINE.store(buffer, at, self._layout.pack(*values))
 
 
+_really_allocate, _really_sync = os.posix_fallocate, os.fsync
+
+
+def _allocate(descriptor: int, offset: int, size: int, /) -> None:
+    """See ``os``: what is on the disk already needs no room."""
+    if MACHINE.is_disk_full and os.fstat(descriptor).st_size < offset + size:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    _really_allocate(descriptor, offset, size)
+
+
+def _sync(fd: Any) -> None:
+    """See ``os``."""
+    if MACHINE.is_disk_full:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    _really_sync(fd)
+
+
 _LAYOUTS: Final = ("_BODY", "_MOVE", "_STEP", "_CRC")
 
 
 def install() -> None:
-    """Take the place of the layouts of a record."""
+    """Take the place of the layouts of a record, and of what a full disk refuses."""
+    os.posix_fallocate, os.fsync = _allocate, _sync
     for name in _LAYOUTS:
         setattr(record_layout, name, _Stored(getattr(record_layout, name)))
     for name in ("_STEP", "_CRC"):

@@ -195,7 +195,8 @@ class Supervisor:
             plan = _with_table(plan, each.name, name, self._tables[name])
             tables.append(TableFor(each.name, name, "csv", self._account.digests[name]))
             changes[each] = {"table": name, "screw": self._account.tables[name]}
-        self._write(plan)
+        if not self._write(plan):
+            return
         self._soon(
             changes, SetTable(tables=tuple(tables)), [compiled(self._tables[each.file]) for each in tables]
         )
@@ -204,7 +205,8 @@ class Supervisor:
         plan = self._plan
         for each in axis.members:
             plan = _with_table(plan, each.name, "", None)
-        self._write(plan)
+        if not self._write(plan):
+            return
         self._for_all(axis, ClearTable(axes=(axis.name,)), {"table": "", "screw": None})
 
     def _set_gain(self, axis: Axis) -> None:
@@ -281,14 +283,19 @@ class Supervisor:
 
     # --- the plan
 
-    def _write(self, plan: GatewayPlan) -> None:
-        """Write the plan of the next start, with its tables."""
+    def _write(self, plan: GatewayPlan) -> bool:
+        """Write the plan of the next start, with its tables; return whether the disk takes it."""
+        try:
+            write_plan(self._disk.folder, plan, {}, "")
+        except OSError:
+            self._account.book.seen["plans for which the disk was full"] += 1
+            return False
         self._plan = plan
-        write_plan(self._disk.folder, plan, {}, "")
         self._disk.sync(self._machine.now_ns)
         for line in plan.lines:
             for axis in line.axes:
                 self._axes[axis.name].planned = axis.table_name
+        return True
 
 
 def _with_table(plan: GatewayPlan, name: str, file: str, table: CorrectionTable | None) -> GatewayPlan:

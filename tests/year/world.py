@@ -252,6 +252,8 @@ class World:
             "restart": self._restart,
             "power-cut": self._power_cut,
             "clock-step": self._step_clock,
+            "slow-store": self._slow_store,
+            "disk-full": self._fill_disk,
         }
 
     def _trouble(self, what: str, lasts_ns: int = 0) -> None:
@@ -386,6 +388,23 @@ class World:
         for line in (self.xy, self.z):
             for axis in line.axes.values():
                 axis.doubt()
+
+    def _slow_store(self, rng: random.Random) -> bool:
+        """The process waits for the disk in the middle of its work."""
+        if MACHINE.is_dead or MACHINE.slow_store_ns:
+            return False
+        MACHINE.slow_store_ns = int(rng.choice((0.01, 0.3, 4.0)) * rng.uniform(0.5, 1.5) * S)
+        MACHINE.at_slow_store = partial(self._trouble, "slow-store", MACHINE.slow_store_ns)
+        return True
+
+    def _fill_disk(self, rng: random.Random) -> bool:
+        if MACHINE.is_disk_full:
+            return False
+        ns = int(rng.uniform(1.0, 60.0) * S)
+        self.book.note("fault disk-full")
+        MACHINE.is_disk_full = True
+        MACHINE.after(ns, setattr, MACHINE, "is_disk_full", False)
+        return True
 
     def _step_clock(self, rng: random.Random) -> bool:
         self.book.note("fault clock-step")
