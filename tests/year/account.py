@@ -409,7 +409,7 @@ class Account:
         if request is not None:
             line.waiting.remove(request)
             request.frame = frame
-            self._need_in_time(axis, request)
+            frame.is_unheard = self._is_late(axis, request)
         elif frame.parsed.write is None:
             book.seen["added reads"] += 1
         elif axis is not None and axis.layout.is_staged and self._is_restaged(axis, frame):
@@ -428,15 +428,16 @@ class Account:
                 self._need_homed(axis, frame, corrected, nominal)
             axis.staged = axis.staged if nominal is None else nominal
 
-    def _need_in_time(self, axis: Axis | None, request: Request) -> None:
+    def _is_late(self, axis: Axis | None, request: Request) -> bool:
+        """Whether it leaves too late, which only a process that waited for the disk does not see (W5)."""
         now_ns = self._machine.now_ns
         late_ns = now_ns - request.arrived_ns - request.patience_ns
         if late_ns <= LATE_NS or _is_stop(axis, request.parsed):
-            return
-        if now_ns == self._machine.slow_ns:  # it was judged before the process waited for the disk
-            self.book.seen["requests that left too old behind a slow store"] += 1
-            return
-        self.book.find("W5-too-old", f"{_text(request)} left {late_ns // MS} ms too late")
+            return False
+        if now_ns - self._machine.slow_ns > LATE_NS:
+            self.book.find("W5-too-old", f"{_text(request)} left {late_ns // MS} ms too late")
+        self.book.seen["requests that left too old behind a slow store"] += 1
+        return True
 
     def _leaves_in_group(self, line: Line, axis: Axis, group: Group, frame: Frame) -> None:
         is_target = target_of(axis.layout, frame.parsed) is not None
@@ -460,7 +461,7 @@ class Account:
             self.book.seen["setpoints that begin a stream"] += 1
             before = line.frames[-2] if len(line.frames) > 1 else frame
             is_read = before.axis is axis and before.parsed.read == (axis.layout.actual, 2)
-            is_calm = line.troubled_ns < before.sent_ns - S
+            is_calm = flow.is_new and line.troubled_ns < before.sent_ns - S
             if (
                 is_calm
                 and axis.is_new
@@ -480,7 +481,7 @@ class Account:
     def _begins_where_it_is(self, axis: Axis, flow: Flow, corrected: int, nominal: int) -> None:
         """The drive was asked where it is: the stream begins there, if a correction can explain it."""
         at = axis.readings[-1][1]
-        low, high = flow.offsets(nominal, at, axis.correction._replace(is_on=True))
+        low, high = flow.offsets(nominal, at, axis.correction)
         expected = min(max(at - nominal, low), high)
         self.book.seen["streams that begin where the drive is"] += 1
         if abs(corrected - nominal - expected) > BAND:

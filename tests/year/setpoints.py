@@ -36,6 +36,8 @@ class Flow:
         """With which it began, in counts."""
         self._blended_mm = self._turned_mm = 0.0
         self._is_forward = True
+        self.is_new = True
+        """No setpoint has left since the process began."""
         self.is_begun = False
         """The process has had a setpoint acknowledged, or goes on from its record."""
 
@@ -47,7 +49,7 @@ class Flow:
     def restart(self, *, is_recorded: bool) -> None:
         """Another process goes on, by the record if that was kept."""
         self._before = [*self._older, *self._before] if is_recorded else []
-        self._older, self.is_begun = [], False
+        self._older, self.is_begun, self.is_new = [], False, True
 
     def span(self, nominal: int) -> tuple[float, float]:
         """Return the counts between which the words of a setpoint are."""
@@ -78,6 +80,7 @@ class Flow:
 
     def begin(self, corrected: int, nominal: int) -> None:
         """It begins with this offset, which fades."""
+        self.is_new = False
         self.change(self._corrections[-1])
         self._before, self._offset, self._turned_mm = [(nominal, corrected)], (corrected - nominal,), 0.0
 

@@ -94,7 +94,9 @@ class StatusCheck:
         nominal, corrected = self._counts(axis, reading.nominal), self._counts(axis, reading.corrected)
         read_ns = now_ns - round(reading.age_s * S)
         if not any(
-            counts == corrected and -MS <= read_ns - sent_ns <= ON_ITS_WAY_NS
+            counts == corrected
+            and (sent_ns == self._machine.slow_ns or read_ns - sent_ns >= -MS)
+            and read_ns - sent_ns <= ON_ITS_WAY_NS
             for sent_ns, counts in axis.readings
         ):
             self._wrong(axis.name, f"{corrected} was read {reading.age_s} s ago, of {list(axis.readings)}")
