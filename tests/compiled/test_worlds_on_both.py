@@ -1,7 +1,6 @@
 """Small worlds around the compiled gateway, and around its sources: the same states, and the same passes."""
 
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -10,24 +9,16 @@ from pathlib import Path
 import pytest
 
 from gateway.compiled import is_compiled
+from tests.compiled.conftest import ROOT
 
 pytestmark = pytest.mark.skipif(not is_compiled(), reason="make test-compiled: there is nothing to compare")
 
-ROOT = Path(__file__).parents[2]
 CLOSING = ("s-two-units", "s-starts", "b-rtu", "b-rtu-pairs", "b-rtu-replies", "b-rtu-cut")
 """Walked until nothing is new."""
 LONGER = ("direct", "staged", "two-ways", "killed", "homed", "changes", "b-replies", "b-rtu-cut-stuck")
 """Walked to a depth."""
 ROW = re.compile(r"^\| `(.*?)` \| ([\d,]+) \| ([\d,]+) \| (\d+) \| \d+ s \| (.*) \|$", re.MULTILINE)
 SUMMARY = re.compile(r"^(?:longest wait|of all that left).*$", re.MULTILINE)
-
-
-@pytest.fixture
-def sources(tmp_path: Path) -> Path:
-    """A checkout in which nothing is compiled."""
-    shutil.copytree(ROOT / "gateway", tmp_path / "gateway", ignore=shutil.ignore_patterns("*.so"))
-    (tmp_path / "tests").symlink_to(ROOT / "tests")
-    return tmp_path
 
 
 def begun(folder: Path, words: Sequence[str]) -> "subprocess.Popen[str]":

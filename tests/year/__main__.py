@@ -27,6 +27,7 @@ def main() -> int:
 
 
 def _play(options: argparse.Namespace) -> int:
+    from gateway.compiled import is_compiled
     from tests.year.machine import S
     from tests.year.system import MACHINE
     from tests.year.world import World
@@ -46,6 +47,7 @@ def _play(options: argparse.Namespace) -> int:
         "took_s": took_s,
         "digest": book.digest(),
         "finding": book.finding,
+        "is_compiled": is_compiled(),
         "seen": dict(sorted({**book.seen, **faults}.items())),
     }
     if options.json:

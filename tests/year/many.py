@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from math import ceil
+from pathlib import Path
 
 EACH_S = 3600.0
 """Simulated time of a seed."""
@@ -25,13 +26,16 @@ class Result:
     finding: str
     """"": everything held."""
     seen: dict[str, int]
+    is_compiled: bool = False
 
 
-def play_seed(seed: int, until_s: float, faults: str, without: Sequence[str] = ()) -> Result:
-    """Play one seed in a program of its own."""
+def play_seed(
+    seed: int, until_s: float, faults: str, without: Sequence[str] = (), checkout: Path | None = None
+) -> Result:
+    """Play one seed in a program of its own, around the gateway of a checkout; None: the present folder."""
     command = [sys.executable, "-m", "tests.year", str(seed), "--json", "--until", repr(until_s)]
     command += ["--faults", faults, "--without", *without]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=checkout)
     if not done.stdout.startswith("{"):
         return Result(seed, 0.0, 0.0, "", f"the simulation broke: {done.stderr[-2000:]}", {})
     return Result(**json.loads(done.stdout))
