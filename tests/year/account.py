@@ -269,8 +269,8 @@ class Axis:
         """Its drive counts from another zero, and says nothing."""
         assert isinstance(self.drive, HomedDrive)
         is_seen_at_rest = self.sure > 1 and not self.is_flagged and bool(self.readings)
-        is_seen_at_rest &= self.place is not None and self.readings[-1][1] == self.words
-        self.is_jump_due = is_seen_at_rest
+        is_seen_at_rest &= self.place is not None
+        self.is_jump_due = is_seen_at_rest and self.readings[-1][1] == self.words
         self.drive.shift(counts)
         self.move_unseen()
 

@@ -290,6 +290,7 @@ class Machine:
     def halt(self, ns: int) -> None:
         """Let the process stand still, from its next wait on."""
         self._still_until_ns = self.now_ns + ns
+        self.at(self._still_until_ns, _nothing)  # it ends then, and not with what is due next
 
     def stand_still(self) -> None:
         """Do what is due while the process stands still."""
